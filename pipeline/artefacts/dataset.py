@@ -1,0 +1,237 @@
+"""The base set on disk: YOLO layout for every trainer, truth.coco.json for every evaluator.
+
+images/{train,val}/NNNNNN.jpg, labels/{train,val}/NNNNNN.txt, dataset.yaml and truth.coco.json lie under one root.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.artefacts.files import read_json, write_bytes, write_json
+from pipeline.protocols import Box, InputError, Truth, Value
+
+Split = Literal["train", "val"]
+SPLITS: tuple[Split, Split] = ("train", "val")
+TRUTH_FILE = "truth.coco.json"
+CATEGORY = {"id": 1, "name": "pedestrian"}
+JPEG = (
+    cv2.IMWRITE_JPEG_QUALITY,
+    95,
+    cv2.IMWRITE_JPEG_SAMPLING_FACTOR,
+    cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444,
+)
+
+
+@dataclass(frozen=True)
+class LabelledImage:
+    """One rendered image with its ground truth. image: (h, w, 3) uint8 RGB. attributes: the scenario variables."""
+
+    image: NDArray[np.uint8]
+    truth: Truth
+    attributes: Mapping[str, Value] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Record:
+    """What truth.coco.json says of one image; width and height in pixels."""
+
+    split: Split
+    index: int
+    width: int
+    height: int
+    truth: Truth
+    attributes: Mapping[str, Value] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class ImageSet:
+    """A split in memory.
+
+    images: (n, h, w, 3) uint8 RGB. boxes, whole_boxes: (n, 4) float32 left, top, right, bottom in pixels, zeros where there
+    is none. visible_pixels: (n,) int64. contrast: (n,) float32 grey levels. digest: SHA-256 of truth and image files.
+    """
+
+    images: NDArray[np.uint8]
+    boxes: NDArray[np.float32]
+    whole_boxes: NDArray[np.float32]
+    visible_pixels: NDArray[np.int64]
+    contrast: NDArray[np.float32]
+    digest: str = ""
+
+    def __post_init__(self) -> None:
+        if self.images.ndim != 4 or self.images.shape[3] != 3 or self.images.dtype != np.uint8:
+            raise ValueError(f"images must be (n, h, w, 3) uint8, got {self.images.shape} {self.images.dtype}")
+        n = len(self.images)
+        for name, shape in {"boxes": (n, 4), "whole_boxes": (n, 4), "visible_pixels": (n,), "contrast": (n,)}.items():
+            if getattr(self, name).shape != shape:
+                raise ValueError(f"{name} must have shape {shape}, got {getattr(self, name).shape}")
+
+    def __len__(self) -> int:
+        return len(self.images)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the images, pixels."""
+        return int(self.images.shape[2]), int(self.images.shape[1])
+
+    def take(self, indices: NDArray[np.int64]) -> ImageSet:
+        """The images at the given indices, as a set without a digest."""
+        columns = (self.images, self.boxes, self.whole_boxes, self.visible_pixels, self.contrast)
+        return ImageSet(*(column[indices] for column in columns))
+
+
+def image_set(labelled: Sequence[tuple[NDArray[np.uint8], Truth]], digest: str = "") -> ImageSet:
+    """Gather (image, truth) pairs of one image size; ValueError if there are none or the sizes differ."""
+    shapes = {image.shape for image, _ in labelled}
+    if len(shapes) != 1:
+        raise ValueError(f"images must be at least one and of one size, got {len(labelled)} of sizes {sorted(shapes)}")
+    truths = [truth for _, truth in labelled]
+    return ImageSet(
+        images=np.stack([image for image, _ in labelled]),
+        boxes=np.array([truth.visible_box or (0.0,) * 4 for truth in truths], np.float32),
+        whole_boxes=np.array([truth.whole_box or (0.0,) * 4 for truth in truths], np.float32),
+        visible_pixels=np.array([truth.visible_pixels for truth in truths], np.int64),
+        contrast=np.array([truth.contrast for truth in truths], np.float32),
+        digest=digest,
+    )
+
+
+def encode_jpeg(image: NDArray[np.uint8]) -> bytes:
+    """(h, w, 3) uint8 RGB to JPEG, quality 95, colours at full resolution; the same image gives the same bytes."""
+    return bytes(cv2.imencode(".jpg", image[:, :, ::-1], JPEG)[1])
+
+
+def decode_jpeg(data: bytes) -> NDArray[np.uint8]:
+    """JPEG bytes to (h, w, 3) uint8 RGB; ValueError if they are none."""
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR_RGB) if data else None
+    if image is None:
+        raise ValueError("the bytes are no JPEG image")
+    return np.asarray(image, np.uint8)
+
+
+def write_image(root: Path, split: Split, index: int, image: NDArray[np.uint8], truth: Truth) -> None:
+    """Write one image and its YOLO label; the label is empty where no pedestrian shows."""
+    height, width = image.shape[:2]
+    write_bytes(image_path(root, split, index), encode_jpeg(image))
+    write_bytes(_label_path(root, split, index), _label(truth.visible_box, width, height).encode())
+
+
+def write_truth(root: Path, records: Iterable[Record]) -> None:
+    """Write truth.coco.json and dataset.yaml for the records, ordered by split and index.
+
+    The file is plain COCO; beyond it, images carry `split`, the scenario variables and the box of a pedestrian that is
+    wholly hidden, annotations carry visible_pixels, whole_pixels, contrast and whole_bbox.
+    """
+    ordered = sorted(records, key=lambda record: (record.split, record.index))
+    images = [_image(number, record) for number, record in enumerate(ordered, 1)]
+    annotations = [_annotation(number, r) for number, r in enumerate(ordered, 1) if r.truth.visible_box]
+    for number, annotation in enumerate(annotations, 1):
+        annotation["id"] = number
+    write_json(root / TRUTH_FILE, {"images": images, "annotations": annotations, "categories": [CATEGORY]})
+    names = "train: images/train\nval: images/val\nnames:\n  0: pedestrian\n"
+    write_bytes(root / "dataset.yaml", names.encode())  # Without `path`, Ultralytics takes the folder of this file.
+
+
+def read_dataset(root: Path, split: Split) -> ImageSet:
+    """Read a split into memory; InputError that names the file if one is missing, foreign or of another size."""
+    path = root / TRUTH_FILE
+    plain = read_json(path)
+    try:
+        images = sorted((i for i in plain["images"] if i["split"] == split), key=lambda i: str(i["file_name"]))
+        annotations = {a["image_id"]: a for a in plain["annotations"]}
+        truths = [_truth(image, annotations.get(image["id"])) for image in images]
+    except (KeyError, TypeError) as error:
+        raise InputError(f"{path} is no truth file of a base set ({error!r}); make it again with render_base") from error
+    if not images:
+        raise InputError(f"{path} has no images of the split '{split}'; raise base_set.images or base_set.validation_share")
+    digest = hashlib.sha256(path.read_bytes())
+    pixels = [_read_image(root / "images" / image["file_name"], image, digest) for image in images]
+    return image_set(list(zip(pixels, truths, strict=True)), digest.hexdigest())
+
+
+def image_path(root: Path, split: Split, index: int) -> Path:
+    return root / "images" / split / f"{index:06d}.jpg"
+
+
+def _label_path(root: Path, split: Split, index: int) -> Path:
+    return root / "labels" / split / f"{index:06d}.txt"
+
+
+def _label(box: Box | None, width: int, height: int) -> str:
+    if box is None:
+        return ""
+    left, top, right, bottom = box
+    centre_x, centre_y = (left + right) / 2 / width, (top + bottom) / 2 / height
+    return f"0 {centre_x:.6f} {centre_y:.6f} {(right - left) / width:.6f} {(bottom - top) / height:.6f}\n"
+
+
+def _corner_size(box: Box | None) -> list[float] | None:
+    return None if box is None else [float(box[0]), float(box[1]), float(box[2] - box[0]), float(box[3] - box[1])]
+
+
+def _corners(bbox: Sequence[float] | None) -> Box | None:
+    return None if bbox is None else (bbox[0], bbox[1], bbox[0] + bbox[2], bbox[1] + bbox[3])
+
+
+def _image(number: int, record: Record) -> dict[str, Any]:
+    hidden = record.truth.visible_box is None
+    return {
+        "id": number,
+        "file_name": f"{record.split}/{record.index:06d}.jpg",
+        "width": record.width,
+        "height": record.height,
+        "split": record.split,
+        "hidden_bbox": _corner_size(record.truth.whole_box) if hidden else None,
+        "hidden_pixels": record.truth.whole_pixels if hidden else 0,
+        "attributes": dict(record.attributes),
+    }
+
+
+def _annotation(number: int, record: Record) -> dict[str, Any]:
+    truth = record.truth
+    bbox = _corner_size(truth.visible_box)
+    assert bbox is not None
+    return {
+        "id": 0,
+        "image_id": number,
+        "category_id": CATEGORY["id"],
+        "bbox": bbox,
+        "area": bbox[2] * bbox[3],
+        "iscrowd": 0,
+        "visible_pixels": truth.visible_pixels,
+        "whole_pixels": truth.whole_pixels,
+        "contrast": truth.contrast,
+        "whole_bbox": _corner_size(truth.whole_box),
+    }
+
+
+def _truth(image: Mapping[str, Any], annotation: Mapping[str, Any] | None) -> Truth:
+    if annotation is None:
+        return Truth(whole_box=_corners(image["hidden_bbox"]), whole_pixels=image["hidden_pixels"])
+    return Truth(
+        visible_box=_corners(annotation["bbox"]),
+        whole_box=_corners(annotation["whole_bbox"]),
+        visible_pixels=annotation["visible_pixels"],
+        whole_pixels=annotation["whole_pixels"],
+        contrast=annotation["contrast"],
+    )
+
+
+def _read_image(path: Path, image: Mapping[str, Any], digest: Any) -> NDArray[np.uint8]:
+    try:
+        data = path.read_bytes()
+        pixels = decode_jpeg(data)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: expected a JPEG image, got {error}; make the base set again") from error
+    if pixels.shape != (image["height"], image["width"], 3):
+        raise InputError(f"{path} must be {image['width']}x{image['height']}, got {pixels.shape[1]}x{pixels.shape[0]}")
+    digest.update(data)
+    return pixels

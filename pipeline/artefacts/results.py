@@ -1,0 +1,235 @@
+"""The result files of a study: measures.json, regions/<scenario>.json, comparison.json and tracking.json.
+
+Each file is one frozen model; `read` and `write` check it, so that a truncated, foreign or older file is refused by name.
+Numbers that do not exist (the F-measure of a campaign without failure) are null, never NaN.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal, TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from pipeline.artefacts.files import read_json, write_json
+from pipeline.protocols import InputError
+
+Verdict = Literal["baseline", "better", "worse", "no difference shown"]
+ModelT = TypeVar("ModelT", bound="Result")
+
+
+class Result(BaseModel):
+    """Base of all result models: frozen, no unknown keys, no NaN."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Estimate(Result):
+    """A value with its confidence interval [low, high], in the value's own unit."""
+
+    value: float
+    low: float
+    high: float
+
+
+class Modes(Result):
+    """Failures by failure mode; `contact + late` fail by TTC alone, `false_positives` only through Eq. 5.3's division."""
+
+    contact: int = 0
+    late: int = 0
+    false_positives: int = 0
+
+    @property
+    def by_ttc(self) -> int:
+        """Failures by TTC alone."""
+        return self.contact + self.late
+
+    @property
+    def total(self) -> int:
+        return self.by_ttc + self.false_positives
+
+
+class CampaignMeasures(Result):
+    """Measures of one campaign; a test whose simulation broke counts as executed, never as a failure.
+
+    theta: cumulative failures after each test (Eq. 4.17). f_measure, f_n: tests until the first and until the n-th failure
+    (Eq. 4.18, 4.19), n = failures that random testing found in the budget (1 if it found none). c_measure: Eq. 4.20, against the
+    baseline campaign of the same scenario and seed; `c_measure_assumed` where Eq. 6.2's assumption stood in for the baseline's
+    first failure; null where the strategy did not find n failures. Coverages in [0, 1].
+    """
+
+    scenario: str
+    strategy: str
+    version: str
+    seed: int
+    tests: int
+    errors: int
+    failures: int
+    modes: Modes
+    theta: tuple[int, ...]
+    f_measure: int | None
+    n: int
+    f_n: int | None
+    c_measure: float | None
+    c_measure_assumed: bool
+    pair_coverage_tests: float
+    pair_coverage_failures: float
+    projection_coverage: float
+
+
+class StrategyMeasures(Result):
+    """Means over the seeds of one scenario and strategy, with bootstrap intervals.
+
+    `rate` pools all tests (failures a test, Wilson). f_measure and c_measure are means over the seeds that have one,
+    whose number is beside them.
+    """
+
+    scenario: str
+    strategy: str
+    version: str
+    seeds: tuple[int, ...]
+    tests: int
+    errors: int
+    failures: int
+    modes: Modes
+    rate: Estimate
+    failures_per_campaign: Estimate
+    f_measure: Estimate | None
+    f_measure_seeds: int
+    c_measure: Estimate | None
+    c_measure_seeds: int
+    pair_coverage_tests: Estimate
+    pair_coverage_failures: Estimate
+    projection_coverage: Estimate
+
+
+class Measures(Result):
+    """All search campaigns measured. confidence: of every interval. k: of the projection coverage."""
+
+    confidence: float
+    k: int
+    baseline: str
+    campaigns: tuple[CampaignMeasures, ...]
+    strategies: tuple[StrategyMeasures, ...]
+
+
+class Representative(Result):
+    """A test that stands for a region: its medoid, its worst failure or the failure furthest from the medoid."""
+
+    test_id: str
+    role: Literal["medoid", "worst", "furthest"]
+    strategy: str
+    seed: int
+    adj_ttc_s: float
+    concrete: dict[str, float | str]
+
+
+class FailureRegion(Result):
+    """One group of failures with its readable rule.
+
+    support: tests inside the rule, of which `failures_inside` failed; precision: their ratio, Wilson interval.
+    recall: share of the region's members that the rule covers.
+    """
+
+    name: str
+    members: tuple[str, ...]
+    modes: Modes
+    strategies: dict[str, int]
+    rule: str
+    support: int
+    failures_inside: int
+    precision: Estimate
+    recall: float
+    representatives: tuple[Representative, ...]
+
+
+class FailureRegions(Result):
+    """Failure regions of one search scenario over all its campaigns; `unassigned` failures lie in no dense group.
+
+    connected: number of connected failure sets on the categories (Def. 4.19).
+    """
+
+    scenario: str
+    label: str
+    tests: int
+    failures: int
+    base_rate: float
+    connected: int
+    regions: tuple[FailureRegion, ...]
+    unassigned: tuple[str, ...]
+
+
+class Paired(Result):
+    """Two versions on the same tests: how many only one of them fails, and the exact McNemar p-value."""
+
+    version: str
+    against: str
+    tests: int
+    fixes: tuple[str, ...]
+    regressions: tuple[str, ...]
+    p_value: float
+
+
+class VersionResult(Result):
+    """One model version on the frozen held-out sequence. tests: valid executions; change: failures minus the base's."""
+
+    version: str
+    tests: int
+    errors: int
+    failures: int
+    modes: Modes
+    by_scenario: dict[str, int]
+    rate: Estimate
+    change: int
+    paired: Paired | None
+    verdict: Verdict
+
+
+class Comparison(Result):
+    """All versions on one frozen sequence. A fix or a regression is named `<scenario>-<index>`, five digits."""
+
+    strategy: str
+    scenarios: dict[str, str]
+    sequence_digest: str
+    confidence: float
+    alpha: float
+    versions: tuple[VersionResult, ...]
+    adaptive_against_random: Paired | None
+    champion: str
+
+
+class TrackedRun(Result):
+    """One MLflow run that the study's results stand behind; its name and the digest of what was logged."""
+
+    name: str
+    kind: Literal["campaign", "comparison", "model"]
+    digest: str
+
+
+class Tracking(Result):
+    """What was tracked. Holds neither run ids nor times: the same study gives the same file on any store."""
+
+    experiment: str
+    model: str
+    runs: tuple[TrackedRun, ...]
+    failures: dict[str, int]
+    champion: str
+
+
+def write(path: Path, result: Result) -> None:
+    """Write a result atomically as JSON."""
+    write_json(path, result.model_dump(mode="json"))
+
+
+def read(path: Path, model: type[ModelT]) -> ModelT:
+    """Read a result of the given model.
+
+    Raises InputError, naming the file and the first key that is wrong, if the file is no such result.
+    """
+    plain = read_json(path)
+    try:
+        return model.model_validate(plain)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"]) or "the file"
+        raise InputError(f"{path} is not a {model.__name__} file: {key}: {first['msg']}; make it again") from error

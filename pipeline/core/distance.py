@@ -1,0 +1,39 @@
+"""How far apart two points of a scenario space are, and what follows from it for sampling."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.core.space import Floats, Space
+
+
+def mixed_distance(space: Space, a: Floats, b: Floats) -> Floats:
+    """Distance of every point of `a` (n, d) to every point of `b` (m, d), as (n, m) in [0, 1].
+
+    The mean over variables of the difference divided by the largest possible one: the range, for a cyclic variable half the
+    period (the way round is never longer); 0 or 1 for categorical variables.
+    """
+    total = np.zeros((len(a), len(b)))
+    for column, variable in enumerate(space.variables):
+        first, second = a[:, column, None], b[None, :, column]
+        if variable.kind == "categorical":
+            total += first != second
+            continue
+        span = variable.high - variable.low
+        difference = np.abs(first - second)
+        if variable.cyclic:
+            difference, span = np.minimum(difference, span - difference), span / 2
+        total += difference / span
+    return total / len(space)
+
+
+def relevance(space: Space, candidates: Floats, points: Floats, failures: NDArray[np.bool_], epsilon: float) -> NDArray[np.int64]:
+    """The score omega of each candidate (Def. 4.20): non-failures minus failures nearer than `epsilon`, as (n,).
+
+    candidates: (n, d). points, failures: (m, d) and (m,), the observed tests. A candidate is sampling-relevant while its score
+    is above a negative threshold: below it, it lies in a failure region that is already established.
+    """
+    signs = np.where(failures, -1, 1)
+    ball = mixed_distance(space, candidates, points) < epsilon
+    return np.asarray(ball @ signs, dtype=np.int64)

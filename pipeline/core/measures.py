@@ -1,0 +1,59 @@
+"""How well a test strategy finds failures (thesis section 4.3)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.core.constraints import Constraints
+from pipeline.core.coverage.projection import projection_coverage
+from pipeline.core.space import Floats, Space
+
+Ints = NDArray[np.int64]
+
+
+def failure_sequence(failures: ArrayLike) -> Ints:
+    """The accumulated failure sequence Theta (Eq. 4.17): (n,) failures in sampling order to (n,) counts.
+
+    failures: (n,) true where the KPI is at or below the threshold. A test whose simulation broke is no failure, but it was
+    paid for and keeps its place.
+    """
+    return np.cumsum(np.asarray(failures, dtype=bool), dtype=np.int64)
+
+
+def f_measure(theta: Ints, n: int = 1) -> int | None:
+    """Number of tests until the n-th failure (Eq. 4.18, 4.19), from 1; None if there was none."""
+    if n < 1:
+        raise ValueError(f"n must be at least 1, got {n}")
+    position = int(np.searchsorted(theta, n))
+    return position + 1 if position < len(theta) else None
+
+
+def c_measure(theta: Ints, baseline: Ints) -> tuple[int, float | None]:
+    """Share of tests that a strategy saves against a baseline (Eq. 4.20), as (n, C_n); C_n is at most 1, None if undefined.
+
+    theta, baseline: failure sequences of the strategy and of random testing. n is the number of failures that the baseline
+    found. If it found none, its next test is taken for its first failure (Eq. 6.2). Undefined where the strategy did not find
+    n failures.
+    """
+    found = int(baseline[-1]) if len(baseline) else 0
+    n = max(found, 1)
+    needed = f_measure(theta, n)
+    reference = f_measure(baseline, n) or len(baseline) + 1
+    return n, None if needed is None else 1 - needed / reference
+
+
+def pair_coverage(space: Space, points: Floats, constraints: Constraints | None = None) -> float:
+    """Share of the feasible pairs of categories that the points (n, d) cover, in [0, 1] (thesis section 6.1)."""
+    return projection_coverage(space.categorise(points), space.sizes, 2, constraints=constraints).ratio
+
+
+def coverage_curve(space: Space, points: Floats) -> Ints:
+    """Number of pairs of categories that the first 1, 2, ... n points (n, d) cover, as (n,)."""
+    categories = space.categorise(points)
+    new = np.zeros(len(points), dtype=np.int64)
+    for first in range(len(space)):
+        for second in range(first + 1, len(space)):
+            cells = categories[:, first] * space.sizes[second] + categories[:, second]
+            new[np.unique(cells, return_index=True)[1]] += 1
+    return np.cumsum(new)

@@ -1,0 +1,65 @@
+"""What all strategies share: batches asked and told, with the history as the only state."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+
+from pipeline.core.constraints import Constraints
+from pipeline.core.space import Floats, Space
+
+MAX_DRAWS = 1000
+
+
+class BatchSampler(ABC):
+    """A strategy that chooses tests in batches (thesis Def. 4.14), by ask and tell.
+
+    The i-th batch depends on the seed, on i and on the history before it, on nothing else. So telling the rows of a journal again,
+    in the order they were asked and in portions of any length, restores the sampler, and asking twice gives the same points.
+    In the middle of a batch `ask` returns the rest of it.
+    """
+
+    def __init__(self, space: Space, seed: int, *, batch_size: int = 20, constraints: Constraints | None = None) -> None:
+        """space: what to sample. seed: from 0. batch_size: tests a batch, at least 1. constraints: points to leave out."""
+        if batch_size < 1:
+            raise ValueError(f"batch_size must be at least 1, got {batch_size}")
+        if seed < 0:
+            raise ValueError(f"seed must be at least 0, got {seed}")
+        self.space = space
+        self.seed = seed
+        self.batch_size = batch_size
+        self.constraints = constraints or Constraints(space.sizes)
+        self._points: Floats = np.zeros((0, len(space)))
+        self._kpi: Floats = np.zeros(0)
+        self._batch: tuple[int, Floats] | None = None
+
+    def ask(self) -> Floats:
+        """The points of the current batch that have not been told yet, (b, d), 1 to `batch_size` of them."""
+        index, told = divmod(len(self._points), self.batch_size)
+        if self._batch is None or self._batch[0] != index:
+            begin = index * self.batch_size
+            rng = np.random.default_rng([self.seed, index])
+            self._batch = index, self._choose(index, self._points[:begin], self._kpi[:begin], rng)
+        return self._batch[1][told:].copy()
+
+    def tell(self, points: Floats, kpi: Floats) -> None:
+        """Take the KPI of asked points, in the order asked: (b, d) and (b,), NaN where the simulation broke."""
+        if points.shape != (len(kpi), len(self.space)):
+            raise ValueError(f"points must have shape ({len(kpi)}, {len(self.space)}), got {points.shape}")
+        self._points = np.concatenate([self._points, points])
+        self._kpi = np.concatenate([self._kpi, kpi])
+
+    @abstractmethod
+    def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
+        """The `index`-th batch, (batch_size, d), given all tests (n, d) and KPIs (n,) before it."""
+
+    def _uniform(self, count: int, rng: np.random.Generator) -> Floats:
+        """(count, d) feasible points, independent and uniform."""
+        points = self.space.sample(count, rng)
+        for _ in range(MAX_DRAWS):
+            broken = ~self.constraints.holds(self.space.categorise(points))
+            if not broken.any():
+                return points
+            points[broken] = self.space.sample(int(broken.sum()), rng)
+        raise ValueError(f"no feasible point in {MAX_DRAWS} draws: the constraints leave next to nothing of the space")

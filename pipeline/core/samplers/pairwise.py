@@ -1,0 +1,28 @@
+"""Pair-wise testing: a covering array as a frozen sequence of tests (thesis section 4.4.1)."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from pipeline.core.coverage.arrays import covering_array, order_by_new_pairs
+from pipeline.core.samplers.batches import BatchSampler
+from pipeline.core.space import Floats
+
+
+class PairwiseSampler(BatchSampler):
+    """Goes through a covering array in the order that covers new pairs soonest, then draws at random, whatever was told.
+
+    The sequence is a function of space, constraints and seed: model versions that are compared run the very same tests.
+    """
+
+    @cached_property
+    def plan(self) -> Floats:
+        """The covering array, (rows, d) points at the representatives of their categories, in the order of execution."""
+        rows = covering_array(self.space.sizes, np.random.default_rng(self.seed), self.constraints)
+        return self.space.representatives(rows[order_by_new_pairs(rows)])
+
+    def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
+        planned = self.plan[index * self.batch_size : (index + 1) * self.batch_size]
+        return np.concatenate([planned, self._uniform(self.batch_size - len(planned), rng)])

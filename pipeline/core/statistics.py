@@ -1,0 +1,82 @@
+"""Intervals and tests for counts of failures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import stats
+
+
+@dataclass(frozen=True)
+class Paired:
+    """Failures of two model versions on the same tests, and the exact McNemar test of their difference.
+
+    both, regressions, mended, neither: number of tests that fail before and after, only after, only before, never.
+    p_value: two-sided, in [0, 1]; the probability of so lopsided a split of the discordant tests if both versions were equal.
+    """
+
+    both: int
+    regressions: int
+    mended: int
+    neither: int
+    p_value: float
+
+    @property
+    def tests(self) -> int:
+        return self.both + self.regressions + self.mended + self.neither
+
+    @property
+    def change(self) -> int:
+        """Failures after minus failures before."""
+        return self.regressions - self.mended
+
+
+def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
+    """Wilson's score interval of a proportion, within [0, 1]; (0, 1) for no trials. Source: Wilson 1927."""
+    if not 0 <= successes <= trials:
+        raise ValueError(f"successes must be in [0, {trials}], got {successes}")
+    _check_confidence(confidence)
+    if trials == 0:
+        return 0.0, 1.0
+    z2 = float(stats.norm.ppf((1 + confidence) / 2)) ** 2
+    share = successes / trials
+    centre = (share + z2 / (2 * trials)) / (1 + z2 / trials)
+    half = np.sqrt(z2 * (share * (1 - share) / trials + z2 / (4 * trials**2))) / (1 + z2 / trials)
+    # The bounds are 0 and 1 there exactly; floating point misses them by an ulp.
+    low = 0.0 if successes == 0 else float(centre - half)
+    high = 1.0 if successes == trials else float(centre + half)
+    return low, high
+
+
+def bootstrap_interval(
+    values: ArrayLike, rng: np.random.Generator, confidence: float = 0.95, resamples: int = 2000
+) -> tuple[float, float]:
+    """Percentile bootstrap interval of the mean of (n,) values, one a seed; they must be finite.
+
+    A single value gives (value, value): one seed says nothing about the spread, so show n beside the interval.
+    """
+    sample = np.asarray(values, dtype=float)
+    if sample.ndim != 1 or not len(sample) or not np.isfinite(sample).all():
+        raise ValueError(f"values must be one or more finite numbers, got {sample}")
+    _check_confidence(confidence)
+    means = sample[rng.integers(len(sample), size=(resamples, len(sample)))].mean(axis=1)
+    low, high = np.quantile(means, [(1 - confidence) / 2, (1 + confidence) / 2])
+    return float(low), float(high)
+
+
+def mcnemar(before: ArrayLike, after: ArrayLike) -> Paired:
+    """Compare two versions on the same tests: (n,) failures of one and of the other, in the same order (exact McNemar test)."""
+    first, second = np.asarray(before, dtype=bool), np.asarray(after, dtype=bool)
+    if first.shape != second.shape or first.ndim != 1:
+        raise ValueError(f"before and after must be lists of equal length, got shapes {first.shape} and {second.shape}")
+    regressions, mended = int(np.sum(~first & second)), int(np.sum(first & ~second))
+    discordant = regressions + mended
+    p_value = float(stats.binomtest(mended, discordant).pvalue) if discordant else 1.0
+    return Paired(int(np.sum(first & second)), regressions, mended, int(np.sum(~first & ~second)), p_value)
+
+
+def _check_confidence(confidence: float) -> None:
+    if not 0 < confidence < 1:
+        raise ValueError(f"confidence must be in (0, 1), got {confidence}")

@@ -1,0 +1,1 @@
+"""The detector of our own: the only part of Blindspot that needs PyTorch."""

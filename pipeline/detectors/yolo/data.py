@@ -1,0 +1,171 @@
+"""Batches from images in memory: crops or full frames, flipped, scaled and re-lit, all in OpenCV on uint8.
+
+A batch is a function of the seed and its number alone. Training can therefore stop and resume anywhere, and workers may
+make batches ahead, without a change in what is learnt.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.artefacts.dataset import ImageSet
+
+Images = NDArray[np.uint8]
+Boxes = NDArray[np.float32]
+SLIVER_PIXELS = 12
+"""A pedestrian of which fewer pixels show is neither a fair positive nor a fair negative: its image is left out."""
+SMALL_PIXELS = 60
+CENTRED = 0.62
+"""Share of crops around a pedestrian. With those alone false positives triple."""
+KEPT_SHARE = 0.25
+"""Of a box that a crop cuts; with less left the crop is drawn again."""
+ATTEMPTS = 8
+
+
+@dataclass(frozen=True)
+class View:
+    """What part of an image is shown. centre: (2,) in image pixels; scale: output pixels an image pixel."""
+
+    centre: tuple[float, float]
+    scale: float
+    flipped: bool
+
+
+def usable(images: ImageSet) -> NDArray[np.int64]:
+    """Indices of the images to train on: those without a pedestrian, or with one of at least 12 visible pixels."""
+    return np.flatnonzero((images.visible_pixels == 0) | (images.visible_pixels >= SLIVER_PIXELS))
+
+
+def hardness(images: ImageSet, oversampling: int) -> NDArray[np.int64]:
+    """(n,) how often an epoch shows each image: `oversampling` times if its pedestrian is hard, else once.
+
+    Hard is: under 60 visible pixels, so near that the box fills over half the height or meets an image side, or hardly
+    darker or brighter than what surrounds it (under 16 grey levels).
+    """
+    width, height = images.size
+    left, top, right, bottom = images.boxes.T
+    small = images.visible_pixels < SMALL_PIXELS
+    near = (bottom - top > height / 2) | (left <= 1) | (right >= width - 1)
+    faint = images.contrast < 16
+    return np.where((images.visible_pixels > 0) & (small | near | faint), oversampling, 1).astype(np.int64)
+
+
+class Stream:
+    """An endless order of image indices, shuffled anew each epoch. repeats: (n,) times each index comes in an epoch."""
+
+    def __init__(self, indices: NDArray[np.int64], repeats: NDArray[np.int64], seed: tuple[int, ...]) -> None:
+        self._pool = np.repeat(indices, repeats)
+        if not len(self._pool):
+            raise ValueError("a stream needs at least one image, got none")
+        self._seed = seed
+        self._epochs: dict[int, NDArray[np.int64]] = {}
+
+    def take(self, start: int, count: int) -> NDArray[np.int64]:
+        """(count,) the indices at positions start, start + 1, ... of the order."""
+        size = len(self._pool)
+        parts = []
+        while count > 0:
+            epoch, offset = divmod(start, size)
+            part = self._epoch(epoch)[offset : offset + count]
+            parts.append(part)
+            start, count = start + len(part), count - len(part)
+        return np.concatenate(parts) if parts else np.zeros(0, np.int64)
+
+    def _epoch(self, epoch: int) -> NDArray[np.int64]:
+        order = self._epochs.get(epoch)
+        if order is None:
+            order = np.random.default_rng((*self._seed, epoch)).permutation(self._pool)
+            self._epochs = {number: kept for number, kept in self._epochs.items() if number == epoch - 1} | {epoch: order}
+        return order
+
+
+def crop_view(box: Boxes, size: tuple[int, int], crop: tuple[int, int], rng: np.random.Generator) -> View:
+    """Where to crop: around the pedestrian in 62 % of the cases, if there is one; otherwise anywhere around the horizon."""
+    scale = float(np.exp(rng.uniform(-0.25, 0.35))) if rng.random() < 0.6 else 1.0
+    half = np.array(crop) / 2 / scale
+    aim, jitter, place = rng.random(), rng.uniform(-1, 1, 2), rng.random(2)
+    if box[2] > box[0] and aim < CENTRED:
+        centre = np.array([box[0] + box[2], box[1] + box[3]]) / 2 + jitter * (0.8, 0.6) * half
+    else:
+        centre = np.array([place[0] * size[0], (0.15 + 0.75 * place[1]) * size[1]])
+    low = np.minimum(half, np.array(size) / 2)
+    centre = np.clip(centre, low, np.array(size) - low)
+    return View((float(centre[0]), float(centre[1])), scale, bool(rng.random() < 0.5))
+
+
+def frame_view(size: tuple[int, int], rng: np.random.Generator) -> View:
+    """The whole frame; in 60 % of the cases scaled by 0.85 to 1.25 and moved by up to a twelfth."""
+    zoom, jitter = rng.random() < 0.6, rng.uniform(-1, 1, 2)
+    scale = float(np.exp(rng.uniform(-0.16, 0.22))) if zoom else 1.0
+    centre = np.array(size) * (0.5 + (jitter / 12 if zoom else 0))
+    return View((float(centre[0]), float(centre[1])), scale, bool(rng.random() < 0.5))
+
+
+def plain_view(size: tuple[int, int]) -> View:
+    return View((size[0] / 2, size[1] / 2), 1.0, False)
+
+
+def show(image: Images, view: View, size: tuple[int, int]) -> tuple[Images, NDArray[np.float64]]:
+    """The view of an image as (h, w, 3) for size (w, h), and the (2, 3) matrix that maps image points to it."""
+    width, height = size
+    if view.scale == 1.0:
+        left, top = round(view.centre[0] - width / 2), round(view.centre[1] - height / 2)
+        view = View((left + width / 2, top + height / 2), 1.0, view.flipped)
+    sign = -view.scale if view.flipped else view.scale
+    matrix = np.array([[sign, 0, width / 2 - sign * view.centre[0]], [0, view.scale, height / 2 - view.scale * view.centre[1]]])
+    if view.scale == 1.0 and 0 <= left <= image.shape[1] - width and 0 <= top <= image.shape[0] - height:
+        part = image[top : top + height, left : left + width]
+        return (np.ascontiguousarray(part[:, ::-1]) if view.flipped else part), matrix
+    centred = matrix.copy()
+    centred[:, 2] += matrix[:, :2] @ (0.5, 0.5) - 0.5  # OpenCV puts (0, 0) at a pixel's middle, boxes at its corner.
+    shown = cv2.warpAffine(image, centred, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT_101)
+    return np.asarray(shown, np.uint8), matrix
+
+
+def shown_box(box: Boxes, matrix: NDArray[np.float64], size: tuple[int, int]) -> tuple[Boxes, float]:
+    """The box in the view, clipped to it, (4,), and the share of its area that is left, in [0, 1]; zeros if there is none."""
+    if box[2] <= box[0]:
+        return np.zeros(4, np.float32), 1.0
+    x = np.sort(matrix[0, 0] * box[[0, 2]] + matrix[0, 2])
+    y = matrix[1, 1] * box[[1, 3]] + matrix[1, 2]
+    area = (x[1] - x[0]) * (y[1] - y[0])
+    x, y = x.clip(0, size[0]), y.clip(0, size[1])
+    left = (x[1] - x[0]) * (y[1] - y[0]) / max(area, 1e-9)
+    if left <= 0:
+        return np.zeros(4, np.float32), 0.0
+    return np.array([x[0], y[0], x[1], y[1]], np.float32), float(left)
+
+
+def relight(image: Images, rng: np.random.Generator) -> Images:
+    """Another exposure (gain, offset) and, half of the time, another tint."""
+    gain, offset = rng.uniform(0.6, 1.45), rng.uniform(-20, 20)
+    tint = rng.uniform(0.85, 1.15, 3) if rng.random() < 0.5 else np.ones(3)
+    curve = np.clip((np.arange(256)[:, None] * gain + offset) * tint, 0, 255).astype(np.uint8)
+    return np.asarray(cv2.LUT(image, curve[None]), np.uint8)
+
+
+def augmented(image: Images, box: Boxes, size: tuple[int, int], rng: np.random.Generator) -> tuple[Images, Boxes]:
+    """One training example of size (w, h) and its box (4,): a crop if the size is below the image's, else the frame."""
+    full = (image.shape[1], image.shape[0])
+    for _ in range(ATTEMPTS):
+        view = frame_view(full, rng) if size == full else crop_view(box, full, size, rng)
+        shown, matrix = show(image, view, size)
+        label, left = shown_box(box, matrix, size)
+        if left == 0 or left > KEPT_SHARE:
+            return relight(shown, rng), label
+    shown, matrix = show(image, plain_view(full), size)
+    return relight(shown, rng), shown_box(box, matrix, size)[0]
+
+
+def batch(images: ImageSet, indices: NDArray[np.int64], size: tuple[int, int], seed: tuple[int, ...]) -> tuple[Images, Boxes]:
+    """Training examples (n, h, w, 3) uint8 RGB and boxes (n, 4) in their pixels, zeros where there is none."""
+    rng = np.random.default_rng(seed)
+    shown = np.empty((len(indices), size[1], size[0], 3), np.uint8)
+    boxes = np.zeros((len(indices), 4), np.float32)
+    for row, index in enumerate(indices):
+        shown[row], boxes[row] = augmented(images.images[index], images.boxes[index], size, rng)
+    return shown, boxes

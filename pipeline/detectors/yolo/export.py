@@ -1,0 +1,56 @@
+"""From weights to ONNX: uint8 images in, boxes in pixels and scores out; only the suppression of doubles stays outside."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from pathlib import Path
+
+import torch
+from torch import Tensor, nn
+
+from pipeline.artefacts.files import write_bytes
+from pipeline.detectors.yolo.model import Yolo, cells, decode
+
+OPSET = 17
+
+
+class Deployed(nn.Module):
+    """The network with normalisation and decoding inside, for one image size (w, h)."""
+
+    centres: Tensor
+    strides: Tensor
+
+    def __init__(self, model: Yolo, size: tuple[int, int]) -> None:
+        super().__init__()
+        self.model = model
+        centres, strides = cells(*size)
+        self.register_buffer("centres", centres)
+        self.register_buffer("strides", strides)
+
+    def forward(self, image: Tensor) -> tuple[Tensor, Tensor]:
+        """(n, h, w, 3) uint8 RGB to boxes (n, cells, 4) in pixels and scores (n, cells) in [0, 1]."""
+        scaled = image.permute(0, 3, 1, 2).float() * (1 / 255)
+        boxes, logits = decode(self.model(scaled), self.centres, self.strides)
+        return boxes, logits.sigmoid()
+
+
+def export_onnx(path: Path, model: Yolo, size: tuple[int, int]) -> None:
+    """Write model.onnx for images of size (w, h), any number at a time; the same weights give the same bytes."""
+    buffer = io.BytesIO()
+    example = torch.zeros(1, size[1], size[0], 3, dtype=torch.uint8)
+    axes = {name: {0: "images"} for name in ("image", "boxes", "scores")}
+    with warnings.catch_warnings():
+        # The exporter that is not deprecated needs onnxscript, a package more.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        torch.onnx.export(
+            Deployed(model, size).eval(),
+            (example,),
+            buffer,
+            input_names=["image"],
+            output_names=["boxes", "scores"],
+            dynamic_axes=axes,
+            opset_version=OPSET,
+            dynamo=False,
+        )
+    write_bytes(path, buffer.getvalue())

@@ -1,0 +1,215 @@
+"""Training: AdamW, cosine schedule, averaged weights, bfloat16; first on crops, then on full frames.
+
+The budget is counted in pixels shown, not in seconds, and a batch is a function of its number, so that a run that was killed
+goes on from its checkpoint to the weights that it would have reached anyway.
+"""
+
+from __future__ import annotations
+
+import copy
+import io
+import math
+import pickle
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from pipeline.artefacts.files import write_bytes
+from pipeline.detectors.yolo.loss import Loss, detection_loss
+from pipeline.detectors.yolo.model import Yolo, cells, decode
+
+Batch = tuple[NDArray[np.uint8], NDArray[np.float32]]
+Feed = Callable[[int], Batch]
+Progress = Callable[[int, int, str], None]
+CHECKPOINT_SECONDS = 45.0
+AHEAD = 4
+"""Batches that workers make ahead of a GPU."""
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """How long and how fast to learn.
+
+    crop_iterations, frame_iterations: batches of crops, then of full frames; a crop has a quarter of a frame's pixels.
+    learning_rate: its peak, after `warm_up` iterations; it falls as a cosine of the pixels shown to `final_share` of it.
+    averaging: limit of the decay of the averaged weights, in [0, 1). frozen_statistics: keep the normalisation's statistics,
+    which short runs on few images would spoil.
+    """
+
+    crop_iterations: int
+    frame_iterations: int
+    learning_rate: float
+    weight_decay: float = 0.03
+    warm_up: int = 200
+    final_share: float = 0.01
+    averaging: float = 0.9985
+    frozen_statistics: bool = False
+
+    def __post_init__(self) -> None:
+        if min(self.crop_iterations, self.frame_iterations) < 0 or self.iterations < 1:
+            raise ValueError(f"iterations must be at least 1 in all, got {self.crop_iterations} and {self.frame_iterations}")
+        if not 0 < self.learning_rate < 1:
+            raise ValueError(f"learning_rate must be in (0, 1), got {self.learning_rate}")
+        if not 0 <= self.averaging < 1:
+            raise ValueError(f"averaging must be in [0, 1), got {self.averaging}")
+
+    @property
+    def iterations(self) -> int:
+        return self.crop_iterations + self.frame_iterations
+
+    def rate(self, iteration: int) -> float:
+        """Learning rate of an iteration, counted from 0."""
+        crops, frames = min(iteration, self.crop_iterations), max(0, iteration - self.crop_iterations)
+        share = (crops / 4 + frames) / (self.crop_iterations / 4 + self.frame_iterations)
+        cosine = self.final_share + (1 - self.final_share) * 0.5 * (1 + math.cos(math.pi * share))
+        return self.learning_rate * cosine * min(1.0, (iteration + 1) / max(self.warm_up, 1))
+
+
+@dataclass
+class State:
+    """Everything that a checkpoint holds."""
+
+    iteration: int
+    model: Yolo
+    average: Yolo
+    optimiser: torch.optim.AdamW
+
+
+def initial_model(seed: int, model: Callable[[], Yolo] = Yolo) -> Yolo:
+    """A network with random weights that depend on the seed alone."""
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        return model()
+
+
+def fit(
+    model: Yolo,
+    schedule: Schedule,
+    feed: Feed,
+    *,
+    identity: str = "",
+    checkpoint: Path | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Yolo:
+    """Train `model` and return the averaged weights, on the CPU in evaluation mode.
+
+    feed: iteration to (n, h, w, 3) uint8 RGB images and (n, 4) boxes in pixels, zeros where there is no pedestrian.
+    checkpoint: file that is written every 45 s and read first; ignored if it belongs to another `identity`. threads: of
+    PyTorch; None leaves OMP_NUM_THREADS in force. progress: called with iterations done, all of them and a text.
+    """
+    if threads is not None:
+        torch.set_num_threads(threads)
+    cv2.setNumThreads(1)
+    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    state = _start(model, schedule, device)
+    if checkpoint is not None:
+        _resume(checkpoint, identity, state, device)
+    saved = time.monotonic()
+    losses: deque[Loss] = deque(maxlen=20)
+    for images, boxes in _batches(feed, state.iteration, schedule.iterations, device):
+        losses.append(_step(state, schedule, images, boxes, device))
+        if checkpoint is not None and time.monotonic() - saved > CHECKPOINT_SECONDS:
+            _save(checkpoint, identity, state)
+            saved = time.monotonic()
+        if progress is not None and (state.iteration % 10 == 0 or state.iteration == schedule.iterations):
+            progress(state.iteration, schedule.iterations, _text(state.iteration <= schedule.crop_iterations, losses))
+    return state.average.cpu().eval()
+
+
+def _start(model: Yolo, schedule: Schedule, device: torch.device) -> State:
+    model = model.to(device, memory_format=torch.channels_last).train()  # type: ignore[call-overload]
+    if schedule.frozen_statistics:
+        for module in model.modules():
+            if isinstance(module, nn.BatchNorm2d):
+                module.eval()
+    decayed = [parameter for parameter in model.parameters() if parameter.ndim > 1]
+    others = [parameter for parameter in model.parameters() if parameter.ndim <= 1]
+    groups = [{"params": decayed, "weight_decay": schedule.weight_decay}, {"params": others, "weight_decay": 0.0}]
+    optimiser = torch.optim.AdamW(groups, schedule.learning_rate, fused=True)
+    return State(0, model, copy.deepcopy(model).eval(), optimiser)
+
+
+def _step(state: State, schedule: Schedule, images: Tensor, boxes: Tensor, device: torch.device) -> Loss:
+    centres, strides = (grid.to(device) for grid in cells(images.shape[3], images.shape[2]))
+    for group in state.optimiser.param_groups:
+        group["lr"] = schedule.rate(state.iteration)
+    with torch.autocast(device.type, torch.bfloat16):
+        output = state.model(images)
+    loss = detection_loss(*decode(output, centres, strides), boxes, centres, strides)
+    state.optimiser.zero_grad(set_to_none=True)
+    loss.total.backward()  # type: ignore[no-untyped-call]
+    nn.utils.clip_grad_norm_(state.model.parameters(), 10.0)
+    state.optimiser.step()
+    state.iteration += 1
+    if state.iteration % 2 == 0:
+        _average(state, schedule)
+    return loss
+
+
+@torch.no_grad()
+def _average(state: State, schedule: Schedule) -> None:
+    decay = min(schedule.averaging, (1 + state.iteration) / (12 + state.iteration)) ** 2
+    current = state.model.state_dict()
+    for name, value in state.average.state_dict().items():
+        if value.dtype.is_floating_point:
+            value.lerp_(current[name], 1 - decay)
+
+
+def _batches(feed: Feed, start: int, stop: int, device: torch.device) -> Iterator[tuple[Tensor, Tensor]]:
+    if device.type == "cpu":  # Both cores are the network's.
+        for iteration in range(start, stop):
+            yield _tensors(feed(iteration), device)
+        return
+    with ThreadPoolExecutor(AHEAD) as pool:
+        waiting: deque[Future[Batch]] = deque(pool.submit(feed, i) for i in range(start, min(start + AHEAD, stop)))
+        for iteration in range(start, stop):
+            made = waiting.popleft().result()
+            if iteration + AHEAD < stop:
+                waiting.append(pool.submit(feed, iteration + AHEAD))
+            yield _tensors(made, device)
+
+
+def _tensors(batch: Batch, device: torch.device) -> tuple[Tensor, Tensor]:
+    images = torch.from_numpy(batch[0]).to(device).permute(0, 3, 1, 2).float().div_(255)
+    return images.contiguous(memory_format=torch.channels_last), torch.from_numpy(batch[1]).to(device)
+
+
+def _save(path: Path, identity: str, state: State) -> None:
+    buffer = io.BytesIO()
+    parts = {"model": state.model, "average": state.average, "optimiser": state.optimiser}
+    torch.save({name: part.state_dict() for name, part in parts.items()} | _header(identity, state.iteration), buffer)
+    write_bytes(path, buffer.getvalue())
+
+
+def _header(identity: str, iteration: int) -> dict[str, object]:
+    return {"identity": identity, "iteration": iteration}
+
+
+def _resume(path: Path, identity: str, state: State, device: torch.device) -> None:
+    """Take the checkpoint up; a damaged or foreign one only costs the time that it held."""
+    try:
+        found = torch.load(path, map_location=device, weights_only=True)
+    except (OSError, EOFError, RuntimeError, pickle.UnpicklingError):
+        return
+    if not isinstance(found, dict) or found.get("identity") != identity:
+        return
+    state.model.load_state_dict(found["model"])
+    state.average.load_state_dict(found["average"])
+    state.optimiser.load_state_dict(found["optimiser"])
+    state.iteration = int(found["iteration"])
+
+
+def _text(crops: bool, losses: deque[Loss]) -> str:
+    scores = sum(float(loss.scores) for loss in losses) / len(losses)
+    boxes = sum(float(loss.boxes) for loss in losses) / len(losses)
+    return f"{'crops' if crops else 'full frames'}, loss: scores {scores:.2f}, boxes {boxes:.3f}"

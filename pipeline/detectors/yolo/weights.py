@@ -1,0 +1,54 @@
+"""weights.safetensors: the network's weights at half precision with its architecture, nothing else."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save
+
+from pipeline.artefacts.files import write_bytes
+from pipeline.detectors.yolo.model import Architecture, Yolo
+from pipeline.protocols import InputError
+
+COUNTERS = "num_batches_tracked"
+
+
+def save_weights(path: Path, model: Yolo) -> None:
+    """Write the weights as float16; the same weights give the same bytes."""
+    tensors = {name: tensor.detach().half().cpu().contiguous() for name, tensor in _tensors(model).items()}
+    # One key alone: the format does not keep the order of several.
+    write_bytes(path, save(tensors, {"architecture": json.dumps(asdict(model.architecture), sort_keys=True)}))
+
+
+def load_weights(path: Path) -> Yolo:
+    """Read a network in float32, in evaluation mode; InputError that names the file if it holds no such network."""
+    if not path.is_file():
+        raise InputError(f"{path}: expected the weights of a detector (weights.safetensors), found no file; train one first")
+    try:
+        with safe_open(path, framework="pt") as file:
+            plain = json.loads((file.metadata() or {})["architecture"])
+            names = list(file.keys())
+            tensors = {name: file.get_tensor(name).float() for name in names}
+        architecture = Architecture(widths=tuple(plain["widths"]), head=plain["head"])
+    except (SafetensorError, KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path} holds no detector of ours ({error}); train one with `train`") from error
+    model = Yolo(architecture)
+    _check(path, tensors, _tensors(model))
+    model.load_state_dict(tensors, strict=False)
+    return model.eval()
+
+
+def _tensors(model: Yolo) -> dict[str, torch.Tensor]:
+    return {name: tensor for name, tensor in model.state_dict().items() if not name.endswith(COUNTERS)}
+
+
+def _check(path: Path, found: dict[str, torch.Tensor], expected: dict[str, torch.Tensor]) -> None:
+    for name in sorted(found.keys() ^ expected.keys()):
+        raise InputError(f"{path}: expected the {len(expected)} tensors of our network; '{name}' is missing or too many")
+    for name, tensor in expected.items():
+        if found[name].shape != tensor.shape:
+            raise InputError(f"{path}: '{name}' must have shape {tuple(tensor.shape)}, got {tuple(found[name].shape)}")

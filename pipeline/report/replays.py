@@ -1,0 +1,211 @@
+"""Replays: one test execution as a film, laid out as in thesis Fig. 5.8.
+
+Frame with the true box (blue) and the detections (red, with score), what was executed, its result, and the signals with a
+cursor at the frame's time. The still parts are drawn once; each frame only pastes its image, boxes and cursor.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import imageio_ffmpeg
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from PIL import Image
+
+from pipeline.core.kpi import Kpi, evaluate, ttc
+from pipeline.protocols import Episode, KeptFrame, Value
+from pipeline.report.style import GRID, INK, styled
+
+Pixels = NDArray[np.uint8]
+TRUTH, DETECTION, CURSOR = (70, 140, 255), (235, 60, 50), (214, 40, 40)
+CONFIDENCE_COLOUR, SPEED_COLOUR, TTC_COLOUR = "#2f6fd0", "#2a8f5c", "#7d55b8"
+FRAME_HEIGHT, SIDE_WIDTH, SIGNALS_HEIGHT, MARGIN = 480, 340, 232, 12
+DPI = 100
+TTC_SHOWN_S = 4.0
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The still parts and where the moving ones go. canvas: (height, width, 3) RGB. Pixels from the top left."""
+
+    canvas: Pixels
+    frame_width: int
+    signal_left: float
+    signal_right: float
+    signal_top: int
+    signal_bottom: int
+    last_s: float
+
+
+def render_replay(
+    episode: Episode,
+    title: str,
+    concrete: Mapping[str, Value],
+    path: Path,
+    *,
+    failure_threshold_s: float,
+    units: Mapping[str, str] | None = None,
+    frames_per_second: int = 5,
+) -> None:
+    """Write the replay of one test execution to `path`, as .mp4 (H.264, yuv420p: any browser) or .gif, atomically.
+
+    episode: must keep its frames (`execute(..., keep_every=1)`). title: what was executed, lines separated by newlines.
+    concrete: variable -> value, `units`: variable -> unit. failure_threshold_s: the adj. TTC of a failure.
+    Raises ValueError if the episode kept no frame or the suffix is another one.
+    """
+    images = draw_replay(episode, title, concrete, failure_threshold_s=failure_threshold_s, units=units or {})
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(f"partial-{path.name}")
+    if path.suffix == ".mp4":
+        _write_mp4(images, partial, frames_per_second)
+    elif path.suffix == ".gif":
+        first, *rest = (Image.fromarray(image) for image in images)
+        first.save(partial, save_all=True, append_images=rest, duration=1000 // frames_per_second, loop=0)
+    else:
+        raise ValueError(f"a replay must be written as .mp4 or .gif, got {path.name}")
+    partial.replace(path)
+
+
+def draw_replay(
+    episode: Episode, title: str, concrete: Mapping[str, Value], *, failure_threshold_s: float, units: Mapping[str, str]
+) -> list[Pixels]:
+    """The frames of a replay, each (height, width, 3) uint8 RGB with even height and width; arguments as `render_replay`."""
+    if not episode.frames:
+        raise ValueError("a replay needs the frames of the episode; execute it with keep_every=1")
+    kpi = evaluate(episode.signals, failure_threshold_s)
+    text = _side_text(title, concrete, units, kpi)
+    layout = _layout(episode, text, kpi, failure_threshold_s)
+    return [_compose(layout, kept) for kept in episode.frames]
+
+
+def most_telling_frame(episode: Episode) -> int:
+    """Index of the kept frame nearest to the last moment before the end at which the pedestrian shows; 0 if it never does."""
+    shown = [index for index, kept in enumerate(episode.frames) if kept.frame.truth.visible_box is not None]
+    return shown[max(0, len(shown) * 3 // 4 - 1)] if shown else 0
+
+
+def _side_text(title: str, concrete: Mapping[str, Value], units: Mapping[str, str], kpi: Kpi) -> str:
+    result = {
+        "none": "no failure",
+        "contact": f"FAILURE: contact at {kpi.impact_speed_mps:.1f} m/s",
+        "late": "FAILURE: too late",
+        "false_positives": "FAILURE: false positives alone",
+    }[kpi.failure_mode]
+    seen = "never" if np.isnan(kpi.first_detection_m) else f"{kpi.first_detection_m:.1f} m before the conflict point"
+    lines = [*title.splitlines(), "", f"adj. TTC {kpi.adj_ttc_s:.2f} s   (TTC alone {kpi.ttc_s:.2f} s)", result]
+    lines += textwrap.wrap(f"first detected: {seen}", 42) + [f"false positives: {kpi.false_positives}", ""]
+    for name, value in concrete.items():
+        shown = value if isinstance(value, str) else f"{value:.3g} {units.get(name, '')}".rstrip()
+        lines.append(f"{name.replace('_', ' '):<18} {shown}")
+    return "\n".join(lines)
+
+
+def _layout(episode: Episode, text: str, kpi: Kpi, threshold_s: float) -> Layout:
+    height, width = episode.frames[0].frame.image.shape[:2]
+    frame_width = round(FRAME_HEIGHT * width / height / 2) * 2
+    total_width, total_height = frame_width + SIDE_WIDTH, FRAME_HEIGHT + SIGNALS_HEIGHT
+    with styled():
+        figure = Figure(figsize=(total_width / DPI, total_height / DPI), dpi=DPI, layout="none", facecolor="white")
+        figure.text((frame_width + 1.5 * MARGIN) / total_width, 1 - MARGIN / total_height, text, **_TEXT)
+        axis = figure.add_axes((0.055, 50 / total_height, 0.795, (SIGNALS_HEIGHT - 86) / total_height))
+        _draw_signals(axis, episode, kpi, threshold_s)
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        box = axis.get_window_extent()
+        left, right = (axis.transData.transform((value, 0))[0] for value in axis.get_xlim())
+    pixels: Pixels = np.asarray(canvas.buffer_rgba())[..., :3].copy()
+    last_s = float(episode.signals["time_s"][-1])
+    return Layout(pixels, frame_width, left, right, total_height - int(box.y1), total_height - int(box.y0), last_s)
+
+
+_TEXT: dict[str, Any] = {"va": "top", "ha": "left", "fontsize": 9.6, "family": "DejaVu Sans Mono", "color": INK, "linespacing": 1.42}
+
+
+def _draw_signals(axis: Axes, episode: Episode, kpi: Kpi, threshold_s: float) -> None:
+    time_s = np.asarray(episode.signals["time_s"], dtype=float)
+    speed, remaining = axis.twinx(), axis.twinx()
+    remaining.spines["right"].set_position(("outward", 46))
+    axis.plot(time_s, episode.signals["confidence"], color=CONFIDENCE_COLOUR, linewidth=1.8)
+    speed.plot(time_s, episode.signals["ego_speed_mps"], color=SPEED_COLOUR, linewidth=1.8)
+    shown = ttc(episode.signals) / (1 + np.cumsum(episode.signals["false_positives"]))
+    remaining.plot(time_s, shown, color=TTC_COLOUR, linewidth=1.8)
+    failed = shown <= threshold_s
+    remaining.plot(time_s[failed], shown[failed], "o", color="#d62828", markersize=6)
+    remaining.axhline(threshold_s, color="#d62828", linestyle="--", linewidth=1)
+    top = float(np.max(np.asarray(episode.signals["ego_speed_mps"], dtype=float)))
+    for target, low, high, name, colour in (
+        (axis, -0.03, 1.05, "confidence", CONFIDENCE_COLOUR),
+        (speed, -0.03 * top, max(1.0, 1.05 * top), "ego speed (m/s)", SPEED_COLOUR),
+        (remaining, -0.03 * TTC_SHOWN_S, TTC_SHOWN_S, "adj. TTC (s)", TTC_COLOUR),
+    ):
+        target.set_ylim(low, high)
+        target.set_ylabel(name, color=colour)
+        target.tick_params(axis="y", colors=colour)
+        target.grid(target is axis)
+        target.spines["right"].set_visible(target is not axis)
+        target.spines["right"].set_color(GRID)
+    axis.set(xlim=(0, max(float(time_s[-1]), 0.1)), xlabel="time (s)")
+    axis.set_title("no collision path counted" if np.isnan(shown).all() else f"smallest adj. TTC {kpi.adj_ttc_s:.2f} s", fontsize=9)
+
+
+def _compose(layout: Layout, kept: KeptFrame) -> Pixels:
+    canvas = layout.canvas.copy()
+    image = kept.frame.image
+    scale = FRAME_HEIGHT / image.shape[0]
+    large = cv2.resize(image, (layout.frame_width, FRAME_HEIGHT), interpolation=cv2.INTER_CUBIC)
+    canvas[:FRAME_HEIGHT, : layout.frame_width] = large
+    view = canvas[:FRAME_HEIGHT, : layout.frame_width]
+    if kept.frame.truth.visible_box is not None:
+        _rectangle(view, kept.frame.truth.visible_box, scale, TRUTH)
+    for box, score in zip(kept.detections.boxes, kept.detections.scores, strict=True):
+        left, top = _rectangle(view, tuple(float(value) for value in box), scale, DETECTION)
+        _label(view, f"{score:.2f}", left, top)
+    share = min(1.0, kept.frame.time_s / layout.last_s) if layout.last_s > 0 else 0.0
+    column = round(layout.signal_left + share * (layout.signal_right - layout.signal_left))
+    canvas[layout.signal_top : layout.signal_bottom, column - 1 : column + 1] = CURSOR
+    _label(view, f"{kept.frame.time_s:.1f} s", 10, FRAME_HEIGHT - 8, colour=(60, 66, 74))
+    return canvas
+
+
+def _rectangle(view: Pixels, box: tuple[float, ...], scale: float, colour: tuple[int, int, int]) -> tuple[int, int]:
+    left, top, right, bottom = (round(value * scale) for value in box)
+    # Drawn just outside, so that a small pedestrian stays visible inside its box.
+    cv2.rectangle(view, (left - 2, top - 2), (right + 1, bottom + 1), colour, 2)
+    return left, top
+
+
+def _label(view: Pixels, text: str, left: int, bottom: int, colour: tuple[int, int, int] = DETECTION) -> None:
+    (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.5, 1)
+    left = int(np.clip(left, 4, view.shape[1] - width - 4))
+    bottom = int(np.clip(bottom - 5, height + 4, view.shape[0] - 4))
+    cv2.rectangle(view, (left - 3, bottom - height - 3), (left + width + 3, bottom + 4), colour, -1)
+    cv2.putText(view, text, (left, bottom), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255), 1, cv2.LINE_AA)
+
+
+def _write_mp4(images: list[Pixels], path: Path, frames_per_second: int) -> None:
+    height, width = images[0].shape[:2]
+    # Bit-exact and on one thread: the same replay gives the same file.
+    options = ["-crf", "27", "-preset", "slow", "-threads", "1", "-movflags", "+faststart", "-fflags", "+bitexact"]
+    writer = imageio_ffmpeg.write_frames(
+        str(path),
+        (width, height),
+        fps=frames_per_second,
+        codec="libx264",
+        pix_fmt_out="yuv420p",
+        macro_block_size=2,
+        output_params=[*options, "-flags:v", "+bitexact"],
+        ffmpeg_log_level="error",
+    )
+    writer.send(None)
+    for image in images:
+        writer.send(np.ascontiguousarray(image))
+    writer.close()

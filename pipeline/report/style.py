@@ -1,0 +1,90 @@
+"""How the report's figures look: one palette, and SVG that takes the page's own text colour."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+import matplotlib
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+INK = "#39424e"
+GRID = "#8f98a3"
+MODE_COLOURS: Mapping[str, str] = {"contact": "#c9372c", "late": "#e8912d", "false_positives": "#8f6bc9", "none": "#7f93ab"}
+MODE_NAMES: Mapping[str, str] = {
+    "contact": "contact",
+    "late": "too late (TTC alone)",
+    "false_positives": "false positives alone",
+    "none": "no failure",
+}
+SERIES = ("#3b7dd8", "#e0682e", "#2a9d78", "#8f6bc9", "#b9912b", "#c9497c", "#5a8f3c", "#4aa3b5", "#a0624a", "#7f93ab")
+UNASSIGNED = "#a3acb8"
+
+_RC = {
+    "font.family": "DejaVu Sans",
+    "font.size": 9.5,
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": GRID,
+    "axes.titlesize": 10.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": GRID,
+    "grid.alpha": 0.22,
+    "grid.linewidth": 0.7,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "legend.frameon": False,
+    "figure.constrained_layout.use": True,
+    "svg.hashsalt": "blindspot",
+}
+
+
+@contextmanager
+def styled() -> Iterator[None]:
+    """Apply the report's style inside the block, and leave matplotlib's settings as they were."""
+    with matplotlib.rc_context(_RC):
+        yield
+
+
+def panels(rows: int, columns: int, *, width: float, height: float, sharey: bool = True) -> tuple[Figure, list[list[Axes]]]:
+    """A figure of rows x columns panels, each width x height inches. Made without pyplot: no global state, no display."""
+    figure = Figure(figsize=(width * columns, height * rows))
+    grid = figure.subplots(rows, columns, squeeze=False, sharey=sharey)
+    return figure, [list(row) for row in grid]
+
+
+def series_colours(names: list[str] | tuple[str, ...]) -> dict[str, str]:
+    """One colour a name, in order; the palette starts again when it ends."""
+    return {name: SERIES[index % len(SERIES)] for index, name in enumerate(names)}
+
+
+def svg(figure: Figure) -> str:
+    """The figure as an inline SVG element whose text follows the page's colour; the same figure gives the same text."""
+    buffer = io.StringIO()
+    with styled():
+        figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
+    text = buffer.getvalue()
+    return text[text.index("<svg") :].replace(INK, "currentColor")
+
+
+def save_png(figure: Figure, path: Path) -> None:
+    """Write the figure as a PNG on white, atomically, without a date in it."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_suffix(".partial")
+    with styled():
+        figure.savefig(partial, format="png", dpi=130, facecolor="white", metadata={"Software": None})
+    partial.replace(path)
+
+
+def data_uri(path: Path, media_type: str) -> str:
+    """A file as a data: address, for pages that must stand alone."""
+    return f"data:{media_type};base64,{base64.b64encode(path.read_bytes()).decode('ascii')}"

@@ -1,0 +1,93 @@
+"""The six animations of thesis Eq. 5.1 as joint trajectories over the gait cycle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+ANIMATIONS = ("walking", "texting", "crouching", "limping", "drunk", "stumble")
+JOINTS = (
+    "pitch", "roll", "waist", "neck", "shoulder_l", "shoulder_r", "spread_l", "spread_r", "elbow_l", "elbow_r",
+    "hip_l", "hip_r", "knee_l", "knee_r", "ankle_l", "ankle_r",
+)  # fmt: skip
+STRIDE_AT_REST_M, STRIDE_PER_SPEED_S = 0.7, 0.5
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Joint angles in radians, and how far the hips drop in metres at the reference height."""
+
+    angles: dict[str, float]
+    drop: float = 0.0
+
+
+def phase(distance_m: float, speed_mps: float) -> float:
+    """Gait phase in radians after walking a distance; one cycle is one stride, which grows with speed.
+
+    Tying the phase to the distance, not to the time, keeps the feet from sliding, and a pedestrian at speed 0 stands.
+    """
+    return 2 * np.pi * distance_m / (STRIDE_AT_REST_M + STRIDE_PER_SPEED_S * speed_mps)
+
+
+def pose(animation: str, phase_rad: float, speed_mps: float) -> Pose:
+    """Pose of an animation at a phase of the gait cycle; the swing grows with the speed up to about 2 m/s."""
+    swing = min(1.0, speed_mps / 1.6)
+    angles = dict.fromkeys(JOINTS, 0.0)
+    drop = _legs(angles, phase_rad, swing)
+    drop += _CHARACTERS[animation](angles, phase_rad, swing)
+    return Pose(angles, drop)
+
+
+def _legs(a: dict[str, float], p: float, swing: float) -> float:
+    for side, q in (("l", p), ("r", p + np.pi)):
+        thigh = -0.5 * np.sin(q)
+        bend = 0.75 * max(0.0, np.sin(q + 0.9)) ** 2
+        a[f"hip_{side}"] = swing * thigh
+        a[f"knee_{side}"] = 0.06 + swing * bend
+        a[f"ankle_{side}"] = -0.5 * (a[f"hip_{side}"] + a[f"knee_{side}"])
+        a[f"shoulder_{side}"] = swing * 0.45 * np.sin(q)
+        a[f"elbow_{side}"] = -0.2 - 0.25 * swing
+    return float(-0.03 * swing * np.sin(p) ** 2)
+
+
+def _walking(a: dict[str, float], p: float, swing: float) -> float:
+    a["waist"] = 0.04
+    return 0.0
+
+
+def _texting(a: dict[str, float], p: float, swing: float) -> float:
+    a.update(shoulder_r=-0.55, elbow_r=-1.55, shoulder_l=-0.45, elbow_l=-1.5, neck=0.55, waist=0.08)
+    return 0.0
+
+
+def _crouching(a: dict[str, float], p: float, swing: float) -> float:
+    for side in "lr":
+        a[f"hip_{side}"] -= 1.25
+        a[f"knee_{side}"] += 1.6
+        a[f"ankle_{side}"] = -0.35
+    a.update(waist=0.75, neck=-0.4)
+    return -0.3
+
+
+def _limping(a: dict[str, float], p: float, swing: float) -> float:
+    a["hip_l"] *= 0.35
+    a["knee_l"] = 0.03
+    a.update(roll=0.13 * swing * np.cos(p), waist=0.16)
+    return float(-0.03 * swing * max(0.0, np.sin(p)))
+
+
+def _drunk(a: dict[str, float], p: float, swing: float) -> float:
+    a.update(roll=0.2 * np.sin(0.5 * p), pitch=0.14 * np.cos(0.37 * p), neck=0.3 * np.sin(0.3 * p), spread_l=0.55, spread_r=-0.5)
+    return 0.0
+
+
+def _stumble(a: dict[str, float], p: float, swing: float) -> float:
+    a.update(pitch=0.3 + 0.15 * np.sin(p), waist=0.4, neck=-0.3, shoulder_l=-1.2, shoulder_r=-0.9, spread_l=0.3, spread_r=-0.3)
+    a["knee_l"] += 0.45
+    return -0.07
+
+
+_CHARACTERS = {
+    "walking": _walking, "texting": _texting, "crouching": _crouching, "limping": _limping, "drunk": _drunk, "stumble": _stumble,
+}  # fmt: skip

@@ -1,0 +1,141 @@
+"""Sun, sky, lamps and wet roads: what weather and time of day do to the model before it is rendered."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .textures import noise
+
+Floats = NDArray[np.float64]
+LAMPS_ON_BELOW_DEG = 0.0
+FOG_FREE_RANGE_M, DENSE_FOG_RANGE_M = 1500.0, 40.0
+RANGE_CONTRAST = 0.05
+"""Contrast left at the visual range (Koschmieder, as the meteorological optical range is defined)."""
+SKY_SIZE = 128
+
+
+def mix(a: ArrayLike, b: ArrayLike, share: float) -> Floats:
+    """Linear interpolation, share 0 is `a`."""
+    return np.asarray(a, float) * (1 - share) + np.asarray(b, float) * share
+
+
+@dataclass(frozen=True)
+class Weather:
+    """Weather and time of day. rain, fog: %, 0 to 100. sun_azimuth: degrees, 0 ahead of the ego, 90 to its left; sun_altitude: degrees."""
+
+    rain: float = 0.0
+    fog: float = 0.0
+    sun_azimuth: float = 90.0
+    sun_altitude: float = 60.0
+
+    @property
+    def night(self) -> bool:
+        """Whether street lamps and headlights are on. The one condition for everything that depends on them."""
+        return self.sun_altitude < LAMPS_ON_BELOW_DEG
+
+    @property
+    def daylight(self) -> float:
+        """0 at night, 1 with the sun well up; civil twilight between."""
+        return float(np.clip((self.sun_altitude + 6) / 16, 0, 1))
+
+    @property
+    def overcast(self) -> float:
+        """How much of the sky is grey, 0 to 0.95."""
+        return max(0.9 * min(1.0, self.rain / 60), 0.95 * min(1.0, self.fog / 60))
+
+    @property
+    def sunshine(self) -> float:
+        """Direct sunlight, 0 to 1."""
+        return float(np.clip((self.sun_altitude + 0.5) / 11, 0, 1)) * (1 - self.overcast)
+
+    @property
+    def sun_direction(self) -> Floats:
+        """(3,) unit vector towards the sun, world frame."""
+        altitude, azimuth = np.radians(self.sun_altitude), np.radians(self.sun_azimuth)
+        return np.array([np.cos(altitude) * np.cos(azimuth), np.cos(altitude) * np.sin(azimuth), np.sin(altitude)])
+
+    @property
+    def extinction_per_m(self) -> float:
+        """Extinction coefficient of fog and rain: `RANGE_CONTRAST` is left at the visual range."""
+        visual_range = FOG_FREE_RANGE_M * (DENSE_FOG_RANGE_M / FOG_FREE_RANGE_M) ** (self.fog / 100)
+        return -np.log(RANGE_CONTRAST) / visual_range + 0.008 * self.rain / 100
+
+    @property
+    def grey(self) -> Floats:
+        """(3,) colour of fog and overcast sky, 0 to 1."""
+        return mix([0.05, 0.05, 0.058], [0.68, 0.7, 0.72], self.daylight)
+
+    @property
+    def sky(self) -> tuple[Floats, Floats]:
+        """Colours at the horizon and at the zenith, (3,) each, 0 to 1."""
+        warm = float(np.clip(1 - abs(self.sun_altitude - 2) / 18, 0, 1))
+        horizon = mix(mix([0.035, 0.04, 0.07], [0.74, 0.83, 0.93], self.daylight), [0.96, 0.64, 0.4], 0.65 * warm * self.daylight)
+        zenith = mix([0.01, 0.012, 0.035], [0.27, 0.46, 0.8], self.daylight)
+        return mix(horizon, self.grey, self.overcast), mix(zenith, 0.94 * self.grey, self.overcast)
+
+
+class WeatherControl:
+    """Applies a weather to a compiled model; everything is set anew each time, so that no episode leaves a trace in the next."""
+
+    def __init__(self, model: mujoco.MjModel, lamps: Floats) -> None:
+        self._model, self._lamps = model, lamps
+        self._sun = model.light("sun").id
+        self._street = [i for i in range(model.nlight) if model.light(i).name.startswith("street")]
+        self._heads = [model.light("head_left").id, model.light("head_right").id]
+        rng = np.random.default_rng(5)
+        self._clouds = noise((SKY_SIZE, SKY_SIZE), rng, octaves=4)
+        self._texture = int(np.flatnonzero(model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX)[0])
+
+    def apply(self, weather: Weather, context: mujoco.MjrContext) -> None:
+        """Set lights, materials and sky."""
+        model, sun = self._model, weather.sunshine
+        warm = float(np.clip(1 - weather.sun_altitude / 30, 0, 1))
+        model.light_active[self._sun] = sun > 0.02
+        model.light_dir[self._sun] = -weather.sun_direction
+        model.light_diffuse[self._sun] = mix([1.0, 0.96, 0.88], [1.0, 0.66, 0.4], warm) * sun * 0.95
+        model.light_specular[self._sun] = 0.4 * model.light_diffuse[self._sun]
+        clear = mix([0.05, 0.055, 0.085], [0.4, 0.43, 0.48], weather.daylight)
+        dull = mix([0.055, 0.055, 0.065], [0.62, 0.63, 0.65], weather.daylight)
+        model.vis.headlight.ambient[:] = mix(clear, dull, weather.overcast)
+        model.light_active[self._street + self._heads] = weather.night
+        for name, emission in (("street_lamp", 1.0), ("lamp_front", 0.9), ("lamp_rear", 0.8)):
+            model.mat_emission[model.material(name).id] = emission if weather.night else 0.0
+        pane = model.material("window_light").id
+        model.mat_emission[pane] = 0.9 if weather.daylight < 0.6 else 0.0
+        model.mat_rgba[pane, :3] = (0.95, 0.78, 0.45) if weather.daylight < 0.6 else (0.24, 0.29, 0.33)
+        self._wet_road(weather)
+        self._paint_sky(weather, context)
+
+    def _wet_road(self, weather: Weather) -> None:
+        model, wet = self._model, min(1.0, weather.rain / 50)
+        for name in ("road", "pavement"):
+            model.mat_rgba[model.material(name).id, :3] = 1 - 0.4 * wet
+        road = model.material("road").id
+        model.mat_specular[road], model.mat_shininess[road] = 0.1 + 0.6 * wet, 0.3 + 0.4 * wet
+
+    def follow(self, camera_x: float, weather: Weather) -> None:
+        """Move the shadow box of the sun, and the few lights that MuJoCo allows, along with the camera."""
+        model = self._model
+        model.light_pos[self._sun] = np.array([camera_x + 20, 0, 0]) + 45 * weather.sun_direction
+        nearest = np.argsort(np.abs(self._lamps[:, 0] - camera_x - 14), kind="stable")[: len(self._street)]
+        model.light_pos[self._street] = self._lamps[nearest]
+
+    def _paint_sky(self, weather: Weather, context: mujoco.MjrContext) -> None:
+        model, size = self._model, SKY_SIZE
+        horizon, zenith = weather.sky
+        ramp = (np.arange(size) + 0.5) / size * 2 - 1
+        ray = np.sqrt(1 + ramp[:, None] ** 2 + ramp[None] ** 2)
+        side, up = np.clip(-ramp[:, None] / ray, 0, 1), 1 / ray
+        address = model.tex_adr[self._texture]
+        faces = model.tex_data[address : address + 6 * size * size * 3].reshape(6, size, size, 3)
+        cloudiness = 0.5 * weather.daylight * (1 - weather.overcast)
+        cloud = np.clip(self._clouds - 0.4, 0, 1)[..., None]
+        for face, elevation in ((0, side), (1, side), (2, up), (3, np.zeros_like(up)), (4, side), (5, side)):
+            colour = mix(horizon, zenith, 0) + np.clip(elevation, 0, 1)[..., None] ** 0.6 * (zenith - horizon)
+            cover = cloudiness * cloud * np.clip(4 * elevation, 0, 1)[..., None]
+            faces[face] = np.clip(255 * (colour * (1 - cover) + cover * 0.97), 0, 255)
+        mujoco.mjr_uploadTexture(model, context, self._texture)
