@@ -84,8 +84,8 @@ class ImageSet:
 
     def take(self, indices: NDArray[np.int64]) -> ImageSet:
         """The images at the given indices, as a set without a digest."""
-        columns = (self.images, self.boxes, self.whole_boxes, self.visible_pixels, self.contrast)
-        return ImageSet(*(column[indices] for column in columns))
+        boxes, whole_boxes = self.boxes[indices], self.whole_boxes[indices]
+        return ImageSet(self.images[indices], boxes, whole_boxes, self.visible_pixels[indices], self.contrast[indices])
 
 
 def image_set(labelled: Sequence[tuple[NDArray[np.uint8], Truth]], digest: str = "") -> ImageSet:

@@ -15,6 +15,8 @@ from pipeline.artefacts.files import read_json, write_json
 from pipeline.protocols import InputError
 
 Verdict = Literal["baseline", "better", "worse", "no difference shown"]
+Role = Literal["medoid", "worst", "furthest"]
+RunKind = Literal["campaign", "comparison", "model"]
 ModelT = TypeVar("ModelT", bound="Result")
 
 
@@ -117,7 +119,7 @@ class Representative(Result):
     """A test that stands for a region: its medoid, its worst failure or the failure furthest from the medoid."""
 
     test_id: str
-    role: Literal["medoid", "worst", "furthest"]
+    role: Role
     strategy: str
     seed: int
     adj_ttc_s: float
@@ -202,7 +204,7 @@ class TrackedRun(Result):
     """One MLflow run that the study's results stand behind; its name and the digest of what was logged."""
 
     name: str
-    kind: Literal["campaign", "comparison", "model"]
+    kind: RunKind
     digest: str
 
 

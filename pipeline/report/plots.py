@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -41,23 +42,23 @@ def _scatter_modes(axis: Axes, tests: pd.DataFrame) -> None:
     for seed_rank, seed in enumerate(sorted(tests["seed"].unique())):
         for mode in ("none", "false_positives", "late", "contact"):
             rows = tests[(tests["seed"] == seed) & (tests["failure_mode"] == mode)]
-            style = {"s": 14, "alpha": 0.5} if mode == "none" else {"s": 26, "alpha": 0.95}
             name = MODE_NAMES[mode] if seed_rank == 0 or mode != "none" else None
             axis.scatter(
                 rows["index"] + 1,
                 rows["adj_ttc_s"],
                 color=MODE_COLOURS[mode],
                 marker=MARKERS[seed_rank % len(MARKERS)],
+                s=14 if mode == "none" else 26,
+                alpha=0.5 if mode == "none" else 0.95,
                 linewidths=0,
                 label=name,
                 zorder=2 if mode == "none" else 4,
-                **style,
             )
 
 
 def _legend_below(figure: Figure, axes: Sequence[Axes]) -> None:
     """One legend for all panels, each name once."""
-    entries: dict[str, object] = {}
+    entries: dict[str, Artist] = {}
     for axis in axes:
         for handle, name in zip(*axis.get_legend_handles_labels(), strict=True):
             entries.setdefault(name, handle)
@@ -175,14 +176,14 @@ def _grouped_bars(axis: Axes, rows: Sequence[StrategyMeasures], field: str, labe
 def comparison_bars(comparison: Comparison) -> Figure:
     """Failure rate of each version on the frozen sequence, stacked by failure mode, with the Wilson interval of the total."""
     with styled():
-        figure, axes = panels(1, 1, width=7.4, height=0.62 * len(comparison.versions) + 1.35)
+        figure, axes = panels(1, 1, width=9.4, height=0.5 * len(comparison.versions) + 1.2)
         axis = axes[0][0]
         for position, version in enumerate(comparison.versions):
             tests, left = max(1, version.tests), 0.0
             for mode in ("contact", "late", "false_positives"):
                 share = getattr(version.modes, mode) / tests
                 name = MODE_NAMES[mode] if position == 0 else None
-                axis.barh(position, share, 0.55, left=left, color=MODE_COLOURS[mode], label=name)
+                axis.barh(position, share, 0.6, left=left, color=MODE_COLOURS[mode], label=name)
                 left += share
             rate = version.rate
             axis.plot([rate.low, rate.high], [position, position], color=INK, linewidth=1.6, marker="|", markersize=9)
@@ -203,17 +204,17 @@ def kpi_histogram(table: pd.DataFrame, versions: Sequence[str], threshold_s: flo
     table = table[table["status"] == "ok"]
     top = max(threshold_s * 2, float(table["adj_ttc_s"].max()) if len(table) else 0.0)
     edges = np.arange(0, top + threshold_s, threshold_s)
-    colours = series_colours(list(versions))
     with styled():
-        figure, axes = panels(1, 1, width=9.2, height=3.1)
-        axis = axes[0][0]
-        for version in versions:
-            values = table.loc[table["version"] == version, "adj_ttc_s"]
-            counts, _ = np.histogram(values.clip(upper=top), edges)
-            axis.stairs(counts, edges, color=colours[version], linewidth=1.8, label=version)
-        axis.axvspan(0, threshold_s, color=MODE_COLOURS["contact"], alpha=0.12, linewidth=0)
-        axis.set(xlabel="adj. TTC (s)", ylabel="tests", ylim=(0, None), xlim=(0, None))
-        _legend_below(figure, [axis])
+        figure, axes = panels(1, len(versions), width=9.4 / len(versions), height=2.5)
+        for axis, version in zip(axes[0], versions, strict=True):
+            rows = table[table["version"] == version]
+            parts = [rows.loc[rows["failure"], "adj_ttc_s"], rows.loc[~rows["failure"], "adj_ttc_s"]]
+            colours = [MODE_COLOURS["contact"], MODE_COLOURS["none"]]
+            axis.hist(parts, edges, stacked=True, color=colours, label=["failure", "no failure"], rwidth=0.92)
+            axis.set(title=version, xlabel="adj. TTC (s)", xlim=(0, None))
+            axis.grid(False, axis="x")
+        axes[0][0].set_ylabel("tests")
+        _legend_below(figure, axes[0])
     return figure
 
 

@@ -28,8 +28,10 @@ from pipeline.report.style import GRID, INK, styled
 Pixels = NDArray[np.uint8]
 TRUTH, DETECTION, CURSOR = (70, 140, 255), (235, 60, 50), (214, 40, 40)
 CONFIDENCE_COLOUR, SPEED_COLOUR, TTC_COLOUR = "#2f6fd0", "#2a8f5c", "#7d55b8"
-FRAME_HEIGHT, SIDE_WIDTH, SIGNALS_HEIGHT, MARGIN = 480, 340, 232, 12
+FRAME_HEIGHT, SIDE_WIDTH, SIGNALS_HEIGHT, MARGIN = 480, 410, 280, 14
+SIDE_CHARACTERS = 36
 DPI = 100
+LABEL_SCALE = 0.6
 TTC_SHOWN_S = 4.0
 
 
@@ -100,12 +102,13 @@ def _side_text(title: str, concrete: Mapping[str, Value], units: Mapping[str, st
         "late": "FAILURE: too late",
         "false_positives": "FAILURE: false positives alone",
     }[kpi.failure_mode]
-    seen = "never" if np.isnan(kpi.first_detection_m) else f"{kpi.first_detection_m:.1f} m before the conflict point"
-    lines = [*title.splitlines(), "", f"adj. TTC {kpi.adj_ttc_s:.2f} s   (TTC alone {kpi.ttc_s:.2f} s)", result]
-    lines += textwrap.wrap(f"first detected: {seen}", 42) + [f"false positives: {kpi.false_positives}", ""]
+    seen = "never" if np.isnan(kpi.first_detection_m) else f"{kpi.first_detection_m:.1f} m away"
+    lines = [part for line in title.splitlines() for part in textwrap.wrap(line, SIDE_CHARACTERS)]
+    lines += ["", f"adj. TTC {kpi.adj_ttc_s:.2f} s (TTC alone {kpi.ttc_s:.2f} s)", *textwrap.wrap(result, SIDE_CHARACTERS)]
+    lines += [f"first detected  {seen}", f"false positives {kpi.false_positives}", ""]
     for name, value in concrete.items():
         shown = value if isinstance(value, str) else f"{value:.3g} {units.get(name, '')}".rstrip()
-        lines.append(f"{name.replace('_', ' '):<18} {shown}")
+        lines.append(f"{name.replace('_', ' '):<17} {shown}")
     return "\n".join(lines)
 
 
@@ -113,10 +116,11 @@ def _layout(episode: Episode, text: str, kpi: Kpi, threshold_s: float) -> Layout
     height, width = episode.frames[0].frame.image.shape[:2]
     frame_width = round(FRAME_HEIGHT * width / height / 2) * 2
     total_width, total_height = frame_width + SIDE_WIDTH, FRAME_HEIGHT + SIGNALS_HEIGHT
-    with styled():
-        figure = Figure(figsize=(total_width / DPI, total_height / DPI), dpi=DPI, layout="none", facecolor="white")
+    with styled({"font.size": 12}):
+        figure = Figure(figsize=(total_width / DPI, total_height / DPI), dpi=DPI, facecolor="white")
+        figure.set_layout_engine("none")
         figure.text((frame_width + 1.5 * MARGIN) / total_width, 1 - MARGIN / total_height, text, **_TEXT)
-        axis = figure.add_axes((0.055, 50 / total_height, 0.795, (SIGNALS_HEIGHT - 86) / total_height))
+        axis = figure.add_axes((0.065, 62 / total_height, 0.765, (SIGNALS_HEIGHT - 102) / total_height))
         _draw_signals(axis, episode, kpi, threshold_s)
         canvas = FigureCanvasAgg(figure)
         canvas.draw()
@@ -127,13 +131,13 @@ def _layout(episode: Episode, text: str, kpi: Kpi, threshold_s: float) -> Layout
     return Layout(pixels, frame_width, left, right, total_height - int(box.y1), total_height - int(box.y0), last_s)
 
 
-_TEXT: dict[str, Any] = {"va": "top", "ha": "left", "fontsize": 9.6, "family": "DejaVu Sans Mono", "color": INK, "linespacing": 1.42}
+_TEXT: dict[str, Any] = {"va": "top", "ha": "left", "fontsize": 12.5, "family": "DejaVu Sans Mono", "color": INK, "linespacing": 1.3}
 
 
 def _draw_signals(axis: Axes, episode: Episode, kpi: Kpi, threshold_s: float) -> None:
     time_s = np.asarray(episode.signals["time_s"], dtype=float)
     speed, remaining = axis.twinx(), axis.twinx()
-    remaining.spines["right"].set_position(("outward", 46))
+    remaining.spines["right"].set_position(("outward", 62))
     axis.plot(time_s, episode.signals["confidence"], color=CONFIDENCE_COLOUR, linewidth=1.8)
     speed.plot(time_s, episode.signals["ego_speed_mps"], color=SPEED_COLOUR, linewidth=1.8)
     shown = ttc(episode.signals) / (1 + np.cumsum(episode.signals["false_positives"]))
@@ -154,7 +158,7 @@ def _draw_signals(axis: Axes, episode: Episode, kpi: Kpi, threshold_s: float) ->
         target.spines["right"].set_visible(target is not axis)
         target.spines["right"].set_color(GRID)
     axis.set(xlim=(0, max(float(time_s[-1]), 0.1)), xlabel="time (s)")
-    axis.set_title("no collision path counted" if np.isnan(shown).all() else f"smallest adj. TTC {kpi.adj_ttc_s:.2f} s", fontsize=9)
+    axis.set_title("no collision path counted" if np.isnan(shown).all() else f"smallest adj. TTC {kpi.adj_ttc_s:.2f} s", fontsize=12)
 
 
 def _compose(layout: Layout, kept: KeptFrame) -> Pixels:
@@ -184,11 +188,11 @@ def _rectangle(view: Pixels, box: tuple[float, ...], scale: float, colour: tuple
 
 
 def _label(view: Pixels, text: str, left: int, bottom: int, colour: tuple[int, int, int] = DETECTION) -> None:
-    (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.5, 1)
+    (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, LABEL_SCALE, 1)
     left = int(np.clip(left, 4, view.shape[1] - width - 4))
     bottom = int(np.clip(bottom - 5, height + 4, view.shape[0] - 4))
     cv2.rectangle(view, (left - 3, bottom - height - 3), (left + width + 3, bottom + 4), colour, -1)
-    cv2.putText(view, text, (left, bottom), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255), 1, cv2.LINE_AA)
+    cv2.putText(view, text, (left, bottom), cv2.FONT_HERSHEY_SIMPLEX, LABEL_SCALE, (255, 255, 255), 1, cv2.LINE_AA)
 
 
 def _write_mp4(images: list[Pixels], path: Path, frames_per_second: int) -> None:

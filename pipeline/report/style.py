@@ -49,9 +49,9 @@ _RC = {
 
 
 @contextmanager
-def styled() -> Iterator[None]:
-    """Apply the report's style inside the block, and leave matplotlib's settings as they were."""
-    with matplotlib.rc_context(_RC):
+def styled(changes: Mapping[str, object] | None = None) -> Iterator[None]:
+    """Apply the report's style, with changes to it, inside the block, and leave matplotlib's settings as they were."""
+    with matplotlib.rc_context({**_RC, **(changes or {})}):
         yield
 
 

@@ -122,7 +122,8 @@ def show(image: Images, view: View, size: tuple[int, int]) -> tuple[Images, NDAr
         return (np.ascontiguousarray(part[:, ::-1]) if view.flipped else part), matrix
     centred = matrix.copy()
     centred[:, 2] += matrix[:, :2] @ (0.5, 0.5) - 0.5  # OpenCV puts (0, 0) at a pixel's middle, boxes at its corner.
-    shown = cv2.warpAffine(image, centred, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT_101)
+    # Grey beyond the image: a reflection would show people that no label knows.
+    shown = cv2.warpAffine(image, centred, size, flags=cv2.INTER_LINEAR, borderValue=(114, 114, 114))
     return np.asarray(shown, np.uint8), matrix
 
 

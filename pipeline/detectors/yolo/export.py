@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import io
+import tempfile
 import warnings
 from pathlib import Path
 
@@ -10,6 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from pipeline.artefacts.files import write_bytes
+from pipeline.core.reliability import Calibration
 from pipeline.detectors.yolo.model import Yolo, cells, decode
 
 OPSET = 17
@@ -21,9 +22,9 @@ class Deployed(nn.Module):
     centres: Tensor
     strides: Tensor
 
-    def __init__(self, model: Yolo, size: tuple[int, int]) -> None:
+    def __init__(self, model: Yolo, size: tuple[int, int], calibration: Calibration) -> None:
         super().__init__()
-        self.model = model
+        self.model, self.calibration = model, calibration
         centres, strides = cells(*size)
         self.register_buffer("centres", centres)
         self.register_buffer("strides", strides)
@@ -32,25 +33,25 @@ class Deployed(nn.Module):
         """(n, h, w, 3) uint8 RGB to boxes (n, cells, 4) in pixels and scores (n, cells) in [0, 1]."""
         scaled = image.permute(0, 3, 1, 2).float() * (1 / 255)
         boxes, logits = decode(self.model(scaled), self.centres, self.strides)
-        return boxes, logits.sigmoid()
+        return boxes, (self.calibration.slope * logits + self.calibration.offset).sigmoid()
 
 
-def export_onnx(path: Path, model: Yolo, size: tuple[int, int]) -> None:
-    """Write model.onnx for images of size (w, h), any number at a time; the same weights give the same bytes."""
-    buffer = io.BytesIO()
+def export_onnx(path: Path, model: Yolo, size: tuple[int, int], calibration: Calibration | None = None) -> None:
+    """Write model.onnx for images of size (w, h), any number at a time; the same weights and calibration give the same bytes."""
     example = torch.zeros(1, size[1], size[0], 3, dtype=torch.uint8)
     axes = {name: {0: "images"} for name in ("image", "boxes", "scores")}
-    with warnings.catch_warnings():
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
+        exported = Path(folder) / "model.onnx"
         # The exporter that is not deprecated needs onnxscript, a package more.
         warnings.simplefilter("ignore", DeprecationWarning)
         torch.onnx.export(
-            Deployed(model, size).eval(),
+            Deployed(model, size, calibration or Calibration()).eval(),
             (example,),
-            buffer,
+            exported,
             input_names=["image"],
             output_names=["boxes", "scores"],
             dynamic_axes=axes,
             opset_version=OPSET,
             dynamo=False,
         )
-    write_bytes(path, buffer.getvalue())
+        write_bytes(path, exported.read_bytes())

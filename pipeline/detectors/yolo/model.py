@@ -51,7 +51,8 @@ class Csp(nn.Module):
         kept = list(self.enter(x).chunk(2, 1))
         for stage in self.stages:
             kept.append(kept[-1] + stage(kept[-1]) if self.residual else stage(kept[-1]))
-        return self.leave(torch.cat(kept, 1))
+        left: Tensor = self.leave(torch.cat(kept, 1))
+        return left
 
 
 class Sppf(nn.Module):
@@ -67,7 +68,8 @@ class Sppf(nn.Module):
         kept = [self.enter(x)]
         for _ in range(3):
             kept.append(self.pool(kept[-1]))
-        return self.leave(torch.cat(kept, 1))
+        left: Tensor = self.leave(torch.cat(kept, 1))
+        return left
 
 
 class Yolo(nn.Module):

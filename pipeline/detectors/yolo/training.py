@@ -186,13 +186,9 @@ def _tensors(batch: Batch, device: torch.device) -> tuple[Tensor, Tensor]:
 
 def _save(path: Path, identity: str, state: State) -> None:
     buffer = io.BytesIO()
-    parts = {"model": state.model, "average": state.average, "optimiser": state.optimiser}
-    torch.save({name: part.state_dict() for name, part in parts.items()} | _header(identity, state.iteration), buffer)
+    parts = {"model": state.model.state_dict(), "average": state.average.state_dict(), "optimiser": state.optimiser.state_dict()}
+    torch.save({"identity": identity, "iteration": state.iteration, **parts}, buffer)
     write_bytes(path, buffer.getvalue())
-
-
-def _header(identity: str, iteration: int) -> dict[str, object]:
-    return {"identity": identity, "iteration": iteration}
 
 
 def _resume(path: Path, identity: str, state: State, device: torch.device) -> None:

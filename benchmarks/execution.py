@@ -1,0 +1,85 @@
+"""CPU-seconds of a closed-loop test execution, and where they go.
+
+    python benchmarks/execution.py [--tests 40] [--scenario F1 ...] [--model models/base]
+
+Runs random tests in one process with one thread and times the parts of each frame. CPU time, not wall time: it does not depend on
+what else the machine does.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from collections import defaultdict
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from docs.contact_sheet import scenario as read_scenario
+from pipeline.core.space import Space
+from pipeline.detectors.onnx import OnnxDetector
+from pipeline.detectors.yolo.export import export_onnx
+from pipeline.detectors.yolo.weights import load_weights
+from pipeline.simulators.mujoco import camera, lens
+from pipeline.simulators.mujoco.episode import MujocoSimulator
+
+SPENT: dict[str, float] = defaultdict(float)
+
+
+def timed(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+    """The function, its CPU time added to `SPENT[name]`."""
+
+    def wrapper(*arguments: Any, **named: Any) -> Any:
+        start = time.process_time()
+        result = function(*arguments, **named)
+        SPENT[name] += time.process_time() - start
+        return result
+
+    return wrapper
+
+
+def main() -> None:
+    """Measure and print a table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--tests", type=int, default=40, help="tests a scenario")
+    parser.add_argument("--scenario", nargs="+", default=["F1", "F2"])
+    parser.add_argument("--model", type=Path, default=Path("models/base"))
+    options = parser.parse_args()
+    camera.Camera.shoot = timed("frame", camera.Camera.shoot)  # type: ignore[method-assign]
+    camera.Camera._truth = timed("ground truth", camera.Camera._truth)  # type: ignore[method-assign]
+    lens.Lens.expose = timed("weather", lens.Lens.expose)  # type: ignore[method-assign]
+    OnnxDetector.detect = timed("inference", OnnxDetector.detect)  # type: ignore[method-assign]
+    with tempfile.TemporaryDirectory() as folder:
+        onnx = Path(folder) / "model.onnx"
+        export_onnx(onnx, load_weights(options.model / "weights.safetensors"), (320, 192))
+        for name in options.scenario:
+            measure(name, options.tests, OnnxDetector(onnx))
+
+
+def measure(name: str, tests: int, detector: OnnxDetector) -> None:
+    """Time one scenario."""
+    described = read_scenario(name)
+    space = Space.from_dict(described.space)
+    simulator = MujocoSimulator(described.model_dump())
+    simulator.execute(space.decode(space.sample(1, np.random.default_rng(0))[0]), detector)  # Warm up.
+    SPENT.clear()
+    whole, frames = [], 0
+    for point in space.sample(tests, np.random.default_rng(1)):
+        start = time.process_time()
+        episode = simulator.execute(space.decode(point), detector)
+        whole.append(time.process_time() - start)
+        frames += len(episode.signals["time_s"]) - 1
+    simulator.close()
+    render = SPENT["frame"] - SPENT["ground truth"] - SPENT["weather"]
+    parts = {"render": render, "ground truth": SPENT["ground truth"], "weather": SPENT["weather"], "inference": SPENT["inference"]}
+    parts["rest"] = sum(whole) - sum(parts.values())
+    print(f"{name}: {np.median(whole):.2f} CPU-s a test (median; mean {np.mean(whole):.2f}, longest {max(whole):.2f}), {frames / tests:.1f} frames a test")
+    for part, seconds in parts.items():
+        print(f"  {part:<13}{seconds / frames * 1e3:6.2f} ms a frame {seconds / sum(whole):6.1%}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,45 @@
+"""Seconds that a strategy itself costs a test, on the analytic simulator.
+
+    python benchmarks/samplers.py [--tests 400]
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+import numpy as np
+from hydra.utils import instantiate
+from threadpoolctl import threadpool_limits
+
+from pipeline.config import compose
+from pipeline.core import kpi
+from pipeline.detectors.scripted import VisiblePixelOracle
+from pipeline.simulators.analytic import AnalyticSimulator
+
+
+def main() -> None:
+    """Measure and print a table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--tests", type=int, default=400)
+    budget = parser.parse_args().tests
+    config = compose("default", [])
+    space, simulator = config.space("F1"), AnalyticSimulator(config.scenarios["F1"].model_dump())
+    print(f"{'strategy':<10}{'s a test':>10}{'slowest ask':>13}{'failures':>10}   in {budget} tests")
+    for name, section in config.samplers.items():
+        sampler = instantiate(section, _partial_=True, _convert_="all")(space=space, seed=0)
+        spent, failures, done = [], 0, 0
+        while done < budget:
+            started = time.process_time()
+            with threadpool_limits(1):
+                points = sampler.ask()
+            spent.append(time.process_time() - started)
+            found = [kpi.evaluate(simulator.execute(space.decode(p), VisiblePixelOracle()).signals, 0.1) for p in points]
+            sampler.tell(points, np.array([f.adj_ttc_s for f in found]))
+            failures += sum(f.failure for f in found)
+            done += len(points)
+        print(f"{name:<10}{sum(spent) / done:>10.4f}{max(spent):>13.2f}{failures:>10}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,48 @@
+"""Reading and writing whole files: atomically, with the same bytes for the same content, and with errors that name the file."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from pipeline.protocols import InputError
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file so that readers see the old one or the whole new one, also after a kill; makes its folders."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        temporary.write_bytes(data)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_json(path: Path, plain: Any) -> None:
+    """Write plain data as indented JSON in its own order; ValueError for NaN and infinities, which JSON does not have."""
+    write_bytes(path, (json.dumps(plain, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode())
+
+
+def read_bytes(path: Path) -> bytes:
+    """Read a whole file; InputError if it is missing or unreadable."""
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: expected a readable file, got {error.strerror or error}; make it with snakemake") from error
+
+
+def read_json(path: Path) -> Any:
+    """Read JSON; InputError if the file is missing, truncated or no JSON."""
+    try:
+        return json.loads(read_bytes(path))
+    except ValueError as error:
+        raise InputError(f"{path}: expected JSON, got a truncated or foreign file ({error}); delete it and make it again") from error
+
+
+def sha256(path: Path) -> str:
+    """Hexadecimal SHA-256 of a file's bytes; InputError if it is missing."""
+    return hashlib.sha256(read_bytes(path)).hexdigest()

@@ -1,0 +1,31 @@
+"""Tests as points of their scenario space."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from pipeline.core.space import Floats, Space
+from pipeline.protocols import InputError, Value
+
+
+def encode_tests(tests: pd.DataFrame, space: Space) -> Floats:
+    """(n, d) points of the rows of tests.parquet; InputError that names the row whose value does not fit the space."""
+    points = np.empty((len(tests), len(space)))
+    for column, variable in enumerate(space.variables):
+        if variable.name not in tests:
+            raise InputError(f"tests have no column '{variable.name}', which the scenario space has; make the campaign again")
+        for row, value in enumerate(tests[variable.name]):
+            try:
+                points[row, column] = variable.encode(value)
+            except ValueError as error:
+                raise InputError(f"test {tests['test_id'].iloc[row]}: {error}; make the campaign again") from error
+    return points
+
+
+def concrete(test: pd.Series, space: Space) -> dict[str, Value]:
+    """The concrete scenario of one row of tests.parquet: variable -> value in its unit."""
+    return {
+        variable.name: str(test[variable.name]) if variable.kind == "categorical" else float(test[variable.name])
+        for variable in space.variables
+    }

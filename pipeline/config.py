@@ -1,0 +1,317 @@
+"""The schema of params.yaml: every key, its range and its default meaning; an unknown key is an error that names the nearest one.
+
+Hydra composes `conf/` into params.yaml once (`compose`); everything else reads that file (`load`).
+"""
+
+from __future__ import annotations
+
+import difflib
+import inspect
+from collections.abc import Iterable, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args
+
+import yaml
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from pipeline.core.space import Space
+from pipeline.protocols import InputError
+from pipeline.scenario import FunctionalScenario
+
+CONF = Path(__file__).resolve().parents[1] / "conf"
+PARAMS = Path("params.yaml")
+VERSIONS = ("base", "control", "random", "adaptive")
+"""Model versions: D_o, the control (same steps, no new data), D_r and D_a."""
+Seed = Annotated[int, Field(ge=0)]
+Share = Annotated[float, Field(gt=0, lt=1)]
+
+
+def _has_target(section: dict[str, Any]) -> dict[str, Any]:
+    if not isinstance(section.get("_target_"), str) or "." not in section["_target_"]:
+        raise ValueError("needs '_target_', the dotted name of a class")
+    return section
+
+
+Target = Annotated[dict[str, Any], AfterValidator(_has_target)]
+"""Something that Hydra instantiates: `_target_` and keyword arguments of that class."""
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+
+class Campaign(_Section):
+    """One search campaign: a strategy, a scenario, a model version, a seed."""
+
+    tests: int = Field(ge=1, le=100_000)
+    """Test budget."""
+    keep_every: int = Field(ge=0, le=1000)
+    """Keep every n-th frame for retraining; 0 keeps none."""
+    failure_threshold_s: float = Field(gt=0, le=10)
+    """A test whose adjusted TTC is at or below it is a failure (Eq. 6.1)."""
+
+
+class Comparison(_Section):
+    """The frozen held-out sequence on which all model versions are compared."""
+
+    tests: int = Field(ge=1, le=100_000)
+    """How much of the pair-wise sequence is executed."""
+    strategy: str
+    seed: Seed
+    alpha: Share
+    """Level of the paired tests."""
+    confidence: Share
+    """Of all intervals."""
+
+
+class BaseSet(_Section):
+    """The random base training set."""
+
+    images: int = Field(ge=10, le=1_000_000)
+    validation_share: float = Field(gt=0, lt=0.9)
+    seed: Seed
+
+
+class Base(_Section):
+    """Where the model version `base` comes from."""
+
+    source: Literal["shipped", "trained"]
+    """`shipped` takes `weights`, `trained` trains from scratch on the base set."""
+    weights: str
+    """Folder of the shipped detector."""
+
+
+class Training(_Section):
+    """Training from scratch."""
+
+    seed: Seed
+    batch_size: int = Field(ge=1, le=4096)
+    crop_iterations: int = Field(ge=0)
+    frame_iterations: int = Field(ge=0)
+    learning_rate: float = Field(gt=0, lt=1)
+    polish_iterations: int = Field(ge=1)
+    """Full frames at the end, from a lower rate: only they show near pedestrians whole."""
+    polish_learning_rate: float = Field(gt=0, lt=1)
+    oversampling: int = Field(ge=1, le=20)
+    """How often an epoch shows an image whose pedestrian is hard to find."""
+
+
+class Retraining(_Section):
+    """Retraining of the versions control, random and adaptive: all with the same steps."""
+
+    seed: Seed
+    batch_size: int = Field(ge=2, le=4096)
+    iterations: int = Field(ge=1)
+    learning_rate: float = Field(gt=0, lt=1)
+    added_share: Share
+    """Share of a batch that comes from the campaigns; the rest, and all of the control's, from the base set."""
+    added_frames: int = Field(ge=1)
+    """At most so many added frames; never more than the smaller of the two sources has."""
+
+
+class Filter(_Section):
+    """Which campaign frames may be learnt from."""
+
+    min_visible_pixels: int = Field(ge=0)
+    min_contrast: float = Field(ge=0, le=255)
+    """Grey levels."""
+    overrules: str | None
+    """A person's CSV with test_id, step, keep."""
+
+
+class Regions(_Section):
+    """Failure regions."""
+
+    epsilon: float = Field(gt=0, le=1)
+    """Radius of the density clusters, on the mixed distance."""
+    min_failures: int = Field(ge=2)
+    """Failures within the radius that make a region."""
+
+
+class Report(_Section):
+    """The report."""
+
+    replays: int = Field(ge=0, le=100)
+    """Replay videos at most."""
+
+
+class Tracking(_Section):
+    """MLflow."""
+
+    experiment: str
+    model_name: str
+
+
+class Config(_Section):
+    """A study."""
+
+    study: str = Field(pattern=r"^[a-z0-9_-]+$")
+    goal: Literal["report", "base"]
+    """`report` runs everything, `base` stops at the trained base detector."""
+    seeds: tuple[Seed, ...] = Field(min_length=1)
+    """Seeds of the search campaigns."""
+    search: tuple[str, ...] = Field(min_length=1)
+    """Scenarios that are searched."""
+    held_out: tuple[str, ...] = Field(min_length=1)
+    """Scenarios for the comparison alone."""
+    strategies: tuple[str, ...] = Field(min_length=1)
+    """Test strategies of the search; the first is the baseline and feeds D_r."""
+    adaptive: str
+    """The strategy that feeds D_a."""
+    scenarios: dict[str, FunctionalScenario]
+    samplers: dict[str, Target]
+    simulator: Target
+    detector: Target
+    campaign: Campaign
+    comparison: Comparison
+    base_set: BaseSet
+    base: Base
+    training: Training
+    retraining: Retraining
+    filter: Filter
+    regions: Regions
+    report: Report
+    tracking: Tracking
+
+    @model_validator(mode="after")
+    def _names_exist(self) -> Config:
+        for key in ("search", "held_out"):
+            for name in getattr(self, key):
+                _known(key, name, self.scenarios)
+        for name in self.strategies:
+            _known("strategies", name, self.samplers)
+        _known("comparison.strategy", self.comparison.strategy, self.samplers)
+        _known("adaptive", self.adaptive, self.strategies)
+        if both := set(self.search) & set(self.held_out):
+            raise ValueError(f"held_out must not be searched: {', '.join(sorted(both))} is in both lists")
+        if self.adaptive == self.strategies[0]:
+            raise ValueError(f"adaptive must differ from the baseline, the first of strategies, got '{self.adaptive}' for both")
+        return self
+
+    def space(self, scenario: str) -> Space:
+        """The logical scenario space of a scenario; InputError that names the variable that is wrong."""
+        try:
+            return Space.from_dict(self.scenarios[scenario].space)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"scenarios.{scenario}.space: {error}") from error
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """'; did you mean …?' with the nearest known name, or the list of them."""
+    choices = sorted(known)
+    close = difflib.get_close_matches(name, choices, n=1, cutoff=0.5)
+    return f"; did you mean '{close[0]}'?" if close else f"; known are {', '.join(choices)}"
+
+
+def _known(key: str, name: str, known: Iterable[str]) -> None:
+    if name not in known:
+        raise ValueError(f"{key}: there is no '{name}'{nearest(name, known)}")
+
+
+def validate(plain: Any, source: str) -> Config:
+    """Check plain data against the schema; InputError that names the source and the first wrong key."""
+    try:
+        config = Config.model_validate(plain)
+    except ValidationError as error:
+        raise InputError(f"{source}: {_message(error)}") from error
+    for name in config.scenarios:
+        config.space(name)
+    return config
+
+
+def _message(error: ValidationError) -> str:
+    # An unknown key explains the missing one beside it, so it comes first.
+    first = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
+    path = [str(part) for part in first["loc"]]
+    if first["type"] == "extra_forbidden":
+        return f"unknown key '{'.'.join(path)}'{nearest(path[-1], _keys(path[:-1]))}"
+    key, text = ".".join(path), first["msg"].removeprefix("Value error, ")
+    if first["type"] == "missing":
+        return f"key '{key}' is missing"
+    got = "" if isinstance(first["input"], dict) else f", got {first['input']!r}"
+    return f"{key}: {text}{got}" if key else text
+
+
+def _keys(path: Sequence[str]) -> list[str]:
+    """Known keys of the section at a path of the schema."""
+    model: Any = Config
+    for part in path:
+        fields = getattr(model, "model_fields", {})
+        if part in fields:
+            model = fields[part].annotation
+        if get_args(model):
+            model = next((a for a in get_args(model) if isinstance(a, type) and issubclass(a, BaseModel)), model)
+    return list(getattr(model, "model_fields", {}))
+
+
+def check_targets(config: Config) -> None:
+    """Check that each `_target_` exists and takes the keys beside it; InputError that names the nearest parameter."""
+    sections = {"simulator": config.simulator, "detector": config.detector}
+    sections |= {f"samplers.{name}": section for name, section in config.samplers.items()}
+    for key, section in sections.items():
+        parameters = _parameters(f"{key}._target_", section["_target_"])
+        for name in section:
+            if name != "_target_" and name not in parameters:
+                raise InputError(f"unknown key '{key}.{name}'{nearest(name, parameters)}")
+
+
+def _parameters(key: str, target: str) -> list[str]:
+    module, _, name = target.rpartition(".")
+    try:
+        found = getattr(import_module(module), name)
+    except (ImportError, AttributeError) as error:
+        raise InputError(f"{key}: there is no '{target}' ({error})") from error
+    return [parameter for parameter in inspect.signature(found).parameters if parameter != "self"]
+
+
+def compose(study: str, overrides: Sequence[str]) -> Config:
+    """Compose a study from conf/ with Hydra's overrides and check it."""
+    from hydra import compose as hydra_compose
+    from hydra import initialize_config_dir
+    from hydra.errors import HydraException
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+
+    studies = [path.stem for path in (CONF / "study").glob("*.yaml")]
+    if study not in studies:
+        raise InputError(f"there is no study '{study}'{nearest(study, studies)}")
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        plain: Any = OmegaConf.to_container(hydra_compose("config", overrides=[f"study={study}"]), resolve=True)
+        try:
+            if overrides:
+                plain = OmegaConf.to_container(hydra_compose("config", overrides=[f"study={study}", *overrides]), resolve=True)
+        except (HydraException, OmegaConfBaseException) as error:
+            raise InputError(_override_message(plain, overrides) or f"overrides: {str(error).splitlines()[0]}") from error
+    config = validate(plain, "conf/")
+    check_targets(config)
+    return config
+
+
+def _override_message(plain: Any, overrides: Sequence[str]) -> str:
+    """Which override names a key that is not there; empty if none does."""
+    for override in overrides:
+        section, path = plain, override.partition("=")[0].lstrip("+~").split(".")
+        for part in path:
+            if not isinstance(section, dict) or part not in section:
+                known = section if isinstance(section, dict) else []
+                return f"unknown key '{'.'.join(path)}'{nearest(part, known)}"
+            section = section[part]
+    return ""
+
+
+def dump(config: Config, command: str) -> str:
+    """The text of params.yaml."""
+    body = yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, width=120)
+    return f"# Made by `{command}`; change conf/ or the overrides, not this file.\n{body}"
+
+
+def load(path: Path = PARAMS) -> Config:
+    """Read params.yaml; InputError that names the file and key."""
+    try:
+        plain = yaml.safe_load(path.read_text())
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file; make it by `python -m pipeline compose study=default`") from error
+    except yaml.YAMLError as error:
+        raise InputError(f"{path}: no YAML ({str(error).splitlines()[0]})") from error
+    return validate(plain, str(path))

@@ -1,0 +1,66 @@
+"""Groups failures into failure regions: by density on the mixed distance, or as connected failures on the categories."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
+from sklearn.cluster import DBSCAN
+
+from pipeline.core.distance import mixed_distance
+from pipeline.core.space import Floats, Space
+
+Ints = NDArray[np.int64]
+NOISE = -1
+
+
+def find_regions(space: Space, failures: Floats, epsilon: float, min_failures: int) -> Ints:
+    """Label of the density cluster of each failure (n, d), as (n,); -1 where it lies in none, larger regions first.
+
+    epsilon: radius on the mixed distance, in (0, 1]. min_failures: failures within it, itself included, that make it dense (DBSCAN).
+    """
+    if not 0 < epsilon <= 1:
+        raise ValueError(f"epsilon must be in (0, 1], got {epsilon}")
+    if min_failures < 1:
+        raise ValueError(f"min_failures must be at least 1, got {min_failures}")
+    if not len(failures):
+        return np.zeros(0, np.int64)
+    found = DBSCAN(eps=epsilon, min_samples=min_failures, metric="precomputed").fit_predict(mixed_distance(space, failures, failures))
+    return _largest_first(np.asarray(found, dtype=np.int64))
+
+
+def connected_failures(space: Space, failures: Floats) -> Ints:
+    """Label of the set of connected failures (Def. 4.19) that each failure (n, d) belongs to, as (n,), larger sets first.
+
+    On the categories: neighbours are equal in all variables but one, and next to each other in it (cyclic variables close the circle; any two
+    values of a categorical variable are next to each other).
+    """
+    if not len(failures):
+        return np.zeros(0, np.int64)
+    categories = space.categorise(failures)
+    different = np.zeros((len(failures), len(failures)), np.int64)
+    far = np.zeros(different.shape, bool)
+    for j, variable in enumerate(space.variables):
+        step = np.abs(categories[:, None, j] - categories[None, :, j])
+        if variable.cyclic:
+            step = np.minimum(step, variable.size - step)
+        different += step > 0
+        if variable.kind != "categorical":
+            far |= step > 1
+    neighbours = csr_matrix((different <= 1) & ~far)
+    return _largest_first(np.asarray(connected_components(neighbours, directed=False)[1], dtype=np.int64))
+
+
+def medoid(space: Space, points: Floats) -> int:
+    """Index of the point (n, d) that is nearest to all others."""
+    return int(np.argmin(mixed_distance(space, points, points).sum(axis=1)))
+
+
+def _largest_first(labels: Ints) -> Ints:
+    known, counts = np.unique(labels[labels != NOISE], return_counts=True)
+    ranked = known[np.argsort(-counts, kind="stable")]
+    result = np.full(len(labels), NOISE, np.int64)
+    for rank, label in enumerate(ranked):
+        result[labels == label] = rank
+    return result

@@ -1,0 +1,129 @@
+"""A readable rule for a failure region: a few intervals and value sets that hold its failures and few other tests."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.core.space import Floats, Space, Variable
+
+Bools = NDArray[np.bool_]
+MAX_CONDITIONS = 4
+TRIM = 0.05
+"""Share of a region's failures that a condition may leave out at either end."""
+MIN_GAIN = 0.02
+MAX_VALUES = 0.5
+"""A value set that names more than this share of a variable's values says nothing."""
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One variable's part of a rule. A cyclic interval with low > high passes through the end of the range."""
+
+    variable: int
+    low: float = 0.0
+    high: float = 0.0
+    values: tuple[int, ...] = ()
+
+    def holds(self, points: Floats) -> Bools:
+        """Which points (n, d) it admits, as (n,)."""
+        column = points[:, self.variable]
+        if self.values:
+            return np.isin(column, self.values)
+        if self.low <= self.high:
+            return (column >= self.low) & (column <= self.high)
+        return (column >= self.low) | (column <= self.high)
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A conjunction of conditions; without any it holds everywhere."""
+
+    conditions: tuple[Condition, ...]
+
+    def holds(self, points: Floats) -> Bools:
+        """Which points (n, d) it admits, as (n,)."""
+        result = np.ones(len(points), bool)
+        for condition in self.conditions:
+            result &= condition.holds(points)
+        return result
+
+    def text(self, space: Space) -> str:
+        """As a person reads it: `fog >= 60 % and sun_altitude in [-20, 3] deg`."""
+        return " and ".join(_condition_text(c, space.variables[c.variable]) for c in self.conditions) or "anywhere"
+
+
+def find_rule(space: Space, points: Floats, failures: Bools, members: Bools) -> Rule:
+    """The rule of a region.
+
+    points: (n, d), all tests. failures: (n,). members: (n,), the failures that form the region. Greedy: of the conditions that hold the
+    members, the one that raises the precision (failures among the tests inside) most is added, while it raises it by at least 0.02.
+    """
+    if not members.any() or (members & ~failures).any():
+        raise ValueError("a region needs members, and all of them must be failures")
+    chosen: list[Condition] = []
+    left = [c for j, v in enumerate(space.variables) if (c := _condition(j, v, points[members])) is not None]
+    precision = failures.mean()
+    while left and len(chosen) < MAX_CONDITIONS:
+        scores = [_precision(Rule((*chosen, c)), points, failures) for c in left]
+        best = int(np.argmax(scores))
+        if scores[best] < precision + MIN_GAIN:
+            break
+        precision = scores[best]
+        chosen.append(left.pop(best))
+    return Rule(tuple(sorted(chosen, key=lambda c: c.variable)))
+
+
+def _precision(rule: Rule, points: Floats, failures: Bools) -> float:
+    inside = rule.holds(points)
+    return float(failures[inside].mean()) if inside.any() else 0.0
+
+
+def _condition(index: int, variable: Variable, members: Floats) -> Condition | None:
+    """The narrowest statement about one variable that holds (nearly) all members; None where it would say next to nothing."""
+    column = members[:, index]
+    if variable.kind == "categorical":
+        values = tuple(int(v) for v in np.unique(column))
+        return Condition(index, values=values) if len(values) <= MAX_VALUES * variable.size else None
+    if variable.cyclic:
+        return _arc(index, variable, column)
+    low, high = np.quantile(column, [TRIM, 1 - TRIM]) if len(column) >= 1 / TRIM else (column.min(), column.max())
+    low, high = _outward(variable, float(low), float(high))
+    return None if high - low > 0.85 * (variable.high - variable.low) else Condition(index, low, high)
+
+
+def _outward(variable: Variable, low: float, high: float) -> tuple[float, float]:
+    """Round the bounds outwards to half a step, so that a rule reads like a person's, and keep them in the range."""
+    unit = variable.step / 2
+    down, up = np.floor((low - variable.low) / unit) * unit, np.ceil((high - variable.low) / unit) * unit
+    return max(variable.low, variable.low + float(down)), min(variable.high, variable.low + float(up))
+
+
+def _arc(index: int, variable: Variable, column: Floats) -> Condition | None:
+    """The shortest arc that holds all members: the circle without its widest gap."""
+    period = variable.high - variable.low
+    ordered = np.sort(column)
+    gaps = np.diff(ordered, append=ordered[0] + period)
+    widest = int(np.argmax(gaps))
+    if gaps[widest] < 0.25 * period:
+        return None
+    unit = variable.step / 2
+    low = float(np.floor((ordered[(widest + 1) % len(ordered)] - variable.low) / unit) * unit + variable.low)
+    high = float(np.ceil((ordered[widest] - variable.low) / unit) * unit + variable.low)
+    return Condition(index, low, min(high, variable.high))
+
+
+def _condition_text(condition: Condition, variable: Variable) -> str:
+    unit = f" {variable.unit}" if variable.unit else ""
+    if condition.values:
+        names = [variable.values[i] for i in condition.values]
+        return f"{variable.name} = {names[0]}" if len(names) == 1 else f"{variable.name} in {{{', '.join(names)}}}"
+    if condition.low > condition.high:
+        return f"{variable.name} from {condition.low:g} through {variable.high:g} to {condition.high:g}{unit}"
+    if condition.low <= variable.low:
+        return f"{variable.name} <= {condition.high:g}{unit}"
+    if condition.high >= variable.high:
+        return f"{variable.name} >= {condition.low:g}{unit}"
+    return f"{variable.name} in [{condition.low:g}, {condition.high:g}]{unit}"

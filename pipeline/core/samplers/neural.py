@@ -1,0 +1,144 @@
+"""Meta-model testing with a neural network (thesis Algorithm 2, section 4.4.3)."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.neural_network import MLPRegressor
+
+from pipeline.core.constraints import Constraints
+from pipeline.core.distance import mixed_distance, relevance
+from pipeline.core.samplers.batches import BatchSampler
+from pipeline.core.space import Floats, Space
+
+GRID: tuple[tuple[tuple[int, ...], float], ...] = (((16,), 1e-2), ((32,), 1e-2), ((16, 16), 1e-1), ((32, 16), 1e-2))
+"""Hyperparameters: hidden layers and L2 penalty."""
+TUNE_EVERY = 3
+"""The grid is searched in every third batch: more often costs more than it changes."""
+TEST_SHARE = 0.25
+PARENTS = 12
+
+
+class NeuralSampler(BatchSampler):
+    """Fits a network to the KPI and tests where it predicts the lowest values, with a share of random exploration.
+
+    Each batch: the network is chosen on a grid by its error on a held-out quarter of the tests, then predicts a fixed-size candidate set.
+    Only sampling-relevant candidates are eligible (Def. 4.20), so that an established failure region is not sampled on and on. Beyond the
+    thesis, a share of the candidates are mutations of the worst tests so far (one to three variables drawn anew), because uniform
+    candidates hardly ever hit a narrow region, and the points of a batch keep a distance from each other.
+
+    candidates: size of the candidate set. mutants: its share of mutations, in [0, 1). explore: share of a batch drawn at random, in [0, 1].
+    failure_threshold_s: at or below it a KPI is a failure. epsilon: radius of the ball, on the mixed distance. omega_threshold: negative;
+    a candidate is relevant above it. spread: smallest distance within a batch.
+    """
+
+    def __init__(
+        self,
+        space: Space,
+        seed: int,
+        *,
+        batch_size: int = 20,
+        constraints: Constraints | None = None,
+        candidates: int = 1000,
+        mutants: float = 0.4,
+        explore: float = 0.2,
+        failure_threshold_s: float = 0.1,
+        epsilon: float = 0.1,
+        omega_threshold: int = -5,
+        spread: float = 0.05,
+    ) -> None:
+        super().__init__(space, seed, batch_size=batch_size, constraints=constraints)
+        if candidates < batch_size:
+            raise ValueError(f"candidates must be at least batch_size, {batch_size}, got {candidates}")
+        if not 0 <= mutants < 1 or not 0 <= explore <= 1:
+            raise ValueError(f"mutants must be in [0, 1) and explore in [0, 1], got {mutants} and {explore}")
+        if omega_threshold >= 0:
+            raise ValueError(f"omega_threshold must be negative, got {omega_threshold}")
+        self._candidates, self._mutants, self._explore = candidates, mutants, explore
+        self._threshold, self._epsilon, self._omega, self._spread = failure_threshold_s, epsilon, omega_threshold, spread
+
+    def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
+        valid = np.isfinite(kpi)
+        if index == 0 or valid.sum() < 8:
+            return self._uniform(self.batch_size, rng)
+        seen, values = points[valid], kpi[valid]
+        candidates = self._candidate_set(seen, values, rng)
+        omega = relevance(self.space, candidates, seen, values <= self._threshold, self._epsilon)
+        relevant = np.flatnonzero(omega > self._omega)
+        predicted = self._predict(index, seen, values, candidates)
+        random_count = round(self._explore * self.batch_size)
+        order = relevant[np.argsort(predicted[relevant], kind="stable")]
+        chosen = self._spread_out(candidates, order, self.batch_size - random_count)
+        others = np.setdiff1d(relevant, chosen)
+        explored = rng.permutation(others)[:random_count]
+        picked = candidates[np.concatenate([chosen, explored]).astype(np.int64)]
+        # Where hardly anything is relevant any more, the rest of the batch is random testing.
+        return np.concatenate([picked, self._uniform(self.batch_size - len(picked), rng)])
+
+    def _candidate_set(self, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
+        """Uniform points, and mutations of the tests with the lowest KPI."""
+        count = round(self._mutants * self._candidates)
+        uniform = self._uniform(self._candidates - count, rng)
+        parents = points[np.argsort(kpi, kind="stable")[:PARENTS]]
+        children = parents[rng.integers(len(parents), size=count)]
+        fresh = self._uniform(count, rng)
+        changed = rng.random(children.shape).argsort(axis=1) < rng.integers(1, 4, size=(count, 1))
+        children = np.where(changed, fresh, children)
+        feasible = self.constraints.holds(self.space.categorise(children))
+        return np.concatenate([uniform, np.where(feasible[:, None], children, fresh)])
+
+    def _spread_out(self, candidates: Floats, order: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+        """The first `count` of `order` that keep `spread` from those chosen before; less if there are no more."""
+        chosen: list[int] = []
+        for i in order:
+            if len(chosen) == count:
+                break
+            if not chosen or mixed_distance(self.space, candidates[[i]], candidates[chosen]).min() >= self._spread:
+                chosen.append(int(i))
+        return np.array(chosen, dtype=np.int64)
+
+    def _predict(self, index: int, points: Floats, kpi: Floats, candidates: Floats) -> Floats:
+        """The network's KPI of the candidates; every random choice in it depends on (seed, index) alone."""
+        features, target = self._features(points), kpi / max(float(kpi.max()), 1e-9)
+        # Tuned on the history as it was at the last tuning, so that replaying needs no memory of it.
+        tuned = len(points) - (index % TUNE_EVERY) * self.batch_size
+        layers, penalty = self._tune(index - index % TUNE_EVERY, features[: max(tuned, 8)], target[: max(tuned, 8)])
+        network = _fit(layers, penalty, features, target, self.seed + index)
+        return np.asarray(network.predict(self._features(candidates)), dtype=float)
+
+    def _tune(self, index: int, features: Floats, target: Floats) -> tuple[tuple[int, ...], float]:
+        order = np.random.default_rng([self.seed, index, 1]).permutation(len(features))
+        cut = max(1, round(TEST_SHARE * len(order)))
+        test, development = order[:cut], order[cut:]
+        errors = []
+        for layers, penalty in GRID:
+            network = _fit(layers, penalty, features[development], target[development], self.seed + index)
+            errors.append(float(np.mean((network.predict(features[test]) - target[test]) ** 2)))
+        return GRID[int(np.argmin(errors))]
+
+    def _features(self, points: Floats) -> Floats:
+        """(n, d) points to (n, f) inputs: standardised numbers, cyclic ones as sine and cosine, categories one-hot."""
+        columns: list[Floats] = []
+        for j, variable in enumerate(self.space.variables):
+            column = points[:, j]
+            if variable.kind == "categorical":
+                columns.append((column[:, None] == np.arange(variable.size)[None]).astype(float))
+                continue
+            unit = (column - variable.low) / (variable.high - variable.low)
+            if variable.cyclic:
+                columns.append(np.column_stack([np.sin(2 * np.pi * unit), np.cos(2 * np.pi * unit)]))
+            else:
+                columns.append(((unit - 0.5) * np.sqrt(12))[:, None])
+        return np.column_stack(columns)
+
+
+def _fit(layers: tuple[int, ...], penalty: float, features: Floats, target: Floats, seed: int) -> MLPRegressor:
+    network = MLPRegressor(layers, alpha=penalty, solver="lbfgs", max_iter=60, random_state=seed)
+    with warnings.catch_warnings():
+        # Stopping after 60 steps is the regularisation.
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        network.fit(features, target)
+    return network

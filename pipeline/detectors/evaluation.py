@@ -1,0 +1,109 @@
+"""How well a detector detects: COCO's average precision by faster-coco-eval, and what counts at the threshold it is used with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from faster_coco_eval import COCO, COCOeval_faster
+from numpy.typing import NDArray
+
+from pipeline.artefacts.dataset import ImageSet
+from pipeline.core import kpi
+from pipeline.core.reliability import Calibration, platt
+from pipeline.protocols import Box, Detections
+
+KINDS = ("far", "localisation", "duplicate")
+
+CALIBRATED_FROM = 0.05
+"""Scores below it are never acted on; thousands of them would bend the fit."""
+
+
+def evaluate(found: Sequence[Detections], images: ImageSet, threshold: float) -> dict[str, float]:
+    """Metrics of a detector on a labelled set.
+
+    found: (n,) what the detector said of each image at a threshold near 0. threshold: the score it is used with, in [0, 1].
+    Returns ap50 and ap50_95 (COCO), and at the threshold precision and recall in [0, 1] and false_positives_an_image, all and by
+    kind. All count visible pedestrians alone (`kpi.barely_visible`); the others are ignored, as COCO ignores crowds.
+    """
+    ap50_95, ap50 = _average_precision(found, images)
+    visible = [_visible(images, index) for index in range(len(images))]
+    matchings = [_matching(detections, images, index, threshold) for index, detections in enumerate(found)]
+    hits = sum(seen and matching.confidence > 0 for seen, matching in zip(visible, matchings, strict=True))
+    false = {kind: sum(getattr(matching, kind) for matching in matchings) for kind in KINDS}
+    total, count = sum(false.values()), max(1, len(found))
+    return {
+        "ap50": ap50,
+        "ap50_95": ap50_95,
+        "precision": hits / max(1, hits + total),
+        "recall": hits / max(1, sum(visible)),
+        "false_positives_an_image": total / count,
+        **{f"false_positives_{kind}_an_image": number / count for kind, number in false.items()},
+    }
+
+
+def _visible(images: ImageSet, index: int) -> bool:
+    return not kpi.barely_visible(int(images.visible_pixels[index]), float(images.contrast[index]))
+
+
+def _matching(detections: Detections, images: ImageSet, index: int, threshold: float) -> kpi.Matching:
+    used = detections.scores >= threshold
+    return kpi.match(
+        detections.boxes[used],
+        detections.scores[used],
+        _box(images.boxes[index]),
+        _box(images.whole_boxes[index]),
+        int(images.visible_pixels[index]),
+        float(images.contrast[index]),
+    )
+
+
+def _box(row: NDArray[np.float32]) -> Box | None:
+    left, top, right, bottom = (float(value) for value in row)
+    return (left, top, right, bottom) if right > left else None
+
+
+def _average_precision(found: Sequence[Detections], images: ImageSet) -> tuple[float, float]:
+    """AP at IoU .5 to .95, and at .5; 0 where there is nothing to find or nothing was found."""
+    annotations = [
+        {"id": index + 1, "image_id": index, "category_id": 1, "iscrowd": int(not _visible(images, index)), **_shape(box)}
+        for index, box in enumerate(images.boxes)
+        if box[2] > box[0]
+    ]
+    results = [
+        {"image_id": index, "category_id": 1, "score": float(score), **_shape(box)}
+        for index, detections in enumerate(found)
+        for box, score in zip(detections.boxes, detections.scores, strict=True)
+    ]
+    if not results or all(annotation["iscrowd"] for annotation in annotations):
+        return 0.0, 0.0
+    numbers = [{"id": index} for index in range(len(images))]
+    truth = COCO({"images": numbers, "annotations": annotations, "categories": [{"id": 1, "name": "pedestrian"}]})
+    evaluation = COCOeval_faster(truth, truth.loadRes(results), "bbox")
+    evaluation.evaluate()
+    evaluation.accumulate()
+    evaluation.summarize()
+    return float(evaluation.stats[0]), float(evaluation.stats[1])
+
+
+def _shape(box: NDArray[np.float32]) -> dict[str, Any]:
+    left, top, right, bottom = (float(value) for value in box)
+    return {"bbox": [left, top, right - left, bottom - top], "area": (right - left) * (bottom - top)}
+
+
+def calibrate(found: Sequence[Detections], images: ImageSet) -> Calibration:
+    """Fit a calibration of the scores to whether each detection is a true positive; detections on barely visible pedestrians do not count.
+
+    The AEB brakes as hard as the detector is confident (thesis section 5.3): a score that understates is a car that brakes too softly.
+    """
+    scores: list[float] = []
+    right: list[bool] = []
+    for i, detections in enumerate(found):
+        boxes = _box(images.boxes[i]), _box(images.whole_boxes[i])
+        matching = kpi.match(detections.boxes, detections.scores, *boxes, int(images.visible_pixels[i]), float(images.contrast[i]))
+        for score, outcome in zip(detections.scores, matching.outcomes, strict=True):
+            if outcome != "ignored" and score >= CALIBRATED_FROM:
+                scores.append(float(score))
+                right.append(outcome == "true_positive")
+    return platt(scores, right)

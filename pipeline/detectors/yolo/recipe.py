@@ -1,0 +1,60 @@
+"""The recipe of the base detector: crops first, then full frames, hard images more often."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pipeline.artefacts.dataset import ImageSet
+from pipeline.detectors.yolo.data import Boxes, Images, Stream, batch, hardness, usable
+from pipeline.detectors.yolo.model import Yolo
+from pipeline.detectors.yolo.training import Progress, Schedule, fit, initial_model
+
+CROP_SIZE = (160, 96)
+CROP_PHASE, FRAME_PHASE, POLISH_PHASE = 0, 1, 2
+
+
+def train_from_scratch(
+    images: ImageSet, config: Mapping[str, Any], *, checkpoint: Path | None, threads: int, progress: Progress | None = None
+) -> Yolo:
+    """Train a detector on a set with section `training` of the config; resumes from `checkpoint`."""
+    seed, size = int(config["seed"]), int(config["batch_size"])
+    schedule = Schedule(int(config["crop_iterations"]), int(config["frame_iterations"]), float(config["learning_rate"]))
+    indices = usable(images)
+    repeats = hardness(images, int(config["oversampling"]))[indices]
+    crops, frames = (Stream(indices, repeats, (seed, phase)) for phase in (CROP_PHASE, FRAME_PHASE))
+
+    def feed(iteration: int) -> tuple[Images, Boxes]:
+        if iteration < schedule.crop_iterations:
+            return batch(images, crops.take(iteration * size, size), CROP_SIZE, (seed, CROP_PHASE, iteration))
+        first = (iteration - schedule.crop_iterations) * size
+        return batch(images, frames.take(first, size), images.size, (seed, FRAME_PHASE, iteration))
+
+    identity = hashlib.sha256(json.dumps([dict(config), images.digest], sort_keys=True).encode()).hexdigest()
+    model = fit(initial_model(seed), schedule, feed, identity=identity, checkpoint=checkpoint, threads=threads, progress=progress)
+    return polish(model, images, config, identity=identity, checkpoint=checkpoint, threads=threads, progress=progress)
+
+
+def polish(
+    model: Yolo,
+    images: ImageSet,
+    config: Mapping[str, Any],
+    *,
+    identity: str,
+    checkpoint: Path | None,
+    threads: int,
+    progress: Progress | None = None,
+) -> Yolo:
+    """Go on with full frames from a lower rate: a pedestrian who is near does not fit into a crop, so only frames teach its box."""
+    seed, size = int(config["seed"]), int(config["batch_size"])
+    schedule = Schedule(0, int(config["polish_iterations"]), float(config["polish_learning_rate"]), warm_up=50)
+    indices = usable(images)
+    stream = Stream(indices, hardness(images, int(config["oversampling"]))[indices], (seed, POLISH_PHASE))
+
+    def feed(iteration: int) -> tuple[Images, Boxes]:
+        return batch(images, stream.take(iteration * size, size), images.size, (seed, POLISH_PHASE, iteration))
+
+    return fit(model, schedule, feed, identity=f"{identity} polish", checkpoint=checkpoint, threads=threads, progress=progress)

@@ -1,0 +1,63 @@
+"""Retraining a detector on what it failed at: low rate, full frames, the base set mixed in (thesis section 7.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.artefacts.dataset import ImageSet
+from pipeline.detectors.yolo.data import Boxes, Images, Stream, batch, usable
+from pipeline.detectors.yolo.model import Yolo
+from pipeline.detectors.yolo.training import Progress, Schedule, fit
+
+BASE_STREAM, ADDED_STREAM = 10, 11
+
+
+def retrain(
+    model: Yolo,
+    base: ImageSet,
+    added: ImageSet | None,
+    *,
+    iterations: int,
+    batch_size: int,
+    learning_rate: float,
+    added_share: float,
+    seed: int,
+    identity: str,
+    checkpoint: Path,
+    threads: int,
+    progress: Progress | None = None,
+) -> Yolo:
+    """Continue training `model`; with `added` None this is the control: the same steps on the base set alone.
+
+    Short restarts with a high rate, on crops or without empty frames raise false positives even where nothing new is learnt;
+    hence the low rate, full frames alone and frozen normalisation statistics.
+    """
+    schedule = Schedule(0, iterations, learning_rate, warm_up=iterations // 10, averaging=0.97, frozen_statistics=True)
+    feed = mixed_feed(base, added, batch_size, added_share, seed)
+    return fit(model, schedule, feed, identity=identity, checkpoint=checkpoint, threads=threads, progress=progress)
+
+
+def mixed_feed(
+    base: ImageSet, added: ImageSet | None, batch_size: int, added_share: float, seed: int
+) -> Callable[[int], tuple[Images, Boxes]]:
+    """Batches whose last `added_share` comes from the added frames; every version sees the base images in the same order."""
+    indices = usable(base)
+    base_stream = Stream(indices, np.ones(len(indices), np.int64), (seed, BASE_STREAM))
+    if added is None:
+        return lambda iteration: batch(
+            base, base_stream.take(iteration * batch_size, batch_size), base.size, (seed, BASE_STREAM, iteration)
+        )
+    new = usable(added)
+    added_stream = Stream(new, np.ones(len(new), np.int64), (seed, ADDED_STREAM))
+    fresh = max(1, round(batch_size * added_share))
+    old = batch_size - fresh
+
+    def feed(iteration: int) -> tuple[Images, Boxes]:
+        first = batch(base, base_stream.take(iteration * old, old), base.size, (seed, BASE_STREAM, iteration))
+        second = batch(added, added_stream.take(iteration * fresh, fresh), added.size, (seed, ADDED_STREAM, iteration))
+        return np.concatenate([first[0], second[0]]), np.concatenate([first[1], second[1]])
+
+    return feed

@@ -1,0 +1,72 @@
+"""The report as one HTML page that loads nothing: figures are inline SVG, films are data: addresses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+
+@dataclass(frozen=True)
+class Table:
+    """Cells as text. numbers, codes: columns that must not wrap, and columns in a typewriter face."""
+
+    headers: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    numbers: tuple[int, ...] = ()
+    codes: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure as inline SVG, and how to read it."""
+
+    svg: str
+    how: str
+
+
+@dataclass(frozen=True)
+class Film:
+    """A replay: video and poster as data: addresses."""
+
+    title: str
+    caption: str
+    video: str
+    poster: str
+
+
+@dataclass(frozen=True)
+class Part:
+    """A titled piece of a section; what is empty is left out."""
+
+    title: str = ""
+    text: str = ""
+    table: Table | None = None
+    plots: tuple[Drawing, ...] = ()
+    replays: tuple[Film, ...] = ()
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section: paragraphs, then parts."""
+
+    title: str
+    texts: tuple[str, ...]
+    parts: tuple[Part, ...]
+
+
+@dataclass(frozen=True)
+class Page:
+    """The whole page. headline: the result in one or two sentences."""
+
+    study: str
+    headline: str
+    sections: tuple[Section, ...]
+
+
+def render(page: Page) -> str:
+    """The page as HTML; texts and cells are escaped."""
+    loader = FileSystemLoader(Path(__file__).parent)
+    environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    return environment.get_template("page.html.jinja").render(page=page)

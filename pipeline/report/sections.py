@@ -1,0 +1,182 @@
+"""What the report says: its sections, built from the study's results. Every number comes from an artefact."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import pandas as pd
+
+from pipeline.artefacts.model import ModelCard
+from pipeline.artefacts.results import Comparison, Estimate, FailureRegions, Measures, VersionResult
+from pipeline.report import texts
+from pipeline.report.page import Drawing, Film, Part, Section, Table
+from pipeline.report.verdict import HEADERS, verdict_rows, verdict_sentences
+
+METRICS = {"precision": "precision", "recall": "recall", "ap50": "AP50", "ap50_95": "AP50-95"}
+REASONS = {
+    "visible": "pedestrian visible",
+    "negative": "no pedestrian in the image",
+    "few_pixels": "too few visible pixels",
+    "barely_in_view": "under a tenth of the pedestrian in view",
+    "low_contrast": "too little contrast",
+}
+
+
+def headline(comparison: Comparison) -> str:
+    """The result in words: what base fails, what the others do about it."""
+    base, *others = comparison.versions
+    where = " + ".join(comparison.scenarios.values())
+    parts = [f"On {base.tests} tests of the held-out scenario {where} the {base.version} detector fails {base.failures}."]
+    for verdict, phrase in (("better", "Fewer failures are shown for"), ("worse", "More failures are shown for")):
+        named = [f"{r.version} ({r.failures})" for r in others if r.verdict == verdict]
+        if named:
+            parts.append(f"{phrase} {', '.join(named)}.")
+    undecided = [f"{r.version} ({r.failures})" for r in others if r.verdict == "no difference shown"]
+    if undecided:
+        parts.append(f"No difference is shown for {', '.join(undecided)}.")
+    return " ".join(parts)
+
+
+def verdict_section(comparison: Comparison, plots: Sequence[Drawing], replays: Sequence[Film]) -> Section:
+    """The comparison of the model versions."""
+    modes = Table(
+        ("version", "fail", "contact", "too late", "by TTC alone", "false positives alone", "failure rate", "broken"),
+        tuple(_modes_row(result) for result in comparison.versions),
+        numbers=(6,),
+    )
+    parts = [
+        Part(table=Table(HEADERS, tuple(verdict_rows(comparison)), numbers=(1, 2, 3)), text=" ".join(verdict_sentences(comparison))),
+        Part(
+            "How they fail",
+            texts.MODES,
+            modes,
+            tuple(plots),
+        ),
+    ]
+    if replays:
+        parts.append(Part("One test that changed", texts.PAIR, replays=tuple(replays)))
+    return Section("Verdict", (texts.VERDICT,), tuple(parts))
+
+
+def search_section(measures: Measures, labels: Mapping[str, str], plots: Sequence[Drawing], coverage: Sequence[Drawing]) -> Section:
+    """How well the test strategies find failures of the base version."""
+    intro = texts.SEARCH.format(confidence=100 * measures.confidence)
+    headers: tuple[str, ...] = ("scenario", "strategy", "failures / tests", "failure rate", "F", "C")
+    rows: tuple[tuple[str, ...], ...] = tuple(
+        (
+            labels[row.scenario],
+            row.strategy,
+            f"{row.failures} / {row.tests - row.errors}",
+            percent(row.rate),
+            _seeds(row.f_measure, row.f_measure_seeds, len(row.seeds), "{:.0f}"),
+            "baseline" if row.strategy == measures.baseline else _seeds(row.c_measure, row.c_measure_seeds, len(row.seeds), "{:.2f}"),
+        )
+        for row in measures.strategies
+    )
+    found = Part("Failures found", texts.MEASURES.format(baseline=measures.baseline), Table(headers, rows, numbers=(2, 3)), tuple(plots))
+    headers = ("scenario", "strategy", "pairs in tests", "pairs in failures", f"{measures.k}-projection")
+    rows = tuple(
+        (
+            labels[row.scenario],
+            row.strategy,
+            percent(row.pair_coverage_tests),
+            percent(row.pair_coverage_failures),
+            percent(row.projection_coverage),
+        )
+        for row in measures.strategies
+    )
+    covered = Part("Coverage of the scenario space", texts.COVERAGE, Table(headers, rows, numbers=(2, 3, 4)), tuple(coverage))
+    return Section("Search", (intro,), (found, covered))
+
+
+def regions_section(found: Sequence[FailureRegions], plots: Mapping[str, Drawing], replays: Mapping[str, Sequence[Film]]) -> Section:
+    """Where the base version fails, scenario by scenario."""
+    parts = []
+    for regions in found:
+        summary = (
+            f"{regions.failures} of {regions.tests} tests fail ({100 * regions.base_rate:.1f} %); {len(regions.regions)} regions, "
+            f"{len(regions.unassigned)} failures in none. Connected sets of failures (Def. 4.19): {regions.connected}."
+        )
+        headers = ("region", "rule", "failures", "fail inside rule", "covers", "how", "found by")
+        rows = tuple(
+            (
+                region.name,
+                region.rule,
+                str(len(region.members)),
+                f"{region.failures_inside} / {region.support} = {percent(region.precision)}",
+                f"{100 * region.recall:.0f} %",
+                ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in region.modes if count),
+                ", ".join(f"{count} {name}" for name, count in region.strategies.items()),
+            )
+            for region in regions.regions
+        )
+        table = Table(headers, rows, numbers=(3,), codes=(1,)) if rows else None
+        drawings = (plots[regions.scenario],) if regions.failures else ()
+        text = summary if regions.failures else f"{summary} {texts.NO_FAILURES}"
+        parts.append(Part(regions.label, text, table, drawings, tuple(replays.get(regions.scenario, ()))))
+    return Section("Failure regions", (texts.REGIONS,), tuple(parts))
+
+
+def data_section(filters: Mapping[str, pd.DataFrame], cards: Sequence[ModelCard], plots: Sequence[Drawing]) -> Section:
+    """What the versions were trained on and how well they detect in single images."""
+    names = list(filters)
+    reasons = list(dict.fromkeys([*REASONS, *(str(r) for table in filters.values() for r in table["reason"].unique())]))
+    rows = [
+        (REASONS.get(reason, reason), *(_kept(filters[name], reason) for name in names))
+        for reason in reasons
+        if any((filters[name]["reason"] == reason).any() for name in names)
+    ]
+    rows.append(("all", *(f"{int(filters[name]['kept'].sum())} kept of {len(filters[name])}" for name in names)))
+    filtered = Part(
+        "Frames from the search",
+        texts.FRAMES,
+        Table(("frames", *names), tuple(rows), numbers=tuple(range(1, len(names) + 1))),
+    )
+    headers = ("version", "parent", "parameters", *METRICS.values(), "false positives an image", "weights")
+    cells = tuple(
+        (
+            card.version,
+            card.parent or "none",
+            f"{card.parameters:,}",
+            *(_number(card.metrics.get(name)) for name in METRICS),
+            _number(card.metrics.get("false_positives_an_image")),
+            card.weights_sha256[:12],
+        )
+        for card in cards
+    )
+    versions = Part("Single-image detection", texts.DETECTION, Table(headers, cells, codes=(len(headers) - 1,)), tuple(plots))
+    return Section("Data and training", (), (filtered, versions))
+
+
+def percent(estimate: Estimate) -> str:
+    """`12.5 % (8.0 to 18.9)`."""
+    value = f"{100 * estimate.value:.1f} %"
+    return value if estimate.low == estimate.high else f"{value} ({100 * estimate.low:.1f} to {100 * estimate.high:.1f})"
+
+
+def _modes_row(result: VersionResult) -> tuple[str, ...]:
+    modes = result.modes
+    counts = (modes.total, modes.contact, modes.late, modes.by_ttc, modes.false_positives)
+    return result.version, *(str(count) for count in counts), percent(result.rate), str(result.errors)
+
+
+def _seeds(estimate: Estimate | None, having: int, seeds: int, form: str) -> str:
+    """The mean over the seeds that have a value, and how many do where not all."""
+    if estimate is None:
+        return "n/a"
+    text = form.format(estimate.value)
+    if estimate.low != estimate.high:
+        text += f" ({form.format(estimate.low)} to {form.format(estimate.high)})"
+    return text if having == seeds else f"{text} in {having} of {seeds} seeds"
+
+
+def _kept(table: pd.DataFrame, reason: str) -> str:
+    rows = table[table["reason"] == reason]
+    kept = int(rows["kept"].sum())
+    if kept == len(rows):
+        return f"{kept} kept"
+    return f"{len(rows)} rejected" if kept == 0 else f"{kept} kept, {len(rows) - kept} rejected"
+
+
+def _number(value: float | None) -> str:
+    return "n/a" if value is None else f"{value:.3f}"

@@ -1,0 +1,73 @@
+"""The report's prose: how to read each section, table and figure."""
+
+from __future__ import annotations
+
+
+def _prose(text: str) -> str:
+    return " ".join(text.split())
+
+
+VERDICT = _prose("""
+    Every version was executed on the same frozen list of tests, which no version was trained on and no search has seen. control had the
+    same extra training steps as random and adaptive but no new data: what it changes is due to training longer, not to the data.
+""")
+MODES = _prose("""
+    A test fails when the adjusted time-to-collision (adj. TTC), which false positives divide (Eq. 5.3), drops to the threshold. By TTC
+    alone counts the failures that would remain without that division.
+""")
+PAIR = _prose("""
+    The same concrete scenario with two versions. Blue: where the pedestrian is; red: what the detector reports, with its score. The
+    purple line is the time-to-collision so far, divided by the false positives so far.
+""")
+SEARCH = _prose("""
+    Each strategy had the same number of tests to find failures of the base detector. Intervals are {confidence:g} %: Wilson's for
+    rates, bootstrap over seeds for the others; with one seed there is nothing to resample and only the value is shown.
+""")
+MEASURES = _prose("""
+    F: tests until the first failure. C: share of tests saved against {baseline} to find as many failures as it found; 1 is best, below 0
+    is slower; where it found none, its next test counts as one. n/a: fewer failures than that.
+""")
+COVERAGE = _prose("""
+    Pairs: share of all pairs of variable categories that some test, or some failure, covers. Projection: the same where each pair asks
+    for three tests.
+""")
+REGIONS = _prose("""
+    Failures that lie close together in the scenario space form a region. Its rule describes it in a few conditions that hold its failures
+    and few passing tests. It was fitted to these very tests, so its precision is optimistic: confirm a rule with new tests inside it.
+""")
+NO_FAILURES = _prose("""
+    No test failed here, so there is nothing to group: test longer, or look at the smallest adj. TTC in the figures of the search.
+""")
+FRAMES = _prose("""
+    A frame teaches only what can be seen in it: those in which the pedestrian is hardly visible are rejected. To overrule a row, name a
+    CSV with the columns test_id,step,keep in filter.overrules.
+""")
+DETECTION = _prose("""
+    On the validation images of the base set; pedestrians too small or too faint to see are ignored, as COCO ignores crowds.
+""")
+FIGURES = {
+    "comparison": _prose("""
+        Share of the held-out tests that fail, by failure mode; the line is the confidence interval of the whole bar.
+    """),
+    "histogram": _prose("""
+        How close the tests came, version by version: number of tests by adj. TTC; the further to the right, the safer.
+    """),
+    "theta": _prose("""
+        Failures found after each test; steeper is better. The line is the mean over seeds, the band runs from the least to the most.
+    """),
+    "coverage": _prose("""
+        Left: how much of the scenario space was looked at. Right: how varied the failures are. The thin lines are intervals over seeds.
+    """),
+    "detection": _prose("""
+        Higher is better. A detector can be better in single images and still brake too late: the verdict above is what counts.
+    """),
+    "kpi": _prose("""
+        One point a test, in the order of execution; at or under the dashed line it fails. Marker shapes are seeds. The solid line is the
+        mean of each batch: an adaptive strategy should drift down.
+    """),
+    "failures": _prose("""
+        One line a failure, through its value of each variable. Lines of one colour are one region: where they run together, the variable
+        matters to it.
+    """),
+}
+"""By the first part of a figure's name."""

@@ -1,0 +1,118 @@
+"""A stand-in for a simulator: milliseconds a test, failure regions that are known because they were planted.
+
+It exists for laws and speed (does a strategy find what is there? does a campaign resume?), never for claims about a detector.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.core import kpi
+from pipeline.core.space import Floats, Space
+from pipeline.protocols import SIGNALS, Detections, Detector, Episode, Frame, KeptFrame, Truth, Value
+
+WIDTH, HEIGHT = 64, 64
+SPEED_MPS, HORIZON_S, STEP_S, BRAKE_MPS2 = 10.0, 3.0, 0.1, 8.0
+SAFE_DETECTION_M = 24.0
+MARGIN = 0.25
+"""How far outside a region, in shares of its half width, the detection is already late: what a search can follow."""
+
+
+@dataclass(frozen=True)
+class Planted:
+    """A box in the space in which the detection comes too late. intervals: variable to (low, high); values: variable to admitted names."""
+
+    name: str
+    intervals: Mapping[str, tuple[float, float]]
+    values: Mapping[str, tuple[str, ...]]
+
+
+PLANTED = (
+    Planted("fog at night", {"sun_altitude": (-20.0, -4.0), "fog": (55.0, 100.0)}, {}),
+    Planted("low sun ahead", {"sun_altitude": (0.0, 14.0), "rain": (0.0, 35.0)}, {"animation": ("crouching", "stumble")}),
+    Planted("running in heavy rain", {"rain": (80.0, 100.0), "pedestrian_speed": (2.2, 3.0)}, {}),
+)
+
+
+class AnalyticSimulator:
+    """Executes concrete scenarios by formula. The detector is shown a small picture, but what counts is where the point lies."""
+
+    def __init__(self, scenario: Mapping[str, Any]) -> None:
+        self._space = Space.from_dict(scenario["space"])
+
+    def planted(self, points: Floats) -> NDArray[np.int64]:
+        """Index in `PLANTED` of the region that each point (n, d) lies in, -1 for none, as (n,)."""
+        concretes = [self._space.decode(point) for point in points]
+        return np.array([next((i for i, region in enumerate(PLANTED) if _depth(region, c) >= 1), -1) for c in concretes], dtype=np.int64)
+
+    def execute(self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0) -> Episode:
+        """Execute one concrete scenario; see `pipeline.protocols.Simulator`. It fails exactly inside a planted region."""
+        self._space.encode(concrete)
+        depth = max(_depth(region, concrete) for region in PLANTED)
+        # The detection distance falls from safe to hopeless across the margin around a region.
+        sees_at = 0.0 if depth >= 1 else SAFE_DETECTION_M - 13 * max(0.0, depth)
+        rows: list[dict[str, Any]] = []
+        kept: list[KeptFrame] = []
+        distance, speed, time = SPEED_MPS * HORIZON_S, SPEED_MPS, 0.0
+        while True:
+            frame = _frame(distance, time)
+            detections = detector.detect(frame) if distance <= sees_at else Detections.none()
+            braking = distance <= sees_at
+            contact = distance <= 0
+            rows.append(_row(time, distance, speed, braking, contact, float(concrete["pedestrian_speed"])))
+            if keep_every and (len(rows) - 1) % keep_every == 0:
+                kept.append(KeptFrame(len(rows) - 1, frame, detections))
+            if contact or speed <= kpi.MIN_SPEED_MPS:
+                break
+            distance = max(0.0, distance - speed * STEP_S)
+            speed = max(0.0, speed - (BRAKE_MPS2 * STEP_S if braking else 0.0))
+            time = round(time + STEP_S, 9)
+        signals = {name: np.array([row[name] for row in rows], dtype=kind) for name, kind in SIGNALS.items()}
+        signals["ttc_s"] = kpi.ttc(signals)
+        return Episode(signals, tuple(kept))
+
+
+def _depth(region: Planted, concrete: Mapping[str, Value]) -> float:
+    """1 or more inside a region, falling to 0 at the end of its margin, negative beyond; -1 where a category does not fit."""
+    if any(str(concrete[name]) not in names for name, names in region.values.items()):
+        return -1.0
+    depths = []
+    for name, (low, high) in region.intervals.items():
+        outside = max(low - float(concrete[name]), float(concrete[name]) - high, 0.0)
+        depths.append(1 - outside / (MARGIN * (high - low) / 2))
+    return min(depths)
+
+
+def _frame(distance: float, time: float) -> Frame:
+    """A bright figure that grows as it comes near."""
+    half = int(np.clip(120 / max(distance, 4.0), 2, 24))
+    image = np.full((HEIGHT, WIDTH, 3), 80, np.uint8)
+    top, left = HEIGHT // 2 - half, WIDTH // 2 - half // 2
+    image[top : top + 2 * half, left : left + half] = 200
+    box = (float(left), float(top), float(left + half), float(top + 2 * half))
+    return Frame(image, Truth(box, box, 2 * half * half, 2 * half * half, 120.0), time)
+
+
+def _row(time: float, distance: float, speed: float, braking: bool, contact: bool, walking: float) -> dict[str, Any]:
+    truth = _frame(distance, time).truth
+    return {
+        **dict.fromkeys(SIGNALS, 0),
+        "time_s": time,
+        "ego_x_m": -distance - 2.5,
+        "ego_y_m": -1.75,
+        "ego_speed_mps": speed,
+        "pedestrian_y_m": -1.75 + (time - HORIZON_S) * walking,
+        "conflict_distance_m": distance,
+        "gap_m": 0.0 if contact else distance + 0.1,
+        "on_collision_path": True,
+        "contact": contact,
+        "brake": float(braking),
+        "confidence": float(braking),
+        "visible_pixels": truth.visible_pixels,
+        "contrast": truth.contrast,
+    }

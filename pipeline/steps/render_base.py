@@ -1,0 +1,85 @@
+"""Step `render_base`: the random base training set (thesis section 5.4), in shards that survive a kill."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from pipeline.artefacts.dataset import Record, Split, write_image, write_truth
+from pipeline.artefacts.files import read_json, write_json
+from pipeline.config import Config
+from pipeline.protocols import Truth
+
+Progress = Callable[[int, int, str], None]
+SHARD_IMAGES = 300
+"""Images a town: small enough to be lost by a kill, large enough to pay for compiling the town."""
+
+
+def run(config: Config, *, out: Path, threads: int, progress: Progress) -> None:
+    """Render `base_set.images` random scenes into a YOLO and COCO data set beside `out`, its truth.coco.json.
+
+    The last `validation_share` of each town's images validates. The images depend on the config alone, not on `threads`.
+    """
+    images, seed, root = config.base_set.images, config.base_set.seed, out.parent
+    camera = config.simulator.get("camera", {})
+    shards = [(shard, min(SHARD_IMAGES, images - shard * SHARD_IMAGES)) for shard in range(-(-images // SHARD_IMAGES))]
+    jobs = [(shard, count, seed, config.base_set.validation_share, camera, root) for shard, count in shards]
+    records: list[Record] = []
+    # Spawned, because a forked child hangs once its parent has a GL context.
+    with multiprocessing.get_context("spawn").Pool(min(threads, len(jobs)), initializer=_single_threaded) as pool:
+        for done, shard_records in enumerate(pool.imap(_render_shard, jobs), 1):
+            records += shard_records
+            progress(len(records), images, f"town {done} of {len(jobs)}")
+    _remove_leftovers(root, {f"{record.split}/{record.index:06d}" for record in records})
+    write_truth(root, records)
+    shutil.rmtree(_shard_file(root, 0).parent)
+
+
+def _remove_leftovers(root: Path, wanted: set[str]) -> None:
+    """Delete images and labels of an earlier, larger or otherwise split set."""
+    for path in [*root.glob("images/*/*.jpg"), *root.glob("labels/*/*.txt")]:
+        if f"{path.parent.name}/{path.stem}" not in wanted:
+            path.unlink()
+
+
+def _single_threaded() -> None:
+    os.environ["OMP_NUM_THREADS"] = "1"
+
+
+def _shard_file(out: Path, shard: int) -> Path:
+    return out / "shards" / f"{shard:04d}.json"
+
+
+def _render_shard(job: tuple[int, int, int, float, dict[str, Any], Path]) -> list[Record]:
+    """Render one town's images, unless its shard file says that it is done with the same settings."""
+    from pipeline.simulators.mujoco.random_scenes import scenes  # Needs a GL library, which the parent process does not.
+    from pipeline.simulators.mujoco.stage import CameraSettings
+
+    shard, count, seed, validation_share, camera, out = job
+    key = {"count": count, "seed": seed, "validation_share": validation_share, "camera": camera}
+    path = _shard_file(out, shard)
+    if path.exists() and (done := read_json(path))["key"] == key:
+        return [_record(plain) for plain in done["records"]]
+    settings = CameraSettings.model_validate(camera)
+    records = []
+    first_validation = count - round(count * validation_share)
+    for i, scene in enumerate(scenes(shard, count, seed, settings)):
+        split: Split = "val" if i >= first_validation else "train"
+        index = shard * SHARD_IMAGES + i
+        write_image(out, split, index, scene.image, scene.truth)
+        records.append(Record(split, index, settings.width, settings.height, scene.truth, scene.attributes))
+    write_json(path, {"key": key, "records": [_plain(record) for record in records]})
+    return records
+
+
+def _plain(record: Record) -> dict[str, Any]:
+    return {**vars(record), "truth": vars(record.truth), "attributes": dict(record.attributes)}
+
+
+def _record(plain: dict[str, Any]) -> Record:
+    truth = {name: tuple(value) if isinstance(value, list) else value for name, value in plain["truth"].items()}
+    return Record(**{**plain, "truth": Truth(**truth)})

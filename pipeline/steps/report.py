@@ -1,0 +1,168 @@
+"""Step `report`: plots, replays and the one page that holds them."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import pandas as pd
+from hydra.utils import instantiate
+from matplotlib.figure import Figure
+
+from pipeline.artefacts.campaign import read_tests
+from pipeline.artefacts.files import write_bytes
+from pipeline.artefacts.filter import read_filter
+from pipeline.artefacts.model import ModelCard, read_card
+from pipeline.artefacts.results import Comparison, FailureRegions, Measures, read
+from pipeline.artefacts.space import read_space
+from pipeline.config import Config
+from pipeline.core.space import Space
+from pipeline.protocols import Detector, Simulator
+from pipeline.report import plots as draw
+from pipeline.report import sections, texts
+from pipeline.report.page import Drawing, Film, Page, render
+from pipeline.report.replays import draw_replay, most_telling_frame, render_replay
+from pipeline.report.selection import Chosen, choose_pair, choose_regions
+from pipeline.report.style import data_uri, save_png, svg
+
+Progress = Callable[[int, int, str], None]
+
+
+@dataclass(frozen=True)
+class Study:
+    """Everything the report reads. tests: search scenario -> rows of all its campaigns; detectors: version -> ONNX file."""
+
+    measures: Measures
+    comparison: Comparison
+    table: pd.DataFrame
+    regions: tuple[FailureRegions, ...]
+    tests: Mapping[str, pd.DataFrame]
+    spaces: Mapping[str, Space]
+    labels: Mapping[str, str]
+    filters: Mapping[str, pd.DataFrame]
+    cards: tuple[ModelCard, ...]
+    detectors: Mapping[str, Path]
+
+
+def run(
+    config: Config,
+    *,
+    measures: Path,
+    comparison: Path,
+    table: Path,
+    regions: Sequence[Path],
+    tests: Sequence[Path],
+    spaces: Sequence[Path],
+    filters: Sequence[Path],
+    models: Sequence[Path],
+    detectors: Sequence[Path],
+    out: Path,
+    plots: Path,
+    progress: Progress,
+) -> None:
+    """Write report.html and its plots.
+
+    table: comparison.parquet. regions, spaces: of the search scenarios. tests: tests.parquet of the search campaigns. models, detectors:
+    model.json and model.onnx of each version, in the same order. plots: folder for <name>.png.
+    """
+    infos = {info.name: (info.label, space) for info, space in map(read_space, spaces)}
+    rows = pd.concat([read_tests(path) for path in tests], ignore_index=True)
+    cards = tuple(read_card(path) for path in models)
+    study = Study(
+        measures=read(measures, Measures),
+        comparison=read(comparison, Comparison),
+        table=read_tests(table),
+        regions=tuple(read(path, FailureRegions) for path in regions),
+        tests={name: rows[rows["scenario"] == name] for name in infos},
+        spaces={name: space for name, (_, space) in infos.items()},
+        labels={name: label for name, (label, _) in infos.items()},
+        filters={path.stem: read_filter(path) for path in filters},
+        cards=cards,
+        detectors=dict(zip((card.version for card in cards), detectors, strict=True)),
+    )
+    figures = draw_figures(study, list(config.strategies), config.campaign.failure_threshold_s)
+    for name, figure in figures.items():
+        save_png(figure, plots / f"{name}.png")
+    page = make_page(config, study, figures, progress)
+    write_bytes(out, render(page).encode())
+
+
+def draw_figures(study: Study, strategies: Sequence[str], threshold_s: float) -> dict[str, Figure]:
+    """Every figure of the report by the name of its file."""
+    versions = [result.version for result in study.comparison.versions]
+    metrics = {card.version: card.metrics for card in study.cards}
+    figures = {
+        "comparison": draw.comparison_bars(study.comparison),
+        "histogram": draw.kpi_histogram(study.table, versions, threshold_s),
+        "theta": draw.theta_curves(study.measures, study.labels),
+        "coverage": draw.coverage_bars(study.measures, study.labels),
+        "detection": draw.detection_bars(metrics, sections.METRICS),
+    }
+    for regions in study.regions:
+        name, tests = regions.scenario, study.tests[regions.scenario]
+        figures[f"kpi_{name}"] = draw.kpi_scatter(tests, strategies, regions.label, threshold_s)
+        figures[f"failures_{name}"] = draw.parallel_coordinates(tests, study.spaces[name], regions)
+    return figures
+
+
+def _drawing(figures: Mapping[str, Figure], name: str) -> Drawing:
+    return Drawing(svg(figures[name]), texts.FIGURES[name.partition("_")[0]])
+
+
+def make_page(config: Config, study: Study, figures: Mapping[str, Figure], progress: Progress) -> Page:
+    """The page with its replays, which are re-simulated: the same test gives the same frames."""
+    spaces = dict(study.spaces) | {name: config.space(name) for name in config.held_out}
+    pair = choose_pair(study.comparison, study.table, spaces) if config.report.replays >= 2 else []
+    base = study.comparison.versions[0].version
+    chosen = choose_regions(study.regions, base, config.report.replays - len(pair))
+    films = film_all(config, [*pair, *chosen], study.detectors, spaces, progress)
+    by_scenario: dict[str, list[Film]] = {}
+    for test, film in zip(chosen, films[len(pair) :], strict=True):
+        by_scenario.setdefault(test.scenario, []).append(film)
+    kpi = [_drawing(figures, f"kpi_{name}") for name in study.labels]
+    return Page(
+        study=config.study,
+        headline=sections.headline(study.comparison),
+        sections=(
+            sections.verdict_section(
+                study.comparison, [_drawing(figures, "comparison"), _drawing(figures, "histogram")], films[: len(pair)]
+            ),
+            sections.regions_section(study.regions, {name: _drawing(figures, f"failures_{name}") for name in study.labels}, by_scenario),
+            sections.search_section(study.measures, study.labels, [_drawing(figures, "theta"), *kpi], [_drawing(figures, "coverage")]),
+            sections.data_section(study.filters, study.cards, [_drawing(figures, "detection")]),
+        ),
+    )
+
+
+def film_all(
+    config: Config, tests: Sequence[Chosen], detectors: Mapping[str, Path], spaces: Mapping[str, Space], progress: Progress
+) -> list[Film]:
+    """Re-simulate and film each test, in the order given; one simulator a scenario, one detector a version."""
+    simulators: dict[str, Simulator] = {}
+    loaded: dict[str, Detector] = {}
+    films = []
+    with tempfile.TemporaryDirectory() as folder:
+        for done, test in enumerate(tests, 1):
+            if test.scenario not in simulators:
+                body: dict[str, Any] = config.scenarios[test.scenario].model_dump()
+                simulators[test.scenario] = instantiate(config.simulator, scenario=body, _convert_="all")
+            if test.version not in loaded:
+                model = str(detectors[test.version])
+                loaded[test.version] = instantiate(config.detector, model=model, _convert_="all")
+            films.append(_film(config, test, simulators[test.scenario], loaded[test.version], spaces[test.scenario], Path(folder)))
+            progress(done, len(tests), test.heading)
+    return films
+
+
+def _film(config: Config, test: Chosen, simulator: Simulator, detector: Detector, space: Space, folder: Path) -> Film:
+    episode = simulator.execute(test.concrete, detector, keep_every=1)
+    threshold_s, units = config.campaign.failure_threshold_s, {v.name: v.unit for v in space.variables}
+    video, poster = folder / "replay.mp4", folder / "poster.jpg"
+    render_replay(episode, test.heading, test.concrete, video, failure_threshold_s=threshold_s, units=units)
+    still = draw_replay(episode, test.heading, test.concrete, failure_threshold_s=threshold_s, units=units)[most_telling_frame(episode)]
+    cv2.imwrite(str(poster), cv2.cvtColor(still, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 80])
+    return Film(test.heading, test.reason, data_uri(video, "video/mp4"), data_uri(poster, "image/jpeg"))

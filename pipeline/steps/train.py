@@ -1,0 +1,92 @@
+"""Step `train`: the model version `base` (D_o), shipped or trained from scratch (thesis section 5.4)."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from pipeline.artefacts.dataset import ImageSet, read_dataset
+from pipeline.artefacts.files import sha256
+from pipeline.artefacts.model import ModelCard, read_card, write_card
+from pipeline.config import Config
+from pipeline.core.reliability import Calibration
+from pipeline.detectors.evaluation import calibrate, evaluate
+from pipeline.detectors.onnx import OnnxDetector
+from pipeline.detectors.yolo.export import export_onnx
+from pipeline.detectors.yolo.model import Yolo, count_parameters
+from pipeline.detectors.yolo.recipe import train_from_scratch
+from pipeline.detectors.yolo.weights import load_weights, save_weights
+from pipeline.progress import Progress
+from pipeline.protocols import Detections
+
+LOWEST_SCORE = 0.0005
+"""Average precision needs the detections that nobody would act on, too."""
+
+
+def run(config: Config, *, base_set: Path, out: Path, threads: int, progress: Progress) -> None:
+    """Write weights.safetensors, model.onnx and `out`, the version's model.json.
+
+    base_set: truth.coco.json of the base set; its validation images give the metrics.
+    """
+    torch.set_num_threads(threads)
+    folder = out.parent
+    if config.base.source == "shipped":
+        shipped = Path(config.base.weights)
+        model = load_weights(shipped / "weights.safetensors")
+        card = read_card(shipped / "model.json")
+        history: dict[str, Any] = {"data": card.data, "training": card.training, "seed": card.seed}
+        history["calibration"] = Calibration(**card.calibration)
+    else:
+        images = read_dataset(base_set.parent, "train")
+        settings = config.training.model_dump()
+        model = train_from_scratch(images, settings, checkpoint=folder / "checkpoint.pt", threads=threads, progress=progress)
+        history = {"data": {"base_set": images.digest}, "training": {"images": len(images), **settings}, "seed": config.training.seed}
+    write_version(config, model, read_dataset(base_set.parent, "val"), out, version="base", parent=None, **history)
+    (folder / "checkpoint.pt").unlink(missing_ok=True)
+    progress(1, 1, "evaluated")
+
+
+def write_version(
+    config: Config,
+    model: Yolo,
+    validation: ImageSet,
+    out: Path,
+    *,
+    version: str,
+    parent: str | None,
+    data: dict[str, str],
+    training: dict[str, Any],
+    seed: int,
+    calibration: Calibration | None = None,
+) -> None:
+    """Save a model version beside `out`, calibrate its scores, measure it as it will be used, and write its card."""
+    weights, onnx = out.with_name("weights.safetensors"), out.with_name("model.onnx")
+    save_weights(weights, model)
+    saved = load_weights(weights)  # What is tested is what was saved, half precision included.
+    if calibration is None:
+        export_onnx(onnx, saved, validation.size)
+        calibration = calibrate(_detect(onnx, validation), validation)
+    export_onnx(onnx, saved, validation.size, calibration)
+    architecture = {"widths": list(model.architecture.widths), "head": model.architecture.head}
+    card = ModelCard(
+        version=version,
+        parent=parent,
+        architecture=architecture,
+        parameters=count_parameters(model),
+        input_size=validation.size,
+        seed=seed,
+        data=data,
+        training={key: value if isinstance(value, str) else float(value) for key, value in training.items()},
+        metrics=evaluate(_detect(onnx, validation), validation, float(config.detector.get("threshold", 0.5))),
+        calibration=asdict(calibration),
+        weights_sha256=sha256(weights),
+    )
+    write_card(out, card)
+
+
+def _detect(onnx: Path, images: ImageSet) -> list[Detections]:
+    detector = OnnxDetector(onnx, threshold=LOWEST_SCORE)
+    return [detector.detect_images(images.images[i : i + 1])[0] for i in range(len(images))]

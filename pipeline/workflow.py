@@ -1,0 +1,151 @@
+"""What the Snakefile needs beside its rules: targets, wildcards, and digests that tell when a step's code or settings changed."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import grimp
+
+from pipeline.config import PARAMS, VERSIONS, Config, load
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+class Study:
+    """The paths and choices of the study in params.yaml, for the Snakefile."""
+
+    def __init__(self, params: Path = PARAMS) -> None:
+        self.config: Config = load(params)
+        self.root = f"data/{self.config.study}"
+        self.logs = f"logs/{self.config.study}"
+        self.sources = {"random": self.config.strategies[0], "adaptive": self.config.adaptive}
+
+    @property
+    def goals(self) -> list[str]:
+        """What `all` asks for."""
+        if self.config.goal == "base":
+            return [f"{self.root}/models/base/model.json"]
+        return [f"{self.root}/report.html", f"{self.root}/tracking.json"]
+
+    @property
+    def plots(self) -> list[str]:
+        """The report's plots."""
+        each = [f"{kind}_{scenario}" for scenario in self.config.search for kind in ("kpi", "failures")]
+        return [f"{self.root}/plots/{name}.png" for name in ("theta", "coverage", "comparison", *each)]
+
+    @property
+    def shipped(self) -> list[str]:
+        """The shipped weights, where the base version is made of them."""
+        return [f"{self.config.base.weights}/weights.safetensors"] if self.config.base.source == "shipped" else []
+
+    @property
+    def training_sections(self) -> list[str]:
+        """What the base version depends on: training parameters only where it is trained."""
+        return ["base", "training"] if self.config.base.source == "trained" else ["base"]
+
+    @property
+    def overrules(self) -> list[str]:
+        """A person's table of overruled frames, if there is one."""
+        return [self.config.filter.overrules] if self.config.filter.overrules else []
+
+    def budget(self, scenario: str) -> str:
+        """The config section that sets a campaign's number of tests."""
+        return "comparison.tests" if scenario in self.config.held_out else "campaign"
+
+    def finish(self) -> None:
+        """After a run: print the verdict, and tell DVC that what it versions was made, unless DVC itself is at work."""
+        comparison = ROOT / self.root / "comparison.json"
+        if self.config.goal == "report" and comparison.exists():
+            subprocess.run([sys.executable, "-m", "pipeline", "verdict", "--comparison", str(comparison)], cwd=ROOT, check=False)
+        if (ROOT / ".dvc").exists() and "DVC_STAGE" not in os.environ:
+            told = subprocess.run([sys.executable, "-m", "dvc", "commit", "--force", "--quiet"], cwd=ROOT, capture_output=True, text=True)
+            if told.returncode:
+                print(f"dvc commit failed, so `dvc status` will report changes: {told.stderr.strip()}", file=sys.stderr)
+
+    def search(self, name: str, scenario: str | None = None, strategy: str | None = None) -> list[str]:
+        """The file `name` of the search campaigns of the base version, of all or of one scenario or strategy."""
+        config = self.config
+        scenarios, strategies = [scenario] if scenario else config.search, [strategy] if strategy else config.strategies
+        return [f"{self.root}/campaigns/{a}/{b}/base/{seed}/{name}" for a in scenarios for b in strategies for seed in config.seeds]
+
+    def held_out(self, name: str) -> list[str]:
+        """The file `name` of the comparison's campaigns."""
+        strategy, seed = self.config.comparison.strategy, self.config.comparison.seed
+        return [f"{self.root}/held_out/{a}/{strategy}/{version}/{seed}/{name}" for a in self.config.held_out for version in VERSIONS]
+
+    def added_frames(self, version: str) -> list[str]:
+        """frames.parquet of the campaigns whose frames a retrained version learns from."""
+        return self.search("frames.parquet", strategy=self.sources[version]) if version in self.sources else []
+
+    def filters(self) -> list[str]:
+        """The filter tables of the random and of the adaptive source."""
+        return [f"{self.root}/filter/{strategy}.csv" for strategy in self.sources.values()]
+
+    def spaces(self, scenarios: Iterable[str]) -> list[str]:
+        """The scenario spaces."""
+        return [f"{self.root}/space/{name}.json" for name in scenarios]
+
+    def models(self, name: str) -> list[str]:
+        """The file `name` of every model version."""
+        return [f"{self.root}/models/{version}/{name}" for version in VERSIONS]
+
+    def stamp(self, step: str, *keys: str) -> str:
+        """Digest of a step's code and of the sections of the config that it reads; a rule with another stamp runs again.
+
+        keys: dotted, as `samplers.neural`. Code named by a `_target_` in them counts as the step's own.
+        """
+        plain = self.config.model_dump(mode="json")
+        sections = {key: _at(plain, key) for key in keys}
+        digest = hashlib.sha256(json.dumps(sections, sort_keys=True).encode())
+        for module in sorted({f"pipeline.steps.{step}", *_targets(sections)}):
+            digest.update(code_digest(module).encode())
+        return digest.hexdigest()[:16]
+
+
+def _at(plain: Any, key: str) -> Any:
+    for part in key.split("."):
+        plain = plain[part]
+    return plain
+
+
+def _targets(plain: Any) -> set[str]:
+    """Modules of ours that `_target_` names anywhere in plain data."""
+    if isinstance(plain, dict):
+        own = {plain["_target_"].rpartition(".")[0]} if str(plain.get("_target_", "")).startswith("pipeline.") else set()
+        return own.union(*(_targets(value) for value in plain.values()))
+    return set()
+
+
+@cache
+def _graph() -> grimp.ImportGraph:
+    return grimp.build_graph("pipeline", cache_dir=str(ROOT / ".cache" / "grimp"))
+
+
+@cache
+def sources(module: str) -> tuple[str, ...]:
+    """Source files of a module and of everything of ours that it imports, however far down, relative to the root; sorted."""
+    graph = _graph()
+    found = []
+    for name in {module} | graph.find_upstream_modules(module):
+        stem = ROOT.joinpath(*name.split("."))
+        path = stem.with_suffix(".py") if stem.with_suffix(".py").exists() else stem / "__init__.py"
+        if path.stat().st_size:
+            found.append(path.relative_to(ROOT).as_posix())
+    return tuple(sorted(found))
+
+
+@cache
+def code_digest(module: str) -> str:
+    """SHA-256 over `sources` of a module."""
+    digest = hashlib.sha256()
+    for path in sources(module):
+        digest.update(path.encode() + (ROOT / path).read_bytes())
+    return digest.hexdigest()

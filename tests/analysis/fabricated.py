@@ -1,0 +1,200 @@
+"""A small study made up by formula and written through the artefact writers, for tests of the steps behind the campaigns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from pipeline.artefacts.campaign import FRAMES, TESTS, write_frames, write_tests
+from pipeline.artefacts.model import ModelCard, write_card
+from pipeline.artefacts.space import write_space
+from pipeline.config import Config, compose
+from pipeline.core.samplers.pairwise import PairwiseSampler
+from pipeline.core.space import Floats, Space
+from pipeline.steps import cluster, compare, filter, measure
+
+VERSIONS = ("base", "control", "random", "adaptive")
+OVERRIDES = ["simulator=analytic", "detector=oracle", "seeds=[0,1]", "campaign.tests=60", "comparison.tests=60", "regions.epsilon=0.27"]
+# How large the region is in which a version fails: fog above this at night.
+FOG_FROM = {"base": 12.0, "control": 18.0, "random": 50.0, "adaptive": 88.0}
+
+
+def silent(done: int, total: int, text: str) -> None:
+    """Progress that nobody watches."""
+
+
+def make_tests(space: Space, keys: dict[str, Any], points: Floats, fog_from: float = 45.0) -> pd.DataFrame:
+    """Rows of tests.parquet: a test fails at night in fog from `fog_from` on; one test's simulation breaks in each 50."""
+    fog, altitude = points[:, space.names.index("fog")], points[:, space.names.index("sun_altitude")]
+    near = np.maximum((fog_from - fog) / 60, (altitude - 2) / 60)
+    failed = near <= 0
+    broken = (np.arange(len(points)) % 50 == 49) & ~failed
+    adjusted = np.where(failed, 0.02 + 0.05 * (np.arange(len(points)) % 2), 0.12 + np.clip(near, 0, 1.5))
+    modes = np.where(failed, np.array(["contact", "late", "false_positives"])[np.arange(len(points)) % 3], "none")
+    columns: dict[str, Any] = {name: 0 for name, _, _ in TESTS}
+    table = pd.DataFrame(columns, index=range(len(points)))
+    table = table.assign(
+        **keys,
+        test_id=[f"{keys['scenario']}-{keys['strategy']}-{keys['version']}-{keys['seed']}-{i:05d}" for i in range(len(points))],
+        index=np.arange(len(points)),
+        batch=np.arange(len(points)) // 20,
+        status=np.where(broken, "error", "ok"),
+        reason=np.where(broken, "planted", ""),
+        adj_ttc_s=np.where(broken, np.nan, adjusted),
+        ttc_s=np.where(broken, np.nan, adjusted),
+        failure=failed,
+        failure_mode=modes,
+        contact=modes == "contact",
+    )
+    for column, variable in enumerate(space.variables):
+        table[variable.name] = [variable.decode(value) for value in points[:, column]]
+    return table
+
+
+def adaptive_points(space: Space, count: int, rng: np.random.Generator) -> Floats:
+    """Points of which later ones lie more and more at night in fog."""
+    points = space.sample(count, rng)
+    late = np.arange(count) >= 20
+    points[late, space.names.index("fog")] = rng.uniform(40, 100, late.sum())
+    points[late, space.names.index("sun_altitude")] = rng.uniform(-20, 15, late.sum())
+    return points
+
+
+def make_frames(tests: pd.DataFrame) -> pd.DataFrame:
+    """Rows of frames.parquet: per test one empty, one far, one faint, one hardly in view and one good frame."""
+    pixels, whole, contrast = [0, 12, 200, 60, 400], [0, 12, 200, 900, 400], [0.0, 30.0, 4.0, 30.0, 30.0]
+    rows = [
+        {"test_id": test_id, "step": step, "visible_pixels": pixels[step], "whole_pixels": whole[step], "contrast": contrast[step]}
+        for test_id in tests["test_id"]
+        for step in range(5)
+    ]
+    frames = pd.DataFrame(rows)
+    for name, kind, _ in FRAMES:
+        if name not in frames:
+            frames[name] = b"" if name == "image" else (0 if str(kind) == "int64" else 0.0)
+    return frames[[name for name, _, _ in FRAMES]]
+
+
+@dataclass
+class Study:
+    """Paths of a fabricated study under `root`, made up to and including the campaigns."""
+
+    root: Path
+    config: Config = field(default_factory=lambda: compose("default", OVERRIDES))
+
+    @property
+    def search_spaces(self) -> list[Path]:
+        return [self.root / "space" / f"{name}.json" for name in self.config.search]
+
+    @property
+    def held_out_spaces(self) -> list[Path]:
+        return [self.root / "space" / f"{name}.json" for name in self.config.held_out]
+
+    def campaign(self, scenario: str, strategy: str, version: str, seed: int) -> Path:
+        return self.root / "campaigns" / scenario / strategy / version / str(seed)
+
+    @property
+    def search_tests(self) -> list[Path]:
+        keys = [(n, s, seed) for n in self.config.search for s in self.config.strategies for seed in self.config.seeds]
+        return [self.campaign(name, strategy, "base", seed) / "tests.parquet" for name, strategy, seed in keys]
+
+    @property
+    def held_out_tests(self) -> list[Path]:
+        return [self.campaign(name, "pairwise", v, 0) / "tests.parquet" for name in self.config.held_out for v in VERSIONS]
+
+    @property
+    def cards(self) -> list[Path]:
+        return [self.root / "models" / version / "model.json" for version in VERSIONS]
+
+    @property
+    def filters(self) -> list[Path]:
+        return [self.root / "filter" / f"{strategy}.csv" for strategy in self.config.strategies]
+
+    def frames(self, strategy: str) -> list[Path]:
+        return [p.with_name("frames.parquet") for p in self.search_tests if p.parts[-4] == strategy]
+
+    @property
+    def regions(self) -> list[Path]:
+        return [self.root / "regions" / f"{name}.json" for name in self.config.search]
+
+    def make(self) -> Study:
+        """Write spaces, campaigns and model versions."""
+        for name in (*self.config.search, *self.config.held_out):
+            scenario = self.config.scenarios[name]
+            write_space(self.root / "space" / f"{name}.json", name, scenario.label, scenario.description, self.config.space(name), 8084)
+        for path in self.search_tests:
+            self._search(path)
+        for name in self.config.held_out:
+            self._held_out(name)
+        for rank, (version, path) in enumerate(zip(VERSIONS, self.cards, strict=True)):
+            self._model(version, path, rank)
+        return self
+
+    def analyse(self) -> Study:
+        """Run the steps from `measure` to `compare`."""
+        for name, path in zip(self.config.search, self.regions, strict=True):
+            tests = [p for p in self.search_tests if p.parts[-5] == name]
+            cluster.run(self.config, tests=tests, space=self.root / "space" / f"{name}.json", out=path, progress=silent)
+        for strategy, path in zip(self.config.strategies, self.filters, strict=True):
+            filter.run(self.config, frames=self.frames(strategy), out=path, progress=silent)
+        measure.run(
+            self.config,
+            tests=self.search_tests,
+            spaces=self.search_spaces,
+            out=self.root / "measures.json",
+            theta=self.root / "theta.csv",
+            progress=silent,
+        )
+        compare.run(
+            self.config,
+            tests=self.held_out_tests,
+            spaces=self.held_out_spaces,
+            models=self.cards,
+            measures=self.root / "measures.json",
+            out=self.root / "comparison.json",
+            table=self.root / "comparison.parquet",
+            metrics=self.root / "metrics.json",
+            progress=silent,
+        )
+        return self
+
+    def _search(self, path: Path) -> None:
+        scenario, strategy, version, seed = path.parts[-5:-1]
+        space, count = self.config.space(scenario), self.config.campaign.tests
+        rng = np.random.default_rng([int(seed), len(strategy), ord(scenario[-1])])
+        points = space.sample(count, rng) if strategy == "random" else adaptive_points(space, count, rng)
+        keys = {"scenario": scenario, "strategy": strategy, "version": version, "seed": int(seed)}
+        tests = make_tests(space, keys, points)
+        write_tests(path, tests, space)
+        write_frames(path.with_name("frames.parquet"), make_frames(tests.head(6)))
+
+    def _held_out(self, name: str) -> None:
+        space, count = self.config.space(name), self.config.comparison.tests
+        sampler = PairwiseSampler(space, 0, batch_size=count)
+        points = sampler.ask()
+        for version in VERSIONS:
+            keys = {"scenario": name, "strategy": "pairwise", "version": version, "seed": 0}
+            tests = make_tests(space, keys, points, FOG_FROM[version])
+            write_tests(self.campaign(name, "pairwise", version, 0) / "tests.parquet", tests, space)
+
+    def _model(self, version: str, path: Path, rank: int) -> None:
+        card = ModelCard(
+            version=version,
+            parent=None if version == "base" else "base",
+            architecture={"widths": [16, 32]},
+            parameters=1_000_000,
+            input_size=(320, 192),
+            seed=0,
+            data={"base_set": "ab" * 32},
+            training={"iterations": 100.0 + rank},
+            metrics={"precision": 0.9, "recall": 0.84, "ap50": 0.88 + 0.01 * rank, "ap50_95": 0.5, "false_positives_an_image": 0.08},
+            calibration={"slope": 1.0, "offset": 0.0},
+            weights_sha256=f"{rank}" * 64,
+        )
+        write_card(path, card)
+        path.with_name("weights.safetensors").write_bytes(f"weights {rank}".encode())
+        path.with_name("model.onnx").write_bytes(f"onnx {rank}".encode())

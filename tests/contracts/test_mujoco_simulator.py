@@ -1,0 +1,122 @@
+"""The MuJoCo world keeps the simulator's contract, and its physics and ground truth are right."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from pipeline.core import kpi
+from pipeline.core.space import Space
+from pipeline.detectors.scripted import BlindDetector, VisiblePixelOracle
+from pipeline.simulators.mujoco.episode import MujocoSimulator
+from pipeline.testing import check_simulator
+
+CONF = Path(__file__).resolve().parents[2] / "conf" / "scenario"
+NAMES = sorted(path.stem for path in CONF.glob("F*.yaml"))
+
+
+def body(name: str) -> dict[str, Any]:
+    plain = {**yaml.safe_load((CONF / "_space.yaml").read_text()), **yaml.safe_load((CONF / f"{name}.yaml").read_text())}
+    del plain["defaults"]
+    return plain
+
+
+@pytest.fixture(scope="module", params=NAMES)
+def world(request: pytest.FixtureRequest) -> Any:
+    simulator = MujocoSimulator(body(request.param))
+    yield simulator, Space.from_dict(body(request.param)["space"])
+    simulator.close()
+
+
+def test_the_contract_holds(world: Any) -> None:
+    simulator, space = world
+    check_simulator(simulator, space, VisiblePixelOracle(), count=2)
+
+
+def test_unbraked_ego_and_pedestrian_meet_at_the_conflict_point(world: Any) -> None:
+    simulator, space = world
+    concrete = space.decode(space.sample(1, np.random.default_rng(3))[0])
+    concrete |= {"pedestrian_shift": 0.0, "pedestrian_speed": 1.5}
+    signals = simulator.execute(concrete, BlindDetector()).signals
+    assert signals["contact"][-1]
+    assert signals["conflict_distance_m"][-1] < 0.35  # The disc of the pedestrian is met 0.25 m before its centre.
+    lane = signals["ego_y_m"][-1]
+    assert abs(signals["pedestrian_y_m"][-1] - lane) < 0.1
+
+
+def test_the_oracle_avoids_failure_in_plain_weather_and_in_fog(world: Any) -> None:
+    simulator, space = world
+    for fog in (0.0, 95.0):
+        concrete = {
+            "rain": 0.0, "fog": fog, "sun_azimuth": 120.0, "sun_altitude": 45.0, "pedestrian_shift": 0.0, "pedestrian_speed": 1.5,
+            "animation": "walking", "blueprint": "M 03",
+        }  # fmt: skip
+        episode = simulator.execute(concrete, VisiblePixelOracle())
+        assert not kpi.evaluate(episode.signals, 0.1).failure
+
+
+def test_braking_follows_the_vehicle_dynamics(world: Any) -> None:
+    simulator, space = world
+    concrete = space.decode(space.sample(1, np.random.default_rng(8))[0]) | {"fog": 0.0, "rain": 0.0, "pedestrian_speed": 0.5, "sun_altitude": 40.0}
+    signals = simulator.execute(concrete, VisiblePixelOracle()).signals
+    speed, brake = signals["ego_speed_mps"], signals["brake"]
+    full = np.flatnonzero(brake == 1.0)
+    assert np.all(np.diff(speed) <= 1e-9)
+    deceleration = (speed[full[4]] - speed[full[5]]) / 0.1
+    assert deceleration == pytest.approx(8.0, rel=0.02)
+
+
+def test_the_whole_box_contains_the_visible_one(world: Any) -> None:
+    simulator, space = world
+    for point in space.sample(2, np.random.default_rng(4)):
+        for kept in simulator.execute(space.decode(point), BlindDetector(), keep_every=2).frames:
+            truth = kept.frame.truth
+            assert truth.visible_pixels <= truth.whole_pixels
+            if truth.visible_box and truth.whole_box:
+                assert np.all(np.array(truth.whole_box[:2]) <= truth.visible_box[:2])
+                assert np.all(np.array(truth.whole_box[2:]) >= truth.visible_box[2:])
+
+
+def test_the_bus_hides_the_pedestrian_of_f1() -> None:
+    simulator = MujocoSimulator(body("F1"))
+    concrete = {
+        "rain": 0.0, "fog": 0.0, "sun_azimuth": 120.0, "sun_altitude": 45.0, "pedestrian_shift": 0.0, "pedestrian_speed": 2.5,
+        "animation": "walking", "blueprint": "M 03",
+    }  # fmt: skip
+    pixels = simulator.execute(concrete, BlindDetector()).signals["visible_pixels"]
+    simulator.close()
+    assert pixels[10] == 0
+    assert pixels[-2] > 500
+
+
+def test_a_replay_in_another_process_gives_the_same_bits(tmp_path: Path) -> None:
+    scenario = body("F2")
+    space = Space.from_dict(scenario["space"])
+    points = space.sample(3, np.random.default_rng(6))
+    # Night, dusk and rain in this order leave their traces in the lamps, if in anything.
+    concretes = [space.decode(p) | {"sun_altitude": a, "rain": r} for p, a, r in zip(points, (-12.0, -0.5, 40.0), (0.0, 0.0, 90.0), strict=True)]
+    simulator = MujocoSimulator(scenario)
+    here = [_signature(simulator, concrete) for concrete in concretes]
+    simulator.close()
+    program = (
+        "import json, sys; sys.path.insert(0, sys.argv[1])\n"
+        "from tests.contracts.test_mujoco_simulator import MujocoSimulator, _signature\n"
+        "scenario, concretes = json.load(sys.stdin); simulator = MujocoSimulator(scenario)\n"
+        "print(json.dumps([_signature(simulator, c) for c in reversed(concretes)]))"
+    )
+    root = str(Path(__file__).resolve().parents[2])
+    done = subprocess.run([sys.executable, "-c", program, root], input=json.dumps([scenario, concretes]), text=True, capture_output=True, check=True, cwd=root)
+    assert json.loads(done.stdout.splitlines()[-1]) == here[::-1]
+
+
+def _signature(simulator: MujocoSimulator, concrete: dict[str, Any]) -> list[Any]:
+    episode = simulator.execute(concrete, VisiblePixelOracle(), keep_every=1)
+    images = [int(kept.frame.image.astype(np.int64).sum()) for kept in episode.frames]
+    return [images, kpi.evaluate(episode.signals, 0.1).adj_ttc_s.hex(), episode.signals["contrast"].tolist()]

@@ -1,0 +1,155 @@
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from numpy.typing import NDArray
+
+from pipeline.artefacts.dataset import ImageSet, image_set
+from pipeline.core.boxes import iou
+from pipeline.detectors.yolo import training
+from pipeline.detectors.yolo.model import Architecture, Yolo, cells, decode
+from pipeline.detectors.yolo.recipe import train_from_scratch
+from pipeline.detectors.yolo.retraining import mixed_feed, retrain
+from pipeline.detectors.yolo.training import Batch, Schedule, fit, initial_model
+from pipeline.protocols import Truth
+
+SIZE = (96, 64)
+MEAN = "stage4.0.1.running_mean"
+
+
+def small() -> Yolo:
+    return initial_model(0, lambda: Yolo(Architecture((8, 16, 16, 24, 32), 16)))
+
+
+def people(count: int, seed: int) -> ImageSet:
+    """Red rectangles on noise; every fourth image is empty."""
+    rng = np.random.default_rng(seed)
+    scenes: list[tuple[NDArray[np.uint8], Truth]] = []
+    for number in range(count):
+        image = rng.integers(60, 120, (SIZE[1], SIZE[0], 3), dtype=np.uint8)
+        if number % 4 == 3:
+            scenes.append((image, Truth()))
+            continue
+        height = int(rng.integers(16, 48))
+        left, top = int(rng.integers(0, SIZE[0] - height // 2)), int(rng.integers(0, SIZE[1] - height))
+        box = (float(left), float(top), float(left + height // 2), float(top + height))
+        image[top : top + height, left : left + height // 2] = (230, 40, 40)
+        scenes.append((image, Truth(box, box, height * height // 2, height * height // 2, 60.0)))
+    return image_set(scenes, f"people {count} {seed}")
+
+
+def same(first: Yolo, second: Yolo) -> bool:
+    other = second.state_dict()
+    return all(torch.equal(value, other[name]) for name, value in first.state_dict().items())
+
+
+def test_it_learns_a_few_images_by_heart() -> None:
+    images = people(8, 0)
+
+    def feed(iteration: int) -> Batch:
+        return images.images, images.boxes
+
+    model = fit(small(), Schedule(0, 230, 4e-3, warm_up=10, averaging=0.95), feed, threads=1)
+    scaled = torch.from_numpy(images.images).permute(0, 3, 1, 2).float() / 255
+    with torch.inference_mode():
+        boxes, logits = decode(model(scaled), *cells(*SIZE))
+    scores, best = logits.sigmoid().max(1)
+    shown = images.boxes[:, 2] > 0
+    overlaps = [iou(boxes[i, best[i]][None].numpy(), images.boxes[i : i + 1])[0, 0] for i in np.flatnonzero(shown)]
+    assert np.mean(np.array(overlaps) > 0.5) > 0.8
+    assert scores[torch.from_numpy(shown)].mean() > 0.5 > 0.2 > scores[torch.from_numpy(~shown)].mean()
+
+
+def test_a_killed_training_goes_on_to_the_same_weights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    images, schedule, checkpoint = people(8, 1), Schedule(2, 5, 1e-3, warm_up=3), tmp_path / "checkpoint.pt"
+    monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
+    killed: list[int] = []
+
+    def feed(iteration: int) -> Batch:
+        rng = np.random.default_rng(iteration)
+        chosen = rng.choice(len(images), 4)
+        return images.images[chosen], images.boxes[chosen]
+
+    def feed_until_killed(iteration: int) -> Batch:
+        if iteration == 4 and not killed:
+            killed.append(iteration)
+            raise KeyboardInterrupt
+        return feed(iteration)
+
+    uninterrupted = fit(small(), schedule, feed, threads=1)
+    with pytest.raises(KeyboardInterrupt):
+        fit(small(), schedule, feed_until_killed, identity="a", checkpoint=checkpoint, threads=1)
+    done: list[int] = []
+    resumed = fit(small(), schedule, feed, identity="a", checkpoint=checkpoint, threads=1, progress=lambda now, *_: done.append(now))
+    assert same(uninterrupted, resumed)
+    assert done == [7]
+    other = fit(small(), schedule, feed, identity="b", checkpoint=checkpoint, threads=1)
+    assert same(uninterrupted, other)
+    checkpoint.write_bytes(b"damaged")
+    assert same(uninterrupted, fit(small(), schedule, feed, identity="a", checkpoint=checkpoint, threads=1))
+
+
+def test_schedule_warms_up_and_falls() -> None:
+    schedule = Schedule(400, 100, 1e-2, warm_up=10)
+    rates = [schedule.rate(iteration) for iteration in range(500)]
+    assert rates[0] == pytest.approx(1e-3, rel=0.01)
+    assert max(rates) == pytest.approx(1e-2, rel=0.01)
+    assert rates[20:] == sorted(rates[20:], reverse=True)
+    assert rates[-1] < 2e-4
+    assert rates[400] == pytest.approx(1e-2 * (0.01 + 0.99 * 0.5), rel=0.01)  # Half of the pixels are shown.
+
+
+@pytest.mark.parametrize("wrong", [{"frame_iterations": 0}, {"crop_iterations": -1}, {"learning_rate": 0.0}, {"averaging": 1.0}])
+def test_schedule_checks_its_ranges(wrong: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match="must be"):
+        Schedule(**({"crop_iterations": 0, "frame_iterations": 5, "learning_rate": 0.1} | wrong))  # type: ignore[arg-type]
+
+
+def test_frozen_statistics_stay() -> None:
+    model = small()
+    before = model.state_dict()[MEAN].clone()
+    images = people(4, 2)
+    schedule = Schedule(0, 2, 1e-3, frozen_statistics=True)
+    after = fit(model, schedule, lambda _: (images.images, images.boxes), threads=1)
+    assert torch.equal(before, after.state_dict()[MEAN])
+
+
+def test_retraining_mixes_and_the_control_does_not() -> None:
+    base, added = people(8, 3), people(8, 4)
+    red_base = mixed_feed(base, None, 4, 0.5, 0)
+    mixed = mixed_feed(base, added, 4, 0.5, 0)
+    assert red_base(0)[0].shape == mixed(0)[0].shape == (4, SIZE[1], SIZE[0], 3)
+    assert np.array_equal(mixed(3)[0], mixed(3)[0])
+    assert np.array_equal(mixed(0)[0][:2], mixed_feed(base, people(8, 5), 4, 0.5, 0)(0)[0][:2])
+    assert not np.array_equal(mixed(0)[0][2:], mixed_feed(base, people(8, 5), 4, 0.5, 0)(0)[0][2:])
+
+
+def test_both_recipes_run_and_repeat(tmp_path: Path) -> None:
+    images = people(8, 6)
+    settings = {
+        "iterations": 2,
+        "batch_size": 4,
+        "learning_rate": 1e-4,
+        "added_share": 0.5,
+        "seed": 0,
+        "identity": "x",
+        "threads": 1,
+    }
+    parent = small()
+    versions = [retrain(copy.deepcopy(parent), images, people(4, 7), checkpoint=tmp_path / name, **settings) for name in "ab"]  # type: ignore[arg-type]
+    assert same(*versions)
+    assert not same(parent, versions[0])
+
+
+def test_training_from_scratch_shows_crops_then_frames(tmp_path: Path) -> None:
+    wide = people(8, 8)
+    scenes = [(np.tile(image, (3, 4, 1))[:192, :320], Truth()) for image in wide.images]
+    settings = {"seed": 0, "batch_size": 2, "crop_iterations": 1, "frame_iterations": 1, "learning_rate": 1e-3, "oversampling": 2}
+    texts: list[str] = []
+    train_from_scratch(image_set(scenes), settings, checkpoint=tmp_path / "c", threads=1, progress=lambda *now: texts.append(now[2]))
+    assert len(texts) == 1
+    assert texts[0].startswith("full frames")

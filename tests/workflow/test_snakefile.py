@@ -1,0 +1,77 @@
+"""The workflow plans every study, and reruns exactly what a changed line concerns."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pipeline import versioning, workflow
+from pipeline.__main__ import STEPS
+from pipeline.config import CONF, compose, dump
+
+ROOT = Path(__file__).resolve().parents[2]
+STUDIES = sorted(path.stem for path in (CONF / "study").glob("*.yaml"))
+
+
+def copy(folder: Path) -> Path:
+    """A copy of what the workflow needs."""
+    for name in ("pipeline", "conf", "profiles", "models"):
+        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "Snakefile", folder)
+    return folder
+
+
+def snakemake(folder: Path, *arguments: str) -> str:
+    environment = {**os.environ, "PYTHONPATH": str(folder), "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
+    command = [sys.executable, "-m", "snakemake", "--cores", "2", *arguments]
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("study", STUDIES)
+def test_every_study_plans(study: str, tmp_path: Path) -> None:
+    folder = copy(tmp_path)
+    (folder / "params.yaml").write_text(dump(compose(study, []), "test"))
+    planned = snakemake(folder, "-n")
+    assert "render_base" in planned
+    assert ("report" in planned) == (study != "base")
+
+
+def test_the_graph_is_drawn(tmp_path: Path) -> None:
+    folder = copy(tmp_path)
+    (folder / "params.yaml").write_text(dump(compose("smoke", []), "test"))
+    assert "digraph" in snakemake(folder, "--dag")
+
+
+def test_sources_follow_the_imports() -> None:
+    cluster = workflow.sources("pipeline.steps.cluster")
+    assert "pipeline/core/regions.py" in cluster and "pipeline/steps/cluster.py" in cluster
+    assert "pipeline/detectors/yolo/loss.py" not in cluster
+    assert "pipeline/detectors/yolo/loss.py" in workflow.sources("pipeline.steps.retrain")
+
+
+def test_a_changed_line_makes_exactly_its_steps_stale(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = copy(tmp_path)
+    before = {step: _digest(folder, step, monkeypatch) for step in STEPS}
+    source = folder / "pipeline" / "core" / "rules.py"
+    source.write_text(source.read_text() + "\n# changed\n")
+    after = {step: _digest(folder, step, monkeypatch) for step in STEPS}
+    assert [step for step in STEPS if before[step] != after[step]] == ["cluster"]
+
+
+def _digest(folder: Path, step: str, monkeypatch: pytest.MonkeyPatch) -> str:
+    monkeypatch.setattr(workflow, "ROOT", folder)
+    workflow.code_digest.cache_clear()
+    found = workflow.code_digest(f"pipeline.steps.{step.replace('-', '_')}")
+    workflow.code_digest.cache_clear()
+    return found
+
+
+def test_dvc_yaml_is_what_the_code_says() -> None:
+    assert (ROOT / "dvc.yaml").read_text() == versioning.text(), "make dvc.yaml again: python -m pipeline.versioning"
