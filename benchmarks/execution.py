@@ -18,7 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from docs.contact_sheet import scenario as read_scenario
+from pipeline.artefacts.model import read_card
+from pipeline.config import compose
+from pipeline.core.reliability import Calibration
 from pipeline.core.space import Space
 from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.yolo.export import export_onnx
@@ -54,14 +56,15 @@ def main() -> None:
     OnnxDetector.detect = timed("inference", OnnxDetector.detect)  # type: ignore[method-assign]
     with tempfile.TemporaryDirectory() as folder:
         onnx = Path(folder) / "model.onnx"
-        export_onnx(onnx, load_weights(options.model / "weights.safetensors"), (320, 192))
+        calibration = Calibration(**read_card(options.model / "model.json").calibration)
+        export_onnx(onnx, load_weights(options.model / "weights.safetensors"), (320, 192), calibration)
         for name in options.scenario:
             measure(name, options.tests, OnnxDetector(onnx))
 
 
 def measure(name: str, tests: int, detector: OnnxDetector) -> None:
     """Time one scenario."""
-    described = read_scenario(name)
+    described = compose("default", []).scenarios[name]
     space = Space.from_dict(described.space)
     simulator = MujocoSimulator(described.model_dump())
     simulator.execute(space.decode(space.sample(1, np.random.default_rng(0))[0]), detector)  # Warm up.
@@ -76,7 +79,9 @@ def measure(name: str, tests: int, detector: OnnxDetector) -> None:
     render = SPENT["frame"] - SPENT["ground truth"] - SPENT["weather"]
     parts = {"render": render, "ground truth": SPENT["ground truth"], "weather": SPENT["weather"], "inference": SPENT["inference"]}
     parts["rest"] = sum(whole) - sum(parts.values())
-    print(f"{name}: {np.median(whole):.2f} CPU-s a test (median; mean {np.mean(whole):.2f}, longest {max(whole):.2f}), {frames / tests:.1f} frames a test")
+    print(
+        f"{name}: {np.median(whole):.2f} CPU-s a test (median; mean {np.mean(whole):.2f}, longest {max(whole):.2f}), {frames / tests:.1f} frames a test"
+    )
     for part, seconds in parts.items():
         print(f"  {part:<13}{seconds / frames * 1e3:6.2f} ms a frame {seconds / sum(whole):6.1%}")
 

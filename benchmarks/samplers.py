@@ -1,6 +1,6 @@
 """Seconds that a strategy itself costs a test, on the analytic simulator.
 
-    python benchmarks/samplers.py [--tests 400]
+python benchmarks/samplers.py [--tests 400]
 """
 
 from __future__ import annotations

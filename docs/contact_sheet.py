@@ -1,6 +1,6 @@
 """Draws docs/images/contact-sheet.jpg: the three scenarios in six kinds of weather and at three distances.
 
-    python docs/contact_sheet.py
+python docs/contact_sheet.py
 """
 
 from __future__ import annotations
@@ -9,9 +9,9 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
+from pipeline.config import compose
 from pipeline.scenario import FunctionalScenario
 from pipeline.simulators.mujoco.stage import CameraSettings, Stage
 from pipeline.simulators.mujoco.weather import Weather
@@ -31,14 +31,6 @@ ANIMATIONS = ("walking", "texting", "drunk", "crouching", "limping", "stumble")
 SCALE = 1.25
 
 
-def scenario(name: str) -> FunctionalScenario:
-    """A functional scenario straight from its file."""
-    body = yaml.safe_load((ROOT / "conf" / "scenario" / "_space.yaml").read_text())
-    body |= yaml.safe_load((ROOT / "conf" / "scenario" / f"{name}.yaml").read_text())
-    del body["defaults"]
-    return FunctionalScenario.model_validate(body)
-
-
 def row(stage: Stage, described: FunctionalScenario, index: int, name: str) -> NDArray[np.uint8]:
     """One weather: the pedestrian crosses in front of the ego at each distance."""
     tiles, rng = [], np.random.default_rng(index)
@@ -52,7 +44,9 @@ def row(stage: Stage, described: FunctionalScenario, index: int, name: str) -> N
         stage.place_pedestrian(0, y, described.pedestrian.heading_deg, ANIMATIONS[index], 0.9 + index, 1.4)
         image, _ = stage.shoot(rng)
         tile = cv2.resize(image, None, fx=SCALE, fy=SCALE, interpolation=cv2.INTER_CUBIC)
-        cv2.putText(tile, f"{described.label}  {name}  {distance:.0f} m", (7, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.42, (255, 255, 255), 1, cv2.LINE_AA)
+        cv2.putText(
+            tile, f"{described.label}  {name}  {distance:.0f} m", (7, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.42, (255, 255, 255), 1, cv2.LINE_AA
+        )
         tiles.append(tile)
     return np.hstack(tiles)
 
@@ -60,8 +54,12 @@ def row(stage: Stage, described: FunctionalScenario, index: int, name: str) -> N
 def main() -> None:
     """Render the sheet: F1 and F2 share the weathers, F1* shows day and night."""
     rows = []
-    for scenario_name, names in (("F1", ("day", "low sun ahead", "fog 75 %")), ("F2", ("dusk", "night", "rain 100 %")), ("F1star", ("day", "night"))):
-        described = scenario(scenario_name)
+    for scenario_name, names in (
+        ("F1", ("day", "low sun ahead", "fog 75 %")),
+        ("F2", ("dusk", "night", "rain 100 %")),
+        ("F1star", ("day", "night")),
+    ):
+        described = compose("default", []).scenarios[scenario_name]
         stage = Stage(described.town, described.actors, CameraSettings())
         rows += [row(stage, described, list(WEATHERS).index(name), name) for name in names]
         stage.close()

@@ -60,7 +60,6 @@ def parser() -> argparse.ArgumentParser:
     compose.add_argument("--out", type=Path, default=configuration.PARAMS)
     verdict = commands.add_parser("verdict", help="Print the table of the comparison.")
     verdict.add_argument("--comparison", type=Path, required=True)
-    verdict.add_argument("--params", type=Path, default=configuration.PARAMS)
     for name, (text, options) in STEPS.items():
         step = commands.add_parser(name, help=text, description=text)
         for option, how in options.items():
@@ -78,7 +77,7 @@ def main(arguments: list[str] | None = None) -> int:
         if command == "compose":
             _compose(options["words"], options["out"])
         elif command == "verdict":
-            _verdict(options["comparison"], options["params"])
+            _verdict(options["comparison"])
         else:
             _step(command, options)
     except InputError as error:
@@ -96,13 +95,11 @@ def _compose(words: list[str], out: Path) -> None:
     print(f"{out}: study {config.study}")
 
 
-def _verdict(comparison: Path, params: Path) -> None:
+def _verdict(comparison: Path) -> None:
     from pipeline.artefacts.results import Comparison, read
     from pipeline.report.verdict import verdict_table
 
-    config = configuration.load(params)
-    labels = {name: scenario.label for name, scenario in config.scenarios.items()}
-    print(verdict_table(read(comparison, Comparison), labels))
+    print(verdict_table(read(comparison, Comparison), comparison.with_name("report.html")))
 
 
 def _step(command: str, options: dict[str, Any]) -> None:

@@ -57,7 +57,7 @@ class Detections:
             raise ValueError(f"boxes must have shape (n, 4), got {self.boxes.shape}")
         if self.scores.shape != (len(self.boxes),):
             raise ValueError(f"scores must have shape ({len(self.boxes)},), got {self.scores.shape}")
-        if len(self.scores) and not (0 <= float(self.scores.min()) and float(self.scores.max()) <= 1):
+        if len(self.scores) and not (float(self.scores.min()) >= 0 and float(self.scores.max()) <= 1):
             raise ValueError(f"scores must be in [0, 1], got {self.scores.min()} to {self.scores.max()}")
         if (np.diff(self.scores) > 0).any():
             raise ValueError("scores must descend")

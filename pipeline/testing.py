@@ -48,7 +48,9 @@ def check_simulator(simulator: Simulator, space: Space, detector: Detector, coun
     for concrete, episode in zip(reversed(concretes), reversed(episodes), strict=True):
         again = simulator.execute(concrete, detector, keep_every=4)
         for name, column in episode.signals.items():
-            assert np.array_equal(column, again.signals[name], equal_nan=column.dtype.kind == "f"), f"signal {name} must be the same in a replay"
+            assert np.array_equal(column, again.signals[name], equal_nan=column.dtype.kind == "f"), (
+                f"signal {name} must be the same in a replay"
+            )
         for one, other in zip(episode.frames, again.frames, strict=True):
             assert np.array_equal(one.frame.image, other.frame.image), f"frame {one.step} must be the same in a replay"
         _check_episode(episode)
@@ -62,7 +64,9 @@ def _check_episode(episode: Episode) -> None:
     assert (signals["gap_m"] >= 0).all() and (signals["conflict_distance_m"] >= 0).all(), "distances must not be negative"
     assert np.array_equal(signals["ttc_s"], kpi.ttc(signals), equal_nan=True), "ttc_s must follow from the other signals (Eq. 5.2)"
     kinds = ("far", "localisation", "duplicate")
-    assert np.array_equal(signals["false_positives"], sum(signals[f"false_positives_{kind}"] for kind in kinds)), "false positives must add up"
+    assert np.array_equal(signals["false_positives"], sum(signals[f"false_positives_{kind}"] for kind in kinds)), (
+        "false positives must add up"
+    )
     for kept in episode.frames:
         image = kept.frame.image
         assert image.dtype == np.uint8 and image.ndim == 3 and image.shape[2] == 3, "images must be (h, w, 3) uint8"

@@ -86,6 +86,8 @@ class Tracker:
 
         model: registered name. files: the model's own files. tags: on the version; a registry in SQLite shows no metrics.
         """
+        from mlflow.entities import Metric
+
         run_id = self.log(content)
         digest = hashlib.sha256(json.dumps([content.digest, [sha256(path) for path in files]]).encode()).hexdigest()
         if (known := self._version(model, digest)) is not None:
@@ -97,8 +99,7 @@ class Tracker:
         )
         for path in files:
             self._client.log_model_artifact(logged.model_id, str(path))
-        for name, value in content.metrics.items():
-            self._client.log_metric(run_id, name, value, model_id=logged.model_id)
+        self._client.log_batch(run_id, metrics=[Metric(*point, 1, 0, model_id=logged.model_id) for point in content.metrics.items()])
         self._client.finalize_logged_model(logged.model_id, "READY")
         version = self._client.create_model_version(
             model,

@@ -39,7 +39,7 @@ class Study:
     def plots(self) -> list[str]:
         """The report's plots."""
         each = [f"{kind}_{scenario}" for scenario in self.config.search for kind in ("kpi", "failures")]
-        return [f"{self.root}/plots/{name}.png" for name in ("theta", "coverage", "comparison", *each)]
+        return [f"{self.root}/plots/{name}.png" for name in ("theta", "coverage", "comparison", "detection", "histogram", *each)]
 
     @property
     def shipped(self) -> list[str]:
@@ -62,9 +62,9 @@ class Study:
 
     def finish(self) -> None:
         """After a run: print the verdict, and tell DVC that what it versions was made, unless DVC itself is at work."""
-        comparison = ROOT / self.root / "comparison.json"
-        if self.config.goal == "report" and comparison.exists():
-            subprocess.run([sys.executable, "-m", "pipeline", "verdict", "--comparison", str(comparison)], cwd=ROOT, check=False)
+        comparison = f"{self.root}/comparison.json"
+        if self.config.goal == "report" and (ROOT / comparison).exists():
+            subprocess.run([sys.executable, "-m", "pipeline", "verdict", "--comparison", comparison], cwd=ROOT, check=False)
         if (ROOT / ".dvc").exists() and "DVC_STAGE" not in os.environ:
             told = subprocess.run([sys.executable, "-m", "dvc", "commit", "--force", "--quiet"], cwd=ROOT, capture_output=True, text=True)
             if told.returncode:

@@ -50,9 +50,7 @@ def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> tu
     return low, high
 
 
-def bootstrap_interval(
-    values: ArrayLike, rng: np.random.Generator, confidence: float = 0.95, resamples: int = 2000
-) -> tuple[float, float]:
+def bootstrap_interval(values: ArrayLike, rng: np.random.Generator, confidence: float = 0.95, resamples: int = 2000) -> tuple[float, float]:
     """Percentile bootstrap interval of the mean of (n,) values, one a seed; they must be finite.
 
     A single value gives (value, value): one seed says nothing about the spread, so show n beside the interval.

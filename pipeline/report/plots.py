@@ -63,7 +63,10 @@ def _legend_below(figure: Figure, axes: Sequence[Axes]) -> None:
         for handle, name in zip(*axis.get_legend_handles_labels(), strict=True):
             entries.setdefault(name, handle)
     if entries:
-        figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=min(5, len(entries)))
+        legend = figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=min(5, len(entries)))
+        for handle in legend.legend_handles:
+            if handle is not None:
+                handle.set_alpha(1)
 
 
 def theta_curves(measures: Measures, labels: Mapping[str, str]) -> Figure:
@@ -130,7 +133,7 @@ def _vertical_axes(axis: Axes, space: Space) -> None:
         low, high = (variable.labels[0], variable.labels[-1]) if variable.values else (variable.low, variable.high)
         for height, value, side in ((-0.04, low, "top"), (1.04, high, "bottom")):
             text = value if isinstance(value, str) else f"{value:g}"
-            axis.text(position, height, text, ha="center", va=side, fontsize=8)
+            axis.text(position + 0.04, height, text, ha="left", va=side, fontsize=8)
     titles = [name.replace("_", "\n") + (f"\n({unit})" if unit else "") for name, unit in _titles(space)]
     axis.set_xticks(range(len(space)), titles)
     axis.tick_params(axis="x", length=0, pad=8)

@@ -169,9 +169,9 @@ def _compose(layout: Layout, kept: KeptFrame) -> Pixels:
     canvas[:FRAME_HEIGHT, : layout.frame_width] = large
     view = canvas[:FRAME_HEIGHT, : layout.frame_width]
     if kept.frame.truth.visible_box is not None:
-        _rectangle(view, kept.frame.truth.visible_box, scale, TRUTH)
+        _rectangle(view, kept.frame.truth.visible_box, scale, 5, TRUTH)
     for box, score in zip(kept.detections.boxes, kept.detections.scores, strict=True):
-        left, top = _rectangle(view, tuple(float(value) for value in box), scale, DETECTION)
+        left, top = _rectangle(view, tuple(float(value) for value in box), scale, 2, DETECTION)
         _label(view, f"{score:.2f}", left, top)
     share = min(1.0, kept.frame.time_s / layout.last_s) if layout.last_s > 0 else 0.0
     column = round(layout.signal_left + share * (layout.signal_right - layout.signal_left))
@@ -180,10 +180,10 @@ def _compose(layout: Layout, kept: KeptFrame) -> Pixels:
     return canvas
 
 
-def _rectangle(view: Pixels, box: tuple[float, ...], scale: float, colour: tuple[int, int, int]) -> tuple[int, int]:
+def _rectangle(view: Pixels, box: tuple[float, ...], scale: float, aside: int, colour: tuple[int, int, int]) -> tuple[int, int]:
     left, top, right, bottom = (round(value * scale) for value in box)
-    # Drawn just outside, so that a small pedestrian stays visible inside its box.
-    cv2.rectangle(view, (left - 2, top - 2), (right + 1, bottom + 1), colour, 2)
+    # Drawn outside, so that a small pedestrian stays visible, and the true box does not vanish under a good detection.
+    cv2.rectangle(view, (left - aside, top - aside), (right + aside - 1, bottom + aside - 1), colour, 2)
     return left, top
 
 

@@ -15,6 +15,7 @@ from pipeline.artefacts.results import Estimate, FailureRegion, FailureRegions, 
 from pipeline.artefacts.space import ScenarioInfo, read_space
 from pipeline.config import Config
 from pipeline.core.distance import mixed_distance
+from pipeline.core.growth import grow_regions
 from pipeline.core.regions import NOISE, connected_failures, find_regions, medoid
 from pipeline.core.rules import find_rule
 from pipeline.core.space import Floats, Space
@@ -23,6 +24,7 @@ from pipeline.steps.measure import count_modes
 
 Progress = Callable[[int, int, str], None]
 Bools = NDArray[np.bool_]
+MIN_RULE_PRECISION = 0.75
 
 
 def run(config: Config, *, tests: Sequence[Path], space: Path, out: Path, progress: Progress) -> None:
@@ -43,6 +45,7 @@ def cluster(info: ScenarioInfo, space: Space, tests: pd.DataFrame, epsilon: floa
     points, failed = encode_tests(tests, space), tests["failure"].to_numpy(bool)
     labels = np.full(len(tests), NOISE, dtype=np.int64)
     labels[failed] = find_regions(space, points[failed], epsilon, min_failures)
+    labels = grow_regions(space, points, failed, labels, MIN_RULE_PRECISION, min_failures)
     connected = connected_failures(space, points[failed])
     regions = [
         _region(f"{info.label} region {label + 1}", space, tests, points, labels == label, confidence)

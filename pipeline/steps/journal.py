@@ -44,7 +44,9 @@ def outcome(episode: Episode, simulate_s: float) -> Outcome:
 
 def _frame(kept: KeptFrame) -> dict[str, Any]:
     truth = kept.frame.truth
-    matching = kpi.match(kept.detections.boxes, kept.detections.scores, truth.visible_box, truth.whole_box, truth.visible_pixels, truth.contrast)
+    matching = kpi.match(
+        kept.detections.boxes, kept.detections.scores, truth.visible_box, truth.whole_box, truth.visible_pixels, truth.contrast
+    )
     return {"step": kept.step, "truth": asdict(truth), "false_positives": matching.false_positives, "confidence": matching.confidence}
 
 

@@ -23,7 +23,16 @@ from pipeline.steps.train import write_version
 
 
 def run(
-    config: Config, *, version: str, base_set: Path, parent: Path, filters: list[Path], frames: list[Path], out: Path, threads: int, progress: Progress
+    config: Config,
+    *,
+    version: str,
+    base_set: Path,
+    parent: Path,
+    filters: list[Path],
+    frames: list[Path],
+    out: Path,
+    threads: int,
+    progress: Progress,
 ) -> None:
     """Retrain and write weights.safetensors, model.onnx and `out`, the version's model.json.
 
@@ -43,9 +52,21 @@ def run(
     identity = hashlib.sha256(json.dumps([settings.model_dump(), data]).encode()).hexdigest()
     checkpoint = out.with_name("checkpoint.pt")
     schedule = settings.model_dump(exclude={"added_frames"})
-    model = retrain(load_weights(weights), base, added, **schedule, identity=identity, checkpoint=checkpoint, threads=threads, progress=progress)
+    model = retrain(
+        load_weights(weights), base, added, **schedule, identity=identity, checkpoint=checkpoint, threads=threads, progress=progress
+    )
     training = {**settings.model_dump(), "base_images": len(base), "added_frames": 0 if added is None else count}
-    write_version(config, model, read_dataset(base_set.parent, "val"), out, version=version, parent="base", data=data, training=training, seed=settings.seed)
+    write_version(
+        config,
+        model,
+        read_dataset(base_set.parent, "val"),
+        out,
+        version=version,
+        parent="base",
+        data=data,
+        training=training,
+        seed=settings.seed,
+    )
     checkpoint.unlink(missing_ok=True)
 
 

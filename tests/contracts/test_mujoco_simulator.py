@@ -64,7 +64,12 @@ def test_the_oracle_avoids_failure_in_plain_weather_and_in_fog(world: Any) -> No
 
 def test_braking_follows_the_vehicle_dynamics(world: Any) -> None:
     simulator, space = world
-    concrete = space.decode(space.sample(1, np.random.default_rng(8))[0]) | {"fog": 0.0, "rain": 0.0, "pedestrian_speed": 0.5, "sun_altitude": 40.0}
+    concrete = space.decode(space.sample(1, np.random.default_rng(8))[0]) | {
+        "fog": 0.0,
+        "rain": 0.0,
+        "pedestrian_speed": 0.5,
+        "sun_altitude": 40.0,
+    }
     signals = simulator.execute(concrete, VisiblePixelOracle()).signals
     speed, brake = signals["ego_speed_mps"], signals["brake"]
     full = np.flatnonzero(brake == 1.0)
@@ -101,7 +106,9 @@ def test_a_replay_in_another_process_gives_the_same_bits(tmp_path: Path) -> None
     space = Space.from_dict(scenario["space"])
     points = space.sample(3, np.random.default_rng(6))
     # Night, dusk and rain in this order leave their traces in the lamps, if in anything.
-    concretes = [space.decode(p) | {"sun_altitude": a, "rain": r} for p, a, r in zip(points, (-12.0, -0.5, 40.0), (0.0, 0.0, 90.0), strict=True)]
+    concretes = [
+        space.decode(p) | {"sun_altitude": a, "rain": r} for p, a, r in zip(points, (-12.0, -0.5, 40.0), (0.0, 0.0, 90.0), strict=True)
+    ]
     simulator = MujocoSimulator(scenario)
     here = [_signature(simulator, concrete) for concrete in concretes]
     simulator.close()
@@ -112,7 +119,9 @@ def test_a_replay_in_another_process_gives_the_same_bits(tmp_path: Path) -> None
         "print(json.dumps([_signature(simulator, c) for c in reversed(concretes)]))"
     )
     root = str(Path(__file__).resolve().parents[2])
-    done = subprocess.run([sys.executable, "-c", program, root], input=json.dumps([scenario, concretes]), text=True, capture_output=True, check=True, cwd=root)
+    done = subprocess.run(
+        [sys.executable, "-c", program, root], input=json.dumps([scenario, concretes]), text=True, capture_output=True, check=True, cwd=root
+    )
     assert json.loads(done.stdout.splitlines()[-1]) == here[::-1]
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.artefacts.dataset import ImageSet
-from pipeline.detectors.evaluation import evaluate
+from pipeline.detectors.evaluation import calibrate, evaluate
 from pipeline.protocols import Detections
 
 PERSON = (20.0, 10.0, 40.0, 50.0)
@@ -80,3 +80,10 @@ def test_nothing_found_and_nothing_to_find() -> None:
 def test_it_prints_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     evaluate([said((PERSON, 0.9))], images(VISIBLE), 0.5)
     assert capsys.readouterr().out == ""
+
+
+def test_understated_scores_are_raised_and_ignored_people_do_not_count() -> None:
+    hits = [said((PERSON, 0.5))] * 9 + [said((AWAY, 0.5))]
+    found = hits + [said((PERSON, 0.1))] + [said((AWAY, 0.1))] * 9 + [said((PERSON, 0.1))] * 40
+    calibration = calibrate(found, images(*[VISIBLE] * 20, *[TINY] * 40))
+    assert calibration.apply([0.5, 0.1]) == pytest.approx([0.9, 0.1], abs=0.01)

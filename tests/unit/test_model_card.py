@@ -17,6 +17,7 @@ CARD = ModelCard(
     data={"base_set": "ab", "added": "cd"},
     training={"iterations": 5.0},
     metrics={"ap50": 0.9},
+    calibration={"slope": 2.0, "offset": 0.5},
     weights_sha256="ef",
 )
 

@@ -9,6 +9,7 @@ import torch
 from onnx import TensorProto, helper
 
 from pipeline.core.boxes import iou
+from pipeline.core.reliability import Calibration
 from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.yolo.export import Deployed, export_onnx
 from pipeline.detectors.yolo.model import Architecture, Yolo
@@ -36,7 +37,7 @@ def images(count: int) -> np.ndarray[tuple[int, int, int, int], np.dtype[np.uint
 
 def test_it_finds_what_the_network_finds(network: Yolo, file: Path) -> None:
     with torch.inference_mode():
-        boxes, scores = Deployed(network, SIZE)(torch.from_numpy(images(1)))
+        boxes, scores = Deployed(network, SIZE, Calibration())(torch.from_numpy(images(1)))
     found = OnnxDetector(file, float(scores.min()) / 2, iou=0.999).detect_images(images(1))[0]
     assert len(found.scores) == scores.numel()
     assert found.scores == pytest.approx(scores[0].sort(descending=True).values.numpy(), abs=1e-5)
@@ -68,6 +69,15 @@ def test_nothing_above_the_threshold_is_nothing(file: Path) -> None:
 def test_the_same_weights_give_the_same_file(network: Yolo, file: Path, tmp_path: Path) -> None:
     export_onnx(tmp_path / "again.onnx", network, SIZE)
     assert (tmp_path / "again.onnx").read_bytes() == file.read_bytes()
+
+
+def test_the_calibration_is_inside_the_file(network: Yolo, file: Path, tmp_path: Path) -> None:
+    calibration = Calibration(slope=1.5, offset=2.0)
+    export_onnx(tmp_path / "calibrated.onnx", network, SIZE, calibration)
+    plain, calibrated = (OnnxDetector(path, 0.001, iou=0.999).detect_images(images(1))[0] for path in (file, tmp_path / "calibrated.onnx"))
+    assert calibrated.scores == pytest.approx(calibration.apply(plain.scores), abs=1e-4)
+    # Rounding may swap boxes of nearly equal score.
+    assert np.sort(calibrated.boxes, axis=0) == pytest.approx(np.sort(plain.boxes, axis=0), abs=1e-3)
 
 
 def test_another_image_size_is_refused(file: Path) -> None:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from pipeline.artefacts.dataset import ImageSet, image_set
 from pipeline.core.boxes import iou
-from pipeline.detectors.yolo import training
+from pipeline.detectors.yolo import recipe, training
+from pipeline.detectors.yolo.data import batch
 from pipeline.detectors.yolo.model import Architecture, Yolo, cells, decode
 from pipeline.detectors.yolo.recipe import train_from_scratch
 from pipeline.detectors.yolo.retraining import mixed_feed, retrain
@@ -145,11 +146,28 @@ def test_both_recipes_run_and_repeat(tmp_path: Path) -> None:
     assert not same(parent, versions[0])
 
 
-def test_training_from_scratch_shows_crops_then_frames(tmp_path: Path) -> None:
-    wide = people(8, 8)
-    scenes = [(np.tile(image, (3, 4, 1))[:192, :320], Truth()) for image in wide.images]
-    settings = {"seed": 0, "batch_size": 2, "crop_iterations": 1, "frame_iterations": 1, "learning_rate": 1e-3, "oversampling": 2}
-    texts: list[str] = []
-    train_from_scratch(image_set(scenes), settings, checkpoint=tmp_path / "c", threads=1, progress=lambda *now: texts.append(now[2]))
-    assert len(texts) == 1
-    assert texts[0].startswith("full frames")
+def streets() -> ImageSet:
+    return image_set([(np.tile(image, (3, 4, 1))[:192, :320], Truth()) for image in people(4, 8).images])
+
+
+SCRATCH = {"seed": 0, "batch_size": 1, "crop_iterations": 1, "frame_iterations": 1, "learning_rate": 1e-3, "oversampling": 2}
+SCRATCH |= {"polish_iterations": 2, "polish_learning_rate": 1e-4}
+
+
+def test_training_from_scratch_resumes_in_every_phase(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    sizes: list[tuple[int, int]] = []
+
+    def counted(images: ImageSet, indices: NDArray[np.int64], size: tuple[int, int], seed: tuple[int, ...]) -> Batch:
+        sizes.append(size)
+        if len(sizes) == 4:
+            raise KeyboardInterrupt
+        return batch(images, indices, size, seed)
+
+    uninterrupted = train_from_scratch(streets(), SCRATCH, checkpoint=None, threads=1)
+    monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
+    monkeypatch.setattr(recipe, "batch", counted)
+    with pytest.raises(KeyboardInterrupt):
+        train_from_scratch(streets(), SCRATCH, checkpoint=tmp_path / "c.pt", threads=1)
+    resumed = train_from_scratch(streets(), SCRATCH, checkpoint=tmp_path / "c.pt", threads=1)
+    assert same(uninterrupted, resumed)
+    assert sizes == [(160, 96), (320, 192), (320, 192), (320, 192), (320, 192)]  # The fourth is the one that was cut off.

@@ -80,9 +80,7 @@ def _check(categories: Ints, sizes: Sequence[int], k: int, constraints: Constrai
     outside = (categories < 0) | (categories >= np.asarray(sizes))
     if outside.any():
         row, column = np.argwhere(outside)[0]
-        raise ValueError(
-            f"point {row}: category of variable {column} must be in [0, {sizes[column]}), got {categories[row, column]}"
-        )
+        raise ValueError(f"point {row}: category of variable {column} must be in [0, {sizes[column]}), got {categories[row, column]}")
     if constraints is None:
         return
     if constraints.sizes != tuple(sizes):

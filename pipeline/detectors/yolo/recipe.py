@@ -57,4 +57,10 @@ def polish(
     def feed(iteration: int) -> tuple[Images, Boxes]:
         return batch(images, stream.take(iteration * size, size), images.size, (seed, POLISH_PHASE, iteration))
 
-    return fit(model, schedule, feed, identity=f"{identity} polish", checkpoint=checkpoint, threads=threads, progress=progress)
+    own = None if checkpoint is None else polish_checkpoint(checkpoint)
+    return fit(model, schedule, feed, identity=f"{identity} polish", checkpoint=own, threads=threads, progress=progress)
+
+
+def polish_checkpoint(checkpoint: Path) -> Path:
+    """Beside the checkpoint of the long phases: a kill while polishing must not cost those."""
+    return checkpoint.with_name(f"polish-{checkpoint.name}")

@@ -104,7 +104,7 @@ def fit(
     """Train `model` and return the averaged weights, on the CPU in evaluation mode.
 
     feed: iteration to (n, h, w, 3) uint8 RGB images and (n, 4) boxes in pixels, zeros where there is no pedestrian.
-    checkpoint: file that is written every 45 s and read first; ignored if it belongs to another `identity`. threads: of
+    checkpoint: file that is written every 45 s and at the end, and read first; ignored if it belongs to another `identity`. threads: of
     PyTorch; None leaves OMP_NUM_THREADS in force. progress: called with iterations done, all of them and a text.
     """
     if threads is not None:
@@ -114,7 +114,7 @@ def fit(
     state = _start(model, schedule, device)
     if checkpoint is not None:
         _resume(checkpoint, identity, state, device)
-    saved = time.monotonic()
+    saved, resumed = time.monotonic(), state.iteration
     losses: deque[Loss] = deque(maxlen=20)
     for images, boxes in _batches(feed, state.iteration, schedule.iterations, device):
         losses.append(_step(state, schedule, images, boxes, device))
@@ -123,6 +123,8 @@ def fit(
             saved = time.monotonic()
         if progress is not None and (state.iteration % 10 == 0 or state.iteration == schedule.iterations):
             progress(state.iteration, schedule.iterations, _text(state.iteration <= schedule.crop_iterations, losses))
+    if checkpoint is not None and state.iteration > resumed:
+        _save(checkpoint, identity, state)
     return state.average.cpu().eval()
 
 

@@ -90,7 +90,9 @@ class _Loop:
             image, truth = self._stage.shoot(self._rng)
             frame = Frame(image, truth, self._time)
             detections = detector.detect(frame)
-            matching = kpi.match(detections.boxes, detections.scores, truth.visible_box, truth.whole_box, truth.visible_pixels, truth.contrast)
+            matching = kpi.match(
+                detections.boxes, detections.scores, truth.visible_box, truth.whole_box, truth.visible_pixels, truth.contrast
+            )
             self._record(state, truth, matching)
             if keep_every and index % keep_every == 0:
                 kept.append(KeptFrame(index, frame, detections))

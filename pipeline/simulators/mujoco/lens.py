@@ -30,7 +30,9 @@ class Lens:
         grain = np.round(rng.normal(0, NOISE_GREY_LEVELS, (2 * height, 2 * width, 1))).astype(np.int16)
         self._grain = np.repeat(grain, 3, axis=2)
 
-    def expose(self, image: Image, distance: Floats, weather: Weather, sun: NDArray[np.float64], sun_hidden: bool, rng: np.random.Generator) -> Image:
+    def expose(
+        self, image: Image, distance: Floats, weather: Weather, sun: NDArray[np.float64], sun_hidden: bool, rng: np.random.Generator
+    ) -> Image:
         """Apply the weather to a rendered image.
 
         image: (h, w, 3). distance: (h, w) metres of depth. sun: (3,) unit vector to the sun in the camera frame (x right, y up, -z ahead).
@@ -92,5 +94,7 @@ def _streaks(width: int, height: int, rng: np.random.Generator) -> Floats:
     for _ in range(width * height // 90):
         x, y, length = rng.integers(2 * width), rng.integers(2 * height), int(rng.integers(height // 26, height // 9))
         steps = np.arange(length)
-        sheet[(y + steps) % (2 * height), (x + (0.12 * steps).astype(int)) % (2 * width)] = rng.uniform(0.15, 0.6) * np.sin(np.pi * (steps + 0.5) / length)
+        sheet[(y + steps) % (2 * height), (x + (0.12 * steps).astype(int)) % (2 * width)] = rng.uniform(0.15, 0.6) * np.sin(
+            np.pi * (steps + 0.5) / length
+        )
     return sheet

@@ -20,7 +20,9 @@ class Mesh:
     texcoords: list[Floats] = field(default_factory=list)
     faces: list[tuple[int, int, int]] = field(default_factory=list)
 
-    def quad(self, origin: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike, uv: tuple[float, float, float, float], cell: float = 4.0) -> None:
+    def quad(
+        self, origin: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike, uv: tuple[float, float, float, float], cell: float = 4.0
+    ) -> None:
         """Add a rectangle: corner and two edges in metres, texture window (u0, v0, u1, v1).
 
         It is split into cells of at most `cell` metres, because MuJoCo's classic renderer lights vertices, not pixels.

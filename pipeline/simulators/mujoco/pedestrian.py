@@ -33,7 +33,9 @@ def add(spec: mujoco.MjSpec) -> None:
     _capsule(torso, "abdomen", (0, -0.06, 0.08), (0, 0.06, 0.08), 0.12, "top")
     _ellipsoid(torso, "chest", (0.13, 0.195, 0.23), (0, 0, 0.3), "top")
     _capsule(torso, "shoulders", (0, -0.15, 0.44), (0, 0.15, 0.44), 0.065, "top")
-    torso.add_geom(name="pedestrian_bag", type=GEOM.mjGEOM_BOX, size=(0.09, 0.14, 0.19), pos=(-0.2, 0, 0.3), material="pedestrian_shoes", group=GROUP)
+    torso.add_geom(
+        name="pedestrian_bag", type=GEOM.mjGEOM_BOX, size=(0.09, 0.14, 0.19), pos=(-0.2, 0, 0.3), material="pedestrian_shoes", group=GROUP
+    )
     _head(torso)
     for side, sign in (("l", 1), ("r", -1)):
         _arm(torso, side, sign)
@@ -47,7 +49,14 @@ def _head(torso: mujoco.MjsBody) -> None:
     _ellipsoid(head, "face", (0.098, 0.08, 0.122), (0.01, 0, 0.13), "skin")
     _ellipsoid(head, "scalp", (0.1, 0.09, 0.105), (-0.015, 0, 0.165), "hair")
     _ellipsoid(head, "mane", (0.06, 0.1, 0.16), (-0.06, 0, 0.06), "hair")
-    head.add_geom(name="pedestrian_hat", type=GEOM.mjGEOM_CYLINDER, size=(0.125, 0.035, 0), pos=(0, 0, 0.235), material="pedestrian_shoes", group=GROUP)
+    head.add_geom(
+        name="pedestrian_hat",
+        type=GEOM.mjGEOM_CYLINDER,
+        size=(0.125, 0.035, 0),
+        pos=(0, 0, 0.235),
+        material="pedestrian_shoes",
+        group=GROUP,
+    )
 
 
 def _arm(torso: mujoco.MjsBody, side: str, sign: int) -> None:
@@ -70,7 +79,14 @@ def _leg(root: mujoco.MjsBody, side: str, sign: int) -> None:
     _capsule(shin, f"shin_{side}", (0, 0, 0), (0, 0, -0.38), 0.058, "trousers")
     foot = shin.add_body(name=f"pedestrian_foot_{side}", pos=(0, 0, -0.42))
     _hinge(foot, f"ankle_{side}", (0, 1, 0))
-    foot.add_geom(name=f"pedestrian_shoe_{side}", type=GEOM.mjGEOM_BOX, size=(0.13, 0.045, 0.04), pos=(0.06, 0, -0.02), material="pedestrian_shoes", group=GROUP)
+    foot.add_geom(
+        name=f"pedestrian_shoe_{side}",
+        type=GEOM.mjGEOM_BOX,
+        size=(0.13, 0.045, 0.04),
+        pos=(0.06, 0, -0.02),
+        material="pedestrian_shoes",
+        group=GROUP,
+    )
 
 
 def _hinge(body: mujoco.MjsBody, name: str, axis: tuple[int, int, int]) -> None:
@@ -79,7 +95,12 @@ def _hinge(body: mujoco.MjsBody, name: str, axis: tuple[int, int, int]) -> None:
 
 def _capsule(body: mujoco.MjsBody, name: str, start: tuple[float, ...], end: tuple[float, ...], radius: float, material: str) -> None:
     body.add_geom(
-        name=f"pedestrian_{name}", type=GEOM.mjGEOM_CAPSULE, fromto=(*start, *end), size=(radius, 0, 0), material=f"pedestrian_{material}", group=GROUP
+        name=f"pedestrian_{name}",
+        type=GEOM.mjGEOM_CAPSULE,
+        fromto=(*start, *end),
+        size=(radius, 0, 0),
+        material=f"pedestrian_{material}",
+        group=GROUP,
     )
 
 

@@ -119,16 +119,25 @@ def _ground(spec: mujoco.MjSpec, town: Town) -> None:
     lawn, road, pavement, kerb = Mesh(), Mesh(), Mesh(), Mesh()
     lawn.quad((START_X - 80, -120, -0.06), (length + 160, 0, 0), (0, 240, 0), (0, 0, 96, 60), cell=20)
     right = ROAD_HALF_WIDTH + (BAY_DEPTH if town.bus_bay else 0)
-    road.quad((START_X, -right, 0), (length, 0, 0), (0, right + ROAD_HALF_WIDTH, 0), (0, 0, length / 5, (right + ROAD_HALF_WIDTH) / 5), cell=1.6)
+    road.quad(
+        (START_X, -right, 0), (length, 0, 0), (0, right + ROAD_HALF_WIDTH, 0), (0, 0, length / 5, (right + ROAD_HALF_WIDTH) / 5), cell=1.6
+    )
     for side, x0, x1, edge in _pavement_strips(town):
         inner, outer = side * edge, side * (edge + PAVEMENT_WIDTH)
         low, high = min(inner, outer), max(inner, outer)
         pavement.quad((x0, low, KERB_HEIGHT), (x1 - x0, 0, 0), (0, high - low, 0), (0, 0, (x1 - x0) / 2, (high - low) / 2), cell=1.6)
         for x in (x0, x1) if town.bus_bay and side < 0 else ():
             kerb.quad((x, high, -0.05), (0, low - high, 0), (0, 0, KERB_HEIGHT + 0.05), (0, 0, 1, 1))
-        kerb.quad((x1, inner, -0.02) if side > 0 else (x0, inner, -0.02), (-side * (x1 - x0), 0, 0), (0, 0, KERB_HEIGHT + 0.02), (0, 0, 1, 1))
+        kerb.quad(
+            (x1, inner, -0.02) if side > 0 else (x0, inner, -0.02), (-side * (x1 - x0), 0, 0), (0, 0, KERB_HEIGHT + 0.02), (0, 0, 1, 1)
+        )
         kerb.quad((x0, inner if side > 0 else inner - 0.18, KERB_HEIGHT + 0.004), (x1 - x0, 0, 0), (0, 0.18, 0), (0, 0, 1, 1), cell=2)
-    for name, mesh, material in (("lawn", lawn, "grass"), ("road", road, "road"), ("pavement", pavement, "pavement"), ("kerb", kerb, "kerb")):
+    for name, mesh, material in (
+        ("lawn", lawn, "grass"),
+        ("road", road, "road"),
+        ("pavement", pavement, "pavement"),
+        ("kerb", kerb, "kerb"),
+    ):
         mesh.add_to(spec, name)
         place(spec, name, material)
 
@@ -190,7 +199,9 @@ def _buildings(spec: mujoco.MjSpec, town: Town, style: Style, side: int, rng: np
     place(spec, f"panes_{side}", "window_light")
 
 
-def _house(parts: dict[str, Mesh], style: Style, xs: tuple[float, float], ys: tuple[float, float], wall: int, floors: int, roof: int) -> None:
+def _house(
+    parts: dict[str, Mesh], style: Style, xs: tuple[float, float], ys: tuple[float, float], wall: int, floors: int, roof: int
+) -> None:
     (x0, x1), y0, y1 = xs, min(ys), max(ys)
     eaves = 3.5 + 3.0 * floors
     corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
@@ -247,7 +258,10 @@ def _crowns(spec: mujoco.MjSpec, rng: np.random.Generator) -> None:
         around = np.linspace(0, 2 * np.pi, points, endpoint=False)
         radius = rng.uniform(0.82, 1.18, (rings, points)) * rng.uniform(1.5, 2.0)
         circle = np.stack([np.cos(around), np.sin(around)], -1)
-        rows = [np.column_stack([circle * (radius[k] * np.cos(latitude[k]))[:, None], 0.85 * radius[k] * np.sin(latitude[k])]) for k in range(rings)]
+        rows = [
+            np.column_stack([circle * (radius[k] * np.cos(latitude[k]))[:, None], 0.85 * radius[k] * np.sin(latitude[k])])
+            for k in range(rings)
+        ]
         loft(spec, f"crown{i}", rows)
 
 
@@ -271,8 +285,17 @@ def _furniture(spec: mujoco.MjSpec, town: Town, style: Style, rng: np.random.Gen
         pole = -(ROAD_HALF_WIDTH + 0.4)
         world.add_geom(type=GEOM.mjGEOM_CAPSULE, fromto=(x, pole, 0, x, pole, 2.3), size=(0.035, 0, 0), material="metal", castshadow=False)
         facing = (np.sqrt(0.5), 0, np.sqrt(0.5), 0)
-        world.add_geom(type=GEOM.mjGEOM_CYLINDER, size=(0.3, 0.015, 0), pos=(x, pole, 2.5), quat=facing, rgba=(0.75, 0.06, 0.08, 1), castshadow=False)
-        world.add_geom(type=GEOM.mjGEOM_CYLINDER, size=(0.22, 0.02, 0), pos=(x - 0.01, pole, 2.5), quat=facing, rgba=(0.93, 0.93, 0.92, 1), castshadow=False)
+        world.add_geom(
+            type=GEOM.mjGEOM_CYLINDER, size=(0.3, 0.015, 0), pos=(x, pole, 2.5), quat=facing, rgba=(0.75, 0.06, 0.08, 1), castshadow=False
+        )
+        world.add_geom(
+            type=GEOM.mjGEOM_CYLINDER,
+            size=(0.22, 0.02, 0),
+            pos=(x - 0.01, pole, 2.5),
+            quat=facing,
+            rgba=(0.93, 0.93, 0.92, 1),
+            castshadow=False,
+        )
     if town.bus_bay:
         _bus_stop(world, town.bus_bay)
 

@@ -14,14 +14,43 @@ from .mesh import Mesh, loft
 
 GEOM = mujoco.mjtGeom
 KINDS = ("hatchback", "saloon", "van", "bus")
-PAINTS = ((0.62, 0.08, 0.08), (0.82, 0.83, 0.84), (0.08, 0.14, 0.32), (0.1, 0.1, 0.11), (0.42, 0.44, 0.46), (0.1, 0.28, 0.2), (0.72, 0.6, 0.32))
+PAINTS = (
+    (0.62, 0.08, 0.08),
+    (0.82, 0.83, 0.84),
+    (0.08, 0.14, 0.32),
+    (0.1, 0.1, 0.11),
+    (0.42, 0.44, 0.46),
+    (0.1, 0.28, 0.2),
+    (0.72, 0.6, 0.32),
+)
 BUS_COLOURS = {"urban": (186, 44, 36), "suburban": (52, 96, 150)}
 
 # Stations along a car, rear to front: x, bottom, waistline, half width (metres).
 BODIES = {
-    "hatchback": [(-1.95, 0.42, 0.78, 0.7), (-1.8, 0.26, 0.96, 0.84), (-0.9, 0.2, 0.97, 0.88), (0.75, 0.2, 0.95, 0.88), (1.5, 0.22, 0.82, 0.85), (1.95, 0.34, 0.66, 0.7)],
-    "saloon": [(-2.25, 0.42, 0.8, 0.7), (-2.1, 0.26, 0.93, 0.84), (-1.2, 0.2, 0.97, 0.89), (0.85, 0.2, 0.95, 0.89), (1.8, 0.22, 0.8, 0.86), (2.25, 0.34, 0.64, 0.7)],
-    "van": [(-2.4, 0.4, 1.05, 0.86), (-2.3, 0.25, 1.15, 0.93), (0.9, 0.25, 1.15, 0.95), (1.7, 0.25, 1.05, 0.93), (2.35, 0.3, 0.9, 0.86), (2.45, 0.4, 0.75, 0.76)],
+    "hatchback": [
+        (-1.95, 0.42, 0.78, 0.7),
+        (-1.8, 0.26, 0.96, 0.84),
+        (-0.9, 0.2, 0.97, 0.88),
+        (0.75, 0.2, 0.95, 0.88),
+        (1.5, 0.22, 0.82, 0.85),
+        (1.95, 0.34, 0.66, 0.7),
+    ],
+    "saloon": [
+        (-2.25, 0.42, 0.8, 0.7),
+        (-2.1, 0.26, 0.93, 0.84),
+        (-1.2, 0.2, 0.97, 0.89),
+        (0.85, 0.2, 0.95, 0.89),
+        (1.8, 0.22, 0.8, 0.86),
+        (2.25, 0.34, 0.64, 0.7),
+    ],
+    "van": [
+        (-2.4, 0.4, 1.05, 0.86),
+        (-2.3, 0.25, 1.15, 0.93),
+        (0.9, 0.25, 1.15, 0.95),
+        (1.7, 0.25, 1.05, 0.93),
+        (2.35, 0.3, 0.9, 0.86),
+        (2.45, 0.4, 0.75, 0.76),
+    ],
 }
 # Greenhouse: rear and front ends at the waist and at the roof, roof height.
 CABINS = {"hatchback": (-1.85, -1.35, 0.25, 1.0, 1.47), "saloon": (-1.65, -0.95, 0.3, 1.1, 1.44), "van": (-2.3, -2.2, 1.05, 1.75, 1.98)}
@@ -64,7 +93,11 @@ def _cabin(spec: mujoco.MjSpec, kind: str) -> None:
     roof = Mesh()
     y = 0.68 * half
     roof.quad((rear_roof, -y, height + 0.015), (front_roof - rear_roof, 0, 0), (0, 2 * y, 0), (0, 0, 1, 1))
-    for x0, x1 in ((rear_waist, rear_roof), (front_waist, front_roof), (0.5 * (rear_waist + front_waist) - 0.1, 0.5 * (rear_roof + front_roof) - 0.1)):
+    for x0, x1 in (
+        (rear_waist, rear_roof),
+        (front_waist, front_roof),
+        (0.5 * (rear_waist + front_waist) - 0.1, 0.5 * (rear_roof + front_roof) - 0.1),
+    ):
         for side in (-1, 1):
             bottom, top = np.array([x0, side * 0.855 * half, waist]), np.array([x1, side * 0.675 * half, height])
             edge = np.array([0.11, 0, 0])
@@ -116,6 +149,15 @@ def _wheels(body: mujoco.MjsBody, x: float, y: float, radius: float) -> None:
     upright = (np.sqrt(0.5), np.sqrt(0.5), 0, 0)
     for along in (-x, x):
         for side in (-y, y):
-            body.add_geom(type=GEOM.mjGEOM_CYLINDER, size=(radius, 0.11, 0), pos=(along, side, radius), quat=upright, material="rubber", castshadow=False)
+            body.add_geom(
+                type=GEOM.mjGEOM_CYLINDER,
+                size=(radius, 0.11, 0),
+                pos=(along, side, radius),
+                quat=upright,
+                material="rubber",
+                castshadow=False,
+            )
             cap = (along, side + np.sign(side) * 0.1, radius)
-            body.add_geom(type=GEOM.mjGEOM_CYLINDER, size=(0.55 * radius, 0.02, 0), pos=cap, quat=upright, rgba=(0.6, 0.61, 0.63, 1), castshadow=False)
+            body.add_geom(
+                type=GEOM.mjGEOM_CYLINDER, size=(0.55 * radius, 0.02, 0), pos=cap, quat=upright, rgba=(0.6, 0.61, 0.63, 1), castshadow=False
+            )

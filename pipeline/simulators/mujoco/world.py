@@ -24,7 +24,9 @@ def build(layout: Town, actors: Mapping[str, Actor], fovy_deg: float, width: int
     """Compile a world; `actors` become mocap bodies of those names."""
     spec = mujoco.MjSpec()
     _settings(spec, width, height)
-    spec.add_texture(name="sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT, width=128, height=768)
+    spec.add_texture(
+        name="sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT, width=128, height=768
+    )
     town.add(spec, layout)
     vehicles.declare(spec, layout.style, np.random.default_rng([11, layout.seed]))
     for name, actor in actors.items():

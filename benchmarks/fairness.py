@@ -1,0 +1,59 @@
+"""Is the world fair? How often the visible-pixel oracle, and how often the shipped detector, fails in random tests.
+
+python benchmarks/fairness.py [--tests 300] [--scenario F1 F2] [--detector oracle|models/base]
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.artefacts.model import read_card
+from pipeline.config import compose
+from pipeline.core import kpi
+from pipeline.core.reliability import Calibration
+from pipeline.core.space import Space
+from pipeline.core.statistics import wilson_interval
+from pipeline.detectors.onnx import OnnxDetector
+from pipeline.detectors.scripted import VisiblePixelOracle
+from pipeline.detectors.yolo.export import export_onnx
+from pipeline.detectors.yolo.weights import load_weights
+from pipeline.protocols import Detector
+from pipeline.simulators.mujoco.episode import MujocoSimulator
+
+
+def detector_named(name: str, folder: Path) -> Detector:
+    """The oracle, or the detector of a model folder."""
+    if name == "oracle":
+        return VisiblePixelOracle()
+    calibration = Calibration(**read_card(Path(name) / "model.json").calibration)
+    export_onnx(folder / "model.onnx", load_weights(Path(name) / "weights.safetensors"), (320, 192), calibration)
+    return OnnxDetector(folder / "model.onnx")
+
+
+def main() -> None:
+    """Execute random tests and print failures by mode."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--tests", type=int, default=300, help="tests a scenario")
+    parser.add_argument("--scenario", nargs="+", default=["F1", "F2"])
+    parser.add_argument("--detector", default="oracle")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        detector = detector_named(options.detector, Path(folder))
+        for name in options.scenario:
+            described = compose("default", []).scenarios[name]
+            space, simulator = Space.from_dict(described.space), MujocoSimulator(described.model_dump())
+            points = space.sample(options.tests, np.random.default_rng(5))
+            modes = Counter(kpi.evaluate(simulator.execute(space.decode(p), detector).signals, 0.1).failure_mode for p in points)
+            simulator.close()
+            failures = options.tests - modes.pop("none", 0)
+            low, high = wilson_interval(failures, options.tests)
+            print(f"{name}: {failures} of {options.tests} fail ({low:.1%} to {high:.1%}); {dict(modes)}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

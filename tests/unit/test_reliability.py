@@ -1,0 +1,38 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.core.reliability import Calibration, platt
+
+
+def test_calibration_by_hand() -> None:
+    odds_times_ten = Calibration(1.0, float(np.log(10)))
+    assert odds_times_ten.apply([0.5, 1 / 11]) == pytest.approx([10 / 11, 0.5])
+    assert Calibration().apply([0.2, 0.9]) == pytest.approx([0.2, 0.9])
+
+
+def test_order_stays_even_at_the_edges() -> None:
+    scores = Calibration(2.4, 1.4).apply([0.0, 0.01, 0.3, 0.31, 1.0])
+    assert (np.diff(scores) > 0).all()
+    assert (scores >= 0).all()
+    assert (scores <= 1).all()
+
+
+def test_platt_finds_the_calibration_that_made_the_data() -> None:
+    rng = np.random.default_rng(0)
+    scores = rng.uniform(0.02, 0.98, 20_000)
+    right = rng.random(20_000) < Calibration(2.0, 1.0).apply(scores)
+    found = platt(scores, right)
+    assert (found.slope, found.offset) == pytest.approx((2.0, 1.0), abs=0.1)
+
+
+@pytest.mark.parametrize("right", [[True, True, True], [False, False, False], [True, False, False]])
+def test_nothing_to_learn_is_the_identity(right: list[bool]) -> None:
+    assert platt([0.2, 0.5, 0.8], right) == Calibration()
+
+
+@pytest.mark.parametrize(("slope", "offset"), [(0.0, 0.0), (-1.0, 0.0), (float("nan"), 0.0), (1.0, float("inf"))])
+def test_ranges_are_checked(slope: float, offset: float) -> None:
+    with pytest.raises(ValueError, match="slope must be positive"):
+        Calibration(slope, offset)
