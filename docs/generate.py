@@ -31,7 +31,7 @@ def rows(model: type[BaseModel], values: Any, prefix: str = "") -> list[str]:
         if isinstance(value, BaseModel):
             lines += rows(type(value), value, f"{key}.")
             continue
-        shown = ", ".join(value) if isinstance(value, dict) else str(value)
+        shown = ", ".join(map(str, value)) if isinstance(value, dict | tuple) else str(value)
         text = (field.description or "").replace("\n", " ")
         lines.append(f"| `{key}` | {shown} | {limits(field.metadata)} | {text} |")
     return lines
@@ -47,11 +47,11 @@ def main() -> int:
     """Write or check the page."""
     text = HEAD + "\n".join(rows(Config, compose("default", []))) + "\n"
     if "--check" in sys.argv:
-        if PATH.read_text() != text:
+        if not PATH.exists() or PATH.read_text() != text:
             print(f"{PATH}: out of date; run python docs/generate.py", file=sys.stderr)
             return 1
         return 0
-    PATH.parent.mkdir(exist_ok=True)
+    PATH.parent.mkdir(parents=True, exist_ok=True)
     PATH.write_text(text)
     return 0
 

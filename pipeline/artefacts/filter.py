@@ -35,7 +35,7 @@ def read_overrules(path: Path) -> pd.DataFrame:
 
 def _read(path: Path, columns: tuple[str, ...], flag: str) -> pd.DataFrame:
     try:
-        table = pd.read_csv(io.BytesIO(read_bytes(path)), dtype={"test_id": str, flag: str}, skipinitialspace=True)
+        table = pd.read_csv(io.BytesIO(read_bytes(path)), dtype={"test_id": str, "step": str, flag: str}, skipinitialspace=True)
     except (ValueError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: expected a table with columns {','.join(columns)}, got {error}") from error
     if tuple(table.columns) != columns:
@@ -43,6 +43,6 @@ def _read(path: Path, columns: tuple[str, ...], flag: str) -> pd.DataFrame:
     for row, (value, step) in enumerate(zip(table[flag], table["step"], strict=True), 2):
         if str(value).strip().lower() not in TRUE | FALSE:
             raise InputError(f"{path}, line {row}: {flag} must be true or false, got {value!r}")
-        if not float(step).is_integer():
+        if not str(step).strip().isdigit():
             raise InputError(f"{path}, line {row}: step must be a whole number, got {step!r}")
     return table.assign(**{flag: table[flag].str.strip().str.lower().isin(TRUE), "step": table["step"].astype("int64")})

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import platform
 import subprocess
 import sys
 from pathlib import Path
@@ -10,26 +12,30 @@ from pathlib import Path
 from pipeline.protocols import InputError
 
 BACKENDS = ("egl", "osmesa")
-CACHE = Path(__file__).resolve().parents[2] / ".cache" / "gl-backend"
+CACHE = Path(__file__).resolve().parents[2] / ".cache" / "gl"
 PROBE = "import mujoco; c = mujoco.GLContext(64, 64); c.make_current(); mujoco.MjrContext(mujoco.MjModel.from_xml_string('<mujoco/>'), 100)"
-INSTALL = "apt-get install -y --no-install-recommends libosmesa6"
+INSTALL = "sudo apt-get install -y --no-install-recommends libosmesa6"
 
 
 def choose_backend() -> str:
     """Set MUJOCO_GL for this process and its children; InputError with the line to type when nothing works.
 
-    A MUJOCO_GL that is already set is respected. The answer is kept in `.cache/gl-backend`, because each try costs a second.
+    A MUJOCO_GL that is already set is the only one tried. Answers are kept in `.cache/gl`, because each try costs a second.
     """
     os.environ.setdefault("LP_NUM_THREADS", "0")  # Software GL: one thread a worker is the best use of the cores.
-    if os.environ.get("MUJOCO_GL"):
-        return os.environ["MUJOCO_GL"]
-    chosen = CACHE.read_text().strip() if CACHE.exists() else ""
+    wanted = os.environ.get("MUJOCO_GL", "").strip().lower()
+    if wanted and wanted not in BACKENDS:
+        raise InputError(f"MUJOCO_GL must be {' or '.join(BACKENDS)}, or unset to choose by itself; got {wanted!r}")
+    # Machines of a cluster share the folder and differ in their libraries.
+    remembered = CACHE / f"{platform.node()}-{wanted or 'auto'}"
+    chosen = remembered.read_text().strip() if remembered.exists() else ""
     if chosen not in BACKENDS:
-        chosen = next((backend for backend in BACKENDS if works(backend)), "")
+        candidates = (wanted,) if wanted else BACKENDS
+        chosen = next((backend for backend in candidates if works(backend)), "")
         if not chosen:
-            raise InputError(f"no OpenGL library works here (tried {', '.join(BACKENDS)}); type: {INSTALL}")
-        CACHE.parent.mkdir(parents=True, exist_ok=True)
-        CACHE.write_text(chosen + "\n")
+            raise InputError(f"no OpenGL library works here (tried {', '.join(candidates)}); type: {INSTALL}")
+        for name in (remembered.name, f"{platform.node()}-{chosen}"):
+            _remember(CACHE / name, chosen)
     os.environ["MUJOCO_GL"] = chosen
     return chosen
 
@@ -43,8 +49,22 @@ def works(backend: str) -> bool:
         return False
 
 
-if __name__ == "__main__":
+def _remember(path: Path, chosen: str) -> None:
+    # A folder that cannot be written to costs a second a process, not the run.
+    with contextlib.suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(chosen + "\n")
+
+
+def main() -> int:
+    """Print the backend; 2 when none works."""
     try:
         print(choose_backend())
     except InputError as error:
-        sys.exit(str(error))
+        print(f"blindspot: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

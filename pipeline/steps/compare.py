@@ -83,7 +83,7 @@ def _check_same(first: pd.DataFrame, other: pd.DataFrame, names: Sequence[str]) 
         different = (first[name] != other[name]).to_numpy()
         if different.any():
             row = int(different.argmax())
-            expected, got = first[name].iloc[row], other[name].iloc[row]
+            expected, got = first[name].tolist()[row], other[name].tolist()[row]
             raise InputError(f"{who}, test {other['index'].iloc[row]}: {name} must be {expected!r} as for the base, got {got!r}")
 
 

@@ -1,0 +1,85 @@
+"""Failure regions as a person reads them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.artefacts.results import FailureRegions, read
+from pipeline.artefacts.space import ScenarioInfo
+from pipeline.core.growth import grow_regions
+from pipeline.core.space import Space, Variable
+from pipeline.steps import cluster
+from tests.analysis.fabricated import Study, make_tests
+
+SPACE = Space((Variable("fog", "continuous", "%", 0, 100, 10), Variable("sun_altitude", "continuous", "deg", -20, 90, 10)))
+KEYS = {"scenario": "F", "strategy": "random", "version": "base", "seed": 0}
+INFO = ScenarioInfo("F", "F", "", 1)
+
+
+def test_planted_region_is_found_with_its_rule() -> None:
+    tests = make_tests(SPACE, KEYS, SPACE.sample(400, np.random.default_rng(0)), fog_from=60)
+    tests = tests[tests["status"] == "ok"].reset_index(drop=True)
+    result = cluster.cluster(INFO, SPACE, tests, epsilon=0.12, min_failures=4, confidence=0.95)
+    assert len(result.regions) == 1
+    region = result.regions[0]
+    assert region.rule == "fog >= 60 % and sun_altitude <= 5 deg"
+    assert region.failures_inside == len(region.members) == result.failures == region.modes.total
+    assert region.precision.low <= region.precision.value <= region.precision.high
+    assert region.recall == 1
+    assert result.unassigned == ()
+    medoid = region.representatives[0]
+    assert medoid.role == "medoid"
+    assert medoid.test_id in region.members
+    assert abs(float(medoid.concrete["fog"]) - 80) < 12
+    assert len({r.test_id for r in region.representatives}) == len(region.representatives)
+
+
+def test_two_corners_are_two_regions() -> None:
+    points = np.array([[f, a] for f in (90, 92, 95, 98) for a in (-18, -15)] + [[f, a] for f in (2, 4, 6, 8) for a in (80, 85)])
+    passing = SPACE.sample(100, np.random.default_rng(1)) * [0.3, 0.4] + [30, 15]
+    tests = make_tests(SPACE, KEYS, np.concatenate([points, passing]), fog_from=1000)
+    tests["failure"] = np.arange(len(tests)) < 16
+    tests["failure_mode"] = np.where(tests["failure"], "late", "none")
+    tests["status"] = "ok"
+    result = cluster.cluster(INFO, SPACE, tests, epsilon=0.1, min_failures=3, confidence=0.95)
+    assert [len(region.members) for region in result.regions] == [8, 8]
+    assert {region.support for region in result.regions} == {8}
+
+
+def test_no_failure_is_no_region() -> None:
+    tests = make_tests(SPACE, KEYS, SPACE.sample(20, np.random.default_rng(0)), fog_from=1000)
+    result = cluster.cluster(INFO, SPACE, tests, epsilon=0.1, min_failures=3, confidence=0.95)
+    assert (result.failures, result.regions, result.unassigned, result.connected) == (0, (), (), 0)
+
+
+def test_growing_joins_the_pieces_of_one_cause() -> None:
+    rng = np.random.default_rng(3)
+    points = SPACE.sample(300, rng)
+    failures = points[:, 0] >= 70
+    pieces = np.where(failures, (points[:, 1] > 30).astype(int), -1)
+    pieces[np.flatnonzero(failures)[::5]] = -1
+    grown = grow_regions(SPACE, points, failures, pieces, min_precision=0.75, min_failures=3)
+    assert set(grown[failures]) == {0}
+    assert set(grown[~failures]) == {-1}
+
+
+def test_growing_keeps_away_from_loose_rules_and_drops_crumbs() -> None:
+    points = np.array([[10.0 * i, 0.0] for i in range(11)])
+    failures = np.arange(11) % 3 == 0
+    labels = np.where(failures, 0, -1)
+    labels[9] = -1
+    assert grow_regions(SPACE, points, failures, labels, min_precision=0.75, min_failures=2)[9] == -1
+    assert set(grow_regions(SPACE, points, failures, labels, min_precision=0.75, min_failures=4)) == {-1}
+
+
+def test_step_on_files(tmp_path: Path) -> None:
+    study = Study(tmp_path).make().analyse()
+    for path in study.regions:
+        result = read(path, FailureRegions)
+        members = [test for region in result.regions for test in region.members]
+        assert sorted([*members, *result.unassigned]) == sorted(set(members) | set(result.unassigned))
+        assert len(members) + len(result.unassigned) == result.failures > 0
+        assert result.regions
+        assert "fog" in result.regions[0].rule

@@ -1,0 +1,132 @@
+"""The comparison of model versions, by hand-computed cases."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from pipeline.artefacts.campaign import read_tests, write_tests
+from pipeline.artefacts.files import read_json
+from pipeline.artefacts.results import Comparison, Paired, read
+from pipeline.protocols import InputError
+from pipeline.report.verdict import verdict_table
+from pipeline.steps import compare
+from tests.analysis.fabricated import Study
+
+LABELS = {"F1star": "F1*"}
+
+
+def table(outcomes: Mapping[str, str]) -> pd.DataFrame:
+    """Tests of versions from strings: '.' passes, 'c' contact, 'l' late, 'f' by false positives alone, 'e' broken."""
+    modes = {".": "none", "c": "contact", "l": "late", "f": "false_positives", "e": "none"}
+    return pd.DataFrame(
+        [
+            {
+                "scenario": "F1star",
+                "strategy": "pairwise",
+                "version": version,
+                "seed": 0,
+                "index": index,
+                "status": "error" if sign == "e" else "ok",
+                "failure": sign in "clf",
+                "failure_mode": modes[sign],
+            }
+            for version, signs in outcomes.items()
+            for index, sign in enumerate(signs)
+        ]
+    )
+
+
+def compared(**outcomes: str) -> Comparison:
+    return compare.compare(table(outcomes), LABELS, list(outcomes), "digest", alpha=0.05, confidence=0.95)
+
+
+def test_counts_pairs_and_exact_p_value() -> None:
+    result = compared(base="cccccclf....", adaptive="c.......f...")
+    base, adaptive = result.versions
+    assert (base.failures, base.modes.contact, base.modes.by_ttc, base.verdict) == (8, 6, 7, "baseline")
+    assert adaptive.paired is not None
+    assert adaptive.paired.fixes == tuple(f"F1star-{i:05d}" for i in range(1, 8))
+    assert adaptive.paired.regressions == ("F1star-00008",)
+    # Eight discordant tests, one against seven: 2 * (1 + 8) / 2 ** 8.
+    assert adaptive.paired.p_value == pytest.approx(18 / 256)
+    assert (adaptive.change, adaptive.verdict) == (-6, "no difference shown")
+    assert result.champion == "adaptive"
+
+
+def test_verdicts() -> None:
+    result = compared(base="cccccc......", better="............", worse="cccccccccccc")
+    assert [version.verdict for version in result.versions] == ["baseline", "better", "worse"]
+
+
+def test_broken_tests_do_not_count_in_pairs() -> None:
+    result = compared(base="cc.e", adaptive="e.c.")
+    adaptive = result.versions[1]
+    assert (adaptive.tests, adaptive.errors, adaptive.failures) == (3, 1, 1)
+    assert adaptive.paired is not None
+    assert (adaptive.paired.tests, adaptive.paired.fixes, adaptive.paired.regressions) == (2, ("F1star-00001",), ("F1star-00002",))
+
+
+@pytest.mark.parametrize(
+    ("outcomes", "champion"),
+    [
+        ({"base": "cc..", "control": "c...", "random": "cl.."}, "control"),
+        ({"base": "cf..", "control": "cl..", "random": "ff.."}, "random"),
+        ({"base": "c...", "control": ".c..", "random": "..c."}, "base"),
+        ({"base": "c...", "control": "e.cc"}, "base"),
+    ],
+)
+def test_champion(outcomes: dict[str, str], champion: str) -> None:
+    assert compared(**outcomes).champion == champion
+
+
+def test_nothing_different_is_no_difference() -> None:
+    assert compare.judge(Paired(version="a", against="b", tests=9, fixes=(), regressions=(), p_value=0.01), 0.05) == "no difference shown"
+
+
+def test_adaptive_against_random() -> None:
+    result = compared(base="....", random="ccc.", adaptive="c..c")
+    paired = result.adaptive_against_random
+    assert paired is not None
+    assert (paired.against, len(paired.fixes), len(paired.regressions)) == ("random", 2, 1)
+    assert compared(base="..", control="..").adaptive_against_random is None
+
+
+def test_step_on_files(tmp_path: Path) -> None:
+    study = Study(tmp_path).make().analyse()
+    result = read(tmp_path / "comparison.json", Comparison)
+    assert [version.version for version in result.versions] == ["base", "control", "random", "adaptive"]
+    assert result.champion == "adaptive"
+    assert len(read_tests(tmp_path / "comparison.parquet")) == 4 * study.config.comparison.tests
+    metrics = read_json(tmp_path / "metrics.json")
+    assert metrics["adaptive"]["failures"] == result.versions[3].failures
+    assert metrics["base"]["ap50"] == 0.88
+    assert "c_measure" in metrics["F1-neural"]
+    text = verdict_table(result, tmp_path / "report.html")
+    assert "adaptive ★" in text
+    assert "F1*" in text
+    assert text.splitlines()[-1].startswith("Look next: ")
+    assert "report.html" in text
+    assert "./run ui" in text
+
+
+def test_another_sequence_is_refused_with_the_first_difference(tmp_path: Path) -> None:
+    study = Study(tmp_path).make()
+    path = study.held_out_tests[2]
+    tests = read_tests(path)
+    tests.loc[7, "fog"] = 41.0
+    write_tests(path, tests, study.config.space("F1star"))
+    with pytest.raises(InputError, match="version 'random' on scenario 'F1star', test 7: fog must be .* got 41"):
+        study.analyse()
+    write_tests(path, tests.head(59), study.config.space("F1star"))
+    with pytest.raises(InputError, match="expected 60 tests as version 'base' has, got 59"):
+        study.analyse()
+
+
+def test_a_version_without_campaign_is_named() -> None:
+    tests = {("F1star", "base"): table({"base": ".."})}
+    with pytest.raises(InputError, match="expected a campaign of version 'control' on held-out scenario 'F1star'"):
+        compare.check_sequences(tests, {"F1star": []}, ["base", "control"])

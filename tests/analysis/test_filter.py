@@ -1,0 +1,77 @@
+"""The filter of campaign frames and its overruling."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from pipeline.artefacts.filter import read_filter, read_overrules
+from pipeline.protocols import InputError
+from pipeline.steps import filter
+from tests.analysis.fabricated import Study, silent
+
+FRAMES = pd.DataFrame(
+    {
+        "test_id": "F-random-base-0-00000",
+        "step": range(7),
+        "visible_pixels": [0, 0, 29, 30, 30, 90, 30],
+        "whole_pixels": [0, 500, 29, 30, 30, 901, 300],
+        "contrast": [0.0, 0.0, 50.0, 7.9, 8.0, 50.0, 50.0],
+        "confidence": 0.0,
+    }
+)
+
+
+def test_reasons_at_their_limits() -> None:
+    judged = filter.judge(FRAMES, min_visible_pixels=30, min_contrast=8)
+    assert judged["reason"].tolist() == ["negative", "negative", "few_pixels", "low_contrast", "visible", "barely_in_view", "visible"]
+    assert judged["kept"].tolist() == [True, True, False, False, True, False, True]
+
+
+def run(study: Study, overrules: Path) -> pd.DataFrame:
+    section = study.config.filter.model_copy(update={"overrules": str(overrules)})
+    out = study.root / "filter.csv"
+    config = study.config.model_copy(update={"filter": section})
+    filter.run(config, frames=study.frames("random"), out=out, progress=silent)
+    return read_filter(out).set_index(["test_id", "step"])
+
+
+def test_a_person_overrules(tmp_path: Path) -> None:
+    study, path = Study(tmp_path).make(), tmp_path / "overrules.csv"
+    path.write_text("test_id,step,keep\nF1-random-base-0-00001,1,true\nF1-random-base-0-00001,4,no\nF1-neural-base-0-00001,1,true\n")
+    table = run(study, path)
+    assert len(table) == 4 * 6 * 5
+    assert table.loc[("F1-random-base-0-00001", 1)][["kept", "reason"]].tolist() == [True, "overruled (was few_pixels)"]
+    assert table.loc[("F1-random-base-0-00001", 4)][["kept", "reason"]].tolist() == [False, "overruled (was visible)"]
+    assert table.loc[("F1-random-base-0-00002", 4), "kept"]
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ("F1-random-base-0-99999,1,true", "line 2: expected a kept frame of this study, got frame 1 of test 'F1-random-base-0-99999'"),
+        ("F1-randon-base-0-00001,1,true", "line 2: expected a kept frame"),
+        ("F1-random-base-0-00001,1,maybe", "line 2: keep must be true or false, got 'maybe'"),
+        ("F1-random-base-0-00001,1.5,true", "line 2: step must be a whole number"),
+        ("F1-random-base-0-00001,x,true", "line 2: step must be a whole number, got 'x'"),
+        ("F1-random-base-0-00001,1,true\nF1-random-base-0-00001,1,true", "line 3: frame 1 of test F1-random-base-0-00001 is overruled twice"),
+    ],
+)
+def test_wrong_rows_are_named(tmp_path: Path, row: str, message: str) -> None:
+    study, path = Study(tmp_path).make(), tmp_path / "overrules.csv"
+    path.write_text(f"test_id,step,keep\n{row}\n")
+    with pytest.raises(InputError) as caught:
+        run(study, path)
+    assert message in str(caught.value)
+    assert "overrules.csv" in str(caught.value)
+
+
+def test_wrong_columns_and_missing_file_are_named(tmp_path: Path) -> None:
+    path = tmp_path / "o.csv"
+    with pytest.raises(InputError, match=r"o\.csv"):
+        read_overrules(path)
+    path.write_text("test,step,keep\n")
+    with pytest.raises(InputError, match="columns must be test_id,step,keep, got test,step,keep"):
+        read_overrules(path)

@@ -1,0 +1,73 @@
+"""Replay films of the analytic simulator."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import imageio_ffmpeg
+import numpy as np
+import pytest
+from PIL import Image
+
+from pipeline.config import compose
+from pipeline.core.space import Space
+from pipeline.detectors.scripted import VisiblePixelOracle
+from pipeline.protocols import Episode
+from pipeline.report.replays import draw_replay, most_telling_frame, render_replay
+from pipeline.simulators.analytic import AnalyticSimulator
+
+
+@pytest.fixture(scope="module")
+def space() -> Space:
+    return compose("default", []).space("F1")
+
+
+@pytest.fixture(scope="module")
+def episode(space: Space) -> Episode:
+    simulator = AnalyticSimulator({"space": space.to_dict()})
+    concrete = {**space.decode(space.sample(1, np.random.default_rng(0))[0]), "fog": 90.0, "sun_altitude": -15.0}
+    return simulator.execute(concrete, VisiblePixelOracle(), keep_every=1)
+
+
+CONCRETE = {"fog": 90.0, "animation": "walking"}
+
+
+def test_film_has_every_frame_and_plays_anywhere(tmp_path: Path, episode: Episode) -> None:
+    path = tmp_path / "films" / "replay.mp4"
+    render_replay(episode, "F1 · random · 00001", CONCRETE, path, failure_threshold_s=0.1, units={"fog": "%"})
+    reader = imageio_ffmpeg.read_frames(str(path))
+    meta = next(reader)
+    assert meta["codec"] == "h264"
+    assert meta["pix_fmt"].startswith("yuv420p")
+    assert meta["size"][0] % 2 == meta["size"][1] % 2 == 0
+    assert sum(1 for _ in reader) == len(episode.frames)
+    assert [p.name for p in path.parent.iterdir()] == ["replay.mp4"]
+
+
+def test_same_episode_gives_the_same_file(tmp_path: Path, episode: Episode) -> None:
+    for name in ("a.mp4", "b.mp4"):
+        render_replay(episode, "title", CONCRETE, tmp_path / name, failure_threshold_s=0.1)
+    assert (tmp_path / "a.mp4").read_bytes() == (tmp_path / "b.mp4").read_bytes()
+
+
+def test_gif_and_unknown_suffix(tmp_path: Path, episode: Episode) -> None:
+    short = Episode(episode.signals, episode.frames[:3])
+    render_replay(short, "title", CONCRETE, tmp_path / "a.gif", failure_threshold_s=0.1)
+    with Image.open(tmp_path / "a.gif") as image:
+        assert image.n_frames == 3  # type: ignore[attr-defined]
+    with pytest.raises(ValueError, match="mp4 or .gif, got a.avi"):
+        render_replay(short, "title", CONCRETE, tmp_path / "a.avi", failure_threshold_s=0.1)
+
+
+def test_cursor_moves_and_boxes_are_drawn(episode: Episode) -> None:
+    images = draw_replay(episode, "title", CONCRETE, failure_threshold_s=0.1, units={})
+    below = [np.flatnonzero((image[490:] == (214, 40, 40)).all(axis=2).any(axis=0)) for image in images]
+    assert all(len(columns) == 2 for columns in below)
+    assert np.all(np.diff([columns[0] for columns in below]) > 0)
+    blue = (images[most_telling_frame(episode)] == (70, 140, 255)).all(axis=2)
+    assert blue.any()
+
+
+def test_episode_without_frames_is_refused(episode: Episode) -> None:
+    with pytest.raises(ValueError, match="keep_every=1"):
+        draw_replay(Episode(episode.signals), "title", CONCRETE, failure_threshold_s=0.1, units={})

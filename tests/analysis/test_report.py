@@ -1,0 +1,109 @@
+"""The report page of a fabricated study, with replays by the analytic simulator."""
+
+from __future__ import annotations
+
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from pipeline.artefacts.results import Comparison, FailureRegions, read
+from pipeline.report.selection import choose_pair, choose_regions
+from pipeline.steps import report
+from tests.analysis.fabricated import Study, silent
+
+LOADING = {"src", "href", "poster", "xlink:href", "data", "srcset", "action"}
+
+
+class Loads(HTMLParser):
+    """Collects every address that a page would load or link to."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.addresses: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.addresses += [value or "" for name, value in attrs if name in LOADING]
+        assert tag not in {"script", "iframe", "link", "base", "object", "embed"}
+
+
+def make(study: Study, replays: int) -> str:
+    config = study.config.model_copy(update={"report": study.config.report.model_copy(update={"replays": replays})})
+    report.run(
+        config,
+        measures=study.root / "measures.json",
+        comparison=study.root / "comparison.json",
+        table=study.root / "comparison.parquet",
+        regions=study.regions,
+        tests=study.search_tests,
+        spaces=study.search_spaces,
+        filters=study.filters,
+        models=study.cards,
+        detectors=[path.with_name("model.onnx") for path in study.cards],
+        out=study.root / "report.html",
+        plots=study.root / "plots",
+        progress=silent,
+    )
+    return (study.root / "report.html").read_text()
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
+    return Study(tmp_path_factory.mktemp("study")).make().analyse()
+
+
+@pytest.fixture(scope="module")
+def page(study: Study) -> str:
+    return make(study, replays=3)
+
+
+def test_page_loads_nothing(page: str) -> None:
+    addresses = Loads(page).addresses
+    assert all(address.startswith(("#", "data:")) for address in addresses)
+    assert sum(address.startswith("data:video/mp4;base64,") for address in addresses) == 3
+    assert "url(http" not in page
+    assert "@import" not in page
+
+
+def test_page_says_what_the_artefacts_say(study: Study, page: str) -> None:
+    comparison = read(study.root / "comparison.json", Comparison)
+    for result in comparison.versions:
+        assert f">{result.failures} / {result.tests}<" in page
+    for path in study.regions:
+        for region in read(path, FailureRegions).regions:
+            assert region.rule.replace(">", "&gt;").replace("<", "&lt;") in page
+    assert "adaptive ★" in page
+    assert "None" not in re.sub(r"<svg.*?</svg>", "", page, flags=re.DOTALL)
+    assert "nan" not in re.sub(r"data:[^\"]*|<svg.*?</svg>", "", page, flags=re.DOTALL)
+
+
+def test_same_study_gives_the_same_page(study: Study) -> None:
+    assert make(study, replays=0) == make(study, replays=0)
+
+
+def test_plots_are_written(study: Study, page: str) -> None:
+    assert page
+    names = {path.name for path in (study.root / "plots").iterdir()}
+    kinds = {"comparison", "histogram", "theta", "coverage", "detection", "kpi_F1", "kpi_F2", "failures_F1", "failures_F2"}
+    assert names == {f"{kind}.png" for kind in kinds}
+
+
+def test_replays_are_shared_out(study: Study) -> None:
+    found = [read(path, FailureRegions) for path in study.regions]
+    chosen = choose_regions(found, "base", 4)
+    assert [test.scenario for test in chosen] == ["F1", "F2", "F1", "F2"]
+    assert "most typical" in chosen[0].reason
+    assert choose_regions(found, "base", 0) == []
+
+
+def test_pair_is_a_fix_of_the_champion(study: Study) -> None:
+    comparison = read(study.root / "comparison.json", Comparison)
+    table = report.read_tests(study.root / "comparison.parquet")
+    before, after = choose_pair(comparison, table, {"F1star": study.config.space("F1star")})
+    assert (before.version, after.version) == ("base", comparison.champion)
+    assert before.concrete == after.concrete
+    assert "fixes" in after.reason
+    same = comparison.model_copy(update={"versions": comparison.versions[:1]})
+    assert choose_pair(same, table, {}) == []

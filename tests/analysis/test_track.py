@@ -1,0 +1,118 @@
+"""Tracking in a real MLflow store."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from pipeline.artefacts.files import read_json
+from pipeline.artefacts.model import read_card, write_card
+from pipeline.artefacts.results import Comparison, Tracking, read
+from pipeline.steps import track
+from pipeline.tracking import Content, Tracker
+from tests.analysis.fabricated import VERSIONS, Study, silent
+
+
+def run(study: Study) -> None:
+    plot = study.root / "theta.png"
+    plot.write_bytes(b"a plot")
+    track.run(
+        study.config,
+        models=study.cards,
+        measures=study.root / "measures.json",
+        comparison=study.root / "comparison.json",
+        campaigns=[*study.search_tests, *study.held_out_tests],
+        plots=[plot],
+        store=study.root / "mlflow" / "mlflow.db",
+        artifacts=study.root / "mlflow" / "artifacts",
+        out=study.root / "tracking.json",
+        progress=silent,
+    )
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
+    made = Study(tmp_path_factory.mktemp("study")).make().analyse()
+    run(made)
+    return made
+
+
+def client(study: Study):  # type: ignore[no-untyped-def]
+    from mlflow import MlflowClient
+
+    assert os.environ["MLFLOW_DISABLE_TELEMETRY"] == "true"
+    uri = f"sqlite:///{study.root / 'mlflow' / 'mlflow.db'}"
+    return MlflowClient(tracking_uri=uri, registry_uri=uri)
+
+
+def everything(study: Study) -> tuple[int, int, int]:
+    store = client(study)
+    experiment = store.get_experiment_by_name("blindspot/default")
+    runs = store.search_runs([experiment.experiment_id], max_results=500)
+    return len(runs), len(store.search_model_versions("name='detector'")), len(store.search_logged_models([experiment.experiment_id]))
+
+
+def test_a_run_per_campaign_comparison_and_version(study: Study) -> None:
+    assert everything(study) == (8 + 4 + 1 + 4, 4, 4)
+
+
+def test_registered_versions_carry_failures_and_lineage(study: Study) -> None:
+    comparison, store = read(study.root / "comparison.json", Comparison), client(study)
+    versions = {v.tags["version"]: v for v in store.search_model_versions("name='detector'")}
+    assert set(versions) == set(VERSIONS)
+    for result in comparison.versions:
+        tags = versions[result.version].tags
+        assert tags["failures"] == str(result.failures)
+        assert tags["failures.F1star"] == str(result.by_scenario["F1star"])
+        run_data = store.get_run(versions[result.version].run_id).data
+        assert run_data.metrics["failures"] == result.failures
+        assert run_data.metrics["failures.F1star"] == result.by_scenario["F1star"]
+        assert run_data.params["parent"] == ("none" if result.version == "base" else "base")
+        assert run_data.tags["data.base_set"] == "ab" * 32
+        assert run_data.tags["mlflow.source.git.commit"]
+        files = {path.name for path in Path(versions[result.version].source.removeprefix("file://")).iterdir()}
+        assert {"weights.safetensors", "model.onnx", "model.json"} <= files
+    champion = store.get_model_version_by_alias("detector", "champion")
+    assert champion.tags["version"] == comparison.champion
+
+
+def test_logged_models_can_be_ordered_by_failures(study: Study) -> None:
+    store = client(study)
+    experiment = store.get_experiment_by_name("blindspot/default").experiment_id
+    ordered = store.search_logged_models([experiment], order_by=[{"field_name": "metrics.failures", "ascending": True}])
+    assert ordered[0].name == "default-adaptive"
+
+
+def test_theta_is_a_series(study: Study) -> None:
+    store = client(study)
+    experiment = store.get_experiment_by_name("blindspot/default").experiment_id
+    (campaign,) = store.search_runs([experiment], "attributes.run_name = 'default/F1/neural/base/0'")
+    points = store.get_metric_history(campaign.info.run_id, "failures_found")
+    theta = read_json(study.root / "measures.json")["campaigns"][2]
+    assert (theta["strategy"], theta["seed"]) == ("neural", 0)
+    assert [point.value for point in sorted(points, key=lambda p: p.step)] == theta["theta"]
+
+
+def test_again_changes_nothing_and_something_new_adds_one(study: Study) -> None:
+    before, written = everything(study), (study.root / "tracking.json").read_bytes()
+    run(study)
+    assert everything(study) == before
+    assert (study.root / "tracking.json").read_bytes() == written
+    card = read_card(study.cards[1])
+    write_card(study.cards[1], card.model_copy(update={"training": {"iterations": 7.0}}))
+    run(study)
+    assert everything(study) == (before[0] + 1, before[1] + 1, before[2] + 1)
+    assert read(study.root / "tracking.json", Tracking).champion == "adaptive"
+
+
+def test_a_run_that_was_cut_off_is_logged_again(tmp_path: Path) -> None:
+    tracker = Tracker(tmp_path / "m.db", tmp_path / "artifacts", "e", {})
+    content = Content("one", "campaign", metrics={"failures": 3.0})
+    first = tracker.log(content)
+    tracker._client.update_run(first, status="RUNNING")
+    second = tracker.log(content)
+    assert first != second
+    assert tracker.log(content) == second
+    assert tracker._client.get_run(first).info.lifecycle_stage == "deleted"

@@ -1,0 +1,108 @@
+"""MLflow's own page that compares the versions of the detector, in a real headless Chromium."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.error import URLError
+
+import pytest
+from playwright.sync_api import Page, expect, sync_playwright
+
+from pipeline.tracking import Content, Tracker
+
+SHOTS = Path("data/test-artefacts")
+FAILURES = {"base": 21, "control": 20, "random": 11, "adaptive": 6}
+
+
+def chromium() -> str:
+    """The system's Chromium; playwright's own is not downloaded."""
+    found = next((path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None)
+    assert found, "no Chromium on this machine; as root: apt-get install -y --no-install-recommends chromium"
+    return found
+
+
+def register(root: Path) -> Path:
+    """A store with four versions of the detector."""
+    store, model = root / "mlflow.db", root / "model.json"
+    tracker = Tracker(store, root / "artifacts", "blindspot/default", {})
+    for version, failures in FAILURES.items():
+        model.write_text(version)
+        metrics = {"failures": float(failures), "failures.F1star": float(failures), "ap50": 0.88}
+        content = Content(f"default/{version}", "model", params={"version": version}, metrics=metrics)
+        number = tracker.register("detector", content, [model], {"version": version, "failures": str(failures)}, version)
+    tracker.set_alias("detector", "champion", number)
+    return store
+
+
+@pytest.fixture
+def address(tmp_path: Path) -> Iterator[str]:
+    store = register(tmp_path)
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    command = [sys.executable, "-m", "mlflow", "ui", "--backend-store-uri", f"sqlite:///{store}", "--workers", "1"]
+    environment = {**os.environ, "MLFLOW_DISABLE_TELEMETRY": "true", "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"}
+    with (tmp_path / "server.log").open("wb") as log:
+        server = subprocess.Popen(
+            [*command, "--host", "127.0.0.1", "--port", str(port)], stdout=log, stderr=log, env=environment, start_new_session=True
+        )
+    try:
+        wait_for(f"http://127.0.0.1:{port}/health", server, tmp_path / "server.log")
+        yield f"http://127.0.0.1:{port}"
+    finally:
+        # The server starts workers of its own; they are one process group.
+        os.killpg(server.pid, signal.SIGTERM)
+        server.wait(timeout=30)
+
+
+def wait_for(url: str, server: subprocess.Popen[bytes], log: Path) -> None:
+    for _ in range(240):
+        assert server.poll() is None, log.read_text()
+        try:
+            urllib.request.urlopen(url, timeout=2).close()
+        except (URLError, ConnectionError, TimeoutError):
+            time.sleep(0.5)
+        else:
+            return
+    pytest.fail(f"the server did not answer:\n{log.read_text()}")
+
+
+def drive(page: Page, address: str) -> None:
+    """As a person does: open the model, tick all versions, press Compare, read the numbers."""
+    page.goto(f"{address}/#/models/detector")
+    for number in range(1, len(FAILURES) + 1):
+        row = page.get_by_role("row").filter(has=page.get_by_role("link", name=f"Version {number}"))
+        row.get_by_role("checkbox").check(force=True)
+    expect(page.get_by_text("@ champion")).to_be_visible()
+    page.screenshot(path=SHOTS / "mlflow-versions.png")
+    page.get_by_role("button", name="Compare", exact=True).click()
+    expect(page.get_by_text("Comparing 4 Versions")).to_be_visible()
+    row = page.get_by_role("row").filter(has=page.get_by_role("link", name="failures", exact=True))
+    for version, failures in zip(FAILURES, FAILURES.values(), strict=True):
+        expect(page.get_by_text(f"default/{version}")).to_be_visible()
+        expect(row.get_by_text(str(failures), exact=True)).to_be_visible()
+
+
+def test_versions_compare_in_the_browser(address: str) -> None:
+    SHOTS.mkdir(parents=True, exist_ok=True)
+    with sync_playwright() as playwright:
+        # Root in a container has no sandbox to offer.
+        browser = playwright.chromium.launch(executable_path=chromium(), args=["--no-sandbox", "--disable-gpu"])
+        page = browser.new_page(viewport={"width": 1700, "height": 1300})
+        page.set_default_timeout(60_000)
+        expect.set_options(timeout=60_000)
+        try:
+            drive(page, address)
+        finally:
+            page.screenshot(path=SHOTS / "mlflow-comparison.png")
+            browser.close()
+    assert (SHOTS / "mlflow-comparison.png").stat().st_size > 20_000

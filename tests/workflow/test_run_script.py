@@ -1,0 +1,104 @@
+"""`./run` and `.ci/run`: what can be told without installing anything."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import stat
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SETUP = ("run", "pyproject.toml", "requirements.lock")
+
+
+def call(folder: Path, *arguments: str, **settings: str) -> subprocess.CompletedProcess[str]:
+    environment = {"PATH": "/usr/bin:/bin", "HOME": "/nonexistent", **settings}
+    return subprocess.run([folder / "run", *arguments], cwd="/", env=environment, capture_output=True, text=True, stdin=subprocess.DEVNULL)
+
+
+def script(path: Path, text: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(f"#!/bin/sh\n{text}\n")
+    path.chmod(0o755)
+
+
+@pytest.fixture
+def checkout(tmp_path: Path) -> Path:
+    """A checkout with the set-up's files alone."""
+    for name in SETUP:
+        shutil.copy(ROOT / name, tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def ready(checkout: Path) -> Path:
+    """A checkout that is set up, with a stand-in for snakemake that says how it was called."""
+    stamp = hashlib.sha256(b"".join((checkout / name).read_bytes() for name in SETUP[1:])).hexdigest()
+    script(checkout / ".venv/bin/snakemake", 'echo "snakemake $*"; echo "HOME of caches: $XDG_CACHE_HOME"; exit "${CODE:-0}"')
+    (checkout / ".venv/blindspot.stamp").write_text(f"{stamp}  - {checkout}\n")
+    (checkout / ".cache/gl").mkdir(parents=True)
+    (checkout / f".cache/gl/{os.uname().nodename}-auto").write_text("osmesa\n")
+    return checkout
+
+
+@pytest.mark.parametrize("name", ["run", ".ci/run"])
+def test_it_is_a_program_that_bash_understands(name: str) -> None:
+    assert (ROOT / name).stat().st_mode & stat.S_IXUSR
+    assert subprocess.run(["bash", "-n", ROOT / name]).returncode == 0
+
+
+def test_help_needs_no_set_up(checkout: Path) -> None:
+    done = call(checkout, "--help")
+    assert done.returncode == 0
+    assert all(f"./run {word}" in done.stdout for word in ("setup", "test", "ui"))
+    assert not (checkout / ".venv").exists()
+
+
+def test_an_unfit_python_ends_with_one_message(checkout: Path) -> None:
+    done = call(checkout, "setup", PYTHON="/nonexistent/python3.9")
+    assert done.returncode == 2
+    assert done.stderr.splitlines() == [
+        "blindspot: needs Python 3.11 to 3.13, found /nonexistent/python3.9; type: sudo apt-get install -y python3 python3-venv"
+    ]
+
+
+def test_the_pages_need_something_to_show(checkout: Path) -> None:
+    done = call(checkout, "ui")
+    assert done.returncode == 2
+    assert "nothing is tracked yet" in done.stderr
+
+
+def test_a_ready_checkout_installs_nothing_and_hands_its_arguments_on(ready: Path) -> None:
+    done = call(ready, "-n", "some/target", CORES="3")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == ["snakemake --cores 3 -n some/target", f"HOME of caches: {ready}/.cache"]
+
+
+def test_the_exit_code_is_that_of_snakemake(ready: Path) -> None:
+    assert call(ready, CODE="7").returncode == 7
+
+
+def test_a_lock_that_a_killed_run_left_is_taken_away(ready: Path) -> None:
+    (ready / ".snakemake/locks").mkdir(parents=True)
+    (ready / ".snakemake/locks/0.input.lock").write_text("")
+    script(ready / ".venv/bin/snakemake", 'echo "$*" >>calls')
+    assert call(ready, CORES="1").returncode == 0
+    assert (ready / "calls").read_text().splitlines() == ["--unlock --quiet", "--cores 1"]
+
+
+def test_a_second_run_waits_for_the_first(ready: Path) -> None:
+    script(ready / ".venv/bin/snakemake", 'echo begin >>calls; while [ ! -e "$PWD/go" ]; do sleep 0.05; done; echo end >>calls')
+    environment = {"PATH": "/usr/bin:/bin"}
+    first = subprocess.Popen([ready / "run"], env=environment)
+    while not (ready / "calls").exists():
+        assert first.poll() is None
+    second = subprocess.Popen([ready / "run"], env=environment, stderr=subprocess.PIPE, text=True)
+    assert second.stderr is not None
+    assert "another run is under way" in second.stderr.readline()
+    (ready / "go").write_text("")
+    assert (first.wait(), second.wait()) == (0, 0)
+    assert (ready / "calls").read_text().split() == ["begin", "end", "begin", "end"]
