@@ -79,9 +79,8 @@ def measure(name: str, tests: int, detector: OnnxDetector) -> None:
     render = SPENT["frame"] - SPENT["ground truth"] - SPENT["weather"]
     parts = {"render": render, "ground truth": SPENT["ground truth"], "weather": SPENT["weather"], "inference": SPENT["inference"]}
     parts["rest"] = sum(whole) - sum(parts.values())
-    print(
-        f"{name}: {np.median(whole):.2f} CPU-s a test (median; mean {np.mean(whole):.2f}, longest {max(whole):.2f}), {frames / tests:.1f} frames a test"
-    )
+    spread = f"median; mean {np.mean(whole):.2f}, longest {max(whole):.2f}"
+    print(f"{name}: {np.median(whole):.2f} CPU-s a test ({spread}), {frames / tests:.1f} frames a test")
     for part, seconds in parts.items():
         print(f"  {part:<13}{seconds / frames * 1e3:6.2f} ms a frame {seconds / sum(whole):6.1%}")
 

@@ -24,7 +24,10 @@ STEPS: dict[str, tuple[str, Options]] = {
     "train": ("Train or adopt the base detector.", {"base-set": ONE, "out": ONE, "threads": NUMBER}),
     "campaign": (
         "Execute a test campaign in closed loop; resumes from its journal.",
-        {"scenario": TEXT, "strategy": TEXT, "version": TEXT, "seed": NUMBER, "space": ONE, "model": ONE, "out": ONE, "journal": ONE, "threads": NUMBER},
+        {
+            "scenario": TEXT, "strategy": TEXT, "version": TEXT, "seed": NUMBER, "space": ONE, "model": ONE, "out": ONE, "journal": ONE,
+            "threads": NUMBER,
+        },
     ),
     "measure": ("Measure the search campaigns.", {"tests": MANY, "spaces": MANY, "out": ONE, "theta": ONE}),
     "cluster": ("Group the failures of a scenario into regions.", {"tests": MANY, "space": ONE, "out": ONE}),

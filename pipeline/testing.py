@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -58,7 +59,7 @@ def check_simulator(simulator: Simulator, space: Space, detector: Detector, coun
 
 
 def _check_episode(episode: Episode) -> None:
-    signals = episode.signals
+    signals: dict[str, Any] = dict(episode.signals)
     assert (np.diff(signals["time_s"]) > 0).all(), "time_s must increase"
     assert ((signals["brake"] >= 0) & (signals["brake"] <= 1)).all(), "brake must be in [0, 1]"
     assert (signals["gap_m"] >= 0).all() and (signals["conflict_distance_m"] >= 0).all(), "distances must not be negative"

@@ -107,7 +107,8 @@ STAGES = {
 
 def text() -> str:
     """The text of dvc.yaml."""
-    return HEADER + yaml.safe_dump({"stages": {name: stage.plain() for name, stage in STAGES.items()}}, sort_keys=False, width=140)
+    body: str = yaml.safe_dump({"stages": {name: stage.plain() for name, stage in STAGES.items()}}, sort_keys=False, width=140)
+    return HEADER + body
 
 
 if __name__ == "__main__":

@@ -13,9 +13,9 @@ from pipeline.protocols import InputError
 class ModelCard(BaseModel):
     """One model version.
 
-    data: name to digest of what it was trained on. training: settings and figures of its training. metrics: on the validation images of
-    the base set: precision, recall, ap50, ap50_95, false_positives_an_image, all for visible pedestrians. calibration: slope and offset of the scores' logits, fitted on the
-    same images.
+    data: name to digest of what it was trained on. training: settings and figures of its training. metrics: on the validation
+    images of the base set: precision, recall, ap50, ap50_95, false_positives_an_image, all for visible pedestrians. calibration:
+    slope and offset of the scores' logits, fitted on the same images.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)

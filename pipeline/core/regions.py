@@ -33,8 +33,8 @@ def find_regions(space: Space, failures: Floats, epsilon: float, min_failures: i
 def connected_failures(space: Space, failures: Floats) -> Ints:
     """Label of the set of connected failures (Def. 4.19) that each failure (n, d) belongs to, as (n,), larger sets first.
 
-    On the categories: neighbours are equal in all variables but one, and next to each other in it (cyclic variables close the circle; any two
-    values of a categorical variable are next to each other).
+    On the categories: neighbours are equal in all variables but one, and next to each other in it (cyclic variables close the
+    circle; any two values of a categorical variable are next to each other).
     """
     if not len(failures):
         return np.zeros(0, np.int64)

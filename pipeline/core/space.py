@@ -54,7 +54,7 @@ class Variable:
         """(size,) the representative of each category, encoded."""
         if self.kind == "categorical":
             return np.arange(self.size, dtype=float)
-        return self.low + self.step * np.arange(self.size)
+        return self.low + self.step * np.arange(self.size, dtype=np.float64)
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -158,5 +158,5 @@ def _plain(variable: Variable) -> dict[str, Any]:
 
 
 def _variable(name: str, body: Mapping[str, Any]) -> Variable:
-    values = {key: tuple(value) if key == "values" else value for key, value in body.items()}
+    values: dict[str, Any] = {key: tuple(value) if key == "values" else value for key, value in body.items()}
     return Variable(name=name, **values)

@@ -1,4 +1,4 @@
-"""Scripted stand-ins that read the ground truth: they show whether the world is fair and the loop closes, never how well a detector does."""
+"""Scripted stand-ins that read the ground truth: they show whether the world is fair, never how well a detector does."""
 
 from __future__ import annotations
 

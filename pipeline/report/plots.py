@@ -64,9 +64,9 @@ def _legend_below(figure: Figure, axes: Sequence[Axes]) -> None:
             entries.setdefault(name, handle)
     if entries:
         legend = figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=min(5, len(entries)))
-        for handle in legend.legend_handles:
-            if handle is not None:
-                handle.set_alpha(1)
+        for shown in legend.legend_handles:
+            if shown is not None:
+                shown.set_alpha(1)
 
 
 def theta_curves(measures: Measures, labels: Mapping[str, str]) -> Figure:
@@ -213,7 +213,7 @@ def kpi_histogram(table: pd.DataFrame, versions: Sequence[str], threshold_s: flo
             rows = table[table["version"] == version]
             parts = [rows.loc[rows["failure"], "adj_ttc_s"], rows.loc[~rows["failure"], "adj_ttc_s"]]
             colours = [MODE_COLOURS["contact"], MODE_COLOURS["none"]]
-            axis.hist(parts, edges, stacked=True, color=colours, label=["failure", "no failure"], rwidth=0.92)
+            axis.hist(parts, list(edges), stacked=True, color=colours, label=["failure", "no failure"], rwidth=0.92)
             axis.set(title=version, xlabel="adj. TTC (s)", xlim=(0, None))
             axis.grid(False, axis="x")
         axes[0][0].set_ylabel("tests")

@@ -72,7 +72,7 @@ class AnalyticSimulator:
             distance = max(0.0, distance - speed * STEP_S)
             speed = max(0.0, speed - (BRAKE_MPS2 * STEP_S if braking else 0.0))
             time = round(time + STEP_S, 9)
-        signals = {name: np.array([row[name] for row in rows], dtype=kind) for name, kind in SIGNALS.items()}
+        signals: dict[str, NDArray[Any]] = {name: np.array([row[name] for row in rows], dtype=kind) for name, kind in SIGNALS.items()}
         signals["ttc_s"] = kpi.ttc(signals)
         return Episode(signals, tuple(kept))
 

@@ -81,5 +81,5 @@ def _plain(record: Record) -> dict[str, Any]:
 
 
 def _record(plain: dict[str, Any]) -> Record:
-    truth = {name: tuple(value) if isinstance(value, list) else value for name, value in plain["truth"].items()}
+    truth: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in plain["truth"].items()}
     return Record(**{**plain, "truth": Truth(**truth)})

@@ -56,7 +56,10 @@ def test_a_person_overrules(tmp_path: Path) -> None:
         ("F1-random-base-0-00001,1,maybe", "line 2: keep must be true or false, got 'maybe'"),
         ("F1-random-base-0-00001,1.5,true", "line 2: step must be a whole number"),
         ("F1-random-base-0-00001,x,true", "line 2: step must be a whole number, got 'x'"),
-        ("F1-random-base-0-00001,1,true\nF1-random-base-0-00001,1,true", "line 3: frame 1 of test F1-random-base-0-00001 is overruled twice"),
+        (
+            "F1-random-base-0-00001,1,true\nF1-random-base-0-00001,1,true",
+            "line 3: frame 1 of test F1-random-base-0-00001 is overruled twice",
+        ),
     ],
 )
 def test_wrong_rows_are_named(tmp_path: Path, row: str, message: str) -> None:

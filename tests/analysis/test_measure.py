@@ -131,6 +131,4 @@ def test_value_outside_the_space_names_the_test() -> None:
 
 
 RNG = np.random.default_rng(0)
-SPACE_OF_STUDY = Space(
-    (Variable("fog", "continuous", "%", 0, 100, 10), Variable("sun_altitude", "continuous", "deg", -20, 90, 10))
-)
+SPACE_OF_STUDY = Space((Variable("fog", "continuous", "%", 0, 100, 10), Variable("sun_altitude", "continuous", "deg", -20, 90, 10)))

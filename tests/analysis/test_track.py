@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -39,7 +40,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
     return made
 
 
-def client(study: Study):  # type: ignore[no-untyped-def]
+def client(study: Study) -> Any:
     from mlflow import MlflowClient
 
     assert os.environ["MLFLOW_DISABLE_TELEMETRY"] == "true"

@@ -52,7 +52,7 @@ def test_unbraked_ego_and_pedestrian_meet_at_the_conflict_point(world: Any) -> N
 
 
 def test_the_oracle_avoids_failure_in_plain_weather_and_in_fog(world: Any) -> None:
-    simulator, space = world
+    simulator, _ = world
     for fog in (0.0, 95.0):
         concrete = {
             "rain": 0.0, "fog": fog, "sun_azimuth": 120.0, "sun_altitude": 45.0, "pedestrian_shift": 0.0, "pedestrian_speed": 1.5,

@@ -136,7 +136,7 @@ class NeuralSampler(BatchSampler):
 
 
 def _fit(layers: tuple[int, ...], penalty: float, features: Floats, target: Floats, seed: int) -> MLPRegressor:
-    network = MLPRegressor(layers, alpha=penalty, solver="lbfgs", max_iter=60, random_state=seed)
+    network = MLPRegressor(hidden_layer_sizes=layers, alpha=penalty, solver="lbfgs", max_iter=60, random_state=seed)
     with warnings.catch_warnings():
         # Stopping after 60 steps is the regularisation.
         warnings.simplefilter("ignore", ConvergenceWarning)

@@ -119,7 +119,7 @@ class _Loop:
 
     def _state(self) -> _State:
         ego = self._scenario.ego
-        # Unbraked, ego's front and pedestrian reach the conflict point together at horizon_s; the shift then moves the pedestrian along its path.
+        # Unbraked, ego's front and pedestrian reach the conflict point together at horizon_s; the shift then moves the pedestrian.
         along = (self._time - ego.horizon_s) * self._speed + self._shift
         x, y = along * np.cos(self._heading), ego.lane_y_m + along * np.sin(self._heading)
         state = _State(self._time, self._stage.ego_x, ego.lane_y_m, self._stage.ego_speed, float(x), float(y))

@@ -52,7 +52,7 @@ class Lens:
         clear = cv2.exp(distance * self._ray * np.float32(-weather.extinction_per_m))
         veil = np.empty_like(image)
         veil[:] = np.clip(255 * weather.grey, 0, 255)
-        return cv2.blendLinear(image, veil, clear, 1 - clear)
+        return np.asarray(cv2.blendLinear(image, veil, clear, 1 - clear), np.uint8)
 
     def _glare(self, image: Image, weather: Weather, sun: NDArray[np.float64], hidden: bool) -> Image:
         strength = 230 * weather.sunshine * (GLARE_HIDDEN if hidden else 1.0)
@@ -64,7 +64,7 @@ class Lens:
         if not (0 <= left <= self._width and 0 <= top <= self._height):
             return image
         glow = self._glow[top : top + self._height, left : left + self._width]
-        return cv2.add(image, cv2.convertScaleAbs(glow, alpha=strength))
+        return np.asarray(cv2.add(image, cv2.convertScaleAbs(glow, alpha=strength)), np.uint8)
 
     def _rain(self, image: Image, weather: Weather, rng: np.random.Generator) -> Image:
         share = weather.rain / 100
@@ -85,7 +85,7 @@ def _glow(width: int, height: int) -> Floats:
     v, u = np.mgrid[-height:height, -width:width].astype(np.float32)
     r = np.sqrt(u**2 + v**2) / width
     shape = 1.2 * np.exp(-((r / 0.022) ** 2)) + 0.7 * np.exp(-r / 0.09) + 0.22 * np.exp(-r / 0.45)
-    return (shape[..., None] * np.array([1, 0.95, 0.82])).astype(np.float32)
+    return np.asarray(shape[..., None] * np.array([1, 0.95, 0.82]), np.float32)
 
 
 def _streaks(width: int, height: int, rng: np.random.Generator) -> Floats:

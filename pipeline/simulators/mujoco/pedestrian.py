@@ -130,8 +130,8 @@ class Pedestrian:
             breadth = (blueprint.build, 1, 1) if upright else (blueprint.build, blueprint.build, 1)
             model.geom_size[i] = self._size[i] * k * np.array(breadth)
             model.geom_pos[i] = self._position[i] * k
-        for i in self._bodies:
-            model.body_pos[i] = self._offset[i] * k
+        for body in self._bodies:
+            model.body_pos[body] = self._offset[body] * k
         for name in MATERIALS:
             model.mat_rgba[model.material(f"pedestrian_{name}").id, :3] = getattr(blueprint, name)
         for name, shown in (("mane", blueprint.long_hair), ("hat", blueprint.hat), ("bag", blueprint.bag)):

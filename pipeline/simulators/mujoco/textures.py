@@ -22,7 +22,7 @@ def noise(shape: tuple[int, int], rng: np.random.Generator, octaves: int = 4) ->
         big = cv2.resize(padded, None, fx=scale, fy=shape[0] // cells, interpolation=cv2.INTER_CUBIC)
         top, left = 2 * (shape[0] // cells), 2 * scale
         total += big[top : top + shape[0], left : left + shape[1]] / 1.7**octave
-    return (total - total.mean()) / total.std()
+    return np.asarray((total - total.mean()) / total.std())
 
 
 def tinted(base: Colour, pattern: NDArray[np.float64], strength: float) -> Image:
@@ -49,7 +49,7 @@ def paving(base: Colour, slabs: int, rng: np.random.Generator, size: int = 128) 
             image[row * step : (row + 1) * step, column * step : (column + 1) * step] += rng.integers(-9, 10)
     image[::step] -= 35
     image[:, ::step] -= 35
-    return np.clip(image, 0, 255).astype(np.uint8)
+    return np.asarray(np.clip(image, 0, 255), np.uint8)
 
 
 def foliage(base: Colour, rng: np.random.Generator, size: int = 128) -> Image:
@@ -68,7 +68,7 @@ def roof(base: Colour, rng: np.random.Generator, size: int = 128) -> Image:
     """Roof tiles in rows."""
     image = tinted(base, noise((size, size), rng), 7).astype(int)
     image[:: size // 16] -= 28
-    return np.clip(image, 0, 255).astype(np.uint8)
+    return np.asarray(np.clip(image, 0, 255), np.uint8)
 
 
 def storeys(wall: Colour, brick: bool, rng: np.random.Generator, size: int = 256) -> Image:
@@ -77,7 +77,7 @@ def storeys(wall: Colour, brick: bool, rng: np.random.Generator, size: int = 256
     if brick:
         image[:: size // 64] -= 16
         image += rng.integers(-7, 8, (size // 4, size // 4, 1)).repeat(4, 0).repeat(4, 1)
-    image = np.clip(image, 0, 255).astype(np.uint8)
+    image = np.asarray(np.clip(image, 0, 255), np.uint8)
     bay = size // 2
     for row in range(2):
         for column in range(2):

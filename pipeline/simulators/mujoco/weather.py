@@ -62,7 +62,7 @@ class Weather:
     def extinction_per_m(self) -> float:
         """Extinction coefficient of fog and rain: `RANGE_CONTRAST` is left at the visual range."""
         visual_range = FOG_FREE_RANGE_M * (DENSE_FOG_RANGE_M / FOG_FREE_RANGE_M) ** (self.fog / 100)
-        return -np.log(RANGE_CONTRAST) / visual_range + 0.008 * self.rain / 100
+        return float(-np.log(RANGE_CONTRAST) / visual_range + 0.008 * self.rain / 100)
 
     @property
     def grey(self) -> Floats:
