@@ -1,7 +1,9 @@
 # The loop in data-flow order. What each step computes is in pipeline/steps/<step>.py; where files lie is here alone.
 from pipeline.workflow import Study
 
+
 configfile: "params.yaml"
+
 
 S = Study()
 D, L = S.root, S.logs
@@ -191,12 +193,12 @@ rule retrain:
         f"{D}/models/{{version}}/weights.safetensors",
         f"{D}/models/{{version}}/model.onnx",
         card=f"{D}/models/{{version}}/model.json",
-    wildcard_constraints:
-        version="control|random|adaptive",
     log:
         f"{L}/retrain/{{version}}.log",
     benchmark:
         f"{L}/retrain/{{version}}.tsv"
+    wildcard_constraints:
+        version="control|random|adaptive",
     threads: 2
     params:
         stamp=S.stamp("retrain", "retraining", "detector"),
