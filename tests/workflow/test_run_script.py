@@ -102,3 +102,23 @@ def test_a_second_run_waits_for_the_first(ready: Path) -> None:
     (ready / "go").write_text("")
     assert (first.wait(), second.wait()) == (0, 0)
     assert (ready / "calls").read_text().split() == ["begin", "end", "begin", "end"]
+
+
+def test_without_root_the_missing_library_is_one_line_to_type(ready: Path) -> None:
+    shutil.rmtree(ready / ".cache/gl")
+    script(ready / ".venv/bin/python", "echo 'blindspot: no OpenGL library works here' >&2; exit 2")
+    script(ready / "user/id", "echo 1000")
+    done = call(ready, "-n", PATH=f"{ready}/user:/usr/bin:/bin")
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.splitlines() == [
+        "blindspot: the system lacks libosmesa6; type: sudo apt-get install -y --no-install-recommends libosmesa6"
+    ]
+
+
+def test_a_broken_program_is_not_taken_for_a_missing_library(ready: Path) -> None:
+    shutil.rmtree(ready / ".cache/gl")
+    script(ready / ".venv/bin/python", "echo 'ModuleNotFoundError: mujoco' >&2; exit 1")
+    done = call(ready, "-n")
+    assert done.returncode == 2
+    assert done.stderr == "ModuleNotFoundError: mujoco\n"
