@@ -1,0 +1,59 @@
+"""The scripted stand-ins keep the contract, and the checker finds a broken detector."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.detectors.scripted import BlindDetector, VisiblePixelOracle
+from pipeline.protocols import Detections, Detector, Frame, Truth
+from pipeline.testing import check_detector
+
+IMAGE = np.zeros((48, 64, 3), np.uint8)
+BOX = (10.0, 10.0, 20.0, 40.0)
+
+
+@pytest.mark.parametrize("detector", [VisiblePixelOracle(), BlindDetector(), VisiblePixelOracle(model="any"), BlindDetector(model="any")])
+def test_stand_ins_keep_the_contract(detector: Detector) -> None:
+    assert isinstance(detector, Detector)
+    check_detector(detector, 64, 48)
+
+
+def test_the_oracle_sees_what_a_person_would() -> None:
+    oracle = VisiblePixelOracle()
+    seen = oracle.detect(Frame(IMAGE, Truth(BOX, BOX, 30, 30, 6.0)))
+    assert seen.boxes.tolist() == [list(BOX)] and seen.scores.tolist() == [1]
+    for truth in (Truth(BOX, BOX, 29, 300, 50.0), Truth(BOX, BOX, 300, 300, 5.9), Truth(None, BOX, 0, 300, 0.0)):
+        assert not len(oracle.detect(Frame(IMAGE, truth)).scores)
+
+
+class Restless:
+    """Finds something else each time."""
+
+    def __init__(self) -> None:
+        self._calls = 0
+
+    def detect(self, frame: Frame) -> Detections:
+        self._calls += 1
+        return Detections(np.array([[0, 0, self._calls, 10]], np.float32), np.ones(1, np.float32))
+
+
+class Painter:
+    """Writes into the image."""
+
+    def detect(self, frame: Frame) -> Detections:
+        frame.image[0, 0] += 1
+        return Detections.none()
+
+
+class Astray:
+    """Reports a box beside the image."""
+
+    def detect(self, frame: Frame) -> Detections:
+        return Detections(np.array([[900, 0, 910, 10]], np.float32), np.ones(1, np.float32))
+
+
+@pytest.mark.parametrize(("detector", "message"), [(Restless(), "deterministic"), (Painter(), "not change"), (Astray(), "touch the image")])
+def test_the_checker_finds_broken_detectors(detector: Detector, message: str) -> None:
+    with pytest.raises(AssertionError, match=message):
+        check_detector(detector, 64, 48)

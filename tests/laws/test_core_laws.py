@@ -1,0 +1,120 @@
+"""Laws that hold for any input: bounds, symmetry, round trips, monotone coverage."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.core.boxes import iou, nms
+from pipeline.core.coverage.arrays import covering_array
+from pipeline.core.coverage.projection import projection_coverage
+from pipeline.core.distance import mixed_distance
+from pipeline.core.kpi import match
+from pipeline.core.measures import f_measure, failure_sequence
+from pipeline.core.statistics import mcnemar, wilson_interval
+from tests.spaces import SMALL
+
+SEEDS = st.integers(0, 2**32 - 1)
+SIZES = st.lists(st.integers(1, 5), min_size=2, max_size=5)
+
+
+def random_boxes(rng: np.random.Generator, count: int) -> np.ndarray:
+    corner = rng.uniform(0, 50, (count, 2))
+    return np.column_stack([corner, corner + rng.uniform(1, 30, (count, 2))])
+
+
+@given(SEEDS, st.integers(0, 8))
+def test_iou_is_symmetric_bounded_and_one_with_itself(seed: int, count: int) -> None:
+    boxes = random_boxes(np.random.default_rng(seed), count)
+    overlaps = iou(boxes, boxes)
+    assert np.array_equal(overlaps, overlaps.T) and ((overlaps >= 0) & (overlaps <= 1 + 1e-12)).all()
+    assert np.allclose(np.diag(overlaps), 1)
+
+
+@given(SEEDS, st.integers(0, 12), st.floats(0, 1))
+def test_what_survives_suppression_does_not_overlap_and_what_falls_does(seed: int, count: int, threshold: float) -> None:
+    rng = np.random.default_rng(seed)
+    boxes, scores = random_boxes(rng, count), rng.random(count)
+    kept = nms(boxes, scores, threshold)
+    overlaps = iou(boxes, boxes)
+    assert (np.diff(scores[kept]) <= 0).all()
+    for i in range(count):
+        rivals = [k for k in kept if k != i and scores[k] > scores[i] and overlaps[i, k] > threshold]
+        assert bool(rivals) != (i in kept)
+
+
+@given(SEEDS, st.integers(0, 10))
+def test_each_frame_has_at_most_one_true_positive_and_every_detection_an_outcome(seed: int, count: int) -> None:
+    rng = np.random.default_rng(seed)
+    box = (20.0, 20.0, 40.0, 60.0)
+    boxes = np.array(box) + rng.normal(0, 8, (count, 4))
+    result = match(boxes, rng.random(count), box, box, int(rng.integers(0, 60)), float(rng.uniform(0, 16)))
+    outcomes = result.outcomes
+    assert len(outcomes) == count and outcomes.count("true_positive") <= 1
+    assert result.false_positives + outcomes.count("true_positive") + outcomes.count("ignored") == count
+    assert "duplicate" not in outcomes or "true_positive" in outcomes
+
+
+@given(SEEDS)
+def test_distance_is_a_bounded_metric(seed: int) -> None:
+    points = SMALL.sample(6, np.random.default_rng(seed))
+    d = mixed_distance(SMALL, points, points)
+    assert np.allclose(d, d.T) and np.allclose(np.diag(d), 0) and ((d >= 0) & (d <= 1)).all()
+    assert (d[:, None, :] <= d[:, :, None] + d[None, :, :] + 1e-12).all()
+
+
+@given(SEEDS)
+def test_points_survive_decoding_and_encoding(seed: int) -> None:
+    for point in SMALL.sample(5, np.random.default_rng(seed)):
+        assert np.array_equal(SMALL.encode(SMALL.decode(point)), point)
+
+
+@given(SEEDS)
+def test_a_representative_lies_in_its_category(seed: int) -> None:
+    categories = SMALL.categorise(SMALL.sample(20, np.random.default_rng(seed)))
+    assert np.array_equal(SMALL.categorise(SMALL.representatives(categories)), categories)
+
+
+@given(SEEDS, SIZES)
+@settings(max_examples=40)
+def test_coverage_grows_with_points_and_never_passes_one(seed: int, sizes: list[int]) -> None:
+    rng = np.random.default_rng(seed)
+    points = rng.integers(0, sizes, (30, len(sizes)))
+    covered = [projection_coverage(points[:n], sizes, 2).ratio for n in (0, 1, 10, 30)]
+    assert covered[0] == 0 and covered == sorted(covered) and covered[-1] <= 1
+
+
+@given(SEEDS, SIZES)
+@settings(max_examples=40)
+def test_covering_arrays_cover(seed: int, sizes: list[int]) -> None:
+    rows = covering_array(sizes, np.random.default_rng(seed))
+    assert projection_coverage(rows, sizes, 2).ratio == 1
+    first, second = sorted(sizes)[-2:]
+    assert len(rows) >= first * second
+
+
+@given(st.lists(st.booleans()), st.integers(1, 10))
+def test_the_f_measure_is_where_the_sequence_reaches_n(failures: list[bool], n: int) -> None:
+    theta = failure_sequence(failures)
+    found = f_measure(theta, n)
+    if found is None:
+        assert sum(failures) < n
+    else:
+        assert failures[found - 1] and theta[found - 1] == n
+
+
+@given(st.integers(0, 200), st.integers(0, 200))
+def test_the_wilson_interval_holds_the_share(successes: int, others: int) -> None:
+    trials = successes + others
+    low, high = wilson_interval(successes, trials)
+    assert 0 <= low <= high <= 1
+    assert trials == 0 or low <= successes / trials <= high
+
+
+@given(st.lists(st.tuples(st.booleans(), st.booleans())))
+def test_mcnemar_is_symmetric(tests: list[tuple[bool, bool]]) -> None:
+    before, after = [b for b, _ in tests], [a for _, a in tests]
+    one, other = mcnemar(before, after), mcnemar(after, before)
+    assert one.tests == len(tests) and one.change == -other.change
+    assert one.p_value == other.p_value and 0 < one.p_value <= 1

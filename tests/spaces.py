@@ -1,0 +1,31 @@
+"""Scenario spaces that several tests share."""
+
+from __future__ import annotations
+
+from pipeline.core.space import Space, Variable
+
+ANIMATIONS = ("walking", "texting", "crouching", "limping", "drunk", "stumble")
+BLUEPRINTS = tuple(f"{kind} {number:02d}" for kind in "WM" for number in range(1, 38))
+
+THESIS = Space(
+    (
+        Variable("rain", "continuous", "%", 0, 100, 10),
+        Variable("fog", "continuous", "%", 0, 100, 10),
+        Variable("sun_azimuth", "continuous", "deg", 0, 360, 30, cyclic=True),
+        Variable("sun_altitude", "continuous", "deg", -20, 90, 10),
+        Variable("pedestrian_shift", "continuous", "m", -0.5, 0.5, 0.1),
+        Variable("pedestrian_speed", "continuous", "m/s", 0, 3, 0.25),
+        Variable("animation", "categorical", values=ANIMATIONS),
+        Variable("blueprint", "categorical", values=BLUEPRINTS),
+    )
+)
+"""Thesis Table 6.2 with 12 azimuths and 74 blueprints."""
+
+SMALL = Space(
+    (
+        Variable("x", "continuous", "m", 0, 10, 1),
+        Variable("angle", "continuous", "deg", 0, 360, 30, cyclic=True),
+        Variable("count", "integer", "", 1, 5, 1),
+        Variable("kind", "categorical", values=("a", "b", "c")),
+    )
+)

@@ -1,0 +1,58 @@
+"""Feasibility against brute force."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from pipeline.core.constraints import Constraints, Literal, parse_constraints
+from tests.spaces import SMALL
+
+SIZES = (3, 2, 3, 2)
+
+
+def random_constraints(rng: np.random.Generator) -> Constraints:
+    def literal() -> Literal:
+        variable = int(rng.integers(len(SIZES)))
+        return Literal(variable, int(rng.integers(SIZES[variable])), bool(rng.integers(2)))
+
+    return Constraints(SIZES, tuple(tuple(literal() for _ in range(rng.integers(1, 4))) for _ in range(rng.integers(0, 9))))
+
+
+def test_feasible_cells_agree_with_brute_force() -> None:
+    rng = np.random.default_rng(0)
+    rows = np.array(list(product(*(range(size) for size in SIZES))))
+    for _ in range(60):
+        constraints = random_constraints(rng)
+        feasible = rows[constraints.holds(rows)]
+        for pair in ((0, 1), (1, 2), (0, 3), (3, 1)):
+            expected = np.zeros([SIZES[v] for v in pair], bool)
+            expected[feasible[:, pair[0]], feasible[:, pair[1]]] = True
+            assert np.array_equal(constraints.feasible_cells(pair), expected)
+
+
+def test_complete_gives_a_feasible_row_that_agrees() -> None:
+    constraints = parse_constraints(SMALL, [["kind != a", "x = 3"], ["kind = a"]])
+    row = constraints.complete({2: 4})
+    assert row is not None and row[2] == 4 and constraints.holds(np.array([row])).all()
+    assert constraints.complete({0: 2}) is None
+
+
+def test_an_empty_clause_leaves_nothing() -> None:
+    assert not Constraints((2, 2), ((),)).feasible_cells([0, 1]).any()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [("kind", "must read"), ("fog = 3", "variable must be one of x, angle"), ("kind = d", "category must be one of a, b, c; got 'd'")],
+)
+def test_a_wrong_literal_is_named(text: str, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        parse_constraints(SMALL, [[text]])
+
+
+def test_indices_out_of_range_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"category of variable 1 must be in \[0, 2\), got 2"):
+        Constraints((2, 2), ((Literal(1, 2),),))

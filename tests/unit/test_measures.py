@@ -1,0 +1,50 @@
+"""Failure sequence, F- and C-measure and pair coverage, by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.core.measures import c_measure, coverage_curve, f_measure, failure_sequence, pair_coverage
+from tests.spaces import SMALL, THESIS
+
+
+def test_failure_sequence_and_f_measure() -> None:
+    theta = failure_sequence([False, True, False, True])
+    assert theta.tolist() == [0, 1, 1, 2]
+    assert [f_measure(theta, n) for n in (1, 2, 3)] == [2, 4, None]
+    assert f_measure(failure_sequence([]), 1) is None
+    with pytest.raises(ValueError, match="n must be at least 1, got 0"):
+        f_measure(theta, 0)
+
+
+def test_c_measure_of_example_4_5() -> None:
+    baseline = failure_sequence([False] * 99 + [True])
+    assert c_measure(failure_sequence([True]), baseline) == (1, 0.99)
+
+
+def test_c_measure_takes_n_from_the_baseline() -> None:
+    baseline = failure_sequence([True, False, False, True])
+    assert c_measure(failure_sequence([True, True, False, False]), baseline) == (2, 0.5)
+    assert c_measure(failure_sequence([False, True, False, False]), baseline) == (2, None)
+
+
+def test_c_measure_against_a_baseline_without_failures() -> None:
+    """Equation 6.2: the next test is taken for the baseline's first failure."""
+    n, saved = c_measure(failure_sequence([False, True]), failure_sequence([False] * 1000))
+    assert (n, saved) == (1, pytest.approx(1 - 2 / 1001))
+
+
+def test_the_thesis_space_has_8084_pairs() -> None:
+    sizes = np.array(THESIS.sizes)
+    assert (sizes.sum() ** 2 - (sizes**2).sum()) // 2 == 8084
+    assert pair_coverage(THESIS, THESIS.sample(1, np.random.default_rng(0))) == pytest.approx(28 / 8084)
+
+
+def test_the_coverage_curve_ends_at_the_pair_coverage() -> None:
+    points = SMALL.sample(40, np.random.default_rng(0))
+    curve = coverage_curve(SMALL, points)
+    sizes = np.array(SMALL.sizes)
+    pairs = (sizes.sum() ** 2 - (sizes**2).sum()) / 2
+    assert curve[0] == 6 and (np.diff(curve) >= 0).all()
+    assert curve[-1] / pairs == pytest.approx(pair_coverage(SMALL, points))

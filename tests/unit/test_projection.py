@@ -1,0 +1,76 @@
+"""k-projection coverage: the examples of the paper by its definitions, and brute force."""
+
+from __future__ import annotations
+
+from collections import Counter
+from itertools import combinations, product
+
+import numpy as np
+import pytest
+
+from pipeline.core.constraints import Constraints, Literal
+from pipeline.core.coverage.projection import Combine, projection_coverage
+
+# Figure 1: d2 = d5 = d6 in cell (2, 0, 2), d1 = d4 in (1, 1, 1), d3 in (0, 2, 0).
+FIGURE_1 = np.array([(1, 1, 1), (2, 0, 2), (0, 2, 0), (1, 1, 1), (2, 0, 2), (2, 0, 2)])
+CUBE = (3, 3, 3)
+
+
+def test_example_1_without_and_with_a_constraint() -> None:
+    assert projection_coverage(FIGURE_1, CUBE, 3).ratio == pytest.approx(3 / 27)
+    constraints = Constraints(CUBE, ((Literal(0, 0, False), Literal(1, 2)),))
+    assert projection_coverage(FIGURE_1, CUBE, 3, constraints=constraints).ratio == pytest.approx(3 / 21)
+
+
+def test_example_1_with_weights_by_the_definition() -> None:
+    """Five of 75: (1, 1, 1) and (0, 2, 0) want one point each, (2, 0, 2) nine and gets three."""
+    coverage = projection_coverage(FIGURE_1, CUBE, 3, weights=[[1, 1, 3], [1, 1, 1], [1, 1, 3]])
+    assert (coverage.covered, coverage.required) == (5, 75)
+
+
+@pytest.mark.parametrize(("k", "expected"), [(1, 15 / 18), (2, 18 / 108)])
+def test_example_of_definition_4(k: int, expected: float) -> None:
+    assert projection_coverage(FIGURE_1, CUBE, k, weights=[[2, 2, 2]] * 3).ratio == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("size", "pairs", "triples"), [(3, 1710, 30780), (4, 3040, 72960)])
+def test_example_2_by_the_definition(size: int, pairs: int, triples: int) -> None:
+    """Twenty conditions: the printed 1710 goes with three values each, with which there are 30780 triples, not the printed 10260."""
+    nothing = np.zeros((0, 20), dtype=np.int64)
+    assert projection_coverage(nothing, (size,) * 20, 2).required == pairs
+    assert projection_coverage(nothing, (size,) * 20, 3).required == triples
+
+
+@pytest.mark.parametrize("combine", ["product", "sum", "max"])
+def test_coverage_agrees_with_brute_force(combine: Combine) -> None:
+    rng = np.random.default_rng(1)
+    sizes = (2, 3, 4, 2)
+    fold = {"product": np.prod, "sum": np.sum, "max": np.max}[combine]
+    constraints = Constraints(sizes, ((Literal(0, 1, False), Literal(2, 3, False)), (Literal(1, 0), Literal(3, 1))))
+    rows = np.array(list(product(*(range(size) for size in sizes))))
+    feasible = rows[constraints.holds(rows)]
+    points = feasible[rng.integers(len(feasible), size=50)]
+    weights = [rng.integers(0, 4, size) for size in sizes]
+    for k in (1, 2, 3, 4):
+        covered = required = 0
+        for chosen in combinations(range(4), k):
+            counts = Counter(map(tuple, points[:, chosen].tolist()))
+            for cell in set(map(tuple, feasible[:, chosen].tolist())):
+                weight = int(fold([weights[v][c] for v, c in zip(chosen, cell, strict=True)]))
+                covered, required = covered + min(counts[cell], weight), required + weight
+        result = projection_coverage(points, sizes, k, weights=weights, combine=combine, constraints=constraints)
+        assert (result.covered, result.required) == (covered, required)
+
+
+def test_what_cannot_be_counted_is_an_error() -> None:
+    constraints = Constraints(CUBE, ((Literal(0, 2, False),),))
+    with pytest.raises(ValueError, match="3 points break a constraint, the first is point 1"):
+        projection_coverage(FIGURE_1, CUBE, 2, constraints=constraints)
+    with pytest.raises(ValueError, match="coverage is undefined"):
+        projection_coverage(FIGURE_1, CUBE, 2, weights=[[0, 0, 0]] * 3)
+    with pytest.raises(ValueError, match=r"k must be in \[1, 3\], got 4"):
+        projection_coverage(FIGURE_1, CUBE, 4)
+    with pytest.raises(ValueError, match=r"point 1: category of variable 0 must be in \[0, 2\), got 2"):
+        projection_coverage(FIGURE_1, (2, 3, 3), 2)
+    with pytest.raises(ValueError, match="whole numbers from 0"):
+        projection_coverage(FIGURE_1, CUBE, 2, weights=[[1, 1, -1]] * 3)

@@ -1,0 +1,49 @@
+"""Failure regions of small, hand-made sets of failures."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.core.growth import grow_regions
+from pipeline.core.regions import connected_failures, find_regions, medoid
+from tests.spaces import SMALL
+
+
+def test_density_clusters_come_larger_first_with_noise_apart() -> None:
+    near = [[1.0, 0, 1, 0], [1.2, 5, 1, 0], [1.4, 355, 1, 0]]
+    far = [[9.0, 180, 5, 2], [9.2, 185, 5, 2], [9.1, 175, 5, 2], [9.3, 180, 5, 2]]
+    alone = [[5.0, 90, 3, 1]]
+    assert find_regions(SMALL, np.array(near + far + alone), 0.05, 3).tolist() == [1, 1, 1, 0, 0, 0, 0, -1]
+
+
+def test_regions_of_no_failures_and_of_wrong_arguments() -> None:
+    nothing = np.zeros((0, 4))
+    assert find_regions(SMALL, nothing, 0.1, 2).tolist() == []
+    assert connected_failures(SMALL, nothing).tolist() == []
+    with pytest.raises(ValueError, match=r"epsilon must be in \(0, 1\], got 0"):
+        find_regions(SMALL, nothing, 0, 2)
+    with pytest.raises(ValueError, match="min_failures must be at least 1, got 0"):
+        find_regions(SMALL, nothing, 0.1, 0)
+
+
+def test_connected_failures_step_to_neighbouring_categories() -> None:
+    chain = [[1.0, 0, 1, 0], [2, 0, 1, 0], [2, 330, 1, 0], [2, 330, 1, 2]]
+    diagonal = [[6.0, 90, 3, 1], [7, 120, 3, 1]]
+    jump = [[4.0, 0, 1, 0]]
+    assert connected_failures(SMALL, np.array(chain + diagonal + jump)).tolist() == [0, 0, 0, 0, 1, 2, 3]
+
+
+def test_medoid_is_the_point_in_the_middle() -> None:
+    assert medoid(SMALL, np.array([[0.0, 0, 1, 0], [4, 0, 1, 0], [5, 0, 1, 0], [10, 0, 1, 0]])) in (1, 2)
+
+
+def test_growth_takes_in_failures_under_the_same_rule() -> None:
+    rng = np.random.default_rng(0)
+    points = SMALL.sample(400, rng)
+    failures = points[:, 0] > 8
+    # One cause, of which density found two halves and left some failures out.
+    labels = np.where(failures, np.where(points[:, 3] == 0, 0, np.where(points[:, 3] == 1, 1, -1)), -1)
+    grown = grow_regions(SMALL, points, failures, labels, 0.6, 5)
+    assert (grown[failures] >= 0).mean() > 0.9 and (grown[~failures] == -1).all()
+    assert grown.max() <= labels.max()

@@ -1,0 +1,44 @@
+"""The encoding of scenario spaces."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.core.space import Space, Variable
+from tests.spaces import SMALL, THESIS
+
+
+def test_sizes_of_the_thesis_space() -> None:
+    assert THESIS.sizes == (11, 11, 12, 12, 11, 13, 6, 74)
+
+
+def test_values_belong_to_the_nearest_category_and_cyclic_ones_close_the_circle() -> None:
+    azimuth, rain = THESIS.variables[2], THESIS.variables[0]
+    assert azimuth.categorise(np.array([0.0, 14, 16, 344, 346, 360])).tolist() == [0, 0, 1, 11, 0, 0]
+    assert rain.categorise(np.array([0.0, 4, 6, 94, 96, 100])).tolist() == [0, 0, 1, 9, 10, 10]
+
+
+def test_plain_data_round_trip() -> None:
+    assert Space.from_dict(THESIS.to_dict()) == THESIS
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"x": 11.0}, r"x must be in \[0, 10\] m, got 11"),
+        ({"x": float("nan")}, "x must be in"),
+        ({"kind": "z"}, "kind must be one of a, b, c; got 'z'"),
+        ({"y": 1.0}, r"unknown \['y'\]"),
+    ],
+)
+def test_a_wrong_scenario_is_named(change: dict[str, float | str], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        SMALL.encode({"x": 1.0, "angle": 0.0, "count": 2.0, "kind": "a"} | change)
+
+
+def test_a_wrong_variable_is_named() -> None:
+    with pytest.raises(ValueError, match="'v': low must be below high, got 1 to 0"):
+        Variable("v", "continuous", "", 1, 0, 1)
+    with pytest.raises(ValueError, match="'v': values must be distinct"):
+        Variable("v", "categorical", values=("a", "a"))

@@ -1,0 +1,52 @@
+"""Intervals and paired tests against published or hand-computed values."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.core.statistics import bootstrap_interval, mcnemar, wilson_interval
+
+
+def test_wilson_interval_of_known_proportions() -> None:
+    assert wilson_interval(5, 10) == pytest.approx((0.2366, 0.7634), abs=1e-4)
+    assert wilson_interval(0, 10) == pytest.approx((0, 0.2775), abs=1e-4)
+    assert wilson_interval(10, 10)[1] == 1
+    assert wilson_interval(0, 0) == (0, 1)
+
+
+def test_wilson_interval_refuses_impossible_counts() -> None:
+    with pytest.raises(ValueError, match=r"successes must be in \[0, 10\], got 11"):
+        wilson_interval(11, 10)
+    with pytest.raises(ValueError, match=r"confidence must be in \(0, 1\), got 1"):
+        wilson_interval(1, 10, 1.0)
+
+
+def test_bootstrap_interval_holds_the_mean_and_is_repeatable() -> None:
+    values = [3.0, 4, 5, 9]
+    low, high = bootstrap_interval(values, np.random.default_rng(0))
+    assert 3 <= low < np.mean(values) < high <= 9
+    assert (low, high) == bootstrap_interval(values, np.random.default_rng(0))
+    assert bootstrap_interval([2.0], np.random.default_rng(0)) == (2, 2)
+
+
+def test_bootstrap_interval_refuses_what_is_not_finite() -> None:
+    for values in ([], [1.0, np.nan]):
+        with pytest.raises(ValueError, match="one or more finite numbers"):
+            bootstrap_interval(values, np.random.default_rng(0))
+
+
+def test_mcnemar_counts_discordant_tests() -> None:
+    before = [True] * 7 + [False] * 3
+    after = [True] * 1 + [False] * 6 + [True] + [False] * 2
+    paired = mcnemar(before, after)
+    assert (paired.both, paired.mended, paired.regressions, paired.neither) == (1, 6, 1, 2)
+    # Two-sided binomial: 2 * (1 + 7) / 2^7.
+    assert paired.p_value == pytest.approx(0.125)
+    assert (paired.tests, paired.change) == (10, -5)
+
+
+def test_mcnemar_of_equal_versions_and_unequal_lists() -> None:
+    assert mcnemar([True, False], [True, False]).p_value == 1
+    with pytest.raises(ValueError, match="equal length"):
+        mcnemar([True], [True, False])

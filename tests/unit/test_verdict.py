@@ -1,0 +1,83 @@
+"""The verdict as text, by a comparison written by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pipeline.artefacts.results import Comparison, Estimate, Modes, Paired, Verdict, VersionResult
+from pipeline.report.verdict import HEADERS, verdict_rows, verdict_sentences, verdict_table
+
+
+def paired(version: str, against: str, fixes: int, regressions: int, p_value: float) -> Paired:
+    names = [f"F1star-{index:05d}" for index in range(fixes + regressions)]
+    return Paired(
+        version=version, against=against, tests=150, fixes=tuple(names[:fixes]), regressions=tuple(names[fixes:]), p_value=p_value
+    )
+
+
+def result(version: str, failures: int, verdict: Verdict, pair: Paired | None = None, errors: int = 0) -> VersionResult:
+    return VersionResult(
+        version=version,
+        tests=150 - errors,
+        errors=errors,
+        failures=failures,
+        modes=Modes(contact=failures),
+        by_scenario={"F1star": failures},
+        rate=Estimate(value=failures / 150, low=0.0, high=1.0),
+        change=0 if pair is None else len(pair.regressions) - len(pair.fixes),
+        paired=pair,
+        verdict=verdict,
+    )
+
+
+def comparison(*, errors: int = 0, against_random: bool = True) -> Comparison:
+    return Comparison(
+        strategy="pairwise",
+        scenarios={"F1star": "F1*"},
+        sequence_digest="digest",
+        confidence=0.95,
+        alpha=0.05,
+        versions=(
+            result("base", 20, "baseline"),
+            result("control", 20, "no difference shown", paired("control", "base", 2, 2, 1.0)),
+            result("random", 23, "no difference shown", paired("random", "base", 1, 4, 0.375), errors),
+            result("adaptive", 8, "better", paired("adaptive", "base", 12, 0, 0.00048828125)),
+        ),
+        adaptive_against_random=paired("adaptive", "random", 15, 0, 2 / 2**15) if against_random else None,
+        champion="adaptive",
+    )
+
+
+def test_rows_say_failures_change_and_verdict() -> None:
+    assert verdict_rows(comparison()) == [
+        ("base", "20 / 150", "", "", "baseline"),
+        ("control", "20 / 150", "0 (2 fixed, 2 new)", "1", "no difference shown"),
+        ("random", "23 / 150", "+3 (1 fixed, 4 new)", "0.38", "no difference shown"),
+        ("adaptive ★", "8 / 150", "-12 (12 fixed, 0 new)", "0.00049", "better"),
+    ]
+
+
+def test_columns_are_aligned_under_their_headers() -> None:
+    lines = verdict_table(comparison(), Path("data/default/report.html")).splitlines()
+    header = next(index for index, line in enumerate(lines) if line.startswith("version"))
+    starts = [lines[header].index(name) for name in HEADERS]
+    for line, row in zip(lines[header + 2 : header + 6], verdict_rows(comparison()), strict=True):
+        assert all(line[start:].startswith(cell) for start, cell in zip(starts, row, strict=True))
+        assert line == line.rstrip()
+
+
+def test_first_line_names_the_scenario_and_last_where_to_look() -> None:
+    lines = verdict_table(comparison(), Path("data/default/report.html")).splitlines()
+    assert lines[0].startswith("Held out: F1*")
+    assert "data/default/report.html" in lines[-1] and "./run ui" in lines[-1]
+
+
+def test_sentences_name_level_and_adaptive_against_random() -> None:
+    champion, against = verdict_sentences(comparison())
+    assert champion.startswith("★ champion: adaptive.") and "p ≤ 0.05" in champion
+    assert against == "adaptive against random: passes 15 tests that random fails, fails 0 that random passes (p = 6.1e-05)."
+
+
+def test_broken_simulations_are_told_only_where_there_are_some() -> None:
+    assert len(verdict_sentences(comparison(against_random=False))) == 1
+    assert verdict_sentences(comparison(errors=3))[-1] == "Simulations that broke and do not count: 3 of random."
