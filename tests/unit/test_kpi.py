@@ -29,8 +29,8 @@ def signals(**columns: list[float]) -> Signals:
     return table
 
 
-def kpi(threshold: float = 0.1, **columns: list[float]) -> Kpi:
-    return evaluate(signals(**columns), threshold)
+def kpi(**columns: list[float]) -> Kpi:
+    return evaluate(signals(**columns), 0.1)
 
 
 def test_ttc_counts_rows_on_a_collision_path_of_a_moving_ego() -> None:
@@ -51,9 +51,9 @@ def test_false_positives_divide_the_shortest_ttc() -> None:
 
 
 def test_the_threshold_itself_is_a_failure() -> None:
-    columns: dict[str, list[float]] = {"conflict_distance_m": [4, 1], "ego_speed_mps": [10, 10]}
-    assert kpi(0.1, **columns).failure
-    assert not kpi(0.0999, **columns).failure
+    table = signals(conflict_distance_m=[4, 1], ego_speed_mps=[10, 10])
+    assert evaluate(table, 0.1).failure
+    assert not evaluate(table, 0.0999).failure
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,7 @@ def test_impact_speed_is_that_of_the_contact() -> None:
 
 def test_first_detection_and_missed_frames() -> None:
     result = kpi(confidence=[0, 0, 0.7, 0], visible_pixels=[29, 30, 500, 500], contrast=[50, 8, 50, 7.9])
-    assert (result.first_detection_s, result.first_detection_m) == (pytest.approx(0.2), pytest.approx(2.0))
+    assert [result.first_detection_s, result.first_detection_m] == pytest.approx([0.2, 2.0])
     assert result.missed_frames == 1
     assert np.isnan([kpi().first_detection_s, kpi().first_detection_m]).all()
 

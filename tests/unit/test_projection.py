@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from itertools import combinations, product
+from math import prod
 
 import numpy as np
 import pytest
@@ -45,7 +47,7 @@ def test_example_2_by_the_definition(size: int, pairs: int, triples: int) -> Non
 def test_coverage_agrees_with_brute_force(combine: Combine) -> None:
     rng = np.random.default_rng(1)
     sizes = (2, 3, 4, 2)
-    fold = {"product": np.prod, "sum": np.sum, "max": np.max}[combine]
+    folds: dict[Combine, Callable[[list[int]], int]] = {"product": prod, "sum": sum, "max": max}
     constraints = Constraints(sizes, ((Literal(0, 1, False), Literal(2, 3, False)), (Literal(1, 0), Literal(3, 1))))
     rows = np.array(list(product(*(range(size) for size in sizes))))
     feasible = rows[constraints.holds(rows)]
@@ -56,7 +58,7 @@ def test_coverage_agrees_with_brute_force(combine: Combine) -> None:
         for chosen in combinations(range(4), k):
             counts = Counter(map(tuple, points[:, chosen].tolist()))
             for cell in set(map(tuple, feasible[:, chosen].tolist())):
-                weight = int(fold([weights[v][c] for v, c in zip(chosen, cell, strict=True)]))
+                weight = folds[combine]([int(weights[v][c]) for v, c in zip(chosen, cell, strict=True)])
                 covered, required = covered + min(counts[cell], weight), required + weight
         result = projection_coverage(points, sizes, k, weights=weights, combine=combine, constraints=constraints)
         assert (result.covered, result.required) == (covered, required)

@@ -33,8 +33,9 @@ def test_plain_data_round_trip() -> None:
     ],
 )
 def test_a_wrong_scenario_is_named(change: dict[str, float | str], message: str) -> None:
+    right: dict[str, float | str] = {"x": 1.0, "angle": 0.0, "count": 2.0, "kind": "a"}
     with pytest.raises(ValueError, match=message):
-        SMALL.encode({"x": 1.0, "angle": 0.0, "count": 2.0, "kind": "a"} | change)
+        SMALL.encode(right | change)
 
 
 def test_a_wrong_variable_is_named() -> None:
