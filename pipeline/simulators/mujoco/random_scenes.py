@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.protocols import Truth
-from pipeline.scenario import Actor, Town
+from pipeline.scenario import Actor, Town, VehicleKind
 
 from .blueprints import NAMES
 from .gait import ANIMATIONS
@@ -21,7 +21,7 @@ PEDESTRIAN_SHARE = 0.88
 BESIDE_VEHICLE_SHARE = 0.35
 NEAREST_M, FARTHEST_M = 2.8, 46.0
 OUT_OF_SIGHT_X = -500.0
-FLEET = ("bus", "hatchback", "saloon", "van", "hatchback", "saloon", "hatchback")
+FLEET: tuple[VehicleKind, ...] = ("bus", "hatchback", "saloon", "van", "hatchback", "saloon", "hatchback")
 HALF_WIDTH_M = 1.3
 
 
@@ -42,7 +42,7 @@ def scenes(shard: int, count: int, seed: int, settings: CameraSettings) -> Itera
     rng = np.random.default_rng([seed, shard])
     bay = (-22.0, 4.0) if rng.random() < 0.5 else None
     town = Town(style="urban", seed=int(rng.integers(1000, 2**31)), bus_bay=bay, vegetation=bool(rng.random() < 0.5))
-    fleet = {f"vehicle{i}": Actor(kind=kind, x_m=0, y_m=0, paint=int(rng.integers(7))) for i, kind in enumerate(FLEET)}  # type: ignore[arg-type]
+    fleet = {f"vehicle{i}": Actor(kind=kind, x_m=0, y_m=0, paint=int(rng.integers(7))) for i, kind in enumerate(FLEET)}
     stage = Stage(town, fleet, settings)
     try:
         for _ in range(count):

@@ -100,7 +100,8 @@ def _declare_surfaces(spec: mujoco.MjSpec, style: Style, rng: np.random.Generato
     textures.add(spec, "pavement", textures.paving(style.paving, 4, rng))
     textures.add(spec, "grass", textures.grass(rng))
     textures.add(spec, "leaves", textures.foliage(style.leaves, rng), repeat=(2, 2))
-    textures.add(spec, "hedge", textures.foliage(tuple(int(c * 0.8) for c in style.leaves), rng))  # type: ignore[arg-type]
+    red, green, blue = (int(c * 0.8) for c in style.leaves)
+    textures.add(spec, "hedge", textures.foliage((red, green, blue), rng))
     for i, (wall, brick) in enumerate(zip(style.walls, style.brick, strict=True)):
         textures.add(spec, f"wall{i}", textures.storeys(wall, brick, rng))
         textures.add(spec, f"ground{i}", textures.ground_floor(wall, style.shops, rng))
