@@ -88,11 +88,10 @@ class Training(_Section):
     seed: Seed
     batch_size: int = Field(ge=1, le=4096)
     crop_iterations: int = Field(ge=0)
+    """Batches of crops, with a quarter of a frame's pixels."""
     frame_iterations: int = Field(ge=0)
+    """Batches of full frames after them: only they show near pedestrians whole."""
     learning_rate: float = Field(gt=0, lt=1)
-    polish_iterations: int = Field(ge=1)
-    """Full frames at the end, from a lower rate: only they show near pedestrians whole."""
-    polish_learning_rate: float = Field(gt=0, lt=1)
     oversampling: int = Field(ge=1, le=20)
     """How often an epoch shows an image whose pedestrian is hard to find."""
 
@@ -123,8 +122,8 @@ class Filter(_Section):
 class Regions(_Section):
     """Failure regions."""
 
-    epsilon: float = Field(gt=0, le=1)
-    """Radius of the density clusters, on the mixed distance."""
+    chance_neighbours: float = Field(gt=0, le=10)
+    """Sets the radius of the density clusters: so wide that failures spread evenly over the space would have so many others in it."""
     min_failures: int = Field(ge=2)
     """Failures within the radius that make a region."""
 

@@ -13,6 +13,23 @@ from pipeline.core.space import Floats, Space
 
 Ints = NDArray[np.int64]
 NOISE = -1
+PROBES = 1200
+"""Random points whose distances tell how far apart points of a space are."""
+
+
+def chance_radius(space: Space, failures: int, neighbours: float) -> float:
+    """Radius in (0, 1] within which a failure would have so many others on average, were all spread evenly over the space.
+
+    Clusters denser than that are no chance, however many failures a campaign found: the radius shrinks as they become more.
+    neighbours: positive.
+    """
+    if neighbours <= 0:
+        raise ValueError(f"neighbours must be positive, got {neighbours}")
+    if failures < 2:
+        return 1.0
+    probes = space.sample(PROBES, np.random.default_rng(0))
+    distances = mixed_distance(space, probes, probes)[np.triu_indices(PROBES, 1)]
+    return float(np.quantile(distances, min(1.0, neighbours / (failures - 1))))
 
 
 def find_regions(space: Space, failures: Floats, epsilon: float, min_failures: int) -> Ints:

@@ -14,8 +14,11 @@ MAX_CONDITIONS = 4
 TRIM = 0.05
 """Share of a region's failures that a condition may leave out at either end."""
 MIN_GAIN = 0.02
-MAX_VALUES = 0.5
-"""A value set that names more than this share of a variable's values says nothing."""
+"""What a condition must add to the precision; a value set as often as it has values, for long lists fit any failures."""
+TELLING = 0.5
+"""A value set says something if it names at most this share of the values that as many random tests would have shown."""
+NARROW = 0.85
+"""An interval says something if it is at most this share as wide as that of as many random tests."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +62,7 @@ def find_rule(space: Space, points: Floats, failures: Bools, members: Bools) -> 
     """The rule of a region.
 
     points: (n, d), all tests. failures: (n,). members: (n,), the failures that form the region. Greedy: of the conditions that hold the
-    members, the one that raises the precision (failures among the tests inside) most is added, while it raises it by at least 0.02.
+    members, the one that raises the precision (failures among the tests inside) most beyond its price is added, while one does.
     """
     if not members.any() or (members & ~failures).any():
         raise ValueError("a region needs members, and all of them must be failures")
@@ -68,8 +71,9 @@ def find_rule(space: Space, points: Floats, failures: Bools, members: Bools) -> 
     precision = failures.mean()
     while left and len(chosen) < MAX_CONDITIONS:
         scores = [_precision(Rule((*chosen, c)), points, failures) for c in left]
-        best = int(np.argmax(scores))
-        if scores[best] < precision + MIN_GAIN:
+        surplus = [score - precision - MIN_GAIN * max(1, len(c.values)) for score, c in zip(scores, left, strict=True)]
+        best = int(np.argmax(surplus))
+        if surplus[best] < 0:
             break
         precision = scores[best]
         chosen.append(left.pop(best))
@@ -86,12 +90,14 @@ def _condition(index: int, variable: Variable, members: Floats) -> Condition | N
     column = members[:, index]
     if variable.kind == "categorical":
         values = tuple(int(v) for v in np.unique(column))
-        return Condition(index, values=values) if len(values) <= MAX_VALUES * variable.size else None
+        by_chance = variable.size * (1 - (1 - 1 / variable.size) ** len(column))
+        return Condition(index, values=values) if len(values) <= TELLING * by_chance else None
     if variable.cyclic:
         return _arc(index, variable, column)
     low, high = np.quantile(column, [TRIM, 1 - TRIM]) if len(column) >= 1 / TRIM else (column.min(), column.max())
     low, high = _outward(variable, float(low), float(high))
-    return None if high - low > 0.85 * (variable.high - variable.low) else Condition(index, low, high)
+    by_chance = (variable.high - variable.low) * (len(column) - 1) / (len(column) + 1)
+    return None if high - low > NARROW * by_chance else Condition(index, low, high)
 
 
 def _outward(variable: Variable, low: float, high: float) -> tuple[float, float]:

@@ -15,8 +15,8 @@ from pipeline.artefacts.results import Estimate, FailureRegion, FailureRegions, 
 from pipeline.artefacts.space import ScenarioInfo, read_space
 from pipeline.config import Config
 from pipeline.core.distance import mixed_distance
-from pipeline.core.growth import grow_regions
-from pipeline.core.regions import NOISE, connected_failures, find_regions, medoid
+from pipeline.core.growth import readable_regions
+from pipeline.core.regions import NOISE, chance_radius, connected_failures, medoid
 from pipeline.core.rules import find_rule
 from pipeline.core.space import Floats, Space
 from pipeline.core.statistics import wilson_interval
@@ -35,17 +35,18 @@ def run(config: Config, *, tests: Sequence[Path], space: Path, out: Path, progre
     info, logical = read_space(space)
     table = pd.concat([read_tests(path) for path in tests], ignore_index=True)
     table = table[table["status"] == "ok"].reset_index(drop=True)
-    regions = cluster(info, logical, table, config.regions.epsilon, config.regions.min_failures, config.comparison.confidence)
+    regions = cluster(info, logical, table, config.regions.chance_neighbours, config.regions.min_failures, config.comparison.confidence)
     write(out, regions)
     progress(1, 1, f"{len(regions.regions)} regions of {regions.failures} failures in {regions.tests} tests")
 
 
-def cluster(info: ScenarioInfo, space: Space, tests: pd.DataFrame, epsilon: float, min_failures: int, confidence: float) -> FailureRegions:
+def cluster(
+    info: ScenarioInfo, space: Space, tests: pd.DataFrame, chance_neighbours: float, min_failures: int, confidence: float
+) -> FailureRegions:
     """Density clusters of the failures over the mixed distance, each with its rule; tests: valid rows of one scenario."""
     points, failed = encode_tests(tests, space), tests["failure"].to_numpy(bool)
-    labels = np.full(len(tests), NOISE, dtype=np.int64)
-    labels[failed] = find_regions(space, points[failed], epsilon, min_failures)
-    labels = grow_regions(space, points, failed, labels, MIN_RULE_PRECISION, min_failures)
+    radius = chance_radius(space, int(failed.sum()), chance_neighbours)
+    labels = readable_regions(space, points, failed, radius, MIN_RULE_PRECISION, min_failures)
     connected = connected_failures(space, points[failed])
     regions = [
         _region(f"{info.label} region {label + 1}", space, tests, points, labels == label, confidence)

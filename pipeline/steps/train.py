@@ -17,7 +17,7 @@ from pipeline.detectors.evaluation import calibrate, evaluate
 from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.yolo.export import export_onnx
 from pipeline.detectors.yolo.model import Yolo, count_parameters
-from pipeline.detectors.yolo.recipe import polish_checkpoint, train_from_scratch
+from pipeline.detectors.yolo.recipe import train_from_scratch
 from pipeline.detectors.yolo.weights import load_weights, save_weights
 from pipeline.progress import Progress
 from pipeline.protocols import Detections
@@ -45,8 +45,7 @@ def run(config: Config, *, base_set: Path, out: Path, threads: int, progress: Pr
         model = train_from_scratch(images, settings, checkpoint=folder / "checkpoint.pt", threads=threads, progress=progress)
         history = {"data": {"base_set": images.digest}, "training": {"images": len(images), **settings}, "seed": config.training.seed}
     write_version(config, model, read_dataset(base_set.parent, "val"), out, version="base", parent=None, **history)
-    for checkpoint in (folder / "checkpoint.pt", polish_checkpoint(folder / "checkpoint.pt")):
-        checkpoint.unlink(missing_ok=True)
+    (folder / "checkpoint.pt").unlink(missing_ok=True)
     progress(1, 1, "evaluated")
 
 

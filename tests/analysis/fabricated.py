@@ -18,7 +18,7 @@ from pipeline.core.space import Floats, Space
 from pipeline.steps import cluster, compare, filter, measure
 
 VERSIONS = ("base", "control", "random", "adaptive")
-OVERRIDES = ["simulator=analytic", "detector=oracle", "seeds=[0,1]", "campaign.tests=60", "comparison.tests=60", "regions.epsilon=0.27"]
+OVERRIDES = ["simulator=analytic", "detector=oracle", "seeds=[0,1]", "campaign.tests=60", "comparison.tests=60"]
 # How large the region is in which a version fails: fog above this at night.
 FOG_FROM = {"base": 12.0, "control": 18.0, "random": 50.0, "adaptive": 88.0}
 

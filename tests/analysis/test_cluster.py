@@ -21,7 +21,7 @@ INFO = ScenarioInfo("F", "F", "", 1)
 def test_planted_region_is_found_with_its_rule() -> None:
     tests = make_tests(SPACE, KEYS, SPACE.sample(400, np.random.default_rng(0)), fog_from=60)
     tests = tests[tests["status"] == "ok"].reset_index(drop=True)
-    result = cluster.cluster(INFO, SPACE, tests, epsilon=0.12, min_failures=4, confidence=0.95)
+    result = cluster.cluster(INFO, SPACE, tests, chance_neighbours=1, min_failures=4, confidence=0.95)
     assert len(result.regions) == 1
     region = result.regions[0]
     assert region.rule == "fog >= 60 % and sun_altitude <= 5 deg"
@@ -43,14 +43,14 @@ def test_two_corners_are_two_regions() -> None:
     tests["failure"] = np.arange(len(tests)) < 16
     tests["failure_mode"] = np.where(tests["failure"], "late", "none")
     tests["status"] = "ok"
-    result = cluster.cluster(INFO, SPACE, tests, epsilon=0.1, min_failures=3, confidence=0.95)
+    result = cluster.cluster(INFO, SPACE, tests, chance_neighbours=0.5, min_failures=3, confidence=0.95)
     assert [len(region.members) for region in result.regions] == [8, 8]
     assert {region.support for region in result.regions} == {8}
 
 
 def test_no_failure_is_no_region() -> None:
     tests = make_tests(SPACE, KEYS, SPACE.sample(20, np.random.default_rng(0)), fog_from=1000)
-    result = cluster.cluster(INFO, SPACE, tests, epsilon=0.1, min_failures=3, confidence=0.95)
+    result = cluster.cluster(INFO, SPACE, tests, chance_neighbours=0.5, min_failures=3, confidence=0.95)
     assert (result.failures, result.regions, result.unassigned, result.connected) == (0, (), (), 0)
 
 

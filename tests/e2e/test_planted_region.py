@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pipeline.core import kpi
-from pipeline.core.growth import grow_regions
-from pipeline.core.regions import NOISE, find_regions
+from pipeline.core.growth import readable_regions
+from pipeline.core.regions import chance_radius
 from pipeline.core.rules import find_rule
 from pipeline.core.samplers.batches import BatchSampler
 from pipeline.core.samplers.neural import NeuralSampler
@@ -18,7 +18,7 @@ from pipeline.simulators.analytic import PLANTED, AnalyticSimulator
 from tests.spaces import THESIS
 
 THRESHOLD_S = 0.1
-EPSILON, MIN_FAILURES, MIN_PRECISION = 0.27, 4, 0.75
+CHANCE_NEIGHBOURS, MIN_FAILURES, MIN_PRECISION = 0.5, 4, 0.75
 Search = tuple[Floats, Floats]
 SIMULATOR = AnalyticSimulator({"space": THESIS.to_dict()})
 
@@ -57,9 +57,8 @@ def test_each_region_is_one_planted_cause(adaptive_searches: list[Search], rando
     used = [*adaptive_searches[:2], *random_searches[:2]]
     points = np.concatenate([points[:80] for points, _ in used])
     failures = np.concatenate([values[:80] for _, values in used]) <= THRESHOLD_S
-    labels = np.full(len(points), NOISE, np.int64)
-    labels[failures] = find_regions(THESIS, points[failures], EPSILON, MIN_FAILURES)
-    labels = grow_regions(THESIS, points, failures, labels, MIN_PRECISION, MIN_FAILURES)
+    radius = chance_radius(THESIS, int(failures.sum()), CHANCE_NEIGHBOURS)
+    labels = readable_regions(THESIS, points, failures, radius, MIN_PRECISION, MIN_FAILURES)
     planted, found = SIMULATOR.planted(points), set()
     for label in range(labels.max() + 1):
         counts = np.bincount(planted[labels == label], minlength=len(PLANTED))

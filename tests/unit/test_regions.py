@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.core.growth import grow_regions
-from pipeline.core.regions import connected_failures, find_regions, medoid
-from tests.spaces import SMALL
+from pipeline.core.distance import mixed_distance
+from pipeline.core.growth import grow_regions, readable_regions
+from pipeline.core.regions import chance_radius, connected_failures, find_regions, medoid
+from pipeline.core.rules import Condition, Rule, find_rule
+from tests.spaces import SMALL, THESIS
 
 
 def test_density_clusters_come_larger_first_with_noise_apart() -> None:
@@ -47,3 +49,30 @@ def test_growth_takes_in_failures_under_the_same_rule() -> None:
     grown = grow_regions(SMALL, points, failures, labels, 0.6, 5)
     assert (grown[failures] >= 0).mean() > 0.9 and (grown[~failures] == -1).all()
     assert grown.max() <= labels.max()
+
+
+def test_the_radius_holds_so_many_failures_of_chance() -> None:
+    failures, neighbours = 200, 2.0
+    radius = chance_radius(THESIS, failures, neighbours)
+    points = THESIS.sample(failures, np.random.default_rng(5))
+    inside = (mixed_distance(THESIS, points, points) <= radius).sum(axis=1) - 1
+    assert 0.7 * neighbours < inside.mean() < 1.4 * neighbours
+    assert chance_radius(THESIS, 2 * failures, neighbours) < radius < chance_radius(THESIS, failures, 2 * neighbours)
+    assert chance_radius(THESIS, 1, neighbours) == 1
+    with pytest.raises(ValueError, match="neighbours must be positive, got 0"):
+        chance_radius(THESIS, failures, 0)
+
+
+@pytest.mark.parametrize("tests", [400, 2000])
+def test_two_causes_that_meet_are_two_regions_at_any_number_of_failures(tests: int) -> None:
+    fog, rain = Rule((Condition(1, 55, 100), Condition(3, -20, 20))), Rule((Condition(0, 70, 100), Condition(5, 2, 4)))
+    points = THESIS.sample(20 * tests, np.random.default_rng(2))
+    # Half of the tests at random, half where an adaptive strategy would go.
+    points = np.concatenate([points[:tests], points[fog.holds(points) | rain.holds(points)][:tests]])
+    causes = [fog.holds(points), rain.holds(points)]
+    failures = causes[0] | causes[1]
+    labels = readable_regions(THESIS, points, failures, chance_radius(THESIS, int(failures.sum()), 0.5), 0.75, 4)
+    assert set(labels) <= {-1, 0, 1} and (labels[failures] >= 0).mean() > 0.85
+    for label, cause in enumerate(causes):
+        assert cause[labels == label].mean() > 0.8
+        assert {c.variable for c in find_rule(THESIS, points, failures, labels == label).conditions} == [{1, 3}, {0, 5}][label]

@@ -150,8 +150,7 @@ def streets() -> ImageSet:
     return image_set([(np.tile(image, (3, 4, 1))[:192, :320], Truth()) for image in people(4, 8).images])
 
 
-SCRATCH = {"seed": 0, "batch_size": 1, "crop_iterations": 1, "frame_iterations": 1, "learning_rate": 1e-3, "oversampling": 2}
-SCRATCH |= {"polish_iterations": 2, "polish_learning_rate": 1e-4}
+SCRATCH = {"seed": 0, "batch_size": 1, "crop_iterations": 1, "frame_iterations": 3, "learning_rate": 1e-3, "oversampling": 2}
 
 
 def test_training_from_scratch_resumes_in_every_phase(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

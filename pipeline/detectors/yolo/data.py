@@ -43,15 +43,16 @@ def usable(images: ImageSet) -> NDArray[np.int64]:
 def hardness(images: ImageSet, oversampling: int) -> NDArray[np.int64]:
     """(n,) how often an epoch shows each image: `oversampling` times if its pedestrian is hard, else once.
 
-    Hard is: under 60 visible pixels, so near that the box fills over half the height or meets an image side, or hardly
-    darker or brighter than what surrounds it (under 16 grey levels).
+    Hard is: under 60 visible pixels, so near that the box fills over half the height or meets an image side, hardly
+    darker or brighter than what surrounds it (under 16 grey levels), or in a wide pose (over three quarters as wide as tall).
     """
     width, height = images.size
     left, top, right, bottom = images.boxes.T
     small = images.visible_pixels < SMALL_PIXELS
     near = (bottom - top > height / 2) | (left <= 1) | (right >= width - 1)
     faint = images.contrast < 16
-    return np.where((images.visible_pixels > 0) & (small | near | faint), oversampling, 1).astype(np.int64)
+    wide = right - left > 0.75 * (bottom - top)
+    return np.where((images.visible_pixels > 0) & (small | near | faint | wide), oversampling, 1).astype(np.int64)
 
 
 class Stream:
@@ -142,10 +143,12 @@ def shown_box(box: Boxes, matrix: NDArray[np.float64], size: tuple[int, int]) ->
 
 
 def relight(image: Images, rng: np.random.Generator) -> Images:
-    """Another exposure (gain, offset) and, half of the time, another tint."""
+    """Another exposure (gain, offset), half of the time another tint and, in 30 % of the cases, haze that takes contrast away."""
     gain, offset = rng.uniform(0.6, 1.45), rng.uniform(-20, 20)
     tint = rng.uniform(0.85, 1.15, 3) if rng.random() < 0.5 else np.ones(3)
-    curve = np.clip((np.arange(256)[:, None] * gain + offset) * tint, 0, 255).astype(np.uint8)
+    clear, haze = (rng.uniform(0.4, 1), rng.uniform(20, 220)) if rng.random() < 0.3 else (1.0, 0.0)
+    exposed = np.clip((np.arange(256)[:, None] * gain + offset) * tint, 0, 255)
+    curve = (clear * exposed + (1 - clear) * haze).astype(np.uint8)
     return np.asarray(cv2.LUT(image, curve[None]), np.uint8)
 
 

@@ -14,7 +14,7 @@ from pipeline.detectors.yolo.model import Yolo
 from pipeline.detectors.yolo.training import Progress, Schedule, fit, initial_model
 
 CROP_SIZE = (160, 96)
-CROP_PHASE, FRAME_PHASE, POLISH_PHASE = 0, 1, 2
+CROP_PHASE, FRAME_PHASE = 0, 1
 
 
 def train_from_scratch(
@@ -34,33 +34,4 @@ def train_from_scratch(
         return batch(images, frames.take(first, size), images.size, (seed, FRAME_PHASE, iteration))
 
     identity = hashlib.sha256(json.dumps([dict(config), images.digest], sort_keys=True).encode()).hexdigest()
-    model = fit(initial_model(seed), schedule, feed, identity=identity, checkpoint=checkpoint, threads=threads, progress=progress)
-    return polish(model, images, config, identity=identity, checkpoint=checkpoint, threads=threads, progress=progress)
-
-
-def polish(
-    model: Yolo,
-    images: ImageSet,
-    config: Mapping[str, Any],
-    *,
-    identity: str,
-    checkpoint: Path | None,
-    threads: int,
-    progress: Progress | None = None,
-) -> Yolo:
-    """Go on with full frames from a lower rate: a pedestrian who is near does not fit into a crop, so only frames teach its box."""
-    seed, size = int(config["seed"]), int(config["batch_size"])
-    schedule = Schedule(0, int(config["polish_iterations"]), float(config["polish_learning_rate"]), warm_up=50)
-    indices = usable(images)
-    stream = Stream(indices, hardness(images, int(config["oversampling"]))[indices], (seed, POLISH_PHASE))
-
-    def feed(iteration: int) -> tuple[Images, Boxes]:
-        return batch(images, stream.take(iteration * size, size), images.size, (seed, POLISH_PHASE, iteration))
-
-    own = None if checkpoint is None else polish_checkpoint(checkpoint)
-    return fit(model, schedule, feed, identity=f"{identity} polish", checkpoint=own, threads=threads, progress=progress)
-
-
-def polish_checkpoint(checkpoint: Path) -> Path:
-    """Beside the checkpoint of the long phases: a kill while polishing must not cost those."""
-    return checkpoint.with_name(f"polish-{checkpoint.name}")
+    return fit(initial_model(seed), schedule, feed, identity=identity, checkpoint=checkpoint, threads=threads, progress=progress)
