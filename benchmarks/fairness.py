@@ -32,7 +32,7 @@ def detector_named(name: str, folder: Path) -> Detector:
         return VisiblePixelOracle()
     calibration = Calibration(**read_card(Path(name) / "model.json").calibration)
     export_onnx(folder / "model.onnx", load_weights(Path(name) / "weights.safetensors"), (320, 192), calibration)
-    return OnnxDetector(folder / "model.onnx")
+    return OnnxDetector(folder / "model.onnx", threshold=compose("default", []).detector["threshold"])
 
 
 def main() -> None:
