@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.artefacts.model import read_card
-from pipeline.config import compose
+from pipeline.config import compose, functional_scenario
 from pipeline.core.reliability import Calibration
 from pipeline.core.space import Space
 from pipeline.detectors.onnx import OnnxDetector
@@ -59,12 +59,12 @@ def main() -> None:
         calibration = Calibration(**read_card(options.model / "model.json").calibration)
         export_onnx(onnx, load_weights(options.model / "weights.safetensors"), (320, 192), calibration)
         for name in options.scenario:
-            measure(name, options.tests, OnnxDetector(onnx))
+            measure(name, options.tests, OnnxDetector(onnx, threshold=compose("default", []).detector["threshold"]))
 
 
 def measure(name: str, tests: int, detector: OnnxDetector) -> None:
     """Time one scenario."""
-    described = compose("default", []).scenarios[name]
+    described = functional_scenario(name)
     space = Space.from_dict(described.space)
     simulator = MujocoSimulator(described.model_dump())
     simulator.execute(space.decode(space.sample(1, np.random.default_rng(0))[0]), detector)  # Warm up.

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.artefacts.model import read_card
-from pipeline.config import compose
+from pipeline.config import compose, functional_scenario
 from pipeline.core import kpi
 from pipeline.core.reliability import Calibration
 from pipeline.core.space import Space
@@ -45,7 +45,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         detector = detector_named(options.detector, Path(folder))
         for name in options.scenario:
-            described = compose("default", []).scenarios[name]
+            described = functional_scenario(name)
             space, simulator = Space.from_dict(described.space), MujocoSimulator(described.model_dump())
             points = space.sample(options.tests, np.random.default_rng(5))
             modes = Counter(kpi.evaluate(simulator.execute(space.decode(p), detector).signals, 0.1).failure_mode for p in points)

@@ -1,4 +1,4 @@
-"""The command line: `compose`, every step of the pipeline, and `verdict`. Bad input ends with one message and exit code 2."""
+"""The command line: `compose`, every step of the pipeline, and what looks at things. Bad input ends with one message and exit code 2."""
 
 from __future__ import annotations
 
@@ -61,6 +61,23 @@ def parser() -> argparse.ArgumentParser:
     compose = commands.add_parser("compose", help="Compose conf/ into params.yaml.")
     compose.add_argument("words", nargs="+", metavar="study=NAME", help="the study, then Hydra overrides such as campaign.tests=100")
     compose.add_argument("--out", type=Path, default=configuration.PARAMS)
+    simulate = commands.add_parser("simulate", help="Execute one concrete scenario and write its replay.")
+    simulate.add_argument("scenario", help="a file's name in conf/scenario, such as F1")
+    simulate.add_argument(
+        "assignments", nargs="*", metavar="key=value", help="scenario variables, such as fog=80 'blueprint=M 03'; the rest is plain"
+    )
+    simulate.add_argument("--model", type=Path, default=Path("models/base"), help="folder of a model version (default: %(default)s)")
+    simulate.add_argument("--out", type=Path, default=Path("replay.mp4"), help=".mp4 or .gif (default: %(default)s)")
+    sheet = commands.add_parser("contact-sheet", help="Draw a scenario in all weathers and at several distances.")
+    sheet.add_argument("scenario", help="a file's name in conf/scenario, such as F1")
+    sheet.add_argument("--out", type=Path, default=Path("contact-sheet.png"), help="the picture (default: %(default)s)")
+    export = commands.add_parser("export-scenario", help="Write one concrete scenario as OpenSCENARIO and OpenDRIVE.")
+    export.add_argument("scenario", help="a file's name in conf/scenario, such as F1")
+    export.add_argument("assignments", nargs="*", metavar="key=value", help="scenario variables; the rest is plain")
+    export.add_argument("--out", type=Path, default=Path("scenario"), help="both files' name without its end (default: %(default)s)")
+    frames = commands.add_parser("export-frames", help="Write a campaign's kept frames as YOLO, COCO and OpenLABEL.")
+    frames.add_argument("frames", type=Path, help="frames.parquet of a campaign")
+    frames.add_argument("--out", type=Path, default=Path("frames"), help="folder (default: %(default)s)")
     verdict = commands.add_parser("verdict", help="Print the table of the comparison.")
     verdict.add_argument("--comparison", type=Path, required=True)
     for name, (text, options) in STEPS.items():
@@ -79,6 +96,16 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         if command == "compose":
             _compose(options["words"], options["out"])
+        elif command == "simulate":
+            from pipeline.steps import simulate
+
+            print(simulate.run(**options))
+        elif command == "export-scenario":
+            _export_scenario(**options)
+        elif command == "export-frames":
+            _export_frames(**options)
+        elif command == "contact-sheet":
+            _contact_sheet(**options)
         elif command == "verdict":
             _verdict(options["comparison"])
         else:
@@ -96,6 +123,35 @@ def _compose(words: list[str], out: Path) -> None:
     config = configuration.compose(study[0], [word for word in words if not word.startswith("study=")])
     out.write_text(configuration.dump(config, f"python -m pipeline compose {' '.join(words)}"))
     print(f"{out}: study {config.study}")
+
+
+def _contact_sheet(scenario: str, out: Path) -> None:
+    import cv2
+
+    from pipeline.simulators.mujoco.contact_sheet import scenario_sheet
+
+    if out.suffix not in (".png", ".jpg"):
+        raise InputError(f"--out: a contact sheet is a .png or a .jpg, got {out.name}")
+    camera = configuration.compose("default", []).simulator.get("camera", {})
+    cv2.imwrite(str(out), scenario_sheet(configuration.functional_scenario(scenario), camera)[..., ::-1])
+    print(out)
+
+
+def _export_scenario(scenario: str, assignments: list[str], out: Path) -> None:
+    from pipeline.artefacts.openscenario import write_openscenario
+    from pipeline.core.space import Space
+    from pipeline.steps.simulate import concrete_scenario
+
+    described = configuration.functional_scenario(scenario)
+    for path in write_openscenario(described, concrete_scenario(Space.from_dict(described.space), assignments), out):
+        print(path)
+
+
+def _export_frames(frames: Path, out: Path) -> None:
+    from pipeline.artefacts.openlabel import export_frames
+
+    camera = configuration.compose("default", []).simulator.get("camera", {})
+    print(f"{out}: {export_frames(frames, out, float(camera.get('hfov_deg', 60)))} frames")
 
 
 def _verdict(comparison: Path) -> None:

@@ -58,9 +58,11 @@ class Comparison(_Section):
     tests: int = Field(ge=1, le=100_000)
     """How much of the pair-wise sequence is executed."""
     strategy: str
+    """The test strategy that makes the sequence; it must not learn from results."""
     seed: Seed
+    """Of the sequence."""
     alpha: Share
-    """Level of the paired tests."""
+    """Level of each paired test; they are not corrected for their number."""
     confidence: Share
     """Of all intervals."""
 
@@ -69,8 +71,11 @@ class BaseSet(_Section):
     """The random base training set."""
 
     images: int = Field(ge=10, le=1_000_000)
+    """How many are rendered, training and validation together."""
     validation_share: float = Field(gt=0, lt=0.9)
+    """Share of each town's images that validates."""
     seed: Seed
+    """Of towns, scenes and weather."""
 
 
 class Base(_Section):
@@ -86,12 +91,15 @@ class Training(_Section):
     """Training from scratch."""
 
     seed: Seed
+    """Of weights, order and augmentation."""
     batch_size: int = Field(ge=1, le=4096)
+    """Images a step."""
     crop_iterations: int = Field(ge=0)
     """Batches of crops, with a quarter of a frame's pixels."""
     frame_iterations: int = Field(ge=0)
     """Batches of full frames after them: only they show near pedestrians whole."""
     learning_rate: float = Field(gt=0, lt=1)
+    """The highest of the schedule."""
     oversampling: int = Field(ge=1, le=20)
     """How often an epoch shows an image whose pedestrian is hard to find."""
 
@@ -100,9 +108,13 @@ class Retraining(_Section):
     """Retraining of the versions control, random and adaptive: all with the same steps."""
 
     seed: Seed
+    """Of order and augmentation."""
     batch_size: int = Field(ge=2, le=4096)
+    """Full frames a step."""
     iterations: int = Field(ge=1)
+    """Steps."""
     learning_rate: float = Field(gt=0, lt=1)
+    """The highest of the schedule."""
     added_share: Share
     """Share of a batch that comes from the campaigns; the rest, and all of the control's, from the base set."""
     added_frames: int = Field(ge=1)
@@ -113,8 +125,9 @@ class Filter(_Section):
     """Which campaign frames may be learnt from."""
 
     min_visible_pixels: int = Field(ge=0)
+    """A pedestrian of which fewer pixels show is no fair label."""
     min_contrast: float = Field(ge=0, le=255)
-    """Grey levels."""
+    """Mean difference in grey levels to the surroundings below which a person hardly sees it."""
     overrules: str | None
     """A person's CSV with test_id, step, keep."""
 
@@ -139,13 +152,16 @@ class Tracking(_Section):
     """MLflow."""
 
     experiment: str
+    """Name of the MLflow experiment."""
     model_name: str
+    """Name of the registered model."""
 
 
 class Config(_Section):
     """A study."""
 
     study: str = Field(pattern=r"^[a-z0-9_-]+$")
+    """Its name; results lie in data/<study>."""
     goal: Literal["report", "base"]
     """`report` runs everything, `base` stops at the trained base detector."""
     seeds: tuple[Seed, ...] = Field(min_length=1)
@@ -159,9 +175,13 @@ class Config(_Section):
     adaptive: str
     """The strategy that feeds D_a."""
     scenarios: dict[str, FunctionalScenario]
+    """The functional scenarios that both lists name, from conf/scenario."""
     samplers: dict[str, Target]
+    """The test strategies, from conf/sampler."""
     simulator: Target
+    """What executes a test, from conf/simulator."""
     detector: Target
+    """What is tested, from conf/detector."""
     campaign: Campaign
     comparison: Comparison
     base_set: BaseSet
@@ -213,7 +233,10 @@ def validate(plain: Any, source: str) -> Config:
     try:
         config = Config.model_validate(plain)
     except ValidationError as error:
-        raise InputError(f"{source}: {_message(error)}") from error
+        message = _message(error)
+        if source == "conf/" and message.startswith("scenarios."):
+            source = f"conf/scenario/{message.split('.')[1].rstrip(':').partition(':')[0]}.yaml"
+        raise InputError(f"{source}: {message}") from error
     for name in config.scenarios:
         config.space(name)
     return config
@@ -276,15 +299,42 @@ def compose(study: str, overrides: Sequence[str]) -> Config:
     if study not in studies:
         raise InputError(f"there is no study '{study}'{nearest(study, studies)}")
     with initialize_config_dir(str(CONF), version_base="1.3"):
-        plain: Any = OmegaConf.to_container(hydra_compose("config", overrides=[f"study={study}"]), resolve=True)
+
+        def composed(words: Sequence[str]) -> Any:
+            return OmegaConf.to_container(hydra_compose("config", overrides=[f"study={study}", *words]), resolve=True)
+
+        plain = composed([])
         try:
+            # Which scenarios a study needs is known only after its own overrides; theirs come last.
+            chosen = [word for word in overrides if not word.lstrip("+~").startswith("scenario")]
+            if chosen:
+                plain = composed(chosen)
+            plain = composed(_scenarios(plain))
             if overrides:
-                plain = OmegaConf.to_container(hydra_compose("config", overrides=[f"study={study}", *overrides]), resolve=True)
+                plain = composed([*_scenarios(composed(chosen)), *overrides])
         except (HydraException, OmegaConfBaseException) as error:
             raise InputError(_override_message(plain, overrides) or f"overrides: {str(error).splitlines()[0]}") from error
     config = validate(plain, "conf/")
     check_targets(config)
     return config
+
+
+def _scenarios(plain: Any) -> list[str]:
+    """Overrides that load the scenarios of the lists `search` and `held_out` from conf/scenario."""
+    files = [path.stem for path in (CONF / "scenario").glob("[!_]*.yaml")]
+    words = []
+    for key in ("search", "held_out"):
+        for name in plain[key] if isinstance(plain[key], list) else []:
+            if name not in files:
+                raise InputError(f"{key}: there is no conf/scenario/{name}.yaml{nearest(str(name), files)}")
+            words.append(f"+scenario@scenarios.{name}={name}")
+    return list(dict.fromkeys(words))
+
+
+def functional_scenario(name: str) -> FunctionalScenario:
+    """A scenario of conf/scenario/ by its file's name."""
+    other = "F1" if name == "F1star" else "F1star"
+    return compose("default", [f"search=[{name}]", f"held_out=[{other}]"]).scenarios[name]
 
 
 def _override_message(plain: Any, overrides: Sequence[str]) -> str:

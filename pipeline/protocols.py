@@ -22,6 +22,7 @@ SIGNALS: Mapping[str, type] = {
     "time_s": np.float64,
     "ego_x_m": np.float64,
     "ego_y_m": np.float64,
+    "ego_heading_deg": np.float64,
     "ego_speed_mps": np.float64,
     "pedestrian_x_m": np.float64,
     "pedestrian_y_m": np.float64,

@@ -173,7 +173,10 @@ class Paired(Result):
 
 
 class VersionResult(Result):
-    """One model version on the frozen held-out sequence. tests: valid executions; change: failures minus the base's."""
+    """One model version on the frozen held-out sequence.
+
+    tests: valid executions. change: tests that newly fail minus those that are mended, of the tests valid for it and the base.
+    """
 
     version: str
     tests: int

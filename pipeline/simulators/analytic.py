@@ -105,6 +105,7 @@ def _row(time: float, distance: float, speed: float, braking: bool, contact: boo
         "time_s": time,
         "ego_x_m": -distance - 2.5,
         "ego_y_m": -1.75,
+        "ego_heading_deg": 0.0,
         "ego_speed_mps": speed,
         "pedestrian_y_m": -1.75 + (time - HORIZON_S) * walking,
         "conflict_distance_m": distance,

@@ -56,8 +56,8 @@ def _shard_file(out: Path, shard: int) -> Path:
 
 def _render_shard(job: tuple[int, int, int, float, dict[str, Any], Path]) -> list[Record]:
     """Render one town's images, unless its shard file says that it is done with the same settings."""
+    from pipeline.simulators.mujoco.lens import CameraSettings
     from pipeline.simulators.mujoco.random_scenes import scenes  # Needs a GL library, which the parent process does not.
-    from pipeline.simulators.mujoco.stage import CameraSettings
 
     shard, count, seed, validation_share, camera, out = job
     key = {"count": count, "seed": seed, "validation_share": validation_share, "camera": camera}

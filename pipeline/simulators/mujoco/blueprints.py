@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 Colour = tuple[float, float, float]
+Pattern = Literal["plain", "vest", "band"]
+"""Of the upper body: one colour, a chest of another, or a belt of another."""
 
 WOMEN = tuple(f"W {i:02d}" for i in range(1, 38))
 MEN = tuple(f"M {i:02d}" for i in range(1, 38))
@@ -19,6 +22,7 @@ CLOTH: tuple[Colour, ...] = (
 )  # fmt: skip
 SKIN: tuple[Colour, ...] = ((0.86, 0.68, 0.56), (0.78, 0.58, 0.44), (0.62, 0.43, 0.3), (0.42, 0.27, 0.18), (0.26, 0.17, 0.12))
 HAIR: tuple[Colour, ...] = ((0.05, 0.04, 0.03), (0.18, 0.11, 0.06), (0.42, 0.28, 0.14), (0.7, 0.58, 0.36), (0.6, 0.6, 0.6))
+PATTERNS: tuple[Pattern, ...] = ("plain", "plain", "vest", "band")
 CHILDREN_PER_SEX = 4
 
 
@@ -34,9 +38,21 @@ class Blueprint:
     shoes: Colour
     skin: Colour
     hair: Colour
+    accent: Colour
+    pattern: Pattern
+    skirt: bool
     long_hair: bool
     hat: bool
     bag: bool
+    umbrella: bool
+
+    @property
+    def chest(self) -> Colour:
+        return self.accent if self.pattern == "vest" else self.top
+
+    @property
+    def abdomen(self) -> Colour:
+        return self.accent if self.pattern == "band" else self.top
 
 
 def _blueprint(index: int) -> Blueprint:
@@ -58,6 +74,10 @@ def _blueprint(index: int) -> Blueprint:
         long_hair=bool(woman and rng.random() < 0.6),
         hat=bool(rng.random() < 0.2),
         bag=bool(rng.random() < 0.3),
+        accent=CLOTH[rng.integers(4, len(CLOTH))],
+        pattern=PATTERNS[rng.integers(len(PATTERNS))],
+        skirt=bool(woman and rng.random() < 0.35),
+        umbrella=bool(not child and rng.random() < 0.12),
     )
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.protocols import Box, SimulationError, Truth
 
-from .lens import Lens
+from .lens import CameraSettings, Lens
 from .pedestrian import GROUP
 from .weather import Weather, WeatherControl
 
@@ -21,7 +21,8 @@ RING_PX = 4
 class Camera:
     """The ego's camera on one compiled model; owns the GL context, of which a process has one."""
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, lamps: NDArray[np.float64], width: int, height: int) -> None:
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, lamps: NDArray[np.float64], settings: CameraSettings) -> None:
+        width, height = settings.width, settings.height
         self._model, self._data, self._size = model, data, (width, height)
         self._gl = mujoco.GLContext(width, height)
         self._gl.make_current()
@@ -40,7 +41,7 @@ class Camera:
         self._near, self._far = np.float32(model.vis.map.znear), np.float32(model.vis.map.zfar)
         self.focal_px = height / 2 / np.tan(np.radians(model.cam_fovy[self._view.fixedcamid]) / 2)
         self._weather_control = WeatherControl(model, lamps)
-        self._lens = Lens(width, height, float(self.focal_px))
+        self._lens = Lens(settings, float(self.focal_px), float(model.cam_pos[self._view.fixedcamid, 2]))
         self._weather = Weather()
         self._ego_geoms = np.flatnonzero(model.geom_group == GROUP)
 
@@ -57,7 +58,7 @@ class Camera:
         """Render the present state: (h, w, 3) uint8 RGB and the pedestrian's ground truth."""
         model, data = self._model, self._data
         mujoco.mj_kinematics(model, data)
-        self._weather_control.follow(float(data.body("ego").xpos[0]), self._weather)
+        self._weather_control.follow(data.body("ego").xpos[:2], data.body("ego").xmat[[0, 3]], self._weather)
         mujoco.mj_camlight(model, data)
         mujoco.mjv_updateScene(model, data, self._all, None, self._view, mujoco.mjtCatBit.mjCAT_ALL, self._scene)
         if self._scene.status:
@@ -90,9 +91,17 @@ class Camera:
         visible = whole & (self._depth[y0:y1, x0:x1] <= alone * (1 + DEPTH_TOLERANCE) + 1e-7)
         whole, visible = whole[::-1], visible[::-1]
         top = self._size[1] - y1
+        if self._lens.distorts:
+            whole, visible, x0, top = self._bent(whole, x0, top), self._bent(visible, x0, top), 0, 0
         box = _box(visible, x0, top)
         contrast = _contrast(image, visible, x0, top, box) if box else 0.0
         return Truth(box, _box(whole, x0, top), int(visible.sum()), int(whole.sum()), contrast)
+
+    def _bent(self, mask: NDArray[np.bool_], left: int, top: int) -> NDArray[np.bool_]:
+        """A window's mask as the lens shows it, (h, w) of the whole image."""
+        whole = np.zeros((self._size[1], self._size[0]), np.uint8)
+        whole[top : top + mask.shape[0], left : left + mask.shape[1]] = mask
+        return self._lens.distort(whole) > 0
 
     def _pedestrian_window(self) -> tuple[int, int, int, int] | None:
         """Pixel window (GL rows) that the pedestrian's bounding spheres project into; None where they miss the image."""

@@ -12,18 +12,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.core import kpi
+from pipeline.core.footprints import Rectangle
+from pipeline.core.paths import Pose
 from pipeline.core.space import Space
 from pipeline.protocols import SIGNALS, Detector, Episode, Frame, KeptFrame, SimulationError, Truth, Value
-from pipeline.scenario import FunctionalScenario
+from pipeline.scenario import EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M, FunctionalScenario
 
 from . import gait
-from .stage import CameraSettings, Stage, weather_of
+from .lens import CameraSettings
+from .stage import Stage, weather_of
 from .world import TIMESTEP_S
 
-EGO_HALF_LENGTH_M = 2.5
-EGO_HALF_WIDTH_M = 0.95
 PEDESTRIAN_RADIUS_M = 0.25
 TIME_LIMIT_S = 12.0
+ALONG = np.sin(np.radians(15))
+"""Sine of the angle to the ego's path below which a pedestrian walks along it."""
 
 
 class MujocoSimulator:
@@ -51,8 +54,8 @@ class _State:
     """Where everyone is. Metres, seconds, world frame."""
 
     time_s: float
-    ego_x: float
-    ego_y: float
+    travelled: float
+    ego: Pose
     ego_speed: float
     pedestrian_x: float
     pedestrian_y: float
@@ -60,9 +63,8 @@ class _State:
     @property
     def gap(self) -> float:
         """Distance between the ego's rectangle and the pedestrian's disc, 0 at contact."""
-        dx = max(0.0, abs(self.pedestrian_x - self.ego_x) - EGO_HALF_LENGTH_M)
-        dy = max(0.0, abs(self.pedestrian_y - self.ego_y) - EGO_HALF_WIDTH_M)
-        return max(0.0, float(np.hypot(dx, dy)) - PEDESTRIAN_RADIUS_M)
+        footprint = Rectangle(self.ego, EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M)
+        return max(0.0, footprint.distance(self.pedestrian_x, self.pedestrian_y) - PEDESTRIAN_RADIUS_M)
 
 
 class _Loop:
@@ -77,10 +79,12 @@ class _Loop:
         self._steps = round(1 / rate_hz / TIMESTEP_S)
         self._rows: dict[str, list[Any]] = {name: [] for name in SIGNALS}
         self._time = 0.0
-        ego = scenario.ego
-        speed = ego.speed_kmh / 3.6
+        self._route, self._conflict = scenario.ego.route(), scenario.conflict_s()
+        self._routes = {name: actor.route() for name, actor in scenario.actors.items()}
+        # How far the pedestrian moves to the ego's left, and not along its way, for each metre that it walks.
+        self._across = float(np.sin(self._heading - self._route.at(self._conflict).heading))
         stage.reset(weather_of(concrete), str(concrete["blueprint"]))
-        stage.place_ego(-speed * ego.horizon_s - EGO_HALF_LENGTH_M, ego.lane_y_m, speed)
+        stage.launch(scenario.start_s(), scenario.ego.speed_kmh / 3.6)
 
     def run(self, detector: Detector, keep_every: int) -> Episode:
         kept: list[KeptFrame] = []
@@ -112,20 +116,20 @@ class _Loop:
         phase = gait.phase(travelled, self._speed)
         heading = scenario.pedestrian.heading_deg
         self._stage.place_pedestrian(state.pedestrian_x, state.pedestrian_y, heading, self._animation, phase, self._speed)
+        self._stage.put("ego", state.ego)
         for name, actor in scenario.actors.items():
-            driven, direction = self._time * actor.speed_kmh / 3.6, np.radians(actor.heading_deg)
-            self._stage.place_actor(name, actor.x_m + driven * np.cos(direction), actor.y_m + driven * np.sin(direction), actor.heading_deg)
+            self._stage.put(name, self._routes[name].at(actor.travelled(self._time)))
         return state
 
     def _state(self) -> _State:
-        ego = self._scenario.ego
         # Unbraked, ego's front and pedestrian reach the conflict point together at horizon_s; the shift then moves the pedestrian.
-        along = (self._time - ego.horizon_s) * self._speed + self._shift
-        x, y = along * np.cos(self._heading), ego.lane_y_m + along * np.sin(self._heading)
-        state = _State(self._time, self._stage.ego_x, ego.lane_y_m, self._stage.ego_speed, float(x), float(y))
-        if not np.isfinite(state.ego_x):
-            raise SimulationError(f"the ego's position became {state.ego_x} at {self._time:.2f} s")
-        return state
+        along = (self._time - self._scenario.ego.horizon_s) * self._speed + self._shift
+        at = self._scenario.pedestrian.at
+        x, y = at[0] + along * np.cos(self._heading), at[1] + along * np.sin(self._heading)
+        travelled = self._stage.travelled
+        if not np.isfinite(travelled):
+            raise SimulationError(f"the ego's position became {travelled} at {self._time:.2f} s")
+        return _State(self._time, travelled, self._route.at(travelled), self._stage.ego_speed, float(x), float(y))
 
     def _drive(self, brake: float) -> _State:
         """Advance to the next camera frame, or to the contact."""
@@ -139,8 +143,20 @@ class _Loop:
 
     def _on_collision_path(self, state: _State) -> bool:
         """Whether the pedestrian has not yet left the ego's swept corridor."""
-        across = np.sign(np.round(np.sin(self._heading), 9))
-        return bool(across * (state.pedestrian_y - state.ego_y) <= EGO_HALF_WIDTH_M + PEDESTRIAN_RADIUS_M)
+        if self._along:
+            return True
+        left = self._route.project(state.pedestrian_x, state.pedestrian_y)[1]
+        return bool(np.sign(self._across) * left <= EGO_HALF_WIDTH_M + PEDESTRIAN_RADIUS_M)
+
+    @property
+    def _along(self) -> bool:
+        """Whether the pedestrian walks along the ego's path instead of across it."""
+        return bool(abs(self._across) < ALONG)
+
+    def _conflict_distance(self, state: _State) -> float:
+        """Metres from the ego's front to the conflict point; a pedestrian who walks along the path is where the conflict is."""
+        conflict = self._route.project(state.pedestrian_x, state.pedestrian_y)[0] if self._along else self._conflict
+        return max(0.0, conflict - state.travelled - EGO_HALF_LENGTH_M)
 
     def _decided(self, state: _State) -> bool:
         stopped = state.ego_speed <= kpi.MIN_SPEED_MPS
@@ -149,12 +165,13 @@ class _Loop:
     def _record(self, state: _State, truth: Truth, matching: kpi.Matching) -> None:
         row = {
             "time_s": state.time_s,
-            "ego_x_m": state.ego_x,
-            "ego_y_m": state.ego_y,
+            "ego_x_m": state.ego.x,
+            "ego_y_m": state.ego.y,
+            "ego_heading_deg": float(np.degrees(state.ego.heading)),
             "ego_speed_mps": state.ego_speed,
             "pedestrian_x_m": state.pedestrian_x,
             "pedestrian_y_m": state.pedestrian_y,
-            "conflict_distance_m": max(0.0, -state.ego_x - EGO_HALF_LENGTH_M),
+            "conflict_distance_m": self._conflict_distance(state),
             "gap_m": state.gap,
             "on_collision_path": self._on_collision_path(state),
             "contact": state.gap <= 0,

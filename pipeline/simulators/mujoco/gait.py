@@ -12,6 +12,9 @@ JOINTS = (
     "hip_l", "hip_r", "knee_l", "knee_r", "ankle_l", "ankle_r",
 )  # fmt: skip
 STRIDE_AT_REST_M, STRIDE_PER_SPEED_S = 0.7, 0.5
+LEG_M = 0.85
+"""Hip to ankle at the reference height."""
+STANDING_BELOW_MPS = 0.2
 
 
 @dataclass(frozen=True)
@@ -27,28 +30,36 @@ def phase(distance_m: float, speed_mps: float) -> float:
 
     Tying the phase to the distance, not to the time, keeps the feet from sliding, and a pedestrian at speed 0 stands.
     """
-    return 2 * np.pi * distance_m / (STRIDE_AT_REST_M + STRIDE_PER_SPEED_S * speed_mps)
+    return 2 * np.pi * distance_m / stride(speed_mps)
+
+
+def stride(speed_mps: float) -> float:
+    """Metres of one gait cycle, two steps."""
+    return STRIDE_AT_REST_M + STRIDE_PER_SPEED_S * speed_mps
 
 
 def pose(animation: str, phase_rad: float, speed_mps: float) -> Pose:
-    """Pose of an animation at a phase of the gait cycle; the swing grows with the speed up to about 2 m/s."""
-    swing = min(1.0, speed_mps / 1.6)
+    """Pose of an animation at a phase of the gait cycle; the swing of the legs fits the stride, so that the foot on the ground stays."""
+    swing = min(1.0, speed_mps / STANDING_BELOW_MPS)
     angles = dict.fromkeys(JOINTS, 0.0)
-    drop = _legs(angles, phase_rad, swing)
-    drop += _CHARACTERS[animation](angles, phase_rad, swing)
+    drop = _legs(angles, phase_rad, swing, stride(speed_mps))
+    drop += _CHARACTERS[animation](angles, phase_rad, min(1.0, speed_mps / 1.6))
     return Pose(angles, drop)
 
 
-def _legs(a: dict[str, float], p: float, swing: float) -> float:
+def _legs(a: dict[str, float], p: float, swing: float, stride_m: float) -> float:
+    """Half of the cycle each leg stands: it turns back evenly under the hips, which ride on it; the other half it swings forward, bent."""
+    reach = swing * float(np.arcsin(min(1.0, stride_m / (4 * LEG_M))))
+    drop = 0.0
     for side, q in (("l", p), ("r", p + np.pi)):
-        thigh = -0.5 * np.sin(q)
-        bend = 0.75 * max(0.0, np.sin(q + 0.9)) ** 2
-        a[f"hip_{side}"] = swing * thigh
-        a[f"knee_{side}"] = 0.06 + swing * bend
+        a[f"hip_{side}"] = -reach * float(2 / np.pi * np.arcsin(np.sin(q)))
+        a[f"knee_{side}"] = 0.06 + 1.5 * reach * max(0.0, float(np.cos(q - 0.2))) ** 2
         a[f"ankle_{side}"] = -0.5 * (a[f"hip_{side}"] + a[f"knee_{side}"])
-        a[f"shoulder_{side}"] = swing * 0.45 * np.sin(q)
-        a[f"elbow_{side}"] = -0.2 - 0.25 * swing
-    return float(-0.03 * swing * np.sin(p) ** 2)
+        a[f"shoulder_{side}"] = 0.9 * reach * np.sin(q)
+        a[f"elbow_{side}"] = -0.2 - 0.5 * reach
+        if np.cos(q) <= 0:
+            drop = -LEG_M * (1 - float(np.cos(a[f"hip_{side}"])))
+    return drop
 
 
 def _walking(a: dict[str, float], p: float, swing: float) -> float:

@@ -1,12 +1,40 @@
-"""What happens between the scene and the sensor: fog, glare, rain and night noise, on uint8 images."""
+"""What happens between the scene and the file: fog, glare, rain, and the camera itself, on uint8 images."""
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
 
 from .weather import Weather
+
+
+class CameraSettings(BaseModel):
+    """The camera: image size in pixels, horizontal field of view in degrees, frames a second, and what it does to the light.
+
+    exposure: gain that follows the image's brightness. noise: grain at night. vignetting: darker corners. rain_on_lens: drops.
+    distortion: radial coefficient k1 of Brown's model (x_d = x (1 + k1 r^2), normalised image plane); negative is a barrel, 0 none.
+    jpeg_quality: of the compression that the image goes through; null for none.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    width: int = Field(default=320, ge=64, le=1920, multiple_of=32)
+    height: int = Field(default=192, ge=64, le=1088, multiple_of=32)
+    hfov_deg: float = Field(default=60, ge=20, le=120)
+    rate_hz: float = Field(default=10, ge=2, le=50)
+    exposure: bool = True
+    noise: bool = True
+    vignetting: bool = True
+    rain_on_lens: bool = True
+    distortion: float = Field(default=0, ge=-0.3, le=0.3)
+    jpeg_quality: int | None = Field(default=None, ge=10, le=100)
+
+    @property
+    def vfov_deg(self) -> float:
+        return float(2 * np.degrees(np.arctan(np.tan(np.radians(self.hfov_deg / 2)) * self.height / self.width)))
+
 
 Image = NDArray[np.uint8]
 Floats = NDArray[np.float32]
@@ -14,36 +42,105 @@ NOISE_GREY_LEVELS = 2.2
 STREAK_SHEETS = 6
 GLARE_HIDDEN = 0.2
 """Share of the glare that is left while something hides the sun: the bright sky around it."""
+MEAN_GREY, GAINS = 100.0, (0.8, 1.3)
+"""What the exposure aims at, and how far its gain goes."""
+DROPS_FROM_RAIN, DROP_LEVELS = 20.0, 6
+WET_MIRROR, GROUND_M = 0.4, 0.15
+"""Share of a wet road's light that is mirrored at a flat angle; how far from the road's height something is still ground."""
+CORNER_LIGHT = 0.78
+"""Share of the light that reaches the image's corners."""
 
 
 class Lens:
     """Camera effects at one image size. Everything random comes from the generator passed to `expose`."""
 
-    def __init__(self, width: int, height: int, focal_px: float) -> None:
+    def __init__(self, settings: CameraSettings, focal_px: float, camera_height_m: float) -> None:
+        width, height = settings.width, settings.height
+        self._settings = settings
         self._width, self._height, self._focal = width, height, focal_px
         u, v = np.meshgrid(np.arange(width) - width / 2 + 0.5, np.arange(height) - height / 2 + 0.5)
         # Fog grows with the distance along the ray, not with the depth.
         self._ray = np.sqrt(1 + (u**2 + v**2) / focal_px**2).astype(np.float32)
+        self._fall = (np.maximum(v[height // 2 :], 0) / focal_px).astype(np.float32)
+        self._camera_height = camera_height_m
         self._glow = _glow(width, height)
         rng = np.random.default_rng(3)
         self._streaks = [_streaks(width, height, rng) for _ in range(STREAK_SHEETS)]
         grain = np.round(rng.normal(0, NOISE_GREY_LEVELS, (2 * height, 2 * width, 1))).astype(np.int16)
         self._grain = np.repeat(grain, 3, axis=2)
+        self._drops = _drops(width, height, rng)
+        corner = np.hypot(width, height) / 2
+        light = 1 - (1 - CORNER_LIGHT) * ((u**2 + v**2) / corner**2)[..., None]
+        self._light = np.repeat(np.round(255 * light), 3, axis=2).astype(np.uint8)
+        self._distortion = self._undistorted(u, v) if settings.distortion else None
 
     def expose(
         self, image: Image, distance: Floats, weather: Weather, sun: NDArray[np.float64], sun_hidden: bool, rng: np.random.Generator
     ) -> Image:
-        """Apply the weather to a rendered image.
+        """Apply the weather and the camera to a rendered image.
 
         image: (h, w, 3). distance: (h, w) metres of depth. sun: (3,) unit vector to the sun in the camera frame (x right, y up, -z ahead).
         """
+        image = self._wet_ground(image, distance, weather)
         image = self._fog(image, distance, weather)
         image = self._glare(image, weather, sun, sun_hidden)
         if weather.rain > 0:
             image = self._rain(image, weather, rng)
-        if weather.night:
+        return self._take(image, weather, rng)
+
+    def _take(self, image: Image, weather: Weather, rng: np.random.Generator) -> Image:
+        """What the camera does, in the order in which light meets it: lens, exposure, sensor, file."""
+        settings = self._settings
+        image = self.distort(image)
+        if settings.vignetting:
+            image = np.asarray(cv2.multiply(image, self._light, scale=1 / 255), np.uint8)
+        if settings.exposure:
+            mean = float(image[::4, ::4].mean())
+            gain = float(np.clip(np.sqrt(MEAN_GREY / max(mean, 1.0)), *GAINS))
+            image = np.asarray(cv2.convertScaleAbs(image, alpha=gain), np.uint8)
+        if settings.noise and weather.night:
             y, x = rng.integers(self._height), rng.integers(self._width)
             image = cv2.add(image, self._grain[y : y + self._height, x : x + self._width], dtype=cv2.CV_8U)
+        if settings.jpeg_quality is not None:
+            coded = cv2.imencode(".jpg", image[..., ::-1], (cv2.IMWRITE_JPEG_QUALITY, settings.jpeg_quality))[1]
+            image = np.ascontiguousarray(np.asarray(cv2.imdecode(coded, cv2.IMREAD_COLOR), np.uint8)[..., ::-1])
+        return image
+
+    @property
+    def distorts(self) -> bool:
+        return self._distortion is not None
+
+    def distort(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Bend an image, (h, w, 3), or a mask, (h, w), as the lens does; pixels of a mask are taken over whole."""
+        if self._distortion is None:
+            return image
+        how = cv2.INTER_NEAREST if image.ndim == 2 else cv2.INTER_LINEAR
+        return np.asarray(cv2.remap(image, *self._distortion, how, borderMode=cv2.BORDER_REPLICATE), np.uint8)
+
+    def _undistorted(self, u: NDArray[np.float64], v: NDArray[np.float64]) -> tuple[Floats, Floats]:
+        """Where each distorted pixel comes from: Brown's model inverted by fixed-point iteration."""
+        x, y = u / self._focal, v / self._focal
+        source_x, source_y = x.copy(), y.copy()
+        for _ in range(20):
+            factor = 1 + self._settings.distortion * (source_x**2 + source_y**2)
+            source_x, source_y = x / factor, y / factor
+        return (
+            (source_x * self._focal + self._width / 2 - 0.5).astype(np.float32),
+            (source_y * self._focal + self._height / 2 - 0.5).astype(np.float32),
+        )
+
+    def _wet_ground(self, image: Image, distance: Floats, weather: Weather) -> Image:
+        """Wet ground mirrors what stands above the horizon, the more the flatter one looks at it; right for what is far away."""
+        if weather.rain <= 0:
+            return image
+        middle = self._height // 2
+        below = distance[middle:]
+        ground = np.abs(below * self._fall - self._camera_height) < GROUND_M
+        mirror = (WET_MIRROR * min(1.0, weather.rain / 60)) * np.clip(1.1 - 2.2 * self._fall, 0.25, 1)
+        share = np.where(ground, mirror, 0).astype(np.float32)
+        seen = cv2.blur(np.ascontiguousarray(image[:middle][::-1]), (3, 11))[: self._height - middle]
+        image = image.copy()
+        image[middle:] = cv2.blendLinear(image[middle:], seen, 1 - share, share)
         return image
 
     def _fog(self, image: Image, distance: Floats, weather: Weather) -> Image:
@@ -74,10 +171,35 @@ class Lens:
         drops = np.empty_like(image)
         drops[:] = np.clip(255 * (0.7 * weather.grey + (0.2 if weather.night else 0.3)), 0, 255)
         image = cv2.blendLinear(image, drops, 1 - alpha, alpha)
+        if self._settings.rain_on_lens and weather.rain > DROPS_FROM_RAIN:
+            image = self._wet_lens(image, weather)
         if share > 0.3:
             blurred = cv2.GaussianBlur(image, (0, 0), 0.9 * share * self._width / 320)
             image = cv2.addWeighted(image, 1 - 0.5 * share, blurred, 0.5 * share, 0)
         return image
+
+    def _wet_lens(self, image: Image, weather: Weather) -> Image:
+        """Drops show the scene blurred and upside down. Which drops there are depends on the weather alone: they stay for an episode."""
+        level = int((weather.rain - DROPS_FROM_RAIN) / (100.001 - DROPS_FROM_RAIN) * DROP_LEVELS)
+        mask = self._drops[level]
+        if round(weather.sun_azimuth) % 2:
+            mask = np.ascontiguousarray(mask[:, ::-1])
+        small = cv2.blur(cv2.resize(image, (self._width // 8, self._height // 8), interpolation=cv2.INTER_AREA), (3, 3))
+        seen = cv2.resize(small[::-1], (self._width, self._height), interpolation=cv2.INTER_LINEAR)
+        return np.asarray(cv2.blendLinear(image, seen, 1 - mask, mask), np.uint8)
+
+
+def _drops(width: int, height: int, rng: np.random.Generator) -> list[Floats]:
+    """(h, w) opacity of the drops on the lens for each level of rain; each level keeps the drops of the one before."""
+    masks, mask = [], np.zeros((height, width), np.float32)
+    for _ in range(DROP_LEVELS):
+        for _ in range(5):
+            radius = float(rng.uniform(0.008, 0.022)) * width
+            centre = (int(rng.integers(width)), int(rng.integers(height)))
+            axes = (int(radius), int(radius * rng.uniform(1, 1.4)))
+            cv2.ellipse(mask, centre, axes, 0, 0, 360, float(rng.uniform(0.45, 0.75)), -1)
+        masks.append(np.ascontiguousarray(cv2.GaussianBlur(mask, (0, 0), 0.0035 * width)))
+    return masks
 
 
 def _glow(width: int, height: int) -> Floats:

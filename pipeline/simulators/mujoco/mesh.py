@@ -23,7 +23,7 @@ class Mesh:
     def quad(
         self, origin: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike, uv: tuple[float, float, float, float], cell: float = 4.0
     ) -> None:
-        """Add a rectangle: corner and two edges in metres, texture window (u0, v0, u1, v1).
+        """Add a rectangle: corner and two edges in metres, texture window (u0, v0, u1, v1); v = 0 is an image's top row.
 
         It is split into cells of at most `cell` metres, because MuJoCo's classic renderer lights vertices, not pixels.
         """
@@ -37,8 +37,7 @@ class Mesh:
                 s, t = i / nu, j / nv
                 self.vertices.append(o + s * a + t * b)
                 self.normals.append(normal)
-                # MuJoCo flips the v axis of mesh texture coordinates: row 0 of an image is v = 0 here, the top.
-                self.texcoords.append(np.array([uv[0] + s * (uv[2] - uv[0]), 1 - (uv[1] + t * (uv[3] - uv[1]))]))
+                self.texcoords.append(np.array([uv[0] + s * (uv[2] - uv[0]), uv[1] + t * (uv[3] - uv[1])]))
         for i in range(nu):
             for j in range(nv):
                 k = first + i * (nv + 1) + j
@@ -51,7 +50,7 @@ class Mesh:
         first = len(self.vertices)
         self.vertices += list(points)
         self.normals += [normal / np.linalg.norm(normal)] * 3
-        self.texcoords += [np.array([u, 1 - v]) for u, v in uv]
+        self.texcoords += list(uv)
         self.faces.append((first, first + 1, first + 2))
 
     def add_to(self, spec: mujoco.MjSpec, name: str) -> None:
@@ -85,6 +84,6 @@ def loft(spec: mujoco.MjSpec, name: str, sections: ArrayLike) -> None:
     mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
 
 
-def place(spec: mujoco.MjSpec, mesh: str, material: str, shadow: bool = False) -> None:
-    """Put a mesh into the world as it was modelled."""
-    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh, material=material, castshadow=shadow)
+def place(body: mujoco.MjsBody, mesh: str, material: str, shadow: bool = False) -> None:
+    """Put a mesh onto a body as it was modelled."""
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh, material=material, castshadow=shadow)

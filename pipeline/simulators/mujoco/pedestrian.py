@@ -14,7 +14,8 @@ GROUP = 2
 REFERENCE_HEIGHT = 1.75
 HIP_HEIGHT = 0.93
 HIDDEN_Z = -50.0
-MATERIALS = ("top", "trousers", "shoes", "skin", "hair")
+UMBRELLA = ("canopy", "shaft")
+MATERIALS = ("top", "chest", "abdomen", "trousers", "shoes", "skin", "hair", "accent")
 
 
 def add(spec: mujoco.MjSpec) -> None:
@@ -28,15 +29,17 @@ def add(spec: mujoco.MjSpec) -> None:
     _hinge(root, "pitch", (0, 1, 0))
     _hinge(root, "roll", (1, 0, 0))
     _ellipsoid(root, "pelvis", (0.125, 0.165, 0.12), (0, 0, 0.02), "trousers")
+    _ellipsoid(root, "skirt", (0.165, 0.2, 0.27), (0, 0, -0.17), "trousers")
     torso = root.add_body(name="pedestrian_torso", pos=(0, 0, 0.08))
     _hinge(torso, "waist", (0, 1, 0))
-    _capsule(torso, "abdomen", (0, -0.06, 0.08), (0, 0.06, 0.08), 0.12, "top")
-    _ellipsoid(torso, "chest", (0.13, 0.195, 0.23), (0, 0, 0.3), "top")
+    _capsule(torso, "abdomen", (0, -0.06, 0.08), (0, 0.06, 0.08), 0.12, "abdomen")
+    _ellipsoid(torso, "chest", (0.13, 0.195, 0.23), (0, 0, 0.3), "chest")
     _capsule(torso, "shoulders", (0, -0.15, 0.44), (0, 0.15, 0.44), 0.065, "top")
     torso.add_geom(
         name="pedestrian_bag", type=GEOM.mjGEOM_BOX, size=(0.09, 0.14, 0.19), pos=(-0.2, 0, 0.3), material="pedestrian_shoes", group=GROUP
     )
     _head(torso)
+    _umbrella(torso)
     for side, sign in (("l", 1), ("r", -1)):
         _arm(torso, side, sign)
         _leg(root, side, sign)
@@ -56,6 +59,16 @@ def _head(torso: mujoco.MjsBody) -> None:
         pos=(0, 0, 0.235),
         material="pedestrian_shoes",
         group=GROUP,
+    )
+
+
+def _umbrella(torso: mujoco.MjsBody) -> None:
+    """Held over the head. It hides, but is not part of the person: it stays out of the group that ground truth draws."""
+    torso.add_geom(
+        name="pedestrian_canopy", type=GEOM.mjGEOM_ELLIPSOID, size=(0.52, 0.52, 0.13), pos=(0.08, 0, 0.92), material="pedestrian_accent"
+    )
+    torso.add_geom(
+        name="pedestrian_shaft", type=GEOM.mjGEOM_CAPSULE, fromto=(0.24, -0.16, 0.2, 0.08, 0, 0.92), size=(0.012, 0, 0), material="metal"
     )
 
 
@@ -113,7 +126,8 @@ class Pedestrian:
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         self._model, self._data = model, data
-        self.geoms = np.flatnonzero(model.geom_group == GROUP)
+        umbrella = [model.geom(f"pedestrian_{name}").id for name in UMBRELLA]
+        self._geoms = np.concatenate([np.flatnonzero(model.geom_group == GROUP), umbrella])
         self._bodies = [i for i in range(model.nbody) if model.body(i).name.startswith("pedestrian")]
         self._root = model.body("pedestrian").id
         self._joints = {model.joint(i).name.removeprefix("pedestrian_"): model.jnt_qposadr[i] for i in range(model.njnt)}
@@ -124,7 +138,7 @@ class Pedestrian:
         """Take a blueprint's proportions and colours."""
         model, k = self._model, blueprint.height / REFERENCE_HEIGHT
         self._scale = k
-        for i in self.geoms:
+        for i in self._geoms:
             # A capsule's or cylinder's second size is its half length: breadth does not stretch it.
             upright = model.geom_type[i] in (GEOM.mjGEOM_CAPSULE, GEOM.mjGEOM_CYLINDER)
             breadth = (blueprint.build, 1, 1) if upright else (blueprint.build, blueprint.build, 1)
@@ -134,7 +148,8 @@ class Pedestrian:
             model.body_pos[body] = self._offset[body] * k
         for name in MATERIALS:
             model.mat_rgba[model.material(f"pedestrian_{name}").id, :3] = getattr(blueprint, name)
-        for name, shown in (("mane", blueprint.long_hair), ("hat", blueprint.hat), ("bag", blueprint.bag)):
+        shown_parts = {"mane": blueprint.long_hair, "hat": blueprint.hat, "bag": blueprint.bag, "skirt": blueprint.skirt}
+        for name, shown in (shown_parts | dict.fromkeys(UMBRELLA, blueprint.umbrella)).items():
             i = model.geom(f"pedestrian_{name}").id
             if not shown:  # Alpha 0 would still be drawn by the depth pass: shrink it into the body instead.
                 model.geom_size[i] = 0.01

@@ -9,20 +9,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.core.footprints import Rectangle
+from pipeline.core.paths import Path, Pose
+from pipeline.layout import END_X, LANE_WIDTH, START_X, Junction, Street, Town, streets
 from pipeline.protocols import Truth
-from pipeline.scenario import Actor, Town, VehicleKind
+from pipeline.scenario import EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M, HALF_LENGTHS_M, Actor, VehicleKind
 
 from .blueprints import NAMES
 from .gait import ANIMATIONS
-from .stage import CameraSettings, Stage, weather_of
-from .vehicles import HALF_LENGTHS
+from .lens import CameraSettings
+from .stage import Stage, weather_of
 
 PEDESTRIAN_SHARE = 0.88
 BESIDE_VEHICLE_SHARE = 0.35
+TURNING_SHARE = 0.4
 NEAREST_M, FARTHEST_M = 2.8, 46.0
-OUT_OF_SIGHT_X = -500.0
+OUT_OF_SIGHT = Pose(-500, 0, 0)
 FLEET: tuple[VehicleKind, ...] = ("bus", "hatchback", "saloon", "van", "hatchback", "saloon", "hatchback")
-HALF_WIDTH_M = 1.3
 
 
 @dataclass(frozen=True)
@@ -40,8 +43,7 @@ def scenes(shard: int, count: int, seed: int, settings: CameraSettings) -> Itera
     Only the urban style is shown: the suburban town of the held-out scenarios stays unseen.
     """
     rng = np.random.default_rng([seed, shard])
-    bay = (-22.0, 4.0) if rng.random() < 0.5 else None
-    town = Town(style="urban", seed=int(rng.integers(1000, 2**31)), bus_bay=bay, vegetation=bool(rng.random() < 0.5))
+    town = _town(rng)
     fleet = {f"vehicle{i}": Actor(kind=kind, x_m=0, y_m=0, paint=int(rng.integers(7))) for i, kind in enumerate(FLEET)}
     stage = Stage(town, fleet, settings)
     try:
@@ -49,6 +51,18 @@ def scenes(shard: int, count: int, seed: int, settings: CameraSettings) -> Itera
             yield _scene(stage, town, rng)
     finally:
         stage.close()
+
+
+def _town(rng: np.random.Generator) -> Town:
+    """A random urban town: half have a junction, half of the others a bus bay, a third two lanes ahead."""
+    junction = Junction(x_m=float(rng.uniform(-10, 40)), side="left" if rng.random() < 0.5 else "right") if rng.random() < 0.5 else None
+    bay = (-22.0, 4.0) if junction is None and rng.random() < 0.5 else None
+    vegetation = str(rng.choice(["none", "left", "right", "both"], p=[0.4, 0.1, 0.1, 0.4]))
+    crosswalks = [{"street": "side", "at_m": float(rng.uniform(7, 12))}] if junction and rng.random() < 0.7 else []
+    described = {"junction": junction, "bus_bay": bay, "vegetation": vegetation, "crosswalks": crosswalks}
+    return Town.model_validate(
+        {"style": "urban", "seed": int(rng.integers(1000, 2**31)), "lanes_ahead": 1 + int(rng.random() < 0.33), **described}
+    )
 
 
 def _scene(stage: Stage, town: Town, rng: np.random.Generator) -> Scene:
@@ -62,11 +76,11 @@ def _scene(stage: Stage, town: Town, rng: np.random.Generator) -> Scene:
         "pedestrian_speed": float(rng.uniform(0, 3)),
     }
     stage.reset(weather_of(attributes), attributes["blueprint"])
-    ego_x, ego_y = float(rng.uniform(-55, 70)), float(-1.75 + rng.normal(0, 0.25))
-    stage.place_ego(ego_x, ego_y)
-    vehicles = _park(stage, town, ego_x, rng)
+    ego = _ego(town, rng)
+    stage.put("ego", ego)
+    vehicles = _park(stage, town, ego, rng)
     if rng.random() < PEDESTRIAN_SHARE:
-        x, y = _spot(ego_x, ego_y, vehicles, rng)
+        x, y = _spot(ego, vehicles, rng)
         heading, phase = float(rng.uniform(-180, 180)), float(rng.uniform(0, 40))
         stage.place_pedestrian(x, y, heading, attributes["animation"], phase, attributes["pedestrian_speed"])
     else:
@@ -75,36 +89,70 @@ def _scene(stage: Stage, town: Town, rng: np.random.Generator) -> Scene:
     return Scene(image, truth, attributes)
 
 
-def _park(stage: Stage, town: Town, ego_x: float, rng: np.random.Generator) -> list[tuple[float, float, float]]:
-    """Place a random part of the fleet ahead of the ego; returns (x, y, half length) of each vehicle that is in the scene."""
-    placed: list[tuple[float, float, float]] = []
+def _ego(town: Town, rng: np.random.Generator) -> Pose:
+    """Somewhere in a lane ahead or on the way round a corner, a little off its middle."""
+    lane = -LANE_WIDTH / 2 + LANE_WIDTH * int(rng.integers(town.lanes_ahead))
+    turning, place = rng.random() < TURNING_SHARE, rng.random()
+    if town.junction and turning:
+        side = streets(town)[1]
+        corner = side.world(0, -LANE_WIDTH / 2)[0]
+        if town.junction.side == "right":
+            lane = -LANE_WIDTH / 2
+        path = Path([(corner - 40, lane), (corner, lane), side.world(60, -LANE_WIDTH / 2)], radius=7.75)
+        on = path.at(20 + 35 * place)
+    else:
+        on = Pose(START_X + 20 + 125 * place, lane, 0)
+    aside, turned = rng.normal(0, 0.25), rng.normal(0, 0.02)
+    return Pose(float(on.x - aside * np.sin(on.heading)), float(on.y + aside * np.cos(on.heading)), float(on.heading + turned))
+
+
+def _park(stage: Stage, town: Town, ego: Pose, rng: np.random.Generator) -> list[Rectangle]:
+    """Place a random part of the fleet in front of the ego; returns the footprints of the vehicles that are in the scene."""
+    placed = [Rectangle(ego, EGO_HALF_LENGTH_M + 1, EGO_HALF_WIDTH_M + 0.3)]
+    vehicles: list[Rectangle] = []
+    network = streets(town)
     for i, kind in enumerate(FLEET):
-        half = HALF_LENGTHS[kind]
-        x = ego_x + float(rng.uniform(6, 60)) + half
-        in_bay = kind == "bus" and town.bus_bay is not None and town.bus_bay[0] + half < x < town.bus_bay[1] - half
-        lane = -5.15 if in_bay else float(rng.choice([-2.6, -1.75, 1.75, 2.6], p=[0.3, 0.15, 0.35, 0.2]))
-        y = lane + float(rng.normal(0, 0.15))
-        crowded = any(abs(x - other_x) < half + other + 0.8 and abs(y - other_y) < 2 * HALF_WIDTH_M for other_x, other_y, other in placed)
-        if crowded or rng.random() < 0.35:
-            stage.place_actor(f"vehicle{i}", OUT_OF_SIGHT_X, 0, 0)
+        street = network[int(rng.random() < 0.4)] if len(network) > 1 else network[0]
+        pose = _lane(street, kind, ego, rng)
+        footprint = Rectangle(pose, HALF_LENGTHS_M[kind] + 0.3, 1.3 if kind == "bus" else 1.0)
+        if rng.random() < 0.35 or any(footprint.overlaps(other) for other in placed):
+            stage.put(f"vehicle{i}", OUT_OF_SIGHT)
             continue
-        stage.place_actor(f"vehicle{i}", x, y, (0 if y < 0 else 180) + float(rng.normal(0, 2)))
-        placed.append((x, y, half))
-    return placed
+        stage.put(f"vehicle{i}", pose)
+        placed.append(footprint)
+        vehicles.append(footprint)
+    return vehicles
 
 
-def _spot(ego_x: float, ego_y: float, vehicles: list[tuple[float, float, float]], rng: np.random.Generator) -> tuple[float, float]:
+def _lane(street: Street, kind: VehicleKind, ego: Pose, rng: np.random.Generator) -> Pose:
+    """A pose in a lane or at a kerb of the street: 6 to 60 m ahead on the main street, anywhere on a side street."""
+    half = HALF_LENGTHS_M[kind]
+    u = ego.x + rng.uniform(6, 60) + half if street.name == "main" else rng.uniform(half + 1, 60)
+    oncoming = street.middle + LANE_WIDTH / 2
+    if kind == "bus" and street.bay and street.bay[0] + half < u < street.bay[1] - half:
+        v = -5.15
+    else:
+        v = rng.choice([-2.6, rng.choice([-1.75, street.middle - 1.75]), oncoming, oncoming + 0.85], p=[0.3, 0.15, 0.35, 0.2])
+    v += rng.normal(0, 0.12)
+    x, y = street.world(float(np.clip(u, START_X + 5, END_X)), float(v))
+    return Pose(x, y, float(street.angle + (0 if v < street.middle else np.pi) + rng.normal(0, 0.035)))
+
+
+def _spot(ego: Pose, vehicles: list[Rectangle], rng: np.random.Generator) -> tuple[float, float]:
     """Where the pedestrian stands: anywhere in view, or often close behind or in front of a vehicle, half hidden."""
+    c, s = np.cos(ego.heading), np.sin(ego.heading)
     for _ in range(50):
         if vehicles and rng.random() < BESIDE_VEHICLE_SHARE:
-            x, y, half = vehicles[rng.integers(len(vehicles))]
-            x += float(rng.choice([-1, 1], p=[0.25, 0.75])) * (half + float(rng.uniform(0.5, 4)))
-            y += float(rng.normal(0, 1.6))
+            vehicle = vehicles[rng.integers(len(vehicles))]
+            ahead = float(rng.choice([-1, 1], p=[0.25, 0.75])) * (vehicle.half_length + float(rng.uniform(0.2, 3.7)))
+            aside, heading = float(rng.normal(0, 1.6)), ego.heading
+            x = float(vehicle.pose.x + np.cos(heading) * ahead - np.sin(heading) * aside)
+            y = float(vehicle.pose.y + np.sin(heading) * ahead + np.cos(heading) * aside)
         else:
             distance = float(np.exp(rng.uniform(np.log(NEAREST_M), np.log(FARTHEST_M))))
-            x = ego_x + 0.5 + distance
-            y = ego_y + float(rng.uniform(-1, 1)) * min(9.0, 0.55 * distance)
-        free = all(abs(x - vx) > half + 0.4 or abs(y - vy) > HALF_WIDTH_M for vx, vy, half in vehicles)
-        if free and x - ego_x > NEAREST_M:
+            ahead, aside = 0.5 + distance, float(rng.uniform(-1, 1)) * min(9.0, 0.55 * distance)
+            x, y = float(ego.x + c * ahead - s * aside), float(ego.y + s * ahead + c * aside)
+        free = all(vehicle.distance(x, y) > 0.3 for vehicle in vehicles)
+        if free and c * (x - ego.x) + s * (y - ego.y) > NEAREST_M:
             return x, y
-    return ego_x + FARTHEST_M, ego_y
+    return float(ego.x + c * FARTHEST_M), float(ego.y + s * FARTHEST_M)

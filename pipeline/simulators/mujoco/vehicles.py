@@ -9,11 +9,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.scenario import HALF_LENGTHS_M, VehicleKind
+
 from . import textures
 from .mesh import Mesh, loft
 
 GEOM = mujoco.mjtGeom
-KINDS = ("hatchback", "saloon", "van", "bus")
 PAINTS = (
     (0.62, 0.08, 0.08),
     (0.82, 0.83, 0.84),
@@ -51,10 +52,31 @@ BODIES = {
         (2.35, 0.3, 0.9, 0.86),
         (2.45, 0.4, 0.75, 0.76),
     ],
+    "estate": [
+        (-2.35, 0.4, 0.86, 0.74),
+        (-2.25, 0.26, 0.98, 0.86),
+        (-1.0, 0.2, 0.98, 0.9),
+        (0.95, 0.2, 0.95, 0.9),
+        (1.9, 0.22, 0.8, 0.86),
+        (2.35, 0.34, 0.62, 0.7),
+    ],
+    "suv": [
+        (-2.3, 0.5, 1.0, 0.8),
+        (-2.15, 0.36, 1.12, 0.92),
+        (-0.9, 0.32, 1.14, 0.95),
+        (0.9, 0.32, 1.12, 0.95),
+        (1.85, 0.34, 1.02, 0.92),
+        (2.3, 0.46, 0.86, 0.8),
+    ],
 }
 # Greenhouse: rear and front ends at the waist and at the roof, roof height.
-CABINS = {"hatchback": (-1.85, -1.35, 0.25, 1.0, 1.47), "saloon": (-1.65, -0.95, 0.3, 1.1, 1.44), "van": (-2.3, -2.2, 1.05, 1.75, 1.98)}
-HALF_LENGTHS = {"hatchback": 1.95, "saloon": 2.25, "van": 2.45, "bus": 4.5}
+CABINS = {
+    "hatchback": (-1.85, -1.35, 0.25, 1.0, 1.47),
+    "saloon": (-1.65, -0.95, 0.3, 1.1, 1.44),
+    "van": (-2.3, -2.2, 1.05, 1.75, 1.98),
+    "estate": (-2.25, -1.95, 0.4, 1.15, 1.46),
+    "suv": (-2.2, -1.9, 0.35, 1.05, 1.72),
+}
 
 
 def declare(spec: mujoco.MjSpec, style: str, rng: np.random.Generator) -> None:
@@ -78,7 +100,7 @@ def _section(x: float, bottom: float, waist: float, half: float) -> NDArray[np.f
     """One closed ring of eight points around the body: sill, bulge and shoulder on either side."""
     middle = bottom + 0.45 * (waist - bottom)
     right = [(0.82 * half, bottom), (half, middle), (0.97 * half, waist - 0.06), (0.86 * half, waist)]
-    return np.array([(x, -y, z) for y, z in right] + [(x, y, z) for y, z in reversed(right)])
+    return np.array([(x, y, z) for y, z in right] + [(x, -y, z) for y, z in reversed(right)])
 
 
 def _cabin(spec: mujoco.MjSpec, kind: str) -> None:
@@ -88,7 +110,7 @@ def _cabin(spec: mujoco.MjSpec, kind: str) -> None:
     rings = []
     for share in (0.0, 1.0):
         low, high = (rear_waist, rear_roof) if share == 0 else (front_waist, front_roof)
-        rings.append([(low, -0.84 * half, waist), (high, -0.66 * half, height), (high, 0.66 * half, height), (low, 0.84 * half, waist)])
+        rings.append([(low, 0.84 * half, waist), (high, 0.66 * half, height), (high, -0.66 * half, height), (low, -0.84 * half, waist)])
     loft(spec, f"{kind}_glass", rings)
     roof = Mesh()
     y = 0.68 * half
@@ -117,7 +139,7 @@ def _bus_meshes(spec: mujoco.MjSpec) -> None:
         mesh.add_to(spec, name)
 
 
-def add(spec: mujoco.MjSpec, name: str, kind: str, paint: int = 0) -> None:
+def add(spec: mujoco.MjSpec, name: str, kind: VehicleKind, paint: int = 0) -> None:
     """Add a vehicle as a mocap body of that name; it is placed by the mocap pose."""
     body = spec.worldbody.add_body(name=name, mocap=True)
     if kind == "bus":
@@ -127,13 +149,20 @@ def add(spec: mujoco.MjSpec, name: str, kind: str, paint: int = 0) -> None:
     body.add_geom(type=GEOM.mjGEOM_MESH, meshname=f"{kind}_body", material="paint", rgba=rgba)
     body.add_geom(type=GEOM.mjGEOM_MESH, meshname=f"{kind}_glass", material="glass")
     body.add_geom(type=GEOM.mjGEOM_MESH, meshname=f"{kind}_roof", material="paint", rgba=rgba, castshadow=False)
-    length, half = HALF_LENGTHS[kind], BODIES[kind][2][3]
+    length, half = HALF_LENGTHS_M[kind], BODIES[kind][2][3]
     _wheels(body, 0.62 * length, half - 0.1, 0.32)
-    for side in (-1, 1):
-        y = side * 0.72 * half
-        body.add_geom(type=GEOM.mjGEOM_BOX, size=(0.05, 0.15, 0.07), pos=(length - 0.1, y, 0.62), material="lamp_front", castshadow=False)
-        body.add_geom(type=GEOM.mjGEOM_BOX, size=(0.05, 0.14, 0.09), pos=(-length + 0.08, y, 0.76), material="lamp_rear", castshadow=False)
-    body.add_geom(type=GEOM.mjGEOM_BOX, size=(0.01, 0.26, 0.06), pos=(-length - 0.01, 0, 0.55), rgba=(0.9, 0.9, 0.82, 1), castshadow=False)
+    for station, material in ((BODIES[kind][-1], "lamp_front"), (BODIES[kind][0], "lamp_rear")):
+        x, bottom, waist, end = station
+        for side in (-1, 1):
+            place = (x, side * 0.74 * end, bottom + 0.72 * (waist - bottom))
+            body.add_geom(type=GEOM.mjGEOM_BOX, size=(0.04, 0.15, 0.07), pos=place, material=material, castshadow=False)
+    body.add_geom(
+        type=GEOM.mjGEOM_BOX,
+        size=(0.01, 0.26, 0.06),
+        pos=(-length - 0.01, 0, BODIES[kind][0][1] + 0.14),
+        rgba=(0.9, 0.9, 0.82, 1),
+        castshadow=False,
+    )
 
 
 def _add_bus(body: mujoco.MjsBody) -> None:

@@ -117,11 +117,11 @@ class WeatherControl:
         road = model.material("road").id
         model.mat_specular[road], model.mat_shininess[road] = 0.1 + 0.6 * wet, 0.3 + 0.4 * wet
 
-    def follow(self, camera_x: float, weather: Weather) -> None:
-        """Move the shadow box of the sun, and the few lights that MuJoCo allows, along with the camera."""
+    def follow(self, place: Floats, ahead: Floats, weather: Weather) -> None:
+        """Move the shadow box of the sun, and the few lights that MuJoCo allows, along with the ego; place, ahead: (2,) metres."""
         model = self._model
-        model.light_pos[self._sun] = np.array([camera_x + 20, 0, 0]) + 45 * weather.sun_direction
-        nearest = np.argsort(np.abs(self._lamps[:, 0] - camera_x - 14), kind="stable")[: len(self._street)]
+        model.light_pos[self._sun] = np.array([*(place + 20 * ahead), 0]) + 45 * weather.sun_direction
+        nearest = np.argsort(np.hypot(*(self._lamps[:, :2] - place - 14 * ahead).T), kind="stable")[: len(self._street)]
         model.light_pos[self._street] = self._lamps[nearest]
 
     def _paint_sky(self, weather: Weather, context: mujoco.MjrContext) -> None:

@@ -1,4 +1,4 @@
-"""One compiled MuJoCo model of a functional scenario: street, vehicles, pedestrian, ego with camera and lights."""
+"""One compiled MuJoCo model of a functional scenario: streets, vehicles, pedestrian, ego with camera and lights."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from collections.abc import Mapping
 import mujoco
 import numpy as np
 
-from pipeline.scenario import Actor, Town
+from pipeline.layout import Town
+from pipeline.scenario import Actor
 
 from . import pedestrian, town, vehicles
 
@@ -20,8 +21,8 @@ STREET_LIGHTS = 4
 SHADOW_MAP = 1024
 
 
-def build(layout: Town, actors: Mapping[str, Actor], fovy_deg: float, width: int, height: int) -> mujoco.MjModel:
-    """Compile a world; `actors` become mocap bodies of those names."""
+def describe(layout: Town, actors: Mapping[str, Actor], fovy_deg: float, width: int, height: int) -> mujoco.MjSpec:
+    """A world, ready to compile; `actors` become mocap bodies of those names."""
     spec = mujoco.MjSpec()
     _settings(spec, width, height)
     spec.add_texture(
@@ -34,7 +35,7 @@ def build(layout: Town, actors: Mapping[str, Actor], fovy_deg: float, width: int
     pedestrian.add(spec)
     _lights(spec)
     _ego(spec, fovy_deg)
-    return spec.compile()
+    return spec
 
 
 def _settings(spec: mujoco.MjSpec, width: int, height: int) -> None:
@@ -59,15 +60,19 @@ def _lights(spec: mujoco.MjSpec) -> None:
     spec.worldbody.add_light(name="sun", type=kind.mjLIGHT_DIRECTIONAL, pos=(0, 0, 40), dir=(0, 0, -1), castshadow=True, ambient=(0, 0, 0))
     for i in range(STREET_LIGHTS):
         spec.worldbody.add_light(
-            name=f"street{i}", type=kind.mjLIGHT_SPOT, pos=(0, 0, town.LAMP_HEIGHT), dir=(0, 0, -1), cutoff=70, exponent=2,
+            name=f"street{i}", type=kind.mjLIGHT_SPOT, pos=(0, 0, 6.0), dir=(0, 0, -1), cutoff=70, exponent=2,
             attenuation=(1, 0, 0.012), castshadow=False, diffuse=(1.7, 1.4, 0.95), ambient=(0, 0, 0), specular=(0.3, 0.25, 0.2),
         )  # fmt: skip
 
 
 def _ego(spec: mujoco.MjSpec, fovy_deg: float) -> None:
-    """The ego: a mass on rails, braked by a motor behind a first-order lag; it carries the camera and the headlights."""
-    ego = spec.worldbody.add_body(name="ego", mass=EGO_MASS_KG, ipos=(0, 0, 0.6), inertia=(500, 2000, 2000), explicitinertial=True)
-    ego.add_joint(name="ego_x", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=(1, 0, 0))
+    """The ego: a mass that travels along its route, braked by a motor behind a first-order lag, and a body that is put where it is.
+
+    The mass has one degree of freedom, the metres travelled. The body carries the camera and the headlights.
+    """
+    mass = spec.worldbody.add_body(name="ego_mass", mass=EGO_MASS_KG, inertia=(500, 2000, 2000), explicitinertial=True)
+    mass.add_joint(name="ego_travelled", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=(1, 0, 0))
+    ego = spec.worldbody.add_body(name="ego", mocap=True)
     # MuJoCo's cameras look along their -z: this turns x to the right and y up, seen along the ego's x.
     ego.add_camera(name="camera", pos=(CAMERA_X_M, 0, CAMERA_Z_M), quat=(0.5, 0.5, -0.5, -0.5), fovy=fovy_deg)
     for name, y in (("head_left", 0.65), ("head_right", -0.65)):
@@ -75,7 +80,7 @@ def _ego(spec: mujoco.MjSpec, fovy_deg: float) -> None:
             name=name, type=mujoco.mjtLightType.mjLIGHT_SPOT, pos=(2.3, y, 0.7), dir=(1, 0, -0.035), cutoff=34, exponent=9,
             attenuation=(1, 0, 0.0016), castshadow=False, diffuse=(1.5, 1.48, 1.35), ambient=(0, 0, 0), specular=(0.2, 0.2, 0.2),
         )  # fmt: skip
-    brake = spec.add_actuator(name="brake", target="ego_x", trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    brake = spec.add_actuator(name="brake", target="ego_travelled", trntype=mujoco.mjtTrn.mjTRN_JOINT)
     brake.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
     brake.dynprm[0] = BRAKE_LAG_S
     brake.gainprm[0] = -EGO_MASS_KG * FULL_BRAKE_MPS2

@@ -1,0 +1,47 @@
+"""Footprints of road users on the ground: rectangles, discs and how far apart they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.core.paths import Pose
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Rectangle:
+    """A vehicle's footprint: the pose of its middle, half its length and width in metres."""
+
+    pose: Pose
+    half_length: float
+    half_width: float
+
+    @property
+    def corners(self) -> Floats:
+        """(4, 2) metres."""
+        c, s = np.cos(self.pose.heading), np.sin(self.pose.heading)
+        ahead, left = np.array([c, s]) * self.half_length, np.array([-s, c]) * self.half_width
+        middle = np.array([self.pose.x, self.pose.y])
+        return np.stack([middle + ahead + left, middle + ahead - left, middle - ahead - left, middle - ahead + left])
+
+    def distance(self, x: float, y: float) -> float:
+        """Metres from the rectangle to a point; 0 inside."""
+        c, s = np.cos(self.pose.heading), np.sin(self.pose.heading)
+        dx, dy = x - self.pose.x, y - self.pose.y
+        ahead = max(0.0, abs(float(c * dx + s * dy)) - self.half_length)
+        left = max(0.0, abs(float(-s * dx + c * dy)) - self.half_width)
+        return float(np.hypot(ahead, left))
+
+    def overlaps(self, other: Rectangle) -> bool:
+        """Whether the two share a point (separating axis theorem)."""
+        for rectangle in (self, other):
+            c, s = np.cos(rectangle.pose.heading), np.sin(rectangle.pose.heading)
+            for axis in (np.array([c, s]), np.array([-s, c])):
+                a, b = self.corners @ axis, other.corners @ axis
+                if a.max() < b.min() or b.max() < a.min():
+                    return False
+        return True

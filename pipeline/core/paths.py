@@ -1,0 +1,120 @@
+"""Paths of road users: straight pieces joined by circular arcs, by the distance travelled along them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A place on the ground and where its owner looks: metres, radians from x to the left."""
+
+    x: float
+    y: float
+    heading: float
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A straight (curvature 0) or an arc, from `start` on; curvature in 1/m, positive to the left."""
+
+    start: Pose
+    length: float
+    curvature: float
+
+    def at(self, s: float) -> Pose:
+        turned = s * self.curvature
+        heading = self.start.heading + turned
+        # Chord of the arc: exact, and finite for a straight piece.
+        chord = s * np.sinc(turned / 2 / np.pi)
+        middle = self.start.heading + turned / 2
+        return Pose(float(self.start.x + chord * np.cos(middle)), float(self.start.y + chord * np.sin(middle)), float(heading))
+
+
+class Path:
+    """A path through waypoints whose corners are rounded; it goes straight on before its first and after its last waypoint."""
+
+    def __init__(self, waypoints: Sequence[Point], radius: float = 0.0) -> None:
+        """waypoints: at least two, metres. radius: of the corners' arcs, metres; it must fit between neighbouring corners."""
+        points = np.asarray(waypoints, dtype=float)
+        if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2:
+            raise ValueError(f"a path needs at least two waypoints (x, y), got {list(waypoints)}")
+        edges = np.diff(points, axis=0)
+        lengths = np.hypot(*edges.T)
+        if lengths.min() < 1e-6:
+            raise ValueError(f"two waypoints in a row are the same: {tuple(points[int(lengths.argmin())])}")
+        headings = np.unwrap(np.arctan2(edges[:, 1], edges[:, 0]))
+        turns = np.diff(headings)
+        cut = radius * np.tan(np.abs(turns) / 2)
+        before, after = np.concatenate([[0], cut]), np.concatenate([cut, [0]])
+        straight = lengths - before - after
+        if straight.min() < -1e-9:
+            raise ValueError(f"corners of radius {radius:g} m do not fit between waypoints {int(straight.argmin()) + 1} and the next")
+        self.waypoints, self.radius = [(float(x), float(y)) for x, y in points], radius
+        self.pieces: list[Piece] = []
+        pose = Pose(float(points[0, 0]), float(points[0, 1]), float(headings[0]))
+        for i, length in enumerate(straight):
+            pose = self._append(pose, float(max(length, 0)), 0.0)
+            if i < len(turns) and turns[i] and radius > 0:
+                pose = self._append(pose, radius * abs(float(turns[i])), float(np.sign(turns[i])) / radius)
+            elif i < len(turns):
+                pose = Pose(pose.x, pose.y, float(headings[i + 1]))
+        self._ends = np.cumsum([piece.length for piece in self.pieces])
+
+    def _append(self, start: Pose, length: float, curvature: float) -> Pose:
+        piece = Piece(start, length, curvature)
+        self.pieces.append(piece)
+        return piece.at(length)
+
+    @property
+    def length(self) -> float:
+        """Metres from the first to the last waypoint, along the path."""
+        return float(self._ends[-1])
+
+    def at(self, s: float) -> Pose:
+        """Pose after s metres from the first waypoint; negative before it."""
+        i = min(int(np.searchsorted(self._ends, s, side="right")), len(self.pieces) - 1)
+        start = self._ends[i - 1] if i else 0.0
+        if i == len(self.pieces) - 1 and s > self._ends[-1] and self.pieces[i].curvature:
+            raise AssertionError("a path ends in a straight piece")
+        return self.pieces[i].at(float(s - start))
+
+    def curvature(self, s: float) -> float:
+        """1/m at s, positive to the left."""
+        i = min(int(np.searchsorted(self._ends, s, side="right")), len(self.pieces) - 1)
+        return self.pieces[i].curvature
+
+    def project(self, x: float, y: float) -> tuple[float, float]:
+        """The place on the path that is nearest to a point: metres along it, and metres that the point lies to its left."""
+        best = (np.inf, 0.0, 0.0)
+        for i, piece in enumerate(self.pieces):
+            start = float(self._ends[i - 1]) if i else 0.0
+            low = -np.inf if i == 0 else 0.0
+            high = np.inf if i == len(self.pieces) - 1 else piece.length
+            s = float(np.clip(_foot(piece, x, y), low, high))
+            pose = piece.at(s)
+            dx, dy = x - pose.x, y - pose.y
+            left = float(-np.sin(pose.heading) * dx + np.cos(pose.heading) * dy)
+            distance = float(np.hypot(dx, dy))
+            if distance < best[0] - 1e-12:
+                best = (distance, start + s, left)
+        return best[1], best[2]
+
+
+def _foot(piece: Piece, x: float, y: float) -> float:
+    """Where on the endless line or circle of a piece the nearest point lies, metres from its start."""
+    c, s = np.cos(piece.start.heading), np.sin(piece.start.heading)
+    ahead, left = c * (x - piece.start.x) + s * (y - piece.start.y), -s * (x - piece.start.x) + c * (y - piece.start.y)
+    if not piece.curvature:
+        return float(ahead)
+    # Angle around the arc's centre, which lies 1/curvature to the left.
+    sign = np.sign(piece.curvature)
+    angle = np.arctan2(ahead, sign * (1 / piece.curvature - left))
+    return float(angle / abs(piece.curvature))

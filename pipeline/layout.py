@@ -1,0 +1,164 @@
+"""Where a town's streets lie: asphalt, lanes, kerbs, crosswalks; for whoever draws them, drives on them or exports them.
+
+World frame, metres: x along the main street in the ego's driving direction, y left. The main street's rightmost lane, the ego's, has its
+middle at y = -1.75. Right-hand traffic.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+LANE_WIDTH = 3.5
+PAVEMENT_WIDTH = 3.0
+BAY_DEPTH = 3.1
+CORNER_RADIUS = 6.0
+"""Of the kerbs where two streets meet."""
+START_X, END_X = -75.0, 150.0
+SIDE_LENGTH = 85.0
+Side = Literal["left", "right"]
+OnStreet = Annotated[float, Field(ge=START_X + 5, le=END_X - 5)]
+
+
+class Part(BaseModel):
+    """A part of a scenario's description: unknown keys are errors."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Junction(Part):
+    """A T-junction: at x a side street leaves the main street to one side, at a right angle."""
+
+    x_m: float = Field(ge=-40, le=60)
+    side: Side
+
+
+class Crosswalk(Part):
+    """A marked crosswalk: on which street, and how far along it its middle lies (main: x; side: metres from the main street's kerb)."""
+
+    street: Literal["main", "side"] = "main"
+    at_m: float
+
+
+class Town(Part):
+    """The streets, their style and the seed of all that is drawn by lot: houses, trees, textures.
+
+    lanes_ahead: lanes in the ego's direction; there is one oncoming. bus_bay: on the nearside, from x to x. vegetation: hedges and dense
+    trees. crosswalks. rails_x_m: a train line crosses the main street here. trees: (x, y) of single trees beside those drawn by lot.
+    """
+
+    style: Literal["urban", "suburban"] = "urban"
+    seed: int = Field(ge=0)
+    lanes_ahead: int = Field(default=1, ge=1, le=2)
+    bus_bay: tuple[OnStreet, OnStreet] | None = None
+    vegetation: Literal["none", "left", "right", "both"] = "none"
+    junction: Junction | None = None
+    crosswalks: tuple[Crosswalk, ...] = ()
+    rails_x_m: float | None = Field(default=None, ge=-40, le=80)
+    trees: tuple[tuple[float, float], ...] = ()
+
+    @model_validator(mode="after")
+    def _fits(self) -> Town:
+        if self.bus_bay and self.bus_bay[0] >= self.bus_bay[1]:
+            raise ValueError(f"bus_bay must run from a smaller to a larger x, got {self.bus_bay}")
+        if self.junction is None and any(crosswalk.street == "side" for crosswalk in self.crosswalks):
+            raise ValueError("crosswalks: one lies on the side street, but the town has no junction")
+        gaps = [(gap.start, gap.end) for gap in streets(self)[0].gaps if gap.side == -1]
+        if self.bus_bay and any(start < self.bus_bay[1] + 1 and end > self.bus_bay[0] - 1 for start, end in gaps):
+            raise ValueError(f"bus_bay {self.bus_bay} overlaps the junction or the train line")
+        for x, y in self.trees:
+            if on_asphalt(self, x, y, margin=-0.3):
+                raise ValueError(f"trees: ({x:g}, {y:g}) stands on the road")
+        return self
+
+    def overgrown(self, side: int) -> bool:
+        """Whether hedges and dense trees line this side of the streets: 1 left, -1 right."""
+        return self.vegetation == "both" or self.vegetation == ("left" if side > 0 else "right")
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Where a street's side, 1 left or -1 right, is interrupted from `start` to `end` metres along it; `mouth`: by another street."""
+
+    side: int
+    start: float
+    end: float
+    mouth: bool
+
+
+@dataclass(frozen=True)
+class Street:
+    """A straight street in its own frame: u along it, v to its left, from `start` to `end`.
+
+    origin, angle: pose of that frame in the world, metres and radians. right, left: distances of the kerbs from its axis. middle: v of the
+    line between the two directions. bay: bus bay on the right.
+    """
+
+    name: str
+    origin: tuple[float, float]
+    angle: float
+    start: float
+    end: float
+    right: float
+    left: float
+    middle: float
+    bay: tuple[float, float] | None
+    gaps: tuple[Gap, ...]
+
+    def world(self, u: float, v: float) -> tuple[float, float]:
+        """World coordinates of a point of the street's frame."""
+        c, s = np.cos(self.angle), np.sin(self.angle)
+        return float(self.origin[0] + c * u - s * v), float(self.origin[1] + s * u + c * v)
+
+    def local(self, x: float, y: float) -> tuple[float, float]:
+        """(u, v) of a point of the world."""
+        c, s = np.cos(self.angle), np.sin(self.angle)
+        dx, dy = x - self.origin[0], y - self.origin[1]
+        return float(c * dx + s * dy), float(-s * dx + c * dy)
+
+    def edge(self, side: int, u: float | None = None) -> float:
+        """Distance of the kerb from the axis; beside a bus bay the bay's. Without u: the furthest along the whole side."""
+        if side > 0:
+            return self.left
+        beside_bay = self.bay is not None and (u is None or self.bay[0] <= u <= self.bay[1])
+        return self.right + (BAY_DEPTH if beside_bay else 0)
+
+    def open(self, side: int, u: float, margin: float = 0.0) -> bool:
+        """Whether a gap interrupts this side within `margin` of u."""
+        return any(gap.side == side and gap.start - margin < u < gap.end + margin for gap in self.gaps)
+
+
+def streets(town: Town) -> tuple[Street, ...]:
+    """The main street and, behind a junction, the side street."""
+    left = LANE_WIDTH * town.lanes_ahead
+    gaps: list[Gap] = []
+    if town.junction:
+        half = LANE_WIDTH + CORNER_RADIUS
+        gaps.append(Gap(1 if town.junction.side == "left" else -1, town.junction.x_m - half, town.junction.x_m + half, True))
+    if town.rails_x_m is not None:
+        gaps += [Gap(side, town.rails_x_m - 3, town.rails_x_m + 3, False) for side in (-1, 1)]
+    middle = LANE_WIDTH * (town.lanes_ahead - 1)
+    main = Street("main", (0, 0), 0, START_X, END_X, LANE_WIDTH, left, middle, town.bus_bay, tuple(gaps))
+    if town.junction is None:
+        return (main,)
+    sign = 1 if town.junction.side == "left" else -1
+    origin = (town.junction.x_m, left if sign > 0 else -LANE_WIDTH)
+    return main, Street("side", origin, sign * np.pi / 2, 0, SIDE_LENGTH, LANE_WIDTH, LANE_WIDTH, 0, None, ())
+
+
+def on_asphalt(town: Town, x: float, y: float, margin: float = 0.0) -> bool:
+    """Whether a point lies on a street, at least `margin` metres from its kerbs."""
+    main, *side = streets(town)
+    if main.start <= x <= main.end and -main.edge(-1, x) + margin <= y <= main.left - margin:
+        return True
+    for street in side:
+        u, v = street.local(x, y)
+        if -margin <= u <= street.end and abs(v) <= LANE_WIDTH - margin:
+            return True
+        # The rounded corners: a square without the disc that its kerb runs along.
+        if -margin <= u <= CORNER_RADIUS and abs(v) <= LANE_WIDTH + CORNER_RADIUS:
+            return bool(np.hypot(CORNER_RADIUS - u, LANE_WIDTH + CORNER_RADIUS - abs(v)) >= CORNER_RADIUS + margin)
+    return False

@@ -1,0 +1,88 @@
+"""Contact sheets: what a functional scenario looks like in every weather and at every distance, and who walks in it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.scenario import EGO_HALF_LENGTH_M, FunctionalScenario
+
+from .blueprints import NAMES
+from .gait import ANIMATIONS
+from .lens import CameraSettings
+from .stage import Stage
+from .weather import Weather
+
+Pixels = NDArray[np.uint8]
+WEATHERS = {
+    "day": Weather(sun_azimuth=120, sun_altitude=50),
+    "low sun ahead": Weather(sun_azimuth=4, sun_altitude=9),
+    "dusk": Weather(sun_azimuth=80, sun_altitude=2),
+    "night": Weather(sun_azimuth=80, sun_altitude=-12),
+    "fog 75 %": Weather(fog=75, sun_azimuth=200, sun_altitude=40),
+    "rain 100 %": Weather(rain=100, sun_azimuth=200, sun_altitude=30),
+    "rain at night": Weather(rain=80, sun_azimuth=80, sun_altitude=-12),
+}
+MOMENTS = (0.0, 0.4, 0.7, 0.9)
+"""Shares of the time until ego and pedestrian would meet."""
+LOOKS = ("W 03", "M 11", "W 21", "M 35", "M 02", "W 14", "W 25")
+CREW_COLUMNS = 37
+
+
+def scenario_sheet(scenario: FunctionalScenario, camera: Mapping[str, Any], weathers: Mapping[str, Weather] = WEATHERS) -> Pixels:
+    """A row a weather, a column a moment of the unbraked encounter: (rows * height, columns * width, 3) RGB."""
+    stage = Stage(scenario.town, scenario.actors, CameraSettings.model_validate(dict(camera)))
+    route, rng = scenario.ego.route(), np.random.default_rng(0)
+    speed, walking, heading = scenario.ego.speed_kmh / 3.6, 1.4, np.radians(scenario.pedestrian.heading_deg)
+    rows = []
+    try:
+        for index, (name, weather) in enumerate(weathers.items()):
+            tiles = []
+            for moment in MOMENTS:
+                time_s = moment * scenario.ego.horizon_s
+                stage.reset(weather, LOOKS[index % len(LOOKS)])
+                stage.put("ego", route.at(scenario.start_s() + speed * time_s))
+                for actor, described in scenario.actors.items():
+                    stage.put(actor, described.route().at(described.travelled(time_s)))
+                along = walking * (time_s - scenario.ego.horizon_s)
+                x, y = np.array(scenario.pedestrian.at) + along * np.array([np.cos(heading), np.sin(heading)])
+                animation = ANIMATIONS[index % len(ANIMATIONS)]
+                stage.place_pedestrian(float(x), float(y), scenario.pedestrian.heading_deg, animation, 6 * time_s, walking)
+                metres = scenario.conflict_s() - scenario.start_s() - speed * time_s - EGO_HALF_LENGTH_M
+                tiles.append(_captioned(stage.shoot(rng)[0], f"{scenario.label}  {name}  {metres:.0f} m"))
+            rows.append(np.hstack(tiles))
+    finally:
+        stage.close()
+    return np.vstack(rows)
+
+
+def crew_sheet(scenario: FunctionalScenario) -> Pixels:
+    """All 74 blueprints in the six animations, two rows of 37 an animation."""
+    stage = Stage(scenario.town, {}, CameraSettings(width=640, height=384, hfov_deg=36))
+    route, rows = scenario.ego.route(), []
+    try:
+        ego = route.at(scenario.conflict_s() - 9)
+        for row, animation in enumerate(ANIMATIONS):
+            tiles = []
+            for index, name in enumerate(NAMES):
+                stage.reset(WEATHERS["day"], name)
+                stage.put("ego", ego)
+                x, y = scenario.pedestrian.at
+                stage.place_pedestrian(x, y, (90, -60, 180, 30)[index % 4], animation, 0.8 * index + row, 1.3)
+                image, _ = stage.shoot(np.random.default_rng(0))
+                tiles.append(cv2.resize(image[70:370, 235:405], (68, 120), interpolation=cv2.INTER_AREA))
+            rows += [np.hstack(tiles[i : i + CREW_COLUMNS]) for i in range(0, len(tiles), CREW_COLUMNS)]
+    finally:
+        stage.close()
+    return np.vstack(rows)
+
+
+def _captioned(image: Pixels, text: str) -> Pixels:
+    tile = image.copy()
+    cv2.putText(tile, text, (6, 14), cv2.FONT_HERSHEY_SIMPLEX, 0.4, (0, 0, 0), 2, cv2.LINE_AA)
+    cv2.putText(tile, text, (6, 14), cv2.FONT_HERSHEY_SIMPLEX, 0.4, (255, 255, 255), 1, cv2.LINE_AA)
+    return tile

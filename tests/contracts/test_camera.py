@@ -1,0 +1,153 @@
+"""The camera's geometry and ground truth are right (thesis section 8.2), and each of its effects can be switched off."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Any
+
+import cv2
+import mujoco
+import numpy as np
+import pytest
+
+from pipeline.core.paths import Pose
+from pipeline.layout import Town
+from pipeline.simulators.mujoco import pedestrian, textures, world
+from pipeline.simulators.mujoco.blueprints import NAMES
+from pipeline.simulators.mujoco.camera import Camera
+from pipeline.simulators.mujoco.lens import CameraSettings
+from pipeline.simulators.mujoco.mesh import Mesh
+from pipeline.simulators.mujoco.stage import Stage
+from pipeline.simulators.mujoco.town import lamp_positions
+from pipeline.simulators.mujoco.weather import Weather
+
+TOWN = Town(seed=1)
+PLAIN: dict[str, Any] = {"exposure": False, "noise": False, "vignetting": False, "rain_on_lens": False}
+SQUARES, SQUARE_M, BOARD_X, BOARD_Y, BOARD_Z = (9, 7), 0.5, 9.0, -1.0, 2.0
+
+
+@pytest.mark.parametrize("distortion", [0.0, -0.15])
+def test_a_checkerboard_is_seen_where_the_pinhole_model_says(distortion: float) -> None:
+    settings = CameraSettings(width=640, height=384, distortion=distortion, **PLAIN)
+    spec = world.describe(TOWN, {}, settings.vfov_deg, settings.width, settings.height)
+    _add_board(spec)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    camera = Camera(model, data, lamp_positions(TOWN), settings)
+    camera.set_weather(Weather(sun_azimuth=180, sun_altitude=40))
+    image, _ = camera.shoot(np.random.default_rng(0))
+    camera.close()
+    inner = (SQUARES[0] - 1, SQUARES[1] - 1)
+    found, corners = cv2.findChessboardCornersSB(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), inner)
+    assert found
+    seen = np.asarray(corners).reshape(-1, 2) + 0.5  # OpenCV puts (0, 0) at the middle of the first pixel, we at its corner.
+    offset = (np.arange(inner[0]) - (inner[0] - 1) / 2) * SQUARE_M, (np.arange(inner[1]) - (inner[1] - 1) / 2) * SQUARE_M
+    left, up = np.meshgrid(BOARD_Y + offset[0], BOARD_Z + offset[1])
+    depth = BOARD_X - world.CAMERA_X_M
+    x, y = -left.ravel() / depth, -(up.ravel() - world.CAMERA_Z_M) / depth
+    bent = 1 + distortion * (x**2 + y**2)
+    focal = settings.width / 2 / np.tan(np.radians(settings.hfov_deg / 2))
+    expected = np.stack([settings.width / 2 + focal * x * bent, settings.height / 2 + focal * y * bent], -1)
+    nearest = np.linalg.norm(expected[:, None] - seen[None], axis=-1).min(axis=1)
+    assert nearest.max() < 0.5
+
+
+def _add_board(spec: mujoco.MjSpec) -> None:
+    """A checkerboard that faces the camera, its middle at (BOARD_X, BOARD_Y, BOARD_Z)."""
+    columns, rows = SQUARES
+    pattern = (np.indices((rows, columns)).sum(axis=0) % 2 * 230).astype(np.uint8).repeat(64, 0).repeat(64, 1)
+    textures.add(spec, "board", np.repeat(pattern[..., None], 3, axis=2))
+    board = Mesh()
+    width, height = columns * SQUARE_M, rows * SQUARE_M
+    board.quad((BOARD_X, BOARD_Y + width / 2, BOARD_Z - height / 2), (0, -width, 0), (0, 0, height), (0, 1, 1, 0))
+    board.add_to(spec, "board")
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="board", material="board")
+
+
+@pytest.fixture(scope="module")
+def stage() -> Iterator[Stage]:
+    stage = Stage(TOWN, {}, CameraSettings())
+    yield stage
+    stage.close()
+
+
+def shot(stage: Stage, weather: Weather, name: str = "W 07", x: float = 10.0, y: float = -1.75) -> tuple[np.ndarray, Any]:
+    stage.reset(weather, name)
+    stage.put("ego", Pose(0, -1.75, 0))
+    stage.place_pedestrian(x, y, 90, "walking", 1.0, 1.4)
+    return stage.shoot(np.random.default_rng(0))
+
+
+@pytest.mark.parametrize(("x", "y"), [(6.0, -1.0), (14.0, -3.5), (30.0, 0.0)])
+def test_the_visible_box_is_that_of_a_segmentation_render(stage: Stage, x: float, y: float) -> None:
+    _, truth = shot(stage, Weather(), "M 05", x, y)
+    camera, scene = stage.camera, mujoco.MjvScene(stage.model, 1500)
+    scene.flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = scene.flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1
+    view = mujoco.MjvCamera()
+    view.type, view.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, stage.model.camera("camera").id
+    mujoco.mjv_updateScene(stage.model, stage.data, mujoco.MjvOption(), None, view, mujoco.mjtCatBit.mjCAT_ALL, scene)
+    rect, image = mujoco.MjrRect(0, 0, 320, 192), np.empty((192, 320, 3), np.uint8)
+    mujoco.mjr_render(rect, scene, camera.context)
+    mujoco.mjr_readPixels(image, None, rect, camera.context)
+    numbers = image[::-1].astype(np.int64) @ (1, 256, 65536) - 1
+    mask = np.zeros(numbers.shape, bool)
+    for i in range(scene.ngeom):
+        geom = scene.geoms[i]
+        if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM and stage.model.geom_group[geom.objid] == pedestrian.GROUP:
+            mask |= numbers == geom.segid
+    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
+    box = (columns[0], rows[0], columns[-1] + 1, rows[-1] + 1)
+    assert truth.visible_box is not None
+    assert np.abs(np.subtract(box, truth.visible_box)).max() <= 1
+    assert abs(int(mask.sum()) - truth.visible_pixels) <= 0.03 * mask.sum() + 2
+
+
+@pytest.fixture(scope="module")
+def plain_stage() -> Iterator[Stage]:
+    stage = Stage(TOWN, {}, CameraSettings(**PLAIN))
+    yield stage
+    stage.close()
+
+
+def off_grey(stage: Stage, weather: Weather) -> float:
+    """Mean difference between the pedestrian's middle and the colour of fog, grey levels."""
+    image, truth = shot(stage, weather, x=14.0)
+    left, top, right, bottom = (int(value) for value in truth.visible_box)
+    middle = image[top + (bottom - top) // 4 : (top + bottom) // 2, (left + right) // 2 - 1 : (left + right) // 2 + 2]
+    return float(np.abs(middle - 255 * weather.grey).mean())
+
+
+def test_fog_and_rain_take_contrast_and_night_takes_light(plain_stage: Stage) -> None:
+    contrasts = [off_grey(plain_stage, Weather(fog=fog)) for fog in (0, 30, 60, 80, 100)]
+    assert all(a > b for a, b in pairwise(contrasts))
+    assert off_grey(plain_stage, Weather(rain=100)) < contrasts[0]
+    days = [float(shot(plain_stage, Weather(sun_altitude=altitude))[0].mean()) for altitude in (-15, -7, 3, 30)]
+    assert days[0] <= days[1] < days[2] < days[3]
+    # Dusk has no jump but the lamps.
+    steps = [float(shot(plain_stage, Weather(sun_altitude=altitude))[0].mean()) for altitude in np.arange(0.5, 12, 1.0)]
+    assert max(abs(np.diff(steps))) < 10
+
+
+def test_the_sun_glares_from_where_it_stands(plain_stage: Stage) -> None:
+    ahead, behind = (shot(plain_stage, Weather(sun_azimuth=azimuth, sun_altitude=13))[0].astype(int) for azimuth in (0.0, 180.0))
+    assert ahead[10:60, 140:180].mean() > behind[10:60, 140:180].mean() + 20
+    left, right = (shot(plain_stage, Weather(sun_azimuth=azimuth, sun_altitude=8))[0].max(axis=2) for azimuth in (18.0, 342.0))
+    assert np.argmax(left[20:60].mean(axis=0)) < 160 < np.argmax(right[20:60].mean(axis=0))
+
+
+@pytest.mark.parametrize("effect", ["exposure", "noise", "vignetting", "rain_on_lens", "distortion", "jpeg_quality"])
+def test_each_camera_effect_changes_the_image_and_can_be_off(effect: str) -> None:
+    plain = CameraSettings(**PLAIN)
+    value: Any = {"distortion": 0.1, "jpeg_quality": 60}.get(effect, True)
+    weather, images = Weather(rain=70, sun_altitude=-10), []
+    for settings in (plain, CameraSettings(**{**PLAIN, effect: value})):
+        own = Stage(TOWN, {}, settings)
+        images.append(shot(own, weather)[0].astype(int))
+        own.close()
+    assert (images[0] != images[1]).any()
+
+
+def test_blueprints_look_different(stage: Stage) -> None:
+    shown = {name: shot(stage, Weather(), name, x=6.0)[0] for name in NAMES}
+    assert len({image.tobytes() for image in shown.values()}) == len(NAMES) == 74

@@ -1,0 +1,146 @@
+"""The commands that look at things and hand them on: `simulate`, `contact-sheet`, `export-scenario`, `export-frames`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from xml.etree import ElementTree as Xml
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.__main__ import main
+from pipeline.artefacts.campaign import read_frames, write_frames
+from pipeline.artefacts.dataset import encode_jpeg, read_dataset
+from pipeline.config import functional_scenario
+from pipeline.core.paths import Pose
+from tests.analysis.fabricated import Study
+
+FOUND = ["fog=80", "rain=20", "pedestrian_speed=2", "pedestrian_shift=0.3", "sun_azimuth=0", "blueprint=M 03"]
+
+
+def test_simulate_films_one_test(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    film = tmp_path / "replay.mp4"
+    assert main(["simulate", "F7", *FOUND, "--out", str(film)]) == 0
+    assert "adj. TTC" in capsys.readouterr().out
+    capture = cv2.VideoCapture(str(film))
+    assert capture.get(cv2.CAP_PROP_FRAME_COUNT) > 15
+    read, image = capture.read()
+    assert read and image.std() > 20
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["simulate", "F9"], "there is no conf/scenario/F9.yaml; did you mean"),
+        (["simulate", "F1", "fogg=3"], "there is no variable 'fogg'; did you mean 'fog'?"),
+        (["simulate", "F1", "fog"], "write fog=VALUE, got 'fog'"),
+        (["simulate", "F1", "fog=thick"], "fog: expected a number, got 'thick'"),
+        (["simulate", "F1", "fog=120"], "fog"),
+        (["simulate", "F1", "animation=dancing"], "dancing"),
+        (["simulate", "F1", "--out", "film.avi"], "a replay is an .mp4 or a .gif, got film.avi"),
+        (["simulate", "F1", "--model", "docs"], "docs holds neither model.onnx nor weights.safetensors"),
+        (["contact-sheet", "F1", "--out", "sheet.tiff"], "a contact sheet is a .png or a .jpg, got sheet.tiff"),
+        (["export-scenario", "F1", "fog=-1"], "fog"),
+        (["export-frames", "nowhere.parquet"], "nowhere.parquet"),
+    ],
+)
+def test_wrong_words_are_named(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(words) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_contact_sheet_has_a_row_a_weather(tmp_path: Path) -> None:
+    path = tmp_path / "sheet.png"
+    assert main(["contact-sheet", "F5", "--out", str(path)]) == 0
+    sheet = cv2.imread(str(path))
+    assert sheet is not None and sheet.shape == (7 * 192, 4 * 320, 3)
+    day, night = sheet[:192], sheet[3 * 192 : 4 * 192]
+    assert day.mean() > 2 * night.mean() > 10
+
+
+@pytest.mark.parametrize("name", ["F1", "F5", "F8", "F3star"])
+def test_a_find_leaves_as_openscenario(name: str, tmp_path: Path) -> None:
+    out = tmp_path / "find"
+    assert main(["export-scenario", name, *FOUND, "--out", str(out)]) == 0
+    scenario = functional_scenario(name)
+    story = Xml.parse(out.with_suffix(".xosc")).getroot()
+    logic = story.find("RoadNetwork/LogicFile")
+    assert logic is not None and logic.attrib["filepath"] == "find.xodr"
+    assert {entity.attrib["name"] for entity in story.iter("ScenarioObject")} == {"ego", "pedestrian", *scenario.actors}
+    tracks = {}
+    for trajectory in story.iter("Trajectory"):
+        times = [float(vertex.attrib["time"]) for vertex in trajectory.iter("Vertex")]
+        places = [(float(p.attrib["x"]), float(p.attrib["y"])) for p in trajectory.iter("WorldPosition")]
+        assert times == sorted(times) and len(times) == len(places)
+        tracks[trajectory.attrib["name"]] = dict(zip(times, places, strict=True))
+    # At the horizon the ego's front is at the conflict point, and the pedestrian its shift beyond.
+    x, y = tracks["ego"][scenario.ego.horizon_s]
+    at = np.array(scenario.pedestrian.at)
+    assert np.hypot(*(np.array([x, y]) - at)) == pytest.approx(2.5, abs=0.2)
+    assert np.hypot(*(np.array(tracks["pedestrian"][scenario.ego.horizon_s]) - at)) == pytest.approx(0.3, abs=1e-5)
+    fog, sun = story.find(".//Fog"), story.find(".//Sun")
+    assert fog is not None and 40 < float(fog.attrib["visualRange"]) < 120
+    # The sun ahead stands in the east of OpenSCENARIO's compass.
+    assert sun is not None and float(sun.attrib["azimuth"]) == pytest.approx(np.pi / 2)
+
+
+@pytest.mark.parametrize("name", ["F2", "F4", "F6", "F7"])
+def test_the_roads_of_a_find_are_connected(name: str, tmp_path: Path) -> None:
+    out = tmp_path / "find"
+    assert main(["export-scenario", name, "--out", str(out)]) == 0
+    town, network = functional_scenario(name).town, Xml.parse(out.with_suffix(".xodr")).getroot()
+    roads = {road.attrib["id"]: road for road in network.iter("road")}
+    assert set(roads) == ({"1", "2", "3", "11", "12", "13"} if town.junction else {"1"})
+    ends = {}
+    for number, road in roads.items():
+        pose, s = None, 0.0
+        for geometry in road.iter("geometry"):
+            start = Pose(*(float(geometry.attrib[key]) for key in ("x", "y", "hdg")))
+            length = float(geometry.attrib["length"])
+            assert float(geometry.attrib["s"]) == pytest.approx(s, abs=1e-4)
+            if pose:
+                assert (pose.x, pose.y) == pytest.approx((start.x, start.y), abs=1e-3)
+            arc = geometry.find("arc")
+            pose, s = _after(start, length, float(arc.attrib["curvature"]) if arc is not None else 0.0), s + length
+        assert pose is not None and float(road.attrib["length"]) == pytest.approx(s, abs=1e-4)
+        first = next(road.iter("geometry")).attrib
+        ends[number] = ((float(first["x"]), float(first["y"])), (pose.x, pose.y))
+    if town.junction:
+        assert ends["11"] == (pytest.approx(ends["1"][1], abs=1e-3), pytest.approx(ends["2"][0], abs=1e-3))
+        assert ends["12"] == (pytest.approx(ends["1"][1], abs=1e-3), pytest.approx(ends["3"][0], abs=1e-3))
+        assert ends["13"] == (pytest.approx(ends["3"][0], abs=1e-3), pytest.approx(ends["2"][0], abs=1e-3))
+    assert len(list(network.iter("object"))) == len(town.crosswalks)
+
+
+def _after(start: Pose, length: float, curvature: float) -> Pose:
+    """Where a geometry ends, by many small steps."""
+    x, y, heading = start.x, start.y, start.heading
+    for _ in range(2000):
+        heading += curvature * length / 4000
+        x, y = x + np.cos(heading) * length / 2000, y + np.sin(heading) * length / 2000
+        heading += curvature * length / 4000
+    return Pose(float(x), float(y), float(heading))
+
+
+def test_frames_leave_as_yolo_coco_and_openlabel(tmp_path: Path) -> None:
+    frames = read_frames(Study(tmp_path / "study").make().frames("random")[0])
+    frames["image"] = encode_jpeg(np.full((192, 320, 3), 90, np.uint8))
+    write_frames(tmp_path / "frames.parquet", frames)
+    out = tmp_path / "out"
+    assert main(["export-frames", str(tmp_path / "frames.parquet"), "--out", str(out)]) == 0
+    images = read_dataset(out, "val")
+    assert len(images) == len(list((out / "labels" / "val").glob("*.txt"))) > 0
+    for path in (out / "openlabel").glob("*.json"):
+        body = json.loads(path.read_text())["openlabel"]
+        assert body["metadata"]["schema_version"] == "1.0.0"
+        for frame in body["frames"].values():
+            uri = frame["frame_properties"]["streams"]["camera"]["uri"]
+            assert (out / uri).exists()
+            for found in frame.get("objects", {}).values():
+                visible = next((box for box in found["object_data"]["bbox"] if box["name"] == "visible"), None)
+                if visible:
+                    x, y, width, height = visible["val"]
+                    box = images.boxes[int(Path(uri).stem)]
+                    assert [x - width / 2, y - height / 2, x + width / 2, y + height / 2] == pytest.approx(box.tolist())
