@@ -83,6 +83,7 @@ def crew_sheet(scenario: FunctionalScenario) -> Pixels:
 
 def _captioned(image: Pixels, text: str) -> Pixels:
     tile = image.copy()
-    cv2.putText(tile, text, (6, 14), cv2.FONT_HERSHEY_SIMPLEX, 0.4, (0, 0, 0), 2, cv2.LINE_AA)
-    cv2.putText(tile, text, (6, 14), cv2.FONT_HERSHEY_SIMPLEX, 0.4, (255, 255, 255), 1, cv2.LINE_AA)
+    (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.4, 1)
+    tile[: height + 10, : width + 12] = tile[: height + 10, : width + 12] // 3
+    cv2.putText(tile, text, (6, height + 5), cv2.FONT_HERSHEY_SIMPLEX, 0.4, (255, 255, 255), 1, cv2.LINE_AA)
     return tile
