@@ -55,9 +55,8 @@ def main() -> None:
             list(workers.execute(jobs[2 * count :]))
             seconds[count] = time.perf_counter() - start
             workers.close()
-    print(
-        f"{options.tests} tests: {seconds[1]:.1f} s with one worker, {seconds[2]:.1f} s with two: {seconds[1] / seconds[2]:.2f} times as fast"
-    )
+    gain = seconds[1] / seconds[2]
+    print(f"{options.tests} tests: {seconds[1]:.1f} s with one worker, {seconds[2]:.1f} s with two: {gain:.2f} times as fast")
 
 
 def watch(simulator: MujocoSimulator, detector: OnnxDetector, space: Space, tests: int) -> None:
