@@ -85,7 +85,7 @@ STAGES = {
         ("comparison",),
         (f"{D}/comparison.json", f"{D}/comparison.parquet"),
         (f"{D}/held_out", f"{D}/measures.json", f"{D}/models/base", *MODELS),
-        metrics=({f"{D}/metrics.json": {"cache": False}},),
+        metrics=(f"{D}/metrics.json",),
     ),
     "report": Stage(
         "report",
