@@ -18,13 +18,10 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.artefacts.model import read_card
 from pipeline.config import compose, functional_scenario
-from pipeline.core.reliability import Calibration
 from pipeline.core.space import Space
 from pipeline.detectors.onnx import OnnxDetector
-from pipeline.detectors.yolo.export import export_onnx
-from pipeline.detectors.yolo.weights import load_weights
+from pipeline.detectors.yolo.export import onnx_of
 from pipeline.simulators.mujoco import camera, lens
 from pipeline.simulators.mujoco.episode import MujocoSimulator
 
@@ -55,9 +52,7 @@ def main() -> None:
     lens.Lens.expose = timed("weather", lens.Lens.expose)  # type: ignore[method-assign]
     OnnxDetector.detect = timed("inference", OnnxDetector.detect)  # type: ignore[method-assign]
     with tempfile.TemporaryDirectory() as folder:
-        onnx = Path(folder) / "model.onnx"
-        calibration = Calibration(**read_card(options.model / "model.json").calibration)
-        export_onnx(onnx, load_weights(options.model / "weights.safetensors"), (320, 192), calibration)
+        onnx = onnx_of(options.model, Path(folder))
         for name in options.scenario:
             measure(name, options.tests, OnnxDetector(onnx, threshold=compose("default", []).detector["threshold"]))
 

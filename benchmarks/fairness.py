@@ -12,16 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.artefacts.model import read_card
 from pipeline.config import compose, functional_scenario
 from pipeline.core import kpi
-from pipeline.core.reliability import Calibration
 from pipeline.core.space import Space
 from pipeline.core.statistics import wilson_interval
 from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.scripted import VisiblePixelOracle
-from pipeline.detectors.yolo.export import export_onnx
-from pipeline.detectors.yolo.weights import load_weights
+from pipeline.detectors.yolo.export import onnx_of
 from pipeline.protocols import Detector
 from pipeline.simulators.mujoco.episode import MujocoSimulator
 
@@ -30,9 +27,7 @@ def detector_named(name: str, folder: Path) -> Detector:
     """The oracle, or the detector of a model folder."""
     if name == "oracle":
         return VisiblePixelOracle()
-    calibration = Calibration(**read_card(Path(name) / "model.json").calibration)
-    export_onnx(folder / "model.onnx", load_weights(Path(name) / "weights.safetensors"), (320, 192), calibration)
-    return OnnxDetector(folder / "model.onnx", threshold=compose("default", []).detector["threshold"])
+    return OnnxDetector(onnx_of(Path(name), folder), threshold=compose("default", []).detector["threshold"])
 
 
 def main() -> None:

@@ -10,13 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.detectors.onnx import OnnxDetector
-from pipeline.detectors.yolo.export import export_onnx
-from pipeline.detectors.yolo.training import initial_model
-from pipeline.detectors.yolo.weights import load_weights
+from pipeline.detectors.yolo.export import onnx_of
 from pipeline.protocols import Frame, Truth
 
 SIZE = (320, 192)
-SHIPPED = Path("models/base/weights.safetensors")
+SHIPPED = Path("models/base")
 
 
 def main() -> None:
@@ -25,17 +23,11 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=300)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        detector = OnnxDetector(options.model or exported(Path(folder)))
+        detector = OnnxDetector(options.model or onnx_of(SHIPPED, Path(folder)))
         spent = np.array(timings(detector, options.frames)) * 1e3
     print(
         f"{np.median(spent):.2f} ms a frame (median), {np.percentile(spent, 95):.2f} ms (95th percentile), {len(spent)} frames, one thread"
     )
-
-
-def exported(folder: Path) -> Path:
-    model = load_weights(SHIPPED) if SHIPPED.exists() else initial_model(0).eval()
-    export_onnx(folder / "model.onnx", model, SIZE)
-    return folder / "model.onnx"
 
 
 def timings(detector: OnnxDetector, frames: int) -> list[float]:

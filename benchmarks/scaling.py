@@ -15,17 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.artefacts.model import read_card
 from pipeline.config import compose, functional_scenario
-from pipeline.core.reliability import Calibration
 from pipeline.core.space import Space
 from pipeline.detectors.onnx import OnnxDetector
-from pipeline.detectors.yolo.export import export_onnx
-from pipeline.detectors.yolo.weights import load_weights
+from pipeline.detectors.yolo.export import onnx_of
 from pipeline.simulators.mujoco.episode import MujocoSimulator
 from pipeline.steps.execution import Workers
-
-SHIPPED = Path("models/base")
 
 
 def main() -> None:
@@ -38,9 +33,7 @@ def main() -> None:
     scenario, study = functional_scenario(options.scenario), compose("default", [])
     space = Space.from_dict(scenario.space)
     with tempfile.TemporaryDirectory() as folder:
-        onnx = Path(folder) / "model.onnx"
-        calibration = Calibration(**read_card(SHIPPED / "model.json").calibration)
-        export_onnx(onnx, load_weights(SHIPPED / "weights.safetensors"), (320, 192), calibration)
+        onnx = onnx_of(Path("models/base"), Path(folder))
         if options.memory:
             detector = OnnxDetector(onnx, threshold=study.detector["threshold"])
             watch(MujocoSimulator(scenario.model_dump()), detector, space, options.memory)

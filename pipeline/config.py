@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import difflib
 import inspect
+import re
 from collections.abc import Iterable, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -234,8 +235,8 @@ def validate(plain: Any, source: str) -> Config:
         config = Config.model_validate(plain)
     except ValidationError as error:
         message = _message(error)
-        if source == "conf/" and message.startswith("scenarios."):
-            source = f"conf/scenario/{message.split('.')[1].rstrip(':').partition(':')[0]}.yaml"
+        if source == "conf/" and (scenario := re.match(r"scenarios\.(\w+)", message)):
+            source = f"conf/scenario/{scenario[1]}.yaml"
         raise InputError(f"{source}: {message}") from error
     for name in config.scenarios:
         config.space(name)
@@ -307,11 +308,10 @@ def compose(study: str, overrides: Sequence[str]) -> Config:
         try:
             # Which scenarios a study needs is known only after its own overrides; theirs come last.
             chosen = [word for word in overrides if not word.lstrip("+~").startswith("scenario")]
-            if chosen:
-                plain = composed(chosen)
-            plain = composed(_scenarios(plain))
+            scenarios = _scenarios(composed(chosen) if chosen else plain)
+            plain = composed(scenarios)
             if overrides:
-                plain = composed([*_scenarios(composed(chosen)), *overrides])
+                plain = composed([*scenarios, *overrides])
         except (HydraException, OmegaConfBaseException) as error:
             raise InputError(_override_message(plain, overrides) or f"overrides: {str(error).splitlines()[0]}") from error
     config = validate(plain, "conf/")

@@ -90,6 +90,12 @@ class FunctionalScenario(Part):
         """Where on its route the ego's middle starts, metres: unbraked, its front is at the conflict point after `horizon_s`."""
         return self.conflict_s() - self.ego.speed_kmh / 3.6 * self.ego.horizon_s - EGO_HALF_LENGTH_M
 
+    def pedestrian_pose(self, time_s: float, speed_mps: float, shift_m: float = 0.0) -> Pose:
+        """Where the pedestrian is: at the conflict point after `horizon_s`, as the unbraked ego's front; the shift is along its path."""
+        along, heading = (time_s - self.ego.horizon_s) * speed_mps + shift_m, float(np.radians(self.pedestrian.heading_deg))
+        x, y = self.pedestrian.at
+        return Pose(float(x + along * np.cos(heading)), float(y + along * np.sin(heading)), heading)
+
     @model_validator(mode="after")
     def _can_be_driven(self) -> FunctionalScenario:
         try:

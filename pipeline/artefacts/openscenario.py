@@ -14,6 +14,7 @@ import numpy as np
 
 from pipeline.artefacts.files import write_bytes
 from pipeline.core import paths
+from pipeline.core.visibility import visual_range_m
 from pipeline.layout import LANE_WIDTH, PAVEMENT_WIDTH, Street, Town, streets
 from pipeline.protocols import Value
 from pipeline.scenario import EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M, HALF_LENGTHS_M, HALF_WIDTHS_M, FunctionalScenario
@@ -21,7 +22,6 @@ from pipeline.scenario import EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M, HALF_LENGTHS_
 DATE = "2026-01-01T00:00:00"
 """Fixed: the same scenario gives the same files."""
 JUNCTION_ID = "100"
-FOG_FREE_M, DENSE_FOG_M = 1500.0, 40.0
 
 
 def write_openscenario(scenario: FunctionalScenario, concrete: Mapping[str, Value], out: Path) -> tuple[Path, Path]:
@@ -210,16 +210,8 @@ def _motions(scenario: FunctionalScenario, concrete: Mapping[str, Value]) -> dic
     for name, actor in scenario.actors.items():
         own = actor.route()
         motions[name] = [(t, own.at(actor.travelled(t))) for t in times]
-    heading, walking, shift = (
-        np.radians(scenario.pedestrian.heading_deg),
-        float(concrete["pedestrian_speed"]),
-        float(concrete["pedestrian_shift"]),
-    )
-    x, y = scenario.pedestrian.at
-    along = [(t, (t - scenario.ego.horizon_s) * walking + shift) for t in times]
-    motions["pedestrian"] = [
-        (t, paths.Pose(float(x + d * np.cos(heading)), float(y + d * np.sin(heading)), float(heading))) for t, d in along
-    ]
+    walking, shift = float(concrete["pedestrian_speed"]), float(concrete["pedestrian_shift"])
+    motions["pedestrian"] = [(t, scenario.pedestrian_pose(t, walking, shift)) for t in times]
     return motions
 
 
@@ -263,7 +255,7 @@ def _environment(actions: Xml.Element, concrete: Mapping[str, Value]) -> None:
     # OpenSCENARIO measures azimuth clockwise from north (y), we counterclockwise from x.
     azimuth = float(np.radians((90 - float(concrete["sun_azimuth"])) % 360))
     _add(weather, "Sun", intensity=max(0.0, float(np.sin(altitude))), azimuth=azimuth, elevation=float(altitude))
-    _add(weather, "Fog", visualRange=float(FOG_FREE_M * (DENSE_FOG_M / FOG_FREE_M) ** fog))
+    _add(weather, "Fog", visualRange=visual_range_m(float(concrete["fog"])))
     _add(weather, "Precipitation", precipitationType="rain" if rain else "dry", intensity=rain)
     _add(action, "RoadCondition", frictionScaleFactor=1.0)
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.core.regions import NOISE, find_regions
+from pipeline.core.regions import NOISE, find_regions, largest_first
 from pipeline.core.rules import find_rule
 from pipeline.core.space import Floats, Space
 
@@ -51,7 +51,7 @@ def split_regions(space: Space, points: Floats, failures: Bools, radius: float, 
                 waiting.append((part, size * SHRINK))
     for label, part in enumerate(found):
         labels[part] = label
-    return _largest_first(labels, min_failures)
+    return largest_first(labels, min_failures)
 
 
 def _precise(space: Space, points: Floats, failures: Bools, members: NDArray[Any], min_precision: float) -> bool:
@@ -86,7 +86,7 @@ def grow_regions(space: Space, points: Floats, failures: Bools, labels: Ints, mi
             if not taken.any():
                 break
             grown[taken] = label
-    return _largest_first(grown, min_failures)
+    return largest_first(grown, min_failures)
 
 
 def merge_regions(space: Space, points: Floats, failures: Bools, labels: Ints, min_precision: float) -> Ints:
@@ -97,13 +97,4 @@ def merge_regions(space: Space, points: Floats, failures: Bools, labels: Ints, m
             both = (merged == label) | (merged == other)
             if (merged == label).any() and (merged == other).any() and _precise(space, points, failures, both, min_precision):
                 merged[both] = label
-    return _largest_first(merged, 1)
-
-
-def _largest_first(labels: Ints, min_failures: int) -> Ints:
-    known, counts = np.unique(labels[labels != NOISE], return_counts=True)
-    known, counts = known[counts >= min_failures], counts[counts >= min_failures]
-    result = np.full(len(labels), NOISE, dtype=np.int64)
-    for rank, label in enumerate(known[np.argsort(-counts, kind="stable")]):
-        result[labels == label] = rank
-    return result
+    return largest_first(merged)

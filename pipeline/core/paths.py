@@ -57,7 +57,6 @@ class Path:
         straight = lengths - before - after
         if straight.min() < -1e-9:
             raise ValueError(f"corners of radius {radius:g} m do not fit between waypoints {int(straight.argmin()) + 1} and the next")
-        self.waypoints, self.radius = [(float(x), float(y)) for x, y in points], radius
         self.pieces: list[Piece] = []
         pose = Pose(float(points[0, 0]), float(points[0, 1]), float(headings[0]))
         for i, length in enumerate(straight):
@@ -82,14 +81,7 @@ class Path:
         """Pose after s metres from the first waypoint; negative before it."""
         i = min(int(np.searchsorted(self._ends, s, side="right")), len(self.pieces) - 1)
         start = self._ends[i - 1] if i else 0.0
-        if i == len(self.pieces) - 1 and s > self._ends[-1] and self.pieces[i].curvature:
-            raise AssertionError("a path ends in a straight piece")
         return self.pieces[i].at(float(s - start))
-
-    def curvature(self, s: float) -> float:
-        """1/m at s, positive to the left."""
-        i = min(int(np.searchsorted(self._ends, s, side="right")), len(self.pieces) - 1)
-        return self.pieces[i].curvature
 
     def project(self, x: float, y: float) -> tuple[float, float]:
         """The place on the path that is nearest to a point: metres along it, and metres that the point lies to its left."""

@@ -44,7 +44,7 @@ def find_regions(space: Space, failures: Floats, epsilon: float, min_failures: i
     if not len(failures):
         return np.zeros(0, np.int64)
     found = DBSCAN(eps=epsilon, min_samples=min_failures, metric="precomputed").fit_predict(mixed_distance(space, failures, failures))
-    return _largest_first(np.asarray(found, dtype=np.int64))
+    return largest_first(np.asarray(found, dtype=np.int64))
 
 
 def connected_failures(space: Space, failures: Floats) -> Ints:
@@ -66,7 +66,7 @@ def connected_failures(space: Space, failures: Floats) -> Ints:
         if variable.kind != "categorical":
             far |= step > 1
     neighbours = csr_matrix((different <= 1) & ~far)
-    return _largest_first(np.asarray(connected_components(neighbours, directed=False)[1], dtype=np.int64))
+    return largest_first(np.asarray(connected_components(neighbours, directed=False)[1], dtype=np.int64))
 
 
 def medoid(space: Space, points: Floats) -> int:
@@ -74,10 +74,11 @@ def medoid(space: Space, points: Floats) -> int:
     return int(np.argmin(mixed_distance(space, points, points).sum(axis=1)))
 
 
-def _largest_first(labels: Ints) -> Ints:
+def largest_first(labels: Ints, min_failures: int = 1) -> Ints:
+    """Number the labels (n,) anew, larger regions first; those with fewer than `min_failures` become noise."""
     known, counts = np.unique(labels[labels != NOISE], return_counts=True)
-    ranked = known[np.argsort(-counts, kind="stable")]
+    known, counts = known[counts >= min_failures], counts[counts >= min_failures]
     result = np.full(len(labels), NOISE, np.int64)
-    for rank, label in enumerate(ranked):
+    for rank, label in enumerate(known[np.argsort(-counts, kind="stable")]):
         result[labels == label] = rank
     return result

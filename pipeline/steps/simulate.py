@@ -8,10 +8,8 @@ from pathlib import Path
 
 from hydra.utils import instantiate
 
-from pipeline.artefacts.model import read_card
 from pipeline.config import compose, functional_scenario, nearest
 from pipeline.core import kpi
-from pipeline.core.reliability import Calibration
 from pipeline.core.space import Space
 from pipeline.protocols import Detector, InputError, Value
 
@@ -27,6 +25,7 @@ def run(scenario: str, assignments: Sequence[str], *, model: Path, out: Path) ->
 
     scenario: a file's name in conf/scenario. assignments: key=value for scenario variables; what is missing is plain.
     """
+    from pipeline.detectors.yolo.export import onnx_of
     from pipeline.report.replays import render_replay
 
     if out.suffix not in (".mp4", ".gif"):
@@ -36,7 +35,7 @@ def run(scenario: str, assignments: Sequence[str], *, model: Path, out: Path) ->
     concrete = concrete_scenario(space, assignments)
     study = compose("default", [])
     with tempfile.TemporaryDirectory() as folder:
-        onnx = _onnx(model, Path(folder))
+        onnx = onnx_of(model, Path(folder))
         simulator = instantiate(study.simulator, scenario=described.model_dump(), _convert_="all")
         detector: Detector = instantiate(study.detector, model=onnx, _convert_="all")
         episode = simulator.execute(concrete, detector, keep_every=1)
@@ -70,17 +69,3 @@ def concrete_scenario(space: Space, assignments: Sequence[str]) -> dict[str, Val
     except ValueError as error:
         raise InputError(str(error)) from error
     return values
-
-
-def _onnx(model: Path, folder: Path) -> Path:
-    """The detector of a model version's folder; made of its weights where only they are there."""
-    if (model / "model.onnx").exists():
-        return model / "model.onnx"
-    if not (model / "weights.safetensors").exists():
-        raise InputError(f"--model: {model} holds neither model.onnx nor weights.safetensors")
-    from pipeline.detectors.yolo.export import export_onnx
-    from pipeline.detectors.yolo.weights import load_weights
-
-    card = read_card(model / "model.json")
-    export_onnx(folder / "model.onnx", load_weights(model / "weights.safetensors"), card.input_size, Calibration(**card.calibration))
-    return folder / "model.onnx"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,25 +10,25 @@ import pytest
 from pipeline.core.footprints import Rectangle
 from pipeline.core.paths import Path, Pose
 
-RIGHT = Path([(-50, -1.75), (8.25, -1.75), (8.25, -40)], radius=7.75)
-LEFT = Path([(-50, -1.75), (11.75, -1.75), (11.75, 40)], radius=9)
+RIGHT_TURN, RIGHT_RADIUS = [(-50.0, -1.75), (8.25, -1.75), (8.25, -40.0)], 7.75
+LEFT_TURN, LEFT_RADIUS = [(-50.0, -1.75), (11.75, -1.75), (11.75, 40.0)], 9.0
 
 
-@pytest.mark.parametrize(("path", "turn"), [(RIGHT, -np.pi / 2), (LEFT, np.pi / 2)])
-def test_a_corner_is_an_arc_between_two_straights(path: Path, turn: float) -> None:
+@pytest.mark.parametrize(("waypoints", "radius", "turn"), [(RIGHT_TURN, RIGHT_RADIUS, -np.pi / 2), (LEFT_TURN, LEFT_RADIUS, np.pi / 2)])
+def test_a_corner_is_an_arc_between_two_straights(waypoints: list[tuple[float, float]], radius: float, turn: float) -> None:
+    path = Path(waypoints, radius)
     assert path.at(0) == Pose(-50, -1.75, 0)
     end = path.at(path.length)
-    assert (end.x, end.y) == pytest.approx(path.waypoints[-1]) and end.heading == pytest.approx(turn)
-    straight = sum(float(np.hypot(*np.subtract(b, a))) for a, b in zip(path.waypoints, path.waypoints[1:], strict=False))
-    assert path.length == pytest.approx(straight - 2 * path.radius + path.radius * np.pi / 2)
+    assert (end.x, end.y) == pytest.approx(waypoints[-1]) and end.heading == pytest.approx(turn)
+    straight = sum(float(np.hypot(*np.subtract(b, a))) for a, b in pairwise(waypoints))
+    assert path.length == pytest.approx(straight - 2 * radius + radius * np.pi / 2)
     steps = [path.at(s) for s in np.arange(-5, path.length + 5, 0.01)]
-    moved = [np.hypot(b.x - a.x, b.y - a.y) for a, b in itertools.pairwise(steps)]
+    moved = [np.hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(steps)]
     assert np.allclose(moved, 0.01, atol=1e-5)
-    assert path.curvature(1) == path.curvature(path.length - 1) == 0
-    assert max(abs(path.curvature(s)) for s in np.arange(0, path.length, 0.5)) == pytest.approx(1 / path.radius)
+    assert [piece.curvature for piece in path.pieces] == pytest.approx([0, np.sign(turn) / radius, 0])
 
 
-@pytest.mark.parametrize("path", [RIGHT, LEFT, Path([(0, 0), (1, 1)])])
+@pytest.mark.parametrize("path", [Path(RIGHT_TURN, RIGHT_RADIUS), Path(LEFT_TURN, LEFT_RADIUS), Path([(0, 0), (1, 1)])])
 def test_projection_undoes_at(path: Path) -> None:
     for s in np.linspace(-10, path.length + 10, 60):
         pose = path.at(float(s))

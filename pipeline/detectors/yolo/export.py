@@ -10,8 +10,11 @@ import torch
 from torch import Tensor, nn
 
 from pipeline.artefacts.files import write_bytes
+from pipeline.artefacts.model import read_card
 from pipeline.core.reliability import Calibration
 from pipeline.detectors.yolo.model import Yolo, cells, decode
+from pipeline.detectors.yolo.weights import load_weights
+from pipeline.protocols import InputError
 
 OPSET = 17
 
@@ -34,6 +37,17 @@ class Deployed(nn.Module):
         scaled = image.permute(0, 3, 1, 2).float() * (1 / 255)
         boxes, logits = decode(self.model(scaled), self.centres, self.strides)
         return boxes, (self.calibration.slope * logits + self.calibration.offset).sigmoid()
+
+
+def onnx_of(model: Path, folder: Path) -> Path:
+    """The ONNX file of a model version's folder; made in `folder` of its weights and card where only they are there."""
+    if (model / "model.onnx").exists():
+        return model / "model.onnx"
+    if not (model / "weights.safetensors").exists():
+        raise InputError(f"{model} holds neither model.onnx nor weights.safetensors")
+    card, onnx = read_card(model / "model.json"), folder / "model.onnx"
+    export_onnx(onnx, load_weights(model / "weights.safetensors"), card.input_size, Calibration(**card.calibration))
+    return onnx
 
 
 def export_onnx(path: Path, model: Yolo, size: tuple[int, int], calibration: Calibration | None = None) -> None:

@@ -37,7 +37,7 @@ def scenario_sheet(scenario: FunctionalScenario, camera: Mapping[str, Any], weat
     """A row a weather, a column a moment of the unbraked encounter: (rows * height, columns * width, 3) RGB."""
     stage = Stage(scenario.town, scenario.actors, CameraSettings.model_validate(dict(camera)))
     route, rng = scenario.ego.route(), np.random.default_rng(0)
-    speed, walking, heading = scenario.ego.speed_kmh / 3.6, 1.4, np.radians(scenario.pedestrian.heading_deg)
+    speed, walking = scenario.ego.speed_kmh / 3.6, 1.4
     rows = []
     try:
         for index, (name, weather) in enumerate(weathers.items()):
@@ -48,10 +48,9 @@ def scenario_sheet(scenario: FunctionalScenario, camera: Mapping[str, Any], weat
                 stage.put("ego", route.at(scenario.start_s() + speed * time_s))
                 for actor, described in scenario.actors.items():
                     stage.put(actor, described.route().at(described.travelled(time_s)))
-                along = walking * (time_s - scenario.ego.horizon_s)
-                x, y = np.array(scenario.pedestrian.at) + along * np.array([np.cos(heading), np.sin(heading)])
+                pedestrian = scenario.pedestrian_pose(time_s, walking)
                 animation = ANIMATIONS[index % len(ANIMATIONS)]
-                stage.place_pedestrian(float(x), float(y), scenario.pedestrian.heading_deg, animation, 6 * time_s, walking)
+                stage.place_pedestrian(pedestrian.x, pedestrian.y, scenario.pedestrian.heading_deg, animation, 6 * time_s, walking)
                 metres = scenario.conflict_s() - scenario.start_s() - speed * time_s - EGO_HALF_LENGTH_M
                 tiles.append(_captioned(stage.shoot(rng)[0], f"{scenario.label}  {name}  {metres:.0f} m"))
             rows.append(np.hstack(tiles))

@@ -122,14 +122,11 @@ class _Loop:
         return state
 
     def _state(self) -> _State:
-        # Unbraked, ego's front and pedestrian reach the conflict point together at horizon_s; the shift then moves the pedestrian.
-        along = (self._time - self._scenario.ego.horizon_s) * self._speed + self._shift
-        at = self._scenario.pedestrian.at
-        x, y = at[0] + along * np.cos(self._heading), at[1] + along * np.sin(self._heading)
+        pedestrian = self._scenario.pedestrian_pose(self._time, self._speed, self._shift)
         travelled = self._stage.travelled
         if not np.isfinite(travelled):
             raise SimulationError(f"the ego's position became {travelled} at {self._time:.2f} s")
-        return _State(self._time, travelled, self._route.at(travelled), self._stage.ego_speed, float(x), float(y))
+        return _State(self._time, travelled, self._route.at(travelled), self._stage.ego_speed, pedestrian.x, pedestrian.y)
 
     def _drive(self, brake: float) -> _State:
         """Advance to the next camera frame, or to the contact."""

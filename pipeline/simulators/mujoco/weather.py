@@ -8,11 +8,12 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.core.visibility import visual_range_m
+
 from .textures import noise
 
 Floats = NDArray[np.float64]
 LAMPS_ON_BELOW_DEG = 0.0
-FOG_FREE_RANGE_M, DENSE_FOG_RANGE_M = 1500.0, 40.0
 RANGE_CONTRAST = 0.05
 """Contrast left at the visual range (Koschmieder, as the meteorological optical range is defined)."""
 SKY_SIZE = 128
@@ -61,8 +62,7 @@ class Weather:
     @property
     def extinction_per_m(self) -> float:
         """Extinction coefficient of fog and rain: `RANGE_CONTRAST` is left at the visual range."""
-        visual_range = FOG_FREE_RANGE_M * (DENSE_FOG_RANGE_M / FOG_FREE_RANGE_M) ** (self.fog / 100)
-        return float(-np.log(RANGE_CONTRAST) / visual_range + 0.008 * self.rain / 100)
+        return float(-np.log(RANGE_CONTRAST) / visual_range_m(self.fog) + 0.008 * self.rain / 100)
 
     @property
     def grey(self) -> Floats:
