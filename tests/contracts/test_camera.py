@@ -16,10 +16,10 @@ from pipeline.layout import Town
 from pipeline.simulators.mujoco import pedestrian, textures, world
 from pipeline.simulators.mujoco.blueprints import NAMES
 from pipeline.simulators.mujoco.camera import Camera
+from pipeline.simulators.mujoco.furniture import lamp_positions
 from pipeline.simulators.mujoco.lens import CameraSettings
 from pipeline.simulators.mujoco.mesh import Mesh
 from pipeline.simulators.mujoco.stage import Stage
-from pipeline.simulators.mujoco.town import lamp_positions
 from pipeline.simulators.mujoco.weather import Weather
 
 TOWN = Town(seed=1)

@@ -17,9 +17,9 @@ from pipeline.scenario import Actor
 from . import gait, world
 from .blueprints import BLUEPRINTS
 from .camera import Camera
+from .furniture import lamp_positions
 from .lens import CameraSettings
 from .pedestrian import Pedestrian
-from .town import lamp_positions
 from .weather import Weather
 
 

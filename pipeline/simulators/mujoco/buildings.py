@@ -1,0 +1,73 @@
+"""Rows of houses along a street."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from pipeline.layout import CORNER_RADIUS, PAVEMENT_WIDTH, Street, Town
+
+from .mesh import Mesh, place
+from .style import STYLES, Style
+
+HOUSE_DEPTH = 10.0
+
+
+def _front(town: Town, style: Style, street: Street, side: int) -> float:
+    """Distance of the house fronts from the axis."""
+    return street.edge(side) + PAVEMENT_WIDTH + style.setback + (2.5 if town.overgrown(side) else 0)
+
+
+def add(spec: mujoco.MjSpec, body: mujoco.MjsBody, town: Town, street: Street, side: int, rng: np.random.Generator) -> None:
+    """House fronts, gable ends and roofs, one mesh a surface; a cross row closes the street at its end."""
+    style = STYLES[town.style]
+    parts: dict[str, Mesh] = {}
+    panes = Mesh()
+    front = _front(town, style, street, side)
+    # The main street's corner houses stand at the side street; its own begin behind them.
+    u = street.start - 10 if street.name == "main" else PAVEMENT_WIDTH + style.setback + HOUSE_DEPTH + 4
+    clear = PAVEMENT_WIDTH + style.setback - CORNER_RADIUS + 0.5
+    while u < street.end:
+        width = rng.uniform(*style.widths)
+        wall, floors = int(rng.integers(len(style.walls))), int(rng.integers(style.storeys[0], style.storeys[1] + 1))
+        gap = next((g for g in street.gaps if g.side == side and g.start - clear < u + width and u < g.end + clear), None)
+        if gap:
+            u = gap.end + clear if u + 8 > gap.start - clear else u
+            if u < gap.start:
+                width = gap.start - clear - u
+        v = front + rng.uniform(0, 1.2)
+        _house(parts, style, (u, u + width), (side * v, side * (v + HOUSE_DEPTH)), wall, floors, int(rng.integers(len(style.roofs))))
+        for _ in range(floors):
+            window = u + 0.9 + 3 * rng.integers(max(1, int(width / 3)))
+            height = 3.5 + 3 * rng.integers(floors) + 0.75
+            edge = (1.2, 0, 0) if side > 0 else (-1.2, 0, 0)
+            panes.quad((window + (0 if side > 0 else 1.2), side * (v - 0.02), height), edge, (0, 0, 1.5), (0, 0, 1, 1))
+        u += width + style.gap + (rng.uniform(3, 8) if rng.random() < 0.2 else 0)
+    if side > 0:
+        behind = street.end + (22 if street.name == "main" else 8)
+        for k, v in enumerate((-26.0, -9.0, 8.0)):
+            _house(parts, style, (behind, behind + 12), (v, v + 16.5), k % len(style.walls), style.storeys[1], k % len(style.roofs))
+    for name, mesh in [*parts.items(), ("window_light", panes)]:
+        mesh.add_to(spec, f"{street.name}_{name}_{side}")
+        place(body, f"{street.name}_{name}_{side}", name)
+
+
+def _house(
+    parts: dict[str, Mesh], style: Style, us: tuple[float, float], vs: tuple[float, float], wall: int, floors: int, roof: int
+) -> None:
+    (x0, x1), y0, y1 = us, min(vs), max(vs)
+    eaves = 3.5 + 3.0 * floors
+    corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
+    for (ax, ay), (bx, by) in zip(corners, corners[1:] + corners[:1], strict=True):
+        edge, length = (bx - ax, by - ay, 0.0), float(np.hypot(bx - ax, by - ay))
+        bays = max(1, round(length / 3)) / 2
+        parts.setdefault(f"ground{wall}", Mesh()).quad((ax, ay, 0), edge, (0, 0, 3.5), (0, 1, bays * 6 / 14, 0))
+        parts.setdefault(f"wall{wall}", Mesh()).quad((ax, ay, 3.5), edge, (0, 0, 3.0 * floors), (0, floors / 2, bays, 0))
+    surface = parts.setdefault(f"roof{roof}", Mesh())
+    middle, ridge = (y0 + y1) / 2, eaves + 0.32 * (y1 - y0)
+    span, slope = x1 - x0 + 0.8, np.hypot(middle - y0, ridge - eaves)
+    surface.quad((x0 - 0.4, y0 - 0.4, eaves - 0.2), (span, 0, 0), (0, middle - y0 + 0.4, ridge - eaves + 0.2), (0, 0, span / 4, slope / 4))
+    surface.quad((x1 + 0.4, y1 + 0.4, eaves - 0.2), (-span, 0, 0), (0, middle - y1 - 0.4, ridge - eaves + 0.2), (0, 0, span / 4, slope / 4))
+    gable = parts[f"ground{wall}"]
+    gable.triangle([(x0, y1, eaves), (x0, y0, eaves), (x0, middle, ridge)], [(0.02, 0.1), (0.06, 0.1), (0.04, 0.02)])
+    gable.triangle([(x1, y0, eaves), (x1, y1, eaves), (x1, middle, ridge)], [(0.02, 0.1), (0.06, 0.1), (0.04, 0.02)])
