@@ -94,8 +94,8 @@ def regions_section(found: Sequence[FailureRegions], plots: Mapping[str, Drawing
     parts = []
     for regions in found:
         summary = (
-            f"{regions.failures} of {regions.tests} tests fail ({100 * regions.base_rate:.1f} %); {len(regions.regions)} regions, "
-            f"{len(regions.unassigned)} failures in none. Connected sets of failures (Def. 4.19): {regions.connected}."
+            f"{regions.failures} of {regions.tests} tests fail ({100 * regions.base_rate:.1f} %); regions: {len(regions.regions)}, "
+            f"failures in none of them: {len(regions.unassigned)}. Connected sets of failures (Def. 4.19): {regions.connected}."
         )
         headers = ("region", "rule", "failures", "fail inside rule", "covers", "how", "found by")
         rows = tuple(
