@@ -278,5 +278,8 @@ rule track:
         " --out {output} --log {log}"
 
 
+include: "front_car.smk"
+
+
 onsuccess:
     S.finish()

@@ -1,4 +1,4 @@
-"""Is the world fair? How often the visible-pixel oracle, and how often the shipped detector, fails in random tests.
+"""Is the world fair? How often the visible-pixel oracle, or a detector, fails in random tests, and how to see each failure.
 
 python benchmarks/fairness.py [--tests 300] [--scenario F1 F2] [--detector oracle|models/base]
 """
@@ -11,6 +11,7 @@ from collections import Counter
 from pathlib import Path
 
 import numpy as np
+from tqdm import tqdm
 
 from pipeline.config import compose, functional_scenario
 from pipeline.core import kpi
@@ -43,9 +44,16 @@ def main() -> None:
             described = functional_scenario(name)
             space, simulator = Space.from_dict(described.space), MujocoSimulator(described.model_dump())
             points = space.sample(options.tests, np.random.default_rng(5))
-            modes = Counter(kpi.evaluate(simulator.execute(space.decode(p), detector).signals, 0.1).failure_mode for p in points)
+            modes: Counter[str] = Counter()
+            for point in tqdm(points, desc=name, unit="test", mininterval=2):
+                concrete = space.decode(point)
+                outcome = kpi.evaluate(simulator.execute(concrete, detector).signals, 0.1)
+                if outcome.failure:
+                    modes[outcome.failure_mode] += 1
+                    words = [f"'{key}={value}'" if isinstance(value, str) else f"{key}={value:.4g}" for key, value in concrete.items()]
+                    tqdm.write(f"{outcome.failure_mode}: python -m pipeline simulate {name} {' '.join(words)}")
             simulator.close()
-            failures = options.tests - modes.pop("none", 0)
+            failures = sum(modes.values())
             low, high = wilson_interval(failures, options.tests)
             print(f"{name}: {failures} of {options.tests} fail ({low:.1%} to {high:.1%}); {dict(modes)}", flush=True)
 

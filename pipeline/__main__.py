@@ -51,6 +51,17 @@ STEPS: dict[str, tuple[str, Options]] = {
             "models": MANY, "detectors": MANY, "out": ONE, "plots": ONE,
         },
     ),
+    "front-car-points": ("Draw random points of the front-car domain and propose points to full coverage.", {"out": ONE}),
+    "front-car-snapshots": (
+        "Render the snapshots of some points.", {"points": ONE, "version": TEXT, "out": ONE, "threads": NUMBER},
+    ),
+    "front-car-train": (
+        "Train a detector of the forward vehicle.", {"version": TEXT, "snapshots": ONE, "out": ONE, "threads": NUMBER},
+    ),
+    "front-car-evaluate": ("Test the detectors of the forward vehicle.", {"points": ONE, "test": ONE, "models": MANY, "out": ONE}),
+    "front-car-report": (
+        "Write the front-car study's page.", {"points": ONE, "snapshots": ONE, "evaluation": ONE, "out": ONE, "plots": ONE},
+    ),
 }  # fmt: skip
 
 

@@ -17,6 +17,7 @@ import yaml
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from pipeline.core.space import Space
+from pipeline.front_car import FrontCar
 from pipeline.protocols import InputError
 from pipeline.scenario import FunctionalScenario
 
@@ -163,8 +164,8 @@ class Config(_Section):
 
     study: str = Field(pattern=r"^[a-z0-9_-]+$")
     """Its name; results lie in data/<study>."""
-    goal: Literal["report", "base"]
-    """`report` runs everything, `base` stops at the trained base detector."""
+    goal: Literal["report", "base", "front_car"]
+    """`report` runs the loop, `base` stops at the trained base detector, `front_car` runs the front-car study."""
     seeds: tuple[Seed, ...] = Field(min_length=1)
     """Seeds of the search campaigns."""
     search: tuple[str, ...] = Field(min_length=1)
@@ -193,6 +194,7 @@ class Config(_Section):
     regions: Regions
     report: Report
     tracking: Tracking
+    front_car: FrontCar
 
     @model_validator(mode="after")
     def _names_exist(self) -> Config:

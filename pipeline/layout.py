@@ -1,7 +1,7 @@
 """Where a town's streets lie: asphalt, lanes, kerbs, crosswalks; for whoever draws them, drives on them or exports them.
 
-World frame, metres: x along the main street in the ego's driving direction, y left. The main street's rightmost lane, the ego's, has its
-middle at y = -1.75. Right-hand traffic.
+World frame, metres: x along the main street in the ego's driving direction, y left; a curved main street runs so at x = 0. The main
+street's rightmost lane, the ego's, has its middle 1.75 m right of the street's axis. Right-hand traffic.
 """
 
 from __future__ import annotations
@@ -12,6 +12,8 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from pipeline.core.paths import Piece, Pose
+
 LANE_WIDTH = 3.5
 PAVEMENT_WIDTH = 3.0
 BAY_DEPTH = 3.1
@@ -19,6 +21,8 @@ CORNER_RADIUS = 6.0
 """Of the kerbs where two streets meet."""
 START_X, END_X = -75.0, 150.0
 SIDE_LENGTH = 85.0
+SHARPEST = 1 / 50
+"""The strongest curvature of a street, 1/m: beyond it the houses on its inner side would meet."""
 Side = Literal["left", "right"]
 OnStreet = Annotated[float, Field(ge=START_X + 5, le=END_X - 5)]
 
@@ -46,13 +50,15 @@ class Crosswalk(Part):
 class Town(Part):
     """The streets, their style and the seed of all that is drawn by lot: houses, trees, textures.
 
-    lanes_ahead: lanes in the ego's direction; there is one oncoming. bus_bay: on the nearside, from x to x. vegetation: hedges and dense
-    trees. crosswalks. rails_x_m: a train line crosses the main street here. trees: (x, y) of single trees beside those drawn by lot.
+    lanes_ahead: lanes in the ego's direction; there is one oncoming. curvature_1pm: of the main street, positive to the left. bus_bay: on
+    the nearside, from x to x. vegetation: hedges and dense trees. crosswalks. rails_x_m: a train line crosses the main street here. trees:
+    (x, y) of single trees beside those drawn by lot.
     """
 
     style: Literal["urban", "suburban"] = "urban"
     seed: int = Field(ge=0)
     lanes_ahead: int = Field(default=1, ge=1, le=2)
+    curvature_1pm: float = Field(default=0.0, ge=-SHARPEST, le=SHARPEST)
     bus_bay: tuple[OnStreet, OnStreet] | None = None
     vegetation: Literal["none", "left", "right", "both"] = "none"
     junction: Junction | None = None
@@ -66,6 +72,8 @@ class Town(Part):
             raise ValueError(f"bus_bay must run from a smaller to a larger x, got {self.bus_bay}")
         if self.junction is None and any(crosswalk.street == "side" for crosswalk in self.crosswalks):
             raise ValueError("crosswalks: one lies on the side street, but the town has no junction")
+        if self.curvature_1pm and (self.junction or self.rails_x_m is not None):
+            raise ValueError("curvature_1pm: a street with a junction or a train line must be straight")
         gaps = [(gap.start, gap.end) for gap in streets(self)[0].gaps if gap.side == -1]
         if self.bus_bay and any(start < self.bus_bay[1] + 1 and end > self.bus_bay[0] - 1 for start, end in gaps):
             raise ValueError(f"bus_bay {self.bus_bay} overlaps the junction or the train line")
@@ -91,15 +99,16 @@ class Gap:
 
 @dataclass(frozen=True)
 class Street:
-    """A straight street in its own frame: u along it, v to its left, from `start` to `end`.
+    """A street in its own frame: u along it, v to its left, from `start` to `end`.
 
-    origin, angle: pose of that frame in the world, metres and radians. right, left: distances of the kerbs from its axis. middle: v of the
-    line between the two directions. bay: bus bay on the right.
+    origin, angle: pose of that frame in the world, metres and radians. curvature: of its axis, 1/m, positive to the left. right, left:
+    distances of the kerbs from its axis. middle: v of the line between the two directions. bay: bus bay on the right.
     """
 
     name: str
     origin: tuple[float, float]
     angle: float
+    curvature: float
     start: float
     end: float
     right: float
@@ -108,16 +117,26 @@ class Street:
     bay: tuple[float, float] | None
     gaps: tuple[Gap, ...]
 
+    @property
+    def axis(self) -> Piece:
+        """Its axis, by u."""
+        return Piece(Pose(*self.origin, self.angle), np.inf, self.curvature)
+
+    def pose(self, u: float, v: float) -> Pose:
+        """Pose in the world of a point of the street's frame, looking along the street."""
+        on = self.axis.at(u)
+        return Pose(float(on.x - v * np.sin(on.heading)), float(on.y + v * np.cos(on.heading)), on.heading)
+
     def world(self, u: float, v: float) -> tuple[float, float]:
         """World coordinates of a point of the street's frame."""
-        c, s = np.cos(self.angle), np.sin(self.angle)
-        return float(self.origin[0] + c * u - s * v), float(self.origin[1] + s * u + c * v)
+        pose = self.pose(u, v)
+        return pose.x, pose.y
 
     def local(self, x: float, y: float) -> tuple[float, float]:
         """(u, v) of a point of the world."""
-        c, s = np.cos(self.angle), np.sin(self.angle)
-        dx, dy = x - self.origin[0], y - self.origin[1]
-        return float(c * dx + s * dy), float(-s * dx + c * dy)
+        u = self.axis.foot(x, y)
+        on = self.axis.at(u)
+        return u, float(-np.sin(on.heading) * (x - on.x) + np.cos(on.heading) * (y - on.y))
 
     def edge(self, side: int, u: float | None = None) -> float:
         """Distance of the kerb from the axis; beside a bus bay the bay's. Without u: the furthest along the whole side."""
@@ -141,18 +160,19 @@ def streets(town: Town) -> tuple[Street, ...]:
     if town.rails_x_m is not None:
         gaps += [Gap(side, town.rails_x_m - 3, town.rails_x_m + 3, False) for side in (-1, 1)]
     middle = LANE_WIDTH * (town.lanes_ahead - 1)
-    main = Street("main", (0, 0), 0, START_X, END_X, LANE_WIDTH, left, middle, town.bus_bay, tuple(gaps))
+    main = Street("main", (0, 0), 0, town.curvature_1pm, START_X, END_X, LANE_WIDTH, left, middle, town.bus_bay, tuple(gaps))
     if town.junction is None:
         return (main,)
     sign = 1 if town.junction.side == "left" else -1
     origin = (town.junction.x_m, left if sign > 0 else -LANE_WIDTH)
-    return main, Street("side", origin, sign * np.pi / 2, 0, SIDE_LENGTH, LANE_WIDTH, LANE_WIDTH, 0, None, ())
+    return main, Street("side", origin, sign * np.pi / 2, 0, 0, SIDE_LENGTH, LANE_WIDTH, LANE_WIDTH, 0, None, ())
 
 
 def on_asphalt(town: Town, x: float, y: float, margin: float = 0.0) -> bool:
     """Whether a point lies on a street, at least `margin` metres from its kerbs."""
     main, *side = streets(town)
-    if main.start <= x <= main.end and -main.edge(-1, x) + margin <= y <= main.left - margin:
+    u, v = main.local(x, y)
+    if main.start <= u <= main.end and -main.edge(-1, u) + margin <= v <= main.left - margin:
         return True
     for street in side:
         u, v = street.local(x, y)

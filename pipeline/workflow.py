@@ -33,6 +33,8 @@ class Study:
         """What `all` asks for."""
         if self.config.goal == "base":
             return [f"{self.root}/models/base/model.json"]
+        if self.config.goal == "front_car":
+            return [f"{self.root}/front_car.html"]
         return [f"{self.root}/report.html", f"{self.root}/tracking.json"]
 
     @property
@@ -56,6 +58,11 @@ class Study:
         """A person's table of overruled frames, if there is one."""
         return [self.config.filter.overrules] if self.config.filter.overrules else []
 
+    @property
+    def front_car_data(self) -> list[str]:
+        """The keys that the snapshots of the front-car study depend on."""
+        return [f"front_car.{key}" for key in ("space", "seed", "images", "validation_share", "test_images")]
+
     def budget(self, scenario: str) -> str:
         """The config section that sets a campaign's number of tests."""
         return "comparison.tests" if scenario in self.config.held_out else "campaign"
@@ -65,7 +72,7 @@ class Study:
         comparison = f"{self.root}/comparison.json"
         if self.config.goal == "report" and (ROOT / comparison).exists():
             subprocess.run([sys.executable, "-m", "pipeline", "verdict", "--comparison", comparison], cwd=ROOT, check=False)
-        if (ROOT / ".dvc").exists() and "DVC_STAGE" not in os.environ:
+        if self.config.goal == "report" and (ROOT / ".dvc").exists() and "DVC_STAGE" not in os.environ:
             told = subprocess.run([sys.executable, "-m", "dvc", "commit", "--force", "--quiet"], cwd=ROOT, capture_output=True, text=True)
             if told.returncode:
                 print(f"dvc commit failed, so `dvc status` will report changes: {told.stderr.strip()}", file=sys.stderr)

@@ -6,6 +6,7 @@ images/{train,val}/NNNNNN.jpg, labels/{train,val}/NNNNNN.txt, dataset.yaml and t
 from __future__ import annotations
 
 import hashlib
+import io
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import Any, Literal
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from pipeline.artefacts.files import read_json, write_bytes, write_json
 from pipeline.protocols import Box, InputError, Truth, Value
@@ -21,7 +23,7 @@ from pipeline.protocols import Box, InputError, Truth, Value
 Split = Literal["train", "val"]
 SPLITS: tuple[Split, Split] = ("train", "val")
 TRUTH_FILE = "truth.coco.json"
-CATEGORY = {"id": 1, "name": "pedestrian"}
+CATEGORY_ID = 1
 JPEG = (
     cv2.IMWRITE_JPEG_QUALITY,
     95,
@@ -29,14 +31,14 @@ JPEG = (
     cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444,
 )
 
-
-@dataclass(frozen=True)
-class LabelledImage:
-    """One rendered image with its ground truth. image: (h, w, 3) uint8 RGB. attributes: the scenario variables."""
-
-    image: NDArray[np.uint8]
-    truth: Truth
-    attributes: Mapping[str, Value] = field(default_factory=dict)
+SEGMENT_COLOURS = np.array(
+    [
+        (118, 168, 214), (104, 96, 112), (245, 245, 245), (196, 170, 184), (150, 190, 120), (92, 88, 84), (84, 128, 60), (160, 160, 160),
+        (220, 50, 60), (60, 80, 170), (250, 190, 30), (40, 200, 210),
+    ],
+    np.uint8,
+)  # fmt: skip
+"""(classes, 3) RGB in which a segmentation is shown."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +126,24 @@ def write_image(root: Path, split: Split, index: int, image: NDArray[np.uint8], 
     write_bytes(_label_path(root, split, index), _label(truth.visible_box, width, height).encode())
 
 
-def write_truth(root: Path, records: Iterable[Record]) -> None:
+def write_classes(root: Path, split: Split, index: int, classes: NDArray[np.uint8]) -> None:
+    """Write one segmentation, (h, w) class numbers, as a PNG whose palette makes it readable and whose values are the numbers."""
+    picture = Image.fromarray(classes, mode="P")
+    picture.putpalette(SEGMENT_COLOURS.tobytes())
+    buffer = io.BytesIO()
+    picture.save(buffer, "png")
+    write_bytes(segments_path(root, split, index), buffer.getvalue())
+
+
+def remove_leftovers(root: Path, records: Iterable[Record]) -> None:
+    """Delete the images, labels and segmentations that an earlier, larger or otherwise split set left beside these records'."""
+    wanted = {f"{record.split}/{record.index:06d}" for record in records}
+    for path in [*root.glob("images/*/*.jpg"), *root.glob("labels/*/*.txt"), *root.glob("segments/*/*.png")]:
+        if f"{path.parent.name}/{path.stem}" not in wanted:
+            path.unlink()
+
+
+def write_truth(root: Path, records: Iterable[Record], category: str = "pedestrian") -> None:
     """Write truth.coco.json and dataset.yaml for the records, ordered by split and index.
 
     The file is plain COCO; beyond it, images carry `split`, the scenario variables and the box of a pedestrian that is
@@ -135,8 +154,8 @@ def write_truth(root: Path, records: Iterable[Record]) -> None:
     annotations = [_annotation(number, r) for number, r in enumerate(ordered, 1) if r.truth.visible_box]
     for number, annotation in enumerate(annotations, 1):
         annotation["id"] = number
-    write_json(root / TRUTH_FILE, {"images": images, "annotations": annotations, "categories": [CATEGORY]})
-    names = "train: images/train\nval: images/val\nnames:\n  0: pedestrian\n"
+    write_json(root / TRUTH_FILE, {"images": images, "annotations": annotations, "categories": [{"id": CATEGORY_ID, "name": category}]})
+    names = f"train: images/train\nval: images/val\nnames:\n  0: {category}\n"
     write_bytes(root / "dataset.yaml", names.encode())  # Without `path`, Ultralytics takes the folder of this file.
 
 
@@ -159,6 +178,10 @@ def read_dataset(root: Path, split: Split) -> ImageSet:
 
 def image_path(root: Path, split: Split, index: int) -> Path:
     return root / "images" / split / f"{index:06d}.jpg"
+
+
+def segments_path(root: Path, split: Split, index: int) -> Path:
+    return root / "segments" / split / f"{index:06d}.png"
 
 
 def _label_path(root: Path, split: Split, index: int) -> Path:
@@ -202,7 +225,7 @@ def _annotation(number: int, record: Record) -> dict[str, Any]:
     return {
         "id": 0,
         "image_id": number,
-        "category_id": CATEGORY["id"],
+        "category_id": CATEGORY_ID,
         "bbox": bbox,
         "area": bbox[2] * bbox[3],
         "iscrowd": 0,

@@ -62,16 +62,16 @@ def open_drive(town: Town) -> Xml.Element:
     main, *side = streets(town)
     ahead = town.lanes_ahead
     if not side:
-        road = _road(root, "1", [((main.start, main.middle), (main.end, main.middle))], ahead, town, main)
+        road = _road(root, "1", _reference_line(main, main.start, main.end), ahead, main)
         _objects(road, town, main, 0.0)
         return root
     street = side[0]
     mouth = next((gap.start, gap.end) for gap in main.gaps if gap.mouth)
     reach = street.world(8, 0)
     ends = {"1": (mouth[0], main.middle), "2": (mouth[1], main.middle), "3": reach}
-    west = _road(root, "1", [((main.start, main.middle), ends["1"])], ahead, town, main, successor=JUNCTION_ID)
-    east = _road(root, "2", [(ends["2"], (main.end, main.middle))], ahead, town, main, predecessor=JUNCTION_ID)
-    away = _road(root, "3", [(reach, street.world(street.end, 0))], 1, town, street, predecessor=JUNCTION_ID)
+    west = _road(root, "1", _reference_line(main, main.start, mouth[0]), ahead, main, successor=JUNCTION_ID)
+    east = _road(root, "2", _reference_line(main, mouth[1], main.end), ahead, main, predecessor=JUNCTION_ID)
+    away = _road(root, "3", _reference_line(street, 8, street.end), 1, street, predecessor=JUNCTION_ID)
     for road, first in ((west, main.start), (east, mouth[1])):
         _objects(road, town, main, first - main.start)
     _objects(away, town, street, 8.0)
@@ -90,19 +90,19 @@ def open_drive(town: Town) -> Xml.Element:
     return root
 
 
-def _road(
-    root: Xml.Element, number: str, lines: Sequence[tuple[paths.Point, paths.Point]], ahead: int, town: Town, street: Street, **links: str
-) -> Xml.Element:
-    (start, end) = lines[0]
-    length = float(np.hypot(end[0] - start[0], end[1] - start[1]))
-    road = _add(root, "road", name=street.name, length=length, id=number, junction=-1)
+def _reference_line(street: Street, start: float, end: float) -> paths.Piece:
+    """The line between a street's two directions, from and to metres along the street."""
+    stretch = 1 - street.curvature * street.middle
+    return paths.Piece(street.pose(start, street.middle), (end - start) * stretch, street.curvature / stretch)
+
+
+def _road(root: Xml.Element, number: str, line: paths.Piece, ahead: int, street: Street, **links: str) -> Xml.Element:
+    road = _add(root, "road", name=street.name, length=line.length, id=number, junction=-1)
     link = _add(road, "link")
     for kind, junction in links.items():
         _add(link, kind, elementType="junction", elementId=junction)
     _add(_add(road, "type", s=0.0, type="town"), "speed", max=50, unit="km/h")
-    view = _add(road, "planView")
-    heading = float(np.arctan2(end[1] - start[1], end[0] - start[0]))
-    _add(_add(view, "geometry", s=0.0, x=float(start[0]), y=float(start[1]), hdg=heading, length=length), "line")
+    _geometry(_add(road, "planView"), 0.0, line)
     _lanes(road, ahead, pavement=True)
     return road
 
@@ -117,14 +117,18 @@ def _connecting(root: Xml.Element, number: str, incoming: str, outgoing: str, th
     for piece in path.pieces:
         if piece.length < 1e-6:
             continue
-        start = piece.start
-        geometry = _add(view, "geometry", s=s, x=start.x, y=start.y, hdg=start.heading, length=piece.length)
-        if piece.curvature:
-            _add(geometry, "arc", curvature=piece.curvature)
-        else:
-            _add(geometry, "line")
+        _geometry(view, s, piece)
         s += piece.length
     _lanes(road, ahead, pavement=False)
+
+
+def _geometry(view: Xml.Element, s: float, piece: paths.Piece) -> None:
+    start = piece.start
+    geometry = _add(view, "geometry", s=s, x=start.x, y=start.y, hdg=float(start.heading), length=piece.length)
+    if piece.curvature:
+        _add(geometry, "arc", curvature=piece.curvature)
+    else:
+        _add(geometry, "line")
 
 
 def _lanes(road: Xml.Element, ahead: int, pavement: bool) -> None:

@@ -37,6 +37,17 @@ class Piece:
         middle = self.start.heading + turned / 2
         return Pose(float(self.start.x + chord * np.cos(middle)), float(self.start.y + chord * np.sin(middle)), float(heading))
 
+    def foot(self, x: float, y: float) -> float:
+        """Where on the endless line or circle of this piece the nearest point to (x, y) lies, metres from its start."""
+        c, s = np.cos(self.start.heading), np.sin(self.start.heading)
+        ahead, left = c * (x - self.start.x) + s * (y - self.start.y), -s * (x - self.start.x) + c * (y - self.start.y)
+        if not self.curvature:
+            return float(ahead)
+        # Angle around the arc's centre, which lies 1/curvature to the left.
+        sign = np.sign(self.curvature)
+        angle = np.arctan2(ahead, sign * (1 / self.curvature - left))
+        return float(angle / abs(self.curvature))
+
 
 class Path:
     """A path through waypoints whose corners are rounded; it goes straight on before its first and after its last waypoint."""
@@ -90,7 +101,7 @@ class Path:
             start = float(self._ends[i - 1]) if i else 0.0
             low = -np.inf if i == 0 else 0.0
             high = np.inf if i == len(self.pieces) - 1 else piece.length
-            s = float(np.clip(_foot(piece, x, y), low, high))
+            s = float(np.clip(piece.foot(x, y), low, high))
             pose = piece.at(s)
             dx, dy = x - pose.x, y - pose.y
             left = float(-np.sin(pose.heading) * dx + np.cos(pose.heading) * dy)
@@ -98,15 +109,3 @@ class Path:
             if distance < best[0] - 1e-12:
                 best = (distance, start + s, left)
         return best[1], best[2]
-
-
-def _foot(piece: Piece, x: float, y: float) -> float:
-    """Where on the endless line or circle of a piece the nearest point lies, metres from its start."""
-    c, s = np.cos(piece.start.heading), np.sin(piece.start.heading)
-    ahead, left = c * (x - piece.start.x) + s * (y - piece.start.y), -s * (x - piece.start.x) + c * (y - piece.start.y)
-    if not piece.curvature:
-        return float(ahead)
-    # Angle around the arc's centre, which lies 1/curvature to the left.
-    sign = np.sign(piece.curvature)
-    angle = np.arctan2(ahead, sign * (1 / piece.curvature - left))
-    return float(angle / abs(piece.curvature))

@@ -29,7 +29,7 @@ def evaluate(found: Sequence[Detections], images: ImageSet, threshold: float) ->
     """
     ap50_95, ap50 = _average_precision(found, images)
     visible = [_visible(images, index) for index in range(len(images))]
-    matchings = [_matching(detections, images, index, threshold) for index, detections in enumerate(found)]
+    matchings = [matching_of(detections, images, index, threshold) for index, detections in enumerate(found)]
     hits = sum(seen and matching.confidence > 0 for seen, matching in zip(visible, matchings, strict=True))
     false = {kind: sum(getattr(matching, kind) for matching in matchings) for kind in KINDS}
     total, count = sum(false.values()), max(1, len(found))
@@ -47,7 +47,8 @@ def _visible(images: ImageSet, index: int) -> bool:
     return not kpi.barely_visible(int(images.visible_pixels[index]), float(images.contrast[index]))
 
 
-def _matching(detections: Detections, images: ImageSet, index: int, threshold: float) -> kpi.Matching:
+def matching_of(detections: Detections, images: ImageSet, index: int, threshold: float) -> kpi.Matching:
+    """What becomes of the detections of image `index` whose score is at least the threshold."""
     used = detections.scores >= threshold
     return kpi.match(
         detections.boxes[used],

@@ -63,6 +63,7 @@ class Page:
     study: str
     headline: str
     sections: tuple[Section, ...]
+    title: str = "Where does the detector fail, and did retraining help?"
 
 
 def render(page: Page) -> str:

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from pipeline.artefacts.dataset import Record, Split, write_image, write_truth
+from pipeline.artefacts.dataset import Record, Split, remove_leftovers, write_image, write_truth
 from pipeline.artefacts.files import read_json, write_json
 from pipeline.config import Config
 from pipeline.protocols import Truth
+from pipeline.steps.workers import render_pool
 
 Progress = Callable[[int, int, str], None]
 SHARD_IMAGES = 300
@@ -29,25 +28,13 @@ def run(config: Config, *, out: Path, threads: int, progress: Progress) -> None:
     shards = [(shard, min(SHARD_IMAGES, images - shard * SHARD_IMAGES)) for shard in range(-(-images // SHARD_IMAGES))]
     jobs = [(shard, count, seed, config.base_set.validation_share, camera, root) for shard, count in shards]
     records: list[Record] = []
-    # Spawned, because a forked child hangs once its parent has a GL context.
-    with multiprocessing.get_context("spawn").Pool(min(threads, len(jobs)), initializer=_single_threaded) as pool:
+    with render_pool(min(threads, len(jobs))) as pool:
         for done, shard_records in enumerate(pool.imap(_render_shard, jobs), 1):
             records += shard_records
             progress(len(records), images, f"town {done} of {len(jobs)}")
-    _remove_leftovers(root, {f"{record.split}/{record.index:06d}" for record in records})
+    remove_leftovers(root, records)
     write_truth(root, records)
     shutil.rmtree(_shard_file(root, 0).parent)
-
-
-def _remove_leftovers(root: Path, wanted: set[str]) -> None:
-    """Delete images and labels of an earlier, larger or otherwise split set."""
-    for path in [*root.glob("images/*/*.jpg"), *root.glob("labels/*/*.txt")]:
-        if f"{path.parent.name}/{path.stem}" not in wanted:
-            path.unlink()
-
-
-def _single_threaded() -> None:
-    os.environ["OMP_NUM_THREADS"] = "1"
 
 
 def _shard_file(out: Path, shard: int) -> Path:

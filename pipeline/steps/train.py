@@ -68,7 +68,7 @@ def write_version(
     saved = load_weights(weights)  # What is tested is what was saved, half precision included.
     if calibration is None:
         export_onnx(onnx, saved, validation.size)
-        calibration = calibrate(_detect(onnx, validation), validation)
+        calibration = calibrate(detect_all(onnx, validation), validation)
     export_onnx(onnx, saved, validation.size, calibration)
     architecture = {"widths": list(model.architecture.widths), "head": model.architecture.head}
     card = ModelCard(
@@ -80,13 +80,14 @@ def write_version(
         seed=seed,
         data=data,
         training={key: value if isinstance(value, str) else float(value) for key, value in training.items()},
-        metrics=evaluate(_detect(onnx, validation), validation, float(config.detector.get("threshold", 0.5))),
+        metrics=evaluate(detect_all(onnx, validation), validation, float(config.detector.get("threshold", 0.5))),
         calibration=asdict(calibration),
         weights_sha256=sha256(weights),
     )
     write_card(out, card)
 
 
-def _detect(onnx: Path, images: ImageSet) -> list[Detections]:
+def detect_all(onnx: Path, images: ImageSet) -> list[Detections]:
+    """What a model says of each image, down to scores that nobody would act on."""
     detector = OnnxDetector(onnx, threshold=LOWEST_SCORE)
     return [detector.detect_images(images.images[i : i + 1])[0] for i in range(len(images))]

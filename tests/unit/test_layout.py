@@ -66,9 +66,24 @@ def test_asphalt_ends_at_kerbs_and_rounded_corners() -> None:
     assert all(on_asphalt(town, pose.x, pose.y, margin=1.7) for pose in poses)
 
 
+@pytest.mark.parametrize("curvature", [1 / 60, -1 / 60])
+def test_a_curved_street_keeps_its_lanes(curvature: float) -> None:
+    town = Town(seed=0, lanes_ahead=2, curvature_1pm=curvature, bus_bay=(20, 40))
+    main = streets(town)[0]
+    centre = np.array([0, 1 / curvature])
+    for u in (-60.0, 0.0, 30.0, 90.0):
+        for v, inside in ((-3.4, True), (6.9, True), (7.1, False), (-6.5, 20 < u < 40), (-6.7, False)):
+            pose = main.pose(u, v)
+            assert main.local(pose.x, pose.y) == pytest.approx((u, v))
+            assert np.hypot(*(centre - (pose.x, pose.y))) == pytest.approx(abs(1 / curvature - v))
+            assert on_asphalt(town, pose.x, pose.y) is inside, (u, v)
+
+
 @pytest.mark.parametrize(
     ("town", "message"),
     [
+        ({"curvature_1pm": 0.01, "rails_x_m": 9}, "a street with a junction or a train line must be straight"),
+        ({"curvature_1pm": 0.1}, "less than or equal to 0.02"),
         ({"bus_bay": (5, -5)}, "bus_bay must run from a smaller to a larger x"),
         ({"bus_bay": (0, 20), "junction": {"x_m": 10, "side": "right"}}, "overlaps the junction"),
         ({"crosswalks": [{"street": "side", "at_m": 9}]}, "the town has no junction"),

@@ -22,7 +22,8 @@ def copy(folder: Path) -> Path:
     """A copy of what the workflow needs."""
     for name in ("pipeline", "conf", "profiles", "models"):
         shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy(ROOT / "Snakefile", folder)
+    for name in ("Snakefile", "front_car.smk"):
+        shutil.copy(ROOT / name, folder)
     return folder
 
 
@@ -39,8 +40,8 @@ def test_every_study_plans(study: str, tmp_path: Path) -> None:
     folder = copy(tmp_path)
     (folder / "params.yaml").write_text(dump(compose(study, []), "test"))
     planned = snakemake(folder, "-n")
-    assert "render_base" in planned
-    assert ("report" in planned) == (study != "base")
+    assert ("render_base" in planned) == (study != "front_car")
+    assert ("rule report:" in planned or "rule front_car_report:" in planned) == (study != "base")
 
 
 def test_the_graph_is_drawn(tmp_path: Path) -> None:

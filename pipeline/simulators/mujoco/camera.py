@@ -71,6 +71,26 @@ class Camera:
         image = self._lens.expose(np.ascontiguousarray(self._rgb[::-1]), distance, self._weather, sun, self._sun_hidden(), rng)
         return image, self._truth(image)
 
+    def segment(self, classes: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """(h, w) the class of what each pixel of the last shot shows. classes: (ngeom,) of the model's geoms; the sky is 0."""
+        flags = self._scene.flags
+        flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1
+        mujoco.mjr_render(self._rect, self._scene, self.context)
+        flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 0
+        colours = np.empty((self._size[1], self._size[0], 3), np.uint8)
+        mujoco.mjr_readPixels(colours, None, self._rect, self.context)
+        numbers = colours[::-1].astype(np.int32) @ np.array([1, 1 << 8, 1 << 16], np.int32)
+        numbered = np.zeros(self._scene.ngeom + 1, np.uint8)
+        for geom in self._scene.geoms[: self._scene.ngeom]:
+            if geom.segid >= 0 and geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
+                numbered[geom.segid + 1] = classes[geom.objid]
+        return self._lens.distort(numbered[numbers])
+
+    def truth_of(self, image: NDArray[np.uint8], visible: NDArray[np.bool_]) -> Truth:
+        """The ground truth of something that shows in the pixels `visible`, (h, w), and that nothing hides."""
+        box, pixels = _box(visible, 0, 0), int(visible.sum())
+        return Truth(box, box, pixels, pixels, _contrast(image, visible, 0, 0, box) if box else 0.0)
+
     def _sun_hidden(self) -> bool:
         if self._weather.sunshine <= 0:
             return True

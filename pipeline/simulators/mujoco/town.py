@@ -1,6 +1,7 @@
 """Builds the streets of a town: ground, kerbs and markings here; houses, trees and furniture in the files of those names.
 
-Each street is a body of the model and everything is placed in its frame: u along the street, v to its left, z up, metres.
+Each street is a body of the model and everything is placed in its frame: u along the street, v to its left, z up, metres. A curved
+street is built straight and bent at last.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy as np
 
 from pipeline.layout import CORNER_RADIUS, END_X, LANE_WIDTH, PAVEMENT_WIDTH, START_X, Street, Town, streets
 
-from . import buildings, furniture, textures, vegetation
+from . import bending, buildings, furniture, textures, vegetation
 from .mesh import Mesh, place
 from .style import STYLES, Style
 
@@ -38,6 +39,8 @@ def add(spec: mujoco.MjSpec, town: Town) -> None:
             buildings.add(spec, body, town, street, side, rng)
             vegetation.add(spec, body, town, street, side, rng)
         furniture.add(body, town, street, rng)
+        if street.curvature:
+            bending.bend(spec, body, street)
     for i, (x, y) in enumerate(town.trees):
         vegetation.add_tree(spec.worldbody, x, y, i, rng)
     if town.rails_x_m is not None:
@@ -79,7 +82,7 @@ def _ground(spec: mujoco.MjSpec, body: mujoco.MjsBody, street: Street) -> None:
     road.quad((street.start, -right, ROAD_Z), (length, 0, 0), (0, right + left, 0), window, cell=1.6)
     for side in (-1, 1):
         for u0, u1, edge in _pavement_strips(street, side):
-            _kerbed(pavement, kerb, side, u0, u1, edge)
+            _kerbed(pavement, kerb, side, u0, u1, edge, cell=1.6 if street.curvature else 4.0)
         for gap in street.gaps:
             if gap.side == side and gap.mouth:
                 for corner, inwards in ((gap.start, 1), (gap.end, -1)):
@@ -113,13 +116,13 @@ def _between(start: float, end: float, cuts: list[tuple[float, float]]) -> Itera
         yield start, end
 
 
-def _kerbed(pavement: Mesh, kerb: Mesh, side: int, u0: float, u1: float, edge: float) -> None:
-    """A strip of pavement with its kerbstone and the upright faces towards the road and at both ends."""
+def _kerbed(pavement: Mesh, kerb: Mesh, side: int, u0: float, u1: float, edge: float, cell: float) -> None:
+    """A strip of pavement with its kerbstone and the upright faces, in cells of `cell` metres, towards the road and at both ends."""
     inner, outer = side * edge, side * (edge + PAVEMENT_WIDTH)
     low, high = min(inner, outer), max(inner, outer)
     pavement.quad((u0, low, KERB_HEIGHT), (u1 - u0, 0, 0), (0, high - low, 0), (0, 0, (u1 - u0) / 2, (high - low) / 2), cell=1.6)
     up = (0, 0, KERB_HEIGHT + 0.05)
-    kerb.quad((u0, inner, -0.05) if side > 0 else (u1, inner, -0.05), (side * (u1 - u0), 0, 0), up, (0, 0, 1, 1))
+    kerb.quad((u0, inner, -0.05) if side > 0 else (u1, inner, -0.05), (side * (u1 - u0), 0, 0), up, (0, 0, 1, 1), cell=cell)
     kerb.quad((u0, inner if side > 0 else inner - 0.18, KERB_HEIGHT + 0.004), (u1 - u0, 0, 0), (0, 0.18, 0), (0, 0, 1, 1), cell=2)
     kerb.quad((u0, high, -0.05), (0, low - high, 0), up, (0, 0, 1, 1))
     kerb.quad((u1, low, -0.05), (0, high - low, 0), up, (0, 0, 1, 1))

@@ -26,12 +26,16 @@ def mix(a: ArrayLike, b: ArrayLike, share: float) -> Floats:
 
 @dataclass(frozen=True)
 class Weather:
-    """Weather and time of day. rain, fog: %, 0 to 100. sun_azimuth: degrees, 0 ahead of the ego, 90 to its left; sun_altitude: degrees."""
+    """Weather and time of day. rain, fog: %, 0 to 100. sun_azimuth: degrees, 0 ahead of the ego, 90 to its left; sun_altitude: degrees.
+
+    clouds: %, 0 to 100, of a dry sky; rain and fog bring their own.
+    """
 
     rain: float = 0.0
     fog: float = 0.0
     sun_azimuth: float = 90.0
     sun_altitude: float = 60.0
+    clouds: float = 0.0
 
     @property
     def night(self) -> bool:
@@ -46,7 +50,7 @@ class Weather:
     @property
     def overcast(self) -> float:
         """How much of the sky is grey, 0 to 0.95."""
-        return max(0.9 * min(1.0, self.rain / 60), 0.95 * min(1.0, self.fog / 60))
+        return max(0.9 * min(1.0, self.rain / 60), 0.95 * min(1.0, self.fog / 60), 0.9 * self.clouds / 100)
 
     @property
     def sunshine(self) -> float:

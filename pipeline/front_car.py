@@ -1,0 +1,97 @@
+"""The front-car domain (Cheng et al., section 5): single snapshots under six operating conditions, and a detector of the car ahead."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from pipeline.core.constraints import Constraints, parse_constraints
+from pipeline.core.space import Ints, Space, Variable
+
+CONDITIONS: Mapping[str, tuple[str, ...]] = {
+    "weather": ("sunny", "cloudy", "rainy"),
+    "lane_orientation": ("straight", "curvy"),
+    "lanes": ("1", "2"),
+    "current_lane": ("1", "2"),
+    "forward_vehicle": ("absent", "present"),
+    "oncoming_vehicle": ("absent", "present"),
+}
+"""What a snapshot can be asked for. lanes: in the ego's direction. current_lane: counted from the nearside kerb."""
+
+
+class SnapshotSpace(BaseModel):
+    """The operating conditions of a study: values of each, and clauses of which one literal must hold."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+    variables: dict[str, tuple[str, ...]]
+    """Values of each operating condition, at least one of those that can be rendered."""
+    constraints: tuple[tuple[str, ...], ...]
+    """Clauses that must all hold; a clause holds where one of its literals `name = value` or `name != value` does."""
+
+    @field_validator("variables", mode="before")
+    @classmethod
+    def _as_text(cls, plain: object) -> object:
+        """Whole numbers are names of values, too."""
+        if not isinstance(plain, Mapping):
+            return plain
+        return {name: [str(value) for value in values] if isinstance(values, list | tuple) else values for name, values in plain.items()}
+
+    @model_validator(mode="after")
+    def _can_be_rendered(self) -> SnapshotSpace:
+        if set(self.variables) != set(CONDITIONS):
+            raise ValueError(f"variables must be {', '.join(CONDITIONS)}; got {', '.join(self.variables)}")
+        for name, values in self.variables.items():
+            if unknown := set(values) - set(CONDITIONS[name]):
+                raise ValueError(f"variables.{name} must be among {', '.join(CONDITIONS[name])}; got {', '.join(sorted(unknown))}")
+        clauses = self.clauses()
+        if not clauses.satisfiable({}):
+            raise ValueError("constraints: no point satisfies them all")
+        lanes, current = self.space().names.index("lanes"), self.space().names.index("current_lane")
+        if {"1"} <= set(self.variables["lanes"]) and {"2"} <= set(self.variables["current_lane"]):
+            fixed = {lanes: self.variables["lanes"].index("1"), current: self.variables["current_lane"].index("2")}
+            if clauses.satisfiable(fixed):
+                raise ValueError("constraints must exclude the second of one lane: add [lanes = 2, current_lane != 2]")
+        return self
+
+    def space(self) -> Space:
+        """The scenario space; ValueError for a condition without values or with one twice."""
+        return Space(tuple(Variable(name, "categorical", values=values) for name, values in self.variables.items()))
+
+    def clauses(self) -> Constraints:
+        """The constraints over it; ValueError that names a wrong literal."""
+        return parse_constraints(self.space(), self.constraints)
+
+    def feasible_points(self) -> Ints:
+        """(m, d) category indices of all points that the constraints allow, in their order."""
+        sizes = self.space().sizes
+        every = np.indices(sizes).reshape(len(sizes), -1).T
+        return np.asarray(every[self.clauses().holds(every)], np.int64)
+
+
+class FrontCar(BaseModel):
+    """The front-car study: from a few random points to full coverage, and what a detector gains from it."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+    space: SnapshotSpace
+    k: int = Field(ge=1, le=6)
+    """Of the projection coverage that the proposals bring to 100 %."""
+    existing: int = Field(ge=1, le=1000)
+    """Random points to begin with."""
+    seed: int = Field(ge=0)
+    """Of points, towns and everything that the conditions leave open."""
+    images: int = Field(ge=20, le=100_000)
+    """Snapshots that each detector learns from, training and validation together, shared out evenly over its points."""
+    validation_share: float = Field(gt=0, lt=0.9)
+    """Share of each point's snapshots that validates."""
+    test_images: int = Field(ge=1, le=1000)
+    """Test snapshots of every feasible point, in towns of their own."""
+    batch_size: int = Field(ge=2, le=4096)
+    """Frames a step."""
+    iterations: int = Field(ge=1)
+    """Steps of each detector, from the shipped one's weights."""
+    learning_rate: float = Field(gt=0, lt=1)
+    """The highest of the schedule."""

@@ -1,0 +1,36 @@
+"""Step `front-car-points`: random points, then proposals until every feasible cell is covered (Cheng et al., section 5)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.artefacts.front_car import CoveredPoint, Points
+from pipeline.artefacts.results import write
+from pipeline.config import Config
+from pipeline.core.coverage.projection import projection_coverage
+from pipeline.core.coverage.proposals import complete
+from pipeline.progress import Progress
+from pipeline.protocols import InputError
+
+
+def run(config: Config, *, out: Path, progress: Progress) -> None:
+    """Write points.json: E1, E2, ... drawn without replacement, then G1, G2, ... proposed."""
+    settings = config.front_car
+    space, constraints, feasible = settings.space.space(), settings.space.clauses(), settings.space.feasible_points()
+    if settings.existing > len(feasible):
+        raise InputError(f"front_car.existing must be at most {len(feasible)}, the number of feasible points; got {settings.existing}")
+    drawn = np.random.default_rng(settings.seed).choice(len(feasible), settings.existing, replace=False)
+    points = feasible[drawn]
+    for proposal in complete(points, constraints, settings.k):
+        points = np.vstack([points, proposal.categories])
+    named, required = [], 0
+    for i in range(len(points)):
+        coverage = projection_coverage(points[: i + 1], space.sizes, settings.k, constraints=constraints)
+        required = coverage.required
+        values = {name: str(value) for name, value in space.decode(space.representatives(points[i : i + 1])[0]).items()}
+        name = f"E{i + 1}" if i < settings.existing else f"G{i + 1 - settings.existing}"
+        named.append(CoveredPoint(name=name, values=values, covered=coverage.covered))
+        progress(i + 1, len(points), f"{name}: {coverage.covered} of {required} cells")
+    write(out, Points(k=settings.k, existing=settings.existing, required=required, points=tuple(named)))

@@ -1,0 +1,86 @@
+"""Step `front-car-snapshots`: renders the snapshots that a detector learns from, or is tested on, with their segmentation."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.artefacts.dataset import Record, Split, remove_leftovers, write_classes, write_image, write_truth
+from pipeline.artefacts.files import write_json
+from pipeline.artefacts.front_car import Points
+from pipeline.artefacts.results import read
+from pipeline.config import Config
+from pipeline.progress import Progress
+from pipeline.steps.workers import render_pool
+
+TOWNS = 3
+"""Towns of each kind of street; the tests have their own."""
+LEARNING, TESTING = 0, 1
+"""Streams of random numbers: what is learnt from and what is tested on share none."""
+Shot = tuple[dict[str, str], tuple[int, ...], Split, int]
+"""Point, seed, split, index of the image."""
+Job = tuple[int, list[Shot], dict[str, Any], Path]
+
+
+def run(config: Config, *, points: Path, version: str, out: Path, threads: int, progress: Progress) -> None:
+    """Write a data set beside `out`, its truth.coco.json, and segments/ with classes.json.
+
+    version: `existing` renders the random points alone, `covered` all points, both the same number of snapshots; `test` renders every
+    feasible point in other towns, as validation images.
+    """
+    known = read(points, Points)
+    if version == "test":
+        space = config.front_car.space.space()
+        shown = [space.decode(row.astype(float)) for row in config.front_car.space.feasible_points()]
+        counts, share, stream = [config.front_car.test_images] * len(shown), 1.0, TESTING
+    else:
+        chosen = known.points[: known.existing] if version == "existing" else known.points
+        shown = [dict(point.values) for point in chosen]
+        each, more = divmod(config.front_car.images, len(shown))
+        counts, share, stream = [each + (i < more) for i in range(len(shown))], config.front_car.validation_share, LEARNING
+    jobs = _jobs(config, shown, counts, share, stream, out.parent)
+    records: list[Record] = []
+    total = sum(counts)
+    with render_pool(min(threads, len(jobs))) as pool:
+        for done, rendered in enumerate(pool.imap(_render, jobs), 1):
+            records += rendered
+            progress(len(records), total, f"town {done} of {len(jobs)}")
+    remove_leftovers(out.parent, records)
+    write_truth(out.parent, records, category="forward vehicle")
+
+
+def _jobs(config: Config, shown: list[Any], counts: list[int], share: float, stream: int, root: Path) -> list[Job]:
+    """One job a town; each point's snapshots go round the towns of its kind of street."""
+    space, seed = config.front_car.space.space(), config.front_car.seed
+    towns: dict[tuple[int, int, int], list[Shot]] = {}
+    first = 0
+    for values, count in zip(shown, counts, strict=True):
+        code = int(np.ravel_multi_index(tuple(space.encode(values).astype(int)), space.sizes))
+        validation = count - round(count * share)
+        for n in range(count):
+            town = (int(values["lanes"]), int(values["lane_orientation"] == "curvy"), n % TOWNS)
+            towns.setdefault(town, []).append((values, (seed, stream, code, n), "val" if n >= validation else "train", first + n))
+        first += count
+    camera = config.simulator.get("camera", {})
+    return [
+        (int(np.random.default_rng([seed, stream, *town]).integers(2**31)), shots, camera, root) for town, shots in sorted(towns.items())
+    ]
+
+
+def _render(job: Job) -> list[Record]:
+    """Render and write the snapshots of one town."""
+    from pipeline.simulators.mujoco.lens import CameraSettings
+    from pipeline.simulators.mujoco.snapshots import CLASSES, snapshots  # Needs a GL library, which the parent process does not.
+
+    town_seed, shots, camera, root = job
+    settings = CameraSettings.model_validate(camera)
+    rendered = snapshots(town_seed, [(values, seed) for values, seed, _, _ in shots], settings)
+    records = []
+    for (_, _, split, index), snapshot in zip(shots, rendered, strict=True):
+        write_image(root, split, index, snapshot.image, snapshot.truth)
+        write_classes(root, split, index, snapshot.classes)
+        records.append(Record(split, index, settings.width, settings.height, snapshot.truth, snapshot.attributes))
+    write_json(root / "segments" / "classes.json", dict(enumerate(CLASSES)))
+    return records

@@ -1,0 +1,16 @@
+"""Processes that render side by side."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from multiprocessing.pool import Pool
+
+
+def render_pool(processes: int) -> Pool:
+    """Workers of one thread each; spawned, because a forked child hangs once its parent has a GL context."""
+    return multiprocessing.get_context("spawn").Pool(processes, initializer=_single_threaded)
+
+
+def _single_threaded() -> None:
+    os.environ["OMP_NUM_THREADS"] = "1"

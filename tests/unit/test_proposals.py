@@ -1,0 +1,42 @@
+"""Proposals are optimal, respect the constraints and end at full coverage."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from pipeline.core.constraints import Constraints, Literal
+from pipeline.core.coverage.projection import projection_coverage
+from pipeline.core.coverage.proposals import complete, propose
+
+CONSTRAINED = Constraints((3, 2, 2, 2), ((Literal(1, 1), Literal(2, 1, equal=False)), (Literal(0, 2, equal=False), Literal(3, 0))))
+
+
+@pytest.mark.parametrize("k", [1, 2, 3])
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("constraints", [CONSTRAINED, Constraints((3, 2, 4, 2))])
+def test_no_point_gains_more(constraints: Constraints, k: int, seed: int) -> None:
+    every = np.array(list(product(*map(range, constraints.sizes))))
+    every = every[constraints.holds(every)]
+    points = every[np.random.default_rng(seed).choice(len(every), seed, replace=False)]
+
+    def covered(rows: np.ndarray) -> int:
+        return projection_coverage(rows, constraints.sizes, k, constraints=constraints).covered
+
+    gains = [covered(np.vstack([points, point])) - covered(points) for point in every]
+    proposal = propose(points, constraints, k)
+    if max(gains) == 0:
+        assert proposal is None
+        return
+    assert proposal is not None and constraints.holds(proposal.categories[None])[0]
+    assert covered(np.vstack([points, proposal.categories])) - covered(points) == proposal.gain == max(gains)
+
+
+@pytest.mark.parametrize("k", [1, 2, 3, 4])
+def test_completion_covers_every_feasible_cell(k: int) -> None:
+    start = np.array([[2, 0, 0, 0]])
+    points = np.vstack([start, *(proposal.categories for proposal in complete(start, CONSTRAINED, k))])
+    assert projection_coverage(points, CONSTRAINED.sizes, k, constraints=CONSTRAINED).ratio == 1
+    assert propose(points, CONSTRAINED, k) is None

@@ -1,0 +1,132 @@
+"""The front-car study, whole but small: points to full coverage, snapshots, two detectors, a page."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from pipeline.__main__ import main
+from pipeline.artefacts.dataset import image_path, read_dataset, segments_path
+from pipeline.artefacts.front_car import Evaluation, Points
+from pipeline.artefacts.model import read_card
+from pipeline.artefacts.results import read
+from pipeline.config import Config, compose, dump
+from pipeline.report.front_car import first_covering
+
+SMALL = [
+    "front_car.images=33",
+    "front_car.test_images=1",
+    "front_car.iterations=2",
+    "front_car.batch_size=4",
+    "front_car.validation_share=0.4",
+]
+
+
+@pytest.fixture(scope="module")
+def config() -> Config:
+    return compose("front_car", SMALL)
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory, config: Config) -> Path:
+    root = tmp_path_factory.mktemp("front_car")
+    params = root / "params.yaml"
+    params.write_text(dump(config, "test"))
+
+    def step(*words: object) -> None:
+        assert main([*map(str, words), "--params", str(params)]) == 0
+
+    points, sets, models = root / "points.json", root / "snapshots", root / "detectors"
+    step("front-car-points", "--out", points)
+    for version in ("existing", "covered", "test"):
+        out = sets / version / "truth.coco.json"
+        step("front-car-snapshots", "--points", points, "--version", version, "--out", out, "--threads", 2)
+    for version in ("existing", "covered"):
+        truth, out = sets / version / "truth.coco.json", models / version / "model.json"
+        step("front-car-train", "--version", version, "--snapshots", truth, "--out", out, "--threads", 2)
+    cards, test = [models / version / "model.json" for version in ("existing", "covered")], sets / "test" / "truth.coco.json"
+    step("front-car-evaluate", "--points", points, "--test", test, "--models", *cards, "--out", root / "evaluation.json")
+    page, covered = root / "front_car.html", sets / "covered" / "truth.coco.json"
+    evaluation = root / "evaluation.json"
+    step(
+        "front-car-report", "--points", points, "--snapshots", covered, "--evaluation", evaluation, "--out", page, "--plots", root / "plots"
+    )
+    return root
+
+
+def test_five_random_points_and_proposals_cover_every_pair(study: Path, config: Config) -> None:
+    points = read(study / "points.json", Points)
+    space, constraints = config.front_car.space.space(), config.front_car.space.clauses()
+    categories = space.categorise(np.array([space.encode(dict(point.values)) for point in points.points]))
+    assert [point.name for point in points.points[:6]] == ["E1", "E2", "E3", "E4", "E5", "G1"]
+    assert points.points[-1].covered == points.required == 69
+    assert constraints.holds(categories).all()
+    names = [point.name for point in points.points]
+    for chosen in combinations(range(len(space)), 2):
+        cells = np.array(first_covering(categories, names, space.sizes, chosen))
+        assert ((cells != "") == constraints.feasible_cells(chosen)).all()
+
+
+def test_each_set_has_what_it_should(study: Path, config: Config) -> None:
+    for version, train, val in (("existing", 20, 13), ("covered", 22, 11), ("test", 0, 72)):
+        folder = study / "snapshots" / version
+        for split, count in (("train", train), ("val", val)):
+            assert len(list((folder / "images" / split).glob("*.jpg"))) == count
+            assert len(list((folder / "segments" / split).glob("*.png"))) == count
+    images = read_dataset(study / "snapshots" / "test", "val")
+    present = [point[4] for point in config.front_car.space.feasible_points()]
+    assert [bool(box[2] > box[0]) for box in images.boxes] == [bool(value) for value in present]
+
+
+def test_existing_and_covered_share_the_snapshots_of_the_random_points(study: Path) -> None:
+    folders = [study / "snapshots" / version for version in ("existing", "covered")]
+    digests = [{hashlib.sha256(p.read_bytes()).hexdigest() for p in (f / "images").rglob("*.jpg")} for f in folders]
+    assert digests[0] & digests[1] and digests[0] != digests[1]
+    test = {hashlib.sha256(p.read_bytes()).hexdigest() for p in (study / "snapshots" / "test" / "images").rglob("*.jpg")}
+    assert not test & (digests[0] | digests[1])
+
+
+def test_a_segmentation_opens_as_a_picture(study: Path) -> None:
+    path = segments_path(study / "snapshots" / "covered", "train", 0)
+    picture = Image.open(path)
+    assert picture.mode == "P" and len(np.unique(np.asarray(picture))) > 5
+    assert np.asarray(picture.convert("RGB")).shape == np.asarray(Image.open(image_path(path.parents[2], "train", 0))).shape
+
+
+def test_both_detectors_learnt_as_much_and_are_judged_on_the_same(study: Path) -> None:
+    cards = [read_card(study / "detectors" / version / "model.json") for version in ("existing", "covered")]
+    assert cards[0].data["parent"] == cards[1].data["parent"] and cards[0].data["snapshots"] != cards[1].data["snapshots"]
+    evaluation = read(study / "evaluation.json", Evaluation)
+    assert [detector.learnt_points for detector in evaluation.detectors] == [5, 11]
+    assert all(len(detector.points) == 72 for detector in evaluation.detectors)
+
+
+def test_the_page_shows_the_table_the_growth_and_the_images(study: Path) -> None:
+    page = (study / "front_car.html").read_text()
+    for text in ("100 % 2-projection coverage", "69 of 69", "weather × lanes", "E5", "By operating condition"):
+        assert text in page
+    for name in ("table", "growth", "gallery", "by_condition"):
+        assert np.asarray(Image.open(study / "plots" / f"{name}.png")).std() > 5
+
+
+def test_the_same_seed_renders_the_same_snapshots(study: Path, tmp_path: Path) -> None:
+    out = tmp_path / "truth.coco.json"
+    points, params = study / "points.json", study / "params.yaml"
+    words = ["front-car-snapshots", "--points", points, "--version", "existing", "--out", out, "--threads", 1, "--params", params]
+    assert main([*map(str, words)]) == 0
+    assert out.read_bytes() == (study / "snapshots" / "existing" / "truth.coco.json").read_bytes()
+    image: Callable[[Path], bytes] = lambda root: image_path(root, "train", 2).read_bytes()  # noqa: E731
+    assert image(tmp_path) == image(study / "snapshots" / "existing")
+
+
+def test_too_many_random_points_are_refused(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    params = study / "many.yaml"
+    params.write_text(dump(compose("front_car", ["front_car.existing=73"]), "test"))
+    assert main(["front-car-points", "--out", str(study / "many.json"), "--params", str(params)]) == 2
+    assert "front_car.existing must be at most 72" in capsys.readouterr().err
