@@ -27,12 +27,13 @@ JUNCTION_ID = "100"
 def write_openscenario(scenario: FunctionalScenario, concrete: Mapping[str, Value], out: Path) -> tuple[Path, Path]:
     """Write `<out>.xodr` and `<out>.xosc`; returns both paths."""
     road, story = out.with_suffix(".xodr"), out.with_suffix(".xosc")
-    write_bytes(road, _bytes(open_drive(scenario.town)))
-    write_bytes(story, _bytes(open_scenario(scenario, concrete, road.name)))
+    write_bytes(road, xml_bytes(open_drive(scenario.town)))
+    write_bytes(story, xml_bytes(open_scenario(scenario, concrete, road.name)))
     return road, story
 
 
-def _bytes(root: Xml.Element) -> bytes:
+def xml_bytes(root: Xml.Element) -> bytes:
+    """An XML file of that root, indented."""
     Xml.indent(root)
     return b'<?xml version="1.0" encoding="UTF-8"?>\n' + Xml.tostring(root) + b"\n"
 
@@ -160,7 +161,7 @@ def _objects(road: Xml.Element, town: Town, street: Street, first: float) -> Non
         crosswalk = _add(objects, "object", id=i, type="crosswalk", name="zebra", s=s, length=3.0, width=wide, **flat)
         outline = _add(crosswalk, "outline", id=0)
         for u, v in ((-1.5, -wide / 2), (1.5, -wide / 2), (1.5, wide / 2), (-1.5, wide / 2)):
-            _add(outline, "cornerLocal", u=u, v=v, z=0.0)
+            _add(outline, "cornerLocal", u=u, v=v, z=0.0, height=0.0)
 
 
 def open_scenario(scenario: FunctionalScenario, concrete: Mapping[str, Value], road_file: str) -> Xml.Element:
