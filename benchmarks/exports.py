@@ -2,8 +2,8 @@
 
     python benchmarks/exports.py [--frames frames.parquet]
 
-The schemas of OpenSCENARIO 1.1 and OpenDRIVE 1.6 come with ASAM's checkers, that of OpenLABEL 1.0 with Vicomtech's VCD. uv puts these packages into an environment
-of their own, because they need older ones than ours; so the command needs a package index.
+The schemas of OpenSCENARIO 1.1 and OpenDRIVE 1.6 come with ASAM's checkers, that of OpenLABEL 1.0 with Vicomtech's VCD. uv puts them
+into an environment of their own, because they need older packages than ours; so the command needs a package index.
 """
 
 from __future__ import annotations
