@@ -69,6 +69,24 @@ def test_the_ego_follows_its_path(world: Any) -> None:
         assert abs(aside) < 1e-6 and np.degrees(route.at(s).heading) == pytest.approx(heading, abs=1e-6)
 
 
+def test_speed_and_shift_move_the_pedestrian_as_far_as_they_say(world: Any) -> None:
+    simulator, space, scenario = world
+    heading = np.radians(scenario.pedestrian.heading_deg)
+    concrete = space.decode(space.sample(1, np.random.default_rng(7))[0])
+
+    def along(**changes: float) -> Any:
+        """Where the pedestrian is along its path in the first second, metres from the conflict point."""
+        signals = simulator.execute({**concrete, **changes}, BlindDetector()).signals
+        dx, dy = signals["pedestrian_x_m"][:11] - scenario.pedestrian.at[0], signals["pedestrian_y_m"][:11] - scenario.pedestrian.at[1]
+        return np.cos(heading) * dx + np.sin(heading) * dy
+
+    for speed in (0.0, 0.8, 2.6):
+        place = along(pedestrian_speed=speed, pedestrian_shift=0.0)
+        assert place[-1] - place[0] == pytest.approx(speed, abs=1e-6)
+    shifted = [along(pedestrian_speed=1.0, pedestrian_shift=shift) for shift in (-0.5, 0.0, 0.5)]
+    assert np.allclose(np.abs(np.diff(shifted, axis=0)), 0.5) and len({float(np.sign(d)) for d in np.diff(shifted, axis=0)[:, 0]}) == 1
+
+
 def test_the_oracle_avoids_failure_in_plain_weather_and_in_fog(world: Any) -> None:
     simulator, _, _ = world
     for fog in (0.0, 95.0):
