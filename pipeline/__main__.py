@@ -89,6 +89,7 @@ def parser() -> argparse.ArgumentParser:
     frames = commands.add_parser("export-frames", help="Write a campaign's kept frames as YOLO, COCO and OpenLABEL.")
     frames.add_argument("frames", type=Path, help="frames.parquet of a campaign")
     frames.add_argument("--out", type=Path, default=Path("frames"), help="folder (default: %(default)s)")
+    _add_coverage(commands)
     verdict = commands.add_parser("verdict", help="Print the table of the comparison.")
     verdict.add_argument("--comparison", type=Path, required=True)
     for name, (text, options) in STEPS.items():
@@ -98,6 +99,45 @@ def parser() -> argparse.ArgumentParser:
         step.add_argument("--params", type=Path, default=configuration.PARAMS, help="resolved configuration (default: %(default)s)")
         step.add_argument("--log", type=Path, help="file that progress is written to, a line a second at most")
     return top
+
+
+def _add_coverage(commands: Any) -> None:
+    """`coverage score|propose|plan|verify`."""
+    top = commands.add_parser("coverage", help="Score any data set's coverage, propose points, plan and verify covering arrays.")
+    verbs = top.add_subparsers(dest="verb", required=True, metavar="VERB")
+
+    def verb(name: str, text: str) -> argparse.ArgumentParser:
+        added: argparse.ArgumentParser = verbs.add_parser(name, help=text, description=text)
+        added.add_argument("--space", type=Path, required=True, help="space file: variables and constraints in YAML")
+        added.add_argument("--json", action="store_true", help="print one JSON object")
+        return added
+
+    def projected(added: argparse.ArgumentParser, required: bool) -> None:
+        added.add_argument("--points", type=Path, required=required, help="CSV, parquet, COCO's JSON or a folder of YOLO labels")
+        added.add_argument("--metadata", type=Path, help="for COCO and YOLO: a CSV with file_name and the conditions of each image")
+        added.add_argument("--k", type=int, default=2, help="conditions that are looked at together (default: %(default)s)")
+        added.add_argument("--operator", choices=("product", "sum", "max"), default="product", help="of weights (default: %(default)s)")
+
+    score = verb("score", "How well points cover every combination of categories of any k conditions.")
+    projected(score, required=True)
+    score.add_argument("--figures", type=Path, help="folder for a heat map of every plane and the growth of coverage")
+    propose = verb("propose", "The next points that raise coverage most.")
+    projected(propose, required=False)
+    propose.add_argument("--count", type=int, default=1, help="how many (default: %(default)s)")
+    propose.add_argument("--exact", action="store_true", help="by 0-1 programming: the optimum, or the best in time and a bound")
+    propose.add_argument("--heavy-first", action="store_true", help="prefer cells of large weight to many cells")
+    propose.add_argument("--output", type=Path, help="CSV for the points")
+    plan = verb("plan", "A covering array: few points with every combination of categories of any conditions.")
+    plan.add_argument("--strength", type=int, default=2, help="conditions that are combined, 1 to 6 (default: %(default)s)")
+    plan.add_argument("--effort", choices=("quick", "polish"), default="quick", help="polish goes on for --seconds (default: %(default)s)")
+    plan.add_argument("--include", type=Path, help="table of points that must be in the plan")
+    plan.add_argument("--output", type=Path, help="CSV for the plan")
+    for timed, seconds in ((propose, 20.0), (plan, 30.0)):
+        timed.add_argument("--seconds", type=float, default=seconds, help="time limit of --exact or polish (default: %(default)s)")
+        timed.add_argument("--seed", type=int, default=0, help="of everything drawn at random (default: %(default)s)")
+    verify = verb("verify", "Check a plan by other means than those that made it; exit code 1 if it is not valid.")
+    verify.add_argument("--points", type=Path, required=True, help="the plan: CSV or parquet")
+    verify.add_argument("--strength", type=int, default=2, help="conditions that are combined (default: %(default)s)")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -117,6 +157,8 @@ def main(arguments: list[str] | None = None) -> int:
             _export_frames(**options)
         elif command == "contact-sheet":
             _contact_sheet(**options)
+        elif command == "coverage":
+            return _coverage(**options)
         elif command == "verdict":
             _verdict(options["comparison"])
         else:
@@ -163,6 +205,20 @@ def _export_frames(frames: Path, out: Path) -> None:
 
     camera = configuration.compose("default", []).simulator.get("camera", {})
     print(f"{out}: {export_frames(frames, out, float(camera.get('hfov_deg', 60)))} frames")
+
+
+def _coverage(verb: str, json: bool, **options: Any) -> int:
+    from json import dumps
+
+    from pipeline.steps import coverage
+
+    for option in ("seconds", "seed"):
+        if options.get(option, 0) < 0:
+            raise InputError(f"--{option} must be at least 0, got {options[option]}")
+    with Progress(f"coverage {verb}") as progress:
+        found, text = getattr(coverage, verb)(**options, progress=progress)
+    print(dumps(found, ensure_ascii=False) if json else text)
+    return 0 if found.get("valid", True) else 1
 
 
 def _verdict(comparison: Path) -> None:

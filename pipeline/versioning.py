@@ -44,7 +44,7 @@ class Stage:
 
 MODELS = tuple(f"{D}/models/{version}" for version in ("control", "random", "adaptive"))
 SIMULATION = ("steps.campaign", "simulators.mujoco.episode", "detectors.onnx")
-SAMPLERS = tuple(f"core.samplers.{name}" for name in ("random", "neural", "pairwise"))
+SAMPLERS = tuple(f"core.samplers.{name}" for name in ("random", "neural", "pairwise", "coverage"))
 
 STAGES = {
     "space": Stage("spaces", ("steps.define_space",), ("study", "scenarios"), (f"{D}/space",)),

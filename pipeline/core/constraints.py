@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations, product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pysat.solvers import Solver
 
 from pipeline.core.space import Ints, Space
 
 Bools = NDArray[np.bool_]
+SOLVER = "minisat22"
+"""The quickest of python-sat's on problems that are small and many."""
 
 
 @dataclass(frozen=True)
@@ -51,39 +57,186 @@ class Constraints:
         """Whether each row of (n, d) category indices satisfies every clause, as (n,)."""
         result = np.ones(len(categories), dtype=bool)
         for clause in self.clauses:
-            satisfied = np.zeros(len(categories), dtype=bool)
-            for literal in clause:
-                satisfied |= (categories[:, literal.variable] == literal.category) == literal.equal
-            result &= satisfied
+            result &= _satisfied(clause, categories)
         return result
+
+    def first_broken(self, categories: Ints) -> tuple[int, int] | None:
+        """The first of (n, d) rows that breaks a clause, and that clause's index; None if none does."""
+        broken = np.flatnonzero(~self.holds(categories))
+        if not len(broken):
+            return None
+        row = int(broken[0])
+        return row, next(i for i, clause in enumerate(self.clauses) if not _satisfied(clause, categories[row : row + 1])[0])
 
     def satisfiable(self, fixed: Mapping[int, int]) -> bool:
         """Whether some feasible point has the category `fixed[variable]` for each variable in `fixed`."""
         return self.complete(fixed) is not None
 
-    def complete(self, fixed: Mapping[int, int]) -> tuple[int, ...] | None:
-        """A feasible row of d category indices that agrees with `fixed`, None if there is none; lowest indices first."""
-        domains = [np.ones(size, dtype=bool) for size in self.sizes]
-        for variable, category in fixed.items():
-            domains[variable] = np.arange(self.sizes[variable]) == category
-        solution = _solve(domains, self.clauses)
-        return None if solution is None else tuple(int(np.argmax(domain)) for domain in solution)
+    def complete(self, fixed: Mapping[int, int], rng: np.random.Generator | None = None) -> tuple[int, ...] | None:
+        """A feasible row of d category indices that agrees with `fixed`, None if there is none.
+
+        With a generator the row is a random one: what the solver would decide at will, the generator decides.
+        """
+        row = self._encoding.solve(fixed, rng)
+        return None if row is None else tuple(row)
 
     def feasible_cells(self, variables: Sequence[int]) -> Bools:
-        """Whether each cell of the given variables is reached by a feasible point; shape = the sizes of those variables.
+        """Whether each cell of the given variables is reached by a feasible point; shape = the sizes of those variables."""
+        return self._encoding.cells(tuple(variables))
 
-        Variables that no clause names reach all their categories wherever the others have a solution, so they are not solved for.
-        """
-        cells = np.ones(tuple(self.sizes[v] for v in variables), dtype=bool)
-        touched = [position for position, variable in enumerate(variables) if variable in self.named]
-        for index in np.ndindex(*(cells.shape[position] for position in touched)):
-            fixed = {variables[position]: category for position, category in zip(touched, index, strict=True)}
-            if not self.satisfiable(fixed):
-                where: list[int | slice] = [slice(None)] * len(variables)
-                for position, category in zip(touched, index, strict=True):
-                    where[position] = category
-                cells[tuple(where)] = False
-        return cells
+    def contradiction(self) -> tuple[int, ...]:
+        """Indices of clauses that no point satisfies together, as few as can be left; empty if a feasible point exists."""
+        if self.satisfiable({}):
+            return ()
+        core = list(range(len(self.clauses)))
+        for index in list(core):
+            fewer = [i for i in core if i != index]
+            if not Constraints(self.sizes, tuple(self.clauses[i] for i in fewer)).satisfiable({}):
+                core = fewer
+        return tuple(core)
+
+    @cached_property
+    def _encoding(self) -> _Encoding:
+        return _Encoding(self.sizes, self.clauses)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"sizes": self.sizes, "clauses": self.clauses}  # A solver cannot travel to another process.
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+
+
+def _satisfied(clause: Clause, categories: Ints) -> Bools:
+    result = np.zeros(len(categories), dtype=bool)
+    for literal in clause:
+        result |= (categories[:, literal.variable] == literal.category) == literal.equal
+    return result
+
+
+class _Encoding:
+    """The clauses in propositional logic: one proposition for each category that a clause names.
+
+    Categories of a variable that no clause names are all alike, so they share a class, in which none of the variable's propositions
+    holds. Every solution that is found is kept, and marks all the cells that it reaches.
+    """
+
+    def __init__(self, sizes: tuple[int, ...], clauses: tuple[Clause, ...]) -> None:
+        self._sizes = sizes
+        self._categories: dict[int, list[int]] = {}
+        for literal in (literal for clause in clauses for literal in clause):
+            known = self._categories.setdefault(literal.variable, [])
+            if literal.category not in known:
+                known.append(literal.category)
+        self._proposition: dict[tuple[int, int], int] = {}
+        for variable, categories in sorted(self._categories.items()):
+            for category in sorted(categories):
+                self._proposition[variable, category] = len(self._proposition) + 1
+        self._solver = Solver(name=SOLVER, bootstrap_with=self._formula(clauses))
+        self._possible = bool(self._solver.solve())
+        self._component = self._components(clauses)
+        self._named = sorted(self._categories)
+        self._column = {variable: column for column, variable in enumerate(self._named)}
+        # Class of each category of each named variable: 0 to its named categories, the last one for all others.
+        self._class = {v: self._classes(v) for v in self._named}
+        self._solutions = np.zeros((0, len(self._named)), dtype=np.int64)
+        self._cells: dict[tuple[int, ...], Bools] = {}
+
+    def _formula(self, clauses: tuple[Clause, ...]) -> list[list[int]]:
+        formula = [[self._proposition[x.variable, x.category] * (1 if x.equal else -1) for x in clause] for clause in clauses]
+        for variable, categories in self._categories.items():
+            own = [self._proposition[variable, category] for category in categories]
+            formula += [[-first, -second] for first, second in combinations(own, 2)]
+            if len(own) == self._sizes[variable]:
+                formula.append(own)
+        return formula
+
+    def _components(self, clauses: tuple[Clause, ...]) -> dict[int, int]:
+        """Component of each named variable: variables of different ones do not constrain each other."""
+        component = {variable: variable for variable in self._categories}
+
+        def root(variable: int) -> int:
+            while component[variable] != variable:
+                variable = component[variable]
+            return variable
+
+        for clause in clauses:
+            for literal in clause[1:]:
+                component[root(literal.variable)] = root(clause[0].variable)
+        return {variable: root(variable) for variable in component}
+
+    def _classes(self, variable: int) -> Ints:
+        named = sorted(self._categories[variable])
+        classes = np.full(self._sizes[variable], len(named), dtype=np.int64)
+        classes[named] = np.arange(len(named))
+        return classes
+
+    def _assumptions(self, variable: int, category: int) -> list[int]:
+        if (variable, category) in self._proposition:
+            return [self._proposition[variable, category]]
+        return [-self._proposition[variable, other] for other in self._categories.get(variable, ())]
+
+    def solve(self, fixed: Mapping[int, int], rng: np.random.Generator | None = None) -> list[int] | None:
+        """A feasible row with the fixed categories; the first categories that are free, or random ones."""
+        assumptions = [literal for variable, category in fixed.items() for literal in self._assumptions(variable, category)]
+        if rng is not None and self._proposition:
+            signs = rng.integers(2, size=len(self._proposition)) * 2 - 1
+            self._solver.set_phases([int(sign) * (i + 1) for i, sign in enumerate(signs)])
+        if not self._solver.solve(assumptions=assumptions):
+            return None
+        true = {literal for literal in self._solver.get_model() if literal > 0}
+        row = []
+        for variable, size in enumerate(self._sizes):
+            if variable in fixed:
+                row.append(fixed[variable])
+                continue
+            chosen = [c for c in self._categories.get(variable, ()) if self._proposition[variable, c] in true]
+            free = chosen or [c for c in range(size) if (variable, c) not in self._proposition]
+            row.append(free[0] if rng is None else free[int(rng.integers(len(free)))])
+        return row
+
+    def cells(self, variables: tuple[int, ...]) -> Bools:
+        """Feasible cells of a plane: the product of what its parts in different components allow."""
+        result = np.ones(tuple(self._sizes[v] for v in variables), dtype=bool)
+        groups: dict[int, list[int]] = {}
+        for axis, variable in enumerate(variables):
+            if variable in self._component:
+                groups.setdefault(self._component[variable], []).append(axis)
+        for axes in groups.values():
+            part = self._component_cells(tuple(variables[axis] for axis in axes))
+            result &= part.reshape([self._sizes[v] if axis in axes else 1 for axis, v in enumerate(variables)])
+        return result & self._possible
+
+    def _component_cells(self, variables: tuple[int, ...]) -> Bools:
+        if list(variables) != sorted(variables):
+            order = sorted(range(len(variables)), key=lambda axis: variables[axis])
+            return self._component_cells(tuple(variables[axis] for axis in order)).transpose(np.argsort(order))
+        if variables not in self._cells:
+            self._cells[variables] = self._solved_cells(variables)
+        return self._cells[variables]
+
+    def _solved_cells(self, variables: tuple[int, ...]) -> Bools:
+        counts = [int(self._class[v].max()) + 1 for v in variables]
+        classes = np.zeros(counts, dtype=bool)
+        columns = [self._column[v] for v in variables]
+        classes[tuple(self._solutions[:, columns].T)] = True
+        for cell in product(*map(range, counts)):
+            if classes[cell]:
+                continue
+            assumptions = []
+            for variable, number in zip(variables, cell, strict=True):
+                assumptions += self._assumptions(variable, int(np.argmax(self._class[variable] == number)))
+            if self._solver.solve(assumptions=assumptions):
+                self._keep_solution()
+                classes[tuple(self._solutions[-1, columns])] = True
+        return classes[np.ix_(*(self._class[v] for v in variables))]
+
+    def _keep_solution(self) -> None:
+        true = {literal for literal in self._solver.get_model() if literal > 0}
+        row = []
+        for variable in self._named:
+            named = sorted(self._categories[variable])
+            row.append(next((i for i, c in enumerate(named) if self._proposition[variable, c] in true), len(named)))
+        self._solutions = np.vstack([self._solutions, np.array(row, dtype=np.int64)])
 
 
 def parse_constraints(space: Space, clauses: Sequence[Sequence[str]]) -> Constraints:
@@ -91,68 +244,24 @@ def parse_constraints(space: Space, clauses: Sequence[Sequence[str]]) -> Constra
 
     Raises ValueError that names the literal, what was expected and what came.
     """
-    return Constraints(space.sizes, tuple(tuple(_literal(space, text) for text in clause) for clause in clauses))
+    labels = {variable.name: variable.labels for variable in space.variables}
+    return Constraints(space.sizes, tuple(tuple(parse_literal(text, labels) for text in clause) for clause in clauses))
 
 
-def _literal(space: Space, text: str) -> Literal:
+def parse_literal(text: str, labels: Mapping[str, Sequence[str]]) -> Literal:
+    """One literal. labels: of the categories of each variable, in order."""
     equal = "!=" not in text
     name, sign, category = (part.strip() for part in text.partition("=" if equal else "!="))
     if not sign:
         raise ValueError(f"a constraint must read 'variable = category' or 'variable != category', got {text!r}")
-    if name not in space.names:
-        raise ValueError(f"constraint {text!r}: variable must be one of {', '.join(space.names)}; got {name!r}")
-    variable = space.names.index(name)
-    labels = space.variables[variable].labels
-    if category not in labels:
-        raise ValueError(f"constraint {text!r}: category must be one of {', '.join(labels)}; got {category!r}")
-    return Literal(variable, labels.index(category), equal)
+    if name not in labels:
+        raise ValueError(f"constraint {text!r}: variable must be one of {_some(labels, name)}; got {name!r}")
+    if category not in labels[name]:
+        raise ValueError(f"constraint {text!r}: category must be one of {_some(labels[name], category)}; got {category!r}")
+    return Literal(list(labels).index(name), list(labels[name]).index(category), equal)
 
 
-def _solve(domains: list[Bools], clauses: tuple[Clause, ...]) -> list[Bools] | None:
-    """DPLL over domains: (size,) masks of the categories each variable may still take. Returns a solution's domains."""
-    reduced = _propagate(domains, clauses)
-    if reduced is None:
-        return None
-    open_clause = next((clause for clause in clauses if not any(_true(reduced, literal) for literal in clause)), None)
-    if open_clause is None:
-        return reduced
-    literal = next(literal for literal in open_clause if not _false(reduced, literal))
-    for keep in (literal, Literal(literal.variable, literal.category, not literal.equal)):
-        solution = _solve(_impose(reduced, keep), clauses)
-        if solution is not None:
-            return solution
-    return None
-
-
-def _propagate(domains: list[Bools], clauses: tuple[Clause, ...]) -> list[Bools] | None:
-    """Impose every literal that is the last one its clause can still satisfy; None on a conflict."""
-    changed = True
-    while changed:
-        changed = False
-        for clause in clauses:
-            if any(_true(domains, literal) for literal in clause):
-                continue
-            possible = [literal for literal in clause if not _false(domains, literal)]
-            if not possible:
-                return None
-            if len(possible) == 1:
-                domains, changed = _impose(domains, possible[0]), True
-    return domains
-
-
-def _impose(domains: list[Bools], literal: Literal) -> list[Bools]:
-    chosen = np.arange(len(domains[literal.variable])) == literal.category
-    result = list(domains)
-    result[literal.variable] = domains[literal.variable] & (chosen == literal.equal)
-    return result
-
-
-def _true(domains: list[Bools], literal: Literal) -> bool:
-    """Whether the literal holds for every category left."""
-    domain = domains[literal.variable]
-    only = bool(domain[literal.category]) and int(domain.sum()) == 1
-    return only if literal.equal else not domain[literal.category]
-
-
-def _false(domains: list[Bools], literal: Literal) -> bool:
-    return _true(domains, Literal(literal.variable, literal.category, not literal.equal))
+def _some(names: Sequence[str] | Mapping[str, Any], wrong: str) -> str:
+    """The names, or where they are many, those most like a wrong one."""
+    known = list(names)
+    return ", ".join(known if len(known) <= 12 else [*difflib.get_close_matches(wrong, known, n=3, cutoff=0), "…"])

@@ -77,6 +77,21 @@ class Variable:
             return np.minimum(self.low + np.floor(unit * count), self.high)
         return self.low + unit * (self.high - self.low)
 
+    def within(self, categories: Ints, unit: Floats) -> Floats:
+        """(n,) category indices to encoded values that lie as far inside their categories as (n,) numbers in [0, 1) say."""
+        values = self.grid[categories]
+        if self.kind == "categorical":
+            return values
+        if self.kind == "integer":
+            first, last = np.ceil(values - self.step / 2), np.ceil(values + self.step / 2) - 1
+            first, last = np.maximum(first, self.low), np.minimum(last, self.high)
+            return np.asarray(np.minimum(first + np.floor(unit * (last - first + 1)), last))
+        first, last = values - self.step / 2, values + self.step / 2
+        if self.cyclic:
+            return np.asarray(self.low + (first + self.step * unit - self.low) % (self.high - self.low))
+        first, last = np.maximum(first, self.low), np.minimum(last, self.high)
+        return np.asarray(first + unit * (last - first))
+
     def encode(self, value: float | str) -> float:
         """One value to its number; ValueError that names the variable, what was expected and what came."""
         if self.kind == "categorical":
@@ -129,6 +144,11 @@ class Space:
     def representatives(self, categories: Ints) -> Floats:
         """(n, d) category indices to the points that stand for them."""
         return np.column_stack([v.grid[categories[:, j]] for j, v in enumerate(self.variables)])
+
+    def within(self, categories: Ints, rng: np.random.Generator) -> Floats:
+        """(n, d) category indices to points drawn inside those categories."""
+        unit = rng.random(categories.shape)
+        return np.column_stack([v.within(categories[:, j], unit[:, j]) for j, v in enumerate(self.variables)])
 
     def encode(self, concrete: Mapping[str, float | str]) -> Floats:
         """One concrete scenario to a (d,) point; ValueError for a missing, unknown or out-of-range variable."""

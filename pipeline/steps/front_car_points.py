@@ -10,7 +10,7 @@ from pipeline.artefacts.front_car import CoveredPoint, Points
 from pipeline.artefacts.results import write
 from pipeline.config import Config
 from pipeline.core.coverage.projection import projection_coverage
-from pipeline.core.coverage.proposals import complete
+from pipeline.core.coverage.proposals import Proposer
 from pipeline.progress import Progress
 from pipeline.protocols import InputError
 
@@ -23,7 +23,7 @@ def run(config: Config, *, out: Path, progress: Progress) -> None:
         raise InputError(f"front_car.existing must be at most {len(feasible)}, the number of feasible points; got {settings.existing}")
     drawn = np.random.default_rng(settings.seed).choice(len(feasible), settings.existing, replace=False)
     points = feasible[drawn]
-    for proposal in complete(points, constraints, settings.k):
+    for proposal in Proposer(constraints, settings.k).complete(points, exact=True):
         points = np.vstack([points, proposal.categories])
     named, required = [], 0
     for i in range(len(points)):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from pipeline.core.samplers.batches import BatchSampler
+from pipeline.core.samplers.coverage import CoverageSampler
 from pipeline.core.samplers.neural import NeuralSampler
 from pipeline.core.samplers.pairwise import PairwiseSampler
 from pipeline.core.samplers.random import RandomSampler
@@ -15,7 +16,7 @@ from tests.spaces import SMALL, THESIS
 
 
 @pytest.mark.parametrize("space", [SMALL, THESIS], ids=["small", "thesis"])
-@pytest.mark.parametrize("make", [RandomSampler, NeuralSampler, PairwiseSampler])
+@pytest.mark.parametrize("make", [RandomSampler, NeuralSampler, PairwiseSampler, CoverageSampler])
 def test_samplers_keep_the_contract(make: type[BatchSampler], space: Space) -> None:
     assert isinstance(make(space, 0), Sampler)
     check_sampler(lambda: make(space, 5), space)

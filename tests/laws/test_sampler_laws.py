@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 
 from pipeline.core.constraints import parse_constraints
+from pipeline.core.coverage.projection import projection_coverage
 from pipeline.core.samplers.batches import BatchSampler
+from pipeline.core.samplers.coverage import CoverageSampler
 from pipeline.core.samplers.neural import NeuralSampler
 from pipeline.core.samplers.pairwise import PairwiseSampler
 from pipeline.core.samplers.random import RandomSampler
 from pipeline.core.space import Floats
 from tests.spaces import SMALL
 
-SAMPLERS: list[Callable[..., BatchSampler]] = [RandomSampler, NeuralSampler, PairwiseSampler]
+SAMPLERS: list[Callable[..., BatchSampler]] = [RandomSampler, NeuralSampler, PairwiseSampler, CoverageSampler]
 BATCH = 6
 
 
@@ -77,6 +79,20 @@ def test_the_pairwise_plan_comes_first_and_random_tests_after_it() -> None:
     rows = len(sampler.plan)
     assert rows < 150 and np.array_equal(points[:rows], sampler.plan)
     assert not np.array_equal(points[rows:], SMALL.representatives(SMALL.categorise(points[rows:])))
+
+
+def test_coverage_covers_all_pairs_sooner_than_chance_and_then_all_of_them_twice() -> None:
+    guided, _ = run(CoverageSampler(SMALL, 0, batch_size=20), 14)
+    drawn, _ = run(RandomSampler(SMALL, 0, batch_size=20), 14)
+
+    def ratio(points: Floats, wanted: int) -> float:
+        weights = [np.full(size, wanted) for size in SMALL.sizes]
+        return projection_coverage(SMALL.categorise(points), SMALL.sizes, 2, weights=weights, combine="max").ratio
+
+    full = next(n for n in range(len(guided)) if ratio(guided[:n], 1) == 1)
+    assert full <= 170 and ratio(drawn[:full], 1) < 0.9  # 11 x 12 rows are needed.
+    assert ratio(guided, 2) > ratio(drawn, 2)
+    assert len(np.unique(guided[:, 0])) == len(guided)  # Values are drawn inside their categories.
 
 
 @pytest.mark.parametrize("make", SAMPLERS)

@@ -1,4 +1,4 @@
-"""Covering arrays cover, are small where the smallest is known, and are ordered well."""
+"""Covering arrays cover, are small where the smallest is known, hold what they must, and are ordered well."""
 
 from __future__ import annotations
 
@@ -6,42 +6,95 @@ import numpy as np
 import pytest
 
 from pipeline.core.constraints import Constraints, Literal
-from pipeline.core.coverage.arrays import covering_array, order_by_new_pairs
+from pipeline.core.coverage.arrays import covering_array, lower_bound, order_by_new_pairs
 from pipeline.core.coverage.projection import projection_coverage
+from pipeline.core.coverage.verification import verify
 from tests.spaces import THESIS
+
+LINKED = Constraints((3, 4, 2, 3), ((Literal(0, 0, False), Literal(1, 2)), (Literal(2, 1), Literal(3, 0, False))))
 
 
 def test_the_thesis_space_takes_exactly_962_tests() -> None:
-    rows = covering_array(THESIS.sizes, np.random.default_rng(0))
-    assert rows.shape == (962, 8)
-    assert projection_coverage(rows, THESIS.sizes, 2).ratio == 1
+    array = covering_array(THESIS.sizes)
+    assert array.rows.shape == (962, 8) and array.lower_bound == 962 and array.cells == 8084
+    assert projection_coverage(array.rows, THESIS.sizes, 2).ratio == 1
 
 
 @pytest.mark.parametrize(
-    ("sizes", "limit"),
-    [((3,) * 4, 9), ((3,) * 13, 20), ((4,) * 10, 31), ((4, 6, 2), 24), ((5, 2, 2, 2), 10), ((7,), 7)],
+    ("sizes", "strength", "limit"),
+    [
+        ((3,) * 4, 2, 9), ((3,) * 13, 2, 17), ((4,) * 10, 2, 29), ((4, 6, 2), 2, 24), ((5, 2, 2, 2), 2, 10), ((7,), 1, 7),
+        ((2,) * 100, 2, 15),
+        ((2,) * 20, 3, 25), ((3, 2, 2, 2, 3), 4, 38), ((2,) * 8, 5, 64), ((2,) * 7, 6, 64), ((10,) * 20, 2, 197),
+    ],
+)  # fmt: skip
+def test_arrays_cover_with_few_rows(sizes: tuple[int, ...], strength: int, limit: int) -> None:
+    array = covering_array(sizes, strength)
+    assert verify(array.rows, Constraints(sizes), strength).valid
+    assert array.lower_bound <= array.size <= limit
+
+
+@pytest.mark.parametrize("strength", [1, 2, 3, 4])
+def test_constrained_arrays_hold_every_feasible_cell_and_no_other(strength: int) -> None:
+    array = covering_array(LINKED.sizes, strength, constraints=LINKED)
+    checked = verify(array.rows, LINKED, strength)
+    assert checked.valid and checked.cells == array.cells and array.lower_bound <= array.size
+    assert projection_coverage(array.rows, LINKED.sizes, strength, constraints=LINKED).ratio == 1
+
+
+def test_seed_rows_come_first_and_stay() -> None:
+    seeds = np.array([[0, 2, 0, 1], [1, 1, 1, 0], [1, 1, 1, 0]])
+    for effort in ("quick", "polish"):
+        array = covering_array(LINKED.sizes, 2, constraints=LINKED, seeds=seeds, effort=effort, seconds=0.3)  # type: ignore[arg-type]
+        assert np.array_equal(array.rows[:3], seeds) and verify(array.rows, LINKED, 2).valid
+
+
+def test_polishing_never_makes_it_larger_and_tells_how_far_it_is() -> None:
+    told: list[tuple[float, int, int]] = []
+    quick = covering_array((4,) * 10)
+    polished = covering_array((4,) * 10, effort="polish", seconds=1.5, progress=lambda *now: told.append(now))
+    assert polished.size <= quick.size + 1 and verify(polished.rows, Constraints((4,) * 10), 2).valid
+    assert told and all(0 <= share <= 1 and bound == 16 <= size for share, size, bound in told)
+
+
+def test_the_seed_alone_decides() -> None:
+    first, second, other = (covering_array((3, 4, 5, 2), seed=seed).rows for seed in (5, 5, 6))
+    assert np.array_equal(first, second) and not np.array_equal(first, other)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "strength", "bound"),
+    [((2,) * 10, 2, 6), ((2,) * 35, 2, 8), ((2,) * 100, 2, 10), ((5, 4, 3), 2, 20), ((5, 4, 3), 3, 60), ((2,) * 20, 3, 16), ((6, 5), 1, 6)],
 )
-def test_arrays_cover_with_few_rows(sizes: tuple[int, ...], limit: int) -> None:
-    rows = covering_array(sizes, np.random.default_rng(0))
-    assert projection_coverage(rows, sizes, min(2, len(sizes))).ratio == 1
-    assert len(rows) <= limit
+def test_lower_bounds(sizes: tuple[int, ...], strength: int, bound: int) -> None:
+    assert lower_bound(sizes, strength) == bound
 
 
-def test_constrained_arrays_hold_every_feasible_pair_and_no_other() -> None:
-    sizes = (3, 4, 2, 3)
-    constraints = Constraints(sizes, ((Literal(0, 0, False), Literal(1, 2)), (Literal(2, 1), Literal(3, 0, False))))
-    rows = covering_array(sizes, np.random.default_rng(0), constraints)
-    assert constraints.holds(rows).all()
-    assert projection_coverage(rows, sizes, 2, constraints=constraints).ratio == 1
+def test_the_bound_counts_feasible_cells_alone() -> None:
+    only = Constraints((3, 3, 2), ((Literal(0, 0), Literal(1, 0)),))
+    assert lower_bound(only.sizes, 2, only) == 6  # 3 x 2; of the 3 x 3 cells of the first plane 5 are feasible.
 
 
-def test_the_generator_alone_decides() -> None:
-    first, second = (covering_array((3, 4, 5, 2), np.random.default_rng(5)) for _ in range(2))
-    assert np.array_equal(first, second)
+def test_what_cannot_be_is_said() -> None:
+    with pytest.raises(ValueError, match="clauses 0, 2 contradict each other"):
+        covering_array((2, 2), constraints=Constraints((2, 2), ((Literal(0, 0),), (Literal(1, 0),), (Literal(0, 1),))))
+    with pytest.raises(ValueError, match="seed row 1 breaks clause 0"):
+        covering_array((2, 2), constraints=Constraints((2, 2), ((Literal(0, 0),),)), seeds=np.array([[0, 0], [1, 0]]))
+    with pytest.raises(ValueError, match=r"strength must be in \[1, 2\], got 3"):
+        covering_array((2, 2), 3)
+
+
+def test_the_verifier_finds_what_is_missing_and_what_is_broken() -> None:
+    rows = covering_array(LINKED.sizes, 2, constraints=LINKED).rows
+    shorter = verify(rows[1:], LINKED, 2)
+    assert not shorter.valid and shorter.missing and not shorter.broken
+    wrong = rows.copy()
+    wrong[0] = (0, 0, 0, 0)
+    assert (0, 0) in verify(wrong, LINKED, 2).broken
 
 
 def test_the_order_takes_the_row_with_most_new_pairs_each_time() -> None:
-    rows = covering_array((4, 3, 3, 2), np.random.default_rng(0))
+    rows = covering_array((4, 3, 3, 2)).rows
     order = order_by_new_pairs(rows)
     assert sorted(order.tolist()) == list(range(len(rows)))
     covered: set[tuple[int, int, int, int]] = set()

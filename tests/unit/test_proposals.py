@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.core.constraints import Constraints, Literal
 from pipeline.core.coverage.projection import projection_coverage
-from pipeline.core.coverage.proposals import complete, propose
+from pipeline.core.coverage.proposals import Proposer
 
 CONSTRAINED = Constraints((3, 2, 2, 2), ((Literal(1, 1), Literal(2, 1, equal=False)), (Literal(0, 2, equal=False), Literal(3, 0))))
 
@@ -26,17 +26,17 @@ def test_no_point_gains_more(constraints: Constraints, k: int, seed: int) -> Non
         return projection_coverage(rows, constraints.sizes, k, constraints=constraints).covered
 
     gains = [covered(np.vstack([points, point])) - covered(points) for point in every]
-    proposal = propose(points, constraints, k)
+    proposal = Proposer(constraints, k).propose_exact(points)
     if max(gains) == 0:
         assert proposal is None
         return
-    assert proposal is not None and constraints.holds(proposal.categories[None])[0]
+    assert proposal is not None and constraints.holds(proposal.categories).all() and proposal.optimal
     assert covered(np.vstack([points, proposal.categories])) - covered(points) == proposal.gain == max(gains)
 
 
 @pytest.mark.parametrize("k", [1, 2, 3, 4])
 def test_completion_covers_every_feasible_cell(k: int) -> None:
     start = np.array([[2, 0, 0, 0]])
-    points = np.vstack([start, *(proposal.categories for proposal in complete(start, CONSTRAINED, k))])
+    points = np.vstack([start, *(proposal.categories for proposal in Proposer(CONSTRAINED, k).complete(start))])
     assert projection_coverage(points, CONSTRAINED.sizes, k, constraints=CONSTRAINED).ratio == 1
-    assert propose(points, CONSTRAINED, k) is None
+    assert Proposer(CONSTRAINED, k).propose(points) is None

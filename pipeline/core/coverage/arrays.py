@@ -1,41 +1,294 @@
-"""Pair-wise covering arrays: few tests in which every two categories of different variables meet (thesis section 4.4.1)."""
+"""Covering arrays: few feasible rows in which every feasible combination of categories of any t variables occurs."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from heapq import heapify, heappop, heappush
 from itertools import combinations
+from math import comb, prod
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.core.constraints import Constraints
+from pipeline.core.coverage import annealing
+from pipeline.core.coverage.annealing import Int32s, Problem
 from pipeline.core.space import Ints
 
-Bools = NDArray[np.bool_]
-CANDIDATES = 8
+Effort = Literal["quick", "polish"]
+Progress = Callable[[float, int, int], None]
+"""Called with the share of the time that is spent, the size so far and the lower bound."""
+CANDIDATES = 16
+SWEEPS = 5
+QUICK_OPERATIONS = 3e8
+"""Elementary steps of annealing in a quick array: fixed, so that the same seed gives the same rows on any machine."""
+ATTEMPT_OPERATIONS = 1.2e8
+OPERATIONS_A_SECOND = 6e8
+"""About, on a slow machine, until it is measured."""
+TEMPERATURES = ((0.55, 0.13), (0.35, 0.18), (0.3, 0.08))
+"""First and last of an attempt. The last leaves a regular construction, from which one row more can be spared, as it is."""
+FRESH_LONGER, FRESH_TEMPERATURES = 2.5, (0.26, 0.2)
+"""Of attempts that begin with a full factorial: they need long at a temperature that hardly falls."""
+LONGEST = 15
+"""An attempt is at most so many times longer than the first."""
+STARTER_STEPS = 400_000
 FREE = -1
 
 
-def covering_array(sizes: Sequence[int], rng: np.random.Generator, constraints: Constraints | None = None) -> Ints:
-    """A pair-wise covering array over variables with `sizes` categories each, as (rows, d) category indices.
+@dataclass(frozen=True)
+class CoveringArray:
+    """rows: (n, d) category indices. cells: feasible cells that they cover, all of them. lower_bound: no array has fewer rows."""
 
-    Every pair that a feasible point reaches is in some row, and every row is feasible. The smaller of two is returned: a greedy
-    array, and, without constraints, one that begins with the full factorial of the two largest variables. No array has
-    fewer rows than that factorial, so where nothing is left to add it is minimal. Deterministic for a generator's state.
+    rows: Ints
+    strength: int
+    cells: int
+    lower_bound: int
+
+    @property
+    def size(self) -> int:
+        return len(self.rows)
+
+
+def covering_array(
+    sizes: Sequence[int],
+    strength: int = 2,
+    *,
+    constraints: Constraints | None = None,
+    seeds: Ints | None = None,
+    effort: Effort = "quick",
+    seconds: float = 30.0,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> CoveringArray:
+    """A covering array over variables with `sizes` categories each.
+
+    strength: t, 1 to 6. seeds: (m, d) rows that must be in it, its first ones. effort: `quick` spends a fixed number of steps, so that the
+    result depends on the arguments alone; `polish` goes on for `seconds`, or until the lower bound is reached.
+
+    Raises ValueError for contradictory constraints, an infeasible seed row and a strength out of range.
     """
     limits = constraints or Constraints(tuple(sizes))
-    wanted = _wanted_pairs(tuple(sizes), limits)
-    if len(sizes) == 1:
-        return np.flatnonzero(limits.feasible_cells([0])).astype(np.int64)[:, None]
-    if limits.clauses:
-        return _complete(np.zeros((0, len(sizes)), dtype=np.int64), wanted, limits, rng)
-    frozen = _complete(_factorial_start(tuple(sizes)), wanted, limits, rng)
-    first, second = sorted(sizes)[-2:]
-    if len(frozen) == first * second:
-        return frozen
-    greedy = _complete(np.zeros((0, len(sizes)), dtype=np.int64), wanted, limits, rng)
-    return min(frozen, greedy, key=len)
+    if not 1 <= strength <= min(6, len(sizes)):
+        raise ValueError(f"strength must be in [1, {min(6, len(sizes))}], got {strength}")
+    if not limits.satisfiable({}):
+        raise ValueError(f"clauses {', '.join(map(str, limits.contradiction()))} contradict each other: no row is feasible")
+    given = np.zeros((0, len(sizes)), np.int32) if seeds is None else np.asarray(seeds, np.int32)
+    if broken := limits.first_broken(given.astype(np.int64)):
+        raise ValueError(f"seed row {broken[0]} breaks clause {broken[1]}")
+    search = _Search(annealing.lay_out(sizes, strength, limits), limits, given, np.random.default_rng(seed))
+    bound = lower_bound(sizes, strength, limits)
+    started = time.monotonic()
+    rows = search.start()
+    if effort == "quick":
+        rows = search.shorten(rows, bound, operations=QUICK_OPERATIONS)
+    else:
+        rows = search.polish(rows, bound, started, seconds, progress)
+    return CoveringArray(rows.astype(np.int64), strength, int(search.problem.feasible.sum()), min(bound, len(rows)))
+
+
+def lower_bound(sizes: Sequence[int], strength: int, constraints: Constraints | None = None) -> int:
+    """Rows that every covering array has at least.
+
+    A row covers one cell of each plane, so the plane with most feasible cells is a bound. Without constraints also: binary columns need
+    as many rows as Kleitman and Spencer's theorem says (1973), and the rows that share a category of one column cover all others
+    with strength t - 1.
+    """
+    if constraints is not None and constraints.clauses:
+        largest = sorted(combinations(range(len(sizes)), strength), key=lambda plane: -prod(sizes[c] for c in plane))
+        best = 0
+        for plane in largest:
+            if prod(sizes[c] for c in plane) <= best:
+                break
+            best = max(best, int(constraints.feasible_cells(plane).sum()))
+        return best
+    ordered = sorted(sizes, reverse=True)
+    if strength == 1:
+        return ordered[0]
+    bound = prod(ordered[:strength])
+    if strength == 2:
+        return max(bound, _binary_bound(sum(size >= 2 for size in sizes)))
+    return max(bound, ordered[0] * lower_bound(ordered[1:], strength - 1))
+
+
+def _binary_bound(columns: int) -> int:
+    """Fewest rows of a pair-wise array of binary columns: the smallest N with C(N - 1, ceil(N / 2)) >= columns."""
+    rows = 1
+    while comb(rows - 1, -(-rows // 2)) < columns:
+        rows += 1
+    return rows if columns > 1 else 2 * columns
+
+
+class _Search:
+    """The search for a small array: starts, and shortening by annealing."""
+
+    def __init__(self, problem: Problem, constraints: Constraints, given: Int32s, rng: np.random.Generator) -> None:
+        self.problem, self._constraints, self._given, self._rng = problem, constraints, given, rng
+        self._nothing_held = np.zeros(len(problem.sizes), np.bool_)
+
+    def start(self) -> Int32s:
+        """The smallest of the arrays that greedy search and known constructions give."""
+        found = [self.complete(self._given)]
+        if self.problem.strength == 2 and not self._constraints.clauses and not len(self._given):
+            sizes = tuple(int(size) for size in self.problem.sizes)
+            size = len(found[0])
+            starts = (_factorial(sizes), _orthogonal(sizes), _cyclic(sizes, size, int(self._rng.integers(2**31))))
+            found += [self.complete(rows) for rows in starts if rows is not None]
+        return min(found, key=len)
+
+    def complete(self, start: Int32s) -> Int32s:
+        """Fill the free cells of the start rows greedily, then add rows until every cell is covered."""
+        problem, counts = self.problem, self.problem.counts(np.zeros((0, len(self.problem.sizes)), np.int32))
+        rows = []
+        for row in start:
+            held = row != FREE
+            full = row.copy() if held.all() else self._ascend(np.array([self._any_row(row) for _ in range(2)]), counts, held)
+            annealing.add_rows(full[None], problem.planes, problem.first, problem.stride, counts)
+            rows.append(full)
+        while len(uncovered := np.flatnonzero(counts == 0)):
+            chosen = uncovered[self._rng.integers(len(uncovered), size=CANDIDATES)]
+            full = self._ascend(np.array([self._row_with(int(cell)) for cell in chosen]), counts, self._nothing_held)
+            annealing.add_rows(full[None], problem.planes, problem.first, problem.stride, counts)
+            rows.append(full)
+        return np.array(rows, np.int32).reshape(-1, len(problem.sizes))
+
+    def _ascend(self, starts: Int32s, counts: Int32s, held: np.ndarray) -> Int32s:
+        problem, seed = self.problem, int(self._rng.integers(2**31))
+        worth = (counts == 0).astype(np.int32)
+        row = annealing.best_row(starts, problem.sizes, worth, problem.layout, problem.clauses, held, SWEEPS, seed)
+        return np.asarray(row, np.int32)
+
+    def _any_row(self, row: Int32s) -> Int32s:
+        return np.where(row == FREE, self._rng.integers(0, self.problem.sizes), row).astype(np.int32)
+
+    def _row_with(self, cell: int) -> Int32s:
+        """A random feasible row in a cell."""
+        columns, categories = self.problem.cell(cell)
+        return annealing.feasible_row(self._constraints, columns, categories, self._rng)
+
+    def shorten(self, rows: Int32s, bound: int, operations: float) -> Int32s:
+        """Take rows away, several at a time while that succeeds, until the steps are spent."""
+        away, fails = max(1, len(rows) // 12), 0
+        while operations > 0 and len(rows) > max(bound, len(self._given)):
+            spent = min(operations, ATTEMPT_OPERATIONS * 0.4)
+            operations -= spent
+            shorter = self._without(rows, min(away, len(rows) - max(bound, len(self._given))), spent, TEMPERATURES[fails % 2])
+            if shorter is not None:
+                rows = shorter
+            else:
+                away, fails = max(1, away // 2), fails + 1
+        return rows
+
+    def polish(self, rows: Int32s, bound: int, started: float, seconds: float, progress: Progress | None) -> Int32s:
+        """Take rows away until the time is spent or the bound is reached; a failed attempt makes the next one longer."""
+        fails, away, bound = 0, max(1, len(rows) // 12), max(bound, len(self._given))
+        # Near the product of the two largest sizes a regular start gets further than what greedy search left.
+        fresh = self.problem.strength == 2 and not self._constraints.clauses and not len(self._given) and len(rows) < 1.15 * bound
+        speed = OPERATIONS_A_SECOND
+        while (spent := time.monotonic() - started) < seconds and len(rows) > bound:
+            if progress is not None:
+                progress(spent / seconds, len(rows), bound)
+            operations, temperatures = ATTEMPT_OPERATIONS * (1 + fails), TEMPERATURES[fails % 3]
+            again = fresh and fails % 4 == 3
+            operations = min(operations * (FRESH_LONGER if again else 1), speed * (seconds - spent))
+            begun = time.monotonic()
+            if again:
+                shorter = self._annealed(self._balanced(len(rows) - 1), operations, FRESH_TEMPERATURES)
+            else:
+                shorter = self._without(rows, min(away, len(rows) - bound), operations, temperatures)
+            if shorter is None:  # It used up its steps, which tells how many go into a second.
+                speed = operations / max(1e-3, time.monotonic() - begun)
+            if shorter is not None:
+                rows, fails = shorter, 0
+            elif away > 1:
+                away = max(1, away // 2)
+            else:
+                fails = fails + 1 if fails < LONGEST else LONGEST - 1
+        return rows
+
+    def _without(self, rows: Int32s, away: int, operations: float, temperatures: tuple[float, float]) -> Int32s | None:
+        """An array with `away` rows fewer, None if annealing does not get there."""
+        problem, given = self.problem, len(self._given)
+        unique = annealing.unique_cells(rows, problem.planes, problem.first, problem.stride, problem.counts(rows))
+        order = np.argsort(unique[given:] + self._rng.random(len(rows) - given), kind="stable") + given
+        kept = np.ascontiguousarray(np.delete(rows, order[:away], axis=0))
+        return self._annealed(kept, operations, temperatures) if len(kept) > given else None
+
+    def _annealed(self, rows: Int32s, operations: float, temperatures: tuple[float, float]) -> Int32s | None:
+        """The rows, changed until they cover every cell; None if they do not come to that."""
+        problem = self.problem
+        step = 3.0 * problem.base.shape[1] * problem.strength + 0.2 * len(rows) * (problem.strength + problem.literals_a_column)
+        left = annealing.anneal(
+            rows, len(self._given), self._nothing_held, problem.counts(rows), problem.planes, problem.first, problem.stride, problem.layout,
+            problem.clauses, problem.sizes, max(1000, int(operations / step)), *temperatures, int(self._rng.integers(2**31)),
+        )  # fmt: skip
+        return rows if left == 0 else None
+
+    def _balanced(self, count: int) -> Int32s:
+        """Rows to anneal: the two largest columns as a full factorial, in the others every category equally often."""
+        sizes = self.problem.sizes
+        first, second, *others = np.argsort(-sizes, kind="stable").tolist()
+        pairs = int(sizes[first] * sizes[second])
+        rows = self._rng.integers(0, sizes, size=(count, len(sizes))).astype(np.int32)
+        rows[:pairs, first], rows[:pairs, second] = np.divmod(np.arange(pairs), sizes[second])
+        for column in others:
+            for category in range(sizes[first]):
+                at = np.flatnonzero(rows[:pairs, first] == category)
+                rows[at, column] = self._rng.permutation(np.resize(self._rng.permutation(sizes[column]), len(at)))
+        return rows
+
+
+def _factorial(sizes: tuple[int, ...]) -> Int32s | None:
+    """Every pair of the two largest variables once; the others by a linear rule where that covers all, else free.
+
+    With B categories of the second largest, B prime, a row (a, b) gets (b + m a) mod B in the m-th other variable. Two
+    different m give an orthogonal array, so every pair is covered (Bose 1938); values past a variable's size stay free.
+    """
+    if len(sizes) < 2:
+        return None
+    largest, second, *others = sorted(range(len(sizes)), key=lambda variable: -sizes[variable])
+    a, b = (axis.ravel() for axis in np.indices((sizes[largest], sizes[second])))
+    rows = np.full((len(a), len(sizes)), FREE, dtype=np.int32)
+    rows[:, largest], rows[:, second] = a, b
+    if len(others) < sizes[second] and _is_prime(sizes[second]):
+        for multiplier, variable in enumerate(others, start=1):
+            values = (b + multiplier * a) % sizes[second]
+            rows[:, variable] = np.where(values < sizes[variable], values, FREE)
+    return rows
+
+
+def _orthogonal(sizes: tuple[int, ...]) -> Int32s | None:
+    """An orthogonal array of the smallest prime order that has enough columns, values past a variable's size free (Bose 1938)."""
+    order = max(max(sizes), len(sizes) - 1)
+    while not _is_prime(order):
+        order += 1
+    if order > 2 * max(sizes):
+        return None
+    a, b = (axis.ravel() for axis in np.indices((order, order)))
+    columns = [a, b, *((b + multiplier * a) % order for multiplier in range(1, order))][: len(sizes)]
+    rows = np.array([np.where(values < size, values, FREE) for values, size in zip(columns, sizes, strict=True)], np.int32).T
+    return np.unique(rows[(rows != FREE).any(axis=1)], axis=0)
+
+
+def _cyclic(sizes: tuple[int, ...], fewer_than: int, seed: int) -> Int32s | None:
+    """k (v - 1) + 1 rows for k columns of v categories: the rotations of one row, each with v - 1 shifts, and a constant one.
+
+    None if that is not fewer than asked for, or no such row is found (Meagher and Stevens 2005).
+    """
+    columns, categories = len(sizes), max(sizes)
+    if min(sizes) != categories or categories < 3 or columns * (categories - 1) + 1 >= fewer_than:
+        return None
+    starter = annealing.cyclic_starter(columns, categories, STARTER_STEPS, seed)
+    if starter[0] < 0:
+        return None
+    rotated = np.array([np.roll(starter, -shift) for shift in range(columns)])
+    shifted = [np.where(rotated == categories - 1, rotated, (rotated + by) % (categories - 1)) for by in range(categories - 1)]
+    return np.vstack([*shifted, np.full((1, columns), categories - 1)]).astype(np.int32)
+
+
+def _is_prime(number: int) -> bool:
+    return number > 1 and all(number % divisor for divisor in range(2, int(number**0.5) + 1))
 
 
 def order_by_new_pairs(rows: Ints) -> Ints:
@@ -68,98 +321,3 @@ def _pair_keys(rows: Ints) -> Ints:
         keys[:, position] = offset + rows[:, first] * sizes[second] + rows[:, second]
         offset += sizes[first] * sizes[second]
     return keys
-
-
-class _Uncovered:
-    """The pairs still to cover: `mask[i, a, j, b]` says that category a of variable i has yet to meet b of j. Symmetric."""
-
-    def __init__(self, wanted: dict[tuple[int, int], Bools], sizes: tuple[int, ...]) -> None:
-        self.mask = np.zeros((len(sizes), max(sizes), len(sizes), max(sizes)), dtype=bool)
-        for (first, second), cells in wanted.items():
-            self.mask[first, : sizes[first], second, : sizes[second]] = cells
-            self.mask[second, : sizes[second], first, : sizes[first]] = cells.T
-
-    def cover(self, row: Ints) -> None:
-        fixed = np.flatnonzero(row != FREE)
-        self.mask[fixed[:, None], row[fixed][:, None], fixed[None, :], row[fixed][None, :]] = False
-
-    def gains(self, row: Ints, variable: int) -> Ints:
-        """New pairs that each category of `variable` would cover with the fixed cells of the row."""
-        fixed = np.flatnonzero(row != FREE)
-        return np.asarray(self.mask[fixed, row[fixed], variable].sum(axis=0), dtype=np.int64)
-
-    def gain(self, row: Ints) -> int:
-        index = np.arange(len(row))
-        return int(self.mask[index[:, None], row[:, None], index[None, :], row[None, :]].sum()) // 2
-
-    def richest(self) -> tuple[int, int]:
-        """Variable and category with the most pairs left."""
-        left = self.mask.sum(axis=(2, 3))
-        variable, category = np.unravel_index(int(np.argmax(left)), left.shape)
-        return int(variable), int(category)
-
-
-def _wanted_pairs(sizes: tuple[int, ...], limits: Constraints) -> dict[tuple[int, int], Bools]:
-    return {pair: limits.feasible_cells(pair) for pair in combinations(range(len(sizes)), 2)}
-
-
-def _complete(start: Ints, wanted: dict[tuple[int, int], Bools], limits: Constraints, rng: np.random.Generator) -> Ints:
-    """Fill the free cells of the start rows, then add rows until every wanted pair is covered."""
-    uncovered = _Uncovered(wanted, limits.sizes)
-    for row in start:
-        uncovered.cover(row)
-    rows = []
-    for row in start:
-        full = _fill(row, uncovered, limits, rng)
-        uncovered.cover(full)
-        rows.append(full)
-    while uncovered.mask.any():
-        candidates = [_fill(_seed_row(uncovered, rng), uncovered, limits, rng) for _ in range(CANDIDATES)]
-        best = max(candidates, key=uncovered.gain)
-        uncovered.cover(best)
-        rows.append(best)
-    return np.array(rows, dtype=np.int64).reshape(-1, len(limits.sizes))
-
-
-def _seed_row(uncovered: _Uncovered, rng: np.random.Generator) -> Ints:
-    """A row that holds one uncovered pair of the category with the most of them, and nothing else."""
-    row = np.full(uncovered.mask.shape[0], FREE, dtype=np.int64)
-    variable, category = uncovered.richest()
-    partners = np.argwhere(uncovered.mask[variable, category])
-    other, value = partners[rng.integers(len(partners))]
-    row[variable], row[other] = category, value
-    return row
-
-
-def _fill(row: Ints, uncovered: _Uncovered, limits: Constraints, rng: np.random.Generator) -> Ints:
-    """Give each free cell, in random order, a category that covers most new pairs and leaves the row feasible."""
-    filled = row.copy()
-    for variable in rng.permutation(np.flatnonzero(row == FREE)):
-        size = limits.sizes[variable]
-        gains = uncovered.gains(filled, int(variable))[:size] + rng.random(size)
-        for category in np.argsort(-gains, kind="stable"):
-            filled[variable] = category
-            if not limits.clauses or limits.satisfiable({int(v): int(filled[v]) for v in np.flatnonzero(filled != FREE)}):
-                break
-    return filled
-
-
-def _factorial_start(sizes: tuple[int, ...]) -> Ints:
-    """Every pair of the two largest variables once; the others by a linear rule where that covers all, else free.
-
-    With B categories of the second largest, B prime, a row (a, b) gets (b + m a) mod B in the m-th other variable. Two
-    different m give an orthogonal array, so every pair is covered (Bose 1938); values past a variable's size stay free.
-    """
-    largest, second, *others = sorted(range(len(sizes)), key=lambda variable: -sizes[variable])
-    a, b = (axis.ravel() for axis in np.indices((sizes[largest], sizes[second])))
-    rows = np.full((len(a), len(sizes)), FREE, dtype=np.int64)
-    rows[:, largest], rows[:, second] = a, b
-    if len(others) < sizes[second] and _is_prime(sizes[second]):
-        for multiplier, variable in enumerate(others, start=1):
-            values = (b + multiplier * a) % sizes[second]
-            rows[:, variable] = np.where(values < sizes[variable], values, FREE)
-    return rows
-
-
-def _is_prime(number: int) -> bool:
-    return number > 1 and all(number % divisor for divisor in range(2, int(number**0.5) + 1))

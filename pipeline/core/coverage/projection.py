@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import reduce
-from itertools import combinations
-from math import prod
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.core.constraints import Constraints
+from pipeline.core.constraints import Bools, Constraints
+from pipeline.core.coverage.counting import CellCounts
 from pipeline.core.space import Ints
 
 Combine = Literal["product", "sum", "max"]
 _COMBINE = {"product": np.multiply, "sum": np.add, "max": np.maximum}
+
+HEAVIEST = 1000
+"""Largest weight of a category: products over six conditions still are exact."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +32,22 @@ class Coverage:
     def ratio(self) -> float:
         """In [0, 1]."""
         return self.covered / self.required
+
+
+@dataclass(frozen=True)
+class Plane:
+    """One k-subset of conditions. counts, wanted: points in each cell and its weight, 0 where no feasible point is; sizes as shape."""
+
+    conditions: tuple[int, ...]
+    counts: Ints
+    wanted: Ints
+    feasible: Bools
+
+    @property
+    def coverage(self) -> Coverage | None:
+        """Of this plane alone; None if its feasible cells want no points."""
+        required = int(self.wanted.sum())
+        return Coverage(int(np.minimum(self.counts, self.wanted).sum()), required) if required else None
 
 
 def projection_coverage(
@@ -49,32 +67,44 @@ def projection_coverage(
 
     Raises ValueError for an infeasible point, an index out of range, and if the feasible cells want no points at all.
     """
-    _check(categories, sizes, k, constraints)
+    check_points(categories, sizes, constraints)
+    counts = CellCounts(sizes, k)
+    counts.add(categories)
+    return total(planes(counts, weights=weights, combine=combine, constraints=constraints))
+
+
+def planes(
+    counts: CellCounts,
+    *,
+    weights: Sequence[ArrayLike] | None = None,
+    combine: Combine = "product",
+    constraints: Constraints | None = None,
+) -> Iterator[Plane]:
+    """Every plane with its counts, weights and feasible cells; see `projection_coverage`."""
+    sizes = counts.sizes
     wanted = [np.ones(size, dtype=np.int64) for size in sizes] if weights is None else _checked_weights(weights, sizes)
-    covered = required = 0
-    for chosen in combinations(range(len(sizes)), k):
+    for chosen, cells in counts:
         plane = reduce(_COMBINE[combine].outer, (wanted[variable] for variable in chosen))
-        if constraints is not None and constraints.clauses:
-            plane = plane * constraints.feasible_cells(chosen)
-        counts = cell_counts(categories, sizes, chosen)
-        covered += int(np.minimum(counts, plane.ravel()).sum())
-        required += int(plane.sum())
+        feasible = np.ones(cells.shape, dtype=bool)
+        if constraints is not None and not constraints.named.isdisjoint(chosen):
+            feasible = constraints.feasible_cells(chosen)
+            plane = plane * feasible
+        yield Plane(chosen, cells, plane, feasible)
+
+
+def total(every: Iterable[Plane]) -> Coverage:
+    """Coverage over all planes; ValueError if their feasible cells want no points at all."""
+    covered = required = 0
+    for plane in every:
+        covered += int(np.minimum(plane.counts, plane.wanted).sum())
+        required += int(plane.wanted.sum())
     if required == 0:
         raise ValueError("coverage is undefined: the weights of all feasible cells sum to 0")
     return Coverage(covered, required)
 
 
-def cell_counts(categories: Ints, sizes: Sequence[int], chosen: Sequence[int]) -> Ints:
-    """Number of points in each cell of the chosen variables, flat in C order, from (n, d) category indices."""
-    keys = np.zeros(len(categories), dtype=np.int64)
-    for variable in chosen:
-        keys = keys * sizes[variable] + categories[:, variable]
-    return np.bincount(keys, minlength=prod(sizes[variable] for variable in chosen))
-
-
-def _check(categories: Ints, sizes: Sequence[int], k: int, constraints: Constraints | None) -> None:
-    if not 1 <= k <= len(sizes):
-        raise ValueError(f"k must be in [1, {len(sizes)}], got {k}")
+def check_points(categories: Ints, sizes: Sequence[int], constraints: Constraints | None = None) -> None:
+    """Raise ValueError for a wrong shape, an index out of range or an infeasible point, naming the first such point."""
     if categories.ndim != 2 or categories.shape[1] != len(sizes):
         raise ValueError(f"categories must have shape (n, {len(sizes)}), got {categories.shape}")
     outside = (categories < 0) | (categories >= np.asarray(sizes))
@@ -85,9 +115,9 @@ def _check(categories: Ints, sizes: Sequence[int], k: int, constraints: Constrai
         return
     if constraints.sizes != tuple(sizes):
         raise ValueError(f"constraints are over sizes {constraints.sizes}, the points over {tuple(sizes)}")
-    infeasible = np.flatnonzero(~constraints.holds(categories))
-    if len(infeasible):
-        raise ValueError(f"{len(infeasible)} points break a constraint, the first is point {infeasible[0]}")
+    if broken := constraints.first_broken(categories):
+        count = int((~constraints.holds(categories)).sum())
+        raise ValueError(f"{count} points break a constraint, the first is point {broken[0]}, which breaks clause {broken[1]}")
 
 
 def _checked_weights(weights: Sequence[ArrayLike], sizes: Sequence[int]) -> list[Ints]:
@@ -97,4 +127,6 @@ def _checked_weights(weights: Sequence[ArrayLike], sizes: Sequence[int]) -> list
     for variable, array in enumerate(arrays):
         if (array < 0).any() or (array != np.floor(array)).any():
             raise ValueError(f"weights of variable {variable} must be whole numbers from 0, got {array.tolist()}")
+        if (array > HEAVIEST).any():
+            raise ValueError(f"weights of variable {variable} must be at most {HEAVIEST:,}, got {array.max():,}")
     return [array.astype(np.int64) for array in arrays]

@@ -1,111 +1,238 @@
-"""Proposals: the feasible point that raises k-projection coverage most (Cheng et al., Definition 5, Algorithms 1 and 2)."""
+"""Proposals: the feasible points that raise k-projection coverage most (Cheng et al., Definition 5, Algorithms 1 and 2)."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import csr_array
 
-from pipeline.core.constraints import Clause, Constraints
-from pipeline.core.coverage.projection import cell_counts
+from pipeline.core.constraints import Constraints
+from pipeline.core.coverage import annealing
+from pipeline.core.coverage.annealing import Int32s, Problem
+from pipeline.core.coverage.counting import CellCounts
+from pipeline.core.coverage.projection import Combine, check_points, planes
 from pipeline.core.space import Ints
 
-OPTIMAL = 0
-"""Status of scipy.optimize.milp."""
+STARTS, SWEEPS = 64, 10
+ANNEALING_STEPS = 400_000
+TIME_LIMIT_S = 20.0
 
 
 @dataclass(frozen=True)
 class Proposal:
-    """categories: (d,) category indices of the point. gain: cells that it covers for the first time, at least 1."""
+    """Points to add. categories: (b, d) indices. gain: how much coverage's numerator rises; bound: it cannot rise more."""
 
     categories: Ints
     gain: int
+    bound: int
+
+    @property
+    def optimal(self) -> bool:
+        return self.gain == self.bound
 
 
-def propose(categories: Ints, constraints: Constraints, k: int) -> Proposal | None:
-    """The point that covers most cells that no point covers yet, None where every feasible cell is covered.
+class Proposer:
+    """Proposes points for some operating conditions; laid out once, asked as often as one likes.
 
-    categories: (n, d) category indices of the points so far, n may be 0. k: 1 to d. The optimum, by 0-1 programming with HiGHS.
+    weights, combine: as for `projection_coverage`. heavy_first: a cell that still wants points is worth its weight, not 1, so that heavy
+    classes come first where full coverage is out of reach (the paper's first extension).
+    """
+
+    def __init__(
+        self,
+        constraints: Constraints,
+        k: int,
+        *,
+        weights: Sequence[ArrayLike] | None = None,
+        combine: Combine = "product",
+        heavy_first: bool = False,
+        seed: int = 0,
+    ) -> None:
+        if not 1 <= k <= len(constraints.sizes):
+            raise ValueError(f"k must be in [1, {len(constraints.sizes)}], got {k}")
+        self._constraints, self._k = constraints, k
+        self._problem: Problem = annealing.lay_out(constraints.sizes, k, constraints)
+        nothing = CellCounts(constraints.sizes, k)
+        wanted = [plane.wanted.ravel() for plane in planes(nothing, weights=weights, combine=combine, constraints=constraints)]
+        self._wanted = np.concatenate(wanted)
+        self._heavy_first, self._rng = heavy_first, np.random.default_rng(seed)
+
+    def missing(self, points: Ints) -> Ints:
+        """(cells,) how many points more each cell wants."""
+        counts = CellCounts(self._constraints.sizes, self._k)
+        counts.add(points)
+        return np.asarray(np.maximum(0, self._wanted - counts.flat), np.int64)
+
+    def propose(self, points: Ints, count: int = 1) -> Proposal | None:
+        """`count` points by coordinate ascent from many starts, one after the other, then changed together; None if nothing is missing.
+
+        points: (n, d) those there are, n may be 0. Milliseconds; `gain` is seldom below the optimum, `bound` says how far at most.
+        """
+        check_points(points, self._constraints.sizes, self._constraints)
+        missing = self.missing(points)
+        return self._proposed(missing, count) if missing.any() else None
+
+    def _proposed(self, missing: Ints, count: int) -> Proposal:
+        bound = self._bound(missing, count)
+        rows = np.zeros((0, len(self._problem.sizes)), np.int32)
+        for _ in range(count):
+            left = self._after(missing, rows)
+            if not left.any():
+                break
+            rows = np.vstack([rows, self._best(left)])
+        gain = self._gain(missing, rows)
+        if len(rows) > 1 and gain < bound and self._wanted.max() == 1:
+            changed = self._changed_together(missing, rows)
+            if (other := self._gain(missing, changed)) > gain:
+                rows, gain = changed, other
+        return Proposal(rows.astype(np.int64), gain, bound)
+
+    def propose_exact(self, points: Ints, count: int = 1, time_limit_s: float = TIME_LIMIT_S) -> Proposal | None:
+        """`count` points together by 0-1 programming with HiGHS: the optimum, or after the time limit the best found and a bound."""
+        check_points(points, self._constraints.sizes, self._constraints)
+        missing = self.missing(points)
+        if not missing.any():
+            return None
+        quick = self._proposed(missing, count)
+        if quick.optimal:
+            return quick
+        found, bound = _solve(self._problem, self._constraints, missing, self._worth(missing), count, time_limit_s)
+        best = max(quick.gain, bound) if self._heavy_first else min(quick.bound, bound)
+        if found is not None and (gain := self._gain(missing, found)) > quick.gain:
+            return Proposal(found.astype(np.int64), gain, max(gain, best))
+        return Proposal(quick.categories, quick.gain, max(quick.gain, best))
+
+    def complete(self, points: Ints, exact: bool = False) -> Iterator[Proposal]:
+        """Proposals of one point, each given those before it, until nothing is missing (Algorithm 1)."""
+        while (proposal := self.propose_exact(points) if exact else self.propose(points)) is not None:
+            yield proposal
+            points = np.vstack([points, proposal.categories])
+
+    def _worth(self, missing: Ints) -> Int32s:
+        return np.where(missing > 0, self._wanted if self._heavy_first else 1, 0).astype(np.int32)
+
+    def _best(self, missing: Ints) -> Int32s:
+        """The best single row found."""
+        problem = self._problem
+        cells = np.flatnonzero(missing)
+        starts = np.array([self._row_with(int(cell)) for cell in cells[self._rng.integers(len(cells), size=STARTS)]])
+        held, seed = np.zeros(len(problem.sizes), np.bool_), int(self._rng.integers(2**31))
+        worth = self._worth(missing)
+        return np.asarray(annealing.best_row(starts, problem.sizes, worth, problem.layout, problem.clauses, held, SWEEPS, seed), np.int32)
+
+    def _row_with(self, cell: int) -> Int32s:
+        columns, categories = self._problem.cell(cell)
+        return annealing.feasible_row(self._constraints, columns, categories, self._rng)
+
+    def _changed_together(self, missing: Ints, rows: Int32s) -> Int32s:
+        problem, changed = self._problem, rows.copy()
+        # What is covered already may be left and entered as one likes.
+        counts = np.where(missing > 0, np.int32(0), annealing.INFEASIBLE)
+        annealing.add_rows(changed, problem.planes, problem.first, problem.stride, counts)
+        held, seed = np.zeros(len(problem.sizes), np.bool_), int(self._rng.integers(2**31))
+        annealing.anneal(
+            changed, 0, held, counts, problem.planes, problem.first, problem.stride, problem.layout, problem.clauses, problem.sizes,
+            ANNEALING_STEPS, 0.5, 0.05, seed,
+        )  # fmt: skip
+        return changed
+
+    def _after(self, missing: Ints, rows: Int32s) -> Ints:
+        """What is missing once the rows are added."""
+        problem, counts = self._problem, np.zeros(len(missing), np.int32)
+        annealing.add_rows(rows, problem.planes, problem.first, problem.stride, counts)
+        return np.asarray(np.maximum(0, missing - counts), np.int64)
+
+    def _gain(self, missing: Ints, rows: Int32s) -> int:
+        return int((missing - self._after(missing, rows)).sum())
+
+    def _bound(self, missing: Ints, count: int) -> int:
+        """A point lies in one cell of each plane, so it gains at most 1 there, and no more than is missing."""
+        return int(np.minimum(count, np.add.reduceat(missing, self._problem.first)).sum())
+
+
+def _solve(
+    problem: Problem, constraints: Constraints, missing: Ints, worth: Int32s, count: int, time_limit_s: float
+) -> tuple[Int32s | None, int]:
+    """Points by 0-1 programming, None if there was no time for any, and an upper bound of their worth.
 
     Not the encoding of Algorithm 2, whose relaxation is loose: the cells of a plane in one line of it exclude each other, so together
     they need no more than the category of that line.
     """
-    sizes = constraints.sizes
-    first = np.concatenate([[0], np.cumsum(sizes)])
-    programme = _Programme(int(first[-1]))
-    for variable, size in enumerate(sizes):
-        programme.add({int(first[variable]) + category: 1.0 for category in range(size)}, 1, 1)
-    for clause in constraints.clauses:
-        programme.add(*_at_least_one(clause, first))
-    for chosen in combinations(range(len(sizes)), k):
-        _add_plane(programme, chosen, _uncovered(categories, constraints, chosen), first)
-    if programme.columns == first[-1]:
-        return None
-    solution = programme.solve(int(first[-1]))
-    point = np.array([np.argmax(solution[first[v] : first[v + 1]]) for v in range(len(sizes))], dtype=np.int64)
-    return Proposal(point, round(float(solution[first[-1] :].sum())))
-
-
-def complete(categories: Ints, constraints: Constraints, k: int) -> Iterator[Proposal]:
-    """Proposals, each given those before it, until every feasible cell is covered (Algorithm 1)."""
-    while (proposal := propose(categories, constraints, k)) is not None:
-        yield proposal
-        categories = np.vstack([categories, proposal.categories])
-
-
-def _uncovered(categories: Ints, constraints: Constraints, chosen: Sequence[int]) -> Ints:
-    """(m, k) the feasible cells of a plane that no point lies in."""
-    feasible = constraints.feasible_cells(chosen)
-    empty = cell_counts(categories, constraints.sizes, chosen).reshape(feasible.shape) == 0
-    return np.argwhere(feasible & empty)
-
-
-def _add_plane(programme: _Programme, chosen: Sequence[int], cells: Ints, first: Ints) -> None:
-    """A column for each cell, and for each line of the plane: its cells together at most the category that they share."""
-    columns = [programme.column() for _ in cells]
-    for axis, variable in enumerate(chosen):
-        for category in np.unique(cells[:, axis]):
-            line = {column: 1.0 for column, cell in zip(columns, cells, strict=True) if cell[axis] == category}
-            programme.add({**line, int(first[variable] + category): -1.0}, -np.inf, 0)
-
-
-def _at_least_one(clause: Clause, first: Ints) -> tuple[dict[int, float], float, float]:
-    """A clause as a row: the sum of its literals, where `!=` counts one less what is chosen, is at least 1."""
-    row: dict[int, float] = {}
-    bound = 1.0
-    for literal in clause:
-        column = int(first[literal.variable] + literal.category)
-        row[column] = row.get(column, 0.0) + (1.0 if literal.equal else -1.0)
-        bound -= not literal.equal
-    return row, bound, np.inf
+    first = np.concatenate([[0], np.cumsum(problem.sizes)]).astype(int)
+    programme = _Programme()
+    for _ in range(count):
+        begin = programme.columns(int(first[-1]), whole=True)
+        for variable in range(len(problem.sizes)):
+            programme.row({begin + c: 1.0 for c in range(first[variable], first[variable + 1])}, 1, 1)
+        for clause in constraints.clauses:
+            row: dict[int, float] = {}
+            low = 1.0
+            for literal in clause:
+                column = begin + int(first[literal.variable]) + literal.category
+                row[column] = row.get(column, 0.0) + (1.0 if literal.equal else -1.0)
+                low -= not literal.equal
+            programme.row(row, low, np.inf)
+    cells = np.flatnonzero(missing)
+    placed = [problem.cell(int(cell)) for cell in cells]
+    reached: list[dict[int, float]] = [{} for _ in cells]
+    for point in range(count):
+        begin = point * int(first[-1])
+        occupied = programme.columns(len(cells))
+        lines: dict[tuple[int, int, int], dict[int, float]] = {}
+        for i, (columns, categories) in enumerate(placed):
+            reached[i][occupied + i] = -1.0
+            plane = int(np.searchsorted(problem.first, cells[i], side="right"))
+            for column, category in zip(columns.tolist(), categories.tolist(), strict=True):
+                lines.setdefault((plane, column, category), {})[occupied + i] = 1.0
+        for (_, column, category), line in lines.items():
+            programme.row({**line, begin + int(first[column]) + category: -1.0}, -np.inf, 0)
+    gains = programme.columns(len(cells), upper=missing[cells], value=worth[cells])
+    for i, row in enumerate(reached):
+        programme.row({**row, gains + i: 1.0}, -np.inf, 0)
+    solution, bound = programme.solve(time_limit_s)
+    if solution is None:
+        return None, bound
+    chosen = solution[: count * int(first[-1])].reshape(count, -1)
+    rows = [[int(np.argmax(point[first[v] : first[v + 1]])) for v in range(len(problem.sizes))] for point in chosen]
+    return np.array(rows, np.int32), bound
 
 
 class _Programme:
-    """Rows and columns of a 0-1 programme that maximises the sum of all columns but the first ones, which are whole."""
+    """Rows and columns of a mixed 0-1 programme."""
 
-    def __init__(self, columns: int) -> None:
-        self.columns = columns
+    def __init__(self) -> None:
+        self._whole: list[bool] = []
+        self._upper: list[float] = []
+        self._value: list[float] = []
         self._rows: list[tuple[dict[int, float], float, float]] = []
 
-    def column(self) -> int:
-        self.columns += 1
-        return self.columns - 1
+    def columns(self, count: int, *, whole: bool = False, upper: ArrayLike = 1, value: ArrayLike = 0) -> int:
+        """Add columns from 0 to `upper` that are worth `value` each; returns the first."""
+        first = len(self._whole)
+        self._whole += [whole] * count
+        self._upper += np.broadcast_to(upper, count).tolist()
+        self._value += np.broadcast_to(value, count).tolist()
+        return first
 
-    def add(self, row: dict[int, float], low: float, high: float) -> None:
+    def row(self, row: dict[int, float], low: float, high: float) -> None:
         self._rows.append((row, low, high))
 
-    def solve(self, whole: int) -> np.ndarray:
-        """(columns,) the optimum; the first `whole` columns are 0 or 1."""
+    def solve(self, time_limit_s: float) -> tuple[np.ndarray | None, int]:
+        """The best solution found, and an upper bound of the value."""
         entries = [(value, i, column) for i, (row, _, _) in enumerate(self._rows) for column, value in row.items()]
         values, rows, columns = zip(*entries, strict=True)
-        matrix = csr_array((values, (rows, columns)), shape=(len(self._rows), self.columns))
+        matrix = csr_array((values, (rows, columns)), shape=(len(self._rows), len(self._whole)))
         limits = LinearConstraint(matrix, [low for _, low, _ in self._rows], [high for _, _, high in self._rows])
-        is_whole = np.arange(self.columns) < whole
-        result = milp(-1.0 * ~is_whole, integrality=is_whole, bounds=Bounds(0, 1), constraints=limits)
-        if result.status != OPTIMAL:
-            raise RuntimeError(f"HiGHS: {result.message}")
-        return np.asarray(result.x)
+        result = milp(
+            -np.array(self._value),
+            integrality=np.array(self._whole),
+            bounds=Bounds(0, np.array(self._upper)),
+            constraints=limits,
+            options={"time_limit": time_limit_s},
+        )
+        best = np.dot(self._value, self._upper) if result.mip_dual_bound is None else -result.mip_dual_bound
+        return (None if result.x is None else np.asarray(result.x)), int(np.floor(best + 1e-6))

@@ -1,0 +1,384 @@
+"""The kernels of covering arrays: greedy rows by coordinate ascent, and simulated annealing of the cells that are left uncovered."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pipeline.core.constraints import Bools, Constraints
+from pipeline.core.space import Ints
+
+Int32s = NDArray[np.int32]
+INFEASIBLE = np.int32(1 << 30)
+"""Count of a cell that no feasible point reaches: never uncovered."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What must be covered, laid out for the kernels.
+
+    sizes: (n,). cells: number of cells of all planes; `feasible`: (cells,). first, stride: (planes,) first cell of each plane and
+    (planes, t) the step of each of its columns. For column c and the q-th plane that it is in: base[c, q] is that plane's first cell,
+    step[c, q] the column's own stride, other[c, q] and other_step[c, q] the plane's other columns and their strides.
+    clause_of, clause_start: clauses in which each column stands; literal_*: their literals, from literal_start[clause] on.
+    """
+
+    strength: int
+    sizes: Int32s
+    planes: Int32s
+    first: Ints
+    stride: Int32s
+    feasible: Bools
+    base: Int32s
+    step: Int32s
+    other: Int32s
+    other_step: Int32s
+    clause_start: Int32s
+    clause_of: Int32s
+    literal_start: Int32s
+    literal_column: Int32s
+    literal_category: Int32s
+    literal_equal: Bools
+
+    @property
+    def clauses(self) -> tuple[Int32s, Int32s, Int32s, Int32s, Int32s, Bools]:
+        return self.clause_start, self.clause_of, self.literal_start, self.literal_column, self.literal_category, self.literal_equal
+
+    @property
+    def layout(self) -> tuple[Int32s, Int32s, Int32s, Int32s]:
+        return self.base, self.step, self.other, self.other_step
+
+    @property
+    def literals_a_column(self) -> float:
+        """How many literals must be looked at, on average, to change a category."""
+        return float(np.diff(self.literal_start)[self.clause_of].sum()) / len(self.sizes) if len(self.clause_of) else 0.0
+
+    def counts(self, rows: Int32s) -> Int32s:
+        """(cells,) how many rows lie in each cell; `INFEASIBLE` where none can."""
+        counts = np.where(self.feasible, np.int32(0), INFEASIBLE)
+        add_rows(rows, self.planes, self.first, self.stride, counts)
+        return counts
+
+    def cell(self, number: int) -> tuple[Int32s, Int32s]:
+        """Columns and categories of a cell."""
+        plane = int(np.searchsorted(self.first, number, side="right")) - 1
+        rest, categories = number - int(self.first[plane]), np.empty(self.strength, np.int32)
+        for position in range(self.strength):
+            categories[position], rest = divmod(rest, int(self.stride[plane, position]))
+        return self.planes[plane], categories
+
+
+def lay_out(sizes: Sequence[int], strength: int, constraints: Constraints) -> Problem:
+    """Lay a problem out for the kernels."""
+    n = len(sizes)
+    size = np.array(sizes, np.int32)
+    planes = np.array(list(combinations(range(n), strength)), np.int32).reshape(-1, strength)
+    shape = size[planes]
+    stride = np.ones_like(shape)
+    for position in range(strength - 2, -1, -1):
+        stride[:, position] = stride[:, position + 1] * shape[:, position + 1]
+    first = np.concatenate([[0], np.cumsum(np.prod(shape, axis=1, dtype=np.int64))])
+    feasible = np.ones(int(first[-1]), bool)
+    if constraints.clauses:
+        for index, plane in enumerate(planes.tolist()):
+            if not constraints.named.isdisjoint(plane):
+                feasible[first[index] : first[index + 1]] = constraints.feasible_cells(plane).ravel()
+    of_column = [np.argwhere(planes == column) for column in range(n)]
+    others = [[position for position in range(strength) if position != own] for own in range(strength)]
+    base = np.array([first[found[:, 0]] for found in of_column], np.int32)
+    step = np.array([stride[found[:, 0], found[:, 1]] for found in of_column], np.int32)
+    other = np.array([[planes[plane, others[own]] for plane, own in found] for found in of_column], np.int32)
+    other_step = np.array([[stride[plane, others[own]] for plane, own in found] for found in of_column], np.int32)
+    return Problem(strength, size, planes, first[:-1], stride, feasible, base, step, other, other_step, *_clauses(n, constraints))
+
+
+def feasible_row(constraints: Constraints, columns: Int32s, categories: Int32s, rng: np.random.Generator) -> Int32s:
+    """A random feasible row with these categories in these columns, which some feasible row has."""
+    if not constraints.clauses:
+        row: Int32s = rng.integers(0, constraints.sizes).astype(np.int32)
+        row[columns] = categories
+        return row
+    completed = constraints.complete(dict(zip(columns.tolist(), categories.tolist(), strict=True)), rng)
+    assert completed is not None, "a feasible cell has a feasible row"
+    return np.array(completed, np.int32)
+
+
+def _clauses(columns: int, constraints: Constraints) -> tuple[Int32s, Int32s, Int32s, Int32s, Int32s, Bools]:
+    by_column: list[list[int]] = [[] for _ in range(columns)]
+    for index, clause in enumerate(constraints.clauses):
+        for column in {literal.variable for literal in clause}:
+            by_column[column].append(index)
+    literals = [literal for clause in constraints.clauses for literal in clause]
+    return (
+        np.cumsum([0, *map(len, by_column)]).astype(np.int32),
+        np.array([index for found in by_column for index in found], np.int32),
+        np.cumsum([0, *map(len, constraints.clauses)]).astype(np.int32),
+        np.array([literal.variable for literal in literals], np.int32),
+        np.array([literal.category for literal in literals], np.int32),
+        np.array([literal.equal for literal in literals], np.bool_),
+    )
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def add_rows(rows: Int32s, planes: Int32s, first: Ints, stride: Int32s, counts: Int32s) -> None:
+    """Count the cells of every row."""
+    for row in rows:
+        for plane in range(len(planes)):
+            cell = first[plane]
+            for position in range(planes.shape[1]):
+                cell += row[planes[plane, position]] * stride[plane, position]
+            counts[cell] += 1
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def unique_cells(rows: Int32s, planes: Int32s, first: Ints, stride: Int32s, counts: Int32s) -> Ints:
+    """(rows,) how many cells each row alone covers."""
+    result = np.zeros(len(rows), np.int64)
+    for r in range(len(rows)):
+        for plane in range(len(planes)):
+            cell = first[plane]
+            for position in range(planes.shape[1]):
+                cell += rows[r, planes[plane, position]] * stride[plane, position]
+            result[r] += counts[cell] == 1
+    return result
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def may_change(row: Int32s, column: int, category: int, clauses: tuple[Int32s, Int32s, Int32s, Int32s, Int32s, Bools]) -> bool:
+    """Whether a row still satisfies every clause that names the column, once that has the category."""
+    clause_start, clause_of, literal_start, literal_column, literal_category, literal_equal = clauses
+    for at in range(clause_start[column], clause_start[column + 1]):
+        clause, satisfied = clause_of[at], False
+        for x in range(literal_start[clause], literal_start[clause + 1]):
+            value = category if literal_column[x] == column else row[literal_column[x]]
+            if (value == literal_category[x]) == literal_equal[x]:
+                satisfied = True
+                break
+        if not satisfied:
+            return False
+    return True
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def best_row(
+    starts: Int32s,
+    sizes: Int32s,
+    worth: Int32s,
+    layout: tuple[Int32s, Int32s, Int32s, Int32s],
+    clauses: tuple[Int32s, Int32s, Int32s, Int32s, Int32s, Bools],
+    held: Bools,
+    sweeps: int,
+    seed: int,
+) -> Int32s:
+    """The row of most worth among those that coordinate ascent reaches from each start; (n,).
+
+    starts: (m, n) feasible rows. worth: (cells,) of a row in each cell; the row's is the sum over its cells. held: (n,) columns that keep
+    the start's category. Ties go to a random category, so that a plateau is walked, not stood on.
+    """
+    base, step, other, other_step = layout
+    np.random.seed(seed)
+    n, best_gain = starts.shape[1], -1
+    best = starts[0].copy()
+    for start in starts:
+        row = start.copy()
+        for _ in range(sweeps):
+            changed = False
+            for column in np.random.permutation(n):
+                if held[column]:
+                    continue
+                gains = np.zeros(sizes[column], np.int64)
+                for q in range(base.shape[1]):
+                    cell = base[column, q]
+                    for x in range(other.shape[2]):
+                        cell += row[other[column, q, x]] * other_step[column, q, x]
+                    for category in range(sizes[column]):
+                        gains[category] += worth[cell + category * step[column, q]]
+                chosen, ties = row[column], 1
+                for category in range(sizes[column]):
+                    if category == row[column] or gains[category] < gains[chosen]:
+                        continue
+                    if not may_change(row, column, category, clauses):
+                        continue
+                    if gains[category] > gains[chosen]:
+                        chosen, ties, changed = category, 1, True
+                    else:
+                        ties += 1
+                        if np.random.randint(ties) == 0:
+                            chosen = category
+                row[column] = chosen
+            if not changed:
+                break
+        gain = 0
+        for column in range(n):
+            for q in range(base.shape[1]):
+                cell = base[column, q] + row[column] * step[column, q]
+                for x in range(other.shape[2]):
+                    cell += row[other[column, q, x]] * other_step[column, q, x]
+                gain += worth[cell]
+        if gain > best_gain:
+            best_gain = gain
+            best[:] = row
+    return best  # type: ignore[no-any-return]
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def anneal(
+    rows: Int32s,
+    first_free: int,
+    held: Bools,
+    counts: Int32s,
+    planes: Int32s,
+    first: Ints,
+    stride: Int32s,
+    layout: tuple[Int32s, Int32s, Int32s, Int32s],
+    clauses: tuple[Int32s, Int32s, Int32s, Int32s, Int32s, Bools],
+    sizes: Int32s,
+    iterations: int,
+    hot: float,
+    cold: float,
+    seed: int,
+) -> int:
+    """Change single categories of `rows`, in place, until no cell is uncovered; returns how many still are.
+
+    A move takes an uncovered cell and the row, of those from `first_free` on, that comes nearest to it, and gives the row one of the
+    categories that it lacks. held: columns that never change. The rows stay feasible. counts: of `rows`; kept.
+    """
+    base, step, other, other_step = layout
+    np.random.seed(seed)
+    n_rows, t, columns_of = len(rows), planes.shape[1], base.shape[1]
+    open_cells = np.flatnonzero(counts == 0).astype(np.int32)
+    left = len(open_cells)
+    cells = np.empty(len(counts), np.int32)
+    cells[:left] = open_cells
+    place = np.full(len(counts), -1, np.int32)
+    for i in range(left):
+        place[cells[i]] = i
+    cooling = (cold / hot) ** (1.0 / max(1, iterations))
+    temperature = hot
+    for _ in range(iterations):
+        if left == 0:
+            break
+        temperature *= cooling
+        cell = cells[np.random.randint(left)]
+        plane = np.searchsorted(first, cell, side="right") - 1
+        rest = cell - first[plane]
+        # The row that lacks fewest of the cell's categories and may take one of them.
+        start = first_free + np.random.randint(n_rows - first_free)
+        chosen, column, category, fewest = -1, -1, -1, t + 1
+        for offset in range(n_rows - first_free):
+            r = start + offset
+            if r >= n_rows:
+                r -= n_rows - first_free
+            lacking, at, want, seen = 0, -1, -1, 0
+            remainder = rest
+            for position in range(t):
+                c = planes[plane, position]
+                value = remainder // stride[plane, position]
+                remainder -= value * stride[plane, position]
+                if rows[r, c] != value:
+                    lacking += 1
+                    if not held[c]:
+                        seen += 1
+                        if seen == 1 or np.random.randint(seen) == 0:
+                            at, want = c, value
+                if lacking >= fewest:
+                    break
+            if lacking < fewest and at >= 0 and may_change(rows[r], at, want, clauses):
+                chosen, column, category, fewest = r, at, want, lacking
+                if lacking == 1:
+                    break
+        if chosen < 0 or (fewest > 1 and np.random.random() < 0.2):
+            # Nothing leads there directly: shake a random row.
+            chosen = first_free + np.random.randint(n_rows - first_free)
+            column = np.random.randint(len(sizes))
+            category = np.random.randint(sizes[column])
+            if held[column] or category == rows[chosen, column] or not may_change(rows[chosen], column, category, clauses):
+                continue
+        row = rows[chosen]
+        old, delta = row[column], 0
+        for q in range(columns_of):
+            at = base[column, q]
+            for x in range(other.shape[2]):
+                at += row[other[column, q, x]] * other_step[column, q, x]
+            delta += counts[at + old * step[column, q]] == 1
+            delta -= counts[at + category * step[column, q]] == 0
+        if delta > 0 and np.random.random() >= np.exp(-delta / temperature):
+            continue
+        for q in range(columns_of):
+            at = base[column, q]
+            for x in range(other.shape[2]):
+                at += row[other[column, q, x]] * other_step[column, q, x]
+            gone, come = at + old * step[column, q], at + category * step[column, q]
+            counts[gone] -= 1
+            if counts[gone] == 0:
+                cells[left], place[gone] = gone, left
+                left += 1
+            if counts[come] == 0:
+                left -= 1
+                moved = cells[left]
+                cells[place[come]], place[moved] = moved, place[come]
+                place[come] = -1
+            counts[come] += 1
+        row[column] = category
+    return left
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def cyclic_starter(columns: int, categories: int, steps: int, seed: int) -> Int32s:
+    """(columns,) a row whose rotations, shifted modulo categories - 1, cover all pairs together with a constant row; -1 if none is found.
+
+    The last category stays where it is under shifts. For every distance d between columns, the differences of the entries that lie d
+    apart must take every value, and the last category must stand before and after others.
+    """
+    np.random.seed(seed)
+    last, half = categories - 1, columns // 2
+    row = np.random.randint(0, categories, columns).astype(np.int32)
+    # seen[d, x]: pairs at distance d + 1 with difference x; x = last: the last category comes first; x = last + 1: it comes second.
+    seen = np.zeros((half, last + 2), np.int32)
+    for d in range(half):
+        for i in range(columns):
+            _count(seen, d, row[i], row[(i + d + 1) % columns], last, 1)
+    missing = (seen == 0).sum()
+    for step in range(steps):
+        if missing == 0:
+            return row
+        temperature = 0.6 * (1 - step / steps) + 0.1
+        at, value = np.random.randint(columns), np.random.randint(categories)
+        old = row[at]
+        if value == old:
+            continue
+        before = missing
+        missing += _exchange(seen, row, at, value, columns, last, half)
+        if missing > before and np.random.random() >= np.exp((before - missing) / temperature):
+            missing += _exchange(seen, row, at, old, columns, last, half)
+    return np.full(columns, -1, np.int32) if missing else row
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _exchange(seen: Int32s, row: Int32s, at: int, value: int, columns: int, last: int, half: int) -> int:
+    """Put a value into the row; returns by how many classes more are unseen."""
+    change = 0
+    for d in range(half):
+        after, before = (at + d + 1) % columns, (at - d - 1) % columns
+        change += _count(seen, d, row[at], row[after], last, -1) + _count(seen, d, row[before], row[at], last, -1)
+    row[at] = value
+    for d in range(half):
+        after, before = (at + d + 1) % columns, (at - d - 1) % columns
+        change += _count(seen, d, row[at], row[after], last, 1) + _count(seen, d, row[before], row[at], last, 1)
+    return change
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _count(seen: Int32s, d: int, a: int, b: int, last: int, by: int) -> int:
+    if a == last and b == last:
+        return 0
+    kind = last if a == last else last + 1 if b == last else (b - a) % last
+    seen[d, kind] += by
+    if by > 0:
+        return -1 if seen[d, kind] == 1 else 0
+    return 1 if seen[d, kind] == 0 else 0

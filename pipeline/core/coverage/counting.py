@@ -1,0 +1,259 @@
+"""How many points lie in each cell of every plane: bit sets and popcounts where the planes are small, histograms elsewhere.
+
+A bit set a category holds a bit a point. The points in a cell are the popcount of an AND; the last category of every condition is
+never counted, because its cells are what the others leave of the plane below.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+from math import prod
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from pipeline.core.space import Ints
+
+Words = NDArray[np.uint64]
+BLOCK_WORDS = 512
+"""Words of a bit set that are taken at a time, so that those of many categories stay in the cache."""
+SMALL_CELLS = 200
+"""A plane of more cells than this is counted by a histogram."""
+FEW_POINTS = 2048
+
+
+class CellCounts:
+    """Counts of points in the cells of all k-subsets of conditions; points come in batches.
+
+    sizes: number of categories of each condition. k: 1 to d.
+    """
+
+    def __init__(self, sizes: Sequence[int], k: int) -> None:
+        if not 1 <= k <= len(sizes):
+            raise ValueError(f"k must be in [1, {len(sizes)}], got {k}")
+        self.sizes, self.k, self.points = tuple(sizes), k, 0
+        self.planes = np.array(list(combinations(range(len(sizes)), k)), dtype=np.int64).reshape(-1, k)
+        cells = np.prod(np.asarray(self.sizes, dtype=np.int64)[self.planes], axis=1)
+        self._start = np.concatenate([[0], np.cumsum(cells)])
+        self._counts = np.zeros(int(self._start[-1]), dtype=np.int64)
+
+    def add(self, categories: Ints) -> None:
+        """Count (n, d) points more; their category indices must be in range."""
+        rows = np.ascontiguousarray(categories, dtype=np.int64)
+        self.points += len(rows)
+        if not len(rows):
+            return
+        by_bits = (np.diff(self._start) <= SMALL_CELLS) & (len(rows) >= FEW_POINTS) & (self.k in (2, 3))
+        if by_bits.any():
+            self._add_by_bits(rows, by_bits)
+        if not by_bits.all():
+            columns, sizes = np.ascontiguousarray(rows.T), np.asarray(self.sizes, dtype=np.int64)
+            for index in np.flatnonzero(~by_bits):
+                _histogram(columns, sizes, self.planes[index], self._counts[self._start[index] : self._start[index + 1]])
+
+    def _add_by_bits(self, rows: Ints, by_bits: NDArray[np.bool_]) -> None:
+        sizes = np.asarray(self.sizes, dtype=np.int64)
+        # Conditions of many categories have no plane that is counted by bits.
+        used = np.zeros(len(sizes), dtype=np.bool_)
+        used[np.unique(self.planes[by_bits])] = True
+        first = np.concatenate([[0], np.cumsum(np.where(used, sizes - 1, 0))]).astype(np.int64)
+        bits = _bit_sets(rows, sizes, used, first)
+        if self.k == 2:
+            _pairs(bits, len(rows), first, sizes, self._start[:-1], by_bits, self._counts)
+            return
+        pairs_of = list(combinations(range(len(sizes)), 2))
+        pair_start = np.concatenate([[0], np.cumsum([self.sizes[i] * self.sizes[j] for i, j in pairs_of])]).astype(np.int64)
+        pairs = np.zeros(int(pair_start[-1]), dtype=np.int64)
+        _pairs(bits, len(rows), first, sizes, pair_start[:-1], np.array([used[i] and used[j] for i, j in pairs_of]), pairs)
+        _triples(bits, first, sizes, pairs, pair_start[:-1], self._start[:-1], by_bits, self._counts)
+
+    @property
+    def flat(self) -> Ints:
+        """Counts of all cells, plane after plane."""
+        return self._counts
+
+    def plane(self, index: int) -> Ints:
+        """Counts of the plane `planes[index]`, in the shape of its conditions' sizes."""
+        shape = tuple(self.sizes[condition] for condition in self.planes[index])
+        return self._counts[self._start[index] : self._start[index + 1]].reshape(shape)
+
+    def __iter__(self) -> Iterator[tuple[tuple[int, ...], Ints]]:
+        """Each plane's conditions and counts."""
+        for index in range(len(self.planes)):
+            yield tuple(int(condition) for condition in self.planes[index]), self.plane(index)
+
+
+def cell_counts(categories: Ints, sizes: Sequence[int], chosen: Sequence[int]) -> Ints:
+    """Number of points in each cell of the chosen variables, flat in C order, from (n, d) category indices."""
+    counts = np.zeros(prod(sizes[variable] for variable in chosen), dtype=np.int64)
+    columns = np.ascontiguousarray(np.asarray(categories, dtype=np.int64).T)
+    _histogram(columns, np.asarray(sizes, dtype=np.int64), np.asarray(chosen, dtype=np.int64), counts)
+    return counts
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def _popcount(_context: Any, _word: Any) -> Any:
+    def generate(_ctx: Any, builder: ir.IRBuilder, _signature: Any, arguments: Any) -> Any:
+        return builder.ctpop(arguments[0])
+
+    return types.uint64(types.uint64), generate
+
+
+@njit(cache=True, boundscheck=False)  # type: ignore[untyped-decorator]
+def _histogram(columns: Ints, sizes: Ints, chosen: Ints, counts: Ints) -> None:
+    for row in range(columns.shape[1]):
+        cell = 0
+        for position in range(len(chosen)):
+            cell = cell * sizes[chosen[position]] + columns[chosen[position], row]
+        counts[cell] += 1
+
+
+@njit(cache=True, boundscheck=False)  # type: ignore[untyped-decorator]
+def _bit_sets(rows: Ints, sizes: Ints, used: NDArray[np.bool_], first: Ints) -> Words:
+    """(categories but the last of each used condition, words): bit p of word w is point 64 w + p."""
+    points = len(rows)
+    bits = np.zeros((first[-1], (points + 63) // 64), np.uint64)
+    conditions = np.flatnonzero(used)
+    for row in range(points):
+        word, bit = row >> 6, np.uint64(1) << np.uint64(row & 63)
+        for condition in conditions:
+            category = rows[row, condition]
+            if category < sizes[condition] - 1:
+                bits[first[condition] + category, word] |= bit
+    return bits
+
+
+@njit(cache=True, boundscheck=False, fastmath=True)  # type: ignore[untyped-decorator]
+def _pairs(bits: Words, points: int, first: Ints, sizes: Ints, start: Ints, wanted: NDArray[np.bool_], counts: Ints) -> None:
+    """Add the counts of every wanted pair of conditions, in the order of `combinations`."""
+    words, plane = bits.shape[1], -1
+    singles = np.zeros(len(bits), np.int64)
+    for category in range(len(bits)):
+        total = np.uint64(0)
+        for w in range(words):
+            total += _popcount(bits[category, w])
+        singles[category] = np.int64(total)
+    for i in range(len(sizes)):
+        for j in range(i + 1, len(sizes)):
+            plane += 1
+            if not wanted[plane]:
+                continue
+            at, columns = start[plane], sizes[j]
+            last_i, last_j = sizes[i] - 1, sizes[j] - 1
+            rest = singles[first[j] : first[j] + last_j].copy()
+            corner = points
+            for b in range(last_j):
+                corner -= rest[b]
+            for a in range(last_i):
+                left = singles[first[i] + a]
+                for b in range(last_j):
+                    total = np.uint64(0)
+                    for w in range(words):
+                        total += _popcount(bits[first[i] + a, w] & bits[first[j] + b, w])
+                    counts[at + a * columns + b] += np.int64(total)
+                    left -= np.int64(total)
+                    rest[b] -= np.int64(total)
+                counts[at + a * columns + last_j] += left
+                corner -= left
+            for b in range(last_j):
+                counts[at + last_i * columns + b] += rest[b]
+            counts[at + last_i * columns + last_j] += corner
+
+
+@njit(cache=True, boundscheck=False, fastmath=True)  # type: ignore[untyped-decorator]
+def _triples(
+    bits: Words, first: Ints, sizes: Ints, pairs: Ints, pair_start: Ints, start: Ints, wanted: NDArray[np.bool_], counts: Ints
+) -> None:
+    """Add the counts of every wanted triple of conditions, in the order of `combinations`."""
+    n, words = len(sizes), bits.shape[1]
+    most = sizes.max()
+    both = np.zeros((most * most, BLOCK_WORDS), np.uint64)
+    inner_start = np.zeros(len(start) + 1, np.int64)
+    plane = 0
+    for i in range(n):
+        for j in range(i + 1, n):
+            for k in range(j + 1, n):
+                inner_start[plane + 1] = inner_start[plane]
+                if wanted[plane]:
+                    inner_start[plane + 1] += (sizes[i] - 1) * (sizes[j] - 1) * (sizes[k] - 1)
+                plane += 1
+    inner = np.zeros(inner_start[-1], np.int64)
+    for low in range(0, words, BLOCK_WORDS):
+        length, plane = min(BLOCK_WORDS, words - low), -1
+        for i in range(n):
+            for j in range(i + 1, n):
+                vi, vj = sizes[i] - 1, sizes[j] - 1
+                made = False
+                for k in range(j + 1, n):
+                    plane += 1
+                    if not wanted[plane]:
+                        continue
+                    if not made:
+                        made = True
+                        for a in range(vi):
+                            for b in range(vj):
+                                for w in range(length):
+                                    both[a * vj + b, w] = bits[first[i] + a, low + w] & bits[first[j] + b, low + w]
+                    vk, at = sizes[k] - 1, inner_start[plane]
+                    for c in range(vk):
+                        third = bits[first[k] + c, low : low + length]
+                        for ab in range(vi * vj):
+                            row = both[ab]
+                            total = np.uint64(0)
+                            for w in range(length):
+                                total += _popcount(row[w] & third[w])
+                            inner[at + ab * vk + c] += np.int64(total)
+    _fill_triples(sizes, inner, inner_start, pairs, pair_start, start, wanted, counts)
+
+
+@njit(cache=True, boundscheck=False)  # type: ignore[untyped-decorator]
+def _fill_triples(
+    sizes: Ints, inner: Ints, inner_start: Ints, pairs: Ints, pair_start: Ints, start: Ints, wanted: NDArray[np.bool_], counts: Ints
+) -> None:
+    """From the counts without last categories and those of pairs to all counts."""
+    n, plane = len(sizes), -1
+    for i in range(n):
+        for j in range(i + 1, n):
+            for k in range(j + 1, n):
+                plane += 1
+                if not wanted[plane]:
+                    continue
+                si, sj, sk = sizes[i], sizes[j], sizes[k]
+                ij = pair_start[_pair_number(i, j, n)]
+                ik = pair_start[_pair_number(i, k, n)]
+                jk = pair_start[_pair_number(j, k, n)]
+                cube = np.zeros((si, sj, sk), np.int64)
+                for a in range(si - 1):
+                    for b in range(sj - 1):
+                        left = pairs[ij + a * sj + b]
+                        for c in range(sk - 1):
+                            cube[a, b, c] = inner[inner_start[plane] + (a * (sj - 1) + b) * (sk - 1) + c]
+                            left -= cube[a, b, c]
+                        cube[a, b, sk - 1] = left
+                    for c in range(sk):
+                        left = pairs[ik + a * sk + c]
+                        for b in range(sj - 1):
+                            left -= cube[a, b, c]
+                        cube[a, sj - 1, c] = left
+                for b in range(sj):
+                    for c in range(sk):
+                        left = pairs[jk + b * sk + c]
+                        for a in range(si - 1):
+                            left -= cube[a, b, c]
+                        cube[si - 1, b, c] = left
+                at = start[plane]
+                for a in range(si):
+                    for b in range(sj):
+                        for c in range(sk):
+                            counts[at + (a * sj + b) * sk + c] += cube[a, b, c]
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _pair_number(i: int, j: int, n: int) -> int:
+    """Position of the pair in `combinations(range(n), 2)`."""
+    return i * (2 * n - i - 1) // 2 + j - i - 1

@@ -1,0 +1,63 @@
+"""Pictures of coverage: a heat map for each plane of two conditions (Cheng et al., Table 1) and the growth over the points (Figure 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from pipeline.core.coverage.conditions import OperatingSpace
+from pipeline.core.coverage.projection import Plane
+from pipeline.report.style import INK, SERIES, panels, styled
+
+COLUMNS = 5
+MOST_PLANES = 60
+MOST_LABELS = 16
+
+
+def heat_maps(planes: Sequence[Plane], space: OperatingSpace) -> Figure:
+    """How far each cell of each plane of two conditions is covered, emptiest planes first; grey: no feasible point, or none wanted."""
+    shown = sorted(planes, key=lambda plane: plane.coverage.ratio if plane.coverage else 2)[:MOST_PLANES]
+    columns = min(COLUMNS, len(shown))
+    with styled({"axes.grid": False, "font.size": 7.5, "axes.titlesize": 8}):
+        figure, axes = panels(-(-len(shown) // columns), columns, width=2.6, height=2.1, sharey=False)
+        for axis in (axis for row in axes for axis in row):
+            axis.set_visible(False)
+        for plane, axis in zip(shown, (axis for row in axes for axis in row), strict=False):
+            axis.set_visible(True)
+            share = np.where(plane.wanted > 0, np.minimum(plane.counts, plane.wanted) / np.maximum(plane.wanted, 1), np.nan)
+            axis.set_facecolor("#c8ccd2")
+            axis.imshow(np.ma.masked_invalid(share), cmap="RdYlGn", vmin=0, vmax=1, aspect="auto", interpolation="nearest")
+            first, second = (space.conditions[c] for c in plane.conditions)
+            axis.set_title(f"{first.name} × {second.name}")
+            for ticks, condition in ((axis.set_yticks, first), (axis.set_xticks, second)):
+                if condition.size <= MOST_LABELS:
+                    ticks(range(condition.size), condition.labels)
+                else:
+                    ticks([])
+            axis.tick_params(axis="x", rotation=60)
+            if share.size <= 64:
+                for (i, j), count in np.ndenumerate(plane.counts):
+                    text = "×" if not plane.feasible[i, j] else f"{count}"
+                    axis.text(j, i, text, ha="center", va="center", fontsize=6.5, color="#20262e")
+    return figure
+
+
+def growth(shares: Sequence[tuple[int, float]], k: int) -> Figure:
+    """Coverage after so many points."""
+    with styled():
+        figure, axes = panels(1, 1, width=6.5, height=3.2)
+        axis = axes[0][0]
+        points, covered = zip(*shares, strict=True)
+        axis.plot(
+            points,
+            [100 * share for share in covered],
+            color=SERIES[0],
+            linewidth=1.8,
+            marker="o" if len(shares) <= 40 else None,
+            markersize=3.5,
+        )
+        axis.axhline(100, color=INK, linewidth=0.7, linestyle="--")
+        axis.set(ylim=(0, 105), xlabel="points", ylabel=f"{k}-projection coverage (%)")
+    return figure

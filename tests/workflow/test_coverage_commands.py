@@ -1,0 +1,145 @@
+"""`coverage score`, `propose`, `plan` and `verify`, as they are typed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from PIL import Image
+
+from pipeline.__main__ import main
+
+SPACE = """
+variables:
+  weather: {values: [sunny, cloudy, rainy]}
+  fog: {interval: [0, 100], cuts: [50], unit: "%"}
+  lanes: {values: [1, 2]}
+  current_lane: {values: [1, 2]}
+constraints:
+  - [lanes = 2, current_lane != 2]
+"""
+POINTS = "weather,fog,lanes,current_lane\nsunny,3,1,1\nrainy,55.5,2,2\ncloudy,100,2,1\n"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "space.yaml").write_text(SPACE)
+    (tmp_path / "points.csv").write_text(POINTS)
+    return tmp_path
+
+
+def said(capsys: pytest.CaptureFixture[str], *words: object, code: int = 0) -> Any:
+    capsys.readouterr()
+    assert main(["coverage", *map(str, words), "--json"]) == code
+    return json.loads(capsys.readouterr().out)
+
+
+def test_score_counts_by_hand(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    space, points = folder / "space.yaml", folder / "points.csv"
+    found = said(capsys, "score", "--space", space, "--points", points, "--k", 2)
+    # Planes of 6, 6, 6, 4, 4 and 3 feasible cells; the three points cover 3 of each but two of fog x lanes.
+    assert (found["numerator"], found["denominator"], found["k"]) == (17, 29, 2)
+    assert found["coverage"] == pytest.approx(17 / 29)
+    assert [row["numerator"] for row in found["by_k"]] == [9, 17]
+    assert found["infeasible"] == [{"lanes": "1", "current_lane": "2"}] and found["uncovered_cells"] == 12
+    assert len(found["next"]) == 5 and {"weather": "rainy", "fog": "[0, 50)"} in found["uncovered"]
+
+
+@pytest.mark.parametrize(("operator", "expected"), [("product", 8), ("sum", 12), ("max", 8)])
+def test_score_knows_weights(operator: str, expected: int, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "w.yaml").write_text("variables: {a: {values: [x, y], weights: {y: 3}}, b: {values: [x, y], weights: [1, 1]}}")
+    (folder / "w.csv").write_text("a,b\nx,x\ny,y\ny,y\n")
+    found = said(capsys, "score", "--space", folder / "w.yaml", "--points", folder / "w.csv", "--operator", operator)
+    assert (found["numerator"], found["denominator"]) == (3, expected)
+
+
+def test_score_draws_and_prints(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["--space", str(folder / "space.yaml"), "--points", str(folder / "points.csv"), "--figures", str(folder / "figures")]
+    assert main(["coverage", "score", *words]) == 0
+    text = capsys.readouterr().out
+    assert "2  17       29      58.62 %" in text and "What to collect next" in text and "lanes = 1, current_lane = 2" in text
+    for name in ("growth", "planes"):
+        assert np.asarray(Image.open(folder / "figures" / f"{name}.png")).std() > 10
+
+
+def test_images_of_coco_and_yolo_are_points(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "space.yaml").write_text("variables: {weather: {values: [sunny, rainy]}, objects: {interval: [0, 9], cuts: [1, 3]}}")
+    images = [{"id": i, "file_name": f"{name}.jpg"} for i, name in enumerate("abc")]
+    annotations = [{"id": i, "image_id": image} for i, image in enumerate((0, 0, 0, 2))]
+    (folder / "truth.json").write_text(json.dumps({"images": images, "annotations": annotations, "categories": []}))
+    (folder / "labels").mkdir()
+    for name, count in (("a", 3), ("b", 0), ("c", 1)):
+        (folder / "labels" / f"{name}.txt").write_text("0 0.5 0.5 0.1 0.1\n" * count)
+    (folder / "meta.csv").write_text("file_name,weather\nc.jpg,rainy\na.jpg,sunny\nb.jpg,sunny\n")
+    words = ["score", "--space", folder / "space.yaml", "--metadata", folder / "meta.csv", "--points"]
+    for points in (folder / "truth.json", folder):
+        found = said(capsys, *words, points)
+        assert (found["numerator"], found["denominator"], found["points"]) == (3, 6, 3)
+    (folder / "meta.csv").write_text("file_name,weather\nc.jpg,rainy\na.jpg,sunny\n")
+    assert main([*map(str, ["coverage", *words, folder / "truth.json"])]) == 2
+    assert "there is none for b.jpg" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("exact", [[], ["--exact"]])
+def test_propose_reaches_full_coverage_with_few_points(exact: list[str], folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    space, output = folder / "space.yaml", folder / "next.csv"
+    words = ["propose", "--space", space, "--points", folder / "points.csv", "--count", 4, *exact, "--output", output]
+    found = said(capsys, *words)
+    assert found["gain"] == 12 and found["after"]["coverage"] == 1 and found["count"] == 4
+    table = pd.read_csv(output)
+    assert list(table.columns) == ["weather", "fog", "lanes", "current_lane"] and len(table) == 4
+    both = folder / "both.csv"
+    both.write_text(POINTS + "".join(output.read_text().splitlines(keepends=True)[1:]))
+    assert said(capsys, "score", "--space", space, "--points", both)["coverage"] == 1
+    assert said(capsys, "propose", "--space", space, "--points", both)["count"] == 0
+
+
+def test_propose_begins_from_nothing(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = said(capsys, "propose", "--space", folder / "space.yaml", "--k", 4, "--exact")
+    assert found["gain"] == 1 and found["optimal"] and found["before"]["numerator"] == 0
+
+
+@pytest.mark.parametrize("strength", [1, 2, 3, 4])
+def test_a_plan_is_valid_and_its_table_reads_back(strength: int, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    space, output = folder / "space.yaml", folder / "plan.csv"
+    words = ["plan", "--space", space, "--strength", strength, "--include", folder / "points.csv", "--output", output]
+    found = said(capsys, *words)
+    assert found["size"] >= found["lower_bound"] and found["cells"] == {1: 9, 2: 29, 3: 39, 4: 18}[strength]
+    assert output.read_text().splitlines()[0] == "weather,fog,lanes,current_lane"
+    assert len(pd.read_csv(output)) == found["size"]
+    checked = said(capsys, "verify", "--space", space, "--points", output, "--strength", strength)
+    assert checked["valid"] and checked["cells"] == found["cells"]
+    shorter = folder / "shorter.csv"
+    shorter.write_text("\n".join(output.read_text().splitlines()[:3]) + "\n")
+    assert said(capsys, "verify", "--space", space, "--points", shorter, "--strength", strength, code=1)["missing_cells"] > 0
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["score", "--points", "points.csv", "--k", "5"], "--k must be in [1, 4], the number of conditions; got 5"),
+        (["plan", "--strength", "0"], "--strength must be in [1, 4]"),
+        (["score", "--points", "nowhere.csv"], "nowhere.csv: expected a CSV or parquet table, got no such file"),
+        (["score", "--points", "space.yaml"], "space.yaml: expected a CSV or parquet table, got"),
+        (["propose", "--count", "0"], "--count must be at least 1, got 0"),
+        (["plan", "--seconds", "-1"], "--seconds must be at least 0"),
+        (["score", "--points", "broken.csv"], "row 1 breaks the constraint 'lanes = 2 or current_lane != 2'"),
+        (["score", "--points", "empty.json"], "name it by --metadata"),
+    ],
+)
+def test_bad_input_is_named(words: list[str], message: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "broken.csv").write_text("weather,fog,lanes,current_lane\nsunny,3,1,2\n")
+    (folder / "empty.json").write_text('{"images": [], "annotations": []}')
+    at = [str(folder / word) if word.endswith((".csv", ".yaml", ".json")) else word for word in words]
+    assert main(["coverage", at[0], "--space", str(folder / "space.yaml"), *at[1:]]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_weights_that_want_nothing_are_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "zero.yaml").write_text("variables: {weather: {values: [sunny, cloudy, rainy], weights: [0, 0, 0]}}")
+    assert main(["coverage", "score", "--space", str(folder / "zero.yaml"), "--points", str(folder / "points.csv"), "--k", "1"]) == 2
+    assert "zero.yaml: coverage is undefined: the weights of all feasible cells sum to 0" in capsys.readouterr().err
