@@ -5,7 +5,6 @@ Hydra composes `conf/` into params.yaml once (`compose`); everything else reads 
 
 from __future__ import annotations
 
-import difflib
 import inspect
 import re
 from collections.abc import Iterable, Sequence
@@ -16,6 +15,7 @@ from typing import Annotated, Any, Literal, get_args
 import yaml
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from pipeline.core.names import nearest
 from pipeline.core.space import Space
 from pipeline.front_car import FrontCar
 from pipeline.protocols import InputError
@@ -217,13 +217,6 @@ class Config(_Section):
             return Space.from_dict(self.scenarios[scenario].space)
         except (TypeError, ValueError) as error:
             raise InputError(f"scenarios.{scenario}.space: {error}") from error
-
-
-def nearest(name: str, known: Iterable[str]) -> str:
-    """'; did you mean …?' with the nearest known name, or the list of them."""
-    choices = sorted(known)
-    close = difflib.get_close_matches(name, choices, n=1, cutoff=0.5)
-    return f"; did you mean '{close[0]}'?" if close else f"; known are {', '.join(choices)}"
 
 
 def _known(key: str, name: str, known: Iterable[str]) -> None:

@@ -13,9 +13,9 @@ import pandas as pd
 import yaml
 
 from pipeline.artefacts.files import read_json, write_bytes
-from pipeline.config import nearest
 from pipeline.core.coverage.conditions import MOST_CATEGORIES, Condition, OperatingSpace
 from pipeline.core.coverage.projection import HEAVIEST
+from pipeline.core.names import nearest
 from pipeline.core.space import Ints
 from pipeline.protocols import InputError
 

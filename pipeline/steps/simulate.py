@@ -8,8 +8,9 @@ from pathlib import Path
 
 from hydra.utils import instantiate
 
-from pipeline.config import compose, functional_scenario, nearest
+from pipeline.config import compose, functional_scenario
 from pipeline.core import kpi
+from pipeline.core.names import nearest
 from pipeline.core.space import Space
 from pipeline.protocols import Detector, InputError, Value
 
