@@ -47,6 +47,7 @@ rule search:
 rule analysis:
     input:
         f"{D}/measures.json",
+        f"{D}/white_box.json",
         expand(f"{D}/regions/{{scenario}}.json", scenario=S.config.search),
         S.filters(),
 
@@ -183,6 +184,25 @@ rule filter:
         RUN + " filter --frames {input.frames} --out {output} --log {log}"
 
 
+rule white_box:
+    input:
+        model=f"{D}/models/base/model.json",
+        base_set=rules.render_base.output,
+        frames=S.search("frames.parquet"),
+    output:
+        f"{D}/white_box.json",
+    log:
+        f"{L}/white_box.log",
+    benchmark:
+        f"{L}/white_box.tsv"
+    threads: 2
+    params:
+        stamp=S.stamp("white_box", "strategies"),
+    shell:
+        RUN + " white-box --model {input.model} --base-set {input.base_set} --frames {input.frames} --out {output}"
+        " --threads {threads} --log {log}"
+
+
 rule retrain:
     input:
         base_set=rules.render_base.output,
@@ -231,6 +251,7 @@ rule compare:
 rule report:
     input:
         measures=rules.measure.output.measures,
+        white_box=rules.white_box.output,
         comparison=rules.compare.output.comparison,
         table=rules.compare.output.table,
         regions=expand(f"{D}/regions/{{scenario}}.json", scenario=S.config.search),
@@ -250,7 +271,7 @@ rule report:
         stamp=S.stamp("report", "report", "simulator", "detector"),
         plots=f"{D}/plots",
     shell:
-        RUN + " report --measures {input.measures} --comparison {input.comparison} --table {input.table}"
+        RUN + " report --measures {input.measures} --white-box {input.white_box} --comparison {input.comparison} --table {input.table}"
         " --regions {input.regions} --tests {input.tests} --spaces {input.spaces} --filters {input.filters}"
         " --models {input.models} --detectors {input.detectors} --out {output.html} --plots {params.plots} --log {log}"
 

@@ -31,6 +31,10 @@ STEPS: dict[str, tuple[str, Options]] = {
     ),
     "measure": ("Measure the search campaigns.", {"tests": MANY, "spaces": MANY, "out": ONE, "theta": ONE}),
     "cluster": ("Group the failures of a scenario into regions.", {"tests": MANY, "space": ONE, "out": ONE}),
+    "white-box": (
+        "Measure which neurons each strategy's frames reach.",
+        {"model": ONE, "base-set": ONE, "frames": MANY, "out": ONE, "threads": NUMBER},
+    ),
     "filter": ("Decide which campaign frames may be learnt from.", {"frames": MANY, "out": ONE}),
     "retrain": (
         "Retrain a model version on the base set and campaign frames.",
@@ -47,8 +51,8 @@ STEPS: dict[str, tuple[str, Options]] = {
     "report": (
         "Write the report, its plots and replays.",
         {
-            "measures": ONE, "comparison": ONE, "table": ONE, "regions": MANY, "tests": MANY, "spaces": MANY, "filters": MANY,
-            "models": MANY, "detectors": MANY, "out": ONE, "plots": ONE,
+            "measures": ONE, "white-box": ONE, "comparison": ONE, "table": ONE, "regions": MANY, "tests": MANY, "spaces": MANY,
+            "filters": MANY, "models": MANY, "detectors": MANY, "out": ONE, "plots": ONE,
         },
     ),
     "front-car-points": ("Draw random points of the front-car domain and propose points to full coverage.", {"out": ONE}),

@@ -59,10 +59,10 @@ STAGES = {
     ),
     "analyse": Stage(
         "analysis",
-        ("steps.measure", "steps.cluster", "steps.filter"),
+        ("steps.measure", "steps.white_box", "steps.cluster", "steps.filter"),
         ("regions", "filter", "strategies", "comparison.confidence"),
-        (f"{D}/measures.json", f"{D}/regions", f"{D}/filter"),
-        (f"{D}/space", f"{D}/campaigns"),
+        (f"{D}/measures.json", f"{D}/white_box.json", f"{D}/regions", f"{D}/filter"),
+        (f"{D}/space", f"{D}/base_set", f"{D}/models/base", f"{D}/campaigns"),
         plots=({f"{D}/theta.csv": {"x": "tests", "title": "Failures found"}},),
     ),
     "retrain": Stage(
@@ -92,7 +92,10 @@ STAGES = {
         ("steps.report",),
         ("report", "simulator", "detector"),
         (f"{D}/report.html",),
-        (f"{D}/campaigns", f"{D}/regions", f"{D}/filter", f"{D}/measures.json", f"{D}/comparison.json", f"{D}/comparison.parquet"),
+        (
+            *(f"{D}/{name}" for name in ("campaigns", "regions", "filter", "measures.json", "white_box.json")),
+            *(f"{D}/comparison.{kind}" for kind in ("json", "parquet")),
+        ),
         plots=(f"{D}/plots",),
     ),
     "track": Stage(

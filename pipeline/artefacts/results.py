@@ -203,6 +203,27 @@ class Comparison(Result):
     champion: str
 
 
+class WhiteBoxSet(Result):
+    """White-box coverage of one set of images, shares in [0, 1]; see `pipeline.core.coverage.whitebox`."""
+
+    name: str
+    images: int
+    neuron: float
+    multisection: float
+    strong: float
+    top: float
+    pairs: float
+
+
+class WhiteBoxMeasures(Result):
+    """white_box.json: the base detector's neurons and what each set of images makes them do."""
+
+    layers: int
+    neurons: int
+    training_images: int
+    sets: tuple[WhiteBoxSet, ...]
+
+
 class TrackedRun(Result):
     """One MLflow run that the study's results stand behind; its name and the digest of what was logged."""
 

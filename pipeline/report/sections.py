@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import pandas as pd
 
 from pipeline.artefacts.model import ModelCard
-from pipeline.artefacts.results import Comparison, Estimate, FailureRegions, Measures, VersionResult
+from pipeline.artefacts.results import Comparison, Estimate, FailureRegions, Measures, VersionResult, WhiteBoxMeasures
 from pipeline.report import texts
 from pipeline.report.page import Drawing, Film, Part, Section, Table
 from pipeline.report.verdict import HEADERS, verdict_rows, verdict_sentences
@@ -58,7 +58,9 @@ def verdict_section(comparison: Comparison, plots: Sequence[Drawing], replays: S
     return Section("Verdict", (texts.VERDICT,), tuple(parts))
 
 
-def search_section(measures: Measures, labels: Mapping[str, str], plots: Sequence[Drawing], coverage: Sequence[Drawing]) -> Section:
+def search_section(
+    measures: Measures, white_box: WhiteBoxMeasures, labels: Mapping[str, str], plots: Sequence[Drawing], coverage: Sequence[Drawing]
+) -> Section:
     """How well the test strategies find failures of the base version."""
     intro = texts.SEARCH.format(confidence=100 * measures.confidence)
     headers: tuple[str, ...] = ("scenario", "strategy", "failures / tests", "failure rate", "F", "C")
@@ -86,7 +88,26 @@ def search_section(measures: Measures, labels: Mapping[str, str], plots: Sequenc
         for row in measures.strategies
     )
     covered = Part("Coverage of the scenario space", texts.COVERAGE, Table(headers, rows, numbers=(2, 3, 4)), tuple(coverage))
-    return Section("Search", (intro,), (found, covered))
+    headers = (
+        "images",
+        "number",
+        "active neurons",
+        "sections of training ranges",
+        "strongly active",
+        "among their layer's top",
+        "pairs active together",
+    )
+    rows = tuple(
+        (
+            shown.name,
+            str(shown.images),
+            *(f"{100 * share:.1f} %" for share in (shown.neuron, shown.multisection, shown.strong, shown.top, shown.pairs)),
+        )
+        for shown in white_box.sets
+    )
+    how = texts.WHITE_BOX.format(neurons=white_box.neurons, layers=white_box.layers, images=white_box.training_images)
+    inside = Part("Coverage of the detector itself", how, Table(headers, rows))
+    return Section("Search", (intro,), (found, covered, inside))
 
 
 def regions_section(found: Sequence[FailureRegions], plots: Mapping[str, Drawing], replays: Mapping[str, Sequence[Film]]) -> Section:

@@ -31,6 +31,12 @@ COVERAGE = _prose("""
     Pairs: share of all pairs of variable categories that some test, or some failure, covers. Projection: the same where each pair asks
     for three tests.
 """)
+WHITE_BOX = _prose("""
+    What the images of each strategy make the {neurons} neurons of the base detector do (channels of its {layers} convolution units, by the
+    mean of their maps), against {images} training images: neurons that are active at least once, tenths of the neurons' training ranges
+    that are met, neurons that are activated as much as by any training image, neurons among the two most active of their layer, pairs of a
+    layer's neurons that are active together. Full coverage does not mean that everything was tested.
+""")
 REGIONS = _prose("""
     Failures that lie close together in the scenario space form a region. Its rule describes it in a few conditions that hold its failures
     and few passing tests. It was fitted to these very tests, so its precision is optimistic: confirm a rule with new tests inside it.

@@ -17,7 +17,7 @@ from pipeline.artefacts.campaign import read_tests
 from pipeline.artefacts.files import write_bytes
 from pipeline.artefacts.filter import read_filter
 from pipeline.artefacts.model import ModelCard, read_card
-from pipeline.artefacts.results import Comparison, FailureRegions, Measures, read
+from pipeline.artefacts.results import Comparison, FailureRegions, Measures, WhiteBoxMeasures, read
 from pipeline.artefacts.space import read_space
 from pipeline.config import Config
 from pipeline.core.space import Space
@@ -37,6 +37,7 @@ class Study:
     """Everything the report reads. tests: search scenario -> rows of all its campaigns; detectors: version -> ONNX file."""
 
     measures: Measures
+    white_box: WhiteBoxMeasures
     comparison: Comparison
     table: pd.DataFrame
     regions: tuple[FailureRegions, ...]
@@ -52,6 +53,7 @@ def run(
     config: Config,
     *,
     measures: Path,
+    white_box: Path,
     comparison: Path,
     table: Path,
     regions: Sequence[Path],
@@ -74,6 +76,7 @@ def run(
     cards = tuple(read_card(path) for path in models)
     study = Study(
         measures=read(measures, Measures),
+        white_box=read(white_box, WhiteBoxMeasures),
         comparison=read(comparison, Comparison),
         table=read_tests(table),
         regions=tuple(read(path, FailureRegions) for path in regions),
@@ -132,7 +135,9 @@ def make_page(config: Config, study: Study, figures: Mapping[str, Figure], progr
                 study.comparison, [_drawing(figures, "comparison"), _drawing(figures, "histogram")], films[: len(pair)]
             ),
             sections.regions_section(study.regions, {name: _drawing(figures, f"failures_{name}") for name in study.labels}, by_scenario),
-            sections.search_section(study.measures, study.labels, [_drawing(figures, "theta"), *kpi], [_drawing(figures, "coverage")]),
+            sections.search_section(
+                study.measures, study.white_box, study.labels, [_drawing(figures, "theta"), *kpi], [_drawing(figures, "coverage")]
+            ),
             sections.data_section(study.filters, study.cards, [_drawing(figures, "detection")]),
         ),
     )

@@ -11,6 +11,7 @@ import pandas as pd
 
 from pipeline.artefacts.campaign import FRAMES, TESTS, write_frames, write_tests
 from pipeline.artefacts.model import ModelCard, write_card
+from pipeline.artefacts.results import WhiteBoxMeasures, WhiteBoxSet, write
 from pipeline.artefacts.space import write_space
 from pipeline.config import Config, compose
 from pipeline.core.samplers.pairwise import PairwiseSampler
@@ -121,6 +122,10 @@ class Study:
     def regions(self) -> list[Path]:
         return [self.root / "regions" / f"{name}.json" for name in self.config.search]
 
+    @property
+    def white_box(self) -> Path:
+        return self.root / "white_box.json"
+
     def make(self) -> Study:
         """Write spaces, campaigns and model versions."""
         for name in (*self.config.search, *self.config.held_out):
@@ -132,6 +137,10 @@ class Study:
             self._held_out(name)
         for rank, (version, path) in enumerate(zip(VERSIONS, self.cards, strict=True)):
             self._model(version, path, rank)
+        sets = [
+            WhiteBoxSet(name=name, images=9, neuron=1, multisection=0.5, strong=0.1, top=0.4, pairs=0.9) for name in self.config.strategies
+        ]
+        write(self.white_box, WhiteBoxMeasures(layers=2, neurons=48, training_images=20, sets=tuple(sets)))
         return self
 
     def analyse(self) -> Study:

@@ -33,6 +33,7 @@ def make(study: Study, replays: int) -> str:
     report.run(
         config,
         measures=study.root / "measures.json",
+        white_box=study.white_box,
         comparison=study.root / "comparison.json",
         table=study.root / "comparison.parquet",
         regions=study.regions,

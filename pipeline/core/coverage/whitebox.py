@@ -1,0 +1,96 @@
+"""White-box coverage: how much of what a network can do a set of images makes it do (thesis section 3.4.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Activations = NDArray[np.float32]
+"""(images, neurons) of one layer."""
+SECTIONS = 10
+TOP = 2
+
+
+@dataclass(frozen=True)
+class Profile:
+    """What each neuron did while the training images were shown: (neurons,) lowest and highest activation of each layer."""
+
+    low: tuple[Activations, ...]
+    high: tuple[Activations, ...]
+
+    @staticmethod
+    def of(layers: Sequence[Activations]) -> Profile:
+        """The profile of training images, at least one."""
+        return Profile(tuple(layer.min(axis=0) for layer in layers), tuple(layer.max(axis=0) for layer in layers))
+
+    def joined(self, other: Profile) -> Profile:
+        """The profile of both sets of images."""
+        low = tuple(np.minimum(a, b) for a, b in zip(self.low, other.low, strict=True))
+        return Profile(low, tuple(np.maximum(a, b) for a, b in zip(self.high, other.high, strict=True)))
+
+
+@dataclass(frozen=True)
+class WhiteBoxCoverage:
+    """Shares in [0, 1]. neuron: active at least once. multisection: sections of the neurons' training ranges that were met, of
+    `SECTIONS` each. strong: activated at least as much as by any training image. top: among the `TOP` most active of their layer at
+    least once. pairs: pairs of neurons of a layer that were active together (2-way sparse).
+    """
+
+    neuron: float
+    multisection: float
+    strong: float
+    top: float
+    pairs: float
+
+
+class WhiteBox:
+    """Gathers the coverage of images shown in batches, against the profile of the training images.
+
+    A neuron that no training image moved has no sections, and cannot be strongly active; it counts among the neurons all the same.
+    """
+
+    def __init__(self, profile: Profile) -> None:
+        self._profile = profile
+        sizes = [len(high) for high in profile.high]
+        self._active = [np.zeros(size, bool) for size in sizes]
+        self._sections = [np.zeros((size, SECTIONS), bool) for size in sizes]
+        self._strong = [np.zeros(size, bool) for size in sizes]
+        self._top = [np.zeros(size, bool) for size in sizes]
+        self._pairs = [np.zeros((size, size), bool) for size in sizes]
+
+    def show(self, layers: Sequence[Activations]) -> None:
+        """Take the activations of a batch of images, one array a layer."""
+        for i, (values, low, high) in enumerate(zip(layers, self._profile.low, self._profile.high, strict=True)):
+            active = values > 0
+            self._active[i] |= active.any(axis=0)
+            moved = high > low
+            self._strong[i] |= moved & (values >= high).any(axis=0)
+            highest = np.argsort(values, axis=1)[:, -TOP:]
+            self._top[i][np.unique(highest[np.take_along_axis(active, highest, axis=1)])] = True
+            together = active.astype(np.float32)
+            self._pairs[i] |= together.T @ together > 0
+            inside = (values >= low) & (values <= high) & moved
+            section = np.minimum((values - low) / np.where(moved, high - low, 1) * SECTIONS, SECTIONS - 1).astype(int)
+            image, neuron = np.nonzero(inside)
+            self._sections[i][neuron, section[image, neuron]] = True
+
+    def coverage(self) -> WhiteBoxCoverage:
+        """Of all images shown so far."""
+        neurons = sum(len(active) for active in self._active)
+        moved = sum(int((high > low).sum()) for low, high in zip(self._profile.low, self._profile.high, strict=True))
+        pairs = sum(len(active) * (len(active) - 1) // 2 for active in self._active)
+        met = sum(int(np.triu(layer, 1).sum()) for layer in self._pairs)
+        return WhiteBoxCoverage(
+            neuron=_total(self._active) / neurons,
+            multisection=_total(self._sections) / max(1, SECTIONS * moved),
+            strong=_total(self._strong) / max(1, moved),
+            top=_total(self._top) / neurons,
+            pairs=met / max(1, pairs),
+        )
+
+
+def _total(layers: Sequence[NDArray[np.bool_]]) -> int:
+    return sum(int(layer.sum()) for layer in layers)
