@@ -138,7 +138,9 @@ class _Encoding:
         self._column = {variable: column for column, variable in enumerate(self._named)}
         # Class of each category of each named variable: 0 to its named categories, the last one for all others.
         self._class = {v: self._classes(v) for v in self._named}
-        self._solutions = np.zeros((0, len(self._named)), dtype=np.int64)
+        self._unnamed = np.array([len(self._categories[v]) for v in self._named], dtype=np.int16)
+        self._meaning = [(self._column[v], int(self._class[v][c])) for v, c in self._proposition]
+        self._solutions, self._found = np.zeros((64, len(self._named)), dtype=np.int16), 0
         self._cells: dict[tuple[int, ...], Bools] = {}
 
     def _formula(self, clauses: tuple[Clause, ...]) -> list[list[int]]:
@@ -218,7 +220,7 @@ class _Encoding:
         counts = [int(self._class[v].max()) + 1 for v in variables]
         classes = np.zeros(counts, dtype=bool)
         columns = [self._column[v] for v in variables]
-        classes[tuple(self._solutions[:, columns].T)] = True
+        classes[tuple(self._solutions[: self._found, columns].T)] = True
         for cell in product(*map(range, counts)):
             if classes[cell]:
                 continue
@@ -227,16 +229,19 @@ class _Encoding:
                 assumptions += self._assumptions(variable, int(np.argmax(self._class[variable] == number)))
             if self._solver.solve(assumptions=assumptions):
                 self._keep_solution()
-                classes[tuple(self._solutions[-1, columns])] = True
+                classes[tuple(self._solutions[self._found - 1, columns])] = True
         return classes[np.ix_(*(self._class[v] for v in variables))]
 
     def _keep_solution(self) -> None:
-        true = {literal for literal in self._solver.get_model() if literal > 0}
-        row = []
-        for variable in self._named:
-            named = sorted(self._categories[variable])
-            row.append(next((i for i, c in enumerate(named) if self._proposition[variable, c] in true), len(named)))
-        self._solutions = np.vstack([self._solutions, np.array(row, dtype=np.int64)])
+        row = self._unnamed.copy()
+        for literal in self._solver.get_model():
+            if literal > 0:
+                column, number = self._meaning[literal - 1]
+                row[column] = number
+        if self._found == len(self._solutions):
+            self._solutions = np.vstack([self._solutions, np.zeros_like(self._solutions)])
+        self._solutions[self._found] = row
+        self._found += 1
 
 
 def parse_constraints(space: Space, clauses: Sequence[Sequence[str]]) -> Constraints:

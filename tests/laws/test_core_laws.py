@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from itertools import combinations, product
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.core.boxes import iou, nms
+from pipeline.core.constraints import Constraints, Literal
 from pipeline.core.coverage.arrays import covering_array
 from pipeline.core.coverage.projection import projection_coverage
+from pipeline.core.coverage.verification import verify
 from pipeline.core.distance import mixed_distance
 from pipeline.core.kpi import match
 from pipeline.core.measures import f_measure, failure_sequence
@@ -77,7 +81,7 @@ def test_a_representative_lies_in_its_category(seed: int) -> None:
 
 
 @given(SEEDS, SIZES)
-@settings(max_examples=40)
+@settings(max_examples=40, deadline=None)
 def test_coverage_grows_with_points_and_never_passes_one(seed: int, sizes: list[int]) -> None:
     rng = np.random.default_rng(seed)
     points = rng.integers(0, sizes, (30, len(sizes)))
@@ -85,8 +89,48 @@ def test_coverage_grows_with_points_and_never_passes_one(seed: int, sizes: list[
     assert covered[0] == 0 and covered == sorted(covered) and covered[-1] <= 1
 
 
+@st.composite
+def constrained(draw: st.DrawFn) -> Constraints:
+    """Up to six clauses of up to three literals over a few small variables."""
+    sizes = tuple(draw(st.lists(st.integers(1, 4), min_size=2, max_size=5)))
+
+    def literal() -> Literal:
+        variable = draw(st.integers(0, len(sizes) - 1))
+        return Literal(variable, draw(st.integers(0, sizes[variable] - 1)), draw(st.booleans()))
+
+    clauses = [tuple(literal() for _ in range(draw(st.integers(1, 3)))) for _ in range(draw(st.integers(0, 6)))]
+    return Constraints(sizes, tuple(clauses))
+
+
+@given(constrained(), st.integers(1, 3))
+@settings(max_examples=80, deadline=None)
+def test_feasible_cells_and_contradictions_are_those_of_brute_force(constraints: Constraints, k: int) -> None:
+    every = np.array(list(product(*map(range, constraints.sizes))))
+    feasible = every[constraints.holds(every)]
+    for plane in combinations(range(len(constraints.sizes)), min(k, len(constraints.sizes))):
+        expected = np.zeros([constraints.sizes[v] for v in plane], bool)
+        expected[tuple(feasible[:, list(plane)].T)] = True
+        assert np.array_equal(constraints.feasible_cells(plane), expected)
+    core = constraints.contradiction()
+    assert bool(core) == (len(feasible) == 0)
+    for left_out in core:
+        fewer = tuple(constraints.clauses[i] for i in core if i != left_out)
+        assert Constraints(constraints.sizes, fewer).holds(every).any()
+
+
+@given(constrained(), st.integers(1, 3), st.integers(0, 99))
+@settings(max_examples=40, deadline=None)
+def test_constrained_arrays_are_what_the_verifier_says(constraints: Constraints, strength: int, seed: int) -> None:
+    strength = min(strength, len(constraints.sizes))
+    if constraints.contradiction():
+        return
+    array = covering_array(constraints.sizes, strength, constraints=constraints, seed=seed)
+    checked = verify(array.rows, constraints, strength)
+    assert checked.valid and checked.cells == array.cells and array.lower_bound <= array.size
+
+
 @given(SEEDS, SIZES)
-@settings(max_examples=40)
+@settings(max_examples=40, deadline=None)
 def test_covering_arrays_cover(seed: int, sizes: list[int]) -> None:
     rows = covering_array(sizes, seed=seed).rows
     assert projection_coverage(rows, sizes, 2).ratio == 1

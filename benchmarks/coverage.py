@@ -1,0 +1,148 @@
+"""Coverage and covering arrays against the figures to beat: sizes, counting, feasible cells, proposals.
+
+    python benchmarks/coverage.py [arrays] [counting] [cells] [proposals] [--seconds 30] [--models FOLDER]
+
+others: the best default size of PICT, jenny, allpairspy, coverwise, testflows-combinatorics and covertable, measured once; best: the
+smallest published size, or a lower bound that is reached. --models: a folder of space files, whose published sizes are known by name.
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import time
+from collections.abc import Callable
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.artefacts.space_file import read_space_file
+from pipeline.core.constraints import Constraints, Literal
+from pipeline.core.coverage.arrays import covering_array
+from pipeline.core.coverage.counting import CellCounts
+from pipeline.core.coverage.proposals import Proposer
+from pipeline.core.coverage.verification import verify
+
+SPACES: dict[str, tuple[tuple[int, ...], int, int, int]] = {
+    "3^4": ((3,) * 4, 2, 9, 9),
+    "3^13": ((3,) * 13, 2, 17, 15),
+    "4^15 3^17 2^29": ((4,) * 15 + (3,) * 17 + (2,) * 29, 2, 36, 29),
+    "4^1 3^39 2^35": ((4,) + (3,) * 39 + (2,) * 35, 2, 27, 21),
+    "2^100": ((2,) * 100, 2, 15, 10),
+    "10^20": ((10,) * 20, 2, 197, 180),
+    "4^10": ((4,) * 10, 2, 29, 24),
+    "5^10": ((5,) * 10, 2, 45, 36),
+    "6^10": ((6,) * 10, 2, 62, 53),
+    "2^20, t = 3": ((2,) * 20, 3, 25, 18),
+    "5^10, t = 3": ((5,) * 10, 3, 291, 185),
+    "thesis without blueprint": ((11, 11, 12, 12, 11, 13, 6), 2, 185, 156),
+    "the same, 13 azimuths": ((11, 11, 13, 12, 11, 13, 6), 2, 193, 169),
+    "thesis": ((11, 11, 12, 12, 11, 13, 6, 74), 2, 962, 962),
+}
+"""Sizes, strength, others, best."""
+PUBLISHED = {"spins": (26, 19), "bugzilla": (19, 16), "apache": (33, 30), "banking1": (15, 13), "telecom": (32, 30)}
+"""ACTS 2.92 and the best of FastCA."""
+CHECKED_CELLS = 25_000
+"""The verifier is independent and slow: larger arrays are left to `coverage verify`."""
+
+
+def arrays(seconds: float, models: Path | None) -> None:
+    """Sizes: quick and polished."""
+    print(f"{'':26}{'others':>7}{'best':>6}{'bound':>7}{'quick':>7}{'s':>6}{'polished':>10}{'of best':>9}  cells")
+    problems = [(name, Constraints(sizes), strength, others, best) for name, (sizes, strength, others, best) in SPACES.items()]
+    for path in sorted(models.glob("*.yaml")) if models else []:
+        problems.append((path.stem, read_space_file(path).constraints, 2, *PUBLISHED.get(path.stem, (0, 0))))
+    covering_array((2, 2, 2), 2, effort="polish", seconds=0.1)  # Compiles.
+    for name, limits, strength, others, best in problems:
+        begun = time.perf_counter()
+        quick = covering_array(limits.sizes, strength, constraints=limits)
+        taken = time.perf_counter() - begun
+        polished = covering_array(limits.sizes, strength, constraints=limits, effort="polish", seconds=seconds)
+        if polished.cells <= CHECKED_CELLS:
+            assert verify(polished.rows, limits, strength).valid and verify(quick.rows, limits, strength).valid
+        ratio = f"{polished.size / best:.2f}" if best else ""
+        sizes = f"{quick.lower_bound:>7}{quick.size:>7}{taken:>6.2f}{polished.size:>10}{ratio:>9}  {quick.cells}"
+        print(f"{name:26}{others or '':>7}{best or '':>6}{sizes}", flush=True)
+
+
+def counting() -> None:
+    """All counts of a million points, 50 conditions of four values, k = 3."""
+    points = np.random.default_rng(0).integers(0, 4, (1_000_000, 50))
+    CellCounts((4,) * 50, 3).add(points[:5000])  # Compiles.
+    begun = time.perf_counter()
+    CellCounts((4,) * 50, 3).add(points)
+    ours = time.perf_counter() - begun
+    columns = np.ascontiguousarray(points.T.astype(np.uint8))
+    planes, begun = list(combinations(range(50), 3)), time.perf_counter()
+    for i, j, k in planes[:40]:
+        np.bincount(columns[i] * np.uint8(16) + columns[j] * np.uint8(4) + columns[k], minlength=64)
+    theirs = (time.perf_counter() - begun) / 40 * len(planes)
+    bincount = f"numpy.bincount {theirs:.0f} s (from 40 planes), {theirs / ours:.0f} times"
+    print(f"counting 10^6 x 50 x 4 values, k = 3: {ours:.2f} s on one core; {bincount}")
+
+
+def cells() -> None:
+    """Feasible pairs of 50 conditions with 100 random clauses of three literals."""
+    rng = random.Random(1)
+    for values in (2, 4):
+        clauses = tuple(tuple(Literal(v, rng.randrange(values), rng.random() < 0.5) for v in rng.sample(range(50), 3)) for _ in range(100))
+        constraints, begun = Constraints((values,) * 50, clauses), time.perf_counter()
+        feasible = sum(int(constraints.feasible_cells(pair).sum()) for pair in combinations(range(50), 2))
+        print(f"feasible pairs, 50 conditions of {values} values, 100 clauses: {feasible} in {1000 * (time.perf_counter() - begun):.0f} ms")
+
+
+def proposals() -> None:
+    """A proposal at n = 50, k = 2 against the exact solver's after 20 s; the paper's domain by batches."""
+    proposer = Proposer(Constraints((4,) * 50), 2)
+    rows = covering_array((4,) * 50).rows
+    proposer.propose(rows[:5])  # Compiles.
+    for known in (0, 10, 25):
+        begun = time.perf_counter()
+        quick = proposer.propose(rows[:known])
+        taken = time.perf_counter() - begun
+        exact = proposer.propose_exact(rows[:known], time_limit_s=20)
+        assert quick is not None and exact is not None
+        solver = f"after 20 s of HiGHS {exact.gain}, at most {exact.bound}"
+        print(f"proposal, 50 conditions, {known} points there: gain {quick.gain} in {1000 * taken:.0f} ms; {solver}")
+    from pipeline.config import compose
+
+    domain = compose("front_car", []).front_car.space
+    every, front = domain.feasible_points(), Proposer(domain.clauses(), 2)
+    batches, single, slowest = [], [], 0.0
+    for seed in range(20):
+        points = every[np.random.default_rng(seed).choice(len(every), 5, replace=False)]
+        begun = time.perf_counter()
+        front.propose_exact(points)
+        slowest = max(slowest, time.perf_counter() - begun)
+        single.append(sum(1 for _ in front.complete(points, exact=True)))
+        batches.append(_fewest(front, points))
+    nothing = _fewest(front, every[:0])
+    print(f"front-car domain, 20 draws of 5 points: an exact proposal takes at most {1000 * slowest:.0f} ms;")
+    batch = f"{np.mean(batches):.1f} (at most {max(batches)}) in a batch"
+    print(f"  to full coverage {np.mean(single):.1f} points one by one, {batch}; from nothing {nothing}")
+
+
+def _fewest(proposer: Proposer, points: np.ndarray) -> int:
+    """Points that a batch needs for full coverage."""
+    missing = int(proposer.missing(points).sum())
+    return next(n for n in range(1, 20) if (found := proposer.propose(points, n)) is not None and found.gain == missing)
+
+
+def main() -> None:
+    """Run the parts that are named, or all."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parts: dict[str, Callable[[], None]] = {"counting": counting, "cells": cells, "proposals": proposals}
+    parser.add_argument("parts", nargs="*", choices=["arrays", *parts], default=["arrays", *parts])
+    parser.add_argument("--seconds", type=float, default=30.0, help="of polishing an array")
+    parser.add_argument("--models", type=Path, help="folder of space files")
+    options = parser.parse_args()
+    for part in options.parts:
+        if part == "arrays":
+            arrays(options.seconds, options.models)
+        else:
+            parts[part]()
+
+
+if __name__ == "__main__":
+    main()
