@@ -47,6 +47,10 @@ def test_seed_rows_come_first_and_stay() -> None:
     for effort in ("quick", "polish"):
         array = covering_array(LINKED.sizes, 2, constraints=LINKED, seeds=seeds, effort=effort, seconds=0.3)  # type: ignore[arg-type]
         assert np.array_equal(array.rows[:3], seeds) and verify(array.rows, LINKED, 2).valid
+        assert array.lower_bound <= array.size
+    # The two seeds share a category of the largest column: of its 5 categories 4 are left.
+    array = covering_array((5, 4, 3), 1, seeds=np.array([[0, 1, 2], [0, 2, 1]]))
+    assert array.size == array.lower_bound == 6
 
 
 def test_polishing_never_makes_it_larger_and_tells_how_far_it_is() -> None:

@@ -78,7 +78,9 @@ def covering_array(
     if broken := limits.first_broken(given.astype(np.int64)):
         raise ValueError(f"seed row {broken[0]} breaks clause {broken[1]}")
     search = _Search(annealing.lay_out(sizes, strength, limits), limits, given, np.random.default_rng(seed))
-    bound = lower_bound(sizes, strength, limits)
+    # Beside the rows that must be in it, as many are needed as the emptiest plane still has uncovered cells.
+    left = np.add.reduceat(search.problem.counts(given) == 0, search.problem.first, dtype=np.int64)
+    bound = max(lower_bound(sizes, strength, limits), len(given) + int(left.max()))
     started = time.monotonic()
     rows = search.start()
     if effort == "quick":
