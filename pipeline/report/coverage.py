@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
 from pipeline.core.coverage.conditions import OperatingSpace
@@ -14,6 +15,7 @@ from pipeline.report.style import INK, SERIES, panels, styled
 COLUMNS = 5
 MOST_PLANES = 60
 MOST_LABELS = 16
+SHADES = LinearSegmentedColormap.from_list("coverage", ["#e9927f", "#f6e3ac", "#b5dcc0"])
 
 
 def heat_maps(planes: Sequence[Plane], space: OperatingSpace) -> Figure:
@@ -28,7 +30,7 @@ def heat_maps(planes: Sequence[Plane], space: OperatingSpace) -> Figure:
             axis.set_visible(True)
             share = np.where(plane.wanted > 0, np.minimum(plane.counts, plane.wanted) / np.maximum(plane.wanted, 1), np.nan)
             axis.set_facecolor("#c8ccd2")
-            axis.imshow(np.ma.masked_invalid(share), cmap="RdYlGn", vmin=0, vmax=1, aspect="auto", interpolation="nearest")
+            axis.imshow(np.ma.masked_invalid(share), cmap=SHADES, vmin=0, vmax=1, aspect="auto", interpolation="nearest")
             first, second = (space.conditions[c] for c in plane.conditions)
             axis.set_title(f"{first.name} × {second.name}")
             for ticks, condition in ((axis.set_yticks, first), (axis.set_xticks, second)):
@@ -36,7 +38,7 @@ def heat_maps(planes: Sequence[Plane], space: OperatingSpace) -> Figure:
                     ticks(range(condition.size), condition.labels)
                 else:
                     ticks([])
-            axis.tick_params(axis="x", rotation=60)
+            axis.tick_params(axis="x", rotation=45 if max(map(len, second.labels)) > 8 else 0)
             if share.size <= 64:
                 for (i, j), count in np.ndenumerate(plane.counts):
                     text = "×" if not plane.feasible[i, j] else f"{count}"

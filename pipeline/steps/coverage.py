@@ -103,6 +103,7 @@ def propose(
         "operator": operator,
         "gain": after.covered - before.covered,
         "bound": 0 if found is None else found.bound,
+        "gap": 0 if found is None else found.bound - found.gain,
         "optimal": found is None or found.optimal,
         "before": _fraction(before),
         "after": _fraction(after),

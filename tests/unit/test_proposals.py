@@ -40,3 +40,29 @@ def test_completion_covers_every_feasible_cell(k: int) -> None:
     points = np.vstack([start, *(proposal.categories for proposal in Proposer(CONSTRAINED, k).complete(start))])
     assert projection_coverage(points, CONSTRAINED.sizes, k, constraints=CONSTRAINED).ratio == 1
     assert Proposer(CONSTRAINED, k).propose(points) is None
+
+
+def test_heavy_classes_come_first_where_one_asks_for_them() -> None:
+    free = Constraints((3, 3, 3))
+    weights = [[1, 1, 5], [1, 1, 1], [1, 1, 1]]
+    # Nothing is heavier than category 2 of the first condition; of what is new, any point gives as much.
+    heavy = Proposer(free, 2, weights=weights, combine="max", heavy_first=True).propose(np.zeros((0, 3), int), 3)
+    assert heavy is not None and (heavy.categories[:, 0] == 2).all()
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_a_batch_gains_at_least_what_single_points_gain_and_no_more_than_its_bound(count: int) -> None:
+    start = np.array([[2, 0, 0, 0], [0, 1, 1, 1]])
+    proposer = Proposer(CONSTRAINED, 2)
+    exact = proposer.propose_exact(start, count)
+    assert exact is not None and exact.optimal
+    single = start
+    for _ in range(count):
+        found = proposer.propose(single)
+        single = single if found is None else np.vstack([single, found.categories])
+
+    def covered(rows: np.ndarray) -> int:
+        return projection_coverage(rows, CONSTRAINED.sizes, 2, constraints=CONSTRAINED).covered
+
+    assert exact.gain == covered(np.vstack([start, exact.categories])) - covered(start)
+    assert exact.gain >= covered(single) - covered(start)
