@@ -93,6 +93,14 @@ def parser() -> argparse.ArgumentParser:
     frames = commands.add_parser("export-frames", help="Write a campaign's kept frames as YOLO, COCO and OpenLABEL.")
     frames.add_argument("frames", type=Path, help="frames.parquet of a campaign")
     frames.add_argument("--out", type=Path, default=Path("frames"), help="folder (default: %(default)s)")
+    tested = commands.add_parser("test-detector", help="Search for the failures of any detector; trains nothing.")
+    tested.add_argument("model", type=Path, help="ONNX file (ours, YOLOv5, YOLOv8/11 or end to end), or what the study's detector takes")
+    tested.add_argument(
+        "words", nargs="*", metavar="key=value", help="Hydra overrides, such as campaign.tests=40 search=[F1,F5] detector=mine"
+    )
+    tested.add_argument("--study", default="default", help="whose scenarios, strategies and budgets (default: %(default)s)")
+    tested.add_argument("--out", type=Path, help="folder (default: data/detectors/<name of the model>)")
+    tested.add_argument("--threads", type=int, default=2, help="tests side by side (default: %(default)s)")
     _add_coverage(commands)
     verdict = commands.add_parser("verdict", help="Print the table of the comparison.")
     verdict.add_argument("--comparison", type=Path, required=True)
@@ -161,6 +169,8 @@ def main(arguments: list[str] | None = None) -> int:
             _export_frames(**options)
         elif command == "contact-sheet":
             _contact_sheet(**options)
+        elif command == "test-detector":
+            _test_detector(**options)
         elif command == "coverage":
             return _coverage(**options)
         elif command == "verdict":
@@ -209,6 +219,17 @@ def _export_frames(frames: Path, out: Path) -> None:
 
     camera = configuration.compose("default", []).simulator.get("camera", {})
     print(f"{out}: {export_frames(frames, out, float(camera.get('hfov_deg', 60)))} frames")
+
+
+def _test_detector(model: Path, words: list[str], study: str, out: Path | None, threads: int) -> None:
+    from pipeline.steps import test_detector
+
+    if threads < 1:
+        raise InputError(f"--threads must be at least 1, got {threads}")
+    folder = out or Path("data/detectors") / model.stem
+    found = test_detector.run(configuration.compose(study, words), model=model, out=folder, threads=threads)
+    print(test_detector.table(found))
+    print(f"in {folder}: campaigns/, measures.json, regions/")
 
 
 def _coverage(verb: str, json: bool, **options: Any) -> int:

@@ -1,4 +1,4 @@
-"""A detector that runs an ONNX file by ONNX Runtime."""
+"""A detector that runs an ONNX file by ONNX Runtime: ours, or one of the common YOLO exports."""
 
 from __future__ import annotations
 
@@ -10,56 +10,138 @@ from numpy.typing import NDArray
 from onnxruntime.capi.onnxruntime_pybind11_state import Fail, InvalidArgument, InvalidGraph, InvalidProtobuf
 
 from pipeline.core.boxes import nms
-from pipeline.protocols import Detections, Frame, InputError
+from pipeline.detectors import layouts
+from pipeline.detectors.layouts import LAYOUTS, Layout, Letterbox
+from pipeline.protocols import Detections, Frame, InputError, SimulationError
 
 CANDIDATES = 300
 """Boxes before suppression; far more than a street has people."""
-EXPECTED = "input 'image' (n, h, w, 3) uint8 RGB; outputs 'boxes' (n, cells, 4) in pixels and 'scores' (n, cells) in [0, 1]"
+OURS = "input 'image' (n, h, w, 3) uint8 RGB; outputs 'boxes' (n, cells, 4) in pixels and 'scores' (n, cells) in [0, 1]"
+EXPECTED = f"{OURS}; or a YOLO export: input (n, 3, h, w) float, one output in YOLOv5's, YOLOv8's or an end-to-end layout"
+Floats = NDArray[np.float32]
 
 
 class OnnxDetector:
-    """Finds pedestrians with an ONNX file that has normalisation and decoding inside, as `yolo.export` writes it.
+    """Finds pedestrians with an ONNX file.
+
+    Ours has normalisation and decoding inside, as `yolo.export` writes it. Others get the image scaled to their size, padded with grey,
+    as RGB in [0, 1]; their output is recognised by its shape.
 
     model: the file. threshold: smallest score reported, in (0, 1). iou: overlap above which the worse of two boxes falls, in
-    (0, 1). threads: of ONNX Runtime. InputError if the file is missing or is no such detector.
+    (0, 1). threads: of ONNX Runtime. layout: boxes_scores, yolov5, yolov8 or end_to_end, where the shape does not tell. person: name or
+    number of the class that means a pedestrian, where the file's own names do not tell.
+
+    InputError if the file is missing or is no such detector.
     """
 
-    def __init__(self, model: str | Path, threshold: float = 0.5, iou: float = 0.45, threads: int = 1) -> None:
+    def __init__(
+        self,
+        model: str | Path,
+        threshold: float = 0.5,
+        iou: float = 0.45,
+        threads: int = 1,
+        layout: Layout | None = None,
+        person: str | int | None = None,
+    ) -> None:
         for name, value in {"threshold": threshold, "iou": iou}.items():
             if not 0 < value < 1:
                 raise InputError(f"detector.{name} must be in (0, 1), got {value}")
         if threads < 1:
             raise InputError(f"detector.threads must be at least 1, got {threads}")
-        self._session = _session(Path(model), threads)
-        self._shape = tuple(self._session.get_inputs()[0].shape[1:])
+        if layout is not None and layout not in LAYOUTS:
+            raise InputError(f"detector.layout must be one of {', '.join(LAYOUTS)}, got '{layout}'")
         self._model, self._threshold, self._iou = Path(model), threshold, iou
+        self._session = _session(self._model, threads)
+        first = self._session.get_inputs()[0]
+        self._input, self._shape = first.name, tuple(first.shape)
+        self._float = np.float16 if first.type == "tensor(float16)" else np.float32
+        self._layout: Layout = self._recognised(layout)
+        self._person = 0 if self._layout == "boxes_scores" else self._person_class(person)
 
     def detect(self, frame: Frame) -> Detections:
-        """Return the pedestrians in the image; InputError if it has not the size that the model was made for."""
+        """Return the pedestrians in the image; InputError if our own models have not its size."""
         return self.detect_images(frame.image[None])[0]
 
     def detect_images(self, images: NDArray[np.uint8]) -> list[Detections]:
         """(n, h, w, 3) uint8 RGB to n detections; the same as one by one up to rounding."""
-        if images.dtype != np.uint8 or any(e != g for e, g in zip(self._shape, images.shape[1:], strict=True) if _fixed(e)):
-            raise InputError(f"{self._model} takes uint8 images of {self._shape}, got {images.dtype} {images.shape[1:]}")
-        boxes, scores = self._session.run(["boxes", "scores"], {"image": np.ascontiguousarray(images)})
+        if self._layout != "boxes_scores":
+            return [self._reported(*self._foreign(image)) for image in images]
+        expected = self._shape[1:]
+        if images.dtype != np.uint8 or any(e != g for e, g in zip(expected, images.shape[1:], strict=True) if isinstance(e, int)):
+            raise InputError(f"{self._model} takes uint8 images of {expected}, got {images.dtype} {images.shape[1:]}")
+        boxes, scores = self._session.run(["boxes", "scores"], {self._input: np.ascontiguousarray(images)})
         return [self._reported(b, s) for b, s in zip(boxes, scores, strict=True)]
 
-    def _reported(self, boxes: NDArray[np.float32], scores: NDArray[np.float32]) -> Detections:
+    def _foreign(self, image: NDArray[np.uint8]) -> tuple[Floats, Floats]:
+        width, height = self._image_size(image.shape[1], image.shape[0])
+        padded, box = Letterbox.fit(image, width, height)
+        tensor = (np.ascontiguousarray(padded.transpose(2, 0, 1)[None], np.float32) / 255).astype(self._float)
+        boxes, scores = layouts.decode(self._layout, self._session.run(None, {self._input: tensor})[0][0], self._person)
+        boxes = box.back(boxes)
+        limits = np.array([image.shape[1], image.shape[0]] * 2, np.float32)
+        inside = np.clip(boxes, 0, limits)
+        real = (inside[:, 2] > inside[:, 0]) & (inside[:, 3] > inside[:, 1]) | ~np.isfinite(scores)
+        return inside[real], scores[real]
+
+    def _image_size(self, width: int, height: int) -> tuple[int, int]:
+        """Width and height that the model takes; of its own choice the image's, rounded up to its largest stride."""
+        rows, columns = self._shape[2:]
+        stride = layouts.STRIDES[-1]
+        return (
+            columns if isinstance(columns, int) else -(-width // stride) * stride,
+            rows if isinstance(rows, int) else -(-height // stride) * stride,
+        )
+
+    def _recognised(self, declared: Layout | None) -> Layout:
+        first, outputs = self._session.get_inputs()[0], self._session.get_outputs()
+        shapes = {output.name: output.shape for output in outputs}
+        found = f"input '{first.name}' {first.shape} {first.type} and outputs {shapes}"
+        ours = (
+            [i.name for i in self._session.get_inputs()] == ["image"]
+            and first.type == "tensor(uint8)"
+            and len(first.shape) == 4
+            and len(shapes.get("boxes", ())) == 3
+            and len(shapes.get("scores", ())) == 2
+        )
+        if declared == "boxes_scores" or ours:
+            if not ours:
+                raise InputError(f"{self._model} must have {OURS}; it has {found}")
+            return "boxes_scores"
+        floats = first.type in ("tensor(float)", "tensor(float16)")
+        if len(self._session.get_inputs()) != 1 or not floats or len(first.shape) != 4 or first.shape[1] not in (3, "channels"):
+            raise InputError(f"{self._model} must have {EXPECTED}; it has {found}")
+        if len(outputs[0].shape) != 3:
+            raise InputError(f"{self._model} must have {EXPECTED}; it has {found}")
+        rows, columns = first.shape[2:]
+        known = isinstance(rows, int) and isinstance(columns, int)
+        layout = declared or layouts.recognise(outputs[0].shape, columns if known else 0, rows if known else 0)
+        if layout is None:
+            choices = ", ".join(LAYOUTS[1:])
+            raise InputError(
+                f"{self._model}: the layout of its output {outputs[0].shape} cannot be told; declare detector.layout as {choices}"
+            )
+        return layout
+
+    def _person_class(self, declared: str | int | None) -> int:
+        names = layouts.class_names(self._session.get_modelmeta().custom_metadata_map)
+        classes = layouts.classes_of(self._layout, self._session.get_outputs()[0].shape)
+        return layouts.person_class(self._model, names, classes or (len(names) or None), declared)
+
+    def _reported(self, boxes: Floats, scores: Floats) -> Detections:
+        if not np.isfinite(scores).all() or not np.isfinite(boxes[scores >= self._threshold]).all():
+            raise SimulationError(f"{self._model} gives values that are no numbers")
         above = np.flatnonzero(scores >= self._threshold)
         if not len(above):
             return Detections.none()
         if len(above) > CANDIDATES:
             above = above[np.argsort(-scores[above], kind="stable")[:CANDIDATES]]
         kept = above[nms(boxes[above], scores[above], self._iou)] if len(above) > 1 else above
-        return Detections(boxes[kept], scores[kept])
-
-
-def _fixed(extent: int | str | None) -> bool:
-    return isinstance(extent, int)
+        return Detections(boxes[kept].astype(np.float32), np.minimum(scores[kept], 1).astype(np.float32))
 
 
 def _session(path: Path, threads: int) -> onnxruntime.InferenceSession:
+    if path.suffix in (".pt", ".pth", ".pkl", ".ckpt"):
+        raise InputError(f"{path}: a {path.suffix} file can run code when it is read and is not opened; export it to ONNX")
     if not path.is_file():
         raise InputError(f"{path}: expected the ONNX file of a detector, found no file; train it, or name another model")
     options = onnxruntime.SessionOptions()
@@ -67,14 +149,7 @@ def _session(path: Path, threads: int) -> onnxruntime.InferenceSession:
     options.log_severity_level = 3
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     try:
-        session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+        return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
     except (Fail, InvalidArgument, InvalidGraph, InvalidProtobuf) as error:
         reason = str(error).splitlines()[0]
         raise InputError(f"{path} is no ONNX file that ONNX Runtime can load: {reason}") from error
-    inputs, outputs = session.get_inputs(), {output.name: output.shape for output in session.get_outputs()}
-    if [i.name for i in inputs] != ["image"] or inputs[0].type != "tensor(uint8)" or len(inputs[0].shape) != 4:
-        found = ", ".join(f"'{i.name}' {i.shape} {i.type}" for i in inputs)
-        raise InputError(f"{path} must have {EXPECTED}; it has input {found}")
-    if len(outputs.get("boxes", ())) != 3 or len(outputs.get("scores", ())) != 2:
-        raise InputError(f"{path} must have {EXPECTED}; it has outputs {outputs}")
-    return session

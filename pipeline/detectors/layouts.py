@@ -1,0 +1,118 @@
+"""What foreign ONNX detectors take and give: YOLOv5, YOLOv8/11 and end-to-end exports, recognised by their shapes or declared."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.protocols import InputError
+
+Floats = NDArray[np.float32]
+Layout = Literal["boxes_scores", "yolov5", "yolov8", "end_to_end"]
+LAYOUTS: tuple[Layout, ...] = ("boxes_scores", "yolov5", "yolov8", "end_to_end")
+PEOPLE = ("pedestrian", "person", "people")
+STRIDES = (8, 16, 32)
+GREY = 114
+"""What YOLO's trainers pad with."""
+MOST_FINAL_BOXES = 1000
+"""An end-to-end output has at most so many boxes; anchors are more."""
+
+
+@dataclass(frozen=True)
+class Letterbox:
+    """An image scaled to fit and padded. scale: of both sides. left, top: padding in pixels."""
+
+    scale: float
+    left: int
+    top: int
+
+    @staticmethod
+    def fit(image: NDArray[np.uint8], width: int, height: int) -> tuple[NDArray[np.uint8], Letterbox]:
+        """(h, w, 3) to (height, width, 3)."""
+        old_height, old_width = image.shape[:2]
+        scale = min(width / old_width, height / old_height)
+        new = round(old_width * scale), round(old_height * scale)
+        left, top = (width - new[0]) // 2, (height - new[1]) // 2
+        if new != (old_width, old_height):
+            image = np.asarray(cv2.resize(image, new, interpolation=cv2.INTER_LINEAR), np.uint8)
+        padded = np.full((height, width, 3), GREY, np.uint8)
+        padded[top : top + new[1], left : left + new[0]] = image
+        return padded, Letterbox(scale, left, top)
+
+    def back(self, boxes: Floats) -> Floats:
+        """(n, 4) boxes of the padded image in pixels of the original one."""
+        return np.asarray((boxes - (self.left, self.top, self.left, self.top)) / self.scale, np.float32)
+
+
+def recognise(shape: Sequence[int | str | None], width: int, height: int) -> Layout | None:
+    """The layout of an output (1, a, b) of a model for images of a size; None if the shape says too little.
+
+    YOLOv5 has three anchors a cell in rows, YOLOv8 one in columns, an end-to-end export a few rows of six.
+    """
+    if len(shape) != 3:
+        return None
+    rows, columns = shape[1:]
+    cells = sum((width // stride) * (height // stride) for stride in STRIDES)
+    if columns == cells and isinstance(rows, int) and rows >= 5:
+        return "yolov8"
+    if rows == 3 * cells and isinstance(columns, int) and columns >= 6:
+        return "yolov5"
+    if columns == 6 and (not isinstance(rows, int) or rows <= MOST_FINAL_BOXES):
+        return "end_to_end"
+    return None
+
+
+def class_names(metadata: Mapping[str, str]) -> dict[int, str]:
+    """The names of classes that Ultralytics writes into a model, empty if there are none. Read as a literal, never run."""
+    try:
+        plain = ast.literal_eval(metadata["names"])
+    except (KeyError, ValueError, SyntaxError):
+        return {}
+    items = plain.items() if isinstance(plain, dict) else enumerate(plain) if isinstance(plain, list) else ()
+    return {int(number): str(name) for number, name in items}
+
+
+def person_class(model: object, names: Mapping[int, str], classes: int | None, declared: str | int | None) -> int:
+    """Number of the class that means a pedestrian; InputError that names the classes there are if that cannot be told."""
+    listed = ", ".join(f"{number}: {name}" for number, name in list(names.items())[:12]) or "none"
+    if isinstance(declared, int):
+        if classes is not None and not 0 <= declared < classes:
+            raise InputError(f"{model}: detector.person must be in [0, {classes}), got {declared}")
+        return declared
+    wanted = PEOPLE if declared is None else (declared,)
+    for number, name in names.items():
+        if name.lower() in wanted:
+            return number
+    if declared is None and classes == 1:
+        return 0
+    raise InputError(
+        f"{model}: expected a class called {' or '.join(wanted)} among its {classes or 'unknown number of'} classes, got names {listed}; "
+        f"declare its number as detector.person"
+    )
+
+
+def decode(layout: Layout, output: Any, person: int) -> tuple[Floats, Floats]:
+    """Boxes (n, 4), left, top, right, bottom in pixels of the model's image, and scores (n,) of one image's output."""
+    values = np.asarray(output, np.float32)
+    if layout == "end_to_end":
+        mine = values[:, 5].round().astype(int) == person
+        return values[mine, :4], values[mine, 4]
+    if layout == "yolov8":
+        values = values.T
+        scores = values[:, 4 + person]
+    else:
+        scores = values[:, 4] * values[:, 5 + person]
+    middle, half = values[:, :2], values[:, 2:4] / 2
+    return np.concatenate([middle - half, middle + half], axis=1), scores
+
+
+def classes_of(layout: Layout, shape: Sequence[int | str | None]) -> int | None:
+    """How many classes an output has; None where it does not say."""
+    extent = {"yolov5": shape[2], "yolov8": shape[1]}.get(layout)
+    return extent - (5 if layout == "yolov5" else 4) if isinstance(extent, int) else None
