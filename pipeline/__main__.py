@@ -101,6 +101,8 @@ def parser() -> argparse.ArgumentParser:
     tested.add_argument("--study", default="default", help="whose scenarios, strategies and budgets (default: %(default)s)")
     tested.add_argument("--out", type=Path, help="folder (default: data/detectors/<name of the model>)")
     tested.add_argument("--threads", type=int, default=2, help="tests side by side (default: %(default)s)")
+    versions = commands.add_parser("versions", help="Print the registered model versions with their failures.")
+    versions.add_argument("--store", type=Path, default=Path("data/mlflow/mlflow.db"), help="MLflow's database (default: %(default)s)")
     _add_coverage(commands)
     verdict = commands.add_parser("verdict", help="Print the table of the comparison.")
     verdict.add_argument("--comparison", type=Path, required=True)
@@ -171,6 +173,8 @@ def main(arguments: list[str] | None = None) -> int:
             _contact_sheet(**options)
         elif command == "test-detector":
             _test_detector(**options)
+        elif command == "versions":
+            _versions(options["store"])
         elif command == "coverage":
             return _coverage(**options)
         elif command == "verdict":
@@ -230,6 +234,16 @@ def _test_detector(model: Path, words: list[str], study: str, out: Path | None, 
     found = test_detector.run(configuration.compose(study, words), model=model, out=folder, threads=threads)
     print(test_detector.table(found))
     print(f"in {folder}: campaigns/, measures.json, regions/")
+
+
+def _versions(store: Path) -> None:
+    from pipeline.tracking import registered
+
+    columns = ("model", "number", "version", "study", "failures", "failures_by_ttc", "tests", "verdict", "alias")
+    rows = [columns, *(tuple(row.get(name, "") for name in columns) for row in registered(store))]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
 
 
 def _coverage(verb: str, json: bool, **options: Any) -> int:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from pipeline.artefacts.files import sha256
 from pipeline.artefacts.results import RunKind
+from pipeline.protocols import InputError
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
@@ -137,3 +138,27 @@ class Tracker:
     def _version(self, model: str, digest: str) -> ModelVersion | None:
         found = self._client.search_model_versions(f"name = '{model}' and tags.`{DIGEST}` = '{digest}'")
         return found[0] if found else None
+
+
+def registered(store: Path) -> list[dict[str, str]]:
+    """The registered model versions of a store, newest last: model, number, aliases, and the tags that `register` gave.
+
+    Raises InputError if there is no store.
+    """
+    if not store.is_file():
+        raise InputError(f"{store}: expected MLflow's database, found no file; it is made by the step track")
+    os.environ["MLFLOW_DISABLE_TELEMETRY"] = "true"
+    from mlflow import MlflowClient
+
+    logging.getLogger("alembic").setLevel(logging.WARNING)
+    uri = f"sqlite:///{store.resolve()}"
+    client = MlflowClient(tracking_uri=uri, registry_uri=uri)
+    rows = []
+    for model in client.search_registered_models():
+        aliases: dict[str, list[str]] = {}
+        for alias, number in model.aliases.items():
+            aliases.setdefault(str(number), []).append(alias)
+        for version in sorted(client.search_model_versions(f"name = '{model.name}'"), key=lambda found: int(found.version)):
+            number = str(version.version)
+            rows.append({"model": model.name, "number": number, "alias": ", ".join(aliases.get(number, [])), **version.tags})
+    return rows

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from pipeline.__main__ import main
 from pipeline.artefacts.files import read_json
 from pipeline.artefacts.model import read_card, write_card
 from pipeline.artefacts.results import Comparison, Tracking, read
@@ -117,3 +118,15 @@ def test_a_run_that_was_cut_off_is_logged_again(tmp_path: Path) -> None:
     assert first != second
     assert tracker.log(content) == second
     assert tracker._client.get_run(first).info.lifecycle_stage == "deleted"
+
+
+def test_versions_prints_the_failures_of_every_version(study: Study, capsys: pytest.CaptureFixture[str]) -> None:
+    comparison = read(study.root / "comparison.json", Comparison)
+    assert main(["versions", "--store", str(study.root / "mlflow" / "mlflow.db")]) == 0
+    head, *rows = (line.split() for line in capsys.readouterr().out.splitlines())
+    assert head[:5] == ["model", "number", "version", "study", "failures"]
+    shown = {row[2]: int(row[4]) for row in rows}
+    assert shown == {result.version: result.failures for result in comparison.versions}
+    assert [row[2] for row in rows if row[-1] == "champion"] == [comparison.champion]
+    assert main(["versions", "--store", "nowhere.db"]) == 2
+    assert "nowhere.db: expected MLflow's database, found no file" in capsys.readouterr().err
