@@ -16,7 +16,7 @@ from pipeline.detectors.yolo.model import Architecture, Yolo, cells, decode
 from pipeline.detectors.yolo.recipe import train_from_scratch
 from pipeline.detectors.yolo.retraining import mixed_feed, retrain
 from pipeline.detectors.yolo.training import Batch, Schedule, fit, initial_model
-from pipeline.protocols import Truth
+from pipeline.protocols import InputError, Truth
 
 SIZE = (96, 64)
 MEAN = "stage4.0.1.running_mean"
@@ -170,3 +170,19 @@ def test_training_from_scratch_resumes_in_every_phase(tmp_path: Path, monkeypatc
     resumed = train_from_scratch(streets(), SCRATCH, checkpoint=tmp_path / "c.pt", threads=1)
     assert same(uninterrupted, resumed)
     assert sizes == [(160, 96), (320, 192), (320, 192), (320, 192), (320, 192)]  # The fourth is the one that was cut off.
+
+
+def test_a_loss_that_is_no_number_ends_the_training_before_its_weights_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
+    images, checkpoint = people(4, 2), tmp_path / "checkpoint.pt"
+
+    def feed(iteration: int) -> Batch:
+        boxes = images.boxes.copy()
+        if iteration >= 7:
+            boxes[0] = (np.nan, 0, 20, 20)
+        return images.images, boxes
+
+    with pytest.raises(InputError, match="the loss is no number at iteration 8: lower learning_rate, now 0.001, or look at the labels"):
+        fit(small(), Schedule(0, 20, 1e-3, warm_up=3), feed, checkpoint=checkpoint, threads=1)
+    kept = torch.load(checkpoint, weights_only=True)
+    assert kept["iteration"] == 7 and all(torch.isfinite(value.float()).all() for value in kept["model"].values())

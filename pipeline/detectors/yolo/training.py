@@ -26,11 +26,14 @@ from torch import Tensor, nn
 from pipeline.artefacts.files import write_bytes
 from pipeline.detectors.yolo.loss import Loss, detection_loss
 from pipeline.detectors.yolo.model import Yolo, cells, decode
+from pipeline.protocols import InputError
 
 Batch = tuple[NDArray[np.uint8], NDArray[np.float32]]
 Feed = Callable[[int], Batch]
 Progress = Callable[[int, int, str], None]
 CHECKPOINT_SECONDS = 45.0
+FINITE_EVERY = 10
+"""Iterations between looks at the loss, which a GPU would have to wait for; there is one before every checkpoint, too."""
 AHEAD = 4
 """Batches that workers make ahead of a GPU."""
 
@@ -118,7 +121,10 @@ def fit(
     losses: deque[Loss] = deque(maxlen=20)
     for images, boxes in _batches(feed, state.iteration, schedule.iterations, device):
         losses.append(_step(state, schedule, images, boxes, device))
+        if state.iteration % FINITE_EVERY == 0 or state.iteration == schedule.iterations:
+            _check_finite(losses, state.iteration, schedule)
         if checkpoint is not None and time.monotonic() - saved > CHECKPOINT_SECONDS:
+            _check_finite(losses, state.iteration, schedule)
             _save(checkpoint, identity, state)
             saved = time.monotonic()
         if progress is not None and (state.iteration % 10 == 0 or state.iteration == schedule.iterations):
@@ -126,6 +132,14 @@ def fit(
     if checkpoint is not None and state.iteration > resumed:
         _save(checkpoint, identity, state)
     return state.average.cpu().eval()
+
+
+def _check_finite(losses: deque[Loss], iteration: int, schedule: Schedule) -> None:
+    """Stop a training whose loss is no number any more, before its weights are kept."""
+    if not all(math.isfinite(float(loss.total)) for loss in losses):
+        raise InputError(
+            f"the loss is no number at iteration {iteration}: lower learning_rate, now {schedule.learning_rate:g}, or look at the labels"
+        )
 
 
 def _start(model: Yolo, schedule: Schedule, device: torch.device) -> State:
