@@ -23,8 +23,8 @@ from pipeline.detectors.yolo.weights import load_weights
 from pipeline.progress import Progress
 from pipeline.protocols import InputError
 
-FRAMES = 400
-"""Of each set at most, drawn evenly: coverage grows with the number of images, so all sets have the same."""
+FRAMES, PROFILED = 250, 600
+"""Of each set, and of the training images, at most, drawn evenly: coverage grows with the number of images, so all sets have the same."""
 DRAW_SEED = 0
 
 
@@ -41,6 +41,7 @@ def run(config: Config, *, model: Path, base_set: Path, frames: Sequence[Path], 
         raise InputError("white-box coverage needs frames of every strategy; run the campaigns with campaign.keep_every above 0")
     training, validation = (read_dataset(base_set.parent, split).images for split in ("train", "val"))
     total = 2 + len(kept)
+    training = training[_drawn(len(training), min(PROFILED, len(training)))]
     profile = _profile(network, training)
     progress(1, total, "profile of the training images")
     images = {"validation images": validation[_drawn(len(validation), min(count, len(validation)))]}
