@@ -183,27 +183,30 @@ class _Search:
         return rows
 
     def polish(self, rows: Int32s, bound: int, started: float, seconds: float, progress: Progress | None) -> Int32s:
-        """Take rows away until the time is spent or the bound is reached; a failed attempt makes the next one longer."""
-        fails, away, bound = 0, max(1, len(rows) // 12), max(bound, len(self._given))
+        """Take rows away until the time is spent or the bound is reached.
+
+        A failed attempt makes the next one longer, and at other temperatures: which serve depends on the problem, so those that did go on.
+        """
+        fails, way, away, bound = 0, 0, max(1, len(rows) // 12), max(bound, len(self._given))
         # Near the product of the two largest sizes a regular start gets further than what greedy search left.
         fresh = self.problem.strength == 2 and not self._constraints.clauses and not len(self._given) and len(rows) < 1.15 * bound
         speed = OPERATIONS_A_SECOND
         while (spent := time.monotonic() - started) < seconds and len(rows) > bound:
             if progress is not None:
                 progress(spent / seconds, len(rows), bound)
-            operations, temperatures = ATTEMPT_OPERATIONS * (1 + fails), TEMPERATURES[fails % 3]
             again = fresh and fails % 4 == 3
-            operations = min(operations * (FRESH_LONGER if again else 1), speed * (seconds - spent))
+            operations = min(ATTEMPT_OPERATIONS * (1 + fails) * (FRESH_LONGER if again else 1), speed * (seconds - spent))
             begun = time.monotonic()
             if again:
                 shorter = self._annealed(self._balanced(len(rows) - 1), operations, FRESH_TEMPERATURES)
             else:
-                shorter = self._without(rows, min(away, len(rows) - bound), operations, temperatures)
-            if shorter is None:  # It used up its steps, which tells how many go into a second.
-                speed = operations / max(1e-3, time.monotonic() - begun)
+                shorter = self._without(rows, min(away, len(rows) - bound), operations, TEMPERATURES[way])
             if shorter is not None:
                 rows, fails = shorter, 0
-            elif away > 1:
+                continue
+            speed = operations / max(1e-3, time.monotonic() - begun)  # A failed attempt used up all its steps.
+            way = (way + (not again)) % len(TEMPERATURES)
+            if away > 1:
                 away = max(1, away // 2)
             else:
                 fails = fails + 1 if fails < LONGEST else LONGEST - 1
