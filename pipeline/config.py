@@ -207,6 +207,10 @@ class Config(_Section):
         _known("adaptive", self.adaptive, self.strategies)
         if both := set(self.search) & set(self.held_out):
             raise ValueError(f"held_out must not be searched: {', '.join(sorted(both))} is in both lists")
+        for unseen in self.held_out:
+            for searched in self.search:
+                if self.scenarios[unseen].town == self.scenarios[searched].town:
+                    raise ValueError(f"held_out: {unseen} has the town of {searched}, which is searched, so detectors would learn it")
         if self.adaptive == self.strategies[0]:
             raise ValueError(f"adaptive must differ from the baseline, the first of strategies, got '{self.adaptive}' for both")
         return self

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -47,7 +48,7 @@ def run(
     count = min(settings.added_frames, *(int(table["kept"].sum()) for table in tables))
     if count == 0:
         raise InputError(f"{' and '.join(map(str, filters))}: a filter kept no frame at all; run more tests, or relax section `filter`")
-    added = None if version == "control" else _added(tables[version == "adaptive"], frames, count, settings.seed)
+    added = None if version == "control" else _added(tables[version == "adaptive"], frames, count, settings.seed, config.held_out)
     data = {"base_set": base.digest, "parent": sha256(weights)} | ({} if added is None else {"added": added.digest})
     identity = hashlib.sha256(json.dumps([settings.model_dump(), data]).encode()).hexdigest()
     checkpoint = out.with_name("checkpoint.pt")
@@ -70,8 +71,10 @@ def run(
     checkpoint.unlink(missing_ok=True)
 
 
-def _added(judged: pd.DataFrame, paths: list[Path], count: int, seed: int) -> ImageSet:
+def _added(judged: pd.DataFrame, paths: list[Path], count: int, seed: int, held_out: Sequence[str]) -> ImageSet:
     """`count` of the kept frames, drawn without replacement; the draw depends on the seed and on the frames alone."""
+    if leaked := sorted({test for test in judged["test_id"] if test.partition("-")[0] in held_out}):
+        raise InputError(f"frames of held-out scenarios must not be learnt: {', '.join(leaked[:5])}; make the filter tables again")
     kept = judged.loc[judged["kept"], ["test_id", "step"]].sort_values(["test_id", "step"], ignore_index=True)
     chosen = kept.iloc[np.sort(np.random.default_rng(seed).choice(len(kept), count, replace=False))]
     rows = pd.concat([read_frames(path).merge(chosen, on=["test_id", "step"]) for path in paths], ignore_index=True)

@@ -38,6 +38,10 @@ def test_every_choice_of_a_group_composes(group: str) -> None:
         ("adaptive=pairwise", "adaptive: there is no 'pairwise'"),
         ("search=[F1,F22]", "search: there is no conf/scenario/F22.yaml; did you mean 'F2'?"),
         ("held_out=[F1]", "held_out must not be searched: F1 is in both lists"),
+        (
+            "scenarios.F1star.town=${scenarios.F1.town}",
+            "held_out: F1star has the town of F1, which is searched, so detectors would learn it",
+        ),
         ("scenarios.F1.space.fog.low=200", "scenarios.F1.space: variable 'fog': low must be below high, got 200"),
         ("scenarios.F1.ego.speed_kmh=-3", "scenarios.F1.ego.speed_kmh: Input should be greater than 0, got -3"),
         ("scenarios.F1.actors.bus.y_m=-9", "conf/scenario/F1.yaml: scenarios.F1: actors.bus: is off the road at (-8.5, -9.0) after 0 s"),
