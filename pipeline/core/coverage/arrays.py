@@ -19,7 +19,7 @@ from pipeline.core.space import Ints
 
 Effort = Literal["quick", "polish"]
 Progress = Callable[[float, int, int], None]
-"""Called with the share of the time that is spent, the size so far and the lower bound."""
+"""Called with the share that is done (of the cells; when polishing, of the time), the size so far and the lower bound."""
 CANDIDATES = 16
 SWEEPS = 5
 QUICK_OPERATIONS = 3e8
@@ -77,11 +77,17 @@ def covering_array(
     given = np.zeros((0, len(sizes)), np.int32) if seeds is None else np.asarray(seeds, np.int32)
     if broken := limits.first_broken(given.astype(np.int64)):
         raise ValueError(f"seed row {broken[0]} breaks clause {broken[1]}")
-    search = _Search(annealing.lay_out(sizes, strength, limits), limits, given, np.random.default_rng(seed))
+    started = time.monotonic()
+    bound = lower_bound(sizes, strength, limits)
+
+    def covering(share: float, size: int) -> None:
+        if progress is not None:
+            progress(share if effort == "quick" else 0.0, size, bound)
+
+    search = _Search(annealing.lay_out(sizes, strength, limits), limits, given, np.random.default_rng(seed), covering)
     # Beside the rows that must be in it, as many are needed as the emptiest plane still has uncovered cells.
     left = np.add.reduceat(search.problem.counts(given) == 0, search.problem.first, dtype=np.int64)
-    bound = max(lower_bound(sizes, strength, limits), len(given) + int(left.max()))
-    started = time.monotonic()
+    bound = max(bound, len(given) + int(left.max()))
     rows = search.start()
     if effort == "quick":
         rows = search.shorten(rows, bound, operations=QUICK_OPERATIONS)
@@ -125,8 +131,11 @@ def _binary_bound(columns: int) -> int:
 class _Search:
     """The search for a small array: starts, and shortening by annealing."""
 
-    def __init__(self, problem: Problem, constraints: Constraints, given: Int32s, rng: np.random.Generator) -> None:
-        self.problem, self._constraints, self._given, self._rng = problem, constraints, given, rng
+    def __init__(
+        self, problem: Problem, constraints: Constraints, given: Int32s, rng: np.random.Generator, covering: Callable[[float, int], None]
+    ) -> None:
+        """covering: called with the share of the cells that are covered and the rows so far."""
+        self.problem, self._constraints, self._given, self._rng, self._covering = problem, constraints, given, rng, covering
         self._nothing_held = np.zeros(len(problem.sizes), np.bool_)
 
     def start(self) -> Int32s:
@@ -149,6 +158,7 @@ class _Search:
             annealing.add_rows(full[None], problem.planes, problem.first, problem.stride, counts)
             rows.append(full)
         while len(uncovered := np.flatnonzero(counts == 0)):
+            self._covering(1 - len(uncovered) / len(counts), len(rows))
             chosen = uncovered[self._rng.integers(len(uncovered), size=CANDIDATES)]
             full = self._ascend(np.array([self._row_with(int(cell)) for cell in chosen]), counts, self._nothing_held)
             annealing.add_rows(full[None], problem.planes, problem.first, problem.stride, counts)
