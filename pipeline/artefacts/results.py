@@ -201,6 +201,7 @@ class Comparison(Result):
     versions: tuple[VersionResult, ...]
     adaptive_against_random: Paired | None
     champion: str
+    gate: dict[str, str]
 
 
 class WhiteBoxSet(Result):

@@ -31,6 +31,7 @@ def verdict_sentences(comparison: Comparison) -> list[str]:
     """What the table says, in words."""
     method = f"p: exact McNemar test against base on the same tests; a difference counts at p ≤ {comparison.alpha:g}"
     sentences = [f"★ champion: {comparison.champion}. {method}, otherwise none is shown; not corrected for three comparisons."]
+    sentences += [f"{version} {reason}." for version, reason in comparison.gate.items() if version != comparison.versions[0].version]
     if comparison.adaptive_against_random is not None:
         paired = comparison.adaptive_against_random
         fixes, regressions = len(paired.fixes), len(paired.regressions)

@@ -95,6 +95,7 @@ def compare(
     by_version = {version: keyed[keyed["version"] == version].set_index("key") for version in versions}
     pairs = {v: pair(by_version[BASE], by_version[v], BASE, v) for v in versions if v != BASE}
     results = tuple(_version(v, by_version[v], pairs.get(v), list(labels), alpha, confidence) for v in versions)
+    champion, reasons = gate(by_version, alpha)
     both = RANDOM in by_version and ADAPTIVE in by_version
     return Comparison(
         strategy=str(tests["strategy"].iloc[0]),
@@ -104,7 +105,8 @@ def compare(
         alpha=alpha,
         versions=results,
         adaptive_against_random=pair(by_version[RANDOM], by_version[ADAPTIVE], RANDOM, ADAPTIVE) if both else None,
-        champion=choose_champion(by_version),
+        champion=champion,
+        gate=reasons,
     )
 
 
@@ -152,14 +154,30 @@ def judge(paired: Paired | None, alpha: float) -> Verdict:
     return "better" if len(paired.fixes) > len(paired.regressions) else "worse"
 
 
-def choose_champion(by_version: Mapping[str, pd.DataFrame]) -> str:
-    """The version with the fewest failures, then the fewest by TTC alone, then the earlier one, so the base wins a full tie.
+def gate(by_version: Mapping[str, pd.DataFrame], alpha: float) -> tuple[str, dict[str, str]]:
+    """The champion, and for each version why it is or is not.
 
-    Only tests that every version executed count.
+    A version passes if it fails significantly less than the first, the base, and significantly more on no scenario. Of those that pass the
+    champion has the fewest failures, then the fewest by TTC alone, on the tests that every version executed; the base if none passes.
     """
+    (base, reference), *others = by_version.items()
+    reasons = {base: "the reference"}
+    for version, tests in others:
+        whole = pair(reference, tests, base, version)
+        scenarios = sorted(set(reference["scenario"]))
+        parts = {
+            name: pair(reference[reference["scenario"] == name], tests[tests["scenario"] == name], base, version) for name in scenarios
+        }
+        worse = [name for name, part in parts.items() if judge(part, alpha) == "worse"]
+        if judge(whole, alpha) != "better":
+            reasons[version] = f"held back: not significantly fewer failures than {base} (p = {whole.p_value:.2g})"
+        elif worse:
+            reasons[version] = f"held back: significantly more failures than {base} on {', '.join(worse)}"
+        else:
+            reasons[version] = f"passes: significantly fewer failures than {base} (p = {whole.p_value:.2g}), more on no scenario"
     valid = pd.concat([rows["status"] == "ok" for rows in by_version.values()], axis=1).all(axis=1)
-    modes = {version: count_modes(rows[valid]) for version, rows in by_version.items()}
-    return min(modes, key=lambda version: (modes[version].total, modes[version].by_ttc))
+    modes = {version: count_modes(by_version[version][valid]) for version in by_version if reasons[version].startswith("passes")}
+    return min(modes, key=lambda version: (modes[version].total, modes[version].by_ttc), default=base), reasons
 
 
 def flat_metrics(comparison: Comparison, measures: Measures, detection: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:

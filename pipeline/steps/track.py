@@ -102,6 +102,7 @@ def _register(tracker: Tracker, config: Config, card: ModelCard, path: Path, com
     result = next(r for r in comparison.versions if r.version == card.version)
     content = model_content(config.study, card, result, plots)
     tags = {"study": config.study, "version": card.version, "verdict": result.verdict, "failures": str(result.failures)}
+    tags |= {"gate": comparison.gate[card.version]}
     tags |= {"failures_by_ttc": str(result.modes.by_ttc), "tests": str(result.tests)}
     tags |= {f"failures.{scenario}": str(count) for scenario, count in result.by_scenario.items()}
     files = [file for name in ("weights.safetensors", "model.onnx", "model.json") if (file := path.with_name(name)).exists()]

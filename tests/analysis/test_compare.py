@@ -54,7 +54,8 @@ def test_counts_pairs_and_exact_p_value() -> None:
     # Eight discordant tests, one against seven: 2 * (1 + 8) / 2 ** 8.
     assert adaptive.paired.p_value == pytest.approx(18 / 256)
     assert (adaptive.change, adaptive.verdict) == (-6, "no difference shown")
-    assert result.champion == "adaptive"
+    assert result.champion == "base"
+    assert result.gate["adaptive"] == "held back: not significantly fewer failures than base (p = 0.07)"
 
 
 def test_verdicts() -> None:
@@ -70,17 +71,30 @@ def test_broken_tests_do_not_count_in_pairs() -> None:
     assert (adaptive.paired.tests, adaptive.paired.fixes, adaptive.paired.regressions) == (2, ("F1star-00001",), ("F1star-00002",))
 
 
+EIGHT, NONE = "c" * 8 + "." * 8, "." * 16
+
+
 @pytest.mark.parametrize(
     ("outcomes", "champion"),
     [
-        ({"base": "cc..", "control": "c...", "random": "cl.."}, "control"),
-        ({"base": "cf..", "control": "cl..", "random": "ff.."}, "random"),
-        ({"base": "c...", "control": ".c..", "random": "..c."}, "base"),
-        ({"base": "c...", "control": "e.cc"}, "base"),
+        ({"base": EIGHT, "control": NONE, "random": "c" + NONE[1:]}, "control"),
+        ({"base": EIGHT, "control": "l" + NONE[1:], "random": "f" + NONE[1:]}, "random"),
+        ({"base": EIGHT, "control": EIGHT[2:] + ".."}, "base"),
+        ({"base": NONE, "control": EIGHT}, "base"),
     ],
 )
 def test_champion(outcomes: dict[str, str], champion: str) -> None:
-    assert compared(**outcomes).champion == champion
+    result = compared(**outcomes)
+    assert result.champion == champion
+    assert result.gate[champion].startswith("the reference" if champion == "base" else "passes")
+
+
+def test_a_version_that_is_worse_somewhere_is_held_back() -> None:
+    first, second = table({"base": "c" * 20 + "." * 10, "adaptive": "." * 30}), table({"base": "." * 9, "adaptive": "c" * 7 + ".."})
+    tests = pd.concat([first, second.assign(scenario="F2star")], ignore_index=True)
+    result = compare.compare(tests, {**LABELS, "F2star": "F2*"}, ["base", "adaptive"], "digest", alpha=0.05, confidence=0.95)
+    assert result.versions[1].verdict == "better" and result.champion == "base"
+    assert result.gate["adaptive"] == "held back: significantly more failures than base on F2star"
 
 
 def test_nothing_different_is_no_difference() -> None:

@@ -45,6 +45,7 @@ def comparison(*, errors: int = 0, against_random: bool = True) -> Comparison:
         ),
         adaptive_against_random=paired("adaptive", "random", 15, 0, 2 / 2**15) if against_random else None,
         champion="adaptive",
+        gate={"base": "the reference", "control": "held back: so", "random": "held back: so", "adaptive": "passes: so"},
     )
 
 
@@ -73,11 +74,12 @@ def test_first_line_names_the_scenario_and_last_where_to_look() -> None:
 
 
 def test_sentences_name_level_and_adaptive_against_random() -> None:
-    champion, against = verdict_sentences(comparison())
+    champion, *reasons, against = verdict_sentences(comparison())
+    assert reasons == ["control held back: so.", "random held back: so.", "adaptive passes: so."]
     assert champion.startswith("★ champion: adaptive.") and "p ≤ 0.05" in champion
     assert against == "adaptive against random: passes 15 tests that random fails, fails 0 that random passes (p = 6.1e-05)."
 
 
 def test_broken_simulations_are_told_only_where_there_are_some() -> None:
-    assert len(verdict_sentences(comparison(against_random=False))) == 1
+    assert len(verdict_sentences(comparison(against_random=False))) == 4
     assert verdict_sentences(comparison(errors=3))[-1] == "Simulations that broke and do not count: 3 of random."
