@@ -136,7 +136,7 @@ def fit(
 
 def _check_finite(losses: deque[Loss], iteration: int, schedule: Schedule) -> None:
     """Stop a training whose loss is no number any more, before its weights are kept."""
-    if not all(math.isfinite(float(loss.total)) for loss in losses):
+    if not all(math.isfinite(float(loss.total.detach())) for loss in losses):
         raise InputError(
             f"the loss is no number at iteration {iteration}: lower learning_rate, now {schedule.learning_rate:g}, or look at the labels"
         )
