@@ -133,15 +133,15 @@ def main() -> None:
     """Run the parts that are named, or all."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parts: dict[str, Callable[[], None]] = {"counting": counting, "cells": cells, "proposals": proposals}
-    parser.add_argument("parts", nargs="*", choices=["arrays", *parts], default=["arrays", *parts])
+    parser.add_argument("parts", nargs="*", metavar="PART", help=f"arrays, {', '.join(parts)} (default: all)")
     parser.add_argument("--seconds", type=float, default=30.0, help="of polishing an array")
     parser.add_argument("--models", type=Path, help="folder of space files")
     options = parser.parse_args()
-    for part in options.parts:
-        if part == "arrays":
-            arrays(options.seconds, options.models)
-        else:
-            parts[part]()
+    parts = {"arrays": lambda: arrays(options.seconds, options.models), **parts}
+    for part in options.parts or parts:
+        if part not in parts:
+            parser.error(f"there is no part '{part}'; there are {', '.join(parts)}")
+        parts[part]()
 
 
 if __name__ == "__main__":
