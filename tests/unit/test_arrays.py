@@ -65,6 +65,11 @@ def test_polishing_never_makes_it_larger_and_tells_how_far_it_is() -> None:
 def test_the_seed_alone_decides() -> None:
     first, second, other = (covering_array((3, 4, 5, 2), seed=seed).rows for seed in (5, 5, 6))
     assert np.array_equal(first, second) and not np.array_equal(first, other)
+    # Also where a solver has a part in it, and was asked other things before.
+    asked = Constraints(LINKED.sizes, LINKED.clauses)
+    before = covering_array(asked.sizes, constraints=asked).rows
+    asked.complete({0: 1}, np.random.default_rng(3))
+    assert np.array_equal(before, covering_array(asked.sizes, constraints=asked).rows)
 
 
 @pytest.mark.parametrize(

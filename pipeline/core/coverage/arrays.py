@@ -69,7 +69,8 @@ def covering_array(
 
     Raises ValueError for contradictory constraints, an infeasible seed row and a strength out of range.
     """
-    limits = constraints or Constraints(tuple(sizes))
+    # A copy: a SAT solver remembers what it was asked, and the same arguments must give the same rows.
+    limits = Constraints(tuple(sizes), constraints.clauses if constraints else ())
     if not 1 <= strength <= min(6, len(sizes)):
         raise ValueError(f"strength must be in [1, {min(6, len(sizes))}], got {strength}")
     if not limits.satisfiable({}):

@@ -54,6 +54,8 @@ class Proposer:
     ) -> None:
         if not 1 <= k <= len(constraints.sizes):
             raise ValueError(f"k must be in [1, {len(constraints.sizes)}], got {k}")
+        # A copy: a SAT solver remembers what it was asked, and the same arguments must give the same points.
+        constraints = Constraints(constraints.sizes, constraints.clauses)
         self._constraints, self._k = constraints, k
         self._problem: Problem = annealing.lay_out(constraints.sizes, k, constraints)
         nothing = CellCounts(constraints.sizes, k)
