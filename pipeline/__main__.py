@@ -138,6 +138,7 @@ def _add_coverage(commands: Any) -> None:
     propose = verb("propose", "The next points that raise coverage most.")
     projected(propose, required=False)
     propose.add_argument("--count", type=int, default=1, help="how many (default: %(default)s)")
+    propose.add_argument("--complete", action="store_true", help="as many as complete the coverage, and how many it needs at least")
     propose.add_argument("--exact", action="store_true", help="by 0-1 programming: the optimum, or the best in time and a bound")
     propose.add_argument("--heavy-first", action="store_true", help="prefer cells of large weight to many cells")
     propose.add_argument("--output", type=Path, help="CSV for the points")

@@ -73,6 +73,7 @@ def propose(
     k: int,
     operator: Combine,
     count: int,
+    complete: bool,
     exact: bool,
     heavy_first: bool,
     seconds: float,
@@ -81,7 +82,7 @@ def propose(
     output: Path | None,
     progress: Progress,
 ) -> tuple[Found, str]:
-    """The next points that raise coverage most."""
+    """The next points that raise coverage most, or all that complete it."""
     known = read_space_file(space)
     _check_k("--k", k, known)
     if count < 1:
@@ -91,31 +92,37 @@ def propose(
     _announce_compilation()
     proposer = Proposer(known.constraints, k, weights=known.weights, combine=operator, heavy_first=heavy_first, seed=seed)
     progress(0, 1, f"{before.covered} of {before.required} covered")
-    found = proposer.propose_exact(rows, count, seconds) if exact else proposer.propose(rows, count)
-    added = rows[:0] if found is None else found.categories
+    needed = proposer.fewest(rows)
+    found = None if complete else proposer.propose_exact(rows, count, seconds) if exact else proposer.propose(rows, count)
+    added = proposer.completion(rows) if complete else rows[:0] if found is None else found.categories
     after = _total(space, _planes(known, np.vstack([rows, added]), k, operator))
     progress(1, 1, f"{after.covered} of {after.required} covered")
     if output:
         write_points(output, known, added)
+    gain = after.covered - before.covered
+    bound = gain if found is None else found.bound
     result: Found = {
         "count": len(added),
+        "needed_at_least": needed,
         "k": k,
         "operator": operator,
-        "gain": after.covered - before.covered,
-        "bound": 0 if found is None else found.bound,
-        "gap": 0 if found is None else found.bound - found.gain,
-        "optimal": found is None or found.optimal,
+        "gain": gain,
+        "bound": bound,
+        "gap": bound - gain,
+        "optimal": len(added) == needed if complete else bound == gain,
         "before": _fraction(before),
         "after": _fraction(after),
         "points": known.decode(added),
     }
     lines = [f"{k}-projection coverage {_percent(before)}, with {len(added)} more points {_percent(after)}"]
-    if found is None:
+    if not len(added):
         lines = [f"{k}-projection coverage is {_percent(before)}: nothing to propose"]
-    elif found.optimal:
-        lines.append("No other points gain more." if heavy_first is False else "No other points are worth more.")
+    elif complete:
+        lines.append("No fewer points complete it." if result["optimal"] else f"No fewer than {needed} points could.")
+    elif bound == gain:
+        lines.append("No other points are worth more." if heavy_first else "No other points gain more.")
     else:
-        lines.append(f"They gain {found.gain}; no points can gain more than {found.bound}.")
+        lines.append(f"They gain {gain}; no points can gain more than {bound}.")
     lines += ["", *_table([list(known.names), *([row[name] for name in known.names] for row in known.decode(added))])] if len(added) else []
     return result, "\n".join(lines)
 

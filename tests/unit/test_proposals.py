@@ -81,3 +81,27 @@ def test_the_papers_example_is_completed_by_a_batch_of_five_and_needs_seven_from
         assert fewer.gain < enough.gain == missing
     exact = proposer.propose_exact(known)
     assert exact is not None and exact.optimal
+
+
+def test_one_projection_is_completed_by_the_fewest_points() -> None:
+    """Algorithm 1 on the data of Equation 1, and with weights: as many points as the condition that lacks most."""
+    free = Constraints((2, 2, 2, 2))
+    data = np.array([[0, 0, 1, 1], [1, 0, 0, 0], [1, 0, 0, 1]])
+    assert Proposer(free, 1).completion(data)[:, 1].tolist() == [1]
+    weights = [[2, 1], [1, 4], [1, 1], [2, 2]]
+    proposer = Proposer(free, 1, weights=weights)
+    added = proposer.completion(data)
+    assert len(added) == proposer.fewest(data) == 4
+    both = np.vstack([data, added])
+    assert projection_coverage(both, free.sizes, 1, weights=weights).ratio == 1
+
+
+@pytest.mark.parametrize("weights", [None, [[1, 2, 1], [1, 1], [3, 1], [1, 1]]])
+@pytest.mark.parametrize("k", [1, 2, 3])
+def test_a_completion_leaves_nothing_missing_and_respects_its_bound(k: int, weights: list[list[int]] | None) -> None:
+    start = np.array([[2, 0, 0, 0]])
+    proposer = Proposer(CONSTRAINED, k, weights=weights, combine="max")
+    added = proposer.completion(start)
+    both = np.vstack([start, added])
+    assert projection_coverage(both, CONSTRAINED.sizes, k, weights=weights, combine="max", constraints=CONSTRAINED).ratio == 1
+    assert len(added) >= proposer.fewest(start) > 0 and proposer.fewest(both) == 0

@@ -98,6 +98,16 @@ def test_propose_reaches_full_coverage_with_few_points(exact: list[str], folder:
     assert said(capsys, "propose", "--space", space, "--points", both)["count"] == 0
 
 
+def test_propose_completes(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["propose", "--space", folder / "space.yaml", "--points", folder / "points.csv", "--complete"]
+    found = said(capsys, *words)
+    assert found["after"]["coverage"] == 1 and found["count"] >= found["needed_at_least"] == 3
+    single = said(capsys, *words, "--k", 1)
+    assert single["count"] == single["needed_at_least"] == 0
+    assert main(["coverage", *map(str, words)]) == 0
+    assert "more points 29/29 = 100.00 %" in capsys.readouterr().out
+
+
 def test_propose_begins_from_nothing(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     found = said(capsys, "propose", "--space", folder / "space.yaml", "--k", 4, "--exact")
     assert found["gain"] == 1 and found["optimal"] and found["before"]["numerator"] == 0

@@ -1,4 +1,4 @@
-"""Proposals: the feasible points that raise k-projection coverage most (Cheng et al., Definition 5, Algorithms 1 and 2)."""
+"""Proposals: the feasible points that raise k-projection coverage most, or complete it (Cheng et al., Definition 5, Algorithms 1 and 2)."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from scipy.sparse import csr_array
 from pipeline.core.constraints import Constraints
 from pipeline.core.coverage import annealing
 from pipeline.core.coverage.annealing import Int32s, Problem
+from pipeline.core.coverage.arrays import covering_array
 from pipeline.core.coverage.counting import CellCounts
 from pipeline.core.coverage.projection import Combine, check_points, planes
 from pipeline.core.space import Ints
@@ -109,10 +110,36 @@ class Proposer:
         return Proposal(quick.categories, quick.gain, max(quick.gain, best))
 
     def complete(self, points: Ints, exact: bool = False) -> Iterator[Proposal]:
-        """Proposals of one point, each given those before it, until nothing is missing (Algorithm 1)."""
+        """Proposals of one point, each given those before it, until nothing is missing."""
         while (proposal := self.propose_exact(points) if exact else self.propose(points)) is not None:
             yield proposal
             points = np.vstack([points, proposal.categories])
+
+    def fewest(self, points: Ints) -> int:
+        """How many points more full coverage needs at least: each lies in one cell of a plane, so the emptiest plane tells."""
+        return int(np.add.reduceat(self.missing(points), self._problem.first).max())
+
+    def completion(self, points: Ints) -> Ints:
+        """(m, d) points that complete the coverage, few of them; `fewest` bounds m from below.
+
+        For k = 1 without constraints they are the fewest there are (Algorithm 1, Proposition 6), since each condition may go its own way.
+        """
+        check_points(points, self._constraints.sizes, self._constraints)
+        if self._k == 1 and not self._constraints.clauses:
+            return self._each_condition_alone(self.missing(points))
+        if self._wanted.max() <= 1 and self._wanted[self._problem.feasible].all():
+            seed = int(self._rng.integers(2**31))
+            array = covering_array(self._constraints.sizes, self._k, constraints=self._constraints, seeds=points, seed=seed)
+            return array.rows[len(points) :]
+        return np.vstack([np.zeros((0, points.shape[1]), np.int64), *(proposal.categories for proposal in self.complete(points))])
+
+    def _each_condition_alone(self, missing: Ints) -> Ints:
+        """Every condition lists the categories that it still wants, as often as it wants them; its first one fills up."""
+        lists = np.split(missing, self._problem.first[1:])
+        rows = np.zeros((max(int(wanted.sum()) for wanted in lists), len(lists)), np.int64)
+        for condition, wanted in enumerate(lists):
+            rows[: int(wanted.sum()), condition] = np.repeat(np.arange(len(wanted)), wanted)
+        return rows
 
     def _worth(self, missing: Ints) -> Int32s:
         return np.where(missing > 0, self._wanted if self._heavy_first else 1, 0).astype(np.int32)
