@@ -14,6 +14,11 @@ from pipeline.core.constraints import Bools, Constraints
 from pipeline.core.space import Ints
 
 Int32s = NDArray[np.int32]
+Layout = tuple[Int32s, Int32s, Int32s, Int32s]
+Clauses = tuple[Int32s, Int32s, Int32s, Int32s, Int32s, Bools]
+Planes = tuple[Int32s, Ints, Int32s]
+SHAKEN = 0.2
+"""How often a random row is changed where none is but one category away from a cell."""
 INFEASIBLE = np.int32(1 << 30)
 """Count of a cell that no feasible point reaches: never uncovered."""
 
@@ -46,11 +51,11 @@ class Problem:
     literal_equal: Bools
 
     @property
-    def clauses(self) -> tuple[Int32s, Int32s, Int32s, Int32s, Int32s, Bools]:
+    def _clauses(self) -> Clauses:
         return self.clause_start, self.clause_of, self.literal_start, self.literal_column, self.literal_category, self.literal_equal
 
     @property
-    def layout(self) -> tuple[Int32s, Int32s, Int32s, Int32s]:
+    def _layout(self) -> Layout:
         return self.base, self.step, self.other, self.other_step
 
     @property
@@ -61,8 +66,35 @@ class Problem:
     def counts(self, rows: Int32s) -> Int32s:
         """(cells,) how many rows lie in each cell; `INFEASIBLE` where none can."""
         counts = np.where(self.feasible, np.int32(0), INFEASIBLE)
-        add_rows(rows, self.planes, self.first, self.stride, counts)
+        self.count(rows, counts)
         return counts
+
+    def count(self, rows: Int32s, counts: Int32s) -> None:
+        """Add the cells of (m, n) rows to (cells,) counts."""
+        _add_rows(rows, self.planes, self.first, self.stride, counts)
+
+    def unique_cells(self, rows: Int32s) -> Ints:
+        """(rows,) how many cells each row alone covers."""
+        return np.asarray(_unique_cells(rows, self.planes, self.first, self.stride, self.counts(rows)), np.int64)
+
+    def best_row(self, starts: Int32s, worth: Int32s, held: Bools, sweeps: int, seed: int) -> Int32s:
+        """The row of most worth among those that coordinate ascent reaches from each start; (n,).
+
+        starts: (m, n) feasible rows. worth: (cells,) of a row in each cell; the row's is the sum over its cells. held: (n,) columns that
+        keep the start's category. Ties go to a random category, so that a plateau is walked, not stood on.
+        """
+        return np.asarray(_best_row(starts, self.sizes, worth, self._layout, self._clauses, held, sweeps, seed), np.int32)
+
+    def anneal(
+        self, rows: Int32s, counts: Int32s, iterations: int, temperatures: tuple[float, float], seed: int, first_free: int = 0
+    ) -> int:
+        """Change single categories of `rows`, in place, until no cell is uncovered; returns how many still are.
+
+        A move takes an uncovered cell and the row, of those from `first_free` on, that comes nearest to it, and gives the row one of the
+        categories that it lacks. The rows stay feasible. counts: of `rows`; kept. temperatures: first and last, in cells.
+        """
+        planes = (self.planes, self.first, self.stride)
+        return int(_anneal(rows, first_free, counts, planes, self._layout, self._clauses, self.sizes, iterations, *temperatures, seed))
 
     def cell(self, number: int) -> tuple[Int32s, Int32s]:
         """Columns and categories of a cell."""
@@ -125,7 +157,7 @@ def _clauses(columns: int, constraints: Constraints) -> tuple[Int32s, Int32s, In
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def add_rows(rows: Int32s, planes: Int32s, first: Ints, stride: Int32s, counts: Int32s) -> None:
+def _add_rows(rows: Int32s, planes: Int32s, first: Ints, stride: Int32s, counts: Int32s) -> None:
     """Count the cells of every row."""
     for row in rows:
         for plane in range(len(planes)):
@@ -136,7 +168,7 @@ def add_rows(rows: Int32s, planes: Int32s, first: Ints, stride: Int32s, counts: 
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def unique_cells(rows: Int32s, planes: Int32s, first: Ints, stride: Int32s, counts: Int32s) -> Ints:
+def _unique_cells(rows: Int32s, planes: Int32s, first: Ints, stride: Int32s, counts: Int32s) -> Ints:
     """(rows,) how many cells each row alone covers."""
     result = np.zeros(len(rows), np.int64)
     for r in range(len(rows)):
@@ -149,7 +181,7 @@ def unique_cells(rows: Int32s, planes: Int32s, first: Ints, stride: Int32s, coun
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def may_change(row: Int32s, column: int, category: int, clauses: tuple[Int32s, Int32s, Int32s, Int32s, Int32s, Bools]) -> bool:
+def may_change(row: Int32s, column: int, category: int, clauses: Clauses) -> bool:
     """Whether a row still satisfies every clause that names the column, once that has the category."""
     clause_start, clause_of, literal_start, literal_column, literal_category, literal_equal = clauses
     for at in range(clause_start[column], clause_start[column + 1]):
@@ -165,61 +197,36 @@ def may_change(row: Int32s, column: int, category: int, clauses: tuple[Int32s, I
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def best_row(
-    starts: Int32s,
-    sizes: Int32s,
-    worth: Int32s,
-    layout: tuple[Int32s, Int32s, Int32s, Int32s],
-    clauses: tuple[Int32s, Int32s, Int32s, Int32s, Int32s, Bools],
-    held: Bools,
-    sweeps: int,
-    seed: int,
-) -> Int32s:
-    """The row of most worth among those that coordinate ascent reaches from each start; (n,).
+def line_of(row: Int32s, column: int, q: int, layout: Layout) -> int:
+    """The cell of the column's q-th plane that the row were in if the column had category 0; its others follow at the column's step."""
+    base, _, other, other_step = layout
+    cell = base[column, q]
+    for x in range(other.shape[2]):
+        cell += row[other[column, q, x]] * other_step[column, q, x]
+    return int(cell)
 
-    starts: (m, n) feasible rows. worth: (cells,) of a row in each cell; the row's is the sum over its cells. held: (n,) columns that keep
-    the start's category. Ties go to a random category, so that a plateau is walked, not stood on.
-    """
-    base, step, other, other_step = layout
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _best_row(
+    starts: Int32s, sizes: Int32s, worth: Int32s, layout: Layout, clauses: Clauses, held: Bools, sweeps: int, seed: int
+) -> Int32s:
+    """See `Problem.best_row`."""
     np.random.seed(seed)
-    n, best_gain = starts.shape[1], -1
+    n, planes, best_gain = starts.shape[1], layout[0].shape[1], -1
     best = starts[0].copy()
     for start in starts:
         row = start.copy()
         for _ in range(sweeps):
             changed = False
             for column in np.random.permutation(n):
-                if held[column]:
-                    continue
-                gains = np.zeros(sizes[column], np.int64)
-                for q in range(base.shape[1]):
-                    cell = base[column, q]
-                    for x in range(other.shape[2]):
-                        cell += row[other[column, q, x]] * other_step[column, q, x]
-                    for category in range(sizes[column]):
-                        gains[category] += worth[cell + category * step[column, q]]
-                chosen, ties = row[column], 1
-                for category in range(sizes[column]):
-                    if category == row[column] or gains[category] < gains[chosen]:
-                        continue
-                    if not may_change(row, column, category, clauses):
-                        continue
-                    if gains[category] > gains[chosen]:
-                        chosen, ties, changed = category, 1, True
-                    else:
-                        ties += 1
-                        if np.random.randint(ties) == 0:
-                            chosen = category
-                row[column] = chosen
+                if not held[column]:
+                    changed |= _improve(row, column, sizes[column], worth, layout, clauses)
             if not changed:
                 break
         gain = 0
         for column in range(n):
-            for q in range(base.shape[1]):
-                cell = base[column, q] + row[column] * step[column, q]
-                for x in range(other.shape[2]):
-                    cell += row[other[column, q, x]] * other_step[column, q, x]
-                gain += worth[cell]
+            for q in range(planes):
+                gain += worth[line_of(row, column, q, layout) + row[column] * layout[1][column, q]]
         if gain > best_gain:
             best_gain = gain
             best[:] = row
@@ -227,104 +234,121 @@ def best_row(
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def anneal(
-    rows: Int32s,
-    first_free: int,
-    held: Bools,
-    counts: Int32s,
-    planes: Int32s,
-    first: Ints,
-    stride: Int32s,
-    layout: tuple[Int32s, Int32s, Int32s, Int32s],
-    clauses: tuple[Int32s, Int32s, Int32s, Int32s, Int32s, Bools],
-    sizes: Int32s,
-    iterations: int,
-    hot: float,
-    cold: float,
-    seed: int,
-) -> int:
-    """Change single categories of `rows`, in place, until no cell is uncovered; returns how many still are.
+def _improve(row: Int32s, column: int, size: int, worth: Int32s, layout: Layout, clauses: Clauses) -> bool:
+    """Give a column the category of most worth; whether the row is worth more now. Ties go to a random one."""
+    step, gains = layout[1], np.zeros(size, np.int64)
+    for q in range(step.shape[1]):
+        cell = line_of(row, column, q, layout)
+        for category in range(size):
+            gains[category] += worth[cell + category * step[column, q]]
+    chosen, ties, better = row[column], 1, False
+    for category in range(size):
+        if category == row[column] or gains[category] < gains[chosen] or not may_change(row, column, category, clauses):
+            continue
+        if gains[category] > gains[chosen]:
+            chosen, ties, better = category, 1, True
+        else:
+            ties += 1
+            if np.random.randint(ties) == 0:
+                chosen = category
+    row[column] = chosen
+    return better
 
-    A move takes an uncovered cell and the row, of those from `first_free` on, that comes nearest to it, and gives the row one of the
-    categories that it lacks. held: columns that never change. The rows stay feasible. counts: of `rows`; kept.
-    """
-    base, step, other, other_step = layout
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _anneal(
+    rows: Int32s, first_free: int, counts: Int32s, planes: Planes, layout: Layout, clauses: Clauses, sizes: Int32s, iterations: int,
+    hot: float, cold: float, seed: int,
+) -> int:  # fmt: skip
+    """See `Problem.anneal`."""
     np.random.seed(seed)
-    n_rows, t, columns_of = len(rows), planes.shape[1], base.shape[1]
-    open_cells = np.flatnonzero(counts == 0).astype(np.int32)
-    left = len(open_cells)
-    cells = np.empty(len(counts), np.int32)
-    cells[:left] = open_cells
-    place = np.full(len(counts), -1, np.int32)
+    columns, first, stride = planes
+    uncovered = np.flatnonzero(counts == 0).astype(np.int32)
+    left = len(uncovered)
+    cells, place = np.empty(len(counts), np.int32), np.full(len(counts), -1, np.int32)
     for i in range(left):
-        place[cells[i]] = i
-    cooling = (cold / hot) ** (1.0 / max(1, iterations))
-    temperature = hot
+        cells[i], place[uncovered[i]] = uncovered[i], i
+    cooling, temperature = (cold / hot) ** (1.0 / max(1, iterations)), hot
     for _ in range(iterations):
         if left == 0:
             break
         temperature *= cooling
         cell = cells[np.random.randint(left)]
         plane = np.searchsorted(first, cell, side="right") - 1
-        rest = cell - first[plane]
-        # The row that lacks fewest of the cell's categories and may take one of them.
-        start = first_free + np.random.randint(n_rows - first_free)
-        chosen, column, category, fewest = -1, -1, -1, t + 1
-        for offset in range(n_rows - first_free):
-            r = start + offset
-            if r >= n_rows:
-                r -= n_rows - first_free
-            lacking, at, want, seen = 0, -1, -1, 0
-            remainder = rest
-            for position in range(t):
-                c = planes[plane, position]
-                value = remainder // stride[plane, position]
-                remainder -= value * stride[plane, position]
-                if rows[r, c] != value:
-                    lacking += 1
-                    if not held[c]:
-                        seen += 1
-                        if seen == 1 or np.random.randint(seen) == 0:
-                            at, want = c, value
-                if lacking >= fewest:
-                    break
-            if lacking < fewest and at >= 0 and may_change(rows[r], at, want, clauses):
-                chosen, column, category, fewest = r, at, want, lacking
-                if lacking == 1:
-                    break
-        if chosen < 0 or (fewest > 1 and np.random.random() < 0.2):
-            # Nothing leads there directly: shake a random row.
-            chosen = first_free + np.random.randint(n_rows - first_free)
-            column = np.random.randint(len(sizes))
+        r, column, category, lacking = _nearest(rows, first_free, columns[plane], stride[plane], cell - first[plane], clauses)
+        if r < 0 or (lacking > 1 and np.random.random() < SHAKEN):
+            # Nothing leads there directly: change a random row.
+            r, column = first_free + np.random.randint(len(rows) - first_free), np.random.randint(len(sizes))
             category = np.random.randint(sizes[column])
-            if held[column] or category == rows[chosen, column] or not may_change(rows[chosen], column, category, clauses):
+            if category == rows[r, column] or not may_change(rows[r], column, category, clauses):
                 continue
-        row = rows[chosen]
-        old, delta = row[column], 0
-        for q in range(columns_of):
-            at = base[column, q]
-            for x in range(other.shape[2]):
-                at += row[other[column, q, x]] * other_step[column, q, x]
-            delta += counts[at + old * step[column, q]] == 1
-            delta -= counts[at + category * step[column, q]] == 0
-        if delta > 0 and np.random.random() >= np.exp(-delta / temperature):
-            continue
-        for q in range(columns_of):
-            at = base[column, q]
-            for x in range(other.shape[2]):
-                at += row[other[column, q, x]] * other_step[column, q, x]
-            gone, come = at + old * step[column, q], at + category * step[column, q]
-            counts[gone] -= 1
-            if counts[gone] == 0:
-                cells[left], place[gone] = gone, left
-                left += 1
-            if counts[come] == 0:
-                left -= 1
-                moved = cells[left]
-                cells[place[come]], place[moved] = moved, place[come]
-                place[come] = -1
-            counts[come] += 1
-        row[column] = category
+        lost = _lost(rows[r], column, category, counts, layout)
+        if lost <= 0 or np.random.random() < np.exp(-lost / temperature):
+            left = _exchange_cells(rows[r], column, category, counts, layout, cells, place, left)
+            rows[r, column] = category
+    return left
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _nearest(rows: Int32s, first_free: int, columns: Int32s, stride: Int32s, cell: int, clauses: Clauses) -> tuple[int, int, int, int]:
+    """A row that lacks fewest of a cell's categories and may take one of them, that column and category, and how many it lacks.
+
+    cell: its place in the plane of these columns. The row is -1 if none may.
+    """
+    free, t = len(rows) - first_free, len(columns)
+    start = first_free + np.random.randint(free)
+    found = (-1, -1, -1, t + 1)
+    for offset in range(free):
+        r = start + offset
+        if r >= len(rows):
+            r -= free
+        lacking, column, category, rest = 0, -1, -1, cell
+        for position in range(t):
+            value = rest // stride[position]
+            rest -= value * stride[position]
+            if rows[r, columns[position]] != value:
+                lacking += 1
+                if lacking == 1 or np.random.randint(lacking) == 0:
+                    column, category = columns[position], value
+            if lacking >= found[3]:
+                break
+        if 0 < lacking < found[3] and may_change(rows[r], column, category, clauses):
+            found = (r, column, category, lacking)
+            if lacking == 1:
+                break
+    return found
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _lost(row: Int32s, column: int, category: int, counts: Int32s, layout: Layout) -> int:
+    """Cells that a change of one category uncovers, less those that it covers."""
+    step, old, lost = layout[1], row[column], 0
+    for q in range(step.shape[1]):
+        cell = line_of(row, column, q, layout)
+        lost += counts[cell + old * step[column, q]] == 1
+        lost -= counts[cell + category * step[column, q]] == 0
+    return lost
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _exchange_cells(
+    row: Int32s, column: int, category: int, counts: Int32s, layout: Layout, cells: Int32s, place: Int32s, left: int
+) -> int:
+    """Count a change of one category; keeps the list of uncovered cells, and their places in it, and returns its length."""
+    step, old = layout[1], row[column]
+    for q in range(step.shape[1]):
+        cell = line_of(row, column, q, layout)
+        gone, come = cell + old * step[column, q], cell + category * step[column, q]
+        counts[gone] -= 1
+        if counts[gone] == 0:
+            cells[left], place[gone] = gone, left
+            left += 1
+        if counts[come] == 0:
+            left -= 1
+            moved = cells[left]
+            cells[place[come]], place[moved] = moved, place[come]
+            place[come] = -1
+        counts[come] += 1
     return left
 
 

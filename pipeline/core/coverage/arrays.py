@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from pipeline.core.constraints import Constraints
+from pipeline.core.constraints import Bools, Constraints
 from pipeline.core.coverage import annealing
 from pipeline.core.coverage.annealing import Int32s, Problem
 from pipeline.core.space import Ints
@@ -156,21 +156,18 @@ class _Search:
         for row in start:
             held = row != FREE
             full = row.copy() if held.all() else self._ascend(np.array([self._any_row(row) for _ in range(2)]), counts, held)
-            annealing.add_rows(full[None], problem.planes, problem.first, problem.stride, counts)
+            problem.count(full[None], counts)
             rows.append(full)
         while len(uncovered := np.flatnonzero(counts == 0)):
             self._covering(1 - len(uncovered) / len(counts), len(rows))
             chosen = uncovered[self._rng.integers(len(uncovered), size=CANDIDATES)]
             full = self._ascend(np.array([self._row_with(int(cell)) for cell in chosen]), counts, self._nothing_held)
-            annealing.add_rows(full[None], problem.planes, problem.first, problem.stride, counts)
+            problem.count(full[None], counts)
             rows.append(full)
         return np.array(rows, np.int32).reshape(-1, len(problem.sizes))
 
-    def _ascend(self, starts: Int32s, counts: Int32s, held: np.ndarray) -> Int32s:
-        problem, seed = self.problem, int(self._rng.integers(2**31))
-        worth = (counts == 0).astype(np.int32)
-        row = annealing.best_row(starts, problem.sizes, worth, problem.layout, problem.clauses, held, SWEEPS, seed)
-        return np.asarray(row, np.int32)
+    def _ascend(self, starts: Int32s, counts: Int32s, held: Bools) -> Int32s:
+        return self.problem.best_row(starts, (counts == 0).astype(np.int32), held, SWEEPS, int(self._rng.integers(2**31)))
 
     def _any_row(self, row: Int32s) -> Int32s:
         return np.where(row == FREE, self._rng.integers(0, self.problem.sizes), row).astype(np.int32)
@@ -225,8 +222,8 @@ class _Search:
 
     def _without(self, rows: Int32s, away: int, operations: float, temperatures: tuple[float, float]) -> Int32s | None:
         """An array with `away` rows fewer, None if annealing does not get there."""
-        problem, given = self.problem, len(self._given)
-        unique = annealing.unique_cells(rows, problem.planes, problem.first, problem.stride, problem.counts(rows))
+        given = len(self._given)
+        unique = self.problem.unique_cells(rows)
         order = np.argsort(unique[given:] + self._rng.random(len(rows) - given), kind="stable") + given
         kept = np.ascontiguousarray(np.delete(rows, order[:away], axis=0))
         return self._annealed(kept, operations, temperatures) if len(kept) > given else None
@@ -235,10 +232,8 @@ class _Search:
         """The rows, changed until they cover every cell; None if they do not come to that."""
         problem = self.problem
         step = 3.0 * problem.base.shape[1] * problem.strength + 0.2 * len(rows) * (problem.strength + problem.literals_a_column)
-        left = annealing.anneal(
-            rows, len(self._given), self._nothing_held, problem.counts(rows), problem.planes, problem.first, problem.stride, problem.layout,
-            problem.clauses, problem.sizes, max(1000, int(operations / step)), *temperatures, int(self._rng.integers(2**31)),
-        )  # fmt: skip
+        seed, iterations = int(self._rng.integers(2**31)), max(1000, int(operations / step))
+        left = problem.anneal(rows, problem.counts(rows), iterations, temperatures, seed, first_free=len(self._given))
         return rows if left == 0 else None
 
     def _balanced(self, count: int) -> Int32s:

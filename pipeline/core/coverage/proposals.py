@@ -19,7 +19,7 @@ from pipeline.core.coverage.projection import Combine, check_points, planes
 from pipeline.core.space import Ints
 
 STARTS, SWEEPS = 64, 10
-ANNEALING_STEPS = 400_000
+ANNEALING_STEPS, TEMPERATURES = 400_000, (0.5, 0.05)
 TIME_LIMIT_S = 20.0
 
 
@@ -149,9 +149,8 @@ class Proposer:
         problem = self._problem
         cells = np.flatnonzero(missing)
         starts = np.array([self._row_with(int(cell)) for cell in cells[self._rng.integers(len(cells), size=STARTS)]])
-        held, seed = np.zeros(len(problem.sizes), np.bool_), int(self._rng.integers(2**31))
-        worth = self._worth(missing)
-        return np.asarray(annealing.best_row(starts, problem.sizes, worth, problem.layout, problem.clauses, held, SWEEPS, seed), np.int32)
+        held = np.zeros(len(problem.sizes), np.bool_)
+        return problem.best_row(starts, self._worth(missing), held, SWEEPS, int(self._rng.integers(2**31)))
 
     def _row_with(self, cell: int) -> Int32s:
         columns, categories = self._problem.cell(cell)
@@ -161,18 +160,14 @@ class Proposer:
         problem, changed = self._problem, rows.copy()
         # What is covered already may be left and entered as one likes.
         counts = np.where(missing > 0, np.int32(0), annealing.INFEASIBLE)
-        annealing.add_rows(changed, problem.planes, problem.first, problem.stride, counts)
-        held, seed = np.zeros(len(problem.sizes), np.bool_), int(self._rng.integers(2**31))
-        annealing.anneal(
-            changed, 0, held, counts, problem.planes, problem.first, problem.stride, problem.layout, problem.clauses, problem.sizes,
-            ANNEALING_STEPS, 0.5, 0.05, seed,
-        )  # fmt: skip
+        problem.count(changed, counts)
+        problem.anneal(changed, counts, ANNEALING_STEPS, TEMPERATURES, int(self._rng.integers(2**31)))
         return changed
 
     def _after(self, missing: Ints, rows: Int32s) -> Ints:
         """What is missing once the rows are added."""
         problem, counts = self._problem, np.zeros(len(missing), np.int32)
-        annealing.add_rows(rows, problem.planes, problem.first, problem.stride, counts)
+        problem.count(rows, counts)
         return np.asarray(np.maximum(0, missing - counts), np.int64)
 
     def _gain(self, missing: Ints, rows: Int32s) -> int:
