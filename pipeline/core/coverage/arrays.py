@@ -15,6 +15,7 @@ import numpy as np
 from pipeline.core.constraints import Bools, Constraints
 from pipeline.core.coverage import annealing
 from pipeline.core.coverage.annealing import Int32s, Problem
+from pipeline.core.coverage.constructions import FREE, cyclic, factorial, orthogonal
 from pipeline.core.space import Ints
 
 Effort = Literal["quick", "polish"]
@@ -33,8 +34,6 @@ FRESH_LONGER, FRESH_TEMPERATURES = 2.5, (0.26, 0.2)
 """Of attempts that begin with a full factorial: they need long at a temperature that hardly falls."""
 LONGEST = 15
 """An attempt is at most so many times longer than the first."""
-STARTER_STEPS = 400_000
-FREE = -1
 
 
 @dataclass(frozen=True)
@@ -145,7 +144,7 @@ class _Search:
         if self.problem.strength == 2 and not self._constraints.clauses and not len(self._given):
             sizes = tuple(int(size) for size in self.problem.sizes)
             size = len(found[0])
-            starts = (_factorial(sizes), _orthogonal(sizes), _cyclic(sizes, size, int(self._rng.integers(2**31))))
+            starts = (factorial(sizes), orthogonal(sizes), cyclic(sizes, size, int(self._rng.integers(2**31))))
             found += [self.complete(rows) for rows in starts if rows is not None]
         return min(found, key=len)
 
@@ -248,58 +247,6 @@ class _Search:
                 at = np.flatnonzero(rows[:pairs, first] == category)
                 rows[at, column] = self._rng.permutation(np.resize(self._rng.permutation(sizes[column]), len(at)))
         return rows
-
-
-def _factorial(sizes: tuple[int, ...]) -> Int32s | None:
-    """Every pair of the two largest variables once; the others by a linear rule where that covers all, else free.
-
-    With B categories of the second largest, B prime, a row (a, b) gets (b + m a) mod B in the m-th other variable. Two
-    different m give an orthogonal array, so every pair is covered (Bose 1938); values past a variable's size stay free.
-    """
-    if len(sizes) < 2:
-        return None
-    largest, second, *others = sorted(range(len(sizes)), key=lambda variable: -sizes[variable])
-    a, b = (axis.ravel() for axis in np.indices((sizes[largest], sizes[second])))
-    rows = np.full((len(a), len(sizes)), FREE, dtype=np.int32)
-    rows[:, largest], rows[:, second] = a, b
-    if len(others) < sizes[second] and _is_prime(sizes[second]):
-        for multiplier, variable in enumerate(others, start=1):
-            values = (b + multiplier * a) % sizes[second]
-            rows[:, variable] = np.where(values < sizes[variable], values, FREE)
-    return rows
-
-
-def _orthogonal(sizes: tuple[int, ...]) -> Int32s | None:
-    """An orthogonal array of the smallest prime order that has enough columns, values past a variable's size free (Bose 1938)."""
-    order = max(max(sizes), len(sizes) - 1)
-    while not _is_prime(order):
-        order += 1
-    if order > 2 * max(sizes):
-        return None
-    a, b = (axis.ravel() for axis in np.indices((order, order)))
-    columns = [a, b, *((b + multiplier * a) % order for multiplier in range(1, order))][: len(sizes)]
-    rows = np.array([np.where(values < size, values, FREE) for values, size in zip(columns, sizes, strict=True)], np.int32).T
-    return np.unique(rows[(rows != FREE).any(axis=1)], axis=0)
-
-
-def _cyclic(sizes: tuple[int, ...], fewer_than: int, seed: int) -> Int32s | None:
-    """k (v - 1) + 1 rows for k columns of v categories: the rotations of one row, each with v - 1 shifts, and a constant one.
-
-    None if that is not fewer than asked for, or no such row is found (Meagher and Stevens 2005).
-    """
-    columns, categories = len(sizes), max(sizes)
-    if min(sizes) != categories or categories < 3 or columns * (categories - 1) + 1 >= fewer_than:
-        return None
-    starter = annealing.cyclic_starter(columns, categories, STARTER_STEPS, seed)
-    if starter[0] < 0:
-        return None
-    rotated = np.array([np.roll(starter, -shift) for shift in range(columns)])
-    shifted = [np.where(rotated == categories - 1, rotated, (rotated + by) % (categories - 1)) for by in range(categories - 1)]
-    return np.vstack([*shifted, np.full((1, columns), categories - 1)]).astype(np.int32)
-
-
-def _is_prime(number: int) -> bool:
-    return number > 1 and all(number % divisor for divisor in range(2, int(number**0.5) + 1))
 
 
 def order_by_new_pairs(rows: Ints) -> Ints:

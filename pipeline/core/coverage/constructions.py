@@ -1,0 +1,120 @@
+"""Known constructions of pair-wise arrays, as starts for the search: full factorials, orthogonal arrays, cyclic arrays."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Int32s = NDArray[np.int32]
+FREE = -1
+"""A cell of a row that may take any category."""
+STARTER_STEPS = 400_000
+
+
+def factorial(sizes: tuple[int, ...]) -> Int32s | None:
+    """Every pair of the two largest variables once; the others by a linear rule where that covers all, else free.
+
+    With B categories of the second largest, B prime, a row (a, b) gets (b + m a) mod B in the m-th other variable. Two
+    different m give an orthogonal array, so every pair is covered (Bose 1938); values past a variable's size stay free.
+    """
+    if len(sizes) < 2:
+        return None
+    largest, second, *others = sorted(range(len(sizes)), key=lambda variable: -sizes[variable])
+    a, b = (axis.ravel() for axis in np.indices((sizes[largest], sizes[second])))
+    rows = np.full((len(a), len(sizes)), FREE, dtype=np.int32)
+    rows[:, largest], rows[:, second] = a, b
+    if len(others) < sizes[second] and _is_prime(sizes[second]):
+        for multiplier, variable in enumerate(others, start=1):
+            values = (b + multiplier * a) % sizes[second]
+            rows[:, variable] = np.where(values < sizes[variable], values, FREE)
+    return rows
+
+
+def orthogonal(sizes: tuple[int, ...]) -> Int32s | None:
+    """An orthogonal array of the smallest prime order that has enough columns, values past a variable's size free (Bose 1938)."""
+    order = max(max(sizes), len(sizes) - 1)
+    while not _is_prime(order):
+        order += 1
+    if order > 2 * max(sizes):
+        return None
+    a, b = (axis.ravel() for axis in np.indices((order, order)))
+    columns = [a, b, *((b + multiplier * a) % order for multiplier in range(1, order))][: len(sizes)]
+    rows = np.array([np.where(values < size, values, FREE) for values, size in zip(columns, sizes, strict=True)], np.int32).T
+    return np.unique(rows[(rows != FREE).any(axis=1)], axis=0)
+
+
+def cyclic(sizes: tuple[int, ...], fewer_than: int, seed: int) -> Int32s | None:
+    """k (v - 1) + 1 rows for k columns of v categories: the rotations of one row, each with v - 1 shifts, and a constant one.
+
+    None if that is not fewer than asked for, or no such row is found (Meagher and Stevens 2005).
+    """
+    columns, categories = len(sizes), max(sizes)
+    if min(sizes) != categories or categories < 3 or columns * (categories - 1) + 1 >= fewer_than:
+        return None
+    starter = _cyclic_starter(columns, categories, STARTER_STEPS, seed)
+    if starter[0] < 0:
+        return None
+    rotated = np.array([np.roll(starter, -shift) for shift in range(columns)])
+    shifted = [np.where(rotated == categories - 1, rotated, (rotated + by) % (categories - 1)) for by in range(categories - 1)]
+    return np.vstack([*shifted, np.full((1, columns), categories - 1)]).astype(np.int32)
+
+
+def _is_prime(number: int) -> bool:
+    return number > 1 and all(number % divisor for divisor in range(2, int(number**0.5) + 1))
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _cyclic_starter(columns: int, categories: int, steps: int, seed: int) -> Int32s:
+    """(columns,) a row whose rotations, shifted modulo categories - 1, cover all pairs together with a constant row; -1 if none is found.
+
+    The last category stays where it is under shifts. For every distance d between columns, the differences of the entries that lie d
+    apart must take every value, and the last category must stand before and after others.
+    """
+    np.random.seed(seed)
+    last, half = categories - 1, columns // 2
+    row = np.random.randint(0, categories, columns).astype(np.int32)
+    # seen[d, x]: pairs at distance d + 1 with difference x; x = last: the last category comes first; x = last + 1: it comes second.
+    seen = np.zeros((half, last + 2), np.int32)
+    for d in range(half):
+        for i in range(columns):
+            _count(seen, d, row[i], row[(i + d + 1) % columns], last, 1)
+    missing = (seen == 0).sum()
+    for step in range(steps):
+        if missing == 0:
+            return row
+        temperature = 0.6 * (1 - step / steps) + 0.1
+        at, value = np.random.randint(columns), np.random.randint(categories)
+        old = row[at]
+        if value == old:
+            continue
+        before = missing
+        missing += _exchange(seen, row, at, value, columns, last, half)
+        if missing > before and np.random.random() >= np.exp((before - missing) / temperature):
+            missing += _exchange(seen, row, at, old, columns, last, half)
+    return np.full(columns, -1, np.int32) if missing else row
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _exchange(seen: Int32s, row: Int32s, at: int, value: int, columns: int, last: int, half: int) -> int:
+    """Put a value into the row; returns by how many classes more are unseen."""
+    change = 0
+    for d in range(half):
+        after, before = (at + d + 1) % columns, (at - d - 1) % columns
+        change += _count(seen, d, row[at], row[after], last, -1) + _count(seen, d, row[before], row[at], last, -1)
+    row[at] = value
+    for d in range(half):
+        after, before = (at + d + 1) % columns, (at - d - 1) % columns
+        change += _count(seen, d, row[at], row[after], last, 1) + _count(seen, d, row[before], row[at], last, 1)
+    return change
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _count(seen: Int32s, d: int, a: int, b: int, last: int, by: int) -> int:
+    if a == last and b == last:
+        return 0
+    kind = last if a == last else last + 1 if b == last else (b - a) % last
+    seen[d, kind] += by
+    if by > 0:
+        return -1 if seen[d, kind] == 1 else 0
+    return 1 if seen[d, kind] == 0 else 0
