@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import combinations
-from math import prod
 from typing import Any
 
 import numpy as np
@@ -86,14 +85,6 @@ class CellCounts:
         """Each plane's conditions and counts."""
         for index in range(len(self.planes)):
             yield tuple(int(condition) for condition in self.planes[index]), self.plane(index)
-
-
-def cell_counts(categories: Ints, sizes: Sequence[int], chosen: Sequence[int]) -> Ints:
-    """Number of points in each cell of the chosen variables, flat in C order, from (n, d) category indices."""
-    counts = np.zeros(prod(sizes[variable] for variable in chosen), dtype=np.int64)
-    columns = np.ascontiguousarray(np.asarray(categories, dtype=np.int64).T)
-    _histogram(columns, np.asarray(sizes, dtype=np.int64), np.asarray(chosen, dtype=np.int64), counts)
-    return counts
 
 
 @intrinsic  # type: ignore[untyped-decorator]
