@@ -13,9 +13,9 @@ RUN = "OMP_NUM_THREADS={threads} python -m pipeline"
 wildcard_constraints:
     scenario="|".join(S.config.scenarios),
     strategy="|".join(S.config.samplers),
-    version="base|control|random|adaptive",
+    version=S.version_pattern,
     seed=r"\d+",
-    kind="campaigns|held_out",
+    kind="campaigns|held_out|retrained/campaigns",
 
 
 rule all:
@@ -111,7 +111,7 @@ rule train:
 rule campaign:
     input:
         space=f"{D}/space/{{scenario}}.json",
-        model=f"{D}/models/{{version}}/model.onnx",
+        model=lambda w: S.model(w.version, "model.onnx"),
     output:
         tests=f"{D}/{{kind}}/{{scenario}}/{{strategy}}/{{version}}/{{seed}}/tests.parquet",
         more=expand(
@@ -184,6 +184,18 @@ rule filter:
         RUN + " filter --frames {input.frames} --out {output} --log {log}"
 
 
+use rule filter as filter_round with:
+    input:
+        frames=lambda w: S.search("frames.parquet", strategy=w.strategy, version=w.version),
+        overrules=S.overrules,
+    output:
+        f"{D}/retrained/filter/{{strategy}}/{{version}}.csv",
+    log:
+        f"{L}/filter/{{strategy}}/{{version}}.log",
+    benchmark:
+        f"{L}/filter/{{strategy}}/{{version}}.tsv"
+
+
 rule white_box:
     input:
         model=f"{D}/models/base/model.json",
@@ -206,25 +218,28 @@ rule white_box:
 rule retrain:
     input:
         base_set=rules.render_base.output,
-        parent=f"{D}/models/base/model.json",
-        filters=S.filters(),
-        frames=lambda w: S.added_frames(w.version),
+        parent=lambda w: S.parent(w.version, "model.json"),
+        spaces=S.spaces(S.config.search),
+        random_filters=lambda w: S.added(w.version, "random")["filters"],
+        random_frames=lambda w: S.added(w.version, "random")["frames"],
+        adaptive_filters=lambda w: S.added(w.version, "adaptive")["filters"],
+        adaptive_frames=lambda w: S.added(w.version, "adaptive")["frames"],
     output:
-        f"{D}/models/{{version}}/weights.safetensors",
-        f"{D}/models/{{version}}/model.onnx",
-        card=f"{D}/models/{{version}}/model.json",
+        f"{D}/retrained/models/{{version}}/weights.safetensors",
+        f"{D}/retrained/models/{{version}}/model.onnx",
+        card=f"{D}/retrained/models/{{version}}/model.json",
     log:
         f"{L}/retrain/{{version}}.log",
     benchmark:
         f"{L}/retrain/{{version}}.tsv"
-    wildcard_constraints:
-        version="control|random|adaptive",
     threads: 2
     params:
-        stamp=S.stamp("retrain", "retraining", "detector"),
+        stamp=S.stamp("retrain", *S.retraining_sections, "regions", "held_out", "detector"),
     shell:
-        RUN + " retrain --version {wildcards.version} --base-set {input.base_set} --parent {input.parent}"
-        " --filters {input.filters} --frames {input.frames} --out {output.card} --threads {threads} --log {log}"
+        RUN + " retrain --version {wildcards.version} --base-set {input.base_set} --parent {input.parent} --spaces {input.spaces}"
+        " --random-filters {input.random_filters} --random-frames {input.random_frames}"
+        " --adaptive-filters {input.adaptive_filters} --adaptive-frames {input.adaptive_frames}"
+        " --out {output.card} --threads {threads} --log {log}"
 
 
 rule compare:

@@ -38,7 +38,10 @@ STEPS: dict[str, tuple[str, Options]] = {
     "filter": ("Decide which campaign frames may be learnt from.", {"frames": MANY, "out": ONE}),
     "retrain": (
         "Retrain a model version on the base set and campaign frames.",
-        {"version": TEXT, "base-set": ONE, "parent": ONE, "filters": MANY, "frames": MANY, "out": ONE, "threads": NUMBER},
+        {
+            "version": TEXT, "base-set": ONE, "parent": ONE, "spaces": MANY, "random-filters": MANY, "random-frames": MANY,
+            "adaptive-filters": MANY, "adaptive-frames": MANY, "out": ONE, "threads": NUMBER,
+        },
     ),
     "compare": (
         "Compare all model versions on the held-out sequence.",

@@ -18,13 +18,12 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from pipeline.core.names import nearest
 from pipeline.core.space import Space
 from pipeline.front_car import FrontCar
+from pipeline.lineage import Version, versions
 from pipeline.protocols import InputError
 from pipeline.scenario import FunctionalScenario
 
 CONF = Path(__file__).resolve().parents[1] / "conf"
 PARAMS = Path("params.yaml")
-VERSIONS = ("base", "control", "random", "adaptive")
-"""Model versions: D_o, the control (same steps, no new data), D_r and D_a."""
 Seed = Annotated[int, Field(ge=0)]
 Share = Annotated[float, Field(gt=0, lt=1)]
 
@@ -92,6 +91,8 @@ class Base(_Section):
 class Training(_Section):
     """Training from scratch."""
 
+    size: Literal["nano", "small"]
+    """Of the network: 1.1 or 2.6 million parameters."""
     seed: Seed
     """Of weights, order and augmentation."""
     batch_size: int = Field(ge=1, le=4096)
@@ -104,13 +105,23 @@ class Training(_Section):
     """The highest of the schedule."""
     oversampling: int = Field(ge=1, le=20)
     """How often an epoch shows an image whose pedestrian is hard to find."""
+    validate_every: int = Field(ge=1)
+    """Iterations between looks at 500 validation images."""
+    patience: int = Field(ge=1)
+    """Looks without a better AP50 after which training stops with the best weights."""
 
 
 class Retraining(_Section):
     """Retraining of the versions control, random and adaptive: all with the same steps."""
 
-    seed: Seed
-    """Of order and augmentation."""
+    seeds: tuple[Seed, ...] = Field(min_length=1)
+    """Of order and augmentation; each makes a version of each kind."""
+    rounds: int = Field(ge=1, le=20)
+    """How often search, filter and retraining are repeated on the newest versions."""
+    start: Literal["parent", "scratch"]
+    """`parent` goes on from the version before, `scratch` trains anew with section `training` on the base set and the added frames."""
+    selection: Literal["all", "failures", "regions"]
+    """Which kept frames are added: of all tests, of failed ones, or of failed ones with equal numbers from every failure region."""
     batch_size: int = Field(ge=2, le=4096)
     """Full frames a step."""
     iterations: int = Field(ge=1)
@@ -120,7 +131,9 @@ class Retraining(_Section):
     added_share: Share
     """Share of a batch that comes from the campaigns; the rest, and all of the control's, from the base set."""
     added_frames: int = Field(ge=1)
-    """At most so many added frames; never more than the smaller of the two sources has."""
+    """At most so many added frames a round; never more than the smaller of the two sources has."""
+    empty_share: Share
+    """Share of the added frames in which no pedestrian shows; the same for both sources."""
 
 
 class Filter(_Section):
@@ -205,6 +218,8 @@ class Config(_Section):
             _known("strategies", name, self.samplers)
         _known("comparison.strategy", self.comparison.strategy, self.samplers)
         _known("adaptive", self.adaptive, self.strategies)
+        if len(set(self.retraining.seeds)) < len(self.retraining.seeds):
+            raise ValueError(f"retraining.seeds must differ, got {list(self.retraining.seeds)}")
         if both := set(self.search) & set(self.held_out):
             raise ValueError(f"held_out must not be searched: {', '.join(sorted(both))} is in both lists")
         for unseen in self.held_out:
@@ -214,6 +229,11 @@ class Config(_Section):
         if self.adaptive == self.strategies[0]:
             raise ValueError(f"adaptive must differ from the baseline, the first of strategies, got '{self.adaptive}' for both")
         return self
+
+    @property
+    def versions(self) -> tuple[Version, ...]:
+        """The model versions of the study."""
+        return versions(self.retraining.rounds, self.retraining.seeds)
 
     def space(self, scenario: str) -> Space:
         """The logical scenario space of a scenario; InputError that names the variable that is wrong."""

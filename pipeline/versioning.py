@@ -42,7 +42,7 @@ class Stage:
         return body
 
 
-MODELS = tuple(f"{D}/models/{version}" for version in ("control", "random", "adaptive"))
+RETRAINED = f"{D}/retrained"
 SIMULATION = ("steps.campaign", "simulators.mujoco.episode", "detectors.onnx")
 SAMPLERS = tuple(f"core.samplers.{name}" for name in ("random", "neural", "pairwise", "coverage"))
 
@@ -67,9 +67,9 @@ STAGES = {
     ),
     "retrain": Stage(
         "versions",
-        ("steps.retrain",),
-        ("retraining", "detector"),
-        MODELS,
+        ("steps.retrain", "steps.filter", *SIMULATION, *SAMPLERS),
+        ("retraining", "training", "regions", "detector", "filter", "search", "scenarios", "samplers", "simulator", "campaign"),
+        (RETRAINED,),
         (f"{D}/base_set", f"{D}/models/base", f"{D}/campaigns", f"{D}/filter"),
     ),
     "held_out": Stage(
@@ -77,14 +77,14 @@ STAGES = {
         (*SIMULATION, "core.samplers.pairwise"),
         ("held_out", "scenarios", "samplers", "simulator", "detector", "comparison"),
         (f"{D}/held_out",),
-        (f"{D}/space", f"{D}/models/base", *MODELS),
+        (f"{D}/space", f"{D}/models/base", RETRAINED),
     ),
     "compare": Stage(
         "compare",
         ("steps.compare",),
         ("comparison",),
         (f"{D}/comparison.json", f"{D}/comparison.parquet"),
-        (f"{D}/held_out", f"{D}/measures.json", f"{D}/models/base", *MODELS),
+        (f"{D}/held_out", f"{D}/measures.json", f"{D}/models/base", RETRAINED),
         metrics=(f"{D}/metrics.json",),
     ),
     "report": Stage(

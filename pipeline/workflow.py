@@ -8,19 +8,23 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import grimp
 
-from pipeline.config import PARAMS, VERSIONS, Config, load
+from pipeline.config import PARAMS, Config, load
+from pipeline.lineage import PATTERN, Version
 
 ROOT = Path(__file__).resolve().parents[1]
 
 
 class Study:
     """The paths and choices of the study in params.yaml, for the Snakefile."""
+
+    version_pattern = PATTERN
 
     def __init__(self, params: Path = PARAMS) -> None:
         self.config: Config = load(params)
@@ -54,6 +58,11 @@ class Study:
         return ["base", "training"] if self.config.base.source == "trained" else ["base"]
 
     @property
+    def retraining_sections(self) -> list[str]:
+        """What retrained versions depend on: training parameters only where they are trained from scratch."""
+        return ["retraining", "training"] if self.config.retraining.start == "scratch" else ["retraining"]
+
+    @property
     def overrules(self) -> list[str]:
         """A person's table of overruled frames, if there is one."""
         return [self.config.filter.overrules] if self.config.filter.overrules else []
@@ -77,32 +86,52 @@ class Study:
             if told.returncode:
                 print(f"dvc commit failed, so `dvc status` will report changes: {told.stderr.strip()}", file=sys.stderr)
 
-    def search(self, name: str, scenario: str | None = None, strategy: str | None = None) -> list[str]:
-        """The file `name` of the search campaigns of the base version, of all or of one scenario or strategy."""
+    def search(self, name: str, scenario: str | None = None, strategy: str | None = None, version: str = "base") -> list[str]:
+        """The file `name` of the search campaigns against a version, of all or of one scenario or strategy.
+
+        Those against retrained versions, the later rounds', lie with these versions.
+        """
         config = self.config
         scenarios, strategies = [scenario] if scenario else config.search, [strategy] if strategy else config.strategies
-        return [f"{self.root}/campaigns/{a}/{b}/base/{seed}/{name}" for a in scenarios for b in strategies for seed in config.seeds]
+        root = f"{self.root}/campaigns" if version == "base" else f"{self.root}/retrained/campaigns"
+        return [f"{root}/{a}/{b}/{version}/{seed}/{name}" for a in scenarios for b in strategies for seed in config.seeds]
 
     def held_out(self, name: str) -> list[str]:
         """The file `name` of the comparison's campaigns."""
-        strategy, seed = self.config.comparison.strategy, self.config.comparison.seed
-        return [f"{self.root}/held_out/{a}/{strategy}/{version}/{seed}/{name}" for a in self.config.held_out for version in VERSIONS]
+        config, strategy, seed = self.config, self.config.comparison.strategy, self.config.comparison.seed
+        return [f"{self.root}/held_out/{a}/{strategy}/{version}/{seed}/{name}" for a in config.held_out for version in config.versions]
 
-    def added_frames(self, version: str) -> list[str]:
-        """frames.parquet of the campaigns whose frames a retrained version learns from."""
-        return self.search("frames.parquet", strategy=self.sources[version]) if version in self.sources else []
+    def added(self, version: str, source: Literal["random", "adaptive"]) -> dict[str, list[str]]:
+        """The filter tables and the frames of the random or the adaptive source that feed a version; none for a control."""
+        described = Version.named(version)
+        tested = [] if described.kind == "control" else [replace(v, kind=source) if v.round else v for v in described.tested]
+        strategy = self.sources[source]
+        frames = [path for v in tested for path in self.search("frames.parquet", strategy=strategy, version=str(v))]
+        return {"filters": [self.filter(strategy, str(v)) for v in tested], "frames": frames}
+
+    def filter(self, strategy: str, version: str = "base") -> str:
+        """The filter table of a strategy's campaigns against a version."""
+        return f"{self.root}/filter/{strategy}.csv" if version == "base" else f"{self.root}/retrained/filter/{strategy}/{version}.csv"
 
     def filters(self) -> list[str]:
-        """The filter tables of the random and of the adaptive source."""
-        return [f"{self.root}/filter/{strategy}.csv" for strategy in self.sources.values()]
+        """The filter tables of the random and of the adaptive source, of the search."""
+        return [self.filter(strategy) for strategy in self.sources.values()]
+
+    def model(self, version: str, name: str) -> str:
+        """The file `name` of a model version."""
+        return f"{self.root}/models/base/{name}" if version == "base" else f"{self.root}/retrained/models/{version}/{name}"
 
     def spaces(self, scenarios: Iterable[str]) -> list[str]:
         """The scenario spaces."""
         return [f"{self.root}/space/{name}.json" for name in scenarios]
 
+    def parent(self, version: str, name: str) -> str:
+        """The file `name` of what a version is retrained from."""
+        return self.model(str(Version.named(version).parent), name)
+
     def models(self, name: str) -> list[str]:
         """The file `name` of every model version."""
-        return [f"{self.root}/models/{version}/{name}" for version in VERSIONS]
+        return [self.model(str(version), name) for version in self.config.versions]
 
     def stamp(self, step: str, *keys: str) -> str:
         """Digest of a step's code and of the sections of the config that it reads; a rule with another stamp runs again.

@@ -106,6 +106,20 @@ def image_set(labelled: Sequence[tuple[NDArray[np.uint8], Truth]], digest: str =
     )
 
 
+def joined(first: ImageSet, second: ImageSet) -> ImageSet:
+    """Both sets, one after the other; ValueError if their images' sizes differ."""
+    if first.size != second.size:
+        raise ValueError(f"images must be of one size, got {first.size} and {second.size}")
+    return ImageSet(
+        images=np.concatenate([first.images, second.images]),
+        boxes=np.concatenate([first.boxes, second.boxes]),
+        whole_boxes=np.concatenate([first.whole_boxes, second.whole_boxes]),
+        visible_pixels=np.concatenate([first.visible_pixels, second.visible_pixels]),
+        contrast=np.concatenate([first.contrast, second.contrast]),
+        digest=hashlib.sha256(f"{first.digest} {second.digest}".encode()).hexdigest(),
+    )
+
+
 def encode_jpeg(image: NDArray[np.uint8]) -> bytes:
     """(h, w, 3) uint8 RGB to JPEG, quality 95, colours at full resolution; the same image gives the same bytes."""
     return bytes(cv2.imencode(".jpg", image[:, :, ::-1], JPEG)[1])

@@ -1,12 +1,16 @@
-"""model.json, the card of a model version: where it comes from, what it was trained on and how well it detects."""
+"""model.json, the card of a model version: where it comes from, what it was trained on and how well it detects; curve.csv, its training."""
 
 from __future__ import annotations
 
+import io
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import pandas as pd
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from pipeline.artefacts.files import read_json, write_json
+from pipeline.artefacts.files import read_bytes, read_json, write_bytes, write_json
 from pipeline.protocols import InputError
 
 
@@ -31,6 +35,37 @@ class ModelCard(BaseModel):
     metrics: dict[str, float]
     calibration: dict[str, float]
     weights_sha256: str
+
+
+@dataclass(frozen=True)
+class Look:
+    """One line of a training's curve. losses: means since the line before; ap50: of the averaged weights on validation images."""
+
+    iteration: int
+    learning_rate: float
+    loss_scores: float
+    loss_boxes: float
+    ap50: float
+
+
+CURVE = tuple(Look.__annotations__)
+
+
+def write_curve(path: Path, curve: Sequence[Look]) -> None:
+    """Write curve.csv."""
+    table = pd.DataFrame([asdict(look) for look in curve], columns=list(CURVE))
+    write_bytes(path, table.to_csv(index=False, lineterminator="\n", float_format="%.6g").encode())
+
+
+def read_curve(path: Path) -> list[Look]:
+    """Read curve.csv; InputError that names the file if it is no such table."""
+    try:
+        table = pd.read_csv(io.BytesIO(read_bytes(path)))
+        return [
+            Look(int(row[0]), *(float(value) for value in row[1:])) for row in table[list(Look.__annotations__)].itertuples(index=False)
+        ]
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: expected a table with columns {','.join(Look.__annotations__)}, got {error}") from error
 
 
 def write_card(path: Path, card: ModelCard) -> None:

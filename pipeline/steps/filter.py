@@ -9,36 +9,45 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from pipeline.artefacts.campaign import read_frames
+from pipeline.artefacts.dataset import decode_jpeg
 from pipeline.artefacts.filter import COLUMNS, read_overrules, write_filter
 from pipeline.config import Config
+from pipeline.core.boxes import iou
+from pipeline.lineage import campaign_of
 from pipeline.protocols import InputError
 
 Progress = Callable[[int, int, str], None]
 MIN_VISIBLE_SHARE = 0.1
-NEEDED = ["test_id", "step", "visible_pixels", "whole_pixels", "contrast", "confidence"]
+THUMBNAIL = (40, 24)
+SAME_GREY, SAME_IOU = 3.0, 0.8
+"""Two frames of an episode show the same if their thumbnails differ by less on average, and the pedestrian's boxes overlap by more."""
+SIDES = ("left", "top", "right", "bottom")
 
 
 def run(config: Config, *, frames: Sequence[Path], out: Path, progress: Progress) -> None:
     """Judge every kept frame of one strategy's campaigns and write the table.
 
-    frames: frames.parquet of each campaign.
+    frames: frames.parquet of each campaign, all against one version.
 
     Raises InputError, naming the row, if a person's table (`filter.overrules`) overrules a frame that does not exist.
     """
     tables = []
     for done, path in enumerate(frames, 1):
-        tables.append(read_frames(path, NEEDED))
+        rows = read_frames(path)
+        judged = judge(rows, config.filter.min_visible_pixels, config.filter.min_contrast)
+        tables.append(thin(judged, near_duplicates(rows, judged["kept"].to_numpy(bool))))
         progress(done, len(frames), "/".join(path.parts[-5:-1]))
-    judged = judge(pd.concat(tables, ignore_index=True), config.filter.min_visible_pixels, config.filter.min_contrast)
+    table = pd.concat(tables, ignore_index=True)
     if config.filter.overrules is not None:
         path = Path(config.filter.overrules)
-        others = [name for name in config.strategies if not judged["test_id"].str.contains(f"-{name}-", regex=False).any()]
-        judged = overrule(judged, read_overrules(path), others, path)
-    write_filter(out, judged)
+        table = overrule(table, read_overrules(path), config.search, config.strategies, path)
+    write_filter(out, table)
 
 
 def judge(frames: pd.DataFrame, min_visible_pixels: int, min_contrast: float) -> pd.DataFrame:
@@ -59,14 +68,47 @@ def judge(frames: pd.DataFrame, min_visible_pixels: int, min_contrast: float) ->
     return frames.assign(kept=kept, reason=reasons)[list(COLUMNS)]
 
 
-def overrule(judged: pd.DataFrame, overrules: pd.DataFrame, others: Sequence[str], path: Path) -> pd.DataFrame:
+def near_duplicates(frames: pd.DataFrame, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(n,) whether a kept frame shows the same as the frame of its episode that was last kept: a car that stands, a wait for a gap.
+
+    frames: columns of frames.parquet, each episode's in the order of time.
+    """
+    repeats = np.zeros(len(frames), bool)
+    boxes = frames[[f"visible_{side}" for side in SIDES]].to_numpy(float)
+    last: tuple[str, NDArray[np.float64], NDArray[np.float64]] | None = None
+    for row, (test_id, image) in enumerate(zip(frames["test_id"], frames["image"], strict=True)):
+        if not kept[row]:
+            continue
+        shown = cv2.resize(decode_jpeg(image), THUMBNAIL, interpolation=cv2.INTER_AREA).mean(axis=2)
+        if last is not None and last[0] == test_id and _same(shown, boxes[row], *last[1:]):
+            repeats[row] = True
+        else:
+            last = (test_id, shown, boxes[row])
+    return repeats
+
+
+def _same(shown: NDArray[np.float64], box: NDArray[np.float64], before: NDArray[np.float64], box_before: NDArray[np.float64]) -> bool:
+    if np.abs(shown - before).mean() >= SAME_GREY or np.isnan(box).any() != np.isnan(box_before).any():
+        return False
+    return bool(np.isnan(box).any() or iou([box], [box_before])[0, 0] > SAME_IOU)
+
+
+def thin(judged: pd.DataFrame, repeats: NDArray[np.bool_]) -> pd.DataFrame:
+    """Reject the frames that repeat another; reason `near_duplicate`."""
+    return judged.assign(kept=judged["kept"] & ~repeats, reason=judged["reason"].where(~repeats, "near_duplicate"))
+
+
+def overrule(
+    judged: pd.DataFrame, overrules: pd.DataFrame, scenarios: Sequence[str], strategies: Sequence[str], path: Path
+) -> pd.DataFrame:
     """Let a person's rows decide; the reason then reads `overruled (was <reason>)`.
 
-    others: strategies without a frame here; rows about their tests are theirs to check.
+    scenarios, strategies: of the search. Rows about another strategy or version are for the table of that one.
 
     InputError for a row whose frame does not exist, and for one given twice.
     """
     rows = {frame: row for row, frame in enumerate(zip(judged["test_id"], judged["step"], strict=True))}
+    here = {campaign_of(test_id)[1:] for test_id in judged["test_id"].unique()}
     kept, reasons = judged["kept"].to_list(), judged["reason"].to_list()
     seen: set[tuple[str, int]] = set()
     for line, (test_id, step, keep) in enumerate(overrules.itertuples(index=False), 2):
@@ -77,6 +119,8 @@ def overrule(judged: pd.DataFrame, overrules: pd.DataFrame, others: Sequence[str
             row = rows[(test_id, step)]
             reasons[row] = f"overruled (was {judged['reason'].iloc[row]})"
             kept[row] = bool(keep)
-        elif not any(f"-{other}-" in test_id for other in others):
+            continue
+        scenario, *campaign = campaign_of(test_id)
+        if tuple(campaign) in here or scenario not in scenarios or campaign[0] not in strategies:
             raise InputError(f"{path}, line {line}: expected a kept frame of this study, got frame {step} of test {test_id!r}")
     return judged.assign(kept=kept, reason=reasons)

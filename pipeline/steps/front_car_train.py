@@ -25,10 +25,12 @@ def run(config: Config, *, version: str, snapshots: Path, out: Path, threads: in
     data = {"snapshots": images.digest, "parent": sha256(weights)}
     training = settings.model_dump(include={"iterations", "batch_size", "learning_rate", "seed"})
     checkpoint = out.with_name("checkpoint.pt")
-    model = retrain(
+    validation = read_dataset(snapshots.parent, "val")
+    fitted = retrain(
         load_weights(weights),
         images,
         None,
+        validation,
         **training,
         added_share=0.0,
         identity=hashlib.sha256(json.dumps([training, data]).encode()).hexdigest(),
@@ -36,7 +38,6 @@ def run(config: Config, *, version: str, snapshots: Path, out: Path, threads: in
         threads=threads,
         progress=progress,
     )
-    validation = read_dataset(snapshots.parent, "val")
     training |= {"images": len(images)}
-    write_version(config, model, validation, out, version=version, parent="base", data=data, training=training, seed=settings.seed)
+    write_version(config, fitted, validation, out, version=version, parent="base", data=data, training=training, seed=settings.seed)
     checkpoint.unlink(missing_ok=True)

@@ -1,26 +1,46 @@
-"""Step `retrain`: the versions random (D_r), adaptive (D_a) and control from the base version (thesis section 7.1)."""
+"""Step `retrain`: the versions random (D_r), adaptive (D_a) and control of a round from their predecessors (thesis section 7.1)."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import torch
 
-from pipeline.artefacts.campaign import read_frames
-from pipeline.artefacts.dataset import ImageSet, decode_jpeg, image_set, read_dataset
+from pipeline.artefacts.campaign import read_frames, read_tests
+from pipeline.artefacts.dataset import ImageSet, decode_jpeg, image_set, joined, read_dataset
 from pipeline.artefacts.files import sha256
 from pipeline.artefacts.filter import read_filter
+from pipeline.artefacts.space import read_space
 from pipeline.config import Config
+from pipeline.detectors.yolo.recipe import train_from_scratch
 from pipeline.detectors.yolo.retraining import retrain
+from pipeline.detectors.yolo.training import Fitted
 from pipeline.detectors.yolo.weights import load_weights
+from pipeline.lineage import Version, campaign_of
 from pipeline.progress import Progress
 from pipeline.protocols import Box, InputError, Truth
+from pipeline.steps import selection
 from pipeline.steps.train import write_version
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where added frames come from: filter tables and frames.parquet of one strategy's campaigns, tests.parquet beside each."""
+
+    filters: Sequence[Path]
+    frames: Sequence[Path]
+
+    def read(self) -> tuple[pd.DataFrame, pd.DataFrame]:
+        """The verdict on every frame, and every test."""
+        judged = pd.concat([read_filter(path) for path in self.filters], ignore_index=True)
+        return judged, pd.concat([read_tests(path.with_name("tests.parquet")) for path in self.frames], ignore_index=True)
 
 
 def run(
@@ -29,57 +49,113 @@ def run(
     version: str,
     base_set: Path,
     parent: Path,
-    filters: list[Path],
-    frames: list[Path],
+    spaces: Sequence[Path],
+    random_filters: Sequence[Path],
+    random_frames: Sequence[Path],
+    adaptive_filters: Sequence[Path],
+    adaptive_frames: Sequence[Path],
     out: Path,
     threads: int,
     progress: Progress,
 ) -> None:
     """Retrain and write weights.safetensors, model.onnx and `out`, the version's model.json.
 
-    parent: model.json of the base version. filters: the filter tables of the random and of the adaptive strategy, in this order; both,
-    because both versions get the same number of added frames. frames: frames.parquet of the version's own campaigns, none for the control.
+    parent: model.json of the version before. spaces: of the searched scenarios. The tables and frames of both sources, because both
+    versions get the same number of added frames; none for a control.
     """
     torch.set_num_threads(threads)
-    settings = config.retraining
+    settings, described = config.retraining, Version.named(version)
+    seed = settings.seeds[0] if described.seed is None else described.seed
     base = read_dataset(base_set.parent, "train")
     weights = parent.with_name("weights.safetensors")
-    tables = [read_filter(path) for path in filters]
-    count = min(settings.added_frames, *(int(table["kept"].sum()) for table in tables))
-    if count == 0:
-        raise InputError(f"{' and '.join(map(str, filters))}: a filter kept no frame at all; run more tests, or relax section `filter`")
-    added = None if version == "control" else _added(tables[version == "adaptive"], frames, count, settings.seed, config.held_out)
+    validation = read_dataset(base_set.parent, "val")
+    added = None
+    if described.kind != "control":
+        sources = {"random": Source(random_filters, random_frames), "adaptive": Source(adaptive_filters, adaptive_frames)}
+        chosen = choose(config, sources, described, spaces, seed)
+        added = read_added(chosen, sources[described.kind].frames)
+        refuse_leaks(config, chosen["test_id"].tolist(), added, validation)
     data = {"base_set": base.digest, "parent": sha256(weights)} | ({} if added is None else {"added": added.digest})
-    identity = hashlib.sha256(json.dumps([settings.model_dump(), data]).encode()).hexdigest()
     checkpoint = out.with_name("checkpoint.pt")
-    schedule = settings.model_dump(exclude={"added_frames"})
-    model = retrain(
-        load_weights(weights), base, added, **schedule, identity=identity, checkpoint=checkpoint, threads=threads, progress=progress
-    )
-    training = {**settings.model_dump(), "base_images": len(base), "added_frames": 0 if added is None else count}
+    fitted = _fit(config, weights, base, added, validation, seed, data, checkpoint, threads, progress)
+    training = settings.model_dump(exclude={"seeds"}) | {"seed": seed, "round": described.round, "base_images": len(base)}
     write_version(
         config,
-        model,
-        read_dataset(base_set.parent, "val"),
+        fitted,
+        validation,
         out,
         version=version,
-        parent="base",
+        parent=str(described.parent),
         data=data,
-        training=training,
-        seed=settings.seed,
+        training=training | {"added_frames": 0 if added is None else len(added)},
+        seed=seed,
     )
     checkpoint.unlink(missing_ok=True)
 
 
-def _added(judged: pd.DataFrame, paths: list[Path], count: int, seed: int, held_out: Sequence[str]) -> ImageSet:
-    """`count` of the kept frames, drawn without replacement; the draw depends on the seed and on the frames alone."""
-    if leaked := sorted({test for test in judged["test_id"] if test.partition("-")[0] in held_out}):
+def _fit(
+    config: Config,
+    weights: Path,
+    base: ImageSet,
+    added: ImageSet | None,
+    validation: ImageSet,
+    seed: int,
+    data: dict[str, str],
+    checkpoint: Path,
+    threads: int,
+    progress: Progress,
+) -> Fitted:
+    settings = config.retraining
+    if settings.start == "scratch":
+        everything = base if added is None else joined(base, added)
+        section = config.training.model_dump() | {"seed": seed}
+        return train_from_scratch(everything, validation, section, checkpoint=checkpoint, threads=threads, progress=progress)
+    steps: dict[str, Any] = settings.model_dump(include={"iterations", "batch_size", "learning_rate", "added_share"}) | {"seed": seed}
+    identity = hashlib.sha256(json.dumps([steps, data]).encode()).hexdigest()
+    return retrain(
+        load_weights(weights), base, added, **steps, identity=identity, checkpoint=checkpoint, threads=threads, progress=progress
+    )
+
+
+def choose(config: Config, sources: dict[str, Source], version: Version, spaces: Sequence[Path], seed: int) -> pd.DataFrame:
+    """Which frames a version learns from, `test_id` and `step`: as many as the other source could give, too.
+
+    The draw depends on the seed and on the frames alone.
+    """
+    settings = config.retraining
+    known = {info.name: (info, space) for info, space in map(read_space, spaces)}
+    pools = {}
+    for name, source in sources.items():
+        judged, tests = source.read()
+        groups = selection.groups(settings.selection, tests, known, config.regions)
+        pools[name] = selection.pool(judged, groups)
+    count = min(settings.added_frames * version.round, *(selection.capacity(pool, settings.empty_share) for pool in pools.values()))
+    if count == 0:
+        tables = " and ".join(str(path) for source in sources.values() for path in source.filters)
+        raise InputError(f"{tables}: nothing is left to learn from; run more tests, or relax `filter` or `retraining.selection`")
+    return selection.draw(pools[version.kind], count, settings.empty_share, seed)
+
+
+def refuse_leaks(config: Config, tests: Sequence[str], added: ImageSet, validation: ImageSet) -> None:
+    """No frame of a held-out scenario and no image that validates may be learnt; InputError that names the tests.
+
+    tests: (n,) of which test each of the added frames is.
+    """
+    if leaked := sorted({test for test in tests if campaign_of(test)[0] in config.held_out}):
         raise InputError(f"frames of held-out scenarios must not be learnt: {', '.join(leaked[:5])}; make the filter tables again")
-    kept = judged.loc[judged["kept"], ["test_id", "step"]].sort_values(["test_id", "step"], ignore_index=True)
-    chosen = kept.iloc[np.sort(np.random.default_rng(seed).choice(len(kept), count, replace=False))]
+    known = {hashlib.sha256(image.tobytes()).digest() for image in validation.images}
+    for test, image in zip(tests, added.images, strict=True):
+        if hashlib.sha256(image.tobytes()).digest() in known:
+            raise InputError(f"a frame of {test} is an image that validates, so it must not be learnt")
+
+
+def read_added(chosen: pd.DataFrame, paths: Sequence[Path]) -> ImageSet:
+    """The images and labels of the chosen frames; InputError if one is not in the campaigns' frames.parquet."""
     rows = pd.concat([read_frames(path).merge(chosen, on=["test_id", "step"]) for path in paths], ignore_index=True)
-    if len(rows) != count:
-        raise InputError(f"the filter names {count} frames, {len(rows)} of them are in {', '.join(map(str, paths))}; run filter again")
+    if len(rows) != len(chosen):
+        raise InputError(
+            f"the filter names {len(chosen)} frames, {len(rows)} of them are in {', '.join(map(str, paths))}; run filter again"
+        )
     rows = rows.sort_values(["test_id", "step"], ignore_index=True)
     digest = hashlib.sha256(b"".join(rows["image"])).hexdigest()
     return image_set([(decode_jpeg(row["image"]), _truth(row)) for _, row in rows.iterrows()], digest)

@@ -10,14 +10,15 @@ import torch
 
 from pipeline.artefacts.dataset import ImageSet, read_dataset
 from pipeline.artefacts.files import sha256
-from pipeline.artefacts.model import ModelCard, read_card, write_card
+from pipeline.artefacts.model import ModelCard, read_card, read_curve, write_card, write_curve
 from pipeline.config import Config
 from pipeline.core.reliability import Calibration
 from pipeline.detectors.evaluation import calibrate, evaluate
 from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.yolo.export import export_onnx
-from pipeline.detectors.yolo.model import Yolo, count_parameters
+from pipeline.detectors.yolo.model import count_parameters
 from pipeline.detectors.yolo.recipe import train_from_scratch
+from pipeline.detectors.yolo.training import Fitted
 from pipeline.detectors.yolo.weights import load_weights, save_weights
 from pipeline.progress import Progress
 from pipeline.protocols import Detections
@@ -27,31 +28,33 @@ LOWEST_SCORE = 0.0005
 
 
 def run(config: Config, *, base_set: Path, out: Path, threads: int, progress: Progress) -> None:
-    """Write weights.safetensors, model.onnx and `out`, the version's model.json.
+    """Write weights.safetensors, model.onnx, curve.csv and `out`, the version's model.json.
 
     base_set: truth.coco.json of the base set; its validation images give the metrics.
     """
     torch.set_num_threads(threads)
     folder = out.parent
+    validation = read_dataset(base_set.parent, "val")
     if config.base.source == "shipped":
         shipped = Path(config.base.weights)
-        model = load_weights(shipped / "weights.safetensors")
+        fitted = Fitted(load_weights(shipped / "weights.safetensors"), tuple(read_curve(shipped / "curve.csv")))
         card = read_card(shipped / "model.json")
         history: dict[str, Any] = {"data": card.data, "training": card.training, "seed": card.seed}
         history["calibration"] = Calibration(**card.calibration)
     else:
         images = read_dataset(base_set.parent, "train")
         settings = config.training.model_dump()
-        model = train_from_scratch(images, settings, checkpoint=folder / "checkpoint.pt", threads=threads, progress=progress)
+        checkpoint = folder / "checkpoint.pt"
+        fitted = train_from_scratch(images, validation, settings, checkpoint=checkpoint, threads=threads, progress=progress)
         history = {"data": {"base_set": images.digest}, "training": {"images": len(images), **settings}, "seed": config.training.seed}
-    write_version(config, model, read_dataset(base_set.parent, "val"), out, version="base", parent=None, **history)
+    write_version(config, fitted, validation, out, version="base", parent=None, **history)
     (folder / "checkpoint.pt").unlink(missing_ok=True)
     progress(1, 1, "evaluated")
 
 
 def write_version(
     config: Config,
-    model: Yolo,
+    fitted: Fitted,
     validation: ImageSet,
     out: Path,
     *,
@@ -62,7 +65,9 @@ def write_version(
     seed: int,
     calibration: Calibration | None = None,
 ) -> None:
-    """Save a model version beside `out`, calibrate its scores, measure it as it will be used, and write its card."""
+    """Save a model version and its training's curve beside `out`, calibrate its scores, measure it as it is used, and write its card."""
+    model = fitted.model
+    write_curve(out.with_name("curve.csv"), fitted.curve)
     weights, onnx = out.with_name("weights.safetensors"), out.with_name("model.onnx")
     save_weights(weights, model)
     saved = load_weights(weights)  # What is tested is what was saved, half precision included.

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.artefacts.campaign import FRAMES, TESTS, write_frames, write_tests
+from pipeline.artefacts.dataset import encode_jpeg
 from pipeline.artefacts.model import ModelCard, write_card
 from pipeline.artefacts.results import WhiteBoxMeasures, WhiteBoxSet, write
 from pipeline.artefacts.space import write_space
@@ -22,6 +23,9 @@ VERSIONS = ("base", "control", "random", "adaptive")
 OVERRIDES = ["simulator=analytic", "detector=oracle", "seeds=[0,1]", "campaign.tests=60", "comparison.tests=60"]
 # How large the region is in which a version fails: fog above this at night.
 FOG_FROM = {"base": 12.0, "control": 18.0, "random": 50.0, "adaptive": 88.0}
+
+
+IMAGES = [encode_jpeg(np.random.default_rng(step).integers(0, 255, (48, 80, 3), dtype=np.uint8)) for step in range(5)]
 
 
 def silent(done: int, total: int, text: str) -> None:
@@ -76,7 +80,7 @@ def make_frames(tests: pd.DataFrame) -> pd.DataFrame:
     frames = pd.DataFrame(rows)
     for name, kind, _ in FRAMES:
         if name not in frames:
-            frames[name] = b"" if name == "image" else (0 if str(kind) == "int64" else 0.0)
+            frames[name] = [IMAGES[step] for step in frames["step"]] if name == "image" else (0 if str(kind) == "int64" else 0.0)
     return frames[[name for name, _, _ in FRAMES]]
 
 

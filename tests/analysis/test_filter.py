@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
+from pipeline.artefacts.dataset import encode_jpeg
 from pipeline.artefacts.filter import read_filter, read_overrules
 from pipeline.protocols import InputError
 from pipeline.steps import filter
@@ -78,3 +80,19 @@ def test_wrong_columns_and_missing_file_are_named(tmp_path: Path) -> None:
     path.write_text("test,step,keep\n")
     with pytest.raises(InputError, match="columns must be test_id,step,keep, got test,step,keep"):
         read_overrules(path)
+
+
+def test_what_an_episode_shows_twice_is_kept_once() -> None:
+    rng = np.random.default_rng(0)
+    views = [rng.integers(0, 255, (24, 40, 3), dtype=np.uint8).repeat(8, 0).repeat(8, 1) for _ in range(2)]
+    boxes = [(10.0, 10.0, 30.0, 60.0), (11.0, 10.0, 31.0, 60.0), (60.0, 10.0, 80.0, 60.0), (np.nan,) * 4]
+    # Episode a: the same twice, another place of the pedestrian, nobody; twice another view. Episode b: the first view again.
+    rows = [("a", 0, 0), ("a", 0, 1), ("a", 0, 2), ("a", 0, 3), ("a", 1, 3), ("a", 1, 3), ("b", 0, 0)]
+    frames = pd.DataFrame({"test_id": [test for test, _, _ in rows], "image": [encode_jpeg(views[view]) for _, view, _ in rows]})
+    for position, side in enumerate(("left", "top", "right", "bottom")):
+        frames[f"visible_{side}"] = [boxes[box][position] for _, _, box in rows]
+    assert filter.near_duplicates(frames, np.ones(7, bool)).tolist() == [False, True, False, False, False, True, False]
+    # What was rejected for another reason is nothing to compare with.
+    assert filter.near_duplicates(frames, np.array([False, *[True] * 6])).tolist() == [False, False, False, False, False, True, False]
+    judged = pd.DataFrame({"kept": [True, True, False], "reason": ["visible", "visible", "few_pixels"]})
+    assert filter.thin(judged, np.array([False, True, False]))["reason"].tolist() == ["visible", "near_duplicate", "few_pixels"]

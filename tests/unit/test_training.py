@@ -15,7 +15,7 @@ from pipeline.detectors.yolo.data import batch
 from pipeline.detectors.yolo.model import Architecture, Yolo, cells, decode
 from pipeline.detectors.yolo.recipe import train_from_scratch
 from pipeline.detectors.yolo.retraining import mixed_feed, retrain
-from pipeline.detectors.yolo.training import Batch, Schedule, fit, initial_model
+from pipeline.detectors.yolo.training import Batch, Schedule, Validation, fit, initial_model
 from pipeline.protocols import InputError, Truth
 
 SIZE = (96, 64)
@@ -54,7 +54,7 @@ def test_it_learns_a_few_images_by_heart() -> None:
     def feed(iteration: int) -> Batch:
         return images.images, images.boxes
 
-    model = fit(small(), Schedule(0, 230, 4e-3, warm_up=10, averaging=0.95), feed, threads=1)
+    model = fit(small(), Schedule(0, 230, 4e-3, warm_up=10, averaging=0.95), feed, threads=1).model
     scaled = torch.from_numpy(images.images).permute(0, 3, 1, 2).float() / 255
     with torch.inference_mode():
         boxes, logits = decode(model(scaled), *cells(*SIZE))
@@ -81,17 +81,17 @@ def test_a_killed_training_goes_on_to_the_same_weights(tmp_path: Path, monkeypat
             raise KeyboardInterrupt
         return feed(iteration)
 
-    uninterrupted = fit(small(), schedule, feed, threads=1)
+    uninterrupted = fit(small(), schedule, feed, threads=1).model
     with pytest.raises(KeyboardInterrupt):
         fit(small(), schedule, feed_until_killed, identity="a", checkpoint=checkpoint, threads=1)
     done: list[int] = []
-    resumed = fit(small(), schedule, feed, identity="a", checkpoint=checkpoint, threads=1, progress=lambda now, *_: done.append(now))
+    resumed = fit(small(), schedule, feed, identity="a", checkpoint=checkpoint, threads=1, progress=lambda now, *_: done.append(now)).model
     assert same(uninterrupted, resumed)
     assert done == [7]
-    other = fit(small(), schedule, feed, identity="b", checkpoint=checkpoint, threads=1)
+    other = fit(small(), schedule, feed, identity="b", checkpoint=checkpoint, threads=1).model
     assert same(uninterrupted, other)
     checkpoint.write_bytes(b"damaged")
-    assert same(uninterrupted, fit(small(), schedule, feed, identity="a", checkpoint=checkpoint, threads=1))
+    assert same(uninterrupted, fit(small(), schedule, feed, identity="a", checkpoint=checkpoint, threads=1).model)
 
 
 def test_schedule_warms_up_and_falls() -> None:
@@ -115,7 +115,7 @@ def test_frozen_statistics_stay() -> None:
     before = model.state_dict()[MEAN].clone()
     images = people(4, 2)
     schedule = Schedule(0, 2, 1e-3, frozen_statistics=True)
-    after = fit(model, schedule, lambda _: (images.images, images.boxes), threads=1)
+    after = fit(model, schedule, lambda _: (images.images, images.boxes), threads=1).model
     assert torch.equal(before, after.state_dict()[MEAN])
 
 
@@ -141,16 +141,30 @@ def test_both_recipes_run_and_repeat(tmp_path: Path) -> None:
         "threads": 1,
     }
     parent = small()
-    versions = [retrain(copy.deepcopy(parent), images, people(4, 7), checkpoint=tmp_path / name, **settings) for name in "ab"]  # type: ignore[arg-type]
-    assert same(*versions)
-    assert not same(parent, versions[0])
+    versions = [
+        retrain(copy.deepcopy(parent), images, people(4, 7), people(4, 9), checkpoint=tmp_path / name, **settings)  # type: ignore[arg-type]
+        for name in "ab"
+    ]
+    assert same(versions[0].model, versions[1].model) and versions[0].curve == versions[1].curve
+    assert [look.iteration for look in versions[0].curve] == [1, 2]
+    assert not same(parent, versions[0].model)
 
 
 def streets() -> ImageSet:
     return image_set([(np.tile(image, (3, 4, 1))[:192, :320], Truth()) for image in people(4, 8).images])
 
 
-SCRATCH = {"seed": 0, "batch_size": 1, "crop_iterations": 1, "frame_iterations": 3, "learning_rate": 1e-3, "oversampling": 2}
+SCRATCH = {
+    "size": "nano",
+    "seed": 0,
+    "batch_size": 1,
+    "crop_iterations": 1,
+    "frame_iterations": 3,
+    "learning_rate": 1e-3,
+    "oversampling": 2,
+    "validate_every": 2,
+    "patience": 5,
+}
 
 
 def test_training_from_scratch_resumes_in_every_phase(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -162,13 +176,14 @@ def test_training_from_scratch_resumes_in_every_phase(tmp_path: Path, monkeypatc
             raise KeyboardInterrupt
         return batch(images, indices, size, seed)
 
-    uninterrupted = train_from_scratch(streets(), SCRATCH, checkpoint=None, threads=1)
+    uninterrupted = train_from_scratch(streets(), streets(), SCRATCH, checkpoint=None, threads=1)
     monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
     monkeypatch.setattr(recipe, "batch", counted)
     with pytest.raises(KeyboardInterrupt):
-        train_from_scratch(streets(), SCRATCH, checkpoint=tmp_path / "c.pt", threads=1)
-    resumed = train_from_scratch(streets(), SCRATCH, checkpoint=tmp_path / "c.pt", threads=1)
-    assert same(uninterrupted, resumed)
+        train_from_scratch(streets(), streets(), SCRATCH, checkpoint=tmp_path / "c.pt", threads=1)
+    resumed = train_from_scratch(streets(), streets(), SCRATCH, checkpoint=tmp_path / "c.pt", threads=1)
+    assert same(uninterrupted.model, resumed.model) and uninterrupted.curve == resumed.curve
+    assert [look.iteration for look in resumed.curve] == [2, 4]
     assert sizes == [(160, 96), (320, 192), (320, 192), (320, 192), (320, 192)]  # The fourth is the one that was cut off.
 
 
@@ -186,3 +201,20 @@ def test_a_loss_that_is_no_number_ends_the_training_before_its_weights_are_kept(
         fit(small(), Schedule(0, 20, 1e-3, warm_up=3), feed, checkpoint=checkpoint, threads=1)
     kept = torch.load(checkpoint, weights_only=True)
     assert kept["iteration"] == 7 and all(torch.isfinite(value.float()).all() for value in kept["model"].values())
+
+
+def test_a_training_that_no_longer_improves_ends_early_with_its_best_weights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    images, seen = people(4, 3), []
+    monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
+
+    def ap50(model: Yolo) -> float:
+        seen.append(copy.deepcopy(model))
+        return (0.3, 0.7, 0.6, 0.65, 0.9)[len(seen) - 1]
+
+    watch = Validation(ap50, every=2, patience=2)
+    schedule, checkpoint = Schedule(0, 20, 1e-3, warm_up=3), tmp_path / "checkpoint.pt"
+    fitted = fit(small(), schedule, lambda _: (images.images, images.boxes), checkpoint=checkpoint, validation=watch, threads=1)
+    assert [(look.iteration, look.ap50) for look in fitted.curve] == [(2, 0.3), (4, 0.7), (6, 0.6), (8, 0.65)]
+    assert same(fitted.model, seen[1])
+    again = fit(small(), schedule, lambda _: (images.images, images.boxes), checkpoint=checkpoint, validation=watch, threads=1)
+    assert len(seen) == 4 and same(again.model, fitted.model)

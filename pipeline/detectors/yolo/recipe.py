@@ -10,17 +10,27 @@ from typing import Any
 
 from pipeline.artefacts.dataset import ImageSet
 from pipeline.detectors.yolo.data import Boxes, Images, Stream, batch, hardness, usable
-from pipeline.detectors.yolo.model import Yolo
-from pipeline.detectors.yolo.training import Progress, Schedule, fit, initial_model
+from pipeline.detectors.yolo.model import SIZES, Yolo
+from pipeline.detectors.yolo.training import Fitted, Progress, Schedule, fit, initial_model
+from pipeline.detectors.yolo.validation import watching
 
 CROP_SIZE = (160, 96)
 CROP_PHASE, FRAME_PHASE = 0, 1
 
 
 def train_from_scratch(
-    images: ImageSet, config: Mapping[str, Any], *, checkpoint: Path | None, threads: int, progress: Progress | None = None
-) -> Yolo:
-    """Train a detector on a set with section `training` of the config; resumes from `checkpoint`."""
+    images: ImageSet,
+    validation: ImageSet,
+    config: Mapping[str, Any],
+    *,
+    checkpoint: Path | None,
+    threads: int,
+    progress: Progress | None = None,
+) -> Fitted:
+    """Train a detector on a set with section `training` of the config; resumes from `checkpoint`.
+
+    validation: gives the curve and, if it no longer rises, an early end.
+    """
     seed, size = int(config["seed"]), int(config["batch_size"])
     schedule = Schedule(int(config["crop_iterations"]), int(config["frame_iterations"]), float(config["learning_rate"]))
     indices = usable(images)
@@ -34,4 +44,14 @@ def train_from_scratch(
         return batch(images, frames.take(first, size), images.size, (seed, FRAME_PHASE, iteration))
 
     identity = hashlib.sha256(json.dumps([dict(config), images.digest], sort_keys=True).encode()).hexdigest()
-    return fit(initial_model(seed), schedule, feed, identity=identity, checkpoint=checkpoint, threads=threads, progress=progress)
+    watch = watching(validation, int(config["validate_every"]), int(config["patience"]))
+    return fit(
+        initial_model(seed, lambda: Yolo(SIZES[config["size"]])),
+        schedule,
+        feed,
+        identity=identity,
+        checkpoint=checkpoint,
+        validation=watch,
+        threads=threads,
+        progress=progress,
+    )

@@ -10,15 +10,18 @@ import numpy as np
 from pipeline.artefacts.dataset import ImageSet
 from pipeline.detectors.yolo.data import Boxes, Images, Stream, batch, usable
 from pipeline.detectors.yolo.model import Yolo
-from pipeline.detectors.yolo.training import Progress, Schedule, fit
+from pipeline.detectors.yolo.training import Fitted, Progress, Schedule, fit
+from pipeline.detectors.yolo.validation import watching
 
 BASE_STREAM, ADDED_STREAM = 10, 11
+LOOKS = 3
 
 
 def retrain(
     model: Yolo,
     base: ImageSet,
     added: ImageSet | None,
+    validation: ImageSet,
     *,
     iterations: int,
     batch_size: int,
@@ -29,15 +32,16 @@ def retrain(
     checkpoint: Path,
     threads: int,
     progress: Progress | None = None,
-) -> Yolo:
+) -> Fitted:
     """Continue training `model`; with `added` None this is the control: the same steps on the base set alone.
 
     Short restarts with a high rate, on crops or without empty frames raise false positives even where nothing new is learnt;
-    hence the low rate, full frames alone and frozen normalisation statistics.
+    hence the low rate, full frames alone and frozen normalisation statistics. validation: gives the curve.
     """
     schedule = Schedule(0, iterations, learning_rate, warm_up=iterations // 10, averaging=0.97, frozen_statistics=True)
     feed = mixed_feed(base, added, batch_size, added_share, seed)
-    return fit(model, schedule, feed, identity=identity, checkpoint=checkpoint, threads=threads, progress=progress)
+    watch = watching(validation, max(1, iterations // LOOKS), patience=LOOKS)
+    return fit(model, schedule, feed, identity=identity, checkpoint=checkpoint, validation=watch, threads=threads, progress=progress)
 
 
 def mixed_feed(

@@ -14,7 +14,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import cv2
@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from pipeline.artefacts.files import write_bytes
+from pipeline.artefacts.model import Look
 from pipeline.detectors.yolo.loss import Loss, detection_loss
 from pipeline.detectors.yolo.model import Yolo, cells, decode
 from pipeline.protocols import InputError
@@ -77,14 +78,43 @@ class Schedule:
         return self.learning_rate * cosine * min(1.0, (iteration + 1) / max(self.warm_up, 1))
 
 
+@dataclass(frozen=True)
+class Validation:
+    """Looks at the averaged network now and then, so that a training that has gone wrong ends early.
+
+    ap50: of a network in evaluation mode. every: iterations between looks. patience: looks without a new best
+    after which training stops.
+    """
+
+    ap50: Callable[[Yolo], float]
+    every: int
+    patience: int
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """What training left: the network on the CPU in evaluation mode, and its curve, empty without a validation."""
+
+    model: Yolo
+    curve: tuple[Look, ...]
+
+
 @dataclass
 class State:
-    """Everything that a checkpoint holds."""
+    """Everything that a checkpoint holds. best: the averaged weights of the best look; sums: of both losses since the last look."""
 
     iteration: int
     model: Yolo
     average: Yolo
     optimiser: torch.optim.AdamW
+    best: dict[str, Tensor]
+    sums: Tensor
+    curve: list[Look]
+
+    def exhausted(self, patience: int) -> bool:
+        """Whether the last `patience` looks brought no new best."""
+        scores = [look.ap50 for look in self.curve]
+        return bool(scores) and len(scores) - 1 - int(np.argmax(scores)) >= patience
 
 
 def initial_model(seed: int, model: Callable[[], Yolo] = Yolo) -> Yolo:
@@ -101,10 +131,11 @@ def fit(
     *,
     identity: str = "",
     checkpoint: Path | None = None,
+    validation: Validation | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
-) -> Yolo:
-    """Train `model` and return the averaged weights, on the CPU in evaluation mode.
+) -> Fitted:
+    """Train `model` and return the averaged weights: the last ones, or the best ones if `validation` stopped it early.
 
     feed: iteration to (n, h, w, 3) uint8 RGB images and (n, 4) boxes in pixels, zeros where there is no pedestrian.
     checkpoint: file that is written every 45 s and at the end, and read first; ignored if it belongs to another `identity`. threads: of
@@ -119,7 +150,8 @@ def fit(
         _resume(checkpoint, identity, state, device)
     saved, resumed = time.monotonic(), state.iteration
     losses: deque[Loss] = deque(maxlen=20)
-    for images, boxes in _batches(feed, state.iteration, schedule.iterations, device):
+    stop = schedule.iterations if validation is None or not state.exhausted(validation.patience) else state.iteration
+    for images, boxes in _batches(feed, state.iteration, stop, device):
         losses.append(_step(state, schedule, images, boxes, device))
         if state.iteration % FINITE_EVERY == 0 or state.iteration == schedule.iterations:
             _check_finite(losses, state.iteration, schedule)
@@ -128,10 +160,26 @@ def fit(
             _save(checkpoint, identity, state)
             saved = time.monotonic()
         if progress is not None and (state.iteration % 10 == 0 or state.iteration == schedule.iterations):
-            progress(state.iteration, schedule.iterations, _text(state.iteration <= schedule.crop_iterations, losses))
+            progress(state.iteration, schedule.iterations, _text(state.iteration <= schedule.crop_iterations, losses, state.curve))
+        if validation is not None and (state.iteration % validation.every == 0 or state.iteration == schedule.iterations):
+            _look(state, schedule, validation)
+            if state.exhausted(validation.patience):
+                break
     if checkpoint is not None and state.iteration > resumed:
         _save(checkpoint, identity, state)
-    return state.average.cpu().eval()
+    if validation is not None and state.exhausted(validation.patience):
+        state.average.load_state_dict(state.best)
+    return Fitted(state.average.cpu().eval(), tuple(state.curve))
+
+
+def _look(state: State, schedule: Schedule, validation: Validation) -> None:
+    since = state.iteration - (state.curve[-1].iteration if state.curve else 0)
+    scores, boxes = (float(total) / since for total in state.sums)
+    ap50 = validation.ap50(state.average)
+    if all(ap50 > look.ap50 for look in state.curve):
+        state.best = {name: value.detach().clone() for name, value in state.average.state_dict().items()}
+    state.curve.append(Look(state.iteration, schedule.rate(state.iteration - 1), scores, boxes, ap50))
+    state.sums.zero_()
 
 
 def _check_finite(losses: deque[Loss], iteration: int, schedule: Schedule) -> None:
@@ -152,7 +200,7 @@ def _start(model: Yolo, schedule: Schedule, device: torch.device) -> State:
     others = [parameter for parameter in model.parameters() if parameter.ndim <= 1]
     groups = [{"params": decayed, "weight_decay": schedule.weight_decay}, {"params": others, "weight_decay": 0.0}]
     optimiser = torch.optim.AdamW(groups, schedule.learning_rate, fused=True)
-    return State(0, model, copy.deepcopy(model).eval(), optimiser)
+    return State(0, model, copy.deepcopy(model).eval(), optimiser, {}, torch.zeros(2, device=device), [])
 
 
 def _step(state: State, schedule: Schedule, images: Tensor, boxes: Tensor, device: torch.device) -> Loss:
@@ -167,6 +215,7 @@ def _step(state: State, schedule: Schedule, images: Tensor, boxes: Tensor, devic
     nn.utils.clip_grad_norm_(state.model.parameters(), 10.0)
     state.optimiser.step()
     state.iteration += 1
+    state.sums += torch.stack([loss.scores, loss.boxes])
     if state.iteration % 2 == 0:
         _average(state, schedule)
     return loss
@@ -203,7 +252,8 @@ def _tensors(batch: Batch, device: torch.device) -> tuple[Tensor, Tensor]:
 def _save(path: Path, identity: str, state: State) -> None:
     buffer = io.BytesIO()
     parts = {"model": state.model.state_dict(), "average": state.average.state_dict(), "optimiser": state.optimiser.state_dict()}
-    torch.save({"identity": identity, "iteration": state.iteration, **parts}, buffer)
+    looks = {"best": state.best, "sums": state.sums, "curve": [asdict(look) for look in state.curve]}
+    torch.save({"identity": identity, "iteration": state.iteration, **parts, **looks}, buffer)
     write_bytes(path, buffer.getvalue())
 
 
@@ -218,10 +268,12 @@ def _resume(path: Path, identity: str, state: State, device: torch.device) -> No
     state.model.load_state_dict(found["model"])
     state.average.load_state_dict(found["average"])
     state.optimiser.load_state_dict(found["optimiser"])
+    state.best, state.sums, state.curve = found["best"], found["sums"], [Look(**look) for look in found["curve"]]
     state.iteration = int(found["iteration"])
 
 
-def _text(crops: bool, losses: deque[Loss]) -> str:
+def _text(crops: bool, losses: deque[Loss], curve: list[Look]) -> str:
     scores = sum(float(loss.scores) for loss in losses) / len(losses)
     boxes = sum(float(loss.boxes) for loss in losses) / len(losses)
-    return f"{'crops' if crops else 'full frames'}, loss: scores {scores:.2f}, boxes {boxes:.3f}"
+    validated = f", AP50 {curve[-1].ap50:.3f}" if curve else ""
+    return f"{'crops' if crops else 'full frames'}, loss: scores {scores:.2f}, boxes {boxes:.3f}{validated}"

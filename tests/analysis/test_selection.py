@@ -1,0 +1,66 @@
+"""Which kept frames are added to training."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from pipeline.artefacts.points import concrete
+from pipeline.artefacts.space import ScenarioInfo
+from pipeline.config import Regions
+from pipeline.steps import selection
+from tests.spaces import SMALL
+
+ROWS = pd.DataFrame(
+    {
+        "test_id": [f"F-a-base-0-{i:05d}" for i in range(40) for _ in range(4)],
+        "step": [0, 2, 4, 6] * 40,
+        "kept": [True, True, True, False] * 40,
+        "visible_pixels": [0, 50, 90, 90] * 40,
+    }
+)
+TESTS = pd.DataFrame({"test_id": ROWS["test_id"].unique(), "status": "ok", "failure": np.arange(40) < 12, "scenario": "F"})
+
+
+def test_all_and_failures() -> None:
+    section = Regions(chance_neighbours=0.5, min_failures=4)
+    assert len(selection.groups("all", TESTS, {}, section)) == 40
+    assert list(selection.groups("failures", TESTS, {}, section)) == list(TESTS["test_id"][:12])
+
+
+def test_a_share_is_empty_and_both_sources_can_give_as_many() -> None:
+    rows = selection.pool(ROWS, dict.fromkeys(TESTS["test_id"][:12], ""))
+    assert (len(rows), int(rows["empty"].sum())) == (36, 12)
+    assert selection.capacity(rows, 0.25) == 32 and selection.capacity(rows, 0.5) == 24
+    drawn = selection.draw(rows, 32, 0.25, seed=0)
+    assert len(drawn) == 32 and (drawn["step"] == 0).sum() == 8
+    assert drawn.equals(selection.draw(rows, 32, 0.25, seed=0)) and not drawn.equals(selection.draw(rows, 30, 0.25, seed=0))
+    assert not drawn.duplicated().any()
+
+
+def test_small_groups_give_all_and_large_ones_the_rest() -> None:
+    grouped = {test: "small" if i < 2 else "large" for i, test in enumerate(TESTS["test_id"][:20])}
+    rows = selection.pool(ROWS, grouped)
+    drawn = selection.draw(rows, 24, 0.25, seed=3)
+    shown = drawn[drawn["step"] > 0]["test_id"].map(grouped).value_counts()
+    assert (shown["small"], shown["large"]) == (4, 14)
+    assert selection.draw(rows, 8, 0.25, seed=3)["test_id"].map(grouped).value_counts()["small"] >= 3
+
+
+def test_regions_are_groups_and_what_lies_in_none_is_one_more() -> None:
+    rng = np.random.default_rng(0)
+    points = SMALL.sample(300, rng)
+    centre = points[0]
+    points[:40] = centre
+    rows = pd.DataFrame([SMALL.decode(point) for point in points])
+    failed = (np.arange(300) < 40) | (np.arange(300) % 60 == 59)
+    tests = rows.assign(
+        test_id=[f"F-a-base-0-{i:05d}" for i in range(300)], status="ok", failure=failed, scenario="F", strategy="a", seed=0,
+        failure_mode=np.where(failed, "contact", "none"), adj_ttc_s=np.where(failed, 0.0, 1.0), impact_speed_mps=0.0,
+    )  # fmt: skip
+    assert concrete(tests.iloc[0], SMALL) == SMALL.decode(centre)
+    info = ScenarioInfo("F", "F", "", 100)
+    found = selection.groups("regions", tests, {"F": (info, SMALL)}, Regions(chance_neighbours=0.5, min_failures=4))
+    assert len(found) == failed.sum()
+    assert {found[f"F-a-base-0-{i:05d}"] for i in range(40)} == {"F region 1"}
+    assert "F, no region" in found.values()
