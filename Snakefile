@@ -251,16 +251,17 @@ rule compare:
     output:
         comparison=f"{D}/comparison.json",
         table=f"{D}/comparison.parquet",
+        changes=f"{D}/changes.csv",
         metrics=f"{D}/metrics.json",
     log:
         f"{L}/compare.log",
     benchmark:
         f"{L}/compare.tsv"
     params:
-        stamp=S.stamp("compare", "comparison"),
+        stamp=S.stamp("compare", "comparison", "regions"),
     shell:
         RUN + " compare --tests {input.tests} --spaces {input.spaces} --models {input.models} --measures {input.measures}"
-        " --out {output.comparison} --table {output.table} --metrics {output.metrics} --log {log}"
+        " --out {output.comparison} --table {output.table} --changes {output.changes} --metrics {output.metrics} --log {log}"
 
 
 rule report:
@@ -269,6 +270,7 @@ rule report:
         white_box=rules.white_box.output,
         comparison=rules.compare.output.comparison,
         table=rules.compare.output.table,
+        changes=rules.compare.output.changes,
         regions=expand(f"{D}/regions/{{scenario}}.json", scenario=S.config.search),
         tests=S.search("tests.parquet"),
         spaces=S.spaces(S.config.search),
@@ -283,11 +285,11 @@ rule report:
     benchmark:
         f"{L}/report.tsv"
     params:
-        stamp=S.stamp("report", "report", "simulator", "detector"),
+        stamp=S.stamp("report", "report", "filter", "simulator", "detector"),
         plots=f"{D}/plots",
     shell:
         RUN + " report --measures {input.measures} --white-box {input.white_box} --comparison {input.comparison} --table {input.table}"
-        " --regions {input.regions} --tests {input.tests} --spaces {input.spaces} --filters {input.filters}"
+        " --changes {input.changes} --regions {input.regions} --tests {input.tests} --spaces {input.spaces} --filters {input.filters}"
         " --models {input.models} --detectors {input.detectors} --out {output.html} --plots {params.plots} --log {log}"
 
 

@@ -45,7 +45,7 @@ STEPS: dict[str, tuple[str, Options]] = {
     ),
     "compare": (
         "Compare all model versions on the held-out sequence.",
-        {"tests": MANY, "spaces": MANY, "models": MANY, "measures": ONE, "out": ONE, "table": ONE, "metrics": ONE},
+        {"tests": MANY, "spaces": MANY, "models": MANY, "measures": ONE, "out": ONE, "table": ONE, "changes": ONE, "metrics": ONE},
     ),
     "track": (
         "Log everything to MLflow and register the model versions.",
@@ -54,8 +54,8 @@ STEPS: dict[str, tuple[str, Options]] = {
     "report": (
         "Write the report, its plots and replays.",
         {
-            "measures": ONE, "white-box": ONE, "comparison": ONE, "table": ONE, "regions": MANY, "tests": MANY, "spaces": MANY,
-            "filters": MANY, "models": MANY, "detectors": MANY, "out": ONE, "plots": ONE,
+            "measures": ONE, "white-box": ONE, "comparison": ONE, "table": ONE, "changes": ONE, "regions": MANY, "tests": MANY,
+            "spaces": MANY, "filters": MANY, "models": MANY, "detectors": MANY, "out": ONE, "plots": ONE,
         },
     ),
     "front-car-points": ("Draw random points of the front-car domain and propose points to full coverage.", {"out": ONE}),

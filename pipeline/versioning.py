@@ -82,19 +82,19 @@ STAGES = {
     "compare": Stage(
         "compare",
         ("steps.compare",),
-        ("comparison",),
-        (f"{D}/comparison.json", f"{D}/comparison.parquet"),
+        ("comparison", "regions"),
+        (f"{D}/comparison.json", f"{D}/comparison.parquet", f"{D}/changes.csv"),
         (f"{D}/held_out", f"{D}/measures.json", f"{D}/models/base", RETRAINED),
         metrics=(f"{D}/metrics.json",),
     ),
     "report": Stage(
         "report",
         ("steps.report",),
-        ("report", "simulator", "detector"),
+        ("report", "filter", "simulator", "detector"),
         (f"{D}/report.html",),
         (
             *(f"{D}/{name}" for name in ("campaigns", "regions", "filter", "measures.json", "white_box.json")),
-            *(f"{D}/comparison.{kind}" for kind in ("json", "parquet")),
+            *(f"{D}/{name}" for name in ("comparison.json", "comparison.parquet", "changes.csv")),
         ),
         plots=(f"{D}/plots",),
     ),

@@ -45,7 +45,9 @@ class Study:
     def plots(self) -> list[str]:
         """The report's plots."""
         each = [f"{kind}_{scenario}" for scenario in self.config.search for kind in ("kpi", "failures")]
-        return [f"{self.root}/plots/{name}.png" for name in ("theta", "coverage", "comparison", "detection", "histogram", *each)]
+        rounds = ["rounds"] if self.config.retraining.rounds > 1 else []
+        names = ("theta", "coverage", "comparison", "detection", "histogram", "border", *rounds, *each)
+        return [f"{self.root}/plots/{name}.png" for name in names]
 
     @property
     def shipped(self) -> list[str]:

@@ -148,7 +148,8 @@ class FailureRegion(Result):
 class FailureRegions(Result):
     """Failure regions of one search scenario over all its campaigns; `unassigned` failures lie in no dense group.
 
-    connected: number of connected failure sets on the categories (Def. 4.19).
+    connected: number of connected failure sets on the categories (Def. 4.19). not_solvable: failures in which full braking from the first
+    frame on in which a person could see the pedestrian would have come too late: no detector could mend them with this camera.
     """
 
     scenario: str
@@ -159,6 +160,7 @@ class FailureRegions(Result):
     connected: int
     regions: tuple[FailureRegion, ...]
     unassigned: tuple[str, ...]
+    not_solvable: tuple[str, ...]
 
 
 class Paired(Result):
@@ -172,26 +174,65 @@ class Paired(Result):
     p_value: float
 
 
+class ScenarioResult(Result):
+    """One model version on one held-out scenario; `paired` is against the base."""
+
+    tests: int
+    failures: int
+    rate: Estimate
+    paired: Paired | None
+
+
 class VersionResult(Result):
     """One model version on the frozen held-out sequence.
 
-    tests: valid executions. change: tests that newly fail minus those that are mended, of the tests valid for it and the base.
+    group: what versions that differ by the seed of retraining alone share; round: of retraining, 0 for the base. tests: valid executions.
+    change: tests that newly fail minus those that are mended, of the tests valid for it and the base. scenarios: by scenario.
     """
 
     version: str
+    group: str
+    round: int
     tests: int
     errors: int
     failures: int
     modes: Modes
-    by_scenario: dict[str, int]
+    scenarios: dict[str, ScenarioResult]
     rate: Estimate
     change: int
     paired: Paired | None
     verdict: Verdict
 
 
+class GroupResult(Result):
+    """Versions that differ by the seed of retraining alone: mean failures with bootstrap intervals over the seeds, in all and by scenario.
+
+    against_base: ratio of its mean to the base's failures; null where the base fails nowhere.
+    """
+
+    group: str
+    round: int
+    versions: tuple[str, ...]
+    failures: Estimate
+    scenarios: dict[str, Estimate]
+    against_base: float | None
+
+
+class RegionResult(Result):
+    """A failure region of the base on the held-out sequence, and how many of the tests inside its rule each version fails."""
+
+    scenario: str
+    name: str
+    rule: str
+    tests: int
+    failures: dict[str, int]
+
+
 class Comparison(Result):
-    """All versions on one frozen sequence. A fix or a regression is named `<scenario>-<index>`, five digits."""
+    """All versions on one frozen sequence. A fix or a regression is named `<scenario>-<index>`, five digits.
+
+    pairs: exact McNemar test of every pair of versions, `against` the earlier one.
+    """
 
     strategy: str
     scenarios: dict[str, str]
@@ -199,9 +240,15 @@ class Comparison(Result):
     confidence: float
     alpha: float
     versions: tuple[VersionResult, ...]
-    adaptive_against_random: Paired | None
+    groups: tuple[GroupResult, ...]
+    pairs: tuple[Paired, ...]
+    regions: tuple[RegionResult, ...]
     champion: str
     gate: dict[str, str]
+
+    def pair(self, version: str, against: str) -> Paired | None:
+        """The test of a version against an earlier one; None if there are not both."""
+        return next((pair for pair in self.pairs if (pair.version, pair.against) == (version, against)), None)
 
 
 class WhiteBoxSet(Result):

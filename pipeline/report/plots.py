@@ -12,8 +12,10 @@ from matplotlib.figure import Figure
 
 from pipeline.artefacts.results import Comparison, FailureRegions, Measures, StrategyMeasures
 from pipeline.core.space import Space, Variable
+from pipeline.report.border import Case
 from pipeline.report.style import INK, MODE_COLOURS, MODE_NAMES, UNASSIGNED, panels, series_colours, styled
 
+KEPT, REJECTED = "#2a9d78", "#c9372c"
 MARKERS = ("o", "s", "^", "D", "v", "P")
 
 
@@ -199,25 +201,68 @@ def comparison_bars(comparison: Comparison) -> Figure:
     return figure
 
 
-def kpi_histogram(table: pd.DataFrame, versions: Sequence[str], threshold_s: float) -> Figure:
-    """Distribution of adj. TTC of each version on the frozen sequence (thesis Fig. 7.4); the first bin holds the failures.
+def kpi_histogram(table: pd.DataFrame, versions: Sequence[str], labels: Mapping[str, str], threshold_s: float) -> Figure:
+    """Distribution of adj. TTC of each version on each held-out scenario (thesis Fig. 7.4, 7.5); the first bin holds the failures.
 
-    table: rows of comparison.parquet.
+    table: rows of comparison.parquet. labels: scenario -> printed name; a row of panels each.
     """
     table = table[table["status"] == "ok"]
     top = max(threshold_s * 2, float(table["adj_ttc_s"].max()) if len(table) else 0.0)
     edges = np.arange(0, top + threshold_s, threshold_s)
     with styled():
-        figure, axes = panels(1, len(versions), width=9.4 / len(versions), height=2.5)
+        figure, axes = panels(len(labels), len(versions), width=9.4 / len(versions), height=2.5 if len(labels) == 1 else 1.8)
+        for line, (scenario, label) in zip(axes, labels.items(), strict=True):
+            for axis, version in zip(line, versions, strict=True):
+                rows = table[(table["version"] == version) & (table["scenario"] == scenario)]
+                parts = [rows.loc[rows["failure"], "adj_ttc_s"], rows.loc[~rows["failure"], "adj_ttc_s"]]
+                colours = [MODE_COLOURS["contact"], MODE_COLOURS["none"]]
+                axis.hist(parts, list(edges), stacked=True, color=colours, label=["failure", "no failure"], rwidth=0.92)
+                axis.set(xlim=(0, None))
+                axis.grid(False, axis="x")
+            line[0].set_ylabel(f"{label}, tests")
         for axis, version in zip(axes[0], versions, strict=True):
-            rows = table[table["version"] == version]
-            parts = [rows.loc[rows["failure"], "adj_ttc_s"], rows.loc[~rows["failure"], "adj_ttc_s"]]
-            colours = [MODE_COLOURS["contact"], MODE_COLOURS["none"]]
-            axis.hist(parts, list(edges), stacked=True, color=colours, label=["failure", "no failure"], rwidth=0.92)
-            axis.set(title=version, xlabel="adj. TTC (s)", xlim=(0, None))
-            axis.grid(False, axis="x")
-        axes[0][0].set_ylabel("tests")
+            axis.set_title(version)
+        for axis in axes[-1]:
+            axis.set_xlabel("adj. TTC (s)")
         _legend_below(figure, axes[0])
+    return figure
+
+
+def failures_by_round(comparison: Comparison) -> Figure:
+    """Failures on the frozen sequence after each round of retraining, by kind of version; a bar where there are several seeds."""
+    base, *retrained = comparison.groups
+    kinds = list(dict.fromkeys(group.group.partition("-")[0] for group in retrained))
+    colours = series_colours(kinds)
+    with styled():
+        figure, axes = panels(1, 1, width=6.4, height=3.2)
+        axis = axes[0][0]
+        for kind in kinds:
+            line = [base, *(group for group in retrained if group.group.partition("-")[0] == kind)]
+            values = np.array([group.failures.value for group in line])
+            errors = np.abs(np.array([[g.failures.low for g in line], [g.failures.high for g in line]]) - values)
+            axis.errorbar([g.round for g in line], values, errors, color=colours[kind], marker="o", linewidth=2, capsize=3, label=kind)
+        axis.set(xlabel="rounds of search, filter and retraining", ylabel="held-out tests that fail", ylim=(0, None))
+        axis.set_xticks(range(max(group.round for group in comparison.groups) + 1))
+        _legend_below(figure, [axis])
+    return figure
+
+
+def border_sheet(cases: Sequence[Case], columns: int = 8) -> Figure:
+    """Crops of frames at the filter's border, framed green where they were kept and red where rejected."""
+    lines = -(-len(cases) // columns)
+    with styled():
+        figure, axes = panels(max(1, lines), columns, width=1.2, height=1.4)
+        for axis in (axis for line in axes for axis in line):
+            axis.set_axis_off()
+        for position, case in enumerate(cases):
+            axis = axes[position // columns][position % columns]
+            axis.set_axis_on()
+            axis.imshow(case.crop, interpolation="bicubic")
+            axis.set(xticks=[], yticks=[])
+            axis.grid(False)
+            for spine in axis.spines.values():
+                spine.set(visible=True, color=KEPT if case.kept else REJECTED, linewidth=2.5)
+            axis.set_title(f"{case.visible_pixels} px, {case.contrast:.0f} grey", fontsize=7.5, fontweight="normal", loc="center")
     return figure
 
 

@@ -10,8 +10,10 @@ from pipeline.artefacts.model import ModelCard
 from pipeline.artefacts.results import Comparison, Estimate, FailureRegions, Measures, VersionResult, WhiteBoxMeasures
 from pipeline.report import texts
 from pipeline.report.page import Drawing, Film, Part, Section, Table
-from pipeline.report.verdict import HEADERS, verdict_rows, verdict_sentences
+from pipeline.report.verdict import HEADERS, group_headers, group_rows, verdict_rows, verdict_sentences
 
+CHANGES = 20
+"""Rows shown of changes.csv."""
 METRICS = {"precision": "precision", "recall": "recall", "ap50": "AP50", "ap50_95": "AP50-95"}
 REASONS = {
     "visible": "pedestrian visible",
@@ -19,6 +21,7 @@ REASONS = {
     "few_pixels": "too few visible pixels",
     "barely_in_view": "under a tenth of the pedestrian in view",
     "low_contrast": "too little contrast",
+    "near_duplicate": "shows the same as the frame before",
 }
 
 
@@ -37,8 +40,14 @@ def headline(comparison: Comparison) -> str:
     return " ".join(parts)
 
 
-def verdict_section(comparison: Comparison, plots: Sequence[Drawing], replays: Sequence[Film]) -> Section:
-    """The comparison of the model versions."""
+def verdict_section(
+    comparison: Comparison,
+    changes: pd.DataFrame,
+    plots: Sequence[Drawing],
+    rounds: Sequence[Drawing],
+    replays: Sequence[Film],
+) -> Section:
+    """The comparison of the model versions. changes: rows of changes.csv."""
     modes = Table(
         ("version", "fail", "contact", "too late", "by TTC alone", "false positives alone", "failure rate", "broken"),
         tuple(_modes_row(result) for result in comparison.versions),
@@ -46,16 +55,51 @@ def verdict_section(comparison: Comparison, plots: Sequence[Drawing], replays: S
     )
     parts = [
         Part(table=Table(HEADERS, tuple(verdict_rows(comparison)), numbers=(1, 2, 3)), text=" ".join(verdict_sentences(comparison))),
-        Part(
-            "How they fail",
-            texts.MODES,
-            modes,
-            tuple(plots),
-        ),
+        Part("By scenario", texts.TABLE, Table(group_headers(comparison), tuple(group_rows(comparison)))),
+        Part("How they fail", texts.MODES, modes, tuple(plots)),
+        Part("Every version against every other", texts.PAIRS, _pairs(comparison)),
     ]
+    if rounds:
+        parts.insert(2, Part("Round by round", texts.ROUNDS, plots=tuple(rounds)))
+    if comparison.regions:
+        parts.append(Part("The base's failure regions", texts.HELD_OUT_REGIONS, _regions(comparison)))
+    if len(changes):
+        parts.append(
+            Part("Repairs and regressions", texts.CHANGES.format(shown=min(CHANGES, len(changes)), all=len(changes)), _changes(changes))
+        )
     if replays:
-        parts.append(Part("One test that changed", texts.PAIR, replays=tuple(replays)))
+        parts.append(Part("Tests that changed", texts.PAIR, replays=tuple(replays)))
     return Section("Verdict", (texts.VERDICT,), tuple(parts))
+
+
+def _pairs(comparison: Comparison) -> Table:
+    rows = tuple(
+        (pair.version, pair.against, str(len(pair.fixes)), str(len(pair.regressions)), f"{pair.p_value:.2g}") for pair in comparison.pairs
+    )
+    return Table(("version", "against", "only the second fails", "only the first fails", "p"), rows)
+
+
+def _regions(comparison: Comparison) -> Table:
+    names = [result.version for result in comparison.versions]
+    rows = tuple((r.name, r.rule, str(r.tests), *(str(r.failures[name]) for name in names)) for r in comparison.regions)
+    return Table(("region", "rule", "tests inside", *names), rows, codes=(1,))
+
+
+def _changes(changes: pd.DataFrame) -> Table:
+    # Regressions first: they are what a person must look at before a version is released.
+    ordered = changes.sort_values(["change", "version"], kind="stable").head(CHANGES)
+    rows = tuple(
+        (
+            f"{row['scenario']}-{row['index']:05d}",
+            row["version"],
+            row["change"],
+            f"{row['adj_ttc_s_before']:.2f} to {row['adj_ttc_s_after']:.2f} s",
+            f"{row['failure_mode_before']} to {row['failure_mode_after']}".replace("_", " "),
+            f"{row['false_positives_before']} to {row['false_positives_after']}",
+        )
+        for row in ordered.to_dict("records")
+    )
+    return Table(("test", "version", "change", "adj. TTC", "failure mode", "false positives"), rows, numbers=(3,))
 
 
 def search_section(
@@ -116,14 +160,16 @@ def regions_section(found: Sequence[FailureRegions], plots: Mapping[str, Drawing
     for regions in found:
         summary = (
             f"{regions.failures} of {regions.tests} tests fail ({100 * regions.base_rate:.1f} %); regions: {len(regions.regions)}, "
-            f"failures in none of them: {len(regions.unassigned)}. Connected sets of failures (Def. 4.19): {regions.connected}."
+            f"failures in none of them: {len(regions.unassigned)}. Connected sets of failures (Def. 4.19): {regions.connected}. "
+            f"Not solvable by this camera: {len(regions.not_solvable)}."
         )
-        headers = ("region", "rule", "failures", "fail inside rule", "covers", "how", "found by")
+        headers = ("region", "rule", "failures", "not solvable", "fail inside rule", "covers", "how", "found by")
         rows = tuple(
             (
                 region.name,
                 region.rule,
                 str(len(region.members)),
+                str(len(set(region.members) & set(regions.not_solvable))),
                 f"{region.failures_inside} / {region.support} = {percent(region.precision)}",
                 f"{100 * region.recall:.0f} %",
                 ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in region.modes if count),
@@ -131,14 +177,16 @@ def regions_section(found: Sequence[FailureRegions], plots: Mapping[str, Drawing
             )
             for region in regions.regions
         )
-        table = Table(headers, rows, numbers=(3,), codes=(1,)) if rows else None
+        table = Table(headers, rows, numbers=(4,), codes=(1,)) if rows else None
         drawings = (plots[regions.scenario],) if regions.failures else ()
         text = summary if regions.failures else f"{summary} {texts.NO_FAILURES}"
         parts.append(Part(regions.label, text, table, drawings, tuple(replays.get(regions.scenario, ()))))
     return Section("Failure regions", (texts.REGIONS,), tuple(parts))
 
 
-def data_section(filters: Mapping[str, pd.DataFrame], cards: Sequence[ModelCard], plots: Sequence[Drawing]) -> Section:
+def data_section(
+    filters: Mapping[str, pd.DataFrame], cards: Sequence[ModelCard], border: Sequence[Drawing], plots: Sequence[Drawing]
+) -> Section:
     """What the versions were trained on and how well they detect in single images."""
     names = list(filters)
     reasons = list(dict.fromkeys([*REASONS, *(str(r) for table in filters.values() for r in table["reason"].unique())]))
@@ -152,6 +200,7 @@ def data_section(filters: Mapping[str, pd.DataFrame], cards: Sequence[ModelCard]
         "Frames from the search",
         texts.FRAMES,
         Table(("frames", *names), tuple(rows), numbers=tuple(range(1, len(names) + 1))),
+        tuple(border),
     )
     headers = ("version", "parent", "parameters", *METRICS.values(), "false positives an image", "weights")
     cells = tuple(

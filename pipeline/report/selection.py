@@ -9,7 +9,7 @@ from itertools import zip_longest
 import pandas as pd
 
 from pipeline.artefacts.points import concrete
-from pipeline.artefacts.results import Comparison, FailureRegions
+from pipeline.artefacts.results import Comparison, FailureRegions, Paired
 from pipeline.core.space import Space
 from pipeline.protocols import Value
 
@@ -47,24 +47,31 @@ def choose_regions(found: Sequence[FailureRegions], version: str, limit: int) ->
     return [chosen for turn in zip_longest(*queues) for chosen in turn if chosen is not None][:limit]
 
 
-def choose_pair(comparison: Comparison, table: pd.DataFrame, spaces: Mapping[str, Space]) -> list[Chosen]:
-    """A test whose outcome differs between base and another version, with both: a fix of the champion if it has one.
+def choose_pairs(comparison: Comparison, table: pd.DataFrame, spaces: Mapping[str, Space]) -> list[Chosen]:
+    """A repair and a regression of one retrained version, the champion if it is one, each with base and that version, in this order.
 
     table: rows of comparison.parquet. Empty if no version changes any outcome.
     """
     ranked = sorted((r for r in comparison.versions if r.paired), key=lambda r: (r.version != comparison.champion, r.failures))
     for result in ranked:
         assert result.paired is not None
-        names = result.paired.fixes or result.paired.regressions
-        if not names:
-            continue
-        scenario, index = names[0].rsplit("-", 1)
-        rows = table[(table["scenario"] == scenario) & (table["index"] == int(index))].set_index("version")
-        what = "fixes" if result.paired.fixes else "breaks"
-        reason = f"{result.version} {what} this test of the held-out sequence."
-        label = comparison.scenarios[scenario]
-        return [
-            Chosen(scenario, v, f"{label} · {comparison.strategy} · {index} · {v}", reason, concrete(rows.loc[v], spaces[scenario]))
-            for v in (result.paired.against, result.version)
-        ]
+        if result.paired.fixes or result.paired.regressions:
+            changes = (("repairs", result.paired.fixes), ("breaks", result.paired.regressions))
+            return [test for what, names in changes for test in _both(comparison, result.paired, what, names[:1], table, spaces)]
     return []
+
+
+def _both(
+    comparison: Comparison, paired: Paired, what: str, names: Sequence[str], table: pd.DataFrame, spaces: Mapping[str, Space]
+) -> list[Chosen]:
+    chosen = []
+    for name in names:
+        scenario, index = name.rsplit("-", 1)
+        rows = table[(table["scenario"] == scenario) & (table["index"] == int(index))].set_index("version")
+        reason = f"{paired.version} {what} this test of the held-out sequence."
+        label = comparison.scenarios[scenario]
+        chosen += [
+            Chosen(scenario, v, f"{label} · {comparison.strategy} · {index} · {v}", reason, concrete(rows.loc[v], spaces[scenario]))
+            for v in (paired.against, paired.version)
+        ]
+    return chosen

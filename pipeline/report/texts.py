@@ -15,9 +15,27 @@ MODES = _prose("""
     A test fails when the adjusted time-to-collision (adj. TTC), which false positives divide (Eq. 5.3), drops to the threshold. By TTC
     alone counts the failures that would remain without that division.
 """)
+TABLE = _prose("""
+    Failures on each held-out scenario: means over the seeds of retraining with bootstrap intervals where there are several. Beside it,
+    what thesis Table 7.2 counts for F1* to F4* with another simulator, detector and number of tests: D_o 21, 69, 40, 25; D_r 11, 5, 44,
+    6; D_a 6, 4, 25, 3. In our words D_o is base, D_r random and D_a adaptive.
+""")
+PAIRS = _prose("""
+    Exact McNemar tests on the tests that both executed.
+""")
+ROUNDS = _prose("""
+    Each round searches the newest versions, filters what was kept and retrains; control has the same steps without new data.
+""")
+HELD_OUT_REGIONS = _prose("""
+    Where the base fails on the held-out sequence, and how many of the tests inside each rule the versions fail.
+""")
+CHANGES = _prose("""
+    Tests that one of base and a retrained version fails and the other passes, regressions first; {shown} of {all}, the others are in
+    changes.csv.
+""")
 PAIR = _prose("""
-    The same concrete scenario with two versions. Blue: where the pedestrian is; red: what the detector reports, with its score. The
-    purple line is the time-to-collision so far, divided by the false positives so far.
+    The same concrete scenario with two versions, side by side. Blue: where the pedestrian is; red: what the detector reports, with its
+    score. The purple line is the time-to-collision so far, divided by the false positives so far.
 """)
 SEARCH = _prose("""
     Each strategy had the same number of tests to find failures of the base detector. Intervals are {confidence:g} %: Wilson's for
@@ -39,7 +57,9 @@ WHITE_BOX = _prose("""
 """)
 REGIONS = _prose("""
     Failures that lie close together in the scenario space form a region. Its rule describes it in a few conditions that hold its failures
-    and few passing tests. It was fitted to these very tests, so its precision is optimistic: confirm a rule with new tests inside it.
+    and few passing tests. It was fitted to these very tests, so its precision is optimistic: confirm a rule with new tests inside it. Not
+    solvable: full braking from the first frame on in which a person could see the pedestrian would have come too late, so that no detector
+    of single images could mend it with this camera.
 """)
 NO_FAILURES = _prose("""
     No test failed here, so there is nothing to group: test longer, or look at the smallest adj. TTC in the figures of the search.
@@ -63,6 +83,13 @@ FIGURES = {
     """),
     "coverage": _prose("""
         Left: how much of the scenario space was looked at. Right: how varied the failures are. The thin lines are intervals over seeds.
+    """),
+    "rounds": _prose("""
+        Tests of the held-out sequence that fail after each round; 0 is the base. Bars are intervals over the seeds of retraining.
+    """),
+    "border": _prose("""
+        Frames nearest to the filter's thresholds, in the middle of each crop the pedestrian: green ones were kept, red ones rejected.
+        Overrule what you would have judged otherwise.
     """),
     "detection": _prose("""
         Higher is better. A detector can be better in single images and still brake too late: the verdict above is what counts.

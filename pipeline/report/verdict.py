@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from pipeline.artefacts.results import Comparison, VersionResult
+from pipeline.artefacts.results import Comparison, Estimate, VersionResult
+from pipeline.lineage import Version
 
 HEADERS = ("version", "failures / tests", "change", "p", "verdict")
 
@@ -16,12 +19,10 @@ def verdict_rows(comparison: Comparison) -> list[tuple[str, ...]]:
 
 def verdict_table(comparison: Comparison, report: Path) -> str:
     """The table with a line on how to read it and, last, where to look next. report: path of the page."""
-    rows = [HEADERS, *verdict_rows(comparison)]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(HEADERS))]
-    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-    lines.insert(1, "  ".join("─" * width for width in widths))
     scenarios = " + ".join(comparison.scenarios.values())
-    lines.insert(0, f"Held out: {scenarios}, the same tests for every version\n")
+    lines = [f"Held out: {scenarios}, the same tests for every version\n", *_aligned([HEADERS, *verdict_rows(comparison)])]
+    if len(comparison.groups) < len(comparison.versions) or len(comparison.scenarios) > 1:
+        lines += ["", f"Failures by scenario, {_averaged(comparison)}\n", *_aligned([group_headers(comparison), *group_rows(comparison)])]
     lines += ["", *verdict_sentences(comparison), ""]
     lines.append(f"Look next: {report} (open it in a browser); ./run ui (MLflow: compare the versions of the model)")
     return "\n".join(lines)
@@ -30,13 +31,14 @@ def verdict_table(comparison: Comparison, report: Path) -> str:
 def verdict_sentences(comparison: Comparison) -> list[str]:
     """What the table says, in words."""
     method = f"p: exact McNemar test against base on the same tests; a difference counts at p ≤ {comparison.alpha:g}"
-    sentences = [f"★ champion: {comparison.champion}. {method}, otherwise none is shown; not corrected for three comparisons."]
+    sentences = [f"★ champion: {comparison.champion}. {method}, otherwise none is shown; not corrected for several comparisons."]
     sentences += [f"{version} {reason}." for version, reason in comparison.gate.items() if version != comparison.versions[0].version]
-    if comparison.adaptive_against_random is not None:
-        paired = comparison.adaptive_against_random
-        fixes, regressions = len(paired.fixes), len(paired.regressions)
-        outcome = f"passes {fixes} tests that random fails, fails {regressions} that random passes"
-        sentences.append(f"adaptive against random: {outcome} (p = {paired.p_value:.2g}).")
+    for result in comparison.versions:
+        other = str(replace(Version.named(result.version), kind="random"))
+        paired = comparison.pair(result.version, other) if result.version.startswith("adaptive") else None
+        if paired is not None:
+            outcome = f"passes {len(paired.fixes)} tests that {other} fails, fails {len(paired.regressions)} that {other} passes"
+            sentences.append(f"{result.version} against {other}: {outcome} (p = {paired.p_value:.2g}).")
     broken = {result.version: result.errors for result in comparison.versions if result.errors}
     if broken:
         counts = ", ".join(f"{count} of {version}" for version, count in broken.items())
@@ -52,3 +54,38 @@ def _row(result: VersionResult, champion: str) -> tuple[str, ...]:
     change = f"{result.change:+d}" if result.change else "0"
     detail = f"{change} ({len(result.paired.fixes)} fixed, {len(result.paired.regressions)} new)"
     return name, share, detail, f"{result.paired.p_value:.2g}", result.verdict
+
+
+def group_headers(comparison: Comparison) -> tuple[str, ...]:
+    """Of `group_rows`."""
+    return "version", *comparison.scenarios.values(), "all", "of base"
+
+
+def group_rows(comparison: Comparison) -> list[tuple[str, ...]]:
+    """Failures by scenario, as thesis Table 7.2: one row for the versions that differ by the seed of retraining alone."""
+    return [
+        (
+            group.group,
+            *(_counted(group.scenarios[name]) for name in comparison.scenarios),
+            _counted(group.failures),
+            "" if group.against_base is None else f"{group.against_base:.2f}",
+        )
+        for group in comparison.groups
+    ]
+
+
+def _averaged(comparison: Comparison) -> str:
+    seeds = max(len(group.versions) for group in comparison.groups)
+    return f"means over {seeds} seeds of retraining (bootstrap intervals)" if seeds > 1 else "one seed of retraining"
+
+
+def _counted(estimate: Estimate) -> str:
+    value = f"{estimate.value:.1f}".removesuffix(".0")
+    return value if estimate.low == estimate.high else f"{value} ({estimate.low:.0f}–{estimate.high:.0f})"
+
+
+def _aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:
+    """Lines of a table whose first row is the head."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    return [lines[0], "  ".join("─" * width for width in widths), *lines[1:]]

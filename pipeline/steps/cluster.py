@@ -9,11 +9,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from pipeline.artefacts.campaign import read_tests
+from pipeline.artefacts.campaign import read_signals, read_tests
 from pipeline.artefacts.points import concrete, encode_tests
 from pipeline.artefacts.results import Estimate, FailureRegion, FailureRegions, Representative, Role, write
 from pipeline.artefacts.space import ScenarioInfo, read_space
 from pipeline.config import Config
+from pipeline.core.braking import solvable
 from pipeline.core.distance import mixed_distance
 from pipeline.core.growth import readable_regions
 from pipeline.core.regions import NOISE, chance_radius, connected_failures, medoid
@@ -25,17 +26,22 @@ from pipeline.steps.measure import count_modes
 Progress = Callable[[int, int, str], None]
 Bools = NDArray[np.bool_]
 MIN_RULE_PRECISION = 0.75
+NEEDED = ["test_id", "ego_speed_mps", "conflict_distance_m", "visible_pixels", "contrast"]
 
 
 def run(config: Config, *, tests: Sequence[Path], space: Path, out: Path, progress: Progress) -> None:
     """Find the failure regions of one search scenario over all its campaigns.
 
-    tests: tests.parquet of each campaign of the scenario. Tests whose simulation broke are left out.
+    tests: tests.parquet of each campaign of the scenario, signals.parquet beside it. Tests whose simulation broke are left out.
     """
     info, logical = read_space(space)
     table = pd.concat([read_tests(path) for path in tests], ignore_index=True)
     table = table[table["status"] == "ok"].reset_index(drop=True)
     regions = cluster(info, logical, table, config.regions.chance_neighbours, config.regions.min_failures, config.comparison.confidence)
+    signals = pd.concat([read_signals(path.with_name("signals.parquet"), NEEDED) for path in tests], ignore_index=True)
+    failed = signals[signals["test_id"].isin(table.loc[table["failure"], "test_id"])]
+    seen = {test: solvable({name: rows[name].to_numpy() for name in NEEDED[1:]}) for test, rows in failed.groupby("test_id", sort=False)}
+    regions = regions.model_copy(update={"not_solvable": tuple(test for test, could in seen.items() if not could)})
     write(out, regions)
     progress(1, 1, f"{len(regions.regions)} regions of {regions.failures} failures in {regions.tests} tests")
 
@@ -61,6 +67,7 @@ def cluster(
         connected=len(np.unique(connected)),
         regions=tuple(regions),
         unassigned=tuple(tests.loc[failed & (labels == NOISE), "test_id"]),
+        not_solvable=(),
     )
 
 

@@ -4,22 +4,43 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
+from itertools import combinations
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from pipeline.artefacts.campaign import read_tests, write_tests
-from pipeline.artefacts.files import write_json
+from pipeline.artefacts.files import write_bytes, write_json
 from pipeline.artefacts.model import read_card
-from pipeline.artefacts.results import Comparison, Estimate, Measures, Paired, Verdict, VersionResult, read, write
-from pipeline.artefacts.space import read_space
+from pipeline.artefacts.points import encode_tests
+from pipeline.artefacts.results import (
+    Comparison,
+    Estimate,
+    GroupResult,
+    Measures,
+    Paired,
+    RegionResult,
+    ScenarioResult,
+    Verdict,
+    VersionResult,
+    read,
+    write,
+)
+from pipeline.artefacts.space import ScenarioInfo, read_space
 from pipeline.config import Config
-from pipeline.core.statistics import mcnemar, wilson_interval
+from pipeline.core.rules import find_rule
+from pipeline.core.space import Space
+from pipeline.core.statistics import bootstrap_interval, mcnemar, wilson_interval
+from pipeline.lineage import Version
 from pipeline.protocols import InputError
+from pipeline.steps.cluster import cluster
 from pipeline.steps.measure import campaign_key, count_modes
 
 Progress = Callable[[int, int, str], None]
-BASE, RANDOM, ADAPTIVE = "base", "random", "adaptive"
+CHANGED = ("adj_ttc_s", "failure_mode", "false_positives", "first_detection_m")
+"""KPIs beside a changed test, of before and after."""
+RESAMPLES_SEED = 0
 
 
 def run(
@@ -31,17 +52,19 @@ def run(
     measures: Path,
     out: Path,
     table: Path,
+    changes: Path,
     metrics: Path,
     progress: Progress,
 ) -> None:
-    """Compare the versions and write comparison.json, all their tests as comparison.parquet, and metrics.json.
+    """Compare the versions and write comparison.json, all their tests as comparison.parquet, those that changed as changes.csv, and
+    metrics.json.
 
     tests: tests.parquet of each held-out scenario and version. spaces: of the held-out scenarios. models: model.json of each
     version; their order is the order of the versions. measures: measures.json of the search.
 
     Raises InputError if the versions were not executed on the same points in the same order, or one has no campaign.
     """
-    infos = {info.name: (info.label, space) for info, space in map(read_space, spaces)}
+    infos = {info.name: (info, space) for info, space in map(read_space, spaces)}
     cards = [read_card(path) for path in models]
     tables = {}
     for done, path in enumerate(tests, 1):
@@ -52,10 +75,18 @@ def run(
     versions = [card.version for card in cards]
     digest = check_sequences(tables, {name: space.names for name, (_, space) in infos.items()}, versions)
     joined = pd.concat([tables[name, version] for name in infos for version in versions], ignore_index=True)
-    labels = {name: label for name, (label, _) in infos.items()}
-    result = compare(joined, labels, versions, digest, alpha=config.comparison.alpha, confidence=config.comparison.confidence)
+    labels = {name: info.label for name, (info, _) in infos.items()}
+    regions = [
+        region
+        for name, (info, space) in infos.items()
+        for region in held_out_regions(info, space, {version: tables[name, version] for version in versions}, config)
+    ]
+    settings = config.comparison
+    result = compare(joined, labels, versions, digest, regions, alpha=settings.alpha, confidence=settings.confidence)
     write(out, result)
     write_tests(table, joined, next(space for _, space in infos.values()))
+    variables = list(next(space for _, space in infos.values()).names)
+    write_bytes(changes, changed_tests(result, joined, variables).to_csv(index=False, lineterminator="\n", float_format="%.6g").encode())
     write_json(metrics, flat_metrics(result, read(measures, Measures), {card.version: card.metrics for card in cards}))
 
 
@@ -88,15 +119,25 @@ def _check_same(first: pd.DataFrame, other: pd.DataFrame, names: Sequence[str]) 
 
 
 def compare(
-    tests: pd.DataFrame, labels: Mapping[str, str], versions: Sequence[str], digest: str, *, alpha: float, confidence: float
+    tests: pd.DataFrame,
+    labels: Mapping[str, str],
+    versions: Sequence[str],
+    digest: str,
+    regions: Sequence[RegionResult] = (),
+    *,
+    alpha: float,
+    confidence: float,
 ) -> Comparison:
-    """Count, pair and judge. tests: rows of all versions and held-out scenarios; labels: scenario -> printed name."""
+    """Count, pair and judge. tests: rows of all versions and held-out scenarios; labels: scenario -> printed name; the first version
+    is the base.
+    """
     keyed = tests.assign(key=[f"{s}-{i:05d}" for s, i in zip(tests["scenario"], tests["index"], strict=True)])
     by_version = {version: keyed[keyed["version"] == version].set_index("key") for version in versions}
-    pairs = {v: pair(by_version[BASE], by_version[v], BASE, v) for v in versions if v != BASE}
-    results = tuple(_version(v, by_version[v], pairs.get(v), list(labels), alpha, confidence) for v in versions)
+    pairs = tuple(pair(by_version[first], by_version[second], first, second) for first, second in combinations(versions, 2))
+    against_base = {found.version: found for found in pairs if found.against == versions[0]}
+    reference = by_version[versions[0]]
+    results = tuple(_version(v, by_version[v], reference, against_base.get(v), list(labels), alpha, confidence) for v in versions)
     champion, reasons = gate(by_version, alpha)
-    both = RANDOM in by_version and ADAPTIVE in by_version
     return Comparison(
         strategy=str(tests["strategy"].iloc[0]),
         scenarios=dict(labels),
@@ -104,10 +145,73 @@ def compare(
         confidence=confidence,
         alpha=alpha,
         versions=results,
-        adaptive_against_random=pair(by_version[RANDOM], by_version[ADAPTIVE], RANDOM, ADAPTIVE) if both else None,
+        groups=group_results(results, confidence),
+        pairs=pairs,
+        regions=tuple(regions),
         champion=champion,
         gate=reasons,
     )
+
+
+def group_results(results: Sequence[VersionResult], confidence: float) -> tuple[GroupResult, ...]:
+    """Mean failures over the seeds of retraining, group by group (our form of thesis Table 7.2); the first result is the base."""
+    groups: dict[str, list[VersionResult]] = {}
+    for result in results:
+        groups.setdefault(result.group, []).append(result)
+    base = results[0].failures
+    return tuple(
+        GroupResult(
+            group=name,
+            round=members[0].round,
+            versions=tuple(member.version for member in members),
+            failures=(failures := _mean([member.failures for member in members], confidence)),
+            scenarios={s: _mean([member.scenarios[s].failures for member in members], confidence) for s in members[0].scenarios},
+            against_base=failures.value / base if base else None,
+        )
+        for name, members in groups.items()
+    )
+
+
+def _mean(counts: Sequence[int], confidence: float) -> Estimate:
+    low, high = bootstrap_interval(counts, np.random.default_rng(RESAMPLES_SEED), confidence)
+    return Estimate(value=float(np.mean(counts)), low=low, high=high)
+
+
+def held_out_regions(info: ScenarioInfo, space: Space, tests: Mapping[str, pd.DataFrame], config: Config) -> list[RegionResult]:
+    """The base's failure regions on one scenario of the sequence, and the failures of every version inside their rules.
+
+    tests: version -> its rows by index; the first is the base.
+    """
+    base = next(iter(tests.values()))
+    valid = base[base["status"] == "ok"].reset_index(drop=True)
+    section = config.regions
+    found = cluster(info, space, valid, section.chance_neighbours, section.min_failures, config.comparison.confidence)
+    points, results = encode_tests(base, space), []
+    for region in found.regions:
+        members = valid["test_id"].isin(region.members).to_numpy()
+        inside = find_rule(space, encode_tests(valid, space), valid["failure"].to_numpy(bool), members).holds(points)
+        failures = {version: int((rows["failure"].to_numpy(bool) & inside).sum()) for version, rows in tests.items()}
+        results.append(RegionResult(scenario=info.name, name=region.name, rule=region.rule, tests=int(inside.sum()), failures=failures))
+    return results
+
+
+def changed_tests(comparison: Comparison, tests: pd.DataFrame, variables: Sequence[str]) -> pd.DataFrame:
+    """Every test that a version passes and the base fails (`repair`) or the other way round (`regression`), with the KPI of both."""
+    keyed = tests.set_index(["version", "scenario", "index"])
+    base = comparison.versions[0].version
+    rows = []
+    for result in comparison.versions:
+        changes = [] if result.paired is None else [("regression", result.paired.regressions), ("repair", result.paired.fixes)]
+        for change, names in changes:
+            for name in names:
+                scenario, index = name.rsplit("-", 1)
+                before, after = (keyed.loc[(version, scenario, int(index))] for version in (base, result.version))
+                row = {"version": result.version, "against": base, "change": change, "scenario": scenario, "index": int(index)}
+                row |= {f"{name}_before": before[name] for name in CHANGED} | {f"{name}_after": after[name] for name in CHANGED}
+                rows.append(row | {name: before[name] for name in variables})
+    columns = ["version", "against", "change", "scenario", "index"]
+    columns += [f"{name}_{when}" for when in ("before", "after") for name in CHANGED]
+    return pd.DataFrame(rows, columns=[*columns, *variables])
 
 
 def pair(before: pd.DataFrame, after: pd.DataFrame, against: str, version: str) -> Paired:
@@ -126,23 +230,45 @@ def pair(before: pd.DataFrame, after: pd.DataFrame, against: str, version: str) 
 
 
 def _version(
-    version: str, tests: pd.DataFrame, paired: Paired | None, scenarios: Sequence[str], alpha: float, confidence: float
+    version: str,
+    tests: pd.DataFrame,
+    reference: pd.DataFrame,
+    paired: Paired | None,
+    scenarios: Sequence[str],
+    alpha: float,
+    confidence: float,
 ) -> VersionResult:
     valid = tests[tests["status"] == "ok"]
-    failures = int(valid["failure"].sum())
-    low, high = wilson_interval(failures, len(valid), confidence)
+    described = Version.named(version)
     return VersionResult(
         version=version,
+        group=described.group,
+        round=described.round,
         tests=len(valid),
         errors=len(tests) - len(valid),
-        failures=failures,
+        failures=int(valid["failure"].sum()),
         modes=count_modes(valid),
-        by_scenario={name: int(valid.loc[valid["scenario"] == name, "failure"].sum()) for name in scenarios},
-        rate=Estimate(value=failures / max(1, len(valid)), low=low, high=high),
+        scenarios={name: _scenario(version, tests, reference, paired, name, confidence) for name in scenarios},
+        rate=_rate(valid, confidence),
         change=0 if paired is None else len(paired.regressions) - len(paired.fixes),
         paired=paired,
         verdict=judge(paired, alpha),
     )
+
+
+def _scenario(
+    version: str, tests: pd.DataFrame, reference: pd.DataFrame, paired: Paired | None, name: str, confidence: float
+) -> ScenarioResult:
+    rows = tests[tests["scenario"] == name]
+    valid = rows[rows["status"] == "ok"]
+    part = None if paired is None else pair(reference[reference["scenario"] == name], rows, paired.against, version)
+    return ScenarioResult(tests=len(valid), failures=int(valid["failure"].sum()), rate=_rate(valid, confidence), paired=part)
+
+
+def _rate(valid: pd.DataFrame, confidence: float) -> Estimate:
+    failures = int(valid["failure"].sum())
+    low, high = wilson_interval(failures, len(valid), confidence)
+    return Estimate(value=failures / max(1, len(valid)), low=low, high=high)
 
 
 def judge(paired: Paired | None, alpha: float) -> Verdict:

@@ -24,12 +24,14 @@ from pipeline.core.space import Space
 from pipeline.protocols import Detector, Simulator
 from pipeline.report import plots as draw
 from pipeline.report import sections, texts
+from pipeline.report.border import Case, cases, nearest
 from pipeline.report.page import Drawing, Film, Page, render
 from pipeline.report.replays import draw_replay, most_telling_frame, render_replay
-from pipeline.report.selection import Chosen, choose_pair, choose_regions
+from pipeline.report.selection import Chosen, choose_pairs, choose_regions
 from pipeline.report.style import data_uri, save_png, svg
 
 Progress = Callable[[int, int, str], None]
+BORDER_CASES = 32
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,7 @@ class Study:
     white_box: WhiteBoxMeasures
     comparison: Comparison
     table: pd.DataFrame
+    changes: pd.DataFrame
     regions: tuple[FailureRegions, ...]
     tests: Mapping[str, pd.DataFrame]
     spaces: Mapping[str, Space]
@@ -47,6 +50,7 @@ class Study:
     filters: Mapping[str, pd.DataFrame]
     cards: tuple[ModelCard, ...]
     detectors: Mapping[str, Path]
+    border: tuple[Case, ...]
 
 
 def run(
@@ -56,6 +60,7 @@ def run(
     white_box: Path,
     comparison: Path,
     table: Path,
+    changes: Path,
     regions: Sequence[Path],
     tests: Sequence[Path],
     spaces: Sequence[Path],
@@ -68,8 +73,9 @@ def run(
 ) -> None:
     """Write report.html and its plots.
 
-    table: comparison.parquet. regions, spaces: of the search scenarios. tests: tests.parquet of the search campaigns. models, detectors:
-    model.json and model.onnx of each version, in the same order. plots: folder for <name>.png.
+    table: comparison.parquet. changes: changes.csv. regions, spaces: of the search scenarios. tests: tests.parquet of the search campaigns,
+    frames.parquet beside each. models, detectors: model.json and model.onnx of each version, in the same order. plots: folder for
+    <name>.png.
     """
     infos = {info.name: (info.label, space) for info, space in map(read_space, spaces)}
     rows = pd.concat([read_tests(path) for path in tests], ignore_index=True)
@@ -79,6 +85,7 @@ def run(
         white_box=read(white_box, WhiteBoxMeasures),
         comparison=read(comparison, Comparison),
         table=read_tests(table),
+        changes=pd.read_csv(changes),
         regions=tuple(read(path, FailureRegions) for path in regions),
         tests={name: rows[rows["scenario"] == name] for name in infos},
         spaces={name: space for name, (_, space) in infos.items()},
@@ -86,6 +93,7 @@ def run(
         filters={path.stem: read_filter(path) for path in filters},
         cards=cards,
         detectors=dict(zip((card.version for card in cards), detectors, strict=True)),
+        border=border_cases(config, filters, tests),
     )
     figures = draw_figures(study, list(config.strategies), config.campaign.failure_threshold_s)
     for name, figure in figures.items():
@@ -94,17 +102,28 @@ def run(
     write_bytes(out, render(page).encode())
 
 
+def border_cases(config: Config, filters: Sequence[Path], tests: Sequence[Path]) -> tuple[Case, ...]:
+    """The frames nearest to the filter's border, of all strategies whose frames were filtered."""
+    judged = pd.concat([read_filter(path) for path in filters], ignore_index=True)
+    rows = nearest(judged, config.filter.min_visible_pixels, config.filter.min_contrast, BORDER_CASES)
+    return tuple(cases(rows, [path.with_name("frames.parquet") for path in tests]))
+
+
 def draw_figures(study: Study, strategies: Sequence[str], threshold_s: float) -> dict[str, Figure]:
     """Every figure of the report by the name of its file."""
-    versions = [result.version for result in study.comparison.versions]
+    groups = {result.version: result.group for result in study.comparison.versions}
+    pooled = study.table.assign(version=study.table["version"].map(groups))
     metrics = {card.version: card.metrics for card in study.cards}
     figures = {
         "comparison": draw.comparison_bars(study.comparison),
-        "histogram": draw.kpi_histogram(study.table, versions, threshold_s),
+        "histogram": draw.kpi_histogram(pooled, list(dict.fromkeys(groups.values())), study.comparison.scenarios, threshold_s),
         "theta": draw.theta_curves(study.measures, study.labels),
         "coverage": draw.coverage_bars(study.measures, study.labels),
         "detection": draw.detection_bars(metrics, sections.METRICS),
+        "border": draw.border_sheet(study.border),
     }
+    if max(result.round for result in study.comparison.versions) > 1:
+        figures["rounds"] = draw.failures_by_round(study.comparison)
     for regions in study.regions:
         name, tests = regions.scenario, study.tests[regions.scenario]
         figures[f"kpi_{name}"] = draw.kpi_scatter(tests, strategies, regions.label, threshold_s)
@@ -119,7 +138,7 @@ def _drawing(figures: Mapping[str, Figure], name: str) -> Drawing:
 def make_page(config: Config, study: Study, figures: Mapping[str, Figure], progress: Progress) -> Page:
     """The page with its replays, which are re-simulated: the same test gives the same frames."""
     spaces = dict(study.spaces) | {name: config.space(name) for name in config.held_out}
-    pair = choose_pair(study.comparison, study.table, spaces) if config.report.replays >= 2 else []
+    pair = choose_pairs(study.comparison, study.table, spaces)[: config.report.replays // 2 * 2]
     base = study.comparison.versions[0].version
     chosen = choose_regions(study.regions, base, config.report.replays - len(pair))
     films = film_all(config, [*pair, *chosen], study.detectors, spaces, progress)
@@ -132,13 +151,17 @@ def make_page(config: Config, study: Study, figures: Mapping[str, Figure], progr
         headline=sections.headline(study.comparison),
         sections=(
             sections.verdict_section(
-                study.comparison, [_drawing(figures, "comparison"), _drawing(figures, "histogram")], films[: len(pair)]
+                study.comparison,
+                study.changes,
+                [_drawing(figures, "comparison"), _drawing(figures, "histogram")],
+                [_drawing(figures, name) for name in ("rounds",) if name in figures],
+                films[: len(pair)],
             ),
             sections.regions_section(study.regions, {name: _drawing(figures, f"failures_{name}") for name in study.labels}, by_scenario),
             sections.search_section(
                 study.measures, study.white_box, study.labels, [_drawing(figures, "theta"), *kpi], [_drawing(figures, "coverage")]
             ),
-            sections.data_section(study.filters, study.cards, [_drawing(figures, "detection")]),
+            sections.data_section(study.filters, study.cards, [_drawing(figures, "border")], [_drawing(figures, "detection")]),
         ),
     )
 

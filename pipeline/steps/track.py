@@ -90,12 +90,17 @@ def comparison_content(study: str, comparison: Comparison, plots: Sequence[Path]
 def version_metrics(result: VersionResult) -> dict[str, float]:
     """A version's numbers on the held-out sequence; `failures.<scenario>` beside the total."""
     metrics = {"failures": result.failures, "failures_by_ttc": result.modes.by_ttc, "tests": result.tests, "errors": result.errors}
-    metrics |= {f"failures.{scenario}": count for scenario, count in result.by_scenario.items()}
+    metrics |= {f"failures.{scenario}": count for scenario, count in failures_by_scenario(result).items()}
     rates = {"failure_rate": result.rate.value}
     if result.paired is not None:
         rates |= {"p_value_against_base": result.paired.p_value, "change_against_base": float(result.change)}
         metrics |= {"fixes": len(result.paired.fixes), "regressions": len(result.paired.regressions)}
     return {**{name: float(value) for name, value in metrics.items()}, **rates}
+
+
+def failures_by_scenario(result: VersionResult) -> dict[str, int]:
+    """Failures of a version on each held-out scenario."""
+    return {name: part.failures for name, part in result.scenarios.items()}
 
 
 def _register(tracker: Tracker, config: Config, card: ModelCard, path: Path, comparison: Comparison, plots: Sequence[Path]) -> Content:
@@ -104,7 +109,7 @@ def _register(tracker: Tracker, config: Config, card: ModelCard, path: Path, com
     tags = {"study": config.study, "version": card.version, "verdict": result.verdict, "failures": str(result.failures)}
     tags |= {"gate": comparison.gate[card.version]}
     tags |= {"failures_by_ttc": str(result.modes.by_ttc), "tests": str(result.tests)}
-    tags |= {f"failures.{scenario}": str(count) for scenario, count in result.by_scenario.items()}
+    tags |= {f"failures.{scenario}": str(count) for scenario, count in failures_by_scenario(result).items()}
     files = [file for name in ("weights.safetensors", "model.onnx", "model.json") if (file := path.with_name(name)).exists()]
     text = f"{card.version} of study {config.study}: {result.failures} failures in {result.tests} held-out tests ({result.verdict})."
     number = tracker.register(config.tracking.model_name, content, files, tags, text)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.artefacts.campaign import FRAMES, TESTS, write_frames, write_tests
+from pipeline.artefacts.campaign import FRAMES, SIGNAL_COLUMNS, TESTS, write_frames, write_signals, write_tests
 from pipeline.artefacts.dataset import encode_jpeg
 from pipeline.artefacts.model import ModelCard, write_card
 from pipeline.artefacts.results import WhiteBoxMeasures, WhiteBoxSet, write
@@ -17,6 +17,7 @@ from pipeline.artefacts.space import write_space
 from pipeline.config import Config, compose
 from pipeline.core.samplers.pairwise import PairwiseSampler
 from pipeline.core.space import Floats, Space
+from pipeline.protocols import SIGNALS
 from pipeline.steps import cluster, compare, filter, measure
 
 VERSIONS = ("base", "control", "random", "adaptive")
@@ -82,6 +83,21 @@ def make_frames(tests: pd.DataFrame) -> pd.DataFrame:
         if name not in frames:
             frames[name] = [IMAGES[step] for step in frames["step"]] if name == "image" else (0 if str(kind) == "int64" else 0.0)
     return frames[[name for name, _, _ in FRAMES]]
+
+
+def make_signals(tests: pd.DataFrame) -> pd.DataFrame:
+    """Rows of signals.parquet: two steps a test; the pedestrian shows at the first, 20 m away in even tests and 2 m away in odd ones."""
+    rows = pd.DataFrame({"test_id": np.repeat(tests["test_id"], 2), "step": [0, 1] * len(tests)})
+    for name in SIGNAL_COLUMNS[2:]:
+        rows[name] = SIGNALS[name](0)
+    first = rows["step"] == 0
+    near = np.repeat(tests["index"].to_numpy() % 2 == 1, 2)
+    return rows.assign(
+        ego_speed_mps=10.0,
+        conflict_distance_m=np.where(near, 2.0, 20.0),
+        visible_pixels=np.where(first, 500, 0),
+        contrast=np.where(first, 40.0, 0.0),
+    )
 
 
 @dataclass
@@ -170,6 +186,7 @@ class Study:
             measures=self.root / "measures.json",
             out=self.root / "comparison.json",
             table=self.root / "comparison.parquet",
+            changes=self.root / "changes.csv",
             metrics=self.root / "metrics.json",
             progress=silent,
         )
@@ -184,6 +201,7 @@ class Study:
         tests = make_tests(space, keys, points)
         write_tests(path, tests, space)
         write_frames(path.with_name("frames.parquet"), make_frames(tests.head(6)))
+        write_signals(path.with_name("signals.parquet"), make_signals(tests))
 
     def _held_out(self, name: str) -> None:
         space, count = self.config.space(name), self.config.comparison.tests

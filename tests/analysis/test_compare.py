@@ -5,16 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from pipeline.artefacts.campaign import read_tests, write_tests
 from pipeline.artefacts.files import read_json
 from pipeline.artefacts.results import Comparison, Paired, read
+from pipeline.artefacts.space import ScenarioInfo
+from pipeline.config import compose
 from pipeline.protocols import InputError
 from pipeline.report.verdict import verdict_table
 from pipeline.steps import compare
 from tests.analysis.fabricated import Study
+from tests.spaces import SMALL
 
 LABELS = {"F1star": "F1*"}
 
@@ -59,7 +63,7 @@ def test_counts_pairs_and_exact_p_value() -> None:
 
 
 def test_verdicts() -> None:
-    result = compared(base="cccccc......", better="............", worse="cccccccccccc")
+    result = compared(base="cccccc......", control="............", random="cccccccccccc")
     assert [version.verdict for version in result.versions] == ["baseline", "better", "worse"]
 
 
@@ -101,12 +105,50 @@ def test_nothing_different_is_no_difference() -> None:
     assert compare.judge(Paired(version="a", against="b", tests=9, fixes=(), regressions=(), p_value=0.01), 0.05) == "no difference shown"
 
 
-def test_adaptive_against_random() -> None:
+def test_every_pair_is_tested() -> None:
     result = compared(base="....", random="ccc.", adaptive="c..c")
-    paired = result.adaptive_against_random
+    paired = result.pair("adaptive", "random")
     assert paired is not None
-    assert (paired.against, len(paired.fixes), len(paired.regressions)) == ("random", 2, 1)
-    assert compared(base="..", control="..").adaptive_against_random is None
+    assert (len(paired.fixes), len(paired.regressions)) == (2, 1)
+    assert [(p.version, p.against) for p in result.pairs] == [("random", "base"), ("adaptive", "base"), ("adaptive", "random")]
+    assert result.pair("random", "adaptive") is None
+
+
+def test_groups_average_over_the_seeds_of_retraining() -> None:
+    result = compared(**{"base": "cccc....", "adaptive": "c.......", "adaptive-s1": "ccc.....", "adaptive-r2": "........"})
+    base, first, second = result.groups
+    assert (base.group, base.failures.value, base.against_base) == ("base", 4, 1)
+    assert (first.versions, first.failures.value, first.against_base) == (("adaptive", "adaptive-s1"), 2, 0.5)
+    assert (first.failures.low, first.failures.high) == (1, 3) and first.scenarios["F1star"].value == 2
+    assert (second.group, second.round, second.failures.value) == ("adaptive-r2", 2, 0)
+    none = compared(base="....", adaptive="c...")
+    assert none.groups[1].against_base is None
+
+
+def test_changed_tests_are_listed_with_what_they_were_and_are() -> None:
+    tests = table({"base": "cc.", "adaptive": "c.f"}).assign(adj_ttc_s=0.5, false_positives=1, first_detection_m=9.0, fog=[10, 20, 30] * 2)
+    result = compare.compare(tests, LABELS, ["base", "adaptive"], "digest", alpha=0.05, confidence=0.95)
+    changes = compare.changed_tests(result, tests, ["fog"])
+    assert changes[["version", "change", "index", "failure_mode_before", "failure_mode_after", "fog"]].to_numpy().tolist() == [
+        ["adaptive", "regression", 2, "none", "false_positives", 30],
+        ["adaptive", "repair", 1, "contact", "none", 20],
+    ]
+    assert len(compare.changed_tests(compared(base="..."), tests, ["fog"])) == 0
+
+
+def test_failures_are_counted_in_the_regions_of_the_base() -> None:
+    points = SMALL.sample(200, np.random.default_rng(0))
+    points[:30] = points[0]
+    rows = pd.DataFrame([SMALL.decode(point) for point in points])
+    rows = rows.assign(index=range(200), status="ok", strategy="pairwise", seed=0, impact_speed_mps=0.0)
+    tests = {}
+    for version, failed in {"base": np.arange(200) < 30, "adaptive": np.isin(np.arange(200), [3, 4, 150])}.items():
+        modes = np.where(failed, "contact", "none")
+        ids = [f"F1star-pairwise-{version}-0-{i:05d}" for i in range(200)]
+        tests[version] = rows.assign(test_id=ids, failure=failed, failure_mode=modes, adj_ttc_s=np.where(failed, 0.0, 1.0))
+    (region,) = compare.held_out_regions(ScenarioInfo("F1star", "F1*", "", 100), SMALL, tests, compose("default", []))
+    assert (region.scenario, region.name) == ("F1star", "F1* region 1")
+    assert region.failures == {"base": 30, "adaptive": 2} and 30 <= region.tests < 60
 
 
 def test_step_on_files(tmp_path: Path) -> None:
@@ -115,6 +157,9 @@ def test_step_on_files(tmp_path: Path) -> None:
     assert [version.version for version in result.versions] == ["base", "control", "random", "adaptive"]
     assert result.champion == "adaptive"
     assert len(read_tests(tmp_path / "comparison.parquet")) == 4 * study.config.comparison.tests
+    assert result.versions[3].scenarios["F1star"].failures == result.versions[3].failures
+    changes = pd.read_csv(tmp_path / "changes.csv")
+    assert (changes["version"] == "adaptive").sum() == -result.versions[3].change
     metrics = read_json(tmp_path / "metrics.json")
     assert metrics["adaptive"]["failures"] == result.versions[3].failures
     assert metrics["base"]["ap50"] == 0.88

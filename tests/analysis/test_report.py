@@ -5,10 +5,12 @@ from __future__ import annotations
 import re
 from html.parser import HTMLParser
 
+import pandas as pd
 import pytest
 
 from pipeline.artefacts.results import Comparison, FailureRegions, read
-from pipeline.report.selection import choose_pair, choose_regions
+from pipeline.report.border import nearest
+from pipeline.report.selection import choose_pairs, choose_regions
 from pipeline.steps import report
 from tests.analysis.fabricated import Study, silent
 
@@ -36,6 +38,7 @@ def make(study: Study, replays: int) -> str:
         white_box=study.white_box,
         comparison=study.root / "comparison.json",
         table=study.root / "comparison.parquet",
+        changes=study.root / "changes.csv",
         regions=study.regions,
         tests=study.search_tests,
         spaces=study.search_spaces,
@@ -86,7 +89,7 @@ def test_same_study_gives_the_same_page(study: Study, page: str) -> None:
 def test_plots_are_written(study: Study, page: str) -> None:
     assert page
     names = {path.name for path in (study.root / "plots").iterdir()}
-    kinds = {"comparison", "histogram", "theta", "coverage", "detection", "kpi_F1", "kpi_F2", "failures_F1", "failures_F2"}
+    kinds = {"comparison", "histogram", "border", "theta", "coverage", "detection", "kpi_F1", "kpi_F2", "failures_F1", "failures_F2"}
     assert names == {f"{kind}.png" for kind in kinds}
 
 
@@ -98,12 +101,32 @@ def test_replays_are_shared_out(study: Study) -> None:
     assert choose_regions(found, "base", 0) == []
 
 
-def test_pair_is_a_fix_of_the_champion(study: Study) -> None:
+def test_pairs_are_a_repair_and_a_regression_of_the_champion(study: Study) -> None:
     comparison = read(study.root / "comparison.json", Comparison)
-    table = report.read_tests(study.root / "comparison.parquet")
-    before, after = choose_pair(comparison, table, {"F1star": study.config.space("F1star")})
+    table, spaces = report.read_tests(study.root / "comparison.parquet"), {"F1star": study.config.space("F1star")}
+    before, after = choose_pairs(comparison, table, spaces)
     assert (before.version, after.version) == ("base", comparison.champion)
     assert before.concrete == after.concrete
-    assert "fixes" in after.reason
+    assert "repairs" in after.reason
+    champion = next(v for v in comparison.versions if v.version == comparison.champion)
+    assert champion.paired is not None
+    broken = champion.paired.model_copy(update={"regressions": champion.paired.fixes[1:2]})
+    changed = comparison.model_copy(update={"versions": (comparison.versions[0], champion.model_copy(update={"paired": broken}))})
+    assert ["breaks" in chosen.reason for chosen in choose_pairs(changed, table, spaces)] == [False, False, True, True]
     same = comparison.model_copy(update={"versions": comparison.versions[:1]})
-    assert choose_pair(same, table, {}) == []
+    assert choose_pairs(same, table, {}) == []
+
+
+def test_border_cases_are_nearest_to_the_thresholds_half_of_them_kept() -> None:
+    rows = [("a", 31, 40, True), ("a", 32, 40, True), ("b", 300, 9, True), ("c", 500, 90, True), ("d", 29, 40, False), ("e", 400, 1, False)]
+    judged = pd.DataFrame(rows, columns=["test_id", "visible_pixels", "contrast", "kept"])
+    judged = judged.assign(step=range(6), reason=["visible"] * 4 + ["few_pixels", "low_contrast"])
+    chosen = nearest(judged, 30, 8, 4)
+    assert chosen["step"].tolist() == [0, 2, 4, 5]
+
+
+def test_not_solvable_failures_are_told(study: Study, page: str) -> None:
+    found = [read(path, FailureRegions) for path in study.regions]
+    assert all(int(test[-5:]) % 2 == 1 for regions in found for test in regions.not_solvable)
+    assert all(f"Not solvable by this camera: {len(regions.not_solvable)}." in page for regions in found)
+    assert any(regions.not_solvable for regions in found)

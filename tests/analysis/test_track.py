@@ -67,10 +67,10 @@ def test_registered_versions_carry_failures_and_lineage(study: Study) -> None:
     for result in comparison.versions:
         tags = versions[result.version].tags
         assert tags["failures"] == str(result.failures)
-        assert tags["failures.F1star"] == str(result.by_scenario["F1star"])
+        assert tags["failures.F1star"] == str(result.scenarios["F1star"].failures)
         run_data = store.get_run(versions[result.version].run_id).data
         assert run_data.metrics["failures"] == result.failures
-        assert run_data.metrics["failures.F1star"] == result.by_scenario["F1star"]
+        assert run_data.metrics["failures.F1star"] == result.scenarios["F1star"].failures
         assert run_data.params["parent"] == ("none" if result.version == "base" else "base")
         assert run_data.tags["data.base_set"] == "ab" * 32
         assert run_data.tags["mlflow.source.git.commit"]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.artefacts.results import Comparison, Estimate, Modes, Paired, Verdict, VersionResult
-from pipeline.report.verdict import HEADERS, verdict_rows, verdict_sentences, verdict_table
+from pipeline.artefacts.results import Comparison, Estimate, GroupResult, Modes, Paired, ScenarioResult, Verdict, VersionResult
+from pipeline.report.verdict import HEADERS, group_headers, group_rows, verdict_rows, verdict_sentences, verdict_table
 
 
 def paired(version: str, against: str, fixes: int, regressions: int, p_value: float) -> Paired:
@@ -15,6 +15,9 @@ def paired(version: str, against: str, fixes: int, regressions: int, p_value: fl
     )
 
 
+RATE = Estimate(value=0.1, low=0.0, high=1.0)
+
+
 def result(version: str, failures: int, verdict: Verdict, pair: Paired | None = None, errors: int = 0) -> VersionResult:
     return VersionResult(
         version=version,
@@ -22,12 +25,20 @@ def result(version: str, failures: int, verdict: Verdict, pair: Paired | None = 
         errors=errors,
         failures=failures,
         modes=Modes(contact=failures),
-        by_scenario={"F1star": failures},
-        rate=Estimate(value=failures / 150, low=0.0, high=1.0),
+        group=version.partition("-s")[0],
+        round=0 if version == "base" else 1,
+        scenarios={"F1star": ScenarioResult(tests=150 - errors, failures=failures, rate=RATE, paired=pair)},
+        rate=RATE,
         change=0 if pair is None else len(pair.regressions) - len(pair.fixes),
         paired=pair,
         verdict=verdict,
     )
+
+
+def group(name: str, low: float, high: float, ratio: float) -> GroupResult:
+    mean = Estimate(value=(low + high) / 2, low=low, high=high)
+    versions = (name,) if low == high else (name, f"{name}-s1")
+    return GroupResult(group=name, round=1, versions=versions, failures=mean, scenarios={"F1star": mean}, against_base=ratio)
 
 
 def comparison(*, errors: int = 0, against_random: bool = True) -> Comparison:
@@ -43,7 +54,9 @@ def comparison(*, errors: int = 0, against_random: bool = True) -> Comparison:
             result("random", 23, "no difference shown", paired("random", "base", 1, 4, 0.375), errors),
             result("adaptive", 8, "better", paired("adaptive", "base", 12, 0, 0.00048828125)),
         ),
-        adaptive_against_random=paired("adaptive", "random", 15, 0, 2 / 2**15) if against_random else None,
+        groups=(group("base", 20, 20, 1.0), group("adaptive", 6, 10, 0.4)),
+        pairs=(paired("adaptive", "random", 15, 0, 2 / 2**15),) if against_random else (),
+        regions=(),
         champion="adaptive",
         gate={"base": "the reference", "control": "held back: so", "random": "held back: so", "adaptive": "passes: so"},
     )
@@ -65,6 +78,12 @@ def test_columns_are_aligned_under_their_headers() -> None:
     for line, row in zip(lines[header + 2 : header + 6], verdict_rows(comparison()), strict=True):
         assert all(line[start:].startswith(cell) for start, cell in zip(starts, row, strict=True))
         assert line == line.rstrip()
+
+
+def test_failures_by_scenario_are_means_over_seeds() -> None:
+    assert group_headers(comparison()) == ("version", "F1*", "all", "of base")
+    assert group_rows(comparison()) == [("base", "20", "20", "1.00"), ("adaptive", "8 (6–10)", "8 (6–10)", "0.40")]
+    assert "means over 2 seeds of retraining" in verdict_table(comparison(), Path("report.html"))
 
 
 def test_first_line_names_the_scenario_and_last_where_to_look() -> None:

@@ -7,14 +7,13 @@ from collections.abc import Mapping
 import mujoco
 import numpy as np
 
+from pipeline.core.braking import BRAKE_LAG_S, FULL_BRAKE_MPS2
 from pipeline.layout import Town
 from pipeline.scenario import Actor
 
 from . import pedestrian, town, vehicles
 
 EGO_MASS_KG = 1500.0
-FULL_BRAKE_MPS2 = 8.0
-BRAKE_LAG_S = 0.1
 TIMESTEP_S = 0.005
 CAMERA_X_M, CAMERA_Z_M = 0.5, 1.35
 STREET_LIGHTS = 4

@@ -1,0 +1,33 @@
+"""How the ego brakes, and whether any detector could have stopped it in time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.core.kpi import MIN_CONTRAST, MIN_VISIBLE_PIXELS
+
+FULL_BRAKE_MPS2 = 8.0
+BRAKE_LAG_S = 0.1
+"""Of the first-order lag between demand and deceleration."""
+
+
+def stopping_distance(speed_mps: ArrayLike) -> NDArray[np.float64]:
+    """Metres until the ego stands under full braking, its lag included, from a speed in m/s."""
+    speed = np.asarray(speed_mps, dtype=float)
+    return np.asarray(speed * BRAKE_LAG_S + speed**2 / (2 * FULL_BRAKE_MPS2))
+
+
+def solvable(signals: Mapping[str, NDArray[Any]]) -> bool:
+    """Whether there was a time step at which a person could see the pedestrian and full braking would still have ended before it.
+
+    signals: columns of a test execution, (t,) each. A person sees what is not `kpi.barely_visible`. Where the answer is no, no detector
+    that judges single images as well as a person does could have mended the test with this camera: it is a limit of sensor and sight
+    line. That a pedestrian may clear the way by itself is left out of account.
+    """
+    visible = (np.asarray(signals["visible_pixels"]) >= MIN_VISIBLE_PIXELS) & (np.asarray(signals["contrast"]) >= MIN_CONTRAST)
+    in_time = np.asarray(signals["conflict_distance_m"]) > stopping_distance(signals["ego_speed_mps"])
+    return bool((visible & in_time).any())
