@@ -16,7 +16,7 @@ from pipeline.protocols import InputError
 
 Verdict = Literal["baseline", "better", "worse", "no difference shown"]
 Role = Literal["medoid", "worst", "furthest"]
-RunKind = Literal["campaign", "comparison", "model"]
+RunKind = Literal["study", "campaign", "comparison", "model"]
 ModelT = TypeVar("ModelT", bound="Result")
 
 

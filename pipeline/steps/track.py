@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import subprocess
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
 from pipeline.artefacts.campaign import read_tests
-from pipeline.artefacts.model import ModelCard, read_card
+from pipeline.artefacts.model import ModelCard, read_card, read_curve
 from pipeline.artefacts.results import CampaignMeasures, Comparison, Measures, TrackedRun, Tracking, VersionResult, read, write
 from pipeline.config import Config
 from pipeline.core.measures import failure_sequence
+from pipeline.report.verdict import verdict_table
 from pipeline.steps.measure import campaign_key, count_modes
-from pipeline.tracking import Content, Tracker
+from pipeline.tracking import Content, DataSet, Registration, Tracker
 
 Progress = Callable[[int, int, str], None]
 
@@ -39,24 +41,51 @@ def run(
     """
     measured, compared = read(measures, Measures), read(comparison, Comparison)
     by_campaign = {(c.scenario, c.strategy, c.version, c.seed): c for c in measured.campaigns}
-    contents = []
-    for path in campaigns:
-        tests = read_tests(path)
-        contents.append(campaign_content(config.study, tests, by_campaign.get(campaign_key(tests, path)), path))
-    contents.append(comparison_content(config.study, compared, plots))
     tracker = Tracker(store, artifacts, config.tracking.experiment, {"mlflow.source.git.commit": git_commit()})
-    steps = len(contents) + len(models)
-    for done, content in enumerate(contents, 1):
-        tracker.log(content)
-        progress(done, steps, content.name)
-    for done, path in enumerate(models, len(contents) + 1):
-        content = _register(tracker, config, read_card(path), path, compared, plots)
-        contents.append(content)
-        progress(done, steps, content.name)
-    runs = tuple(TrackedRun(name=c.name, kind=c.kind, digest=c.digest) for c in contents)
+    study = study_content(config)
+    parent = tracker.log(study)
+    contents, steps = [study], 1 + len(campaigns) + len(models)
+    runs: dict[str, dict[str, str]] = {}
+    for done, path in enumerate(campaigns, 1):
+        tests = read_tests(path)
+        key = campaign_key(tests, path)
+        contents.append(campaign_content(config.study, tests, by_campaign.get(key), path))
+        runs.setdefault(key[2], {})[tracker.log(contents[-1], parent)] = contents[-1].name
+        progress(done, steps, contents[-1].name)
+    contents.append(comparison_content(config.study, compared, [comparison, *plots]))
+    compared_run = tracker.log(contents[-1], parent)
+    versions = []
+    for done, path in enumerate(models, len(campaigns) + 2):
+        card = read_card(path)
+        registration = registration_of(config, card, path, compared, plots)
+        number, run_id = tracker.register(registration, parent)
+        tracker.link(registration.model, number, runs.get(card.version, {}))
+        if card.version == compared.champion:
+            tracker.set_alias(registration.model, "champion", number)
+        contents.append(registration.content)
+        versions.append(run_id)
+        progress(done, steps, registration.content.name)
+    text = "\n".join(["```", verdict_table(compared, comparison.with_name("report.html")), "```"])
+    for run_id in (parent, compared_run):
+        tracker.describe(run_id, text, versions)
+    tracked = tuple(TrackedRun(name=c.name, kind=c.kind, digest=c.digest) for c in contents)
     failures = {result.version: result.failures for result in compared.versions}
     name = config.tracking.model_name
-    write(out, Tracking(experiment=config.tracking.experiment, model=name, runs=runs, failures=failures, champion=compared.champion))
+    write(out, Tracking(experiment=config.tracking.experiment, model=name, runs=tracked, failures=failures, champion=compared.champion))
+
+
+def study_content(config: Config) -> Content:
+    """The study as the run above all others; its parameters are params.yaml's, without the scenarios' bodies, which are long."""
+    plain = {key: value for key, value in config.model_dump(mode="json").items() if key not in ("scenarios", "front_car")}
+    return Content(name=config.study, kind="study", params=dict(_flat(plain)))
+
+
+def _flat(plain: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
+    for key, value in plain.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", " ".join(map(str, value)) if isinstance(value, list) else str(value)
 
 
 def campaign_content(study: str, tests: pd.DataFrame, measured: CampaignMeasures | None, path: Path) -> Content:
@@ -74,7 +103,7 @@ def campaign_content(study: str, tests: pd.DataFrame, measured: CampaignMeasures
         kind="campaign",
         params={"study": study, "scenario": scenario, "strategy": strategy, "version": version, "seed": str(seed)},
         metrics={name: float(value) for name, value in metrics.items()},
-        series={"failures_found": [float(count) for count in theta]},
+        series={"failures_found": [(position, float(count)) for position, count in enumerate(theta, 1)]},
         files=[path],
     )
 
@@ -103,28 +132,37 @@ def failures_by_scenario(result: VersionResult) -> dict[str, int]:
     return {name: part.failures for name, part in result.scenarios.items()}
 
 
-def _register(tracker: Tracker, config: Config, card: ModelCard, path: Path, comparison: Comparison, plots: Sequence[Path]) -> Content:
+def registration_of(config: Config, card: ModelCard, path: Path, comparison: Comparison, plots: Sequence[Path]) -> Registration:
+    """A model version as it is registered; path: its model.json, the other files beside it."""
     result = next(r for r in comparison.versions if r.version == card.version)
-    content = model_content(config.study, card, result, plots)
     tags = {"study": config.study, "version": card.version, "verdict": result.verdict, "failures": str(result.failures)}
     tags |= {"gate": comparison.gate[card.version]}
     tags |= {"failures_by_ttc": str(result.modes.by_ttc), "tests": str(result.tests)}
     tags |= {f"failures.{scenario}": str(count) for scenario, count in failures_by_scenario(result).items()}
-    files = [file for name in ("weights.safetensors", "model.onnx", "model.json") if (file := path.with_name(name)).exists()]
-    text = f"{card.version} of study {config.study}: {result.failures} failures in {result.tests} held-out tests ({result.verdict})."
-    number = tracker.register(config.tracking.model_name, content, files, tags, text)
-    if card.version == comparison.champion:
-        tracker.set_alias(config.tracking.model_name, "champion", number)
-    return content
+    return Registration(
+        model=config.tracking.model_name,
+        content=model_content(config.study, card, result, path, plots),
+        files=[file for name in ("weights.safetensors", "model.onnx", "model.json") if (file := path.with_name(name)).exists()],
+        tags=tags,
+        description=f"{card.version} of {config.study}: {result.failures} failures in {result.tests} held-out tests ({result.verdict}).",
+    )
 
 
-def model_content(study: str, card: ModelCard, result: VersionResult, plots: Sequence[Path]) -> Content:
-    """A model version as a run: parameters of its training, lineage, detection metrics and failures."""
+def model_content(study: str, card: ModelCard, result: VersionResult, path: Path, plots: Sequence[Path]) -> Content:
+    """A model version as a run: parameters and curve of its training, the data it used, detection metrics and failures."""
     params = {"version": card.version, "parent": card.parent or "none", "parameters": str(card.parameters), "seed": str(card.seed)}
     params |= {f"training.{name}": str(value) for name, value in card.training.items()}
     tags: Mapping[str, str] = {"weights_sha256": card.weights_sha256, **{f"data.{name}": digest for name, digest in card.data.items()}}
-    metrics = {**card.metrics, **version_metrics(result)}
-    return Content(f"{study}/{card.version}", "model", params, metrics, {}, tags, plots)
+    curve = path.with_name("curve.csv")
+    looks = read_curve(curve) if curve.exists() else []
+    series = {
+        f"training.{name}": [(look.iteration, getattr(look, name)) for look in looks]
+        for name in ("learning_rate", "loss_scores", "loss_boxes", "ap50")
+        if looks
+    }
+    sets = {"base_set": f"data/{study}/base_set", "added": f"data/{study}/campaigns"}
+    data = [DataSet(name, card.data[name], source, "training") for name, source in sets.items() if name in card.data]
+    return Content(f"{study}/{card.version}", "model", params, {**card.metrics, **version_metrics(result)}, series, tags, plots, data)
 
 
 def git_commit() -> str:

@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from onnx import TensorProto, helper, numpy_helper
 
 from pipeline.artefacts.campaign import FRAMES, SIGNAL_COLUMNS, TESTS, write_frames, write_signals, write_tests
 from pipeline.artefacts.dataset import encode_jpeg
-from pipeline.artefacts.model import ModelCard, write_card
+from pipeline.artefacts.model import Look, ModelCard, write_card, write_curve
 from pipeline.artefacts.results import WhiteBoxMeasures, WhiteBoxSet, write
 from pipeline.artefacts.space import write_space
 from pipeline.config import Config, compose
@@ -98,6 +99,18 @@ def make_signals(tests: pd.DataFrame) -> pd.DataFrame:
         visible_pixels=np.where(first, 500, 0),
         contrast=np.where(first, 40.0, 0.0),
     )
+
+
+def make_onnx(score: float) -> bytes:
+    """A detector that sees one person in the middle of every image, with that score."""
+    image = helper.make_tensor_value_info("image", TensorProto.UINT8, ["images", 192, 320, 3])
+    outputs = [
+        helper.make_tensor_value_info(name, TensorProto.FLOAT, shape) for name, shape in {"boxes": [1, 1, 4], "scores": [1, 1]}.items()
+    ]
+    values = {"boxes": np.array([[[150, 80, 170, 120]]], np.float32), "scores": np.array([[score]], np.float32)}
+    nodes = [helper.make_node("Constant", [], [name], value=numpy_helper.from_array(value)) for name, value in values.items()]
+    model = helper.make_model(helper.make_graph(nodes, "one", [image], outputs), opset_imports=[helper.make_opsetid("", 17)], ir_version=9)
+    return bytes(model.SerializeToString())
 
 
 @dataclass
@@ -228,4 +241,5 @@ class Study:
         )
         write_card(path, card)
         path.with_name("weights.safetensors").write_bytes(f"weights {rank}".encode())
-        path.with_name("model.onnx").write_bytes(f"onnx {rank}".encode())
+        path.with_name("model.onnx").write_bytes(make_onnx(rank / 10))
+        write_curve(path.with_name("curve.csv"), [Look(10, 3e-4, 1.5, 0.3, 0.8), Look(20, 1e-5, 1.2, 0.2, 0.85)] if rank else [])

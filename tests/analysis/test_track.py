@@ -6,14 +6,16 @@ import os
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from pipeline.__main__ import main
 from pipeline.artefacts.files import read_json
 from pipeline.artefacts.model import read_card, write_card
 from pipeline.artefacts.results import Comparison, Tracking, read
+from pipeline.protocols import InputError
 from pipeline.steps import track
-from pipeline.tracking import Content, Tracker
+from pipeline.tracking import Content, Registration, Tracker
 from tests.analysis.fabricated import VERSIONS, Study, silent
 
 
@@ -57,7 +59,7 @@ def everything(study: Study) -> tuple[int, int, int]:
 
 
 def test_a_run_per_campaign_comparison_and_version(study: Study) -> None:
-    assert everything(study) == (8 + 4 + 1 + 4, 4, 4)
+    assert everything(study) == (1 + 8 + 4 + 1 + 4, 4, 4)
 
 
 def test_registered_versions_carry_failures_and_lineage(study: Study) -> None:
@@ -75,7 +77,7 @@ def test_registered_versions_carry_failures_and_lineage(study: Study) -> None:
         assert run_data.tags["data.base_set"] == "ab" * 32
         assert run_data.tags["mlflow.source.git.commit"]
         files = {path.name for path in Path(versions[result.version].source.removeprefix("file://")).iterdir()}
-        assert {"weights.safetensors", "model.onnx", "model.json"} <= files
+        assert {"weights.safetensors", "model.onnx", "model.json", "MLmodel"} <= files
     champion = store.get_model_version_by_alias("detector", "champion")
     assert champion.tags["version"] == comparison.champion
 
@@ -130,3 +132,68 @@ def test_versions_prints_the_failures_of_every_version(study: Study, capsys: pyt
     assert [row[2] for row in rows if row[-1] == "champion"] == [comparison.champion]
     assert main(["versions", "--store", "nowhere.db"]) == 2
     assert "nowhere.db: expected MLflow's database, found no file" in capsys.readouterr().err
+
+
+def test_runs_are_nested_under_the_study(study: Study) -> None:
+    store = client(study)
+    experiment = store.get_experiment_by_name("blindspot/default").experiment_id
+    (parent,) = store.search_runs([experiment], "attributes.run_name = 'default'")
+    children = store.search_runs([experiment], f"tags.`mlflow.parentRunId` = '{parent.info.run_id}'")
+    assert len({run.info.run_name for run in children}) == 8 + 4 + 1 + 4
+    assert parent.data.params["campaign.tests"] == "60" and parent.data.params["seeds"] == "0 1"
+    assert "adaptive ★" in parent.data.tags["mlflow.note.content"] and "#/compare-runs?runs=[%22" in parent.data.tags["mlflow.note.content"]
+
+
+def test_curves_have_their_iterations_and_runs_their_data(study: Study) -> None:
+    store = client(study)
+    versions = {v.tags["version"]: v for v in store.search_model_versions("name='detector'")}
+    run_id = versions["adaptive"].run_id
+    assert [(p.step, p.value) for p in store.get_metric_history(run_id, "training.ap50")] == [(10, 0.8), (20, 0.85)]
+    (data,) = store.get_run(run_id).inputs.dataset_inputs
+    assert (data.dataset.name, data.dataset.digest, data.tags[0].value) == ("base_set", "ab" * 16, "training")
+
+
+def test_versions_and_campaigns_name_each_other(study: Study) -> None:
+    store = client(study)
+    versions = {v.tags["version"]: v for v in store.search_model_versions("name='detector'")}
+    base, adaptive = versions["base"], versions["adaptive"]
+    assert adaptive.tags["campaigns"] == "default/F1star/pairwise/adaptive/0"
+    assert len(base.tags["campaigns"].split()) == 8 + 1
+    for run_id in base.tags["campaign_runs"].split():
+        assert store.get_run(run_id).data.tags["model_version"] == f"detector/{base.version}"
+
+
+def test_a_registered_version_loads_and_detects(study: Study) -> None:
+    import mlflow
+
+    store = client(study)
+    (version,) = [v for v in store.search_model_versions("name='detector'") if v.tags["version"] == "random"]
+    model = mlflow.pyfunc.load_model(version.source)
+    assert [value.name for value in model.metadata.signature.inputs.inputs] == ["image"]
+    found = model.predict({"image": np.zeros((1, 192, 320, 3), np.uint8)})
+    assert found["boxes"].shape == (1, 1, 4) and found["scores"] == pytest.approx(0.2)
+
+
+def test_a_registration_that_was_cut_off_leaves_one_model_and_one_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tracker, file = Tracker(tmp_path / "m.db", tmp_path / "artifacts", "e", {}), tmp_path / "model.json"
+    file.write_text("{}")
+    registration = Registration("detector", Content("s/base", "model", metrics={"failures": 3.0}), [file], {"version": "base"}, "text")
+    for method in ("log_model_artifact", "finalize_logged_model", "create_model_version"):
+        with monkeypatch.context() as patch:
+            patch.setattr(tracker._client, method, lambda *_, **__: (_ for _ in ()).throw(KeyboardInterrupt))
+            with pytest.raises(KeyboardInterrupt):
+                tracker.register(registration)
+    first = tracker.register(registration)
+    assert tracker.register(registration) == first
+    store = tracker._client
+    assert len(store.search_model_versions("name='detector'")) == 1
+    assert len(store.search_logged_models([tracker._experiment])) == 1
+    assert len(store.search_runs([tracker._experiment])) == 1
+
+
+def test_a_server_that_is_not_there_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", "http://127.0.0.1:9")
+    monkeypatch.setenv("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "0")
+    with pytest.raises(InputError, match="MLflow at http://127.0.0.1:9 cannot be used"):
+        Tracker(tmp_path / "m.db", tmp_path / "artifacts", "e", {})
+    assert main(["versions"]) == 2

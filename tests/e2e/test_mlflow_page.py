@@ -18,7 +18,7 @@ from urllib.error import URLError
 import pytest
 from playwright.sync_api import Page, expect, sync_playwright
 
-from pipeline.tracking import Content, Tracker
+from pipeline.tracking import Content, Registration, Tracker
 
 SHOTS = Path("data/test-artefacts")
 FAILURES = {"base": 21, "control": 20, "random": 11, "adaptive": 6}
@@ -39,7 +39,8 @@ def register(root: Path) -> Path:
         model.write_text(version)
         metrics = {"failures": float(failures), "failures.F1star": float(failures), "ap50": 0.88}
         content = Content(f"default/{version}", "model", params={"version": version}, metrics=metrics)
-        number = tracker.register("detector", content, [model], {"version": version, "failures": str(failures)}, version)
+        tags = {"version": version, "failures": str(failures)}
+        number, _ = tracker.register(Registration("detector", content, [model], tags, version))
     tracker.set_alias("detector", "champion", number)
     return store
 

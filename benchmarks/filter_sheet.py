@@ -1,0 +1,93 @@
+"""The labelled sheet behind the filter's thresholds: what a person saw of 210 pedestrians around the border, and what the filter says.
+
+`python benchmarks/filter_sheet.py` prints the agreement of the thresholds, of others around them, and of other measures, with the labels
+of docs/filter-sheet. `--draw frames.parquet ...` draws sheets and an unlabelled table of a study's kept frames instead.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from pipeline.artefacts.campaign import read_frames
+from pipeline.artefacts.dataset import decode_jpeg
+from pipeline.core.kpi import MIN_CONTRAST, MIN_VISIBLE_PIXELS
+from pipeline.report.border import SIDES
+
+FOLDER = Path(__file__).resolve().parents[1] / "docs" / "filter-sheet"
+CASES, COLUMNS, ROWS = 210, 7, 6
+CONTEXT, TILE, CAPTION = 96, 176, 20
+PIXELS, CONTRAST = (6, 150), (2.0, 32.0)
+"""What counts as around the border, of the measure that decides; the other one is clearly above its threshold, or near it, too."""
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--draw", type=Path, nargs="+", metavar="frames.parquet", help="draw new sheets instead")
+    parser.add_argument("--out", type=Path, default=FOLDER, help="folder (default: %(default)s)")
+    options = parser.parse_args()
+    if options.draw:
+        draw(options.draw, options.out)
+    else:
+        agreement(pd.read_csv(options.out / "labels.csv"))
+
+
+def draw(frames: list[Path], out: Path) -> None:
+    """Write sheet-N.jpg and cases.csv: frames at the border, one a test, in a random order that hides which measure chose them."""
+    rows = pd.concat([read_frames(path) for path in frames], ignore_index=True)
+    pixels, contrast = rows["visible_pixels"], rows["contrast"]
+    small = pixels.between(*PIXELS) & (contrast >= CONTRAST[0])
+    faint = contrast.between(*CONTRAST) & (pixels >= MIN_VISIBLE_PIXELS)
+    rng = np.random.default_rng(0)
+    chosen = pd.concat([_spread(rows[small], "visible_pixels", CASES // 2, rng), _spread(rows[faint], "contrast", CASES, rng)])
+    chosen = chosen.drop_duplicates("test_id").head(CASES).sample(frac=1, random_state=0).reset_index(drop=True)
+    for first in range(0, len(chosen), COLUMNS * ROWS):
+        tiles = [tile(row, number) for number, row in chosen.iloc[first : first + COLUMNS * ROWS].iterrows()]
+        tiles += [np.full_like(tiles[0], 255)] * (-len(tiles) % COLUMNS)
+        sheet = np.vstack([np.hstack(tiles[i : i + COLUMNS]) for i in range(0, len(tiles), COLUMNS)])
+        cv2.imwrite(str(out / f"sheet-{first // (COLUMNS * ROWS) + 1}.jpg"), sheet[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])
+    chosen[["test_id", "step", "visible_pixels", "whole_pixels", "contrast"]].to_csv(out / "cases.csv", index_label="number")
+    print(f"{out}: {len(chosen)} cases")
+
+
+def _spread(rows: pd.DataFrame, measure: str, count: int, rng: np.random.Generator) -> pd.DataFrame:
+    """About `count` rows, evenly over the logarithm of a measure, one a test."""
+    rows = rows.sample(frac=1, random_state=rng.integers(2**31)).drop_duplicates("test_id")
+    bins = np.floor(np.log2(rows[measure]) * 3)
+    each = -(-count // bins.nunique())
+    return rows.groupby(bins).head(each)
+
+
+def tile(row: pd.Series, number: int) -> NDArray[np.uint8]:
+    """A pedestrian's surroundings, enlarged, its place in the middle unmarked, and the case's number below."""
+    image = decode_jpeg(row["image"])
+    box = row[SIDES].to_numpy(float)
+    side = max(CONTEXT, 1.6 * float(np.max(box[2:] - box[:2])))
+    left, top = (box[:2] + box[2:]) / 2 - side / 2
+    scale = TILE / side
+    matrix = np.array([[scale, 0, -scale * left], [0, scale, -scale * top]])
+    shown = cv2.warpAffine(image, matrix, (TILE, TILE), flags=cv2.INTER_CUBIC, borderValue=(255, 255, 255))
+    caption = np.full((CAPTION, TILE, 3), 255, np.uint8)
+    cv2.putText(caption, str(number), (4, 15), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 0, 0), 1, cv2.LINE_AA)
+    return np.pad(np.vstack([np.asarray(shown, np.uint8), caption]), ((2, 2), (2, 2), (0, 0)), constant_values=255)
+
+
+def agreement(labels: pd.DataFrame) -> None:
+    """Print how often measured visibility says what the person said."""
+    saw = labels["seen"].to_numpy(bool)
+    print(f"{len(labels)} cases, {saw.sum()} of them seen")
+    print("pixels  contrast  agreement  kept but not seen  seen but rejected")
+    for pixels in (15, 20, MIN_VISIBLE_PIXELS, 40, 60):
+        for contrast in (4.0, 6.0, MIN_CONTRAST, 10.0, 12.0):
+            kept = ((labels["visible_pixels"] >= pixels) & (labels["contrast"] >= contrast)).to_numpy()
+            mark = "  <- in use" if (pixels, contrast) == (MIN_VISIBLE_PIXELS, MIN_CONTRAST) else ""
+            print(f"{pixels:6}  {contrast:8g}  {np.mean(kept == saw):9.3f}  {np.sum(kept & ~saw):17}  {np.sum(~kept & saw):17}{mark}")
+
+
+if __name__ == "__main__":
+    main()
