@@ -104,6 +104,15 @@ def parser() -> argparse.ArgumentParser:
     tested.add_argument("--study", default="default", help="whose scenarios, strategies and budgets (default: %(default)s)")
     tested.add_argument("--out", type=Path, help="folder (default: data/detectors/<name of the model>)")
     tested.add_argument("--threads", type=int, default=2, help="tests side by side (default: %(default)s)")
+    quantised = commands.add_parser("quantise", help="Write the int8 form of a detector of ours, and what it loses.")
+    quantised.add_argument("--model", type=Path, default=Path("models/base"), help="folder of a model version (default: %(default)s)")
+    quantised.add_argument(
+        "--base-set",
+        type=Path,
+        default=Path("data/default/base_set/truth.coco.json"),
+        help="truth of a base set, whose images set the ranges and give the metrics (default: %(default)s)",
+    )
+    quantised.add_argument("--out", type=Path, default=Path("int8.onnx"), help="the file (default: %(default)s)")
     versions = commands.add_parser("versions", help="Print the registered model versions with their failures.")
     versions.add_argument("--store", type=Path, default=Path("data/mlflow/mlflow.db"), help="MLflow's database (default: %(default)s)")
     _add_coverage(commands)
@@ -177,6 +186,10 @@ def main(arguments: list[str] | None = None) -> int:
             _contact_sheet(**options)
         elif command == "test-detector":
             _test_detector(**options)
+        elif command == "quantise":
+            from pipeline.steps import quantise
+
+            print(quantise.run(configuration.compose("default", []), **options))
         elif command == "versions":
             _versions(options["store"])
         elif command == "coverage":

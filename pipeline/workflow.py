@@ -46,7 +46,7 @@ class Study:
         """The report's plots."""
         each = [f"{kind}_{scenario}" for scenario in self.config.search for kind in ("kpi", "failures")]
         rounds = ["rounds"] if self.config.retraining.rounds > 1 else []
-        names = ("theta", "coverage", "comparison", "detection", "histogram", "border", *rounds, *each)
+        names = ("theta", "coverage", "comparison", "detection", "histogram", "reliability", "border", *rounds, *each)
         return [f"{self.root}/plots/{name}.png" for name in names]
 
     @property

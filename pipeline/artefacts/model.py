@@ -19,7 +19,8 @@ class ModelCard(BaseModel):
 
     data: name to digest of what it was trained on. training: settings and figures of its training. metrics: on the validation
     images of the base set: precision, recall, ap50, ap50_95, false_positives_an_image, all for visible pedestrians. calibration:
-    slope and offset of the scores' logits, fitted on the same images.
+    slope and offset of the scores' logits, fitted on the same images. reliability: diagrams of the scores on these images, `uncalibrated`
+    and `calibrated`: rows of mean score, share of right ones, number.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -34,6 +35,7 @@ class ModelCard(BaseModel):
     training: dict[str, float | str]
     metrics: dict[str, float]
     calibration: dict[str, float]
+    reliability: dict[str, tuple[tuple[float, float, int], ...]]
     weights_sha256: str
 
 

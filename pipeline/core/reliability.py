@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,6 +40,34 @@ def platt(scores: ArrayLike, right: ArrayLike) -> Calibration:
     fitted = LogisticRegression(C=1e6).fit(x[:, None], y)
     slope, offset = float(fitted.coef_[0, 0]), float(fitted.intercept_[0])
     return Calibration(slope, offset) if slope > 0 else Calibration()
+
+
+@dataclass(frozen=True)
+class Bin:
+    """Detections whose scores lie in one bin: their mean score and the share of them that are right, both in [0, 1], and their number."""
+
+    score: float
+    right: float
+    count: int
+
+
+def reliability(scores: ArrayLike, right: ArrayLike, bins: int = 10) -> tuple[Bin, ...]:
+    """The reliability diagram of (n,) scores in [0, 1] and whether each detection was right: equally wide bins, empty ones left out.
+
+    Source: Guo et al., On calibration of modern neural networks, 2017, Eq. 2.
+    """
+    x, y = np.asarray(scores, dtype=float), np.asarray(right, dtype=bool)
+    if x.shape != y.shape or x.ndim != 1:
+        raise ValueError(f"scores and right must be lists of equal length, got shapes {x.shape} and {y.shape}")
+    numbers = np.minimum((x * bins).astype(int), bins - 1)
+    chosen = ((numbers == number) for number in np.unique(numbers))
+    return tuple(Bin(float(x[rows].mean()), float(y[rows].mean()), int(rows.sum())) for rows in chosen)
+
+
+def calibration_error(diagram: Sequence[Bin]) -> float:
+    """Expected calibration error in [0, 1]: mean distance of score and share of right ones, by detections (Guo et al., Eq. 3)."""
+    total = sum(shown.count for shown in diagram)
+    return sum(shown.count * abs(shown.score - shown.right) for shown in diagram) / total if total else 0.0
 
 
 def _logit(scores: ArrayLike) -> NDArray[np.float64]:

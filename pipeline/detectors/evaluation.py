@@ -93,10 +93,9 @@ def _shape(box: NDArray[np.float32]) -> dict[str, Any]:
     return {"bbox": [left, top, right - left, bottom - top], "area": (right - left) * (bottom - top)}
 
 
-def calibrate(found: Sequence[Detections], images: ImageSet) -> Calibration:
-    """Fit a calibration of the scores to whether each detection is a true positive; detections on barely visible pedestrians do not count.
-
-    The AEB brakes as hard as the detector is confident (thesis section 5.3): a score that understates is a car that brakes too softly.
+def judged_scores(found: Sequence[Detections], images: ImageSet) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Scores (n,) in [0, 1] of all detections worth acting on, and whether each is a true positive; those on barely visible pedestrians
+    do not count.
     """
     scores: list[float] = []
     right: list[bool] = []
@@ -107,4 +106,12 @@ def calibrate(found: Sequence[Detections], images: ImageSet) -> Calibration:
             if outcome != "ignored" and score >= CALIBRATED_FROM:
                 scores.append(float(score))
                 right.append(outcome == "true_positive")
-    return platt(scores, right)
+    return np.array(scores), np.array(right, bool)
+
+
+def calibrate(found: Sequence[Detections], images: ImageSet) -> Calibration:
+    """Fit a calibration of the scores to whether each detection is a true positive.
+
+    The AEB brakes as hard as the detector is confident (thesis section 5.3): a score that understates is a car that brakes too softly.
+    """
+    return platt(*judged_scores(found, images))

@@ -10,6 +10,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from pipeline.artefacts.model import ModelCard
 from pipeline.artefacts.results import Comparison, FailureRegions, Measures, StrategyMeasures
 from pipeline.core.space import Space, Variable
 from pipeline.report.border import Case
@@ -263,6 +264,27 @@ def border_sheet(cases: Sequence[Case], columns: int = 8) -> Figure:
             for spine in axis.spines.values():
                 spine.set(visible=True, color=KEPT if case.kept else REJECTED, linewidth=2.5)
             axis.set_title(f"{case.visible_pixels} px, {case.contrast:.0f} grey", fontsize=7.5, fontweight="normal", loc="center")
+    return figure
+
+
+def reliability_diagrams(cards: Sequence[ModelCard]) -> Figure:
+    """Share of right detections over their score: the first version before and after calibration, and every version calibrated."""
+    colours = series_colours([card.version for card in cards])
+    with styled():
+        figure, axes = panels(1, 2, width=4.0, height=3.4)
+        shown: list[tuple[Axes, str, str, str]] = [(axes[0][0], cards[0].version, name, name) for name in cards[0].reliability]
+        shown += [(axes[0][1], card.version, "calibrated", card.version) for card in cards]
+        by_version = {card.version: card.reliability for card in cards}
+        for axis, version, name, label in shown:
+            scores, right, counts = (np.array(column) for column in zip(*by_version[version].get(name, ((0, 0, 0),)), strict=True))
+            colour, style = (UNASSIGNED, "--") if name == "uncalibrated" else (colours[version], "-")
+            axis.plot(scores, right, color=colour, linestyle=style, linewidth=1.4, label=label)
+            axis.scatter(scores, right, s=6 + 60 * counts / max(1, counts.max()), color=colour, zorder=3)
+        for axis, title in zip(axes[0], (f"{cards[0].version}, before and after", "all versions"), strict=True):
+            axis.plot([0, 1], [0, 1], color=INK, linewidth=0.8, zorder=1)
+            axis.set(title=title, xlabel="confidence", xlim=(0, 1), ylim=(0, 1))
+            axis.legend(loc="upper left", fontsize=8)
+        axes[0][0].set_ylabel("share of right detections")
     return figure
 
 

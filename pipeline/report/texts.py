@@ -94,6 +94,11 @@ FIGURES = {
     "detection": _prose("""
         Higher is better. A detector can be better in single images and still brake too late: the verdict above is what counts.
     """),
+    "reliability": _prose("""
+        What a confidence is worth on the validation images: on the diagonal, of the detections with confidence 0.8 eight in ten are right.
+        The AEB brakes as hard as the detector is confident, so a line above the diagonal is a car that brakes too softly. Larger points
+        stand for more detections.
+    """),
     "kpi": _prose("""
         One point a test, in the order of execution; at or under the dashed line it fails. Marker shapes are seeds. The solid line is the
         mean of each batch: an adaptive strategy should drift down.

@@ -120,6 +120,7 @@ def draw_figures(study: Study, strategies: Sequence[str], threshold_s: float) ->
         "theta": draw.theta_curves(study.measures, study.labels),
         "coverage": draw.coverage_bars(study.measures, study.labels),
         "detection": draw.detection_bars(metrics, sections.METRICS),
+        "reliability": draw.reliability_diagrams(study.cards),
         "border": draw.border_sheet(study.border),
     }
     if max(result.round for result in study.comparison.versions) > 1:
@@ -161,7 +162,12 @@ def make_page(config: Config, study: Study, figures: Mapping[str, Figure], progr
             sections.search_section(
                 study.measures, study.white_box, study.labels, [_drawing(figures, "theta"), *kpi], [_drawing(figures, "coverage")]
             ),
-            sections.data_section(study.filters, study.cards, [_drawing(figures, "border")], [_drawing(figures, "detection")]),
+            sections.data_section(
+                study.filters,
+                study.cards,
+                [_drawing(figures, "border")],
+                [_drawing(figures, "detection"), _drawing(figures, "reliability")],
+            ),
         ),
     )
 

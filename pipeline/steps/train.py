@@ -12,8 +12,8 @@ from pipeline.artefacts.dataset import ImageSet, read_dataset
 from pipeline.artefacts.files import sha256
 from pipeline.artefacts.model import ModelCard, read_card, read_curve, write_card, write_curve
 from pipeline.config import Config
-from pipeline.core.reliability import Calibration
-from pipeline.detectors.evaluation import calibrate, evaluate
+from pipeline.core.reliability import Calibration, calibration_error, reliability
+from pipeline.detectors.evaluation import calibrate, evaluate, judged_scores
 from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.yolo.export import export_onnx
 from pipeline.detectors.yolo.model import count_parameters
@@ -71,10 +71,13 @@ def write_version(
     weights, onnx = out.with_name("weights.safetensors"), out.with_name("model.onnx")
     save_weights(weights, model)
     saved = load_weights(weights)  # What is tested is what was saved, half precision included.
-    if calibration is None:
-        export_onnx(onnx, saved, validation.size)
-        calibration = calibrate(detect_all(onnx, validation), validation)
+    export_onnx(onnx, saved, validation.size)
+    plain = detect_all(onnx, validation)
+    calibration = calibration or calibrate(plain, validation)
     export_onnx(onnx, saved, validation.size, calibration)
+    found = detect_all(onnx, validation)
+    diagrams = {name: reliability(*judged_scores(f, validation)) for name, f in {"uncalibrated": plain, "calibrated": found}.items()}
+    errors = {f"calibration_error_{name}": calibration_error(diagram) for name, diagram in diagrams.items()}
     architecture = {"widths": list(model.architecture.widths), "head": model.architecture.head}
     card = ModelCard(
         version=version,
@@ -85,8 +88,9 @@ def write_version(
         seed=seed,
         data=data,
         training={key: value if isinstance(value, str) else float(value) for key, value in training.items()},
-        metrics=evaluate(detect_all(onnx, validation), validation, float(config.detector.get("threshold", 0.5))),
+        metrics=evaluate(found, validation, float(config.detector.get("threshold", 0.5))) | errors,
         calibration=asdict(calibration),
+        reliability={name: tuple((b.score, b.right, b.count) for b in diagram) for name, diagram in diagrams.items()},
         weights_sha256=sha256(weights),
     )
     write_card(out, card)

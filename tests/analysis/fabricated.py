@@ -237,6 +237,7 @@ class Study:
             training={"iterations": 100.0 + rank},
             metrics={"precision": 0.9, "recall": 0.84, "ap50": 0.88 + 0.01 * rank, "ap50_95": 0.5, "false_positives_an_image": 0.08},
             calibration={"slope": 1.0, "offset": 0.0},
+            reliability={name: ((0.2, 0.3, 20), (0.9, 0.85, 80)) for name in ("uncalibrated", "calibrated")},
             weights_sha256=f"{rank}" * 64,
         )
         write_card(path, card)

@@ -89,7 +89,8 @@ def test_same_study_gives_the_same_page(study: Study, page: str) -> None:
 def test_plots_are_written(study: Study, page: str) -> None:
     assert page
     names = {path.name for path in (study.root / "plots").iterdir()}
-    kinds = {"comparison", "histogram", "border", "theta", "coverage", "detection", "kpi_F1", "kpi_F2", "failures_F1", "failures_F2"}
+    kinds = {"comparison", "histogram", "reliability", "border", "theta", "coverage", "detection"}
+    kinds |= {"kpi_F1", "kpi_F2", "failures_F1", "failures_F2"}
     assert names == {f"{kind}.png" for kind in kinds}
 
 

@@ -18,6 +18,7 @@ CARD = ModelCard(
     training={"iterations": 5.0},
     metrics={"ap50": 0.9},
     calibration={"slope": 2.0, "offset": 0.5},
+    reliability={"calibrated": ((0.2, 0.3, 20), (0.9, 0.85, 80))},
     weights_sha256="ef",
 )
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.core.reliability import Calibration, platt
+from pipeline.core.reliability import Calibration, calibration_error, platt, reliability
 
 
 def test_calibration_by_hand() -> None:
@@ -36,3 +36,12 @@ def test_nothing_to_learn_is_the_identity(right: list[bool]) -> None:
 def test_ranges_are_checked(slope: float, offset: float) -> None:
     with pytest.raises(ValueError, match="slope must be positive"):
         Calibration(slope, offset)
+
+
+def test_diagram_and_error_by_hand() -> None:
+    diagram = reliability([0.05, 0.15, 0.19, 0.95, 1.0], [False, True, False, True, True])
+    assert [(round(b.score, 3), b.right, b.count) for b in diagram] == [(0.05, 0.0, 1), (0.17, 0.5, 2), (0.975, 1.0, 2)]
+    assert calibration_error(diagram) == pytest.approx((0.05 + 2 * 0.33 + 2 * 0.025) / 5)
+    assert reliability([], []) == () and calibration_error(()) == 0.0
+    with pytest.raises(ValueError, match="must be lists of equal length"):
+        reliability([0.1, 0.2], [True])
