@@ -44,5 +44,9 @@ def read_json(path: Path) -> Any:
 
 
 def sha256(path: Path) -> str:
-    """Hexadecimal SHA-256 of a file's bytes; InputError if it is missing."""
-    return hashlib.sha256(read_bytes(path)).hexdigest()
+    """Hexadecimal SHA-256 of a file's bytes, or of a folder's files by name and content; InputError if it is missing."""
+    if not path.is_dir():
+        return hashlib.sha256(read_bytes(path)).hexdigest()
+    files = sorted(file for file in path.rglob("*") if file.is_file())
+    named = "".join(f"{file.relative_to(path).as_posix()} {sha256(file)}\n" for file in files)
+    return hashlib.sha256(named.encode()).hexdigest()

@@ -9,13 +9,11 @@ import onnxruntime
 from numpy.typing import NDArray
 from onnxruntime.capi.onnxruntime_pybind11_state import Fail, InvalidArgument, InvalidGraph, InvalidProtobuf
 
-from pipeline.core.boxes import nms
 from pipeline.detectors import layouts
 from pipeline.detectors.layouts import LAYOUTS, Layout, Letterbox
-from pipeline.protocols import Detections, Frame, InputError, SimulationError
+from pipeline.detectors.suppression import inside, reported
+from pipeline.protocols import Detections, Frame, InputError
 
-CANDIDATES = 300
-"""Boxes before suppression; far more than a street has people."""
 OURS = "input 'image' (n, h, w, 3) uint8 RGB; outputs 'boxes' (n, cells, 4) in pixels and 'scores' (n, cells) in [0, 1]"
 EXPECTED = f"{OURS}; or a YOLO export: input (n, 3, h, w) float, one output in YOLOv5's, YOLOv8's or an end-to-end layout"
 Floats = NDArray[np.float32]
@@ -65,23 +63,19 @@ class OnnxDetector:
     def detect_images(self, images: NDArray[np.uint8]) -> list[Detections]:
         """(n, h, w, 3) uint8 RGB to n detections; the same as one by one up to rounding."""
         if self._layout != "boxes_scores":
-            return [self._reported(*self._foreign(image)) for image in images]
+            return [reported(self._model, *self._foreign(image), self._threshold, self._iou) for image in images]
         expected = self._shape[1:]
         if images.dtype != np.uint8 or any(e != g for e, g in zip(expected, images.shape[1:], strict=True) if isinstance(e, int)):
             raise InputError(f"{self._model} takes uint8 images of {expected}, got {images.dtype} {images.shape[1:]}")
         boxes, scores = self._session.run(["boxes", "scores"], {self._input: np.ascontiguousarray(images)})
-        return [self._reported(b, s) for b, s in zip(boxes, scores, strict=True)]
+        return [reported(self._model, b, s, self._threshold, self._iou) for b, s in zip(boxes, scores, strict=True)]
 
     def _foreign(self, image: NDArray[np.uint8]) -> tuple[Floats, Floats]:
         width, height = self._image_size(image.shape[1], image.shape[0])
         padded, box = Letterbox.fit(image, width, height)
         tensor = (np.ascontiguousarray(padded.transpose(2, 0, 1)[None], np.float32) / 255).astype(self._float)
         boxes, scores = layouts.decode(self._layout, self._session.run(None, {self._input: tensor})[0][0], self._person)
-        boxes = box.back(boxes)
-        limits = np.array([image.shape[1], image.shape[0]] * 2, np.float32)
-        inside = np.clip(boxes, 0, limits)
-        real = (inside[:, 2] > inside[:, 0]) & (inside[:, 3] > inside[:, 1]) | ~np.isfinite(scores)
-        return inside[real], scores[real]
+        return inside(box.back(boxes), scores, image.shape[1], image.shape[0])
 
     def _image_size(self, width: int, height: int) -> tuple[int, int]:
         """Width and height that the model takes; of its own choice the image's, rounded up to its largest stride."""
@@ -126,17 +120,6 @@ class OnnxDetector:
         names = layouts.class_names(self._session.get_modelmeta().custom_metadata_map)
         classes = layouts.classes_of(self._layout, self._session.get_outputs()[0].shape)
         return layouts.person_class(self._model, names, classes or (len(names) or None), declared)
-
-    def _reported(self, boxes: Floats, scores: Floats) -> Detections:
-        if not np.isfinite(scores).all() or not np.isfinite(boxes[scores >= self._threshold]).all():
-            raise SimulationError(f"{self._model} gives values that are no numbers")
-        above = np.flatnonzero(scores >= self._threshold)
-        if not len(above):
-            return Detections.none()
-        if len(above) > CANDIDATES:
-            above = above[np.argsort(-scores[above], kind="stable")[:CANDIDATES]]
-        kept = above[nms(boxes[above], scores[above], self._iou)] if len(above) > 1 else above
-        return Detections(boxes[kept].astype(np.float32), np.minimum(scores[kept], 1).astype(np.float32))
 
 
 def _session(path: Path, threads: int) -> onnxruntime.InferenceSession:

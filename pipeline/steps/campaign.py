@@ -55,8 +55,8 @@ def run(
 
     The files but the timings depend on the config and the model alone: not on `threads`, nor on how often the run was killed.
     """
-    if not model.is_file():
-        raise InputError(f"{model}: expected the ONNX file of version '{version}', found none; train it first")
+    if not model.exists():
+        raise InputError(f"{model}: expected the detector of version '{version}', found none; train it first")
     info, logical = read_space(space)
     held_out = scenario in config.held_out
     tests = config.comparison.tests if held_out else config.campaign.tests

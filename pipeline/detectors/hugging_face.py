@@ -1,0 +1,57 @@
+"""Object detectors of Hugging Face Transformers (DETR, YOLOS, RT-DETR and others); needs the extra `hugging-face`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.detectors.layouts import person_class
+from pipeline.detectors.suppression import inside, reported
+from pipeline.protocols import Detections, Frame, InputError, SimulationError
+
+PICKLES = ("*.bin", "*.pt", "*.pth", "*.ckpt")
+
+
+class HuggingFaceDetector:
+    """Finds pedestrians with a model that `save_pretrained` wrote, together with its image processor.
+
+    model: the folder. threshold, iou: as of `OnnxDetector`. person: name or number of the class that means a pedestrian, where the model's
+    own names do not tell. Only safetensors are read, and no code of the model's own is run.
+
+    InputError if the folder is no such model, or holds weights that need pickle alone.
+    """
+
+    def __init__(self, model: str | Path, threshold: float = 0.5, iou: float = 0.45, person: str | int | None = None) -> None:
+        try:
+            from transformers import AutoImageProcessor, AutoModelForObjectDetection
+        except ImportError as error:
+            raise InputError("detectors of Hugging Face need the extra: pip install 'blindspot[hugging-face]'") from error
+        self._model, self._threshold, self._iou = Path(model), threshold, iou
+        if not (self._model / "config.json").is_file():
+            raise InputError(f"{model}: expected a folder that save_pretrained wrote, with config.json, found none")
+        if not list(self._model.glob("*.safetensors")):
+            pickled = [path.name for pattern in PICKLES for path in self._model.glob(pattern)]
+            found = f"{', '.join(pickled)}, which can run code when it is read" if pickled else "no weights"
+            raise InputError(f"{model}: expected model.safetensors, found {found}; save it again with safe_serialization=True")
+        safe = {"local_files_only": True, "trust_remote_code": False}
+        try:
+            self._processor = AutoImageProcessor.from_pretrained(self._model, **safe)
+            self._network = AutoModelForObjectDetection.from_pretrained(self._model, use_safetensors=True, **safe)
+        except Exception as error:  # Whatever a foreign folder makes the library raise: there is no common class.
+            raise InputError(f"{model} is no object detector that Transformers can load: {str(error).strip().splitlines()[0]}") from error
+        self._network.eval().requires_grad_(False)
+        names = {int(number): str(name) for number, name in self._network.config.id2label.items()}
+        self._person = person_class(self._model, names, len(names), person)
+
+    def detect(self, frame: Frame) -> Detections:
+        """Return the pedestrians in the image."""
+        height, width = frame.image.shape[:2]
+        output = self._network(**self._processor(images=frame.image, return_tensors="pt"))
+        # Its own postprocessing drops what is no number.
+        if not np.isfinite(output.logits.numpy()).all() or not np.isfinite(output.pred_boxes.numpy()).all():
+            raise SimulationError(f"{self._model} gives values that are no numbers")
+        (found,) = self._processor.post_process_object_detection(output, threshold=self._threshold, target_sizes=[(height, width)])
+        boxes, scores = found["boxes"].numpy().astype(np.float32), found["scores"].numpy().astype(np.float32)
+        mine = found["labels"].numpy() == self._person
+        return reported(self._model, *inside(boxes[mine], scores[mine], width, height), self._threshold, self._iou)

@@ -1,0 +1,36 @@
+"""From raw boxes and scores to what a detector reports."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.core.boxes import nms
+from pipeline.protocols import Detections, SimulationError
+
+CANDIDATES = 300
+"""Boxes before suppression; far more than a street has people."""
+Floats = NDArray[np.float32]
+
+
+def reported(model: object, boxes: Floats, scores: Floats, threshold: float, iou: float) -> Detections:
+    """The boxes (n, 4) whose scores (n,) reach the threshold and that no better one overlaps by more than `iou`, best first.
+
+    SimulationError that names the model if a score, or the box of a score that counts, is no number.
+    """
+    if not np.isfinite(scores).all() or not np.isfinite(boxes[scores >= threshold]).all():
+        raise SimulationError(f"{model} gives values that are no numbers")
+    above = np.flatnonzero(scores >= threshold)
+    if not len(above):
+        return Detections.none()
+    if len(above) > CANDIDATES:
+        above = above[np.argsort(-scores[above], kind="stable")[:CANDIDATES]]
+    kept = above[nms(boxes[above], scores[above], iou)] if len(above) > 1 else above
+    return Detections(boxes[kept].astype(np.float32), np.minimum(scores[kept], 1).astype(np.float32))
+
+
+def inside(boxes: Floats, scores: Floats, width: int, height: int) -> tuple[Floats, Floats]:
+    """Boxes cut to an image of a size in pixels, and their scores; those outside it are left out."""
+    cut = np.clip(boxes, 0, np.array([width, height, width, height], np.float32))
+    real = (cut[:, 2] > cut[:, 0]) & (cut[:, 3] > cut[:, 1]) | ~np.isfinite(scores)
+    return cut[real], scores[real]

@@ -1,0 +1,53 @@
+"""Detectors run by Ultralytics' own package, which is AGPL-3.0: install it yourself (`pip install ultralytics`) if that suits you."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.detectors.layouts import person_class
+from pipeline.detectors.suppression import inside, reported
+from pipeline.protocols import Detections, Frame, InputError
+
+
+class UltralyticsDetector:
+    """Finds pedestrians with an Ultralytics model, pre- and postprocessed as Ultralytics does it.
+
+    model: an .onnx file, or a checkpoint .pt if `trusted` says that reading it may run code. threshold, iou, person: as of `OnnxDetector`.
+
+    InputError if the package or the file is missing, or a checkpoint is not trusted.
+    """
+
+    def __init__(
+        self, model: str | Path, threshold: float = 0.5, iou: float = 0.45, person: str | int | None = None, trusted: bool = False
+    ) -> None:
+        path = Path(model)
+        if path.suffix != ".onnx" and not trusted:
+            raise InputError(
+                f"{path}: a {path.suffix or 'foreign'} file can run code when it is read; export it to ONNX, or set detector.trusted=true"
+            )
+        if not path.is_file():
+            raise InputError(f"{path}: expected the file of a detector, found none")
+        try:
+            from ultralytics import YOLO
+        except ImportError as error:
+            raise InputError("this adapter needs Ultralytics' package (AGPL-3.0): pip install ultralytics") from error
+        self._path, self._threshold, self._iou = path, threshold, iou
+        self._model = YOLO(str(path), task="detect")
+        names = {int(number): str(name) for number, name in self._model.names.items()}
+        self._person = person_class(path, names, len(names), person)
+
+    def detect(self, frame: Frame) -> Detections:
+        """Return the pedestrians in the image."""
+        height, width = frame.image.shape[:2]
+        (result,) = self._model.predict(
+            np.ascontiguousarray(frame.image[..., ::-1]),  # It takes BGR.
+            conf=self._threshold,
+            iou=self._iou,
+            classes=[self._person],
+            imgsz=(height, width),
+            verbose=False,
+        )
+        boxes, scores = result.boxes.xyxy.cpu().numpy(), result.boxes.conf.cpu().numpy()
+        return reported(self._path, *inside(boxes, scores, width, height), self._threshold, self._iou)

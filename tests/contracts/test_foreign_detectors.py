@@ -1,0 +1,124 @@
+"""Detectors of other libraries keep the contract; what is no such detector is refused by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from transformers import YolosConfig, YolosForObjectDetection, YolosImageProcessorPil
+
+from pipeline.detectors.function import FunctionDetector
+from pipeline.detectors.hugging_face import HuggingFaceDetector
+from pipeline.detectors.ultralytics import UltralyticsDetector
+from pipeline.protocols import Frame, InputError, SimulationError, Truth
+from pipeline.testing import check_detector
+
+IMAGE = np.random.default_rng(0).integers(0, 255, (192, 320, 3), dtype=np.uint8)
+
+
+def save(folder: Path, person: str = "person", broken: bool = False) -> Path:
+    """A tiny model with random weights, as a user would save one."""
+    torch.manual_seed(0)
+    names = {0: "car", 1: person, 2: "tree"}
+    config = YolosConfig(
+        hidden_size=32, num_hidden_layers=1, num_attention_heads=2, intermediate_size=32, image_size=[192, 320], patch_size=32,
+        num_detection_tokens=8, id2label=names, label2id={name: number for number, name in names.items()},
+    )  # fmt: skip
+    network = YolosForObjectDetection(config)
+    with torch.no_grad():
+        bias = network.class_labels_classifier.layers[-1].bias
+        bias.copy_(torch.tensor([0.0, torch.nan if broken else 4.0, 0.0, 0.0]))
+    network.save_pretrained(folder)
+    YolosImageProcessorPil(size={"height": 192, "width": 320}).save_pretrained(folder)
+    return folder
+
+
+def test_a_hugging_face_model_keeps_the_contract(tmp_path: Path) -> None:
+    detector = HuggingFaceDetector(save(tmp_path / "model"), threshold=0.3)
+    check_detector(detector, 320, 192)
+    found = detector.detect(Frame(IMAGE, Truth()))
+    assert len(found.scores) >= 1 and found.scores[0] > 0.9
+    assert len(HuggingFaceDetector(tmp_path / "model", threshold=0.3, person="tree").detect(Frame(IMAGE, Truth())).scores) == 0
+
+
+def test_hugging_face_values_that_are_no_numbers_break_the_simulation(tmp_path: Path) -> None:
+    detector = HuggingFaceDetector(save(tmp_path / "model", broken=True))
+    with pytest.raises(SimulationError, match="gives values that are no numbers"):
+        detector.detect(Frame(IMAGE, Truth()))
+
+
+def test_hugging_face_folders_that_are_none_are_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"expected a folder that save_pretrained wrote, with config\.json"):
+        HuggingFaceDetector(tmp_path)
+    save(tmp_path / "other", person="wolf")
+    with pytest.raises(InputError, match="expected a class called pedestrian or person or people among its 3 classes, got names 0: car"):
+        HuggingFaceDetector(tmp_path / "other")
+    pickled = save(tmp_path / "pickled")
+    (pickled / "model.safetensors").unlink()
+    torch.save({}, pickled / "pytorch_model.bin")
+    with pytest.raises(InputError, match=r"expected model\.safetensors, found pytorch_model\.bin, which can run code"):
+        HuggingFaceDetector(pickled)
+    truncated = save(tmp_path / "truncated")
+    weights = truncated / "model.safetensors"
+    weights.write_bytes(weights.read_bytes()[:5000])
+    with pytest.raises(InputError, match="is no object detector that Transformers can load"):
+        HuggingFaceDetector(truncated)
+
+
+def test_an_ultralytics_checkpoint_is_not_read_unless_trusted(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"a \.pt file can run code when it is read"):
+        UltralyticsDetector(tmp_path / "best.pt")
+    with pytest.raises(InputError, match="expected the file of a detector, found none"):
+        UltralyticsDetector(tmp_path / "best.pt", trusted=True)
+
+
+def bright(image: Any) -> Any:
+    rows, columns = np.nonzero(image.min(axis=2) > 200)
+    if not len(rows):
+        return [], []
+    box = (columns.min(), rows.min(), columns.max() + 1, rows.max() + 1)
+    image[:] = 0
+    return [(0, 0, 30, 30), box], [0.6, 0.9]
+
+
+def bad_shape(_image: Any) -> Any:
+    return [(1, 2, 3)], [0.5]
+
+
+def bad_score(_image: Any) -> Any:
+    return [(1, 2, 30, 40)], [1.5]
+
+
+def failing(_image: Any) -> Any:
+    raise RuntimeError("no licence")
+
+
+def test_a_function_keeps_the_contract() -> None:
+    detector = FunctionDetector(f"{__name__}.bright")
+    check_detector(detector, 320, 192)
+    image = np.zeros((192, 320, 3), np.uint8)
+    image[80:120, 100:120] = 250
+    found = detector.detect(Frame(image, Truth()))
+    assert found.boxes.tolist() == [[100, 80, 120, 120], [0, 0, 30, 30]] and image.max() == 250
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("bad_shape", r"must give boxes \(n, 4\) and scores \(n,\), got \(1, 3\) and \(1,\)"),
+        ("bad_score", r"must give scores in \[0, 1\], got 1\.5 to 1\.5"),
+        ("failing", "failed: RuntimeError: no licence"),
+    ],
+)
+def test_what_a_function_does_wrong_breaks_the_simulation(name: str, message: str) -> None:
+    with pytest.raises(SimulationError, match=message):
+        FunctionDetector(f"{__name__}.{name}").detect(Frame(IMAGE, Truth()))
+
+
+@pytest.mark.parametrize("name", ["nowhere.detect", f"{__name__}.missing", "detect", f"{__name__}.IMAGE"])
+def test_no_function_is_an_input_error(name: str) -> None:
+    with pytest.raises(InputError, match=r"detector\.function"):
+        FunctionDetector(name)
