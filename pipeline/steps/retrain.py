@@ -112,9 +112,8 @@ def _fit(
         return train_from_scratch(everything, validation, section, checkpoint=checkpoint, threads=threads, progress=progress)
     steps: dict[str, Any] = settings.model_dump(include={"iterations", "batch_size", "learning_rate", "added_share"}) | {"seed": seed}
     identity = hashlib.sha256(json.dumps([steps, data]).encode()).hexdigest()
-    return retrain(
-        load_weights(weights), base, added, **steps, identity=identity, checkpoint=checkpoint, threads=threads, progress=progress
-    )
+    model = load_weights(weights)
+    return retrain(model, base, added, validation, **steps, identity=identity, checkpoint=checkpoint, threads=threads, progress=progress)
 
 
 def choose(config: Config, sources: dict[str, Source], version: Version, spaces: Sequence[Path], seed: int) -> pd.DataFrame:
