@@ -10,6 +10,7 @@ from typing import Any
 from pipeline.artefacts.dataset import Record, Split, remove_leftovers, write_image, write_truth
 from pipeline.artefacts.files import read_json, write_json
 from pipeline.config import Config
+from pipeline.layout import Town
 from pipeline.protocols import Truth
 from pipeline.steps.workers import render_pool
 
@@ -26,7 +27,8 @@ def run(config: Config, *, out: Path, threads: int, progress: Progress) -> None:
     images, seed, root = config.base_set.images, config.base_set.seed, out.parent
     camera = config.simulator.get("camera", {})
     shards = [(shard, min(SHARD_IMAGES, images - shard * SHARD_IMAGES)) for shard in range(-(-images // SHARD_IMAGES))]
-    jobs = [(shard, count, seed, config.base_set.validation_share, camera, root) for shard, count in shards]
+    held_out = {name: config.scenarios[name].town for name in config.held_out}
+    jobs = [(shard, count, seed, config.base_set.validation_share, camera, held_out, root) for shard, count in shards]
     records: list[Record] = []
     with render_pool(min(threads, len(jobs))) as pool:
         for done, shard_records in enumerate(pool.imap(_render_shard, jobs), 1):
@@ -41,12 +43,12 @@ def _shard_file(out: Path, shard: int) -> Path:
     return out / "shards" / f"{shard:04d}.json"
 
 
-def _render_shard(job: tuple[int, int, int, float, dict[str, Any], Path]) -> list[Record]:
+def _render_shard(job: tuple[int, int, int, float, dict[str, Any], dict[str, Town], Path]) -> list[Record]:
     """Render one town's images, unless its shard file says that it is done with the same settings."""
     from pipeline.simulators.mujoco.lens import CameraSettings
     from pipeline.simulators.mujoco.random_scenes import scenes  # Needs a GL library, which the parent process does not.
 
-    shard, count, seed, validation_share, camera, out = job
+    shard, count, seed, validation_share, camera, held_out, out = job
     key = {"count": count, "seed": seed, "validation_share": validation_share, "camera": camera}
     path = _shard_file(out, shard)
     if path.exists() and (done := read_json(path))["key"] == key:
@@ -54,7 +56,7 @@ def _render_shard(job: tuple[int, int, int, float, dict[str, Any], Path]) -> lis
     settings = CameraSettings.model_validate(camera)
     records = []
     first_validation = count - round(count * validation_share)
-    for i, scene in enumerate(scenes(shard, count, seed, settings)):
+    for i, scene in enumerate(scenes(shard, count, seed, settings, held_out)):
         split: Split = "val" if i >= first_validation else "train"
         index = shard * SHARD_IMAGES + i
         write_image(out, split, index, scene.image, scene.truth)

@@ -8,6 +8,8 @@ import pytest
 from pipeline.artefacts.dataset import ImageSet, image_set
 from pipeline.config import compose
 from pipeline.protocols import InputError, Truth
+from pipeline.simulators.mujoco import random_scenes
+from pipeline.simulators.mujoco.lens import CameraSettings
 from pipeline.steps.retrain import refuse_leaks
 
 
@@ -29,3 +31,9 @@ def test_frames_that_validate_are_refused_by_name() -> None:
     added = image_set([(noise(1, 0).images[0], Truth()), (validation.images[2], Truth())])
     with pytest.raises(InputError, match="a frame of F1-random-base-0-00003 is an image that validates"):
         refuse_leaks(config, tests, added, validation)
+
+
+def test_a_random_town_of_a_held_out_scenario_is_refused_by_name() -> None:
+    town = random_scenes._town(np.random.default_rng([5, 3]))
+    with pytest.raises(InputError, match=r"base_set\.seed 5: random town 3 is that of held-out F1star"):
+        next(random_scenes.scenes(3, 1, 5, CameraSettings(), {"F2star": compose("default", []).scenarios["F1star"].town, "F1star": town}))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pipeline.core.footprints import Rectangle
 from pipeline.core.paths import Path, Pose
 from pipeline.layout import END_X, LANE_WIDTH, START_X, Junction, Street, Town, streets
-from pipeline.protocols import Truth
+from pipeline.protocols import InputError, Truth
 from pipeline.scenario import EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M, HALF_LENGTHS_M, Actor, VehicleKind
 
 from .blueprints import NAMES
@@ -37,13 +37,17 @@ class Scene:
     attributes: dict[str, Any]
 
 
-def scenes(shard: int, count: int, seed: int, settings: CameraSettings) -> Iterator[Scene]:
+def scenes(shard: int, count: int, seed: int, settings: CameraSettings, held_out: Mapping[str, Town] | None = None) -> Iterator[Scene]:
     """Yield `count` random scenes in one random urban town; a shard depends on (seed, shard) alone.
 
-    Only the urban style is shown: the suburban town of the held-out scenarios stays unseen.
+    Only the urban style is shown: the suburban town of the held-out scenarios stays unseen. held_out: scenario -> its town; InputError if
+    the random one is among them.
     """
     rng = np.random.default_rng([seed, shard])
     town = _town(rng)
+    for name, unseen in (held_out or {}).items():
+        if town == unseen:
+            raise InputError(f"base_set.seed {seed}: random town {shard} is that of held-out {name}, so detectors would learn it")
     fleet = {f"vehicle{i}": Actor(kind=kind, x_m=0, y_m=0, paint=int(rng.integers(7))) for i, kind in enumerate(FLEET)}
     stage = Stage(town, fleet, settings)
     try:
