@@ -96,6 +96,7 @@ rule train:
     output:
         f"{D}/models/base/weights.safetensors",
         f"{D}/models/base/model.onnx",
+        f"{D}/models/base/curve.csv",
         card=f"{D}/models/base/model.json",
     log:
         f"{L}/train/base.log",
@@ -227,6 +228,7 @@ rule retrain:
     output:
         f"{D}/retrained/models/{{version}}/weights.safetensors",
         f"{D}/retrained/models/{{version}}/model.onnx",
+        f"{D}/retrained/models/{{version}}/curve.csv",
         card=f"{D}/retrained/models/{{version}}/model.json",
     log:
         f"{L}/retrain/{{version}}.log",

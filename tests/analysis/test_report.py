@@ -8,8 +8,9 @@ from html.parser import HTMLParser
 import pandas as pd
 import pytest
 
-from pipeline.artefacts.results import Comparison, FailureRegions, read
+from pipeline.artefacts.results import Comparison, Estimate, FailureRegions, read
 from pipeline.report.border import nearest
+from pipeline.report.plots import failures_by_round
 from pipeline.report.selection import choose_pairs, choose_regions
 from pipeline.steps import report
 from tests.analysis.fabricated import Study, silent
@@ -131,3 +132,14 @@ def test_not_solvable_failures_are_told(study: Study, page: str) -> None:
     assert all(int(test[-5:]) % 2 == 1 for regions in found for test in regions.not_solvable)
     assert all(f"Not solvable by this camera: {len(regions.not_solvable)}." in page for regions in found)
     assert any(regions.not_solvable for regions in found)
+
+
+def test_failures_by_round_are_drawn_from_the_base_on(study: Study) -> None:
+    comparison = read(study.root / "comparison.json", Comparison)
+    adaptive = comparison.groups[-1]
+    second = adaptive.model_copy(update={"group": "adaptive-r2", "round": 2, "failures": Estimate(value=1, low=0, high=2)})
+    figure = failures_by_round(comparison.model_copy(update={"groups": (*comparison.groups, second)}))
+    lines = {line.get_label(): line for line in figure.axes[0].containers}
+    assert list(lines["adaptive"].lines[0].get_xdata()) == [0, 1, 2]
+    assert list(lines["adaptive"].lines[0].get_ydata()) == [comparison.groups[0].failures.value, adaptive.failures.value, 1]
+    assert list(lines["control"].lines[0].get_xdata()) == [0, 1]

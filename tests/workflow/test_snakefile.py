@@ -63,7 +63,7 @@ def test_a_changed_line_makes_exactly_its_steps_stale(tmp_path: Path, monkeypatc
     source = folder / "pipeline" / "core" / "rules.py"
     source.write_text(source.read_text() + "\n# changed\n")
     after = {step: _digest(folder, step, monkeypatch) for step in STEPS}
-    assert [step for step in STEPS if before[step] != after[step]] == ["cluster"]
+    assert [step for step in STEPS if before[step] != after[step]] == ["cluster", "retrain", "compare"]
 
 
 def _digest(folder: Path, step: str, monkeypatch: pytest.MonkeyPatch) -> str:
@@ -76,3 +76,24 @@ def _digest(folder: Path, step: str, monkeypatch: pytest.MonkeyPatch) -> str:
 
 def test_dvc_yaml_is_what_the_code_says() -> None:
     assert (ROOT / "dvc.yaml").read_text() == versioning.text(), "make dvc.yaml again: python -m pipeline.versioning"
+
+
+def test_a_round_learns_from_all_campaigns_before_it(tmp_path: Path) -> None:
+    (tmp_path / "params.yaml").write_text(dump(compose("smoke", ["retraining.rounds=2", "retraining.seeds=[0,4]"]), "test"))
+    study = workflow.Study(tmp_path / "params.yaml")
+    adaptive, random = (study.added("adaptive-r2-s4", source) for source in ("adaptive", "random"))
+    assert adaptive["filters"] == ["data/smoke/filter/neural.csv", "data/smoke/retrained/filter/neural/adaptive-s4.csv"]
+    assert random["filters"] == ["data/smoke/filter/random.csv", "data/smoke/retrained/filter/random/random-s4.csv"]
+    assert "data/smoke/retrained/campaigns/F2/neural/adaptive-s4/0/frames.parquet" in adaptive["frames"]
+    assert study.added("control-r2", "random") == {"filters": [], "frames": []}
+    assert study.parent("adaptive-r2-s4", "model.json") == "data/smoke/retrained/models/adaptive-s4/model.json"
+    assert "rounds.png" in " ".join(study.plots) and len(study.models("model.json")) == 13
+    planned = snakemake(_with(tmp_path), "-n")
+    assert "filter_round" in planned and "random-r2-s4" in planned
+
+
+def _with(folder: Path) -> Path:
+    params = (folder / "params.yaml").read_bytes()
+    copy(folder)
+    (folder / "params.yaml").write_bytes(params)
+    return folder

@@ -1,0 +1,28 @@
+"""The int8 form detects what the whole one does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import onnx
+
+from pipeline.detectors.onnx import OnnxDetector
+from pipeline.detectors.quantisation import quantise
+from pipeline.detectors.yolo.export import export_onnx
+from pipeline.detectors.yolo.model import Architecture, Yolo
+from pipeline.detectors.yolo.training import initial_model
+
+
+def test_scores_stay_and_convolutions_are_in_8_bits(tmp_path: Path) -> None:
+    whole, small = tmp_path / "whole.onnx", tmp_path / "int8.onnx"
+    export_onnx(whole, initial_model(3, lambda: Yolo(Architecture((8, 8, 12, 16, 16), 8))).eval(), (96, 64))
+    images = np.random.default_rng(0).integers(0, 255, (12, 64, 96, 3), dtype=np.uint8)
+    quantise(whole, images[:8], small)
+    first, second = (OnnxDetector(path, threshold=0.001, iou=0.99).detect_images(images[8:]) for path in (whole, small))
+    for one, other in zip(first, second, strict=True):
+        assert abs(len(one.scores) - len(other.scores)) <= 3
+        assert np.abs(one.scores[:5] - other.scores[:5]).max() < 0.02
+    model = onnx.load(str(small))
+    weights = {tensor.name: tensor.data_type for tensor in model.graph.initializer}
+    assert sum(kind == onnx.TensorProto.INT8 for kind in weights.values()) > 10
