@@ -14,7 +14,7 @@ from pipeline.detectors.yolo.training import Fitted, Progress, Schedule, fit
 from pipeline.detectors.yolo.validation import watching
 
 BASE_STREAM, ADDED_STREAM = 10, 11
-LOOKS = 3
+LOOKS = 2
 
 
 def retrain(
