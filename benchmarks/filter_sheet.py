@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from pipeline.artefacts.campaign import read_frames
 from pipeline.artefacts.dataset import decode_jpeg
-from pipeline.core.kpi import MIN_CONTRAST, MIN_VISIBLE_PIXELS
+from pipeline.config import compose
+from pipeline.core.kpi import MIN_VISIBLE_PIXELS
 from pipeline.report.border import SIDES
 
 FOLDER = Path(__file__).resolve().parents[1] / "docs" / "filter-sheet"
@@ -79,14 +80,22 @@ def tile(row: pd.Series, number: int) -> NDArray[np.uint8]:
 
 def agreement(labels: pd.DataFrame) -> None:
     """Print how often measured visibility says what the person said."""
-    saw = labels["seen"].to_numpy(bool)
+    saw, used = labels["seen"].to_numpy(bool), compose("default", []).filter
+    pixels, contrast = labels["visible_pixels"].to_numpy(), labels["contrast"].to_numpy()
+    detectability = contrast * np.sqrt(pixels)
     print(f"{len(labels)} cases, {saw.sum()} of them seen")
-    print("pixels  contrast  agreement  kept but not seen  seen but rejected")
-    for pixels in (15, 20, MIN_VISIBLE_PIXELS, 40, 60):
-        for contrast in (4.0, 6.0, MIN_CONTRAST, 10.0, 12.0):
-            kept = ((labels["visible_pixels"] >= pixels) & (labels["contrast"] >= contrast)).to_numpy()
-            mark = "  <- in use" if (pixels, contrast) == (MIN_VISIBLE_PIXELS, MIN_CONTRAST) else ""
-            print(f"{pixels:6}  {contrast:8g}  {np.mean(kept == saw):9.3f}  {np.sum(kept & ~saw):17}  {np.sum(~kept & saw):17}{mark}")
+    print("criterion                              agreement  kept but not seen  seen but rejected")
+    for least in (15, 20, 25, 30):
+        for threshold in (40, 50, 60, 70):
+            mark = "  <- in use" if (least, threshold) == (used.min_visible_pixels, used.min_detectability) else ""
+            line(f"pixels {least}, detectability {threshold}", (pixels >= least) & (detectability >= threshold), saw, mark)
+    for least in (20, 30, 40):
+        for threshold in (6, 8, 10):
+            line(f"pixels {least}, contrast {threshold}", (pixels >= least) & (contrast >= threshold), saw, "")
+
+
+def line(name: str, kept: NDArray[np.bool_], saw: NDArray[np.bool_], mark: str) -> None:
+    print(f"{name:39}{np.mean(kept == saw):9.3f}  {np.sum(kept & ~saw):17}  {np.sum(~kept & saw):17}{mark}")
 
 
 if __name__ == "__main__":

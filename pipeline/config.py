@@ -141,8 +141,8 @@ class Filter(_Section):
 
     min_visible_pixels: int = Field(ge=0)
     """A pedestrian of which fewer pixels show is no fair label."""
-    min_contrast: float = Field(ge=0, le=255)
-    """Mean difference in grey levels to the surroundings below which a person hardly sees it."""
+    min_detectability: float = Field(ge=0)
+    """Contrast to the surroundings in grey levels times the square root of the visible pixels below which a person hardly sees it."""
     overrules: str | None
     """A person's CSV with test_id, step, keep."""
 

@@ -33,12 +33,14 @@ class Case:
     box: NDArray[np.float64]
 
 
-def nearest(judged: pd.DataFrame, min_visible_pixels: int, min_contrast: float, count: int) -> pd.DataFrame:
+def nearest(judged: pd.DataFrame, min_visible_pixels: int, min_detectability: float, count: int) -> pd.DataFrame:
     """Up to `count` rows of a filter table, half of them kept, nearest to the thresholds by ratio; one a test, the nearest first."""
     rows = judged[judged["reason"].isin(JUDGED)]
     pixels = np.log2(rows["visible_pixels"] / max(min_visible_pixels, 1))
-    contrast = np.log2(rows["contrast"].clip(lower=0.01) / max(min_contrast, 0.01))
-    ordered = rows.assign(border=np.minimum(pixels, contrast).abs()).sort_values(["border", "test_id", "step"], kind="stable")
+    detectability = np.log2(rows["contrast"].clip(lower=0.01) * np.sqrt(rows["visible_pixels"]) / max(min_detectability, 0.01))
+    ordered = rows.assign(border=np.minimum(pixels, detectability).abs()).sort_values(["border", "test_id", "step"], kind="stable")
+    # Strategies that share a seed share their first random tests: the same frame would come twice.
+    ordered = ordered.drop_duplicates(["visible_pixels", "contrast"])
     return pd.concat([group.drop_duplicates("test_id").head(count // 2) for _, group in ordered.groupby("kept", sort=False)])
 
 

@@ -40,7 +40,7 @@ def run(config: Config, *, frames: Sequence[Path], out: Path, progress: Progress
     tables = []
     for done, path in enumerate(frames, 1):
         rows = read_frames(path)
-        judged = judge(rows, config.filter.min_visible_pixels, config.filter.min_contrast)
+        judged = judge(rows, config.filter.min_visible_pixels, config.filter.min_detectability)
         tables.append(thin(judged, near_duplicates(rows, judged["kept"].to_numpy(bool))))
         progress(done, len(frames), "/".join(path.parts[-5:-1]))
     table = pd.concat(tables, ignore_index=True)
@@ -50,18 +50,20 @@ def run(config: Config, *, frames: Sequence[Path], out: Path, progress: Progress
     write_filter(out, table)
 
 
-def judge(frames: pd.DataFrame, min_visible_pixels: int, min_contrast: float) -> pd.DataFrame:
+def judge(frames: pd.DataFrame, min_visible_pixels: int, min_detectability: float) -> pd.DataFrame:
     """Keep or reject each frame by what shows of the pedestrian; rows in the order given, columns of the filter table.
 
-    frames: columns of frames.parquet. min_contrast: grey levels. Reasons: `negative` (kept: nobody shows, which teaches what is no
-    pedestrian), `visible` (kept), `few_pixels`, `barely_in_view` (under a tenth of the pedestrian shows), `low_contrast`.
+    frames: columns of frames.parquet. min_detectability: of contrast in grey levels times the square root of the visible pixels, because
+    the eye finds a fainter thing if it is larger (Rose, The sensitivity performance of the human eye, 1948). Reasons: `negative` (kept:
+    nobody shows, which teaches what is no pedestrian), `visible` (kept), `few_pixels`, `barely_in_view` (under a tenth of the pedestrian
+    shows), `low_contrast`.
     """
     pixels, whole = frames["visible_pixels"].to_numpy(), frames["whole_pixels"].to_numpy()
     conditions = [
         pixels == 0,
         pixels < min_visible_pixels,
         pixels / np.maximum(whole, 1) < MIN_VISIBLE_SHARE,
-        frames["contrast"].to_numpy() < min_contrast,
+        frames["contrast"].to_numpy() * np.sqrt(pixels) < min_detectability,
     ]
     reasons = np.select(conditions, ["negative", "few_pixels", "barely_in_view", "low_contrast"], default="visible")
     kept = np.isin(reasons, ["negative", "visible"])

@@ -105,7 +105,7 @@ def run(
 def border_cases(config: Config, filters: Sequence[Path], tests: Sequence[Path]) -> tuple[Case, ...]:
     """The frames nearest to the filter's border, of all strategies whose frames were filtered."""
     judged = pd.concat([read_filter(path) for path in filters], ignore_index=True)
-    rows = nearest(judged, config.filter.min_visible_pixels, config.filter.min_contrast, BORDER_CASES)
+    rows = nearest(judged, config.filter.min_visible_pixels, config.filter.min_detectability, BORDER_CASES)
     return tuple(cases(rows, [path.with_name("frames.parquet") for path in tests]))
 
 

@@ -18,16 +18,16 @@ FRAMES = pd.DataFrame(
     {
         "test_id": "F-random-base-0-00000",
         "step": range(7),
-        "visible_pixels": [0, 0, 29, 30, 30, 90, 30],
-        "whole_pixels": [0, 500, 29, 30, 30, 901, 300],
-        "contrast": [0.0, 0.0, 50.0, 7.9, 8.0, 50.0, 50.0],
+        "visible_pixels": [0, 0, 19, 25, 25, 90, 900],
+        "whole_pixels": [0, 500, 19, 25, 25, 901, 900],
+        "contrast": [0.0, 0.0, 50.0, 11.9, 12.0, 50.0, 2.0],
         "confidence": 0.0,
     }
 )
 
 
 def test_reasons_at_their_limits() -> None:
-    judged = filter.judge(FRAMES, min_visible_pixels=30, min_contrast=8)
+    judged = filter.judge(FRAMES, min_visible_pixels=20, min_detectability=60)
     assert judged["reason"].tolist() == ["negative", "negative", "few_pixels", "low_contrast", "visible", "barely_in_view", "visible"]
     assert judged["kept"].tolist() == [True, True, False, False, True, False, True]
 

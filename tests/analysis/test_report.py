@@ -120,11 +120,19 @@ def test_pairs_are_a_repair_and_a_regression_of_the_champion(study: Study) -> No
 
 
 def test_border_cases_are_nearest_to_the_thresholds_half_of_them_kept() -> None:
-    rows = [("a", 31, 40, True), ("a", 32, 40, True), ("b", 300, 9, True), ("c", 500, 90, True), ("d", 29, 40, False), ("e", 400, 1, False)]
+    rows = [
+        ("a", 25, 40, True),
+        ("a", 26, 40, True),
+        ("b", 400, 3.1, True),
+        ("c", 500, 90, True),
+        ("d", 19, 40, False),
+        ("e", 400, 1, False),
+    ]
+    rows.append(("f", 25, 40, True))  # The frame of a, met by another strategy.
     judged = pd.DataFrame(rows, columns=["test_id", "visible_pixels", "contrast", "kept"])
-    judged = judged.assign(step=range(6), reason=["visible"] * 4 + ["few_pixels", "low_contrast"])
-    chosen = nearest(judged, 30, 8, 4)
-    assert chosen["step"].tolist() == [0, 2, 4, 5]
+    judged = judged.assign(step=range(7), reason=["visible"] * 4 + ["few_pixels", "low_contrast", "visible"])
+    chosen = nearest(judged, 20, 60, 4)
+    assert chosen["step"].tolist() == [2, 0, 4, 5]
 
 
 def test_not_solvable_failures_are_told(study: Study, page: str) -> None:
