@@ -30,7 +30,7 @@ HELD_OUT_REGIONS = _prose("""
     Where the base fails on the held-out sequence, and how many of the tests inside each rule the versions fail.
 """)
 CHANGES = _prose("""
-    Tests that one of base and a retrained version fails and the other passes, regressions first; {shown} of {all}, the others are in
+    Tests that one of base and a retrained version fails and the other passes, regressions first: {shown} of the {all} in
     changes.csv.
 """)
 PAIR = _prose("""
