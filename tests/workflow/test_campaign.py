@@ -117,7 +117,7 @@ def test_a_journal_of_another_model_is_discarded(study: Path, capsys: pytest.Cap
 @pytest.mark.parametrize(
     ("file", "content", "message"),
     [
-        ("model.onnx", None, "expected the ONNX file"),
+        ("model.onnx", None, "expected the detector of version"),
         ("F1.json", b"{", "expected JSON"),
         ("F1.json", b"{}", "expected a scenario space"),
     ],
