@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 DIGEST = "blindspot.digest"
 PARENT = "mlflow.parentRunId"
 DESCRIPTION = "mlflow.note.content"
+KIND, TRAINING = "mlflow.experimentKind", "custom_model_development"
+"""Tells MLflow's page to show an experiment as model training, not as generative AI."""
 BATCH, PARAMS = 900, 100
 """Metrics and parameters a request; MLflow takes at most 1,000 and 100."""
 
@@ -98,7 +100,9 @@ class Tracker:
         place = None if server else (artifacts.resolve() / experiment).as_uri()
         try:
             known = self._client.get_experiment_by_name(experiment)
-            self._experiment = str(known.experiment_id if known else self._client.create_experiment(experiment, place))
+            self._experiment = str(
+                known.experiment_id if known else self._client.create_experiment(experiment, place, tags={KIND: TRAINING})
+            )
         except MlflowException as error:
             raise InputError(f"MLflow at {server or store} cannot be used: {str(error).splitlines()[0]}") from error
 
@@ -156,7 +160,7 @@ class Tracker:
         """Set a run's description, Markdown, with a link that opens MLflow's comparison of some runs."""
         if compared:
             ids = ",".join(f"%22{run}%22" for run in compared)
-            text += f"\n\n[Compare the versions](#/compare-runs?runs=[{ids}]&experiments=[%22{self._experiment}%22])"
+            text = f"[Compare the versions](#/compare-runs?runs=[{ids}]&experiments=[%22{self._experiment}%22])\n\n{text}"
         self._client.set_tag(run_id, DESCRIPTION, text)
 
     def _logged_model(self, registration: Registration, run_id: str) -> Any:
