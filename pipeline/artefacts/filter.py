@@ -10,7 +10,7 @@ import pandas as pd
 from pipeline.artefacts.files import read_bytes, write_bytes
 from pipeline.protocols import InputError
 
-COLUMNS = ("test_id", "step", "kept", "reason", "visible_pixels", "contrast", "confidence", "false_positives")
+COLUMNS = ("test_id", "step", "kept", "reason", "visible_pixels", "contrast", "confidence")
 OVERRULES = ("test_id", "step", "keep")
 TRUE, FALSE = {"true", "1", "yes"}, {"false", "0", "no"}
 

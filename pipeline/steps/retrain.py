@@ -127,7 +127,7 @@ def choose(config: Config, sources: dict[str, Source], version: Version, spaces:
     for name, source in sources.items():
         judged, tests = source.read()
         groups = selection.groups(settings.selection, tests, known, config.regions)
-        pools[name] = selection.pool(judged, groups, mistakes_first=settings.selection == "mistakes")
+        pools[name] = selection.pool(judged, groups)
     count = min(settings.added_frames * version.round, *(selection.capacity(pool, settings.empty_share) for pool in pools.values()))
     if count == 0:
         tables = " and ".join(str(path) for source in sources.values() for path in source.filters)

@@ -1,4 +1,4 @@
-"""Which of the frames that the filter kept are added to training: any, mistakes first, of failures, or balanced over failure regions."""
+"""Which of the frames that the filter kept are added to training: of all tests, of failures, or balanced over failure regions."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ ANY = ""
 def groups(selection: str, tests: pd.DataFrame, spaces: Mapping[str, tuple[ScenarioInfo, Space]], section: Regions) -> dict[str, str]:
     """test_id -> the group that it is balanced with, of the tests whose frames may be added.
 
-    selection: `all` tests and `mistakes` take any test, `failures` failed ones, `regions` these by failure region, each a group, and those
-    in no region of a scenario one more. tests: rows of all campaigns of one source.
+    selection: `all` tests, those that are `failures`, or these by failure `regions`, each a group, and those in no region of a scenario
+    one more. tests: rows of all campaigns of one source.
     """
-    if selection in ("all", "mistakes"):
+    if selection == "all":
         return dict.fromkeys(tests["test_id"], ANY)
     failed = tests[tests["failure"]]
     if selection == "failures":
@@ -36,16 +36,14 @@ def groups(selection: str, tests: pd.DataFrame, spaces: Mapping[str, tuple[Scena
     return found
 
 
-def pool(judged: pd.DataFrame, grouped: Mapping[str, str], mistakes_first: bool) -> pd.DataFrame:
-    """The frames that may be drawn: test_id, step, empty (nobody shows), group, and first (drawn before others), in a fixed order.
+def pool(judged: pd.DataFrame, grouped: Mapping[str, str]) -> pd.DataFrame:
+    """The frames that may be drawn: test_id, step, empty (nobody shows) and group, in a fixed order.
 
-    judged: rows of filter tables. A mistake is a pedestrian that was missed, or a false positive.
+    judged: rows of filter tables.
     """
     rows = judged[judged["kept"] & judged["test_id"].isin(list(grouped))]
-    empty = rows["visible_pixels"] == 0
-    mistake = ~empty & (rows["confidence"] == 0) | (rows["false_positives"] > 0)
-    rows = rows.assign(empty=empty, group=rows["test_id"].map(grouped), first=mistake & mistakes_first)
-    return rows[["test_id", "step", "empty", "group", "first"]].sort_values(["test_id", "step"], ignore_index=True)
+    rows = rows.assign(empty=rows["visible_pixels"] == 0, group=rows["test_id"].map(grouped))
+    return rows[["test_id", "step", "empty", "group"]].sort_values(["test_id", "step"], ignore_index=True)
 
 
 def capacity(rows: pd.DataFrame, empty_share: float) -> int:
@@ -61,19 +59,12 @@ def draw(rows: pd.DataFrame, count: int, empty_share: float, seed: int) -> pd.Da
     rng = np.random.default_rng(seed)
     empty = rows[rows["empty"]]
     wanted = round(count * empty_share)
-    parts = [_pick(empty, wanted, rng)]
+    parts = [empty.iloc[np.sort(rng.choice(len(empty), wanted, replace=False))]]
     shown = {name: group for name, group in rows[~rows["empty"]].groupby("group")}
     left = count - wanted
     for rest, (_, group) in zip(range(len(shown), 0, -1), sorted(shown.items(), key=lambda item: (len(item[1]), item[0])), strict=True):
         # The smallest first: what it lacks the larger ones give.
         part = min(len(group), -(-left // rest))
-        parts.append(_pick(group, part, rng))
+        parts.append(group.iloc[np.sort(rng.choice(len(group), part, replace=False))])
         left -= part
     return pd.concat(parts)[["test_id", "step"]].sort_values(["test_id", "step"], ignore_index=True)
-
-
-def _pick(rows: pd.DataFrame, count: int, rng: np.random.Generator) -> pd.DataFrame:
-    """`count` rows at random, those to be drawn first before the others."""
-    order = rng.permutation(len(rows))
-    order = order[np.argsort(~rows["first"].to_numpy(bool)[order], kind="stable")]
-    return rows.iloc[np.sort(order[:count])]

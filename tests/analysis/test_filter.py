@@ -22,7 +22,6 @@ FRAMES = pd.DataFrame(
         "whole_pixels": [0, 500, 19, 25, 25, 901, 900],
         "contrast": [0.0, 0.0, 50.0, 11.9, 12.0, 50.0, 2.0],
         "confidence": 0.0,
-        "false_positives": 0,
     }
 )
 

@@ -17,8 +17,6 @@ ROWS = pd.DataFrame(
         "step": [0, 2, 4, 6] * 40,
         "kept": [True, True, True, False] * 40,
         "visible_pixels": [0, 50, 90, 90] * 40,
-        "confidence": [0.0, 0.0, 0.9, 0.9] * 40,
-        "false_positives": [0, 0, 0, 0] * 39 + [1, 0, 1, 0],
     }
 )
 TESTS = pd.DataFrame({"test_id": ROWS["test_id"].unique(), "status": "ok", "failure": np.arange(40) < 12, "scenario": "F"})
@@ -31,7 +29,7 @@ def test_all_and_failures() -> None:
 
 
 def test_a_share_is_empty_and_both_sources_can_give_as_many() -> None:
-    rows = selection.pool(ROWS, dict.fromkeys(TESTS["test_id"][:12], ""), mistakes_first=False)
+    rows = selection.pool(ROWS, dict.fromkeys(TESTS["test_id"][:12], ""))
     assert (len(rows), int(rows["empty"].sum())) == (36, 12)
     assert selection.capacity(rows, 0.25) == 32 and selection.capacity(rows, 0.5) == 24
     drawn = selection.draw(rows, 32, 0.25, seed=0)
@@ -42,21 +40,11 @@ def test_a_share_is_empty_and_both_sources_can_give_as_many() -> None:
 
 def test_small_groups_give_all_and_large_ones_the_rest() -> None:
     grouped = {test: "small" if i < 2 else "large" for i, test in enumerate(TESTS["test_id"][:20])}
-    rows = selection.pool(ROWS, grouped, mistakes_first=False)
+    rows = selection.pool(ROWS, grouped)
     drawn = selection.draw(rows, 24, 0.25, seed=3)
     shown = drawn[drawn["step"] > 0]["test_id"].map(grouped).value_counts()
     assert (shown["small"], shown["large"]) == (4, 14)
     assert selection.draw(rows, 8, 0.25, seed=3)["test_id"].map(grouped).value_counts()["small"] >= 3
-
-
-def test_mistakes_come_first_and_others_fill_up() -> None:
-    grouped = selection.groups("mistakes", TESTS, {}, Regions(chance_neighbours=0.5, min_failures=4))
-    rows = selection.pool(ROWS, grouped, mistakes_first=True)
-    few = selection.draw(rows, 40, 0.25, seed=1)
-    assert len(few[few["step"] == 2]) + (few["test_id"].str.endswith("39") & (few["step"] == 4)).sum() == 30
-    assert ("F-a-base-0-00039", 0) in set(few.itertuples(index=False, name=None))
-    many = selection.draw(rows, 80, 0.25, seed=1)
-    assert (many["step"] == 2).sum() == 40 and (many["step"] == 4).sum() == 20
 
 
 def test_regions_are_groups_and_what_lies_in_none_is_one_more() -> None:
