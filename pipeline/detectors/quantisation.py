@@ -1,4 +1,7 @@
-"""An int8 form of an ONNX detector: convolutions in 8 bits, everything else as it was (static quantisation by ONNX Runtime)."""
+"""An int8 form of an ONNX detector: convolutions in 8 bits, but for the heads' last ones (static quantisation by ONNX Runtime).
+
+The last ones give offsets, sizes and scores: eight bits for all of them together cost a third of AP50-95.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import onnx
 from numpy.typing import NDArray
 from onnxruntime.quantization import CalibrationDataReader, CalibrationMethod, QuantFormat, QuantType, quantize_static
 from onnxruntime.quantization.shape_inference import quant_pre_process
@@ -27,21 +31,36 @@ class _Images(CalibrationDataReader):  # type: ignore[misc]
         return None if image is None else {"image": image}
 
 
-def quantise(onnx: Path, images: NDArray[np.uint8], out: Path) -> None:
+def quantise(whole: Path, images: NDArray[np.uint8], out: Path) -> None:
     """Write the int8 form of our own ONNX file. images: (n, h, w, 3) uint8 RGB, which set the ranges of the activations."""
     logging.getLogger().setLevel(logging.ERROR)  # It advises its own preprocessing, after which it was called.
     with tempfile.TemporaryDirectory() as folder:
         prepared, made = Path(folder) / "prepared.onnx", Path(folder) / "int8.onnx"
-        quant_pre_process(onnx, prepared, skip_symbolic_shape=True)
+        quant_pre_process(whole, prepared, skip_symbolic_shape=True)
         quantize_static(
             prepared,
             made,
             _Images(images),
             quant_format=QuantFormat.QDQ,
             op_types_to_quantize=OPERATORS,
+            nodes_to_exclude=_last_convolutions(prepared),
             per_channel=True,
             activation_type=QuantType.QUInt8,
             weight_type=QuantType.QInt8,
             calibrate_method=CalibrationMethod.MinMax,
         )
         write_bytes(out, made.read_bytes())
+
+
+def _last_convolutions(path: Path) -> list[str]:
+    """Names of the convolutions whose outputs no other convolution reads, however far behind."""
+    graph = onnx.load(str(path)).graph
+    readers: dict[str, list[Any]] = {}
+    for node in graph.node:
+        for name in node.input:
+            readers.setdefault(name, []).append(node)
+    feeds: dict[str, bool] = {}
+    for node in reversed(graph.node):  # Nodes come in the order of computation.
+        behind = [reader for name in node.output for reader in readers.get(name, ())]
+        feeds[node.name] = any(reader.op_type == "Conv" or feeds[reader.name] for reader in behind)
+    return [node.name for node in graph.node if node.op_type == "Conv" and not feeds[node.name]]
