@@ -79,12 +79,6 @@ def run(
     log.remove()
 
 
-def _sampler(section: dict[str, Any], space: Space, seed: int) -> Sampler:
-    # Partial, because Hydra turns dataclasses among the arguments into dictionaries.
-    made: Sampler = instantiate(section, _partial_=True, _convert_="all")(space=space, seed=seed)
-    return made
-
-
 def _search(
     sampler: Sampler, space: Space, tests: int, log: Journal, workers: Workers, threshold: float, progress: Progress
 ) -> tuple[list[Outcome], Floats, list[float]]:
