@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from pipeline.artefacts.dataset import ImageSet
-from pipeline.core.boxes import nms
 from pipeline.detectors.evaluation import evaluate
+from pipeline.detectors.suppression import reported
 from pipeline.detectors.yolo.model import Yolo, cells, decode
 from pipeline.detectors.yolo.training import Validation
-from pipeline.protocols import Detections
 
 LOOKED_AT = 500
 """Images, spread over the set."""
 BATCH = 50
-LOWEST_SCORE, CANDIDATES, NMS_IOU = 0.005, 100, 0.45
+LOWEST_SCORE, NMS_IOU = 0.005, 0.45
 
 
 def watching(images: ImageSet, every: int, patience: int) -> Validation:
@@ -34,13 +32,8 @@ def average_precision(model: Yolo, images: ImageSet) -> float:
     for first in range(0, len(images), BATCH):
         shown = torch.from_numpy(images.images[first : first + BATCH]).to(device).permute(0, 3, 1, 2).float().div_(255)
         boxes, logits = decode(model(shown.contiguous(memory_format=torch.channels_last)), centres, strides)
-        found += [best_first(b, s) for b, s in zip(boxes.cpu().numpy(), logits.sigmoid().cpu().numpy(), strict=True)]
+        found += [
+            reported("the network in training", b, s, LOWEST_SCORE, NMS_IOU)
+            for b, s in zip(boxes.cpu().numpy(), logits.sigmoid().cpu().numpy(), strict=True)
+        ]
     return evaluate(found, images, threshold=0.5)["ap50"]
-
-
-def best_first(boxes: NDArray[np.float32], scores: NDArray[np.float32]) -> Detections:
-    """What is left of (cells, 4) boxes and (cells,) scores after suppression."""
-    above = np.flatnonzero(scores >= LOWEST_SCORE)
-    above = above[np.argsort(-scores[above], kind="stable")[:CANDIDATES]]
-    kept = above[nms(boxes[above], scores[above], NMS_IOU)]
-    return Detections(boxes[kept], scores[kept])
