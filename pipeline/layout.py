@@ -6,6 +6,7 @@ street's rightmost lane, the ego's, has its middle 1.75 m right of the street's 
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -81,6 +82,11 @@ class Town(Part):
             if on_asphalt(self, x, y, margin=-0.3):
                 raise ValueError(f"trees: ({x:g}, {y:g}) stands on the road")
         return self
+
+    @property
+    def fingerprint(self) -> str:
+        """What says whether two towns are the same one, without showing either: hexadecimal, from SHA-256."""
+        return hashlib.sha256(self.model_dump_json().encode()).hexdigest()[:16]
 
     def overgrown(self, side: int) -> bool:
         """Whether hedges and dense trees line this side of the streets: 1 left, -1 right."""

@@ -190,6 +190,15 @@ def read_dataset(root: Path, split: Split) -> ImageSet:
     return image_set(list(zip(pixels, truths, strict=True)), digest.hexdigest())
 
 
+def read_towns(root: Path) -> frozenset[str]:
+    """The fingerprints of the towns that the images show; InputError that names the file if it says none."""
+    path = root / TRUTH_FILE
+    try:
+        return frozenset(str(image["attributes"]["town"]) for image in read_json(path)["images"])
+    except (KeyError, TypeError) as error:
+        raise InputError(f"{path} does not say which towns its images show; make it again with render_base") from error
+
+
 def image_path(root: Path, split: Split, index: int) -> Path:
     return root / "images" / split / f"{index:06d}.jpg"
 

@@ -14,24 +14,29 @@ FORMAT = 1
 
 @dataclass(frozen=True)
 class ScenarioInfo:
-    """Which functional scenario a space belongs to. pairs: feasible pairs of categories, what pair coverage counts."""
+    """Which functional scenario a space belongs to. pairs: feasible pairs of categories, what pair coverage counts.
+
+    town: its fingerprint.
+    """
 
     name: str
     label: str
     description: str
     pairs: int
+    town: str = ""
 
 
-def write_space(path: Path, scenario: str, label: str, description: str, space: Space, pairs: int) -> None:
-    """Write the space of one functional scenario; `pairs` is the number of its feasible pairs of categories."""
+def write_space(path: Path, info: ScenarioInfo, space: Space) -> None:
+    """Write the space of one functional scenario."""
     write_json(
         path,
         {
             "format": FORMAT,
-            "scenario": scenario,
-            "label": label,
-            "description": description,
-            "pairs": pairs,
+            "scenario": info.name,
+            "label": info.label,
+            "description": info.description,
+            "pairs": info.pairs,
+            "town": info.town,
             "sizes": dict(zip(space.names, space.sizes, strict=True)),
             "variables": space.to_dict(),
         },
@@ -44,7 +49,7 @@ def read_space(path: Path) -> tuple[ScenarioInfo, Space]:
     try:
         if plain["format"] != FORMAT:
             raise ValueError(f"format must be {FORMAT}, got {plain['format']!r}")
-        info = ScenarioInfo(plain["scenario"], plain["label"], plain["description"], plain["pairs"])
+        info = ScenarioInfo(plain["scenario"], plain["label"], plain["description"], plain["pairs"], plain["town"])
         return info, Space.from_dict(plain["variables"])
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(f"{path}: expected a scenario space, got {error!r}; make it again with define-space") from error

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.artefacts.space import write_space
+from pipeline.artefacts.space import ScenarioInfo, write_space
 from pipeline.config import Config
 from pipeline.progress import Progress
 
@@ -14,5 +14,5 @@ def run(config: Config, *, scenario: str, out: Path, progress: Progress) -> None
     body, space = config.scenarios[scenario], config.space(scenario)
     sizes = space.sizes
     pairs = sum(a * b for i, a in enumerate(sizes) for b in sizes[i + 1 :])
-    write_space(out, scenario, body.label, body.description, space, pairs)
+    write_space(out, ScenarioInfo(scenario, body.label, body.description, pairs, body.town.fingerprint), space)
     progress(1, 1, f"{len(space)} variables, {pairs} pairs")

@@ -23,10 +23,10 @@ from pipeline.detectors.yolo.recipe import train_from_scratch
 from pipeline.detectors.yolo.retraining import retrain
 from pipeline.detectors.yolo.training import Fitted
 from pipeline.detectors.yolo.weights import load_weights
-from pipeline.lineage import Version, campaign_of
+from pipeline.lineage import Version
 from pipeline.progress import Progress
 from pipeline.protocols import Box, InputError, Truth
-from pipeline.steps import selection
+from pipeline.steps import leakage, selection
 from pipeline.steps.train import write_version
 
 
@@ -66,6 +66,7 @@ def run(
     torch.set_num_threads(threads)
     settings, described = config.retraining, Version.named(version)
     seed = settings.seeds[0] if described.seed is None else described.seed
+    leakage.refuse_towns(config, base_set, spaces)
     base = read_dataset(base_set.parent, "train")
     weights = parent.with_name("weights.safetensors")
     validation = read_dataset(base_set.parent, "val")
@@ -74,7 +75,7 @@ def run(
         sources = {"random": Source(random_filters, random_frames), "adaptive": Source(adaptive_filters, adaptive_frames)}
         chosen = choose(config, sources, described, spaces, seed)
         added = read_added(chosen, sources[described.kind].frames)
-        refuse_leaks(config, chosen["test_id"].tolist(), added, validation)
+        leakage.refuse_frames(config.held_out, chosen["test_id"].tolist(), added, validation)
     data = {"base_set": base.digest, "parent": sha256(weights)} | ({} if added is None else {"added": added.digest})
     checkpoint = out.with_name("checkpoint.pt")
     fitted = _fit(config, weights, base, added, validation, seed, data, checkpoint, threads, progress)
@@ -133,19 +134,6 @@ def choose(config: Config, sources: dict[str, Source], version: Version, spaces:
         tables = " and ".join(str(path) for source in sources.values() for path in source.filters)
         raise InputError(f"{tables}: nothing is left to learn from; run more tests, or relax `filter` or `retraining.selection`")
     return selection.draw(pools[version.kind], count, settings.empty_share, seed)
-
-
-def refuse_leaks(config: Config, tests: Sequence[str], added: ImageSet, validation: ImageSet) -> None:
-    """No frame of a held-out scenario and no image that validates may be learnt; InputError that names the tests.
-
-    tests: (n,) of which test each of the added frames is.
-    """
-    if leaked := sorted({test for test in tests if campaign_of(test)[0] in config.held_out}):
-        raise InputError(f"frames of held-out scenarios must not be learnt: {', '.join(leaked[:5])}; make the filter tables again")
-    known = {hashlib.sha256(image.tobytes()).digest() for image in validation.images}
-    for test, image in zip(tests, added.images, strict=True):
-        if hashlib.sha256(image.tobytes()).digest() in known:
-            raise InputError(f"a frame of {test} is an image that validates, so it must not be learnt")
 
 
 def read_added(chosen: pd.DataFrame, paths: Sequence[Path]) -> ImageSet:

@@ -14,7 +14,7 @@ from pipeline.artefacts.campaign import FRAMES, SIGNAL_COLUMNS, TESTS, write_fra
 from pipeline.artefacts.dataset import encode_jpeg
 from pipeline.artefacts.model import Look, ModelCard, write_card, write_curve
 from pipeline.artefacts.results import WhiteBoxMeasures, WhiteBoxSet, write
-from pipeline.artefacts.space import write_space
+from pipeline.artefacts.space import ScenarioInfo, write_space
 from pipeline.config import Config, compose
 from pipeline.core.samplers.pairwise import PairwiseSampler
 from pipeline.core.space import Floats, Space
@@ -163,7 +163,8 @@ class Study:
         """Write spaces, campaigns and model versions."""
         for name in (*self.config.search, *self.config.held_out):
             scenario = self.config.scenarios[name]
-            write_space(self.root / "space" / f"{name}.json", name, scenario.label, scenario.description, self.config.space(name), 8084)
+            info = ScenarioInfo(name, scenario.label, scenario.description, 8084, scenario.town.fingerprint)
+            write_space(self.root / "space" / f"{name}.json", info, self.config.space(name))
         for path in self.search_tests:
             self._search(path)
         for name in self.config.held_out:

@@ -72,8 +72,9 @@ def test_another_table_is_refused(tmp_path: Path) -> None:
 
 def test_a_space_survives_a_round_trip(tmp_path: Path) -> None:
     path = tmp_path / "F1.json"
-    space.write_space(path, "F1star", "F1*", "A street.", SPACE, 22)
-    assert space.read_space(path) == (space.ScenarioInfo("F1star", "F1*", "A street.", 22), SPACE)
+    info = space.ScenarioInfo("F1star", "F1*", "A street.", 22, "0123abcd")
+    space.write_space(path, info, SPACE)
+    assert space.read_space(path) == (info, SPACE)
 
 
 @pytest.mark.parametrize("text", ["", '{"format": 1', "[]", '{"format": 9}', '{"format": 1, "scenario": "F1"}'])

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from pipeline.artefacts.dataset import ImageSet, image_set
+from pipeline.artefacts.dataset import TRUTH_FILE, ImageSet, Record, image_set, write_truth
+from pipeline.artefacts.space import ScenarioInfo, write_space
 from pipeline.config import compose
 from pipeline.protocols import InputError, Truth
 from pipeline.simulators.mujoco import random_scenes
 from pipeline.simulators.mujoco.lens import CameraSettings
-from pipeline.steps.retrain import refuse_leaks
+from pipeline.steps.leakage import refuse_frames, refuse_towns
+from tests.spaces import SMALL
 
 
 def noise(count: int, seed: int) -> ImageSet:
@@ -19,18 +23,37 @@ def noise(count: int, seed: int) -> ImageSet:
 
 
 def test_frames_of_a_held_out_scenario_are_refused_by_name() -> None:
-    config, tests = compose("default", []), ["F1-random-base-0-00000", "F1star-pairwise-base-0-00003"]
+    tests = ["F1-random-base-0-00000", "F1star-pairwise-base-0-00003"]
     with pytest.raises(InputError, match="frames of held-out scenarios must not be learnt: F1star-pairwise-base-0-00003"):
-        refuse_leaks(config, tests, noise(2, 0), noise(2, 1))
+        refuse_frames(("F1star",), tests, noise(2, 0), noise(2, 1))
 
 
 def test_frames_that_validate_are_refused_by_name() -> None:
-    config, tests = compose("default", []), ["F1-random-base-0-00000", "F1-random-base-0-00003"]
-    refuse_leaks(config, tests, noise(2, 0), noise(2, 1))
+    tests = ["F1-random-base-0-00000", "F1-random-base-0-00003"]
+    refuse_frames(("F1star",), tests, noise(2, 0), noise(2, 1))
     validation = noise(3, 1)
     added = image_set([(noise(1, 0).images[0], Truth()), (validation.images[2], Truth())])
     with pytest.raises(InputError, match="a frame of F1-random-base-0-00003 is an image that validates"):
-        refuse_leaks(config, tests, added, validation)
+        refuse_frames(("F1star",), tests, added, validation)
+
+
+def test_towns_of_held_out_scenarios_are_refused_by_name_whatever_the_config_was_that_files_were_made_from(tmp_path: Path) -> None:
+    config = compose("default", [])
+    own, unseen = (config.scenarios[name].town.fingerprint for name in ("F1", "F1star"))
+
+    def files(base_town: str, driven: str) -> tuple[Path, list[Path]]:
+        write_truth(tmp_path, [Record("train", 0, 64, 32, Truth(), {"town": base_town})])
+        write_space(tmp_path / "F1.json", ScenarioInfo("F1", "F1", "", 1, driven), SMALL)
+        return tmp_path / TRUTH_FILE, [tmp_path / "F1.json"]
+
+    refuse_towns(config, *files("a random one", own))
+    with pytest.raises(InputError, match=r"truth\.coco\.json shows the town of held-out F1star, so it must not be learnt"):
+        refuse_towns(config, *files(unseen, own))
+    with pytest.raises(InputError, match=r"F1\.json describes the town of held-out F1star, so it must not be learnt"):
+        refuse_towns(config, *files("a random one", unseen))
+    write_truth(tmp_path, [Record("train", 0, 64, 32, Truth(), {})])
+    with pytest.raises(InputError, match=r"truth\.coco\.json does not say which towns its images show"):
+        refuse_towns(config, tmp_path / TRUTH_FILE, [])
 
 
 def test_a_random_town_of_a_held_out_scenario_is_refused_by_name() -> None:

@@ -71,6 +71,7 @@ def _town(rng: np.random.Generator) -> Town:
 
 def _scene(stage: Stage, town: Town, rng: np.random.Generator) -> Scene:
     attributes: dict[str, Any] = {
+        "town": town.fingerprint,
         "rain": float(rng.uniform(0, 100)) if rng.random() < 0.7 else 0.0,
         "fog": float(rng.uniform(0, 100)) if rng.random() < 0.7 else 0.0,
         "sun_azimuth": float(rng.uniform(0, 360)),
