@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.artefacts.dataset import ImageSet, image_set
-from pipeline.detectors.yolo.data import Stream, View, batch, hardness, show, shown_box, usable
+from pipeline.detectors.yolo.data import Stream, View, batch, hardness, recolour, show, shown_box, usable
 from pipeline.protocols import Truth
 
 SIZE = (128, 96)
@@ -27,8 +27,10 @@ def people() -> ImageSet:
     return image_set([scene((60, 30, 76, 66)), scene(None), scene((10, 40, 20, 64)), scene((90, 20, 104, 60))])
 
 
-def red(image: NDArray[np.uint8]) -> NDArray[np.float64]:
-    rows, columns = np.nonzero(image[:, :, 0].astype(int) - image[:, :, 1] > 60)
+def coloured(image: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """The box of what is not grey, whatever its hue; a tint gives grey a chroma of 31 at most."""
+    chroma = image.max(2).astype(int) - image.min(2)
+    rows, columns = np.nonzero(chroma > max(31, chroma.max() / 2))
     return np.array([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1], float) if len(rows) else np.zeros(4)
 
 
@@ -38,7 +40,7 @@ def test_boxes_follow_the_pixels(size: tuple[int, int]) -> None:
         shown, boxes = batch(people(), np.arange(4), size, (seed,))
         assert shown.shape == (4, size[1], size[0], 3)
         for image, box in zip(shown, boxes, strict=True):
-            assert red(image) == pytest.approx(box, abs=1.6)
+            assert coloured(image) == pytest.approx(box, abs=1.6)
 
 
 def test_a_batch_depends_on_its_seed_alone() -> None:
@@ -46,6 +48,16 @@ def test_a_batch_depends_on_its_seed_alone() -> None:
     assert np.array_equal(first[0], again[0])
     assert np.array_equal(first[1], again[1])
     assert not np.array_equal(first[0], other[0])
+
+
+def test_recolouring_turns_hues_and_keeps_brightness() -> None:
+    image, _ = scene((10, 40, 20, 64))
+    shown = [recolour(image, np.random.default_rng(seed)) for seed in range(40)]
+    colours = {tuple(picture[50, 15]) for picture in shown}
+    assert {(250, 20, 20)} < colours
+    assert len(colours) > 10
+    assert {max(colour) for colour in colours} == {250}
+    assert all((picture[0, 0] == 30).all() for picture in shown)
 
 
 def test_flipping_mirrors_image_and_box() -> None:

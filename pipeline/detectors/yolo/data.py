@@ -143,7 +143,7 @@ def shown_box(box: Boxes, matrix: NDArray[np.float64], size: tuple[int, int]) ->
 
 
 def recolour(image: Images, rng: np.random.Generator) -> Images:
-    """Other colours of everything, in half of the cases: hues turned by one angle, saturation scaled. Cars and clothes come in all colours."""
+    """Other colours of everything in half of the cases, as cars and clothes come in all: hues turned by one angle, saturation scaled."""
     if rng.random() < 0.5:
         return image
     turn, scale = int(rng.integers(180)), rng.uniform(0.4, 1.4)
