@@ -45,14 +45,14 @@ class Csp(nn.Module):
 
     def __init__(self, inputs: int, outputs: int, depth: int = 1, residual: bool = True) -> None:
         super().__init__()
-        self.half = half = outputs // 2
+        self.part = half = outputs // 2
         self.enter = ConvUnit(inputs, outputs, 1)
         self.stages = nn.ModuleList(nn.Sequential(ConvUnit(half, half), ConvUnit(half, half)) for _ in range(depth))
         self.leave = ConvUnit(outputs + half * depth, outputs, 1)
         self.residual = residual
 
     def forward(self, x: Tensor) -> Tensor:
-        kept = list(self.enter(x).split(self.half, 1))
+        kept = list(self.enter(x).split(self.part, 1))
         for stage in self.stages:
             kept.append(kept[-1] + stage(kept[-1]) if self.residual else stage(kept[-1]))
         left: Tensor = self.leave(torch.cat(kept, 1))
