@@ -13,7 +13,7 @@ from pipeline.artefacts.dataset import ImageSet, read_dataset
 from pipeline.artefacts.files import sha256
 from pipeline.artefacts.model import ModelCard, read_card, read_curve, write_card, write_curve
 from pipeline.config import Config
-from pipeline.core.reliability import Calibration, calibration_error, reliability
+from pipeline.core.reliability import calibration_error, reliability
 from pipeline.detectors.evaluation import calibrate, evaluate, judged_scores
 from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.yolo.export import export_onnx
@@ -41,7 +41,6 @@ def run(config: Config, *, base_set: Path, out: Path, threads: int, progress: Pr
         fitted = Fitted(load_weights(shipped / "weights.safetensors"), tuple(read_curve(shipped / "curve.csv")))
         card = read_card(shipped / "model.json")
         history: dict[str, Any] = {"data": card.data, "training": card.training, "seed": card.seed}
-        history["calibration"] = Calibration(**card.calibration)
     else:
         images = read_dataset(base_set.parent, "train")
         settings = config.training.model_dump()
@@ -64,9 +63,12 @@ def write_version(
     data: dict[str, str],
     training: dict[str, Any],
     seed: int,
-    calibration: Calibration | None = None,
 ) -> None:
-    """Save a model version and its training's curve beside `out`, calibrate its scores, measure it as it is used, and write its card."""
+    """Save a model version and its training's curve beside `out`, calibrate its scores, measure it as it is used, and write its card.
+
+    All versions of a study, a shipped base included, are calibrated on the same images: otherwise the confidence at which they brake would
+    mean another precision for each, and the comparison would measure that.
+    """
     model = fitted.model
     write_curve(out.with_name("curve.csv"), fitted.curve)
     weights, onnx = out.with_name("weights.safetensors"), out.with_name("model.onnx")
@@ -74,7 +76,7 @@ def write_version(
     saved = load_weights(weights)  # What is tested is what was saved, half precision included.
     export_onnx(onnx, saved, validation.size)
     plain = detect_all(onnx, validation)
-    calibration = calibration or calibrate(plain, validation)
+    calibration = calibrate(plain, validation)
     export_onnx(onnx, saved, validation.size, calibration)
     # The calibration is inside the file now, but it moves no box and keeps the order of scores: the images need not be shown again.
     found = [Detections(one.boxes, calibration.apply(one.scores).astype(np.float32)) for one in plain]
