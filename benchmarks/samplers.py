@@ -1,4 +1,6 @@
-"""Seconds that a strategy itself costs a test, on the analytic simulator.
+"""Seconds that a strategy itself costs a test, and how many failures of how many kinds it finds, on the analytic simulator.
+
+A kind is a combination of categories: of blueprint and pose.
 
 python benchmarks/samplers.py [--tests 400]
 """
@@ -25,10 +27,11 @@ def main() -> None:
     budget = parser.parse_args().tests
     config = compose("default", [])
     space, simulator = config.space("F1"), AnalyticSimulator(config.scenarios["F1"].model_dump())
-    print(f"{'strategy':<10}{'s a test':>10}{'slowest ask':>13}{'failures':>10}   in {budget} tests")
+    categorical = [j for j, variable in enumerate(space.variables) if variable.kind == "categorical"]
+    print(f"{'strategy':<10}{'s a test':>10}{'slowest ask':>13}{'failures':>10}{'in kinds':>10}   in {budget} tests")
     for name, section in config.samplers.items():
         sampler = instantiate(section, _partial_=True, _convert_="all")(space=space, seed=0)
-        spent, failures, done = [], 0, 0
+        spent, kinds, failures, done = [], set(), 0, 0
         while done < budget:
             started = time.process_time()
             with threadpool_limits(1):
@@ -37,8 +40,9 @@ def main() -> None:
             found = [kpi.evaluate(simulator.execute(space.decode(p), VisiblePixelOracle()).signals, 0.1) for p in points]
             sampler.tell(points, np.array([f.adj_ttc_s for f in found]))
             failures += sum(f.failure for f in found)
+            kinds |= {tuple(p[categorical]) for p, f in zip(points, found, strict=True) if f.failure}
             done += len(points)
-        print(f"{name:<10}{sum(spent) / done:>10.4f}{max(spent):>13.2f}{failures:>10}")
+        print(f"{name:<10}{sum(spent) / done:>10.4f}{max(spent):>13.2f}{failures:>10}{len(kinds):>10}")
 
 
 if __name__ == "__main__":

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hydra.utils import instantiate
 
+from pipeline.config import compose
 from pipeline.core import kpi
 from pipeline.core.growth import readable_regions
 from pipeline.core.regions import chance_radius
@@ -50,6 +52,21 @@ def test_the_adaptive_strategy_beats_random_testing(adaptive_searches: list[Sear
     random = [int(np.sum(values <= THRESHOLD_S)) for _, values in random_searches]
     assert sum(adaptive) > 1.5 * sum(random)
     assert all(a > r for a, r in zip(adaptive, random, strict=True))
+
+
+def test_a_short_campaign_finds_more_kinds_of_failure_with_the_shipped_settings_than_with_those_for_a_thousand_tests(
+    adaptive_searches: list[Search],
+) -> None:
+    section = compose("default", []).samplers["neural"]
+    shipped = [search(instantiate(section, _partial_=True)(THESIS, seed), 160) for seed in range(4)]
+    assert sum(map(kinds, shipped)) > 1.3 * sum(map(kinds, adaptive_searches))
+
+
+def kinds(found: Search) -> int:
+    """Combinations of categories in which tests failed."""
+    points, values = found
+    categorical = [j for j, variable in enumerate(THESIS.variables) if variable.kind == "categorical"]
+    return len(np.unique(points[values <= THRESHOLD_S][:, categorical], axis=0))
 
 
 def test_each_region_is_one_planted_cause(adaptive_searches: list[Search], random_searches: list[Search]) -> None:
