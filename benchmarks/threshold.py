@@ -1,0 +1,60 @@
+"""At which confidence to brake: `python benchmarks/threshold.py [--tests 40] [--threshold 0.6 0.7 0.8]`.
+
+The same random tests of the searched scenarios with the shipped detector, which reports from each threshold on: failures, and those that
+false positives alone cause, which is the price of a lower threshold.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.artefacts.model import read_card
+from pipeline.config import compose, functional_scenario
+from pipeline.core import kpi
+from pipeline.core.reliability import Calibration
+from pipeline.core.space import Space
+from pipeline.detectors.onnx import OnnxDetector
+from pipeline.detectors.yolo.export import export_onnx
+from pipeline.detectors.yolo.weights import load_weights
+from pipeline.progress import Progress
+from pipeline.simulators.mujoco.episode import MujocoSimulator
+
+SHIPPED = Path("models/base")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--tests", type=int, default=40, help="a scenario")
+    parser.add_argument("--scenario", nargs="+", default=[f"F{number}" for number in range(1, 9)])
+    parser.add_argument("--threshold", nargs="+", type=float, default=[0.6, 0.7, 0.8])
+    options = parser.parse_args()
+    card, failure_threshold_s = read_card(SHIPPED / "model.json"), compose("default", []).campaign.failure_threshold_s
+    modes: dict[float, Counter[str]] = {threshold: Counter() for threshold in options.threshold}
+    tests = options.tests * len(options.scenario)
+    with tempfile.TemporaryDirectory() as folder, Progress("threshold") as progress:
+        onnx = Path(folder) / "model.onnx"
+        export_onnx(onnx, load_weights(SHIPPED / "weights.safetensors"), card.input_size, Calibration(**card.calibration))
+        detectors = {threshold: OnnxDetector(onnx, threshold=threshold) for threshold in options.threshold}
+        for order, scenario in enumerate(options.scenario):
+            described = functional_scenario(scenario)
+            space = Space.from_dict(described.space)
+            simulator = MujocoSimulator(scenario=described.model_dump())
+            for done, point in enumerate(space.sample(options.tests, np.random.default_rng(0)), start=order * options.tests + 1):
+                for threshold, detector in detectors.items():
+                    signals = simulator.execute(space.decode(point), detector).signals
+                    modes[threshold][kpi.evaluate(signals, failure_threshold_s).failure_mode] += 1
+                progress(done, tests)
+            simulator.close()
+    print(f"{'threshold':<11}{'failures':>9}{'contact':>9}{'late':>6}{'false positives':>17}   of {tests} tests")
+    for threshold, found in modes.items():
+        failures = tests - found["none"]
+        print(f"{threshold:<11g}{failures:>9}{found['contact']:>9}{found['late']:>6}{found['false_positives']:>17}")
+
+
+if __name__ == "__main__":
+    main()
