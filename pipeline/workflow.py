@@ -61,8 +61,8 @@ class Study:
 
     @property
     def retraining_sections(self) -> list[str]:
-        """What retrained versions depend on: all training parameters only where they are trained from scratch."""
-        return ["retraining", "training" if self.config.retraining.start == "scratch" else "training.oversampling"]
+        """What retrained versions depend on: training parameters only where they are trained from scratch."""
+        return ["retraining", "training"] if self.config.retraining.start == "scratch" else ["retraining"]
 
     @property
     def overrules(self) -> list[str]:

@@ -33,7 +33,6 @@ def run(config: Config, *, version: str, snapshots: Path, out: Path, threads: in
         validation,
         **training,
         added_share=0.0,
-        oversampling=1,
         identity=hashlib.sha256(json.dumps([training, data]).encode()).hexdigest(),
         checkpoint=checkpoint,
         threads=threads,

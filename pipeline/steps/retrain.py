@@ -80,7 +80,6 @@ def run(
     checkpoint = out.with_name("checkpoint.pt")
     fitted = _fit(config, weights, base, added, validation, seed, data, checkpoint, threads, progress)
     training = settings.model_dump(exclude={"seeds"}) | {"seed": seed, "round": described.round, "base_images": len(base)}
-    training["oversampling"] = config.training.oversampling
     write_version(
         config,
         fitted,
@@ -113,7 +112,6 @@ def _fit(
         section = config.training.model_dump() | {"seed": seed}
         return train_from_scratch(everything, validation, section, checkpoint=checkpoint, threads=threads, progress=progress)
     steps: dict[str, Any] = settings.model_dump(include={"iterations", "batch_size", "learning_rate", "added_share"}) | {"seed": seed}
-    steps["oversampling"] = config.training.oversampling
     identity = hashlib.sha256(json.dumps([steps, data]).encode()).hexdigest()
     model = load_weights(weights)
     return retrain(model, base, added, validation, **steps, identity=identity, checkpoint=checkpoint, threads=threads, progress=progress)

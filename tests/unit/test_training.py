@@ -121,12 +121,12 @@ def test_frozen_statistics_stay() -> None:
 
 def test_retraining_mixes_and_the_control_does_not() -> None:
     base, added = people(8, 3), people(8, 4)
-    red_base = mixed_feed(base, None, 4, 0.5, 3, 0)
-    mixed = mixed_feed(base, added, 4, 0.5, 3, 0)
+    red_base = mixed_feed(base, None, 4, 0.5, 0)
+    mixed = mixed_feed(base, added, 4, 0.5, 0)
     assert red_base(0)[0].shape == mixed(0)[0].shape == (4, SIZE[1], SIZE[0], 3)
     assert np.array_equal(mixed(3)[0], mixed(3)[0])
-    assert np.array_equal(mixed(0)[0][:2], mixed_feed(base, people(8, 5), 4, 0.5, 3, 0)(0)[0][:2])
-    assert not np.array_equal(mixed(0)[0][2:], mixed_feed(base, people(8, 5), 4, 0.5, 3, 0)(0)[0][2:])
+    assert np.array_equal(mixed(0)[0][:2], mixed_feed(base, people(8, 5), 4, 0.5, 0)(0)[0][:2])
+    assert not np.array_equal(mixed(0)[0][2:], mixed_feed(base, people(8, 5), 4, 0.5, 0)(0)[0][2:])
 
 
 def test_both_recipes_run_and_repeat(tmp_path: Path) -> None:
@@ -136,7 +136,6 @@ def test_both_recipes_run_and_repeat(tmp_path: Path) -> None:
         "batch_size": 4,
         "learning_rate": 1e-4,
         "added_share": 0.5,
-        "oversampling": 3,
         "seed": 0,
         "identity": "x",
         "threads": 1,

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.artefacts.dataset import ImageSet
-from pipeline.detectors.yolo.data import Boxes, Images, Stream, batch, hardness, usable
+from pipeline.detectors.yolo.data import Boxes, Images, Stream, batch, usable
 from pipeline.detectors.yolo.model import Yolo
 from pipeline.detectors.yolo.training import Fitted, Progress, Schedule, fit
 from pipeline.detectors.yolo.validation import watching
@@ -27,7 +27,6 @@ def retrain(
     batch_size: int,
     learning_rate: float,
     added_share: float,
-    oversampling: int,
     seed: int,
     identity: str,
     checkpoint: Path,
@@ -37,25 +36,26 @@ def retrain(
     """Continue training `model`; with `added` None this is the control: the same steps on the base set alone.
 
     Short restarts with a high rate, on crops or without empty frames raise false positives even where nothing new is learnt;
-    hence the low rate, full frames alone and frozen normalisation statistics. oversampling: times that hard images are shown, as often as
-    in the training before, or it forgets them. validation: gives the curve.
+    hence the low rate, full frames alone and frozen normalisation statistics. validation: gives the curve.
     """
     schedule = Schedule(0, iterations, learning_rate, warm_up=iterations // 10, averaging=0.97, frozen_statistics=True)
-    feed = mixed_feed(base, added, batch_size, added_share, oversampling, seed)
+    feed = mixed_feed(base, added, batch_size, added_share, seed)
     watch = watching(validation, max(1, iterations // LOOKS), patience=LOOKS)
     return fit(model, schedule, feed, identity=identity, checkpoint=checkpoint, validation=watch, threads=threads, progress=progress)
 
 
 def mixed_feed(
-    base: ImageSet, added: ImageSet | None, batch_size: int, added_share: float, oversampling: int, seed: int
+    base: ImageSet, added: ImageSet | None, batch_size: int, added_share: float, seed: int
 ) -> Callable[[int], tuple[Images, Boxes]]:
     """Batches whose last `added_share` comes from the added frames; every version sees the base images in the same order."""
-    base_stream = _stream(base, oversampling, (seed, BASE_STREAM))
+    indices = usable(base)
+    base_stream = Stream(indices, np.ones(len(indices), np.int64), (seed, BASE_STREAM))
     if added is None:
         return lambda iteration: batch(
             base, base_stream.take(iteration * batch_size, batch_size), base.size, (seed, BASE_STREAM, iteration)
         )
-    added_stream = _stream(added, oversampling, (seed, ADDED_STREAM))
+    new = usable(added)
+    added_stream = Stream(new, np.ones(len(new), np.int64), (seed, ADDED_STREAM))
     fresh = max(1, round(batch_size * added_share))
     old = batch_size - fresh
 
@@ -65,8 +65,3 @@ def mixed_feed(
         return np.concatenate([first[0], second[0]]), np.concatenate([first[1], second[1]])
 
     return feed
-
-
-def _stream(images: ImageSet, oversampling: int, seed: tuple[int, ...]) -> Stream:
-    indices = usable(images)
-    return Stream(indices, hardness(images, oversampling)[indices], seed)
