@@ -13,14 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.artefacts.model import read_card
 from pipeline.config import compose, functional_scenario
 from pipeline.core import kpi
-from pipeline.core.reliability import Calibration
 from pipeline.core.space import Space
 from pipeline.detectors.onnx import OnnxDetector
-from pipeline.detectors.yolo.export import export_onnx
-from pipeline.detectors.yolo.weights import load_weights
+from pipeline.detectors.yolo.export import onnx_of
 from pipeline.progress import Progress
 from pipeline.simulators.mujoco.episode import MujocoSimulator
 
@@ -33,12 +30,11 @@ def main() -> None:
     parser.add_argument("--scenario", nargs="+", default=[f"F{number}" for number in range(1, 9)])
     parser.add_argument("--threshold", nargs="+", type=float, default=[0.6, 0.7, 0.8])
     options = parser.parse_args()
-    card, failure_threshold_s = read_card(SHIPPED / "model.json"), compose("default", []).campaign.failure_threshold_s
+    failure_threshold_s = compose("default", []).campaign.failure_threshold_s
     modes: dict[float, Counter[str]] = {threshold: Counter() for threshold in options.threshold}
     tests = options.tests * len(options.scenario)
     with tempfile.TemporaryDirectory() as folder, Progress("threshold") as progress:
-        onnx = Path(folder) / "model.onnx"
-        export_onnx(onnx, load_weights(SHIPPED / "weights.safetensors"), card.input_size, Calibration(**card.calibration))
+        onnx = onnx_of(SHIPPED, Path(folder))
         detectors = {threshold: OnnxDetector(onnx, threshold=threshold) for threshold in options.threshold}
         for order, scenario in enumerate(options.scenario):
             described = functional_scenario(scenario)

@@ -120,8 +120,8 @@ class Retraining(_Section):
     """How often search, filter and retraining are repeated on the newest versions."""
     start: Literal["parent", "scratch"]
     """`parent` goes on from the version before, `scratch` trains anew with section `training` on the base set and the added frames."""
-    selection: Literal["all", "balanced", "failures", "regions"]
-    """Which kept frames are added: of all tests, as many of failed as of other tests, of failed ones, or as many of every region."""
+    selection: Literal["all", "failures", "regions"]
+    """Which kept frames are added: of all tests, of failed ones, or of failed ones with equal numbers from every failure region."""
     batch_size: int = Field(ge=2, le=4096)
     """Full frames a step."""
     iterations: int = Field(ge=1)

@@ -1,4 +1,4 @@
-"""Which of the frames that the filter kept are added to training: of all tests, balanced by verdict, of failures, or balanced by region."""
+"""Which of the frames that the filter kept are added to training: of all tests, of failures, or balanced over failure regions."""
 
 from __future__ import annotations
 
@@ -19,13 +19,11 @@ ANY = ""
 def groups(selection: str, tests: pd.DataFrame, spaces: Mapping[str, tuple[ScenarioInfo, Space]], section: Regions) -> dict[str, str]:
     """test_id -> the group that it is balanced with, of the tests whose frames may be added.
 
-    selection: `all` tests; these `balanced`, as many frames from failed ones as from the others; those that are `failures`; or these by
-    failure `regions`, each a group, and those in no region of a scenario one more. tests: rows of all campaigns of one source.
+    selection: `all` tests, those that are `failures`, or these by failure `regions`, each a group, and those in no region of a scenario
+    one more. tests: rows of all campaigns of one source.
     """
     if selection == "all":
         return dict.fromkeys(tests["test_id"], ANY)
-    if selection == "balanced":
-        return {test: "failed" if failure else "passed" for test, failure in zip(tests["test_id"], tests["failure"], strict=True)}
     failed = tests[tests["failure"]]
     if selection == "failures":
         return dict.fromkeys(failed["test_id"], ANY)

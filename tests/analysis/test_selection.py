@@ -28,13 +28,6 @@ def test_all_and_failures() -> None:
     assert list(selection.groups("failures", TESTS, {}, section)) == list(TESTS["test_id"][:12])
 
 
-def test_balanced_draws_as_many_frames_of_failed_tests_as_of_the_others() -> None:
-    grouped = selection.groups("balanced", TESTS, {}, Regions(chance_neighbours=0.5, min_failures=4))
-    drawn = selection.draw(selection.pool(ROWS, grouped), 40, 0.25, seed=0)
-    failed = drawn["test_id"].isin(TESTS["test_id"][:12]) & (drawn["step"] > 0)
-    assert (failed.sum(), ((drawn["step"] > 0) & ~failed).sum()) == (15, 15)
-
-
 def test_a_share_is_empty_and_both_sources_can_give_as_many() -> None:
     rows = selection.pool(ROWS, dict.fromkeys(TESTS["test_id"][:12], ""))
     assert (len(rows), int(rows["empty"].sum())) == (36, 12)
