@@ -95,9 +95,12 @@ def image_set(labelled: Sequence[tuple[NDArray[np.uint8], Truth]], digest: str =
     shapes = {image.shape for image, _ in labelled}
     if len(shapes) != 1:
         raise ValueError(f"images must be at least one and of one size, got {len(labelled)} of sizes {sorted(shapes)}")
-    truths = [truth for _, truth in labelled]
+    return _labelled(np.stack([image for image, _ in labelled]), [truth for _, truth in labelled], digest)
+
+
+def _labelled(images: NDArray[np.uint8], truths: Sequence[Truth], digest: str) -> ImageSet:
     return ImageSet(
-        images=np.stack([image for image, _ in labelled]),
+        images=images,
         boxes=np.array([truth.visible_box or (0.0,) * 4 for truth in truths], np.float32),
         whole_boxes=np.array([truth.whole_box or (0.0,) * 4 for truth in truths], np.float32),
         visible_pixels=np.array([truth.visible_pixels for truth in truths], np.int64),
@@ -181,13 +184,16 @@ def read_dataset(root: Path, split: Split) -> ImageSet:
         images = sorted((i for i in plain["images"] if i["split"] == split), key=lambda i: str(i["file_name"]))
         annotations = {a["image_id"]: a for a in plain["annotations"]}
         truths = [_truth(image, annotations.get(image["id"])) for image in images]
+        shapes = [(int(image["height"]), int(image["width"]), 3) for image in images]
     except (KeyError, TypeError) as error:
         raise InputError(f"{path} is no truth file of a base set ({error!r}); make it again with render_base") from error
     if not images:
         raise InputError(f"{path} has no images of the split '{split}'; raise base_set.images or base_set.validation_share")
     digest = hashlib.sha256(path.read_bytes())
-    pixels = [_read_image(root / "images" / image["file_name"], image, digest) for image in images]
-    return image_set(list(zip(pixels, truths, strict=True)), digest.hexdigest())
+    pixels = np.empty((len(images), *shapes[0]), np.uint8)  # Filled in place: it may be most of the memory.
+    for place, image in zip(pixels, images, strict=True):
+        place[:] = _read_image(root / "images" / image["file_name"], place.shape, digest)
+    return _labelled(pixels, truths, digest.hexdigest())
 
 
 def read_towns(root: Path) -> frozenset[str]:
@@ -271,13 +277,13 @@ def _truth(image: Mapping[str, Any], annotation: Mapping[str, Any] | None) -> Tr
     )
 
 
-def _read_image(path: Path, image: Mapping[str, Any], digest: Any) -> NDArray[np.uint8]:
+def _read_image(path: Path, shape: tuple[int, ...], digest: Any) -> NDArray[np.uint8]:
     try:
         data = path.read_bytes()
         pixels = decode_jpeg(data)
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: expected a JPEG image, got {error}; make the base set again") from error
-    if pixels.shape != (image["height"], image["width"], 3):
-        raise InputError(f"{path} must be {image['width']}x{image['height']}, got {pixels.shape[1]}x{pixels.shape[0]}")
+    if pixels.shape != shape:
+        raise InputError(f"{path} must be {shape[1]}x{shape[0]}, got {pixels.shape[1]}x{pixels.shape[0]}")
     digest.update(data)
     return pixels

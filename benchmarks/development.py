@@ -1,0 +1,82 @@
+"""Compare model versions where nothing is held out: `python benchmarks/development.py FOLDER FOLDER... [--tests 60] [--scenario F1 F2 F3]`.
+
+The searched scenarios moved to a suburban town of their own, with the same pair-wise tests for every version: how a recipe is chosen
+before the held-out scenarios judge it. FOLDER holds a version's model.onnx, or its weights.safetensors and model.json; the first is the
+one that the others are compared with.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from hydra.utils import instantiate
+
+from pipeline.config import Config, compose
+from pipeline.core import kpi
+from pipeline.core.statistics import mcnemar
+from pipeline.detectors.yolo.export import onnx_of
+from pipeline.progress import Progress
+from pipeline.steps import journal
+from pipeline.steps.execution import Workers
+
+TOWN = {"style": "suburban", "seed": 987_654}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("version", nargs="+", type=Path)
+    parser.add_argument("--tests", type=int, default=60, help="a scenario")
+    parser.add_argument("--scenario", nargs="+", default=["F1", "F2", "F3"])
+    parser.add_argument("--workers", type=int, default=2)
+    options = parser.parse_args()
+    config = compose("retraining", [])
+    failed: dict[Path, list[bool]] = {version: [] for version in options.version}
+    with tempfile.TemporaryDirectory() as folder, Progress("development") as progress:
+        for i, version in enumerate(options.version):
+            own = Path(folder) / str(i)
+            own.mkdir()
+            detector = {**config.detector, "model": str(onnx_of(version, own))}
+            for scenario in options.scenario:
+                failed[version] += _failures(config, scenario, detector, options.tests, options.workers, own)
+                done = i * len(options.scenario) * options.tests + len(failed[version])
+                progress(done, len(options.version) * len(options.scenario) * options.tests, f"{version}: {sum(failed[version])} failures")
+    print(f"{'failures':>8}  {'by scenario':<{4 * len(options.scenario)}}{'mends':>7}{'breaks':>8}{'McNemar p':>11}  version")
+    first = failed[options.version[0]]
+    for version, found in failed.items():
+        paired = mcnemar(first, found)
+        parts = "".join(f"{int(np.sum(part)):>4}" for part in np.split(np.array(found), len(options.scenario)))
+        print(f"{sum(found):>8}  {parts}{paired.mended:>7}{paired.regressions:>8}{paired.p_value:>11.2g}  {version}")
+
+
+def _failures(config: Config, scenario: str, detector: dict[str, Any], tests: int, workers: int, folder: Path) -> list[bool]:
+    """Whether each test fails, in the order of the pair-wise sequence."""
+    body = config.scenarios[scenario].model_dump()
+    body["town"] |= TOWN
+    space = config.space(scenario)
+    sampler = instantiate(config.samplers["pairwise"], _partial_=True, _convert_="all")(space=space, seed=3)
+    points = np.concatenate([_asked(sampler) for _ in range(-(-tests // config.samplers["pairwise"]["batch_size"]))])[:tests]
+    log = journal.Journal(folder / scenario, scenario)
+    pool = Workers(workers, config.simulator, body, detector, keep_every=0)
+    try:
+        for _ in pool.execute([(i, log.path(i), space.decode(point)) for i, point in enumerate(points)]):
+            pass
+    finally:
+        pool.close()
+    outcomes = [log.read(i) for i in range(tests)]
+    if broken := [outcome.reason for outcome in outcomes if outcome.broken]:
+        raise SystemExit(f"{scenario}: {len(broken)} tests broke: {broken[0]}")
+    return [kpi.evaluate(outcome.signals, config.campaign.failure_threshold_s).failure for outcome in outcomes]
+
+
+def _asked(sampler: Any) -> Any:
+    points = sampler.ask()
+    sampler.tell(points, np.ones(len(points)))
+    return points
+
+
+if __name__ == "__main__":
+    main()
