@@ -15,8 +15,8 @@ from pipeline.protocols import Truth
 from pipeline.steps.workers import render_pool
 
 Progress = Callable[[int, int, str], None]
-SHARD_IMAGES = 300
-"""Images a town: small enough to be lost by a kill, large enough to pay for compiling the town."""
+SHARD_IMAGES = 100
+"""Images a town: many towns teach more than many views of one, compiling each takes as long as a dozen images."""
 
 
 def run(config: Config, *, out: Path, threads: int, progress: Progress) -> None:

@@ -14,6 +14,7 @@ Pattern = Literal["plain", "vest", "band"]
 WOMEN = tuple(f"W {i:02d}" for i in range(1, 38))
 MEN = tuple(f"M {i:02d}" for i in range(1, 38))
 NAMES = WOMEN + MEN
+CHILDREN = WOMEN[-4:] + MEN[-4:]
 
 # Cloth, linear RGB. Dark colours are common on purpose: people do dress so, and it is hard at night.
 CLOTH: tuple[Colour, ...] = (
@@ -23,7 +24,6 @@ CLOTH: tuple[Colour, ...] = (
 SKIN: tuple[Colour, ...] = ((0.86, 0.68, 0.56), (0.78, 0.58, 0.44), (0.62, 0.43, 0.3), (0.42, 0.27, 0.18), (0.26, 0.17, 0.12))
 HAIR: tuple[Colour, ...] = ((0.05, 0.04, 0.03), (0.18, 0.11, 0.06), (0.42, 0.28, 0.14), (0.7, 0.58, 0.36), (0.6, 0.6, 0.6))
 PATTERNS: tuple[Pattern, ...] = ("plain", "plain", "vest", "band")
-CHILDREN_PER_SEX = 4
 
 
 @dataclass(frozen=True)
@@ -56,14 +56,14 @@ class Blueprint:
 
 
 def _blueprint(index: int) -> Blueprint:
-    """Blueprint `index` of `NAMES`; the last of each sex are children of 1.1 to 1.4 m."""
-    rng = np.random.default_rng([20_231, index])
+    """Blueprint `index` of `NAMES`; children measure 1.1 to 1.4 m."""
+    rng, name = np.random.default_rng([20_231, index]), NAMES[index]
     woman = index < len(WOMEN)
-    child = index % len(WOMEN) >= len(WOMEN) - CHILDREN_PER_SEX
+    child = name in CHILDREN
     mean, spread = (1.66, 0.06) if woman else (1.79, 0.07)
     height = rng.uniform(1.1, 1.4) if child else float(np.clip(rng.normal(mean, spread), 1.5, 1.98))
     return Blueprint(
-        name=NAMES[index],
+        name=name,
         height=round(height, 3),
         build=round(rng.uniform(0.9, 1.22), 3),
         top=CLOTH[rng.integers(len(CLOTH))],

@@ -1,8 +1,8 @@
-"""Random scenes for the base training set: spawn anyone anywhere in any weather (thesis section 5.4)."""
+"""Random scenes for the base training set: spawn anyone anywhere in any weather, as section 5.4 of the thesis does, some people rarely."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +15,7 @@ from pipeline.layout import END_X, LANE_WIDTH, START_X, Junction, Street, Town, 
 from pipeline.protocols import InputError, Truth
 from pipeline.scenario import EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M, HALF_LENGTHS_M, Actor, VehicleKind
 
-from .blueprints import NAMES
+from .blueprints import CHILDREN, NAMES
 from .gait import ANIMATIONS
 from .lens import CameraSettings
 from .stage import Stage, weather_of
@@ -23,6 +23,8 @@ from .stage import Stage, weather_of
 PEDESTRIAN_SHARE = 0.88
 BESIDE_VEHICLE_SHARE = 0.35
 TURNING_SHARE = 0.4
+RARE = 0.15
+"""How often a child or somebody crouching is seen, relative to anybody else (docs/decisions/a-long-tailed-base-set.md)."""
 NEAREST_M, FARTHEST_M = 2.8, 46.0
 OUT_OF_SIGHT = Pose(-500, 0, 0)
 FLEET: tuple[VehicleKind, ...] = ("bus", "hatchback", "saloon", "van", "hatchback", "saloon", "hatchback")
@@ -76,8 +78,8 @@ def _scene(stage: Stage, town: Town, rng: np.random.Generator) -> Scene:
         "fog": float(rng.uniform(0, 100)) if rng.random() < 0.7 else 0.0,
         "sun_azimuth": float(rng.uniform(0, 360)),
         "sun_altitude": float(rng.uniform(-20, 90)) if rng.random() < 0.7 else float(rng.uniform(-8, 14)),
-        "animation": str(rng.choice(ANIMATIONS)),
-        "blueprint": str(rng.choice(NAMES)),
+        "animation": _drawn(ANIMATIONS, {"crouching"}, rng),
+        "blueprint": _drawn(NAMES, set(CHILDREN), rng),
         "pedestrian_speed": float(rng.uniform(0, 3)),
     }
     stage.reset(weather_of(attributes), attributes["blueprint"])
@@ -92,6 +94,11 @@ def _scene(stage: Stage, town: Town, rng: np.random.Generator) -> Scene:
         stage.pedestrian.hide()
     image, truth = stage.shoot(rng)
     return Scene(image, truth, attributes)
+
+
+def _drawn(values: Sequence[str], rare: Collection[str], rng: np.random.Generator) -> str:
+    weights = np.array([RARE if value in rare else 1.0 for value in values])
+    return str(rng.choice(values, p=weights / weights.sum()))
 
 
 def _ego(town: Town, rng: np.random.Generator) -> Pose:
