@@ -16,7 +16,7 @@ from pipeline.steps.workers import render_pool
 
 Progress = Callable[[int, int, str], None]
 SHARD_IMAGES = 100
-"""Images a town: many towns teach more than many views of one, compiling each takes as long as a dozen images."""
+"""Images a town: few, so that a base set shows many towns and a kill loses little."""
 
 
 def run(config: Config, *, out: Path, threads: int, progress: Progress) -> None:
