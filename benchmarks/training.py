@@ -24,9 +24,9 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=20.0, help="a phase, about")
     options = parser.parse_args()
     images = people(200)
-    for name, size in (("crops", CROP_SIZE), ("full frames", FRAME_SIZE)):
+    for name, size, frozen in (("crops", CROP_SIZE, False), ("full frames", FRAME_SIZE, False), ("retraining", FRAME_SIZE, True)):
         made = augmentation(images, size, options.batch)
-        shown = training(images, size, options.batch, options.threads, options.seconds)
+        shown = training(images, size, frozen, options.batch, options.threads, options.seconds)
         width, height = size
         print(f"{name:12} {width}x{height}  {shown:6.0f} images/s trained, {made:6.0f} images/s augmented on one core")
 
@@ -46,18 +46,18 @@ def augmentation(images: ImageSet, size: tuple[int, int], count: int) -> float:
     return 10 * count / (time.perf_counter() - start)
 
 
-def training(images: ImageSet, size: tuple[int, int], count: int, threads: int, seconds: float) -> float:
-    """Images a second after a few iterations of warm-up, batches and optimiser included."""
+def training(images: ImageSet, size: tuple[int, int], frozen: bool, count: int, threads: int, seconds: float) -> float:
+    """Images a second after a few iterations of warm-up, batches and optimiser included. frozen: the normalisation's statistics."""
 
     def feed(iteration: int) -> Batch:
         times.append(time.perf_counter())
         return batch(images, np.arange(count) % len(images), size, (iteration,))
 
     times: list[float] = []
-    fit(initial_model(0), Schedule(0, WARM_UP + 2, 1e-3), feed, threads=threads)
+    fit(initial_model(0), Schedule(0, WARM_UP + 2, 1e-3, frozen_statistics=frozen), feed, threads=threads)
     iterations = WARM_UP + max(2, round(seconds / (times[-1] - times[-2])))
     times.clear()
-    fit(initial_model(0), Schedule(0, iterations, 1e-3), feed, threads=threads)
+    fit(initial_model(0), Schedule(0, iterations, 1e-3, frozen_statistics=frozen), feed, threads=threads)
     return (iterations - WARM_UP) * count / (time.perf_counter() - times[WARM_UP])
 
 

@@ -7,7 +7,7 @@ import pytest
 import torch
 from safetensors.torch import save
 
-from pipeline.detectors.yolo.model import Architecture, Yolo, cells, count_parameters, decode
+from pipeline.detectors.yolo.model import Architecture, ConvUnit, Yolo, cells, count_parameters, decode
 from pipeline.detectors.yolo.training import initial_model
 from pipeline.detectors.yolo.weights import load_weights, save_weights
 from pipeline.protocols import InputError
@@ -31,6 +31,27 @@ def test_initial_weights_depend_on_the_seed_alone() -> None:
     first, second, other = (initial_model(seed, lambda: Yolo(SMALL)).state_dict()["stage4.0.0.weight"] for seed in (1, 1, 2))
     assert torch.equal(first, second)
     assert not torch.equal(first, other)
+
+
+def test_frozen_normalisation_inside_the_kernel_gives_the_same_output_and_gradients() -> None:
+    unit = ConvUnit(6, 8, 3, 2, groups=2).double()
+    generator = torch.Generator().manual_seed(0)
+    for values in (unit[1].weight, unit[1].bias, unit[1].running_mean, unit[1].running_var):
+        values.data.uniform_(0.1, 2.0, generator=generator)
+    images = torch.rand(4, 6, 10, 8, dtype=torch.float64, generator=generator)
+
+    def shown(frozen: bool) -> tuple[torch.Tensor, ...]:
+        unit.train(frozen)
+        unit[1].eval()
+        unit.zero_grad()
+        output = unit(images)
+        output.square().sum().backward()
+        return output.detach(), *(parameter.grad.clone() for parameter in unit.parameters())
+
+    inside, apart = shown(frozen=True), shown(frozen=False)
+    assert len(inside) == 4
+    for one, other in zip(inside, apart, strict=True):
+        torch.testing.assert_close(one, other)
 
 
 def test_cells_lie_in_the_middle_of_their_squares() -> None:

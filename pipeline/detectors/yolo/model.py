@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import torch
 from torch import Tensor, nn
+from torch.nn import functional
 
 STRIDES = (8, 16, 32)
 CHANNELS = 5
@@ -38,6 +39,19 @@ class ConvUnit(nn.Sequential):
     def __init__(self, inputs: int, outputs: int, kernel: int = 3, stride: int = 1, groups: int = 1) -> None:
         convolution = nn.Conv2d(inputs, outputs, kernel, stride, kernel // 2, groups=groups, bias=False)
         super().__init__(convolution, nn.BatchNorm2d(outputs, eps=1e-3, momentum=0.03), nn.ReLU(inplace=True))
+
+    def forward(self, x: Tensor) -> Tensor:
+        convolution, norm, activation = self
+        assert isinstance(convolution, nn.Conv2d) and isinstance(norm, nn.BatchNorm2d)
+        if norm.training or not self.training:
+            y: Tensor = super().forward(x)  # type: ignore[no-untyped-call]
+            return y
+        assert norm.running_mean is not None and norm.running_var is not None
+        # Trained with frozen statistics, the normalisation is a scale and a shift: inside the kernel it costs nothing an image.
+        scale = norm.weight * (norm.running_var + norm.eps).rsqrt()
+        kernel, shift = convolution.weight * scale[:, None, None, None], norm.bias - norm.running_mean * scale
+        y = activation(functional.conv2d(x, kernel, shift, convolution.stride, convolution.padding[0], groups=convolution.groups))
+        return y
 
 
 class Csp(nn.Module):
