@@ -105,8 +105,10 @@ rule train:
     threads: 2
     params:
         stamp=S.stamp("train", *S.training_sections, "detector"),
+        # Outside the outputs' folder, as a campaign's journal is.
+        checkpoint=f"{D}/journal/train/base.pt",
     shell:
-        RUN + " train --base-set {input.base_set} --out {output.card} --threads {threads} --log {log}"
+        RUN + " train --base-set {input.base_set} --out {output.card} --checkpoint {params.checkpoint} --threads {threads} --log {log}"
 
 
 rule campaign:
@@ -237,11 +239,12 @@ rule retrain:
     threads: 2
     params:
         stamp=S.stamp("retrain", *S.retraining_sections, "regions", "held_out", "detector"),
+        checkpoint=f"{D}/journal/train/{{version}}.pt",
     shell:
         RUN + " retrain --version {wildcards.version} --base-set {input.base_set} --parent {input.parent} --spaces {input.spaces}"
         " --random-filters {input.random_filters} --random-frames {input.random_frames}"
         " --adaptive-filters {input.adaptive_filters} --adaptive-frames {input.adaptive_frames}"
-        " --out {output.card} --threads {threads} --log {log}"
+        " --out {output.card} --checkpoint {params.checkpoint} --threads {threads} --log {log}"
 
 
 rule compare:
@@ -300,7 +303,7 @@ rule track:
         models=S.models("model.json"),
         measures=rules.measure.output.measures,
         comparison=rules.compare.output.comparison,
-        campaigns=S.search("tests.parquet") + S.held_out("tests.parquet"),
+        campaigns=S.search("tests.parquet") + S.later_search("tests.parquet") + S.held_out("tests.parquet"),
         plots=S.plots,
     output:
         f"{D}/tracking.json",

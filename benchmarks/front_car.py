@@ -14,7 +14,7 @@ import numpy as np
 from pipeline.artefacts.front_car import Evaluation
 from pipeline.artefacts.results import read
 from pipeline.config import compose
-from pipeline.core.statistics import bootstrap_interval
+from pipeline.core.statistics import mean_interval
 from pipeline.progress import Progress
 from pipeline.steps import front_car_evaluate, front_car_points, front_car_snapshots, front_car_train
 
@@ -61,7 +61,7 @@ def main() -> None:
             for d, share in zip(result.detectors, shares, strict=True)
         ]
         print(f"seed {seed}: {'; '.join(texts)}; p = {result.p_value:.2g}", flush=True)
-    low, high = bootstrap_interval(gains, np.random.default_rng(0))
+    low, high = mean_interval(gains)
     print(f"gain in the share of right snapshots: {np.mean(gains):+.3f} (95 % interval over seeds {low:+.3f} to {high:+.3f})")
 
 

@@ -21,7 +21,7 @@ NUMBER: dict[str, Any] = {"type": int}
 STEPS: dict[str, tuple[str, Options]] = {
     "define-space": ("Write the logical scenario space of a scenario.", {"scenario": TEXT, "out": ONE}),
     "render-base": ("Render the random base training set.", {"out": ONE, "threads": NUMBER}),
-    "train": ("Train or adopt the base detector.", {"base-set": ONE, "out": ONE, "threads": NUMBER}),
+    "train": ("Train or adopt the base detector.", {"base-set": ONE, "out": ONE, "checkpoint": ONE, "threads": NUMBER}),
     "campaign": (
         "Execute a test campaign in closed loop; resumes from its journal.",
         {
@@ -40,7 +40,7 @@ STEPS: dict[str, tuple[str, Options]] = {
         "Retrain a model version on the base set and campaign frames.",
         {
             "version": TEXT, "base-set": ONE, "parent": ONE, "spaces": MANY, "random-filters": MANY, "random-frames": MANY,
-            "adaptive-filters": MANY, "adaptive-frames": MANY, "out": ONE, "threads": NUMBER,
+            "adaptive-filters": MANY, "adaptive-frames": MANY, "out": ONE, "checkpoint": ONE, "threads": NUMBER,
         },
     ),
     "compare": (

@@ -13,9 +13,9 @@ from typing import Literal
 
 Kind = Literal["base", "control", "random", "adaptive"]
 RETRAINED: tuple[Kind, Kind, Kind] = ("control", "random", "adaptive")
-PATTERN = r"base|(?:control|random|adaptive)(?:-r\d+)?(?:-s\d+)?"
+PATTERN = r"base|(?:control|random|adaptive)(?:-r(?:[2-9]|[1-9]\d+))?(?:-s\d+)?"
 """Of every version's name, as a regular expression."""
-NAME = re.compile(r"(control|random|adaptive)(?:-r(\d+))?(?:-s(\d+))?")
+NAME = re.compile(r"(control|random|adaptive)(?:-r([2-9]|[1-9]\d+))?(?:-s(\d+))?")
 
 TEST = re.compile(rf"(.+)-([^-]+)-({PATTERN})-\d+-\d+")
 

@@ -100,6 +100,8 @@ class Tracker:
         place = None if server else (artifacts.resolve() / experiment).as_uri()
         try:
             known = self._client.get_experiment_by_name(experiment)
+            if known is not None and known.lifecycle_stage == "deleted":
+                raise InputError(f"MLflow's experiment '{experiment}' is deleted; restore it, or name another as tracking.experiment")
             self._experiment = str(
                 known.experiment_id if known else self._client.create_experiment(experiment, place, tags={KIND: TRAINING})
             )
@@ -131,6 +133,10 @@ class Tracker:
         run_id = self.log(registration.content, parent)
         model, digest = registration.model, registration.digest
         if (known := self._version(model, digest)) is not None:
+            # What a comparison says of it, its gate or its level, is no part of what it is, and may have changed.
+            for name, value in registration.tags.items():
+                self._client.set_model_version_tag(model, known.version, name, value)
+            self._client.update_model_version(model, known.version, registration.description)
             return str(known.version), run_id
         if not self._client.search_registered_models(f"name = '{model}'"):
             self._client.create_registered_model(model, description="Pedestrian detectors, tested in closed loop by Blindspot.")
@@ -144,6 +150,10 @@ class Tracker:
             model_id=logged.model_id,
         )
         return str(version.version), run_id
+
+    def aliases(self, model: str) -> dict[str, str]:
+        """The aliases of a registered model, each with the number of its version."""
+        return {name: str(number) for name, number in self._client.get_registered_model(model).aliases.items()}
 
     def set_alias(self, model: str, alias: str, version: str) -> None:
         """Point an alias of the registered model at a version."""

@@ -98,6 +98,11 @@ class Study:
         root = f"{self.root}/campaigns" if version == "base" else f"{self.root}/retrained/campaigns"
         return [f"{root}/{a}/{b}/{version}/{seed}/{name}" for a in scenarios for b in strategies for seed in config.seeds]
 
+    def later_search(self, name: str) -> list[str]:
+        """The file `name` of the campaigns that later rounds learn from: each kind's strategy against its versions before."""
+        tested = {tested: None for version in self.config.versions for tested in version.tested if tested.kind in self.sources}
+        return [path for v in tested for path in self.search(name, strategy=self.sources[v.kind], version=str(v))]
+
     def held_out(self, name: str) -> list[str]:
         """The file `name` of the comparison's campaigns."""
         config, strategy, seed = self.config, self.config.comparison.strategy, self.config.comparison.seed

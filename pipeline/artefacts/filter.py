@@ -45,4 +45,6 @@ def _read(path: Path, columns: tuple[str, ...], flag: str) -> pd.DataFrame:
             raise InputError(f"{path}, line {row}: {flag} must be true or false, got {value!r}")
         if not str(step).strip().isdigit():
             raise InputError(f"{path}, line {row}: step must be a whole number, got {step!r}")
+    if table["test_id"].isna().any():
+        raise InputError(f"{path}, line {int(table['test_id'].isna().argmax()) + 2}: test_id is missing")
     return table.assign(**{flag: table[flag].str.strip().str.lower().isin(TRUE), "step": table["step"].astype("int64")})

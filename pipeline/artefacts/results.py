@@ -80,7 +80,7 @@ class CampaignMeasures(Result):
 
 
 class StrategyMeasures(Result):
-    """Means over the seeds of one scenario and strategy, with bootstrap intervals.
+    """Means over the seeds of one scenario and strategy, with Student's intervals.
 
     `rate` pools all tests (failures a test, Wilson). f_measure and c_measure are means over the seeds that have one,
     whose number is beside them.
@@ -205,7 +205,7 @@ class VersionResult(Result):
 
 
 class GroupResult(Result):
-    """Versions that differ by the seed of retraining alone: mean failures with bootstrap intervals over the seeds, in all and by scenario.
+    """Versions that differ by the seed of retraining alone: mean failures with Student's intervals over the seeds, in all and by scenario.
 
     against_base: ratio of its mean to the base's failures; null where the base fails nowhere.
     """

@@ -50,18 +50,21 @@ def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> tu
     return low, high
 
 
-def bootstrap_interval(values: ArrayLike, rng: np.random.Generator, confidence: float = 0.95, resamples: int = 2000) -> tuple[float, float]:
-    """Percentile bootstrap interval of the mean of (n,) values, one a seed; they must be finite.
+def mean_interval(values: ArrayLike, confidence: float = 0.95, limits: tuple[float, float] = (-np.inf, np.inf)) -> tuple[float, float]:
+    """Student's t interval of the mean of (n,) values, one a seed; they must be finite. limits: what the mean cannot leave.
 
-    A single value gives (value, value): one seed says nothing about the spread, so show n beside the interval.
+    For two or three seeds it is wide, as it must be: resampling so few gives little more than the smallest and the largest. A single value
+    gives (value, value): one seed says nothing about the spread, so show n beside the interval.
     """
     sample = np.asarray(values, dtype=float)
     if sample.ndim != 1 or not len(sample) or not np.isfinite(sample).all():
         raise ValueError(f"values must be one or more finite numbers, got {sample}")
     _check_confidence(confidence)
-    means = sample[rng.integers(len(sample), size=(resamples, len(sample)))].mean(axis=1)
-    low, high = np.quantile(means, [(1 - confidence) / 2, (1 + confidence) / 2])
-    return float(low), float(high)
+    mean = float(sample.mean())
+    if len(sample) == 1:
+        return mean, mean
+    half = float(stats.t.ppf((1 + confidence) / 2, len(sample) - 1) * sample.std(ddof=1) / np.sqrt(len(sample)))
+    return max(mean - half, limits[0]), min(mean + half, limits[1])
 
 
 def mcnemar(before: ArrayLike, after: ArrayLike) -> Paired:

@@ -85,7 +85,7 @@ def person_class(model: object, names: Mapping[int, str], classes: int | None, d
         if classes is not None and not 0 <= declared < classes:
             raise InputError(f"{model}: detector.person must be in [0, {classes}), got {declared}")
         return declared
-    wanted = PEOPLE if declared is None else (declared,)
+    wanted = PEOPLE if declared is None else (declared.lower(),)
     for number, name in names.items():
         if name.lower() in wanted:
             return number
@@ -101,8 +101,10 @@ def decode(layout: Layout, output: Any, person: int) -> tuple[Floats, Floats]:
     """Boxes (n, 4), left, top, right, bottom in pixels of the model's image, and scores (n,) of one image's output."""
     values = np.asarray(output, np.float32)
     if layout == "end_to_end":
-        mine = values[:, 5].round().astype(int) == person
-        return values[mine, :4], values[mine, 4]
+        classes = values[:, 5]
+        # A class that is no number belongs to nobody; its score becomes none either, so that the output is refused.
+        mine = (classes.round() == person) | ~np.isfinite(classes)
+        return values[mine, :4], np.where(np.isfinite(classes[mine]), values[mine, 4], np.float32(np.nan))
     if layout == "yolov8":
         values = values.T
         scores = values[:, 4 + person]

@@ -88,6 +88,8 @@ class OnnxDetector:
 
     def _recognised(self, declared: Layout | None) -> Layout:
         first, outputs = self._session.get_inputs()[0], self._session.get_outputs()
+        if len(first.shape) == 4 and isinstance(first.shape[0], int) and first.shape[0] != 1:
+            raise InputError(f"{self._model} takes batches of {first.shape[0]} images; export it for one image, or for any number")
         shapes = {output.name: output.shape for output in outputs}
         found = f"input '{first.name}' {first.shape} {first.type} and outputs {shapes}"
         ours = (

@@ -30,7 +30,10 @@ def reported(model: object, boxes: Floats, scores: Floats, threshold: float, iou
 
 
 def inside(boxes: Floats, scores: Floats, width: int, height: int) -> tuple[Floats, Floats]:
-    """Boxes cut to an image of a size in pixels, and their scores; those outside it are left out."""
-    cut = np.clip(boxes, 0, np.array([width, height, width, height], np.float32))
-    real = (cut[:, 2] > cut[:, 0]) & (cut[:, 3] > cut[:, 1]) | ~np.isfinite(scores)
+    """Boxes cut to an image of a size in pixels, and their scores; those outside it are left out. What is no number stays, for `reported`
+    to refuse.
+    """
+    numbers = np.isfinite(boxes).all(axis=1) & np.isfinite(scores)
+    cut = np.where(numbers[:, None], np.clip(boxes, 0, np.array([width, height, width, height], np.float32)), boxes)
+    real = (cut[:, 2] > cut[:, 0]) & (cut[:, 3] > cut[:, 1]) | ~numbers
     return cut[real], scores[real]

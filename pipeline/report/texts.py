@@ -16,7 +16,7 @@ MODES = _prose("""
     alone counts the failures that would remain without that division.
 """)
 TABLE = _prose("""
-    Failures on each held-out scenario: means over the seeds of retraining with bootstrap intervals where there are several. Beside it,
+    Failures on each held-out scenario: means over the seeds of retraining with Student's intervals where there are several. Beside it,
     what thesis Table 7.2 counts for F1* to F4* with another simulator, detector and number of tests: D_o 21, 69, 40, 25; D_r 11, 5, 44,
     6; D_a 6, 4, 25, 3. In our words D_o is base, D_r random and D_a adaptive.
 """)
@@ -39,7 +39,7 @@ PAIR = _prose("""
 """)
 SEARCH = _prose("""
     Each strategy had the same number of tests to find failures of the base detector. Intervals are {confidence:g} %: Wilson's for
-    rates, bootstrap over seeds for the others; with one seed there is nothing to resample and only the value is shown.
+    rates, Student's over seeds for the others; with one seed there is no spread and only the value is shown.
 """)
 MEASURES = _prose("""
     F: tests until the first failure. C: share of tests saved against {baseline} to find as many failures as it found; 1 is best, below 0

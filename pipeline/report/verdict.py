@@ -76,7 +76,7 @@ def group_rows(comparison: Comparison) -> list[tuple[str, ...]]:
 
 def _averaged(comparison: Comparison) -> str:
     seeds = max(len(group.versions) for group in comparison.groups)
-    return f"means over {seeds} seeds of retraining (bootstrap intervals)" if seeds > 1 else "one seed of retraining"
+    return f"means over {seeds} seeds of retraining (Student's intervals)" if seeds > 1 else "one seed of retraining"
 
 
 def _counted(estimate: Estimate) -> str:

@@ -31,7 +31,7 @@ from pipeline.artefacts.space import ScenarioInfo, read_space
 from pipeline.config import Config
 from pipeline.core.rules import find_rule
 from pipeline.core.space import Space
-from pipeline.core.statistics import bootstrap_interval, mcnemar, wilson_interval
+from pipeline.core.statistics import mcnemar, mean_interval, wilson_interval
 from pipeline.lineage import Version
 from pipeline.protocols import InputError
 from pipeline.steps.cluster import cluster
@@ -40,7 +40,6 @@ from pipeline.steps.measure import campaign_key, count_modes
 Progress = Callable[[int, int, str], None]
 CHANGED = ("adj_ttc_s", "failure_mode", "false_positives", "first_detection_m")
 """KPIs beside a changed test, of before and after."""
-RESAMPLES_SEED = 0
 
 
 def run(
@@ -137,7 +136,7 @@ def compare(
     against_base = {found.version: found for found in pairs if found.against == versions[0]}
     reference = by_version[versions[0]]
     results = tuple(_version(v, by_version[v], reference, against_base.get(v), list(labels), alpha, confidence) for v in versions)
-    champion, reasons = gate(by_version, alpha)
+    champion, reasons = gate(results, by_version, alpha)
     return Comparison(
         strategy=str(tests["strategy"].iloc[0]),
         scenarios=dict(labels),
@@ -173,7 +172,7 @@ def group_results(results: Sequence[VersionResult], confidence: float) -> tuple[
 
 
 def _mean(counts: Sequence[int], confidence: float) -> Estimate:
-    low, high = bootstrap_interval(counts, np.random.default_rng(RESAMPLES_SEED), confidence)
+    low, high = mean_interval(counts, confidence, limits=(0, np.inf))
     return Estimate(value=float(np.mean(counts)), low=low, high=high)
 
 
@@ -275,35 +274,37 @@ def judge(paired: Paired | None, alpha: float) -> Verdict:
     """The verdict on a version: a difference counts when its exact p-value is at most alpha; not corrected for several versions."""
     if paired is None:
         return "baseline"
-    if paired.p_value > alpha or len(paired.regressions) == len(paired.fixes):
+    if paired.p_value > alpha:
         return "no difference shown"
     return "better" if len(paired.fixes) > len(paired.regressions) else "worse"
 
 
-def gate(by_version: Mapping[str, pd.DataFrame], alpha: float) -> tuple[str, dict[str, str]]:
+def gate(results: Sequence[VersionResult], by_version: Mapping[str, pd.DataFrame], alpha: float) -> tuple[str, dict[str, str]]:
     """The champion, and for each version why it is or is not.
 
-    A version passes if it fails significantly less than the first, the base, and significantly more on no scenario. Of those that pass the
-    champion has the fewest failures, then the fewest by TTC alone, on the tests that every version executed; the base if none passes.
+    A version passes if it breaks in no more tests than the first, the base, fails significantly less than it, and significantly more on no
+    scenario. Of those that pass the champion has the fewest failures, then the fewest by TTC alone, on the tests that every version
+    executed; the base if none passes.
     """
-    (base, reference), *others = by_version.items()
-    reasons = {base: "the reference"}
-    for version, tests in others:
-        whole = pair(reference, tests, base, version)
-        scenarios = sorted(set(reference["scenario"]))
-        parts = {
-            name: pair(reference[reference["scenario"] == name], tests[tests["scenario"] == name], base, version) for name in scenarios
-        }
-        worse = [name for name, part in parts.items() if judge(part, alpha) == "worse"]
-        if judge(whole, alpha) != "better":
-            reasons[version] = f"held back: not significantly fewer failures than {base} (p = {whole.p_value:.2g})"
+    base, *others = results
+    reasons = {base.version: "the reference"}
+    for result in others:
+        parts = {name: part for name, part in result.scenarios.items() if part.failures > base.scenarios[name].failures}
+        worse = [name for name, part in parts.items() if judge(part.paired, alpha) == "worse"]
+        p_value = 1.0 if result.paired is None else result.paired.p_value
+        if result.errors > base.errors:
+            reasons[result.version] = f"held back: {result.errors} tests broke, {base.errors} with {base.version}"
+        elif result.verdict != "better":
+            reasons[result.version] = f"held back: not significantly fewer failures than {base.version} (p = {p_value:.2g})"
         elif worse:
-            reasons[version] = f"held back: significantly more failures than {base} on {', '.join(worse)}"
+            reasons[result.version] = f"held back: significantly more failures than {base.version} on {', '.join(worse)}"
         else:
-            reasons[version] = f"passes: significantly fewer failures than {base} (p = {whole.p_value:.2g}), more on no scenario"
+            reasons[result.version] = f"passes: significantly fewer failures than {base.version} (p = {p_value:.2g}), " + (
+                f"more on {', '.join(parts)} but not significantly" if parts else "more on no scenario"
+            )
     valid = pd.concat([rows["status"] == "ok" for rows in by_version.values()], axis=1).all(axis=1)
     modes = {version: count_modes(by_version[version][valid]) for version in by_version if reasons[version].startswith("passes")}
-    return min(modes, key=lambda version: (modes[version].total, modes[version].by_ttc), default=base), reasons
+    return min(modes, key=lambda version: (modes[version].total, modes[version].by_ttc), default=base.version), reasons
 
 
 def flat_metrics(comparison: Comparison, measures: Measures, detection: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:

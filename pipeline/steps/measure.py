@@ -17,14 +17,13 @@ from pipeline.config import Config
 from pipeline.core.coverage.projection import projection_coverage
 from pipeline.core.measures import c_measure, f_measure, failure_sequence, pair_coverage
 from pipeline.core.space import Ints, Space
-from pipeline.core.statistics import bootstrap_interval, wilson_interval
+from pipeline.core.statistics import mean_interval, wilson_interval
 from pipeline.protocols import InputError
 
 Progress = Callable[[int, int, str], None]
 PROJECTION_K = 2
 TESTS_WANTED = 3
 """Tests that the projection coverage asks of every pair of categories; pair coverage asks for one."""
-RESAMPLES = 2000
 Key = tuple[str, str, str, int]
 """Scenario, strategy, version, seed."""
 
@@ -115,7 +114,7 @@ def _by_strategy(campaigns: Sequence[CampaignMeasures]) -> list[list[CampaignMea
 
 
 def summarise(group: Sequence[CampaignMeasures], confidence: float) -> StrategyMeasures:
-    """One strategy on one scenario over its seeds: means with bootstrap intervals, the failure rate with Wilson's."""
+    """One strategy on one scenario over its seeds: means with Student's intervals, the failure rate with Wilson's."""
     first = group[0]
     tests, errors = sum(c.tests for c in group), sum(c.errors for c in group)
     failures = sum(c.failures for c in group)
@@ -123,9 +122,8 @@ def summarise(group: Sequence[CampaignMeasures], confidence: float) -> StrategyM
     f_measures = [float(c.f_measure) for c in group if c.f_measure is not None]
     c_measures = [c.c_measure for c in group if c.c_measure is not None]
 
-    def mean(values: Sequence[float]) -> Estimate:
-        # A stream of its own for each estimate: adding one measure must not move the interval of another.
-        interval = bootstrap_interval(values, np.random.default_rng(0), confidence, RESAMPLES)
+    def mean(values: Sequence[float], low: float = 0, high: float = np.inf) -> Estimate:
+        interval = mean_interval(values, confidence, (low, high))
         return Estimate(value=float(np.mean(values)), low=interval[0], high=interval[1])
 
     return StrategyMeasures(
@@ -139,13 +137,13 @@ def summarise(group: Sequence[CampaignMeasures], confidence: float) -> StrategyM
         modes=Modes(**{mode: sum(getattr(c.modes, mode) for c in group) for mode in Modes.model_fields}),
         rate=Estimate(value=failures / max(1, tests - errors), low=low, high=high),
         failures_per_campaign=mean([float(c.failures) for c in group]),
-        f_measure=mean(f_measures) if f_measures else None,
+        f_measure=mean(f_measures, 1) if f_measures else None,
         f_measure_seeds=len(f_measures),
-        c_measure=mean(c_measures) if c_measures else None,
+        c_measure=mean(c_measures, -np.inf, 1) if c_measures else None,
         c_measure_seeds=len(c_measures),
-        pair_coverage_tests=mean([c.pair_coverage_tests for c in group]),
-        pair_coverage_failures=mean([c.pair_coverage_failures for c in group]),
-        projection_coverage=mean([c.projection_coverage for c in group]),
+        pair_coverage_tests=mean([c.pair_coverage_tests for c in group], 0, 1),
+        pair_coverage_failures=mean([c.pair_coverage_failures for c in group], 0, 1),
+        projection_coverage=mean([c.projection_coverage for c in group], 0, 1),
     )
 
 

@@ -19,6 +19,7 @@ from pipeline.artefacts.files import sha256
 from pipeline.artefacts.filter import read_filter
 from pipeline.artefacts.space import read_space
 from pipeline.config import Config
+from pipeline.detectors.yolo.data import usable
 from pipeline.detectors.yolo.recipe import train_from_scratch
 from pipeline.detectors.yolo.retraining import retrain
 from pipeline.detectors.yolo.training import Fitted
@@ -55,13 +56,14 @@ def run(
     adaptive_filters: Sequence[Path],
     adaptive_frames: Sequence[Path],
     out: Path,
+    checkpoint: Path,
     threads: int,
     progress: Progress,
 ) -> None:
     """Retrain and write weights.safetensors, model.onnx and `out`, the version's model.json.
 
     parent: model.json of the version before. spaces: of the searched scenarios. The tables and frames of both sources, because both
-    versions get the same number of added frames; none for a control.
+    versions get the same number of added frames; none for a control. checkpoint: file that a training which was killed goes on from.
     """
     torch.set_num_threads(threads)
     settings, described = config.retraining, Version.named(version)
@@ -77,7 +79,6 @@ def run(
         added = read_added(chosen, sources[described.kind].frames)
         leakage.refuse_frames(config.held_out, chosen["test_id"].tolist(), added, validation)
     data = {"base_set": base.digest, "parent": sha256(weights)} | ({} if added is None else {"added": added.digest})
-    checkpoint = out.with_name("checkpoint.pt")
     fitted = _fit(config, weights, base, added, validation, seed, data, checkpoint, threads, progress)
     training = settings.model_dump(exclude={"seeds"}) | {"seed": seed, "round": described.round, "base_images": len(base)}
     write_version(
@@ -109,8 +110,10 @@ def _fit(
     settings = config.retraining
     if settings.start == "scratch":
         everything = base if added is None else joined(base, added)
+        # All added frames: the filter has judged them, or a person has.
+        indices = np.concatenate([usable(base), np.arange(len(base), len(everything))])
         section = config.training.model_dump() | {"seed": seed}
-        return train_from_scratch(everything, validation, section, checkpoint=checkpoint, threads=threads, progress=progress)
+        return train_from_scratch(everything, indices, validation, section, checkpoint=checkpoint, threads=threads, progress=progress)
     steps: dict[str, Any] = settings.model_dump(include={"iterations", "batch_size", "learning_rate", "added_share"}) | {"seed": seed}
     identity = hashlib.sha256(json.dumps([steps, data]).encode()).hexdigest()
     model = load_weights(weights)

@@ -53,6 +53,7 @@ def run(config: Config, *, model: Path, out: Path, threads: int) -> Found:
                 done = path.with_name("stamp")
                 if path.is_file() and done.is_file() and done.read_bytes() == stamp:
                     continue
+                done.unlink(missing_ok=True)  # A kill between the tables and their new stamp must not leave the old one beside them.
                 with Progress(f"campaign {name} {strategy} {seed}") as progress:
                     campaign.run(
                         config,
@@ -93,11 +94,13 @@ def _check(config: Config, model: Path) -> None:
 
 
 def table(found: Found) -> str:
-    """Failures by scenario and strategy, and the regions, as text."""
-    lines = [f"{'scenario':10}{'strategy':12}{'tests':>6}{'fail':>6}{'contact':>9}{'late':>6}{'false positives':>17}   failure rate"]
+    """Failures by scenario and strategy, and the regions, as text. A broken test is in no rate."""
+    lines = [
+        f"{'scenario':10}{'strategy':12}{'tests':>6}{'broken':>8}{'fail':>6}{'contact':>9}{'late':>6}{'false positives':>17}   failure rate"
+    ]
     for row in found.measures.strategies:
         rate = f"{100 * row.rate.value:.1f} % ({100 * row.rate.low:.1f} to {100 * row.rate.high:.1f})"
-        counts = f"{row.tests:>6}{row.failures:>6}{row.modes.contact:>9}{row.modes.late:>6}{row.modes.false_positives:>17}"
+        counts = f"{row.tests:>6}{row.errors:>8}{row.failures:>6}{row.modes.contact:>9}{row.modes.late:>6}{row.modes.false_positives:>17}"
         lines.append(f"{row.scenario:10}{row.strategy:12}{counts}   {rate}")
     for regions in found.regions:
         for region in regions.regions:

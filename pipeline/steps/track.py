@@ -19,6 +19,7 @@ from pipeline.steps.measure import campaign_key, count_modes
 from pipeline.tracking import Content, DataSet, Registration, Tracker
 
 Progress = Callable[[int, int, str], None]
+CHAMPION = "champion"
 
 
 def run(
@@ -60,8 +61,9 @@ def run(
         registration = registration_of(config, card, path, compared, plots)
         number, run_id = tracker.register(registration, parent)
         tracker.link(registration.model, number, runs.get(card.version, {}))
-        if card.version == compared.champion:
-            tracker.set_alias(registration.model, "champion", number)
+        # A study in which nothing passes the gate takes the alias from nobody.
+        if card.version == compared.champion and (card.parent is not None or CHAMPION not in tracker.aliases(registration.model)):
+            tracker.set_alias(registration.model, CHAMPION, number)
         contents.append(registration.content)
         versions.append(run_id)
         progress(done, steps, registration.content.name)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from pipeline.config import Config
 from pipeline.core.reliability import calibration_error, reliability
 from pipeline.detectors.evaluation import calibrate, evaluate, judged_scores
 from pipeline.detectors.onnx import OnnxDetector
+from pipeline.detectors.yolo.data import usable
 from pipeline.detectors.yolo.export import export_onnx
 from pipeline.detectors.yolo.model import count_parameters
 from pipeline.detectors.yolo.recipe import train_from_scratch
@@ -28,13 +30,13 @@ LOWEST_SCORE = 0.0005
 """Average precision needs the detections that nobody would act on, too."""
 
 
-def run(config: Config, *, base_set: Path, out: Path, threads: int, progress: Progress) -> None:
+def run(config: Config, *, base_set: Path, out: Path, checkpoint: Path, threads: int, progress: Progress) -> None:
     """Write weights.safetensors, model.onnx, curve.csv and `out`, the version's model.json.
 
-    base_set: truth.coco.json of the base set; its validation images give the metrics.
+    base_set: truth.coco.json of the base set; its validation images give the metrics. checkpoint: file that a training which was killed
+    goes on from.
     """
     torch.set_num_threads(threads)
-    folder = out.parent
     validation = read_dataset(base_set.parent, "val")
     if config.base.source == "shipped":
         shipped = Path(config.base.weights)
@@ -44,11 +46,10 @@ def run(config: Config, *, base_set: Path, out: Path, threads: int, progress: Pr
     else:
         images = read_dataset(base_set.parent, "train")
         settings = config.training.model_dump()
-        checkpoint = folder / "checkpoint.pt"
-        fitted = train_from_scratch(images, validation, settings, checkpoint=checkpoint, threads=threads, progress=progress)
+        fitted = train_from_scratch(images, usable(images), validation, settings, checkpoint=checkpoint, threads=threads, progress=progress)
         history = {"data": {"base_set": images.digest}, "training": {"images": len(images), **settings}, "seed": config.training.seed}
     write_version(config, fitted, validation, out, version="base", parent=None, **history)
-    (folder / "checkpoint.pt").unlink(missing_ok=True)
+    checkpoint.unlink(missing_ok=True)
     progress(1, 1, "evaluated")
 
 
@@ -74,8 +75,9 @@ def write_version(
     weights, onnx = out.with_name("weights.safetensors"), out.with_name("model.onnx")
     save_weights(weights, model)
     saved = load_weights(weights)  # What is tested is what was saved, half precision included.
-    export_onnx(onnx, saved, validation.size)
-    plain = detect_all(onnx, validation)
+    with TemporaryDirectory() as folder:
+        export_onnx(Path(folder) / "plain.onnx", saved, validation.size)
+        plain = detect_all(Path(folder) / "plain.onnx", validation)
     calibration = calibrate(plain, validation)
     export_onnx(onnx, saved, validation.size, calibration)
     # The calibration is inside the file now, but it moves no box and keeps the order of scores: the images need not be shown again.

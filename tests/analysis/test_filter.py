@@ -57,6 +57,7 @@ def test_a_person_overrules(tmp_path: Path) -> None:
         ("F1-randon-base-0-00001,1,true", "line 2: expected a kept frame"),
         ("F1-random-base-0-00001,1,maybe", "line 2: keep must be true or false, got 'maybe'"),
         ("F1-random-base-0-00001,1.5,true", "line 2: step must be a whole number"),
+        (",1,true", "line 2: test_id is missing"),
         ("F1-random-base-0-00001,x,true", "line 2: step must be a whole number, got 'x'"),
         (
             "F1-random-base-0-00001,1,true\nF1-random-base-0-00001,1,true",

@@ -87,7 +87,9 @@ def test_summary_over_seeds() -> None:
     assert summary.rate.value == pytest.approx(0.3)
     assert summary.rate.low < 0.3 < summary.rate.high
     assert summary.f_measure is not None
-    assert (summary.f_measure.value, summary.f_measure.low, summary.f_measure.high) == (3, 1, 5)
+    # Tests until the first failure, 1 and 5: Student's interval of two seeds is 3 ± 25.4, and no F is below 1.
+    assert (summary.f_measure.value, summary.f_measure.low) == (3, 1)
+    assert summary.f_measure.high == pytest.approx(28.412, abs=1e-3)
     assert summary.failures_per_campaign.value == pytest.approx(1.5)
 
 

@@ -12,7 +12,7 @@ import pytest
 from pipeline.__main__ import main
 from pipeline.artefacts.files import read_json
 from pipeline.artefacts.model import read_card, write_card
-from pipeline.artefacts.results import Comparison, Tracking, read
+from pipeline.artefacts.results import Comparison, Tracking, read, write
 from pipeline.protocols import InputError
 from pipeline.steps import track
 from pipeline.tracking import Content, Registration, Tracker
@@ -109,6 +109,28 @@ def test_again_changes_nothing_and_something_new_adds_one(study: Study) -> None:
     run(study)
     assert everything(study) == (before[0] + 1, before[1] + 1, before[2] + 1)
     assert read(study.root / "tracking.json", Tracking).champion == "adaptive"
+
+
+def test_a_study_in_which_nothing_passes_takes_the_alias_from_nobody(study: Study) -> None:
+    path = study.root / "comparison.json"
+    before, store = path.read_bytes(), client(study)
+    held = store.get_model_version_by_alias("detector", "champion").version
+    comparison = read(path, Comparison)
+    write(path, comparison.model_copy(update={"champion": "base", "gate": {**comparison.gate, "adaptive": "held back"}}))
+    run(study)
+    assert store.get_model_version_by_alias("detector", "champion").version == held
+    # The version is the one that was registered, and what is said of it is new.
+    assert store.get_model_version("detector", held).tags["gate"] == "held back"
+    path.write_bytes(before)
+    run(study)
+    assert store.get_model_version("detector", held).tags["gate"] == comparison.gate["adaptive"]
+
+
+def test_a_deleted_experiment_is_named(tmp_path: Path) -> None:
+    tracker = Tracker(tmp_path / "m.db", tmp_path / "artifacts", "e", {})
+    tracker._client.delete_experiment(tracker._experiment)
+    with pytest.raises(InputError, match="MLflow's experiment 'e' is deleted"):
+        Tracker(tmp_path / "m.db", tmp_path / "artifacts", "e", {})
 
 
 def test_a_run_that_was_cut_off_is_logged_again(tmp_path: Path) -> None:

@@ -69,6 +69,11 @@ def test_wrong_input_is_named(override: str, message: str) -> None:
     assert message in str(caught.value)
 
 
+def test_scenarios_that_are_compared_share_a_space() -> None:
+    with pytest.raises(InputError, match="held_out: F2star has another space than F1star"):
+        compose("default", ["held_out=[F1star,F2star]", "scenarios.F2star.space.fog.high=50"])
+
+
 def test_an_unknown_study_names_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["compose", "study=defualt"]) == 2
     assert "there is no study 'defualt'; did you mean 'default'?" in capsys.readouterr().err

@@ -120,6 +120,26 @@ def test_a_layout_may_be_declared_where_the_shape_does_not_tell(tmp_path: Path) 
     assert len(detector.detect(Frame(IMAGE, Truth())).scores) == 1
 
 
+def test_a_fixed_batch_is_refused(tmp_path: Path) -> None:
+    path = export(tmp_path / "a.onnx", yolov8())
+    model = onnx.load(path)
+    model.graph.input[0].type.tensor_type.shape.dim[0].dim_value = 2
+    onnx.save(model, path)
+    with pytest.raises(InputError, match=r"a.onnx takes batches of 2 images; export it for one image"):
+        OnnxDetector(path)
+
+
+def test_the_person_s_class_is_found_whatever_its_capitals(tmp_path: Path) -> None:
+    assert (
+        len(
+            OnnxDetector(export(tmp_path / "a.onnx", yolov8(), "{0: 'Person', 1: 'b', 2: 'c'}"), person="Person")
+            .detect(Frame(IMAGE, Truth()))
+            .boxes
+        )
+        == 1
+    )
+
+
 def test_what_is_wrong_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="expected a class called pedestrian or person or people among its 3 classes, got names 0: cat"):
         OnnxDetector(export(tmp_path / "a.onnx", yolov8(), "{0: 'cat', 1: 'dog', 2: 'car'}"))
@@ -140,9 +160,17 @@ def test_names_are_never_run(tmp_path: Path) -> None:
     assert not (tmp_path / "ran").exists()
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_values_that_are_no_numbers_are_an_error(value: float, tmp_path: Path) -> None:
-    output = yolov8()
-    output[0, 4, 3] = value
+def final() -> np.ndarray:
+    """The same street as an end-to-end model tells it: left, top, right, bottom, score, class."""
+    output = np.zeros((1, 300, 6), np.float32)
+    output[0, 0] = [40, 30, 60, 70, 0.9, 0]
+    return output
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize(("output", "where"), [(yolov8(), (0, 4, 3)), (yolov8(), (0, 1, 7)), (final(), (0, 0, 2)), (final(), (0, 0, 5))])
+def test_values_that_are_no_numbers_are_an_error(output: np.ndarray, where: tuple[int, int, int], value: float, tmp_path: Path) -> None:
+    output = output.copy()
+    output[where] = value
     with pytest.raises(SimulationError, match="gives values that are no numbers"):
         OnnxDetector(export(tmp_path / "a.onnx", output), 0.5).detect(Frame(IMAGE, Truth()))

@@ -23,7 +23,7 @@ def test_parents_groups_and_what_was_tested_for_it() -> None:
     assert Version().parent is None and Version().tested == ()
 
 
-@pytest.mark.parametrize("name", ["bases", "base-r2", "adaptive-r", "adaptive_s1", ""])
+@pytest.mark.parametrize("name", ["bases", "base-r2", "adaptive-r", "adaptive_s1", "adaptive-r0", "adaptive-r1", ""])
 def test_other_names_are_refused(name: str) -> None:
     with pytest.raises(ValueError, match="expected the name of a version"):
         Version.named(name)

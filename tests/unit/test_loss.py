@@ -42,11 +42,14 @@ def test_the_best_aligned_cells_take_the_box() -> None:
 
 
 def test_cells_far_from_the_box_never_take_it() -> None:
-    target = assign(guesses(TRUTH), torch.zeros(1, len(CENTRES)), TRUTH, CENTRES, STRIDES)
-    middle = (TRUTH[0, :2] + TRUTH[0, 2:]) / 2
-    taken = CENTRES[target[0] > 0]
+    centres, strides = cells(256, 256)
+    near = torch.tensor([[10.0, 10.0, 30.0, 50.0]])
+    # All cells guess the box, and those far from it are the surest.
+    sure = torch.where((centres > 128).any(1), 5.0, 0.0)[None]
+    target = assign(near.expand(1, len(centres), 4).clone(), sure, near, centres, strides)
+    taken = centres[target[0] > 0]
     assert len(taken) == TOP
-    assert ((taken - middle).abs() < torch.tensor([48.0, 48.0])).all()
+    assert ((taken - torch.tensor([20.0, 30.0])).abs() < 48).all()
 
 
 def test_a_box_smaller_than_a_cell_is_taken() -> None:

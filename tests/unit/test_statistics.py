@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.core.statistics import bootstrap_interval, mcnemar, wilson_interval
+from pipeline.core.statistics import mcnemar, mean_interval, wilson_interval
 
 
 def test_wilson_interval_of_known_proportions() -> None:
@@ -22,18 +22,25 @@ def test_wilson_interval_refuses_impossible_counts() -> None:
         wilson_interval(1, 10, 1.0)
 
 
-def test_bootstrap_interval_holds_the_mean_and_is_repeatable() -> None:
-    values = [3.0, 4, 5, 9]
-    low, high = bootstrap_interval(values, np.random.default_rng(0))
-    assert 3 <= low < np.mean(values) < high <= 9
-    assert (low, high) == bootstrap_interval(values, np.random.default_rng(0))
-    assert bootstrap_interval([2.0], np.random.default_rng(0)) == (2, 2)
+def test_mean_interval_is_student_s() -> None:
+    # t(0.975, 3) = 3.1824; the standard deviation of the four is sqrt(62 / 9).
+    half = 3.18245 * np.sqrt(6.916667) / 2
+    assert mean_interval([3.0, 4, 5, 9]) == pytest.approx((5.25 - half, 5.25 + half), abs=1e-3)
+    assert mean_interval([2.0]) == (2, 2)
+    assert mean_interval([1.0, 9], limits=(0, 40)) == (0, 40)
 
 
-def test_bootstrap_interval_refuses_what_is_not_finite() -> None:
+@pytest.mark.parametrize("count", [2, 3, 5])
+def test_mean_interval_holds_the_true_mean_as_often_as_it_says(count: int) -> None:
+    samples = np.random.default_rng(0).normal(10, 2, (2000, count))
+    held = [low <= 10 <= high for low, high in map(mean_interval, samples)]
+    assert np.mean(held) == pytest.approx(0.95, abs=0.015)
+
+
+def test_mean_interval_refuses_what_is_not_finite() -> None:
     for values in ([], [1.0, np.nan]):
         with pytest.raises(ValueError, match="one or more finite numbers"):
-            bootstrap_interval(values, np.random.default_rng(0))
+            mean_interval(values)
 
 
 def test_mcnemar_counts_discordant_tests() -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.artefacts.dataset import ImageSet, image_set
 from pipeline.core.boxes import iou
-from pipeline.detectors.yolo import recipe, training
+from pipeline.detectors.yolo import recipe, retraining, training
 from pipeline.detectors.yolo.data import batch
 from pipeline.detectors.yolo.model import Architecture, Yolo, cells, decode
 from pipeline.detectors.yolo.recipe import train_from_scratch
@@ -90,6 +90,10 @@ def test_a_killed_training_goes_on_to_the_same_weights(tmp_path: Path, monkeypat
     assert done == [7]
     other = fit(small(), schedule, feed, identity="b", checkpoint=checkpoint, threads=1).model
     assert same(uninterrupted, other)
+    monkeypatch.setattr(training, "_code", lambda: "another")
+    done.clear()
+    fit(small(), schedule, feed, identity="b", checkpoint=checkpoint, threads=1, progress=lambda now, *_: done.append(now))
+    assert done == [7] and torch.load(checkpoint, weights_only=True)["identity"] == "banother"
     checkpoint.write_bytes(b"damaged")
     assert same(uninterrupted, fit(small(), schedule, feed, identity="a", checkpoint=checkpoint, threads=1).model)
 
@@ -150,10 +154,34 @@ def test_both_recipes_run_and_repeat(tmp_path: Path) -> None:
     assert not same(parent, versions[0].model)
 
 
+@pytest.mark.parametrize("iterations", [1, 3, 5])
+def test_every_version_takes_all_its_steps(iterations: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def falling(_validation: ImageSet, every: int, patience: int) -> Validation:
+        scores = iter((0.9, 0.5, 0.4, 0.3))
+        return Validation(lambda _: next(scores), every, patience)
+
+    monkeypatch.setattr(retraining, "watching", falling)
+    images = people(8, 6)
+    settings = {"batch_size": 4, "learning_rate": 1e-3, "added_share": 0.5, "seed": 0, "identity": "x", "threads": 1}
+    fitted = retrain(small(), images, None, images, iterations=iterations, checkpoint=tmp_path / "c", **settings)  # type: ignore[arg-type]
+    kept = small()
+    kept.load_state_dict(torch.load(tmp_path / "c", weights_only=True)["average"])
+    assert fitted.curve[-1].iteration == iterations and same(fitted.model, kept)
+
+
+def test_every_added_frame_is_learnt_from(tmp_path: Path) -> None:
+    # Of a pedestrian so small that the base set would leave it out: the filter, or a person, has judged it.
+    box = (10.0, 10.0, 12.0, 14.0)
+    added = image_set([(np.full((SIZE[1], SIZE[0], 3), 9, np.uint8), Truth(box, box, 8, 8, 60.0))] * 2)
+    images, boxes = mixed_feed(people(8, 3), added, 4, 0.5, 0)(0)
+    assert (boxes[2:, 2] > boxes[2:, 0]).all() and len(images) == 4
+
+
 def streets() -> ImageSet:
     return image_set([(np.tile(image, (3, 4, 1))[:192, :320], Truth()) for image in people(4, 8).images])
 
 
+EVERY = np.arange(4)
 SCRATCH = {
     "size": "nano",
     "seed": 0,
@@ -176,12 +204,12 @@ def test_training_from_scratch_resumes_in_every_phase(tmp_path: Path, monkeypatc
             raise KeyboardInterrupt
         return batch(images, indices, size, seed)
 
-    uninterrupted = train_from_scratch(streets(), streets(), SCRATCH, checkpoint=None, threads=1)
+    uninterrupted = train_from_scratch(streets(), EVERY, streets(), SCRATCH, checkpoint=None, threads=1)
     monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
     monkeypatch.setattr(recipe, "batch", counted)
     with pytest.raises(KeyboardInterrupt):
-        train_from_scratch(streets(), streets(), SCRATCH, checkpoint=tmp_path / "c.pt", threads=1)
-    resumed = train_from_scratch(streets(), streets(), SCRATCH, checkpoint=tmp_path / "c.pt", threads=1)
+        train_from_scratch(streets(), EVERY, streets(), SCRATCH, checkpoint=tmp_path / "c.pt", threads=1)
+    resumed = train_from_scratch(streets(), EVERY, streets(), SCRATCH, checkpoint=tmp_path / "c.pt", threads=1)
     assert same(uninterrupted.model, resumed.model) and uninterrupted.curve == resumed.curve
     assert [look.iteration for look in resumed.curve] == [2, 4]
     assert sizes == [(160, 96), (320, 192), (320, 192), (320, 192), (320, 192)]  # The fourth is the one that was cut off.

@@ -87,6 +87,8 @@ def test_a_round_learns_from_all_campaigns_before_it(tmp_path: Path) -> None:
     assert "data/smoke/retrained/campaigns/F2/neural/adaptive-s4/0/frames.parquet" in adaptive["frames"]
     assert study.added("control-r2", "random") == {"filters": [], "frames": []}
     assert study.parent("adaptive-r2-s4", "model.json") == "data/smoke/retrained/models/adaptive-s4/model.json"
+    later = study.later_search("tests.parquet")
+    assert "data/smoke/retrained/campaigns/F2/random/random/0/tests.parquet" in later and len(set(later)) == len(later) == 4 * 2
     assert "rounds.png" in " ".join(study.plots) and len(study.models("model.json")) == 13
     planned = snakemake(_with(tmp_path), "-n")
     assert "filter_round" in planned and "random-r2-s4" in planned

@@ -10,6 +10,7 @@ import pytest
 
 from pipeline.__main__ import main
 from pipeline.artefacts.results import Measures, read
+from pipeline.steps import campaign
 from tests.unit.test_layouts import export, yolov8
 
 SMALL = ["campaign.tests=6", "search=[F1]", "seeds=[0]", "simulator=analytic", "samplers.neural.batch_size=3", "detector.threshold=0.5"]
@@ -20,7 +21,9 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return export(tmp_path_factory.mktemp("model") / "mine.onnx", yolov8())
 
 
-def test_campaigns_measures_and_regions(model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_campaigns_measures_and_regions(
+    model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     out = tmp_path / "mine"
     words = ["test-detector", str(model), *SMALL, "--out", str(out)]
     assert main(words) == 0
@@ -34,6 +37,12 @@ def test_campaigns_measures_and_regions(model: Path, tmp_path: Path, capsys: pyt
     changed = (out / "campaigns/F1/random/base/0/tests.parquet").stat().st_mtime_ns
     assert main(words) == 0
     assert (out / "campaigns/F1/random/base/0/tests.parquet").stat().st_mtime_ns == changed
+    stamp = out / "campaigns/F1/random/base/0/stamp"
+    monkeypatch.setattr(campaign, "run", lambda *_, **__: (_ for _ in ()).throw(KeyboardInterrupt))
+    with pytest.raises(KeyboardInterrupt):
+        main([*words[:2], "campaign.tests=7", *words[3:]])
+    assert not stamp.exists(), "a stamp of other settings must not vouch for what a kill left half written"
+    monkeypatch.undo()
     assert main([*words[:2], "campaign.tests=7", *words[3:]]) == 0
     assert len(pd.read_parquet(out / "campaigns/F1/random/base/0/tests.parquet")) == 7
 
@@ -54,8 +63,8 @@ def test_a_model_that_gives_no_numbers_is_refused_before_any_test(tmp_path: Path
         (["model.pt"], "a .pt file can run code when it is read and is not opened"),
         (["mine.onnx", "campaign.testss=3"], "unknown key 'campaign.testss'"),
         (["mine.onnx", "--threads", "0"], "--threads must be at least 1, got 0"),
-        (["mine.onnx", "+detector.layout=yolov3"], "detector.layout must be one of boxes_scores, yolov5, yolov8, end_to_end, got 'yolov3'"),
-        (["mine.onnx", "+detector.person=car2"], "expected a class called car2 among its 3 classes"),
+        (["mine.onnx", "detector.layout=yolov3"], "detector.layout must be one of boxes_scores, yolov5, yolov8, end_to_end, got 'yolov3'"),
+        (["mine.onnx", "detector.person=car2"], "expected a class called car2 among its 3 classes"),
     ],
 )
 def test_bad_input_is_named(words: list[str], message: str, model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -19,7 +19,7 @@ def test_a_shipped_base_is_calibrated_on_the_images_that_calibrate_the_versions_
     config = compose("smoke", ["base_set.images=80", "base_set.validation_share=0.75"])
     base_set, card = tmp_path / "base_set" / TRUTH_FILE, tmp_path / "base" / "model.json"
     render_base.run(config, out=base_set, threads=1, progress=lambda *_: None)
-    train.run(config, base_set=base_set, out=card, threads=1, progress=lambda *_: None)
+    train.run(config, base_set=base_set, out=card, checkpoint=card.with_name("c.pt"), threads=1, progress=lambda *_: None)
     validation = read_dataset(base_set.parent, "val")
     export_onnx(tmp_path / "plain.onnx", load_weights(card.with_name("weights.safetensors")), validation.size)
     expected, found = calibrate(train.detect_all(tmp_path / "plain.onnx", validation), validation), read_card(card)

@@ -8,8 +8,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from pipeline.artefacts.dataset import ImageSet
-from pipeline.detectors.yolo.data import Boxes, Images, Stream, batch, hardness, usable
+from pipeline.detectors.yolo.data import Boxes, Images, Stream, batch, hardness
 from pipeline.detectors.yolo.model import SIZES, Yolo
 from pipeline.detectors.yolo.training import Fitted, Progress, Schedule, fit, initial_model
 from pipeline.detectors.yolo.validation import watching
@@ -20,6 +23,7 @@ CROP_PHASE, FRAME_PHASE = 0, 1
 
 def train_from_scratch(
     images: ImageSet,
+    indices: NDArray[np.int64],
     validation: ImageSet,
     config: Mapping[str, Any],
     *,
@@ -29,11 +33,10 @@ def train_from_scratch(
 ) -> Fitted:
     """Train a detector on a set with section `training` of the config; resumes from `checkpoint`.
 
-    validation: gives the curve and, if it no longer rises, an early end.
+    indices: of the images that are learnt from. validation: gives the curve and, if it no longer rises, an early end.
     """
     seed, size = int(config["seed"]), int(config["batch_size"])
     schedule = Schedule(int(config["crop_iterations"]), int(config["frame_iterations"]), float(config["learning_rate"]))
-    indices = usable(images)
     repeats = hardness(images, int(config["oversampling"]))[indices]
     crops, frames = (Stream(indices, repeats, (seed, phase)) for phase in (CROP_PHASE, FRAME_PHASE))
 

@@ -15,6 +15,7 @@ from pipeline.detectors.yolo.validation import watching
 
 BASE_STREAM, ADDED_STREAM = 10, 11
 LOOKS = 2
+"""For the curve; too few to end a training early, which would give one version fewer steps than another."""
 
 
 def retrain(
@@ -40,7 +41,7 @@ def retrain(
     """
     schedule = Schedule(0, iterations, learning_rate, warm_up=iterations // 10, averaging=0.97, frozen_statistics=True)
     feed = mixed_feed(base, added, batch_size, added_share, seed)
-    watch = watching(validation, max(1, iterations // LOOKS), patience=LOOKS)
+    watch = watching(validation, -(-iterations // LOOKS), patience=LOOKS)
     return fit(model, schedule, feed, identity=identity, checkpoint=checkpoint, validation=watch, threads=threads, progress=progress)
 
 
@@ -48,20 +49,15 @@ def mixed_feed(
     base: ImageSet, added: ImageSet | None, batch_size: int, added_share: float, seed: int
 ) -> Callable[[int], tuple[Images, Boxes]]:
     """Batches whose last `added_share` comes from the added frames; every version sees the base images in the same order."""
-    indices = usable(base)
-    base_stream = Stream(indices, np.ones(len(indices), np.int64), (seed, BASE_STREAM))
-    if added is None:
-        return lambda iteration: batch(
-            base, base_stream.take(iteration * batch_size, batch_size), base.size, (seed, BASE_STREAM, iteration)
-        )
-    new = usable(added)
-    added_stream = Stream(new, np.ones(len(new), np.int64), (seed, ADDED_STREAM))
-    fresh = max(1, round(batch_size * added_share))
-    old = batch_size - fresh
+    fresh = 0 if added is None else max(1, round(batch_size * added_share))
+    old = usable(base)
+    parts = [(base, Stream(old, np.ones(len(old), np.int64), (seed, BASE_STREAM)), batch_size - fresh, BASE_STREAM)]
+    if added is not None:  # All of it: the filter has judged these frames, or a person has.
+        everything = np.arange(len(added))
+        parts.append((added, Stream(everything, np.ones(len(added), np.int64), (seed, ADDED_STREAM)), fresh, ADDED_STREAM))
 
     def feed(iteration: int) -> tuple[Images, Boxes]:
-        first = batch(base, base_stream.take(iteration * old, old), base.size, (seed, BASE_STREAM, iteration))
-        second = batch(added, added_stream.take(iteration * fresh, fresh), added.size, (seed, ADDED_STREAM, iteration))
-        return np.concatenate([first[0], second[0]]), np.concatenate([first[1], second[1]])
+        made = [batch(part, stream.take(iteration * n, n), part.size, (seed, name, iteration)) for part, stream, n, name in parts]
+        return np.concatenate([images for images, _ in made]), np.concatenate([boxes for _, boxes in made])
 
     return feed

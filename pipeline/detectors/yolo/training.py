@@ -7,6 +7,7 @@ goes on from its checkpoint to the weights that it would have reached anyway.
 from __future__ import annotations
 
 import copy
+import hashlib
 import io
 import math
 import pickle
@@ -138,14 +139,16 @@ def fit(
     """Train `model` and return the averaged weights: the last ones, or the best ones if `validation` stopped it early.
 
     feed: iteration to (n, h, w, 3) uint8 RGB images and (n, 4) boxes in pixels, zeros where there is no pedestrian.
-    checkpoint: file that is written every 45 s and at the end, and read first; ignored if it belongs to another `identity`. threads: of
-    PyTorch; None leaves OMP_NUM_THREADS in force. progress: called with iterations done, all of them and a text.
+    checkpoint: file that is written every 45 s and at the end, and read first; ignored if it belongs to another `identity` or to other
+    code of this package. threads: of PyTorch; None leaves OMP_NUM_THREADS in force. progress: called with iterations done, all of them
+    and a text.
     """
     if threads is not None:
         torch.set_num_threads(threads)
     cv2.setNumThreads(1)
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     state = _start(model, schedule, device)
+    identity += _code()
     if checkpoint is not None:
         _resume(checkpoint, identity, state, device)
     saved, resumed = time.monotonic(), state.iteration
@@ -162,6 +165,7 @@ def fit(
         if progress is not None and (state.iteration % 10 == 0 or state.iteration == schedule.iterations):
             progress(state.iteration, schedule.iterations, _text(state.iteration <= schedule.crop_iterations, losses, state.curve))
         if validation is not None and (state.iteration % validation.every == 0 or state.iteration == schedule.iterations):
+            _check_finite(losses, state.iteration, schedule)
             _look(state, schedule, validation)
             if state.exhausted(validation.patience):
                 break
@@ -247,6 +251,11 @@ def _batches(feed: Feed, start: int, stop: int, device: torch.device) -> Iterato
 def _tensors(batch: Batch, device: torch.device) -> tuple[Tensor, Tensor]:
     images = torch.from_numpy(batch[0]).to(device).permute(0, 3, 1, 2).float().div_(255)
     return images.contiguous(memory_format=torch.channels_last), torch.from_numpy(batch[1]).to(device)
+
+
+def _code() -> str:
+    """Digest of what decides how a training goes on."""
+    return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))).hexdigest()
 
 
 def _save(path: Path, identity: str, state: State) -> None:
