@@ -42,7 +42,7 @@ class Seen(NamedTuple):
 
     @property
     def answerable(self) -> bool:
-        """The same border as in the metrics and the filter."""
+        """The same border as in the metrics."""
         return not kpi.barely_visible(self.frame.truth.visible_pixels, self.contrast)
 
 

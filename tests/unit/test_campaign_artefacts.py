@@ -92,3 +92,9 @@ def test_a_failed_write_leaves_the_old_file_alone(tmp_path: Path) -> None:
         files.write_json(path, {"new": float("nan")})
     assert files.read_json(path) == {"old": 1}
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_every_column_is_explained() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "reference" / "system-under-test.md").read_text()
+    tables = (campaign.TESTS, campaign.SIGNAL_TABLE, campaign.FRAMES, campaign.TIMINGS)
+    assert [name for table in tables for name, _, _ in table if f"`{name}`" not in page] == []
