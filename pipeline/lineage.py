@@ -11,6 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from pipeline.protocols import InputError
+
 Kind = Literal["base", "control", "random", "adaptive"]
 RETRAINED: tuple[Kind, Kind, Kind] = ("control", "random", "adaptive")
 PATTERN = r"base|(?:control|random|adaptive)(?:-r(?:[2-9]|[1-9]\d+))?(?:-s\d+)?"
@@ -34,12 +36,12 @@ class Version:
 
     @staticmethod
     def named(name: str) -> Version:
-        """The version of a name; ValueError if it is none."""
+        """The version of a name; InputError if it is none."""
         if name == "base":
             return Version()
         found = NAME.fullmatch(name)
         if found is None:
-            raise ValueError(f"expected the name of a version, as base or adaptive-r2-s1, got '{name}'")
+            raise InputError(f"expected the name of a version, as base or adaptive-r2-s1, got '{name}'")
         kind, number, seed = found.groups()
         return Version(kind, int(number or 1), None if seed is None else int(seed))  # type: ignore[arg-type]
 
