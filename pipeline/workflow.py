@@ -19,6 +19,8 @@ from pipeline.config import PARAMS, Config, load
 from pipeline.lineage import PATTERN, Version
 
 ROOT = Path(__file__).resolve().parents[1]
+SEEDS_A_ROUND = 1000
+"""How far the seeds of a round's search lie from those of the round before."""
 
 
 class Study:
@@ -91,12 +93,14 @@ class Study:
     def search(self, name: str, scenario: str | None = None, strategy: str | None = None, version: str = "base") -> list[str]:
         """The file `name` of the search campaigns against a version, of all or of one scenario or strategy.
 
-        Those against retrained versions, the later rounds', lie with these versions.
+        Those against retrained versions, the later rounds', lie with these versions. Their seeds are others: random testing would only
+        execute again what the version has learnt from.
         """
         config = self.config
         scenarios, strategies = [scenario] if scenario else config.search, [strategy] if strategy else config.strategies
         root = f"{self.root}/campaigns" if version == "base" else f"{self.root}/retrained/campaigns"
-        return [f"{root}/{a}/{b}/{version}/{seed}/{name}" for a in scenarios for b in strategies for seed in config.seeds]
+        seeds = [seed + SEEDS_A_ROUND * Version.named(version).round for seed in config.seeds]
+        return [f"{root}/{a}/{b}/{version}/{seed}/{name}" for a in scenarios for b in strategies for seed in seeds]
 
     def later_search(self, name: str) -> list[str]:
         """The file `name` of the campaigns that later rounds learn from: each kind's strategy against its versions before."""

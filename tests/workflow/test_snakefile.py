@@ -84,11 +84,11 @@ def test_a_round_learns_from_all_campaigns_before_it(tmp_path: Path) -> None:
     adaptive, random = (study.added("adaptive-r2-s4", source) for source in ("adaptive", "random"))
     assert adaptive["filters"] == ["data/smoke/filter/neural.csv", "data/smoke/retrained/filter/neural/adaptive-s4.csv"]
     assert random["filters"] == ["data/smoke/filter/random.csv", "data/smoke/retrained/filter/random/random-s4.csv"]
-    assert "data/smoke/retrained/campaigns/F2/neural/adaptive-s4/0/frames.parquet" in adaptive["frames"]
+    assert "data/smoke/retrained/campaigns/F2/neural/adaptive-s4/1000/frames.parquet" in adaptive["frames"]
     assert study.added("control-r2", "random") == {"filters": [], "frames": []}
     assert study.parent("adaptive-r2-s4", "model.json") == "data/smoke/retrained/models/adaptive-s4/model.json"
     later = study.later_search("tests.parquet")
-    assert "data/smoke/retrained/campaigns/F2/random/random/0/tests.parquet" in later and len(set(later)) == len(later) == 4 * 2
+    assert "data/smoke/retrained/campaigns/F2/random/random/1000/tests.parquet" in later and len(set(later)) == len(later) == 4 * 2
     assert "rounds.png" in " ".join(study.plots) and len(study.models("model.json")) == 13
     planned = snakemake(_with(tmp_path), "-n")
     assert "filter_round" in planned and "random-r2-s4" in planned
