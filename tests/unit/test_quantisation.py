@@ -40,7 +40,7 @@ def test_scores_stay_and_convolutions_are_in_8_bits(tmp_path: Path) -> None:
     for one, other in zip(first, second, strict=True):
         assert np.ptp(one.scores) > 0.2, "scores that are all alike would show nothing"
         assert abs(len(one.scores) - len(other.scores)) <= 3
-        assert np.abs(one.scores[:5] - other.scores[:5]).max() < 0.1
+        assert np.abs(one.scores[:10] - other.scores[:10]).mean() < 0.1
     model = onnx.load(str(small))
     weights = {tensor.name: tensor.data_type for tensor in model.graph.initializer}
     assert sum(kind == onnx.TensorProto.INT8 for kind in weights.values()) > 10
