@@ -373,7 +373,7 @@ def _override_message(plain: Any, overrides: Sequence[str]) -> str:
 
 def dump(config: Config, command: str) -> str:
     """The text of params.yaml."""
-    body = yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, width=120)
+    body = yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, width=120, default_flow_style=None)
     return f"# Made by `{command}`; change conf/ or the overrides, not this file.\n{body}"
 
 

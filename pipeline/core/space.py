@@ -21,7 +21,8 @@ class Variable:
 
     A continuous or integer one has bounds `low` to `high` in `unit`, and a `step`: its categories, which coverage counts, are
     the grid values low, low + step, ... (a value belongs to the nearest one). A cyclic one identifies `high` with `low`.
-    A categorical one has `values` and is encoded by its index.
+    A categorical one has `values` and is encoded by its index. `attributes` are numbers that are known of each of its values, such as
+    the height of a pedestrian; they say which values are alike, to those who learn from results.
     """
 
     name: str
@@ -32,11 +33,19 @@ class Variable:
     step: float = 0.0
     cyclic: bool = False
     values: tuple[str, ...] = ()
+    attributes: tuple[tuple[str, tuple[float, ...]], ...] = ()
 
     def __post_init__(self) -> None:
         if self.kind == "categorical":
             if not self.values or len(set(self.values)) != len(self.values):
                 raise ValueError(f"variable '{self.name}': values must be distinct and not empty, got {self.values}")
+            for name, numbers in self.attributes:
+                if len(numbers) != len(self.values):
+                    raise ValueError(
+                        f"variable '{self.name}': attribute '{name}' must have {len(self.values)} numbers, one a value, got {len(numbers)}"
+                    )
+        elif self.attributes:
+            raise ValueError(f"variable '{self.name}': only the values of a categorical variable have attributes")
         elif not self.low < self.high:
             raise ValueError(f"variable '{self.name}': low must be below high, got {self.low} to {self.high}")
         elif not 0 < self.step <= self.high - self.low:
@@ -172,11 +181,14 @@ class Space:
 
 def _plain(variable: Variable) -> dict[str, Any]:
     if variable.kind == "categorical":
-        return {"kind": variable.kind, "values": list(variable.values)}
+        known = {"attributes": {name: list(numbers) for name, numbers in variable.attributes}} if variable.attributes else {}
+        return {"kind": variable.kind, "values": list(variable.values), **known}
     keys: Sequence[str] = ("kind", "unit", "low", "high", "step", "cyclic")
     return {key: getattr(variable, key) for key in keys}
 
 
 def _variable(name: str, body: Mapping[str, Any]) -> Variable:
     values: dict[str, Any] = {key: tuple(value) if key == "values" else value for key, value in body.items()}
+    if "attributes" in values:
+        values["attributes"] = tuple((key, tuple(float(number) for number in numbers)) for key, numbers in values["attributes"].items())
     return Variable(name=name, **values)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from pipeline.config import compose
 from pipeline.core.space import Space, Variable
+from pipeline.simulators.mujoco.blueprints import BLUEPRINTS
 from tests.spaces import SMALL, THESIS
 
 
@@ -21,6 +23,20 @@ def test_values_belong_to_the_nearest_category_and_cyclic_ones_close_the_circle(
 
 def test_plain_data_round_trip() -> None:
     assert Space.from_dict(THESIS.to_dict()) == THESIS
+    people = Space((Variable("who", "categorical", values=("a", "b"), attributes=(("height_m", (1.2, 1.8)),)),))
+    assert Space.from_dict(people.to_dict()) == people
+    assert people.to_dict()["who"]["attributes"] == {"height_m": [1.2, 1.8]}
+
+
+def test_the_attributes_of_the_blueprints_are_those_that_are_drawn() -> None:
+    variable = compose("default", []).space("F1").variables[-1]
+    drawn = [BLUEPRINTS[name] for name in variable.values]
+    known = dict(variable.attributes)
+    for name in ("umbrella", "bag", "hat", "skirt"):
+        assert list(known[name]) == [getattr(blueprint, name) for blueprint in drawn]
+    assert list(known["height_m"]) == [blueprint.height for blueprint in drawn]
+    for part in ("top", "trousers"):
+        assert known[f"{part}_brightness"] == pytest.approx([np.mean(getattr(blueprint, part)) for blueprint in drawn], abs=5e-4)
 
 
 @pytest.mark.parametrize(
@@ -43,3 +59,7 @@ def test_a_wrong_variable_is_named() -> None:
         Variable("v", "continuous", "", 1, 0, 1)
     with pytest.raises(ValueError, match="'v': values must be distinct"):
         Variable("v", "categorical", values=("a", "a"))
+    with pytest.raises(ValueError, match="'v': attribute 'height_m' must have 2 numbers, one a value, got 1"):
+        Variable("v", "categorical", values=("a", "b"), attributes=(("height_m", (1.2,)),))
+    with pytest.raises(ValueError, match="'v': only the values of a categorical variable have attributes"):
+        Variable("v", "continuous", "", 0, 1, 1, attributes=(("height_m", (1.2,)),))

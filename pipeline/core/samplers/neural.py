@@ -28,7 +28,8 @@ class NeuralSampler(BatchSampler):
     Each batch: the network is chosen on a grid by its error on a held-out quarter of the tests, then predicts a fixed-size candidate set.
     Only sampling-relevant candidates are eligible (Def. 4.20), so that an established failure region is not sampled on and on. Beyond the
     thesis, a share of the candidates are mutations of the worst tests so far (one to three variables drawn anew), because uniform
-    candidates hardly ever hit a narrow region, and the points of a batch keep a distance from each other.
+    candidates hardly ever hit a narrow region, and the points of a batch keep a distance from each other. The attributes of a category,
+    where the space names them, are inputs of the network: what fails with one pedestrian is then expected of those who are like it.
 
     candidates: size of the candidate set. mutants: its share of mutations, in [0, 1). explore: share of a batch drawn at random, in [0, 1].
     failure_threshold_s: at or below it a KPI is a failure. epsilon: radius of the ball, on the mixed distance. omega_threshold: negative;
@@ -120,12 +121,15 @@ class NeuralSampler(BatchSampler):
         return GRID[int(np.argmin(errors))]
 
     def _features(self, points: Floats) -> Floats:
-        """(n, d) points to (n, f) inputs: standardised numbers, cyclic ones as sine and cosine, categories one-hot."""
+        """(n, d) points to (n, f) inputs: standardised numbers, cyclic ones as sine and cosine, categories one-hot and by attributes."""
         columns: list[Floats] = []
         for j, variable in enumerate(self.space.variables):
             column = points[:, j]
             if variable.kind == "categorical":
                 columns.append((column[:, None] == np.arange(variable.size)[None]).astype(float))
+                for _, numbers in variable.attributes:
+                    known = np.array(numbers)
+                    columns.append(((known - known.mean()) / max(float(known.std()), 1e-9))[column.astype(int)][:, None])
                 continue
             unit = (column - variable.low) / (variable.high - variable.low)
             if variable.cyclic:
