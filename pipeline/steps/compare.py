@@ -136,7 +136,7 @@ def compare(
     against_base = {found.version: found for found in pairs if found.against == versions[0]}
     reference = by_version[versions[0]]
     results = tuple(_version(v, by_version[v], reference, against_base.get(v), list(labels), alpha, confidence) for v in versions)
-    champion, reasons = gate(results, by_version, alpha)
+    champion, reasons = gate(results, by_version, labels, alpha)
     return Comparison(
         strategy=str(tests["strategy"].iloc[0]),
         scenarios=dict(labels),
@@ -279,7 +279,9 @@ def judge(paired: Paired | None, alpha: float) -> Verdict:
     return "better" if len(paired.fixes) > len(paired.regressions) else "worse"
 
 
-def gate(results: Sequence[VersionResult], by_version: Mapping[str, pd.DataFrame], alpha: float) -> tuple[str, dict[str, str]]:
+def gate(
+    results: Sequence[VersionResult], by_version: Mapping[str, pd.DataFrame], labels: Mapping[str, str], alpha: float
+) -> tuple[str, dict[str, str]]:
     """The champion, and for each version why it is or is not.
 
     A version passes if it breaks in no more tests than the first, the base, fails significantly less than it, and significantly more on no
@@ -289,7 +291,7 @@ def gate(results: Sequence[VersionResult], by_version: Mapping[str, pd.DataFrame
     base, *others = results
     reasons = {base.version: "the reference"}
     for result in others:
-        parts = {name: part for name, part in result.scenarios.items() if part.failures > base.scenarios[name].failures}
+        parts = {labels[name]: part for name, part in result.scenarios.items() if part.failures > base.scenarios[name].failures}
         worse = [name for name, part in parts.items() if judge(part.paired, alpha) == "worse"]
         p_value = 1.0 if result.paired is None else result.paired.p_value
         if result.errors > base.errors:

@@ -98,14 +98,14 @@ def test_a_version_that_is_worse_somewhere_is_held_back() -> None:
     tests = pd.concat([first, second.assign(scenario="F2star")], ignore_index=True)
     result = compare.compare(tests, {**LABELS, "F2star": "F2*"}, ["base", "adaptive"], "digest", alpha=0.05, confidence=0.95)
     assert result.versions[1].verdict == "better" and result.champion == "base"
-    assert result.gate["adaptive"] == "held back: significantly more failures than base on F2star"
+    assert result.gate["adaptive"] == "held back: significantly more failures than base on F2*"
 
 
 def test_the_gate_names_a_scenario_with_more_failures_that_are_not_significant() -> None:
     first, second = table({"base": "c" * 20 + "." * 10, "adaptive": "." * 30}), table({"base": "." * 9, "adaptive": "ccc......"})
     tests = pd.concat([first, second.assign(scenario="F2star")], ignore_index=True)
     result = compare.compare(tests, {**LABELS, "F2star": "F2*"}, ["base", "adaptive"], "digest", alpha=0.05, confidence=0.95)
-    assert result.champion == "adaptive" and result.gate["adaptive"].endswith("more on F2star but not significantly")
+    assert result.champion == "adaptive" and result.gate["adaptive"].endswith("more on F2* but not significantly")
 
 
 def test_a_version_that_breaks_more_tests_is_held_back() -> None:
