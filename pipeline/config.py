@@ -222,8 +222,8 @@ class Config(_Section):
             raise ValueError(f"retraining.seeds must differ, got {list(self.retraining.seeds)}")
         if both := set(self.search) & set(self.held_out):
             raise ValueError(f"held_out must not be searched: {', '.join(sorted(both))} is in both lists")
-        first = self.held_out[0] if self.held_out else ""
         for unseen in self.held_out:
+            first = self.held_out[0]
             if self.scenarios[unseen].space != self.scenarios[first].space:
                 raise ValueError(f"held_out: {unseen} has another space than {first}; scenarios that are compared together share one")
             for searched in self.search:

@@ -104,7 +104,7 @@ class Study:
 
     def later_search(self, name: str) -> list[str]:
         """The file `name` of the campaigns that later rounds learn from: each kind's strategy against its versions before."""
-        tested = {tested: None for version in self.config.versions for tested in version.tested if tested.kind in self.sources}
+        tested = dict.fromkeys(v for version in self.config.versions for v in version.tested if v.kind in self.sources)
         return [path for v in tested for path in self.search(name, strategy=self.sources[v.kind], version=str(v))]
 
     def held_out(self, name: str) -> list[str]:
