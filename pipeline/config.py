@@ -61,7 +61,7 @@ class Comparison(_Section):
     strategy: str
     """The test strategy that makes the sequence; it must not learn from results."""
     seed: Seed
-    """Of the sequence."""
+    """Of the sequence on the first held-out scenario; the next scenario's is one more, and so on, so that each has tests of its own."""
     alpha: Share
     """Level of each paired test; they are not corrected for their number."""
     confidence: Share

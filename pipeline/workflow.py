@@ -81,11 +81,11 @@ class Study:
         return "comparison.tests" if scenario in self.config.held_out else "campaign"
 
     def finish(self) -> None:
-        """After a run: print the verdict, and tell DVC that what it versions was made, unless DVC itself is at work."""
-        comparison = f"{self.root}/comparison.json"
-        if self.config.goal == "report" and (ROOT / comparison).exists():
-            subprocess.run([sys.executable, "-m", "pipeline", "verdict", "--comparison", comparison], cwd=ROOT, check=False)
-        if self.config.goal == "report" and (ROOT / ".dvc").exists() and "DVC_STAGE" not in os.environ:
+        """Once a report is there: print the verdict, and tell DVC that what it versions was made, unless DVC itself is at work."""
+        if self.config.goal != "report" or not all((ROOT / goal).exists() for goal in self.goals):
+            return
+        subprocess.run([sys.executable, "-m", "pipeline", "verdict", "--comparison", f"{self.root}/comparison.json"], cwd=ROOT, check=False)
+        if (ROOT / ".dvc").exists() and "DVC_STAGE" not in os.environ:
             told = subprocess.run([sys.executable, "-m", "dvc", "commit", "--force", "--quiet"], cwd=ROOT, capture_output=True, text=True)
             if told.returncode:
                 print(f"dvc commit failed, so `dvc status` will report changes: {told.stderr.strip()}", file=sys.stderr)
@@ -108,9 +108,13 @@ class Study:
         return [path for v in tested for path in self.search(name, strategy=self.sources[v.kind], version=str(v))]
 
     def held_out(self, name: str) -> list[str]:
-        """The file `name` of the comparison's campaigns."""
-        config, strategy, seed = self.config, self.config.comparison.strategy, self.config.comparison.seed
-        return [f"{self.root}/held_out/{a}/{strategy}/{version}/{seed}/{name}" for a in config.held_out for version in config.versions]
+        """The file `name` of the comparison's campaigns.
+
+        The scenarios share a space, so each takes a seed of its own: one sequence executed everywhere would be fewer different tests.
+        """
+        config, comparison = self.config, self.config.comparison
+        sequences = [(f"{scenario}/{comparison.strategy}", comparison.seed + position) for position, scenario in enumerate(config.held_out)]
+        return [f"{self.root}/held_out/{a}/{version}/{seed}/{name}" for a, seed in sequences for version in config.versions]
 
     def added(self, version: str, source: Literal["random", "adaptive"]) -> dict[str, list[str]]:
         """The filter tables and the frames of the random or the adaptive source that feed a version; none for a control."""

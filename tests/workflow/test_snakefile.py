@@ -94,6 +94,13 @@ def test_a_round_learns_from_all_campaigns_before_it(tmp_path: Path) -> None:
     assert "filter_round" in planned and "random-r2-s4" in planned
 
 
+def test_each_held_out_scenario_has_a_sequence_of_its_own_that_all_versions_share(tmp_path: Path) -> None:
+    (tmp_path / "params.yaml").write_text(dump(compose("retraining", ["comparison.seed=3"]), "test"))
+    paths = [Path(path) for path in workflow.Study(tmp_path / "params.yaml").held_out("tests.parquet")]
+    seeds = {(path.parts[-5], path.parts[-2]) for path in paths}
+    assert len(paths) == 40 and seeds == {("F1star", "3"), ("F2star", "4"), ("F3star", "5"), ("F4star", "6")}
+
+
 def _with(folder: Path) -> Path:
     params = (folder / "params.yaml").read_bytes()
     copy(folder)
