@@ -10,6 +10,7 @@ import cv2
 import mujoco
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from pipeline.core.paths import Pose
 from pipeline.layout import Town
@@ -51,6 +52,19 @@ def test_a_checkerboard_is_seen_where_the_pinhole_model_says(distortion: float) 
     expected = np.stack([settings.width / 2 + focal * x * bent, settings.height / 2 + focal * y * bent], -1)
     nearest = np.linalg.norm(expected[:, None] - seen[None], axis=-1).min(axis=1)
     assert nearest.max() < 0.5
+
+
+def test_a_camera_that_is_dropped_leaves_the_next_one_alone() -> None:
+    def shot(stage: Stage) -> NDArray[np.uint8]:
+        stage.camera.set_weather(Weather(sun_azimuth=180, sun_altitude=40))
+        return stage.camera.shoot(np.random.default_rng(0))[0]
+
+    stage = Stage(TOWN, {}, CameraSettings())
+    expected = shot(stage)
+    stage = Stage(TOWN, {}, CameraSettings())  # Only now the first one goes.
+    image = shot(stage)
+    stage.close()
+    assert (image == expected).all()
 
 
 def _add_board(spec: mujoco.MjSpec) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import weakref
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +21,7 @@ RING_PX = 4
 
 
 class Camera:
-    """The ego's camera on one compiled model; owns the GL context, of which a process has one."""
+    """The ego's camera on one compiled model; owns a GL context."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, lamps: NDArray[np.float64], settings: CameraSettings) -> None:
         width, height = settings.width, settings.height
@@ -27,6 +29,8 @@ class Camera:
         self._gl = mujoco.GLContext(width, height)
         self._gl.make_current()
         self.context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        # Freed while another camera's GL context is current, MuJoCo's would take that one's buffers with it.
+        self._release = weakref.finalize(self, _free, self._gl, self.context)
         self.context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self.context)
         self._scene, self._alone = mujoco.MjvScene(model, MAX_GEOMS), mujoco.MjvScene(model, 64)
@@ -142,9 +146,14 @@ class Camera:
         return (x0, y0, x1, y1) if x1 > x0 and y1 > y0 else None
 
     def close(self) -> None:
-        """Free the GL context."""
-        self.context.free()
-        self._gl.free()
+        """Free the GL context; so does dropping the camera."""
+        self._release()
+
+
+def _free(gl: mujoco.GLContext, context: mujoco.MjrContext) -> None:
+    with gl.as_current():
+        context.free()
+    gl.free()
 
 
 def _box(mask: NDArray[np.bool_], left: int, top: int) -> Box | None:

@@ -30,7 +30,7 @@ ALONG = np.sin(np.radians(15))
 
 
 class MujocoSimulator:
-    """Executes concrete scenarios of one functional scenario in a rendered MuJoCo world; one per process."""
+    """Executes concrete scenarios of one functional scenario in a rendered MuJoCo world."""
 
     def __init__(self, scenario: Mapping[str, Any], camera: Mapping[str, Any] | None = None) -> None:
         self._scenario = FunctionalScenario.model_validate(scenario)
