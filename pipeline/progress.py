@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 
@@ -11,6 +12,9 @@ from tqdm import tqdm
 
 LOG_EVERY_S = 1.0
 PIPE_EVERY_S = 10.0
+
+OnProgress = Callable[[int, int, str], None]
+"""What long work reports to: done, total and a text. A `Progress`, or anything that can be called so."""
 
 
 class Progress:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,15 +21,15 @@ from pipeline.core.regions import NOISE, chance_radius, connected_failures, medo
 from pipeline.core.rules import find_rule
 from pipeline.core.space import Floats, Space
 from pipeline.core.statistics import wilson_interval
+from pipeline.progress import OnProgress
 from pipeline.steps.measure import count_modes
 
-Progress = Callable[[int, int, str], None]
 Bools = NDArray[np.bool_]
 MIN_RULE_PRECISION = 0.75
 NEEDED = ["test_id", "ego_speed_mps", "conflict_distance_m", "visible_pixels", "contrast"]
 
 
-def run(config: Config, *, tests: Sequence[Path], space: Path, out: Path, progress: Progress) -> None:
+def run(config: Config, *, tests: Sequence[Path], space: Path, out: Path, progress: OnProgress) -> None:
     """Find the failure regions of one search scenario over all its campaigns.
 
     tests: tests.parquet of each campaign of the scenario, signals.parquet beside it. Tests whose simulation broke are left out.

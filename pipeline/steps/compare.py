@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
 
@@ -33,11 +33,11 @@ from pipeline.core.rules import find_rule
 from pipeline.core.space import Space
 from pipeline.core.statistics import mcnemar, mean_interval, wilson_interval
 from pipeline.lineage import Version
+from pipeline.progress import OnProgress
 from pipeline.protocols import InputError
 from pipeline.steps.cluster import cluster
 from pipeline.steps.measure import campaign_key, count_modes
 
-Progress = Callable[[int, int, str], None]
 CHANGED = ("adj_ttc_s", "failure_mode", "false_positives", "first_detection_m")
 """KPIs beside a changed test, of before and after."""
 
@@ -53,7 +53,7 @@ def run(
     table: Path,
     changes: Path,
     metrics: Path,
-    progress: Progress,
+    progress: OnProgress,
 ) -> None:
     """Compare the versions and write comparison.json, all their tests as comparison.parquet, those that changed as changes.csv, and
     metrics.json.

@@ -6,7 +6,7 @@ find the pedestrian. The thesis threw such images out by eye; here measured visi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -20,9 +20,9 @@ from pipeline.artefacts.filter import COLUMNS, read_overrules, write_filter
 from pipeline.config import Config
 from pipeline.core.boxes import iou
 from pipeline.lineage import campaign_of
+from pipeline.progress import OnProgress
 from pipeline.protocols import InputError
 
-Progress = Callable[[int, int, str], None]
 MIN_VISIBLE_SHARE = 0.1
 THUMBNAIL = (40, 24)
 SAME_GREY, SAME_IOU = 3.0, 0.8
@@ -30,7 +30,7 @@ SAME_GREY, SAME_IOU = 3.0, 0.8
 SIDES = ("left", "top", "right", "bottom")
 
 
-def run(config: Config, *, frames: Sequence[Path], out: Path, progress: Progress) -> None:
+def run(config: Config, *, frames: Sequence[Path], out: Path, progress: OnProgress) -> None:
     """Judge every kept frame of one strategy's campaigns and write the table.
 
     frames: frames.parquet of each campaign, all against one version.

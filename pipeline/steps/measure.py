@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +18,9 @@ from pipeline.core.coverage.projection import projection_coverage
 from pipeline.core.measures import c_measure, f_measure, failure_sequence, pair_coverage
 from pipeline.core.space import Ints, Space
 from pipeline.core.statistics import mean_interval, wilson_interval
+from pipeline.progress import OnProgress
 from pipeline.protocols import InputError
 
-Progress = Callable[[int, int, str], None]
 PROJECTION_K = 2
 TESTS_WANTED = 3
 """Tests that the projection coverage asks of every pair of categories; pair coverage asks for one."""
@@ -28,7 +28,7 @@ Key = tuple[str, str, str, int]
 """Scenario, strategy, version, seed."""
 
 
-def run(config: Config, *, tests: Sequence[Path], spaces: Sequence[Path], out: Path, theta: Path, progress: Progress) -> None:
+def run(config: Config, *, tests: Sequence[Path], spaces: Sequence[Path], out: Path, theta: Path, progress: OnProgress) -> None:
     """Measure the search campaigns and write measures.json and, for plots, theta.csv.
 
     tests: tests.parquet of each campaign. spaces: space/<scenario>.json. The first strategy of the config is the baseline of C_n.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,15 +10,15 @@ from pipeline.artefacts.dataset import Record, Split, remove_leftovers, write_im
 from pipeline.artefacts.files import read_json, write_json
 from pipeline.config import Config
 from pipeline.layout import Town
+from pipeline.progress import OnProgress
 from pipeline.protocols import Truth
 from pipeline.steps.workers import render_pool
 
-Progress = Callable[[int, int, str], None]
 SHARD_IMAGES = 100
 """Images a town: few, so that a base set shows many towns and a kill loses little."""
 
 
-def run(config: Config, *, out: Path, threads: int, progress: Progress) -> None:
+def run(config: Config, *, out: Path, threads: int, progress: OnProgress) -> None:
     """Render `base_set.images` random scenes into a YOLO and COCO data set beside `out`, its truth.coco.json.
 
     The last `validation_share` of each town's images validates. The images depend on the config alone, not on `threads`.

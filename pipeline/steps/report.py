@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from pipeline.artefacts.results import Comparison, FailureRegions, Measures, Whi
 from pipeline.artefacts.space import read_space
 from pipeline.config import Config
 from pipeline.core.space import Space
+from pipeline.progress import OnProgress
 from pipeline.protocols import Detector, Simulator
 from pipeline.report import plots as draw
 from pipeline.report import sections, texts
@@ -30,7 +31,6 @@ from pipeline.report.replays import draw_replay, most_telling_frame, render_repl
 from pipeline.report.selection import Chosen, choose_pairs, choose_regions
 from pipeline.report.style import data_uri, save_png, svg
 
-Progress = Callable[[int, int, str], None]
 BORDER_CASES = 32
 
 
@@ -69,7 +69,7 @@ def run(
     detectors: Sequence[Path],
     out: Path,
     plots: Path,
-    progress: Progress,
+    progress: OnProgress,
 ) -> None:
     """Write report.html and its plots.
 
@@ -136,7 +136,7 @@ def _drawing(figures: Mapping[str, Figure], name: str) -> Drawing:
     return Drawing(svg(figures[name]), texts.FIGURES[name.partition("_")[0]])
 
 
-def make_page(config: Config, study: Study, figures: Mapping[str, Figure], progress: Progress) -> Page:
+def make_page(config: Config, study: Study, figures: Mapping[str, Figure], progress: OnProgress) -> Page:
     """The page with its replays, which are re-simulated: the same test gives the same frames."""
     spaces = dict(study.spaces) | {name: config.space(name) for name in config.held_out}
     pair = choose_pairs(study.comparison, study.table, spaces)[: config.report.replays // 2 * 2]
@@ -173,7 +173,7 @@ def make_page(config: Config, study: Study, figures: Mapping[str, Figure], progr
 
 
 def film_all(
-    config: Config, tests: Sequence[Chosen], detectors: Mapping[str, Path], spaces: Mapping[str, Space], progress: Progress
+    config: Config, tests: Sequence[Chosen], detectors: Mapping[str, Path], spaces: Mapping[str, Space], progress: OnProgress
 ) -> list[Film]:
     """Re-simulate and film each test, in the order given; one simulator a scenario, one detector a version."""
     simulators: dict[str, Simulator] = {}

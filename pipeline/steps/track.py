@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import subprocess
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +14,11 @@ from pipeline.artefacts.model import ModelCard, read_card, read_curve
 from pipeline.artefacts.results import CampaignMeasures, Comparison, Measures, TrackedRun, Tracking, VersionResult, read, write
 from pipeline.config import Config
 from pipeline.core.measures import failure_sequence
+from pipeline.progress import OnProgress
 from pipeline.report.verdict import verdict_table
 from pipeline.steps.measure import campaign_key, count_modes
 from pipeline.tracking import Content, DataSet, Registration, Tracker
 
-Progress = Callable[[int, int, str], None]
 CHAMPION = "champion"
 
 
@@ -33,7 +33,7 @@ def run(
     store: Path,
     artifacts: Path,
     out: Path,
-    progress: Progress,
+    progress: OnProgress,
 ) -> None:
     """Log the study and write tracking.json; logging it again changes nothing.
 

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from pipeline.artefacts.dataset import ImageSet
 from pipeline.detectors.yolo.data import Boxes, Images, Stream, batch, hardness
 from pipeline.detectors.yolo.model import SIZES, Yolo
-from pipeline.detectors.yolo.training import Fitted, Progress, Schedule, fit, initial_model
+from pipeline.detectors.yolo.training import Fitted, Schedule, fit, initial_model
 from pipeline.detectors.yolo.validation import watching
+from pipeline.progress import OnProgress
 
 CROP_SIZE = (160, 96)
 CROP_PHASE, FRAME_PHASE = 0, 1
@@ -29,7 +30,7 @@ def train_from_scratch(
     *,
     checkpoint: Path | None,
     threads: int,
-    progress: Progress | None = None,
+    progress: OnProgress | None = None,
 ) -> Fitted:
     """Train a detector on a set with section `training` of the config; resumes from `checkpoint`.
 

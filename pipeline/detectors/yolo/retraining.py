@@ -10,8 +10,9 @@ import numpy as np
 from pipeline.artefacts.dataset import ImageSet
 from pipeline.detectors.yolo.data import Boxes, Images, Stream, batch, usable
 from pipeline.detectors.yolo.model import Yolo
-from pipeline.detectors.yolo.training import Fitted, Progress, Schedule, fit
+from pipeline.detectors.yolo.training import Fitted, Schedule, fit
 from pipeline.detectors.yolo.validation import watching
+from pipeline.progress import OnProgress
 
 BASE_STREAM, ADDED_STREAM = 10, 11
 LOOKS = 2
@@ -32,7 +33,7 @@ def retrain(
     identity: str,
     checkpoint: Path,
     threads: int,
-    progress: Progress | None = None,
+    progress: OnProgress | None = None,
 ) -> Fitted:
     """Continue training `model`; with `added` None this is the control: the same steps on the base set alone.
 

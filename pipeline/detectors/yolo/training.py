@@ -28,11 +28,11 @@ from pipeline.artefacts.files import write_bytes
 from pipeline.artefacts.model import Look
 from pipeline.detectors.yolo.loss import Loss, detection_loss
 from pipeline.detectors.yolo.model import Yolo, cells, decode
+from pipeline.progress import OnProgress
 from pipeline.protocols import InputError
 
 Batch = tuple[NDArray[np.uint8], NDArray[np.float32]]
 Feed = Callable[[int], Batch]
-Progress = Callable[[int, int, str], None]
 CHECKPOINT_SECONDS = 45.0
 FINITE_EVERY = 10
 """Iterations between looks at the loss, which a GPU would have to wait for; there is one before every checkpoint, too."""
@@ -134,7 +134,7 @@ def fit(
     checkpoint: Path | None = None,
     validation: Validation | None = None,
     threads: int | None = None,
-    progress: Progress | None = None,
+    progress: OnProgress | None = None,
 ) -> Fitted:
     """Train `model` and return the averaged weights: the last ones, or the best ones if `validation` stopped it early.
 
