@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import warnings
+from collections import Counter
 
 import numpy as np
 from numpy.typing import NDArray
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.neural_network import MLPRegressor
+from sklearn.tree import DecisionTreeRegressor
 
 from pipeline.core.constraints import Constraints
 from pipeline.core.distance import mixed_distance, relevance
@@ -20,6 +22,8 @@ TUNE_EVERY = 3
 """The grid is searched in every third batch: more often costs more than it changes."""
 TEST_SHARE = 0.25
 PARENTS = 12
+MIN_LEAF = 4
+"""Tests that make a kind of their own."""
 
 
 class NeuralSampler(BatchSampler):
@@ -30,10 +34,11 @@ class NeuralSampler(BatchSampler):
     thesis, a share of the candidates are mutations of the worst tests so far (one to three variables drawn anew), because uniform
     candidates hardly ever hit a narrow region, and the points of a batch keep a distance from each other. The attributes of a category,
     where the space names them, are inputs of the network: what fails with one pedestrian is then expected of those who are like it.
+    A batch is shared out between kinds of tests, the leaves of a regression tree on the KPI, or the commonest cause would take it all.
 
     candidates: size of the candidate set. mutants: its share of mutations, in [0, 1). explore: share of a batch drawn at random, in [0, 1].
     failure_threshold_s: at or below it a KPI is a failure. epsilon: radius of the ball, on the mixed distance. omega_threshold: negative;
-    a candidate is relevant above it. spread: smallest distance within a batch.
+    a candidate is relevant above it. spread: smallest distance within a batch. kinds: how many there are, at most; 1 shares nothing out.
     """
 
     def __init__(
@@ -50,6 +55,7 @@ class NeuralSampler(BatchSampler):
         epsilon: float = 0.1,
         omega_threshold: int = -5,
         spread: float = 0.05,
+        kinds: int = 1,
     ) -> None:
         super().__init__(space, seed, batch_size=batch_size, constraints=constraints)
         if candidates < batch_size:
@@ -58,7 +64,9 @@ class NeuralSampler(BatchSampler):
             raise ValueError(f"mutants must be in [0, 1) and explore in [0, 1], got {mutants} and {explore}")
         if omega_threshold >= 0:
             raise ValueError(f"omega_threshold must be negative, got {omega_threshold}")
-        self._candidates, self._mutants, self._explore = candidates, mutants, explore
+        if kinds < 1:
+            raise ValueError(f"kinds must be at least 1, got {kinds}")
+        self._candidates, self._mutants, self._explore, self._kinds = candidates, mutants, explore, kinds
         self._threshold, self._epsilon, self._omega, self._spread = failure_threshold_s, epsilon, omega_threshold, spread
 
     def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
@@ -72,7 +80,7 @@ class NeuralSampler(BatchSampler):
         predicted = self._predict(index, seen, values, candidates)
         random_count = round(self._explore * self.batch_size)
         order = relevant[np.argsort(predicted[relevant], kind="stable")]
-        chosen = self._spread_out(candidates, order, self.batch_size - random_count)
+        chosen = self._spread_out(candidates, order, self._kinds_of(index, seen, values, candidates), self.batch_size - random_count)
         others = np.setdiff1d(relevant, chosen)
         explored = rng.permutation(others)[:random_count]
         picked = candidates[np.concatenate([chosen, explored]).astype(np.int64)]
@@ -91,14 +99,26 @@ class NeuralSampler(BatchSampler):
         feasible = self.constraints.holds(self.space.categorise(children))
         return np.concatenate([uniform, np.where(feasible[:, None], children, fresh)])
 
-    def _spread_out(self, candidates: Floats, order: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-        """The first `count` of `order` that keep `spread` from those chosen before; less if there are no more."""
+    def _kinds_of(self, index: int, points: Floats, kpi: Floats, candidates: Floats) -> NDArray[np.int64]:
+        """The kind of each candidate: which leaf of a tree it falls into that tells the KPI of the tests apart."""
+        if self._kinds == 1:
+            return np.zeros(len(candidates), dtype=np.int64)
+        tree = DecisionTreeRegressor(max_leaf_nodes=self._kinds, min_samples_leaf=MIN_LEAF, random_state=self.seed + index)
+        leaves = tree.fit(self._features(points), kpi).apply(self._features(candidates))
+        return np.asarray(leaves, dtype=np.int64)
+
+    def _spread_out(self, candidates: Floats, order: NDArray[np.int64], kinds: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+        """The first `count` of `order` that keep `spread` from those chosen before and take no more of a kind than its equal share."""
         chosen: list[int] = []
+        share, taken = -(-count // self._kinds), Counter[int]()
         for i in order:
             if len(chosen) == count:
                 break
+            if taken[kinds[i]] == share:
+                continue
             if not chosen or mixed_distance(self.space, candidates[[i]], candidates[chosen]).min() >= self._spread:
                 chosen.append(int(i))
+                taken[kinds[i]] += 1
         return np.array(chosen, dtype=np.int64)
 
     def _predict(self, index: int, points: Floats, kpi: Floats, candidates: Floats) -> Floats:
