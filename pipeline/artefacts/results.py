@@ -218,6 +218,21 @@ class GroupResult(Result):
     against_base: float | None
 
 
+class GroupPair(Result):
+    """Two groups on the `tests` that all of their versions executed.
+
+    difference: mean failures of `group` minus those of `against`, with Student's interval over the seeds, paired by seed. p_value: exact
+    sign-flip test of the tests' differences, summed over seeds: whether these versions differ on tests like these. With one seed it is the
+    exact McNemar test.
+    """
+
+    group: str
+    against: str
+    tests: int
+    difference: Estimate
+    p_value: float
+
+
 class RegionResult(Result):
     """A failure region of the base on the held-out sequence, and how many of the tests inside its rule each version fails."""
 
@@ -231,7 +246,7 @@ class RegionResult(Result):
 class Comparison(Result):
     """All versions on one frozen sequence. A fix or a regression is named `<scenario>-<index>`, five digits.
 
-    pairs: exact McNemar test of every pair of versions, `against` the earlier one.
+    pairs: exact McNemar test of every pair of versions, `against` the earlier one; group_pairs: the same for groups.
     """
 
     strategy: str
@@ -241,6 +256,7 @@ class Comparison(Result):
     alpha: float
     versions: tuple[VersionResult, ...]
     groups: tuple[GroupResult, ...]
+    group_pairs: tuple[GroupPair, ...]
     pairs: tuple[Paired, ...]
     regions: tuple[RegionResult, ...]
     champion: str

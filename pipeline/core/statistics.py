@@ -78,6 +78,23 @@ def mcnemar(before: ArrayLike, after: ArrayLike) -> Paired:
     return Paired(int(np.sum(first & second)), regressions, mended, int(np.sum(~first & ~second)), p_value)
 
 
+def sign_flip(differences: ArrayLike) -> float:
+    """Exact two-sided p-value of (n,) whole differences, one a test: how often their sum is as far from 0 when each may as well have the
+    other sign (Fisher's randomisation test). Differences of two versions, -1, 0 or 1, make it the exact McNemar test.
+    """
+    values = np.asarray(differences)
+    if values.ndim != 1 or not np.issubdtype(values.dtype, np.integer):
+        raise ValueError(f"differences must be a list of whole numbers, got shape {values.shape} of {values.dtype}")
+    sizes = np.abs(values[values != 0])
+    reach = int(sizes.sum())
+    chance = np.zeros(2 * reach + 1)  # Of each sum, from -reach to reach.
+    chance[reach] = 1.0
+    for size in sizes:
+        chance = (np.roll(chance, size) + np.roll(chance, -size)) / 2
+    far = np.abs(np.arange(-reach, reach + 1)) >= abs(int(values.sum()))
+    return min(1.0, float(chance[far].sum()))
+
+
 def _check_confidence(confidence: float) -> None:
     if not 0 < confidence < 1:
         raise ValueError(f"confidence must be in (0, 1), got {confidence}")

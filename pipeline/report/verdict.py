@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
-from pipeline.artefacts.results import Comparison, Estimate, VersionResult
+from pipeline.artefacts.results import Comparison, Estimate, GroupPair, VersionResult
 from pipeline.lineage import Version
 
 HEADERS = ("version", "failures / tests", "change", "p", "verdict")
@@ -33,17 +32,29 @@ def verdict_sentences(comparison: Comparison) -> list[str]:
     method = f"p: exact McNemar test against base on the same tests; a difference counts at p ≤ {comparison.alpha:g}"
     sentences = [f"★ champion: {comparison.champion}. {method}, otherwise none is shown; not corrected for several comparisons."]
     sentences += [f"{version} {reason}." for version, reason in comparison.gate.items() if version != comparison.versions[0].version]
-    for result in comparison.versions:
-        other = str(replace(Version.named(result.version), kind="random"))
-        paired = comparison.pair(result.version, other) if result.version.startswith("adaptive") else None
-        if paired is not None:
-            outcome = f"passes {len(paired.fixes)} tests that {other} fails, fails {len(paired.regressions)} that {other} passes"
-            sentences.append(f"{result.version} against {other}: {outcome} (p = {paired.p_value:.2g}).")
+    sentences += [_group_sentence(comparison, pair) for pair in comparison.group_pairs if _rivals(pair)]
     broken = {result.version: result.errors for result in comparison.versions if result.errors}
     if broken:
         counts = ", ".join(f"{count} of {version}" for version, count in broken.items())
         sentences.append(f"Simulations that broke and do not count: {counts}.")
     return sentences
+
+
+def _rivals(pair: GroupPair) -> bool:
+    """Whether it answers thesis chapter 7: adaptive frames against random ones, or against no new frames, in the same round."""
+    group, against = Version.named(pair.group), Version.named(pair.against)
+    return group.kind == "adaptive" and against.kind in ("random", "control") and group.round == against.round
+
+
+def _group_sentence(comparison: Comparison, pair: GroupPair) -> str:
+    paired = comparison.pair(pair.group, pair.against)
+    seeds = len(next(group.versions for group in comparison.groups if group.group == pair.group))
+    if seeds == 1 and paired is not None:
+        outcome = f"passes {len(paired.fixes)} tests that {pair.against} fails, fails {len(paired.regressions)} that {pair.against} passes"
+        return f"{pair.group} against {pair.against}: {outcome} (p = {pair.p_value:.2g})."
+    mean = pair.difference
+    outcome = f"{mean.value:+.1f} failures, mean of {seeds} seeds ({mean.low:+.1f} to {mean.high:+.1f})"
+    return f"{pair.group} against {pair.against}: {outcome}; p = {pair.p_value:.2g}, exact sign-flip test over the tests, seeds summed."
 
 
 def _row(result: VersionResult, champion: str) -> tuple[str, ...]:

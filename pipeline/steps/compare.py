@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from itertools import combinations
+from itertools import chain, combinations
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from pipeline.artefacts.points import encode_tests
 from pipeline.artefacts.results import (
     Comparison,
     Estimate,
+    GroupPair,
     GroupResult,
     Measures,
     Paired,
@@ -31,7 +32,7 @@ from pipeline.artefacts.space import ScenarioInfo, read_space
 from pipeline.config import Config
 from pipeline.core.rules import find_rule
 from pipeline.core.space import Space
-from pipeline.core.statistics import mcnemar, mean_interval, wilson_interval
+from pipeline.core.statistics import mcnemar, mean_interval, sign_flip, wilson_interval
 from pipeline.lineage import Version
 from pipeline.progress import OnProgress
 from pipeline.protocols import InputError
@@ -136,6 +137,7 @@ def compare(
     against_base = {found.version: found for found in pairs if found.against == versions[0]}
     reference = by_version[versions[0]]
     results = tuple(_version(v, by_version[v], reference, against_base.get(v), list(labels), alpha, confidence) for v in versions)
+    groups = group_results(results, confidence)
     champion, reasons = gate(results, by_version, labels, alpha)
     return Comparison(
         strategy=str(tests["strategy"].iloc[0]),
@@ -144,7 +146,8 @@ def compare(
         confidence=confidence,
         alpha=alpha,
         versions=results,
-        groups=group_results(results, confidence),
+        groups=groups,
+        group_pairs=tuple(group_pair(by_version, first, second, confidence) for first, second in combinations(groups, 2)),
         pairs=pairs,
         regions=tuple(regions),
         champion=champion,
@@ -171,8 +174,22 @@ def group_results(results: Sequence[VersionResult], confidence: float) -> tuple[
     )
 
 
-def _mean(counts: Sequence[int], confidence: float) -> Estimate:
-    low, high = mean_interval(counts, confidence, limits=(0, np.inf))
+def group_pair(by_version: Mapping[str, pd.DataFrame], against: GroupResult, group: GroupResult, confidence: float) -> GroupPair:
+    """Compare two groups. by_version: rows indexed alike, columns status and failure. The base, one version, stands beside each seed."""
+    rows = [[by_version[version] for version in found.versions] for found in (against, group)]
+    valid = np.all([table["status"] == "ok" for table in chain(*rows)], axis=0)
+    before, after = (np.array([table["failure"][valid] for table in tables], dtype=np.int64) for tables in rows)
+    return GroupPair(
+        group=group.group,
+        against=against.group,
+        tests=int(valid.sum()),
+        difference=_mean((after.sum(axis=1) - before.sum(axis=1)).tolist(), confidence, least=-np.inf),
+        p_value=sign_flip((after - before).sum(axis=0)),
+    )
+
+
+def _mean(counts: Sequence[int], confidence: float, least: float = 0) -> Estimate:
+    low, high = mean_interval(counts, confidence, limits=(least, np.inf))
     return Estimate(value=float(np.mean(counts)), low=low, high=high)
 
 

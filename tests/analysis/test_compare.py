@@ -139,6 +139,28 @@ def test_groups_average_over_the_seeds_of_retraining() -> None:
     assert none.groups[1].against_base is None
 
 
+def test_groups_are_compared_over_all_seeds() -> None:
+    result = compared(
+        **{"base": "cccccc..", "random": "ccc...e.", "random-s1": "cc......", "adaptive": "c.......", "adaptive-s1": "......c."}
+    )
+    pair = next(pair for pair in result.group_pairs if (pair.group, pair.against) == ("adaptive", "random"))
+    # The broken test counts for nobody. By test, seeds summed: -1, -2, -1, 0 ...: of the 8 signs 2 reach so far.
+    assert (pair.tests, pair.difference.value, pair.p_value) == (7, -2, 0.25)
+    assert (pair.difference.low, pair.difference.high) == (-2, -2)
+    base = next(pair for pair in result.group_pairs if (pair.group, pair.against) == ("adaptive", "base"))
+    # 5 failures less with each seed; -1, five times -2 and 1: of the 128 signs 6 reach so far.
+    assert (base.tests, base.difference.value, base.p_value) == (8, -5, 6 / 128)
+    sentence = next(line for line in verdict_table(result, Path("report.html")).splitlines() if line.startswith("adaptive against random"))
+    assert "-2.0 failures, mean of 2 seeds (-2.0 to -2.0); p = 0.25, exact sign-flip test" in sentence
+
+
+def test_one_seed_leaves_mcnemar() -> None:
+    result = compared(base="cccc....", random="ccc.....", adaptive="c..c....")
+    for pair in result.group_pairs:
+        paired = result.pair(pair.group, pair.against)
+        assert paired is not None and pair.p_value == pytest.approx(paired.p_value)
+
+
 def test_changed_tests_are_listed_with_what_they_were_and_are() -> None:
     tests = table({"base": "cc.", "adaptive": "c.f"}).assign(adj_ttc_s=0.5, false_positives=1, first_detection_m=9.0, fog=[10, 20, 30] * 2)
     result = compare.compare(tests, LABELS, ["base", "adaptive"], "digest", alpha=0.05, confidence=0.95)

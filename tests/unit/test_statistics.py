@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pytest
 
-from pipeline.core.statistics import mcnemar, mean_interval, wilson_interval
+from pipeline.core.statistics import mcnemar, mean_interval, sign_flip, wilson_interval
 
 
 def test_wilson_interval_of_known_proportions() -> None:
@@ -57,3 +59,14 @@ def test_mcnemar_of_equal_versions_and_unequal_lists() -> None:
     assert mcnemar([True, False], [True, False]).p_value == 1
     with pytest.raises(ValueError, match="equal length"):
         mcnemar([True], [True, False])
+
+
+def test_sign_flip_is_mcnemar_for_two_versions_and_counts_all_signs_for_more() -> None:
+    before, after = np.array([1] * 9 + [0] * 11, bool), np.array([0] * 8 + [1] + [0] * 8 + [1] * 3, bool)
+    assert sign_flip(after.astype(int) - before) == pytest.approx(mcnemar(before, after).p_value)
+    differences = np.array([3, -1, 2, 0, 2, 1, -3, 2])
+    signs = np.array(list(product((-1, 1), repeat=len(differences))))
+    assert sign_flip(differences) == pytest.approx(np.mean(np.abs(signs @ differences) >= abs(differences.sum())))
+    assert sign_flip(np.zeros(5, int)) == sign_flip(np.array([], int)) == 1
+    with pytest.raises(ValueError, match="whole numbers"):
+        sign_flip(np.array([0.5]))

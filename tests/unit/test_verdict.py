@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.artefacts.results import Comparison, Estimate, GroupResult, Modes, Paired, ScenarioResult, Verdict, VersionResult
+from pipeline.artefacts.results import Comparison, Estimate, GroupPair, GroupResult, Modes, Paired, ScenarioResult, Verdict, VersionResult
 from pipeline.report.verdict import HEADERS, group_headers, group_rows, verdict_rows, verdict_sentences, verdict_table
 
 
@@ -41,7 +41,11 @@ def group(name: str, low: float, high: float, ratio: float) -> GroupResult:
     return GroupResult(group=name, round=1, versions=versions, failures=mean, scenarios={"F1star": mean}, against_base=ratio)
 
 
-def comparison(*, errors: int = 0, against_random: bool = True) -> Comparison:
+def group_pair(name: str, against: str, p_value: float) -> GroupPair:
+    return GroupPair(group=name, against=against, tests=150, difference=Estimate(value=-15, low=-18, high=-12), p_value=p_value)
+
+
+def comparison(*, errors: int = 0, against_random: bool = True, seeds: int = 2) -> Comparison:
     return Comparison(
         strategy="pairwise",
         scenarios={"F1star": "F1*"},
@@ -54,7 +58,8 @@ def comparison(*, errors: int = 0, against_random: bool = True) -> Comparison:
             result("random", 23, "no difference shown", paired("random", "base", 1, 4, 0.375), errors),
             result("adaptive", 8, "better", paired("adaptive", "base", 12, 0, 0.00048828125)),
         ),
-        groups=(group("base", 20, 20, 1.0), group("adaptive", 6, 10, 0.4)),
+        groups=(group("base", 20, 20, 1.0), group("adaptive", 6, 10, 0.4) if seeds > 1 else group("adaptive", 8, 8, 0.4)),
+        group_pairs=(group_pair("adaptive", "random", 2 / 2**15), group_pair("random", "base", 0.1)) if against_random else (),
         pairs=(paired("adaptive", "random", 15, 0, 2 / 2**15),) if against_random else (),
         regions=(),
         champion="adaptive",
@@ -93,10 +98,17 @@ def test_first_line_names_the_scenario_and_last_where_to_look() -> None:
 
 
 def test_sentences_name_level_and_adaptive_against_random() -> None:
-    champion, *reasons, against = verdict_sentences(comparison())
+    champion, *reasons, against = verdict_sentences(comparison(seeds=1))
     assert reasons == ["control held back: so.", "random held back: so.", "adaptive passes: so."]
     assert champion.startswith("★ champion: adaptive.") and "p ≤ 0.05" in champion
     assert against == "adaptive against random: passes 15 tests that random fails, fails 0 that random passes (p = 6.1e-05)."
+
+
+def test_several_seeds_are_judged_together() -> None:
+    *_, against = verdict_sentences(comparison())
+    assert against.startswith(
+        "adaptive against random: -15.0 failures, mean of 2 seeds (-18.0 to -12.0); p = 6.1e-05, exact sign-flip test"
+    )
 
 
 def test_broken_simulations_are_told_only_where_there_are_some() -> None:
