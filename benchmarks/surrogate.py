@@ -1,0 +1,115 @@
+"""How the settings of a strategy spend its tests, without rendering: on a model fitted to the tests that a study has executed.
+
+The model (extra trees on the space's variables, its attributes and the scenario) says how likely a point fails and how large the KPI is
+otherwise; a draw that depends on the point alone decides. It shows where tests go, and proves nothing. Printed: tests and failures by who
+is shown.
+
+python -m pipeline compose study=retraining && ./run      # or as much of it as the campaigns
+python benchmarks/surrogate.py data/retraining [--kinds 1 6] [--seeds 2]
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from hydra.utils import instantiate
+from numpy.typing import NDArray
+from sklearn.ensemble import ExtraTreesClassifier, ExtraTreesRegressor
+from tqdm import tqdm
+
+from pipeline.artefacts.campaign import read_tests
+from pipeline.artefacts.points import encode_tests
+from pipeline.config import Config, compose
+from pipeline.core.space import Floats, Space
+
+CHILD_M = 1.4
+GROUPS = ("children", "crouching under an umbrella", "crouching", "others")
+
+
+class Surrogate:
+    """Stands in for the simulator and the detector of all scenarios of a study."""
+
+    def __init__(self, config: Config, tests: pd.DataFrame) -> None:
+        self._names, self._space = config.search, config.space(config.search[0])
+        points, scenarios = encode_tests(tests, self._space), tests["scenario"].map(self._names.index).to_numpy(np.int64)
+        kpi, failed = tests["adj_ttc_s"].to_numpy(float), tests["failure"].to_numpy(bool)
+        features, settings = self._features(points, scenarios), {"min_samples_leaf": 3, "max_features": 0.4, "random_state": 0}
+        self._fails = ExtraTreesClassifier(400, **settings).fit(features, failed)
+        self._passes = ExtraTreesRegressor(200, **settings).fit(features[~failed], kpi[~failed])
+
+    def kpi(self, points: Floats, scenario: int) -> Floats:
+        """(n,) seconds; 0 for a failure."""
+        features = self._features(points, np.full(len(points), scenario))
+        chance = [int.from_bytes(hashlib.sha256(point.tobytes() + bytes([scenario])).digest()[:4], "little") / 2**32 for point in points]
+        return np.where(np.array(chance) < self._fails.predict_proba(features)[:, 1], 0.0, self._passes.predict(features))
+
+    def _features(self, points: Floats, scenarios: NDArray[np.int64]) -> Floats:
+        columns = [(scenarios[:, None] == np.arange(len(self._names))[None]).astype(float)]
+        for j, variable in enumerate(self._space.variables):
+            if variable.kind != "categorical":
+                columns.append(points[:, [j]])
+                continue
+            category = points[:, j].astype(int)
+            columns.append((category[:, None] == np.arange(variable.size)[None]).astype(float))
+            columns += [np.array(numbers)[category][:, None] for _, numbers in variable.attributes]
+        return np.column_stack(columns)
+
+
+def groups(space: Space, points: Floats) -> list[str]:
+    """Who each point shows, one of `GROUPS`."""
+    categories = {variable.name: (variable, points[:, j].astype(int)) for j, variable in enumerate(space.variables)}
+    people, who = categories["blueprint"]
+    attributes = {name: np.array(numbers)[who] for name, numbers in people.attributes}
+    poses, pose = categories["animation"]
+    crouching = np.array(poses.values)[pose] == "crouching"
+    conditions = [attributes["height_m"] < CHILD_M, crouching & (attributes["umbrella"] > 0), crouching]
+    return list(np.select(conditions, GROUPS[:-1], GROUPS[-1]))
+
+
+def search(config: Config, world: Surrogate, strategy: str, changed: dict[str, float], seeds: int) -> tuple[Counter[str], Counter[str]]:
+    """Tests and failures by group, of campaigns on every scenario."""
+    space, tests, failures = config.space(config.search[0]), Counter[str](), Counter[str]()
+    for seed in tqdm(range(seeds), desc=f"{strategy} {changed}", unit="seed"):
+        for scenario in range(len(config.search)):
+            sampler = instantiate(config.samplers[strategy] | changed, _partial_=True, _convert_="all")(space=space, seed=seed)
+            for _ in range(-(-config.campaign.tests // sampler.batch_size)):
+                points = sampler.ask()
+                kpi = world.kpi(points, scenario)
+                sampler.tell(points, kpi)
+                shown = groups(space, points)
+                tests.update(shown)
+                failures.update(name for name, value in zip(shown, kpi, strict=True) if value <= config.campaign.failure_threshold_s)
+    return tests, failures
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("study", nargs="+", type=Path, help="data folders of executed studies of the base detector")
+    parser.add_argument("--kinds", nargs="+", type=int, default=[1, 6], help="of the neural strategy")
+    parser.add_argument("--seeds", type=int, default=2)
+    options = parser.parse_args()
+    config = compose("retraining", [])
+    paths = [path for study in options.study for path in sorted(study.glob("campaigns/*/*/base/*/tests.parquet"))]
+    if not paths:
+        raise SystemExit(
+            f"expected campaigns/*/*/base/*/tests.parquet in {', '.join(map(str, options.study))}, found none; run the study first"
+        )
+    executed = pd.concat([read_tests(path) for path in paths])
+    executed = executed[(executed["status"] == "ok") & executed["scenario"].isin(config.search)]
+    world = Surrogate(config, executed)
+    print(f"fitted to {len(executed)} tests, {executed['failure'].sum()} failures. Tests and failures a seed:")
+    print(f"{'strategy':<18}" + "".join(f"{name:>30}" for name in (*GROUPS, "all")))
+    for strategy, changed in [("random", {}), *(("neural", {"kinds": kinds}) for kinds in options.kinds)]:
+        tests, failures = search(config, world, strategy, changed, options.seeds)
+        cells = [f"{tests[name] / options.seeds:.0f}, {failures[name] / options.seeds:.0f} fail" for name in GROUPS]
+        cells.append(f"{tests.total() / options.seeds:.0f}, {failures.total() / options.seeds:.0f} fail")
+        print(f"{strategy + ''.join(f' {k}={v}' for k, v in changed.items()):<18}" + "".join(f"{cell:>30}" for cell in cells))
+
+
+if __name__ == "__main__":
+    main()
