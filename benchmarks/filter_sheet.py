@@ -1,7 +1,8 @@
-"""The labelled sheet behind the filter's thresholds: what a person saw of 210 pedestrians around the border, and what the filter says.
+"""The labelled sheet behind the filter's thresholds: what two raters saw of 210 pedestrians around the border, and what the filter says.
 
-`python benchmarks/filter_sheet.py` prints the agreement of the thresholds, of others around them, and of other measures, with the labels
-of docs/filter-sheet. `--draw frames.parquet ...` draws sheets and an unlabelled table of a study's kept frames instead.
+`python benchmarks/filter_sheet.py` prints the raters' agreement with each other, and that of the thresholds, of others around them, and of
+other measures with either; the labels are those of docs/filter-sheet. `--draw frames.parquet ...` draws sheets and an unlabelled table of a
+study's kept frames instead.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from pipeline.report.border import SIDES
 FOLDER = Path(__file__).resolve().parents[1] / "docs" / "filter-sheet"
 CASES, COLUMNS, ROWS = 210, 7, 6
 CONTEXT, TILE, CAPTION = 96, 176, 20
+RATERS = ("rater_1", "rater_2")
 PIXELS, CONTRAST = (6, 150), (2.0, 32.0)
 """What counts as around the border, of the measure that decides; the other one is clearly above its threshold, or near it, too."""
 
@@ -79,23 +81,31 @@ def tile(row: pd.Series, number: int) -> NDArray[np.uint8]:
 
 
 def agreement(labels: pd.DataFrame) -> None:
-    """Print how often measured visibility says what the person said."""
-    saw, used = labels["seen"].to_numpy(bool), compose("default", []).filter
+    """Print how often measured visibility says what each rater said, and how often they say the same."""
+    first, second = (labels[name].to_numpy(bool) for name in RATERS)
+    used = compose("default", []).filter
     pixels, contrast = labels["visible_pixels"].to_numpy(), labels["contrast"].to_numpy()
     detectability = contrast * np.sqrt(pixels)
-    print(f"{len(labels)} cases, {saw.sum()} of them seen")
-    print("criterion                              agreement  kept but not seen  seen but rejected")
+    same = float(np.mean(first == second))
+    chance = float(np.mean(first) * np.mean(second) + np.mean(~first) * np.mean(~second))
+    print(f"{len(labels)} cases; seen by the first rater {first.sum()}, by the second {second.sum()}")
+    print(f"the raters agree in {same:.3f}, Cohen's kappa {(same - chance) / (1 - chance):.2f}")
+    print("of each rater:                         agreement     kept but not seen  seen but rejected")
     for least in (15, 20, 25, 30):
         for threshold in (40, 50, 60, 70):
             mark = "  <- in use" if (least, threshold) == (used.min_visible_pixels, used.min_detectability) else ""
-            line(f"pixels {least}, detectability {threshold}", (pixels >= least) & (detectability >= threshold), saw, mark)
+            line(f"pixels {least}, detectability {threshold}", (pixels >= least) & (detectability >= threshold), (first, second), mark)
     for least in (20, 30, 40):
         for threshold in (6, 8, 10):
-            line(f"pixels {least}, contrast {threshold}", (pixels >= least) & (contrast >= threshold), saw, "")
+            line(f"pixels {least}, contrast {threshold}", (pixels >= least) & (contrast >= threshold), (first, second), "")
 
 
-def line(name: str, kept: NDArray[np.bool_], saw: NDArray[np.bool_], mark: str) -> None:
-    print(f"{name:39}{np.mean(kept == saw):9.3f}  {np.sum(kept & ~saw):17}  {np.sum(~kept & saw):17}{mark}")
+def line(name: str, kept: NDArray[np.bool_], raters: tuple[NDArray[np.bool_], NDArray[np.bool_]], mark: str) -> None:
+    agree = ", ".join(f"{np.mean(kept == saw):.3f}" for saw in raters)
+    unseen, lost = (
+        ", ".join(f"{np.sum(wrong):2}" for wrong in cases) for cases in zip(*((kept & ~s, ~kept & s) for s in raters), strict=True)
+    )
+    print(f"{name:39}{agree:14}{unseen:>17}  {lost:>17}{mark}")
 
 
 if __name__ == "__main__":
