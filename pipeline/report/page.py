@@ -38,13 +38,15 @@ class Film:
 
 @dataclass(frozen=True)
 class Part:
-    """A titled piece of a section; what is empty is left out."""
+    """A titled piece of a section; what is empty is left out. notes: listed below the table. folded: what to click for the table."""
 
     title: str = ""
     text: str = ""
     table: Table | None = None
     plots: tuple[Drawing, ...] = ()
     replays: tuple[Film, ...] = ()
+    notes: tuple[str, ...] = ()
+    folded: str = ""
 
 
 @dataclass(frozen=True)

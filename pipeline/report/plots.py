@@ -202,27 +202,31 @@ def comparison_bars(comparison: Comparison) -> Figure:
     return figure
 
 
-def kpi_histogram(table: pd.DataFrame, versions: Sequence[str], labels: Mapping[str, str], threshold_s: float) -> Figure:
-    """Distribution of adj. TTC of each version on each held-out scenario (thesis Fig. 7.4, 7.5); the first bin holds the failures.
+def kpi_histogram(table: pd.DataFrame, comparison: Comparison, threshold_s: float) -> Figure:
+    """Distribution of adj. TTC on each held-out scenario (thesis Fig. 7.4, 7.5), a row of panels each; the first bin holds the failures.
 
-    table: rows of comparison.parquet. labels: scenario -> printed name; a row of panels each.
+    A column for the base and for each group of the last round, means over its seeds. table: rows of comparison.parquet.
     """
+    base, *others = comparison.groups
+    groups = [base, *(group for group in others if group.round == others[-1].round)]
     table = table[table["status"] == "ok"]
     top = max(threshold_s * 2, float(table["adj_ttc_s"].max()) if len(table) else 0.0)
     edges = np.arange(0, top + threshold_s, threshold_s)
     with styled():
-        figure, axes = panels(len(labels), len(versions), width=9.4 / len(versions), height=2.5 if len(labels) == 1 else 1.8)
+        labels = comparison.scenarios
+        figure, axes = panels(len(labels), len(groups), width=9.4 / len(groups), height=2.5 if len(labels) == 1 else 1.8)
         for line, (scenario, label) in zip(axes, labels.items(), strict=True):
-            for axis, version in zip(line, versions, strict=True):
-                rows = table[(table["version"] == version) & (table["scenario"] == scenario)]
+            for axis, group in zip(line, groups, strict=True):
+                rows = table[table["version"].isin(group.versions) & (table["scenario"] == scenario)]
                 parts = [rows.loc[rows["failure"], "adj_ttc_s"], rows.loc[~rows["failure"], "adj_ttc_s"]]
+                weights = [np.full(len(part), 1 / len(group.versions)) for part in parts]
                 colours = [MODE_COLOURS["contact"], MODE_COLOURS["none"]]
-                axis.hist(parts, list(edges), stacked=True, color=colours, label=["failure", "no failure"], rwidth=0.92)
+                axis.hist(parts, list(edges), weights=weights, stacked=True, color=colours, label=["failure", "no failure"], rwidth=0.92)
                 axis.set(xlim=(0, None))
                 axis.grid(False, axis="x")
             line[0].set_ylabel(f"{label}, tests")
-        for axis, version in zip(axes[0], versions, strict=True):
-            axis.set_title(version)
+        for axis, group in zip(axes[0], groups, strict=True):
+            axis.set_title(group.group)
         for axis in axes[-1]:
             axis.set_xlabel("adj. TTC (s)")
         _legend_below(figure, axes[0])

@@ -10,7 +10,7 @@ from pipeline.artefacts.model import ModelCard
 from pipeline.artefacts.results import Comparison, Estimate, FailureRegions, Measures, VersionResult, WhiteBoxMeasures
 from pipeline.report import texts
 from pipeline.report.page import Drawing, Film, Part, Section, Table
-from pipeline.report.verdict import HEADERS, group_headers, group_rows, verdict_rows, verdict_sentences
+from pipeline.report.verdict import HEADERS, group_headers, group_rows, mean_text, verdict_rows, verdict_sentences
 
 CHANGES = 20
 """Rows shown of changes.csv."""
@@ -26,17 +26,25 @@ REASONS = {
 
 
 def headline(comparison: Comparison) -> str:
-    """The result in words: what base fails, what the others do about it."""
-    base, *others = comparison.versions
-    where = " + ".join(comparison.scenarios.values())
-    parts = [f"On {base.tests} tests of the held-out scenario {where} the {base.version} detector fails {base.failures}."]
-    for verdict, phrase in (("better", "Fewer failures are shown for"), ("worse", "More failures are shown for")):
-        named = [f"{r.version} ({r.failures})" for r in others if r.verdict == verdict]
-        if named:
-            parts.append(f"{phrase} {', '.join(named)}.")
-    undecided = [f"{r.version} ({r.failures})" for r in others if r.verdict == "no difference shown"]
-    if undecided:
-        parts.append(f"No difference is shown for {', '.join(undecided)}.")
+    """The result in words: what base fails, what the others do about it; versions that differ by their seed alone are one."""
+    base = comparison.groups[0]
+    failures = {group.group: f"{group.group} ({mean_text(group.failures.value)})" for group in comparison.groups}
+    *most, last = comparison.scenarios.values()
+    where = f"scenarios {', '.join(most)} and {last}" if most else f"scenario {last}"
+    tests = comparison.versions[0].tests
+    parts = [f"On {tests} tests of the held-out {where} the {base.group} detector fails {mean_text(base.failures.value)}."]
+    pairs = [pair for pair in comparison.group_pairs if pair.against == base.group]
+    shown = [pair for pair in pairs if pair.p_value <= comparison.alpha]
+    for phrase, chosen in (
+        ("Fewer failures are shown for", [pair for pair in shown if pair.difference.value < 0]),
+        ("More failures are shown for", [pair for pair in shown if pair.difference.value > 0]),
+        ("No difference is shown for", [pair for pair in pairs if pair.p_value > comparison.alpha]),
+    ):
+        if chosen:
+            parts.append(f"{phrase} {', '.join(failures[pair.group] for pair in chosen)}.")
+    seeds = max(len(group.versions) for group in comparison.groups)
+    if seeds > 1:
+        parts.append(f"Numbers in brackets are means over {seeds} seeds of retraining.")
     return " ".join(parts)
 
 
@@ -54,22 +62,36 @@ def verdict_section(
         numbers=(6,),
     )
     parts = [
-        Part(table=Table(HEADERS, tuple(verdict_rows(comparison)), numbers=(1, 2, 3)), text=" ".join(verdict_sentences(comparison))),
+        Part(table=Table(HEADERS, tuple(verdict_rows(comparison)), numbers=(1, 2, 3)), notes=tuple(verdict_sentences(comparison))),
         Part("By scenario", texts.TABLE, Table(group_headers(comparison), tuple(group_rows(comparison)))),
         Part("How they fail", texts.MODES, modes, tuple(plots)),
-        Part("Every version against every other", texts.PAIRS, _pairs(comparison)),
+        *_every_pair(comparison),
     ]
     if rounds:
         parts.insert(2, Part("Round by round", texts.ROUNDS, plots=tuple(rounds)))
     if comparison.regions:
         parts.append(Part("The base's failure regions", texts.HELD_OUT_REGIONS, _regions(comparison)))
     if len(changes):
-        parts.append(
-            Part("Repairs and regressions", texts.CHANGES.format(shown=min(CHANGES, len(changes)), all=len(changes)), _changes(changes))
-        )
+        parts.append(_changes(changes, comparison))
     if replays:
         parts.append(Part("Tests that changed", texts.PAIR, replays=tuple(replays)))
     return Section("Verdict", (texts.VERDICT,), tuple(parts))
+
+
+def _every_pair(comparison: Comparison) -> list[Part]:
+    """All against all; with several seeds the groups, and the single versions folded away."""
+    if len(comparison.groups) == len(comparison.versions):
+        return [Part("Every version against every other", texts.PAIRS, _pairs(comparison))]
+    rows = tuple(
+        (pair.group, pair.against, f"{mean.value:+.1f} ({mean.low:+.1f} to {mean.high:+.1f})", f"{pair.p_value:.2g}")
+        for pair in comparison.group_pairs
+        for mean in (pair.difference,)
+    )
+    groups = Table(("versions", "against", "failures more or less", "p"), rows, numbers=(2,))
+    return [
+        Part("Every kind of version against every other", texts.GROUP_PAIRS, groups),
+        Part("", texts.PAIRS, _pairs(comparison), folded=f"Every single version against every other ({len(comparison.pairs)} pairs)"),
+    ]
 
 
 def _pairs(comparison: Comparison) -> Table:
@@ -80,14 +102,19 @@ def _pairs(comparison: Comparison) -> Table:
 
 
 def _regions(comparison: Comparison) -> Table:
-    names = [result.version for result in comparison.versions]
-    rows = tuple((r.name, r.rule, str(r.tests), *(str(r.failures[name]) for name in names)) for r in comparison.regions)
-    return Table(("region", "rule", "tests inside", *names), rows, codes=(1,))
+    groups = comparison.groups
+    rows = tuple(
+        (r.name, r.rule, str(r.tests), *(mean_text(sum(r.failures[name] for name in g.versions) / len(g.versions)) for g in groups))
+        for r in comparison.regions
+    )
+    return Table(("region", "rule", "tests inside", *(group.group for group in groups)), rows, codes=(1,))
 
 
-def _changes(changes: pd.DataFrame) -> Table:
-    # Regressions first: they are what a person must look at before a version is released.
-    ordered = changes.sort_values(["change", "version"], kind="stable").head(CHANGES)
+def _changes(changes: pd.DataFrame, comparison: Comparison) -> Part:
+    """Of the version that would be released, where there is one: its regressions first, which a person must look at before."""
+    released = comparison.champion != comparison.versions[0].version
+    chosen = changes[changes["version"] == comparison.champion] if released else changes
+    ordered = chosen.sort_values(["change", "version"], kind="stable").head(CHANGES)
     rows = tuple(
         (
             f"{row['scenario']}-{row['index']:05d}",
@@ -99,7 +126,9 @@ def _changes(changes: pd.DataFrame) -> Table:
         )
         for row in ordered.to_dict("records")
     )
-    return Table(("test", "version", "change", "adj. TTC", "failure mode", "false positives"), rows, numbers=(3,))
+    table = Table(("test", "version", "change", "adj. TTC", "failure mode", "false positives"), rows, numbers=(3,))
+    of = f"the champion {comparison.champion}" if released else "a retrained version"
+    return Part("Repairs and regressions", texts.CHANGES.format(of=of, shown=len(ordered), all=len(changes)), table)
 
 
 def search_section(

@@ -23,14 +23,18 @@ TABLE = _prose("""
 PAIRS = _prose("""
     Exact McNemar tests on the tests that both executed.
 """)
+GROUP_PAIRS = _prose("""
+    Mean difference over the seeds of retraining with Student's interval, paired by seed, which holds the luck of training; p of the exact
+    sign-flip test over the tests, seeds summed, which holds the luck of the sequence.
+""")
 ROUNDS = _prose("""
     Each round searches the newest versions, filters what was kept and retrains; control has the same steps without new data.
 """)
 HELD_OUT_REGIONS = _prose("""
-    Where the base fails on the held-out sequence, and how many of the tests inside each rule the versions fail.
+    Where the base fails on the held-out sequence, and how many of the tests inside each rule the versions fail, means over their seeds.
 """)
 CHANGES = _prose("""
-    Tests that one of base and a retrained version fails and the other passes, regressions first: {shown} of the {all} in
+    Tests that one of base and {of} fails and the other passes, regressions first; shown are {shown} of the {all} of all versions in
     changes.csv.
 """)
 PAIR = _prose("""
@@ -76,7 +80,8 @@ FIGURES = {
         Share of the held-out tests that fail, by failure mode; the line is the confidence interval of the whole bar.
     """),
     "histogram": _prose("""
-        How close the tests came, version by version: number of tests by adj. TTC; the further to the right, the safer.
+        How close the tests came, base and the newest versions: number of tests by adj. TTC, a mean where there are several seeds of
+        retraining; the further to the right, the safer.
     """),
     "theta": _prose("""
         Failures found after each test; steeper is better. The line is the mean over seeds, the band runs from the least to the most.

@@ -31,8 +31,8 @@ def verdict_sentences(comparison: Comparison) -> list[str]:
     """What the table says, in words."""
     method = f"p: exact McNemar test against base on the same tests; a difference counts at p ≤ {comparison.alpha:g}"
     sentences = [f"★ champion: {comparison.champion}. {method}, otherwise none is shown; not corrected for several comparisons."]
-    sentences += [f"{version} {reason}." for version, reason in comparison.gate.items() if version != comparison.versions[0].version]
     sentences += [_group_sentence(comparison, pair) for pair in comparison.group_pairs if _rivals(pair)]
+    sentences += [f"{version} {reason}." for version, reason in comparison.gate.items() if version != comparison.versions[0].version]
     broken = {result.version: result.errors for result in comparison.versions if result.errors}
     if broken:
         counts = ", ".join(f"{count} of {version}" for version, count in broken.items())
@@ -90,8 +90,13 @@ def _averaged(comparison: Comparison) -> str:
     return f"means over {seeds} seeds of retraining (Student's intervals)" if seeds > 1 else "one seed of retraining"
 
 
+def mean_text(value: float) -> str:
+    """`76.3`, and `154` without a decimal."""
+    return f"{value:.1f}".removesuffix(".0")
+
+
 def _counted(estimate: Estimate) -> str:
-    value = f"{estimate.value:.1f}".removesuffix(".0")
+    value = mean_text(estimate.value)
     return value if estimate.low == estimate.high else f"{value} ({estimate.low:.0f}–{estimate.high:.0f})"
 
 

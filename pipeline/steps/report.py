@@ -111,12 +111,10 @@ def border_cases(config: Config, filters: Sequence[Path], tests: Sequence[Path])
 
 def draw_figures(study: Study, strategies: Sequence[str], threshold_s: float) -> dict[str, Figure]:
     """Every figure of the report by the name of its file."""
-    groups = {result.version: result.group for result in study.comparison.versions}
-    pooled = study.table.assign(version=study.table["version"].map(groups))
     metrics = {card.version: card.metrics for card in study.cards}
     figures = {
         "comparison": draw.comparison_bars(study.comparison),
-        "histogram": draw.kpi_histogram(pooled, list(dict.fromkeys(groups.values())), study.comparison.scenarios, threshold_s),
+        "histogram": draw.kpi_histogram(study.table, study.comparison, threshold_s),
         "theta": draw.theta_curves(study.measures, study.labels),
         "coverage": draw.coverage_bars(study.measures, study.labels),
         "detection": draw.detection_bars(metrics, sections.METRICS),

@@ -10,7 +10,8 @@ import pytest
 
 from pipeline.artefacts.results import Comparison, Estimate, FailureRegions, read
 from pipeline.report.border import nearest
-from pipeline.report.plots import failures_by_round
+from pipeline.report.plots import failures_by_round, kpi_histogram
+from pipeline.report.sections import headline
 from pipeline.report.selection import choose_pairs, choose_regions
 from pipeline.steps import report
 from tests.analysis.fabricated import Study, silent
@@ -140,6 +141,48 @@ def test_not_solvable_failures_are_told(study: Study, page: str) -> None:
     assert all(int(test[-5:]) % 2 == 1 for regions in found for test in regions.not_solvable)
     assert all(f"Not solvable by this camera: {len(regions.not_solvable)}." in page for regions in found)
     assert any(regions.not_solvable for regions in found)
+
+
+def seeds_of_two(comparison: Comparison) -> Comparison:
+    """As if control were a second seed of adaptive."""
+    base, control, random, adaptive = comparison.groups
+    both = adaptive.model_copy(update={"versions": (*adaptive.versions, *control.versions)})
+    pairs = tuple(pair for pair in comparison.group_pairs if control.group not in (pair.group, pair.against))
+    return comparison.model_copy(update={"groups": (base, random, both), "group_pairs": pairs})
+
+
+def test_headline_speaks_of_groups_and_names_what_is_shown(study: Study) -> None:
+    comparison = read(study.root / "comparison.json", Comparison)
+    base, *others = comparison.versions
+    text = headline(comparison)
+    assert text.startswith(f"On {base.tests} tests of the held-out scenario F1* the base detector fails {base.failures}.")
+    better = [f"{result.version} ({result.failures})" for result in others if result.verdict == "better"]
+    assert better and f"Fewer failures are shown for {', '.join(better)}." in text
+    assert "means over" not in text
+
+    two = seeds_of_two(comparison).model_copy(update={"scenarios": {"F1star": "F1*", "F2star": "F2*", "F3star": "F3*"}})
+    assert "scenarios F1*, F2* and F3* the base" in headline(two)
+    assert headline(two).endswith("means over 2 seeds of retraining.")
+    half = comparison.groups[-1].model_copy(update={"failures": Estimate(value=1 / 3, low=0, high=1)})
+    assert "adaptive (0.3)" in headline(comparison.model_copy(update={"groups": (*comparison.groups[:-1], half)}))
+
+
+def test_histogram_counts_each_test_once_however_many_seeds(study: Study) -> None:
+    comparison = read(study.root / "comparison.json", Comparison)
+    table = report.read_tests(study.root / "comparison.parquet")
+    figure = kpi_histogram(table, seeds_of_two(comparison), 0.1)
+    assert [axis.get_title(loc="left") or axis.get_title() for axis in figure.axes] == ["base", "random", "adaptive"]
+    heights = [sum(patch.get_height() for bars in axis.containers for patch in bars) for axis in figure.axes]
+    assert heights == pytest.approx([comparison.versions[0].tests] * 3)
+
+
+def test_regressions_shown_are_the_champions(study: Study, page: str) -> None:
+    comparison = read(study.root / "comparison.json", Comparison)
+    shown = page.partition("Repairs and regressions</h3>")[2].partition("<table>")[2].partition("</table>")[0]
+    changed = pd.read_csv(study.root / "changes.csv")
+    assert set(changed["version"]) > {comparison.champion}
+    assert shown.count("<tr>") - 1 == min(20, (changed["version"] == comparison.champion).sum())
+    assert f">{comparison.champion}<" in shown
 
 
 def test_failures_by_round_are_drawn_from_the_base_on(study: Study) -> None:

@@ -33,8 +33,16 @@ def test_verdict_cells_and_columns_are_marked() -> None:
 def test_what_is_empty_is_left_out() -> None:
     body = page(Part(text="only this")).partition("<main>")[2]
     assert "only this" in body
-    for tag in ("<h3", "<table", "<figure", "<video", 'class="films"'):
+    for tag in ("<h3", "<table", "<figure", "<video", 'class="films"', "<details", "<ul"):
         assert tag not in body
+
+
+def test_folded_table_opens_by_a_click_and_notes_stand_below_it() -> None:
+    table = Table(("version",), (("adaptive",),))
+    body = page(Part(table=table, folded="Every <pair>", notes=("first", "<second>"))).partition("<main>")[2]
+    inside, _, after = body.partition("</details>")
+    assert "<summary>Every &lt;pair&gt;</summary>" in inside and "<table>" in inside
+    assert "<li>first</li><li>&lt;second&gt;</li>" in after
 
 
 def test_film_keeps_its_data_addresses() -> None:

@@ -98,14 +98,14 @@ def test_first_line_names_the_scenario_and_last_where_to_look() -> None:
 
 
 def test_sentences_name_level_and_adaptive_against_random() -> None:
-    champion, *reasons, against = verdict_sentences(comparison(seeds=1))
+    champion, against, *reasons = verdict_sentences(comparison(seeds=1))
     assert reasons == ["control held back: so.", "random held back: so.", "adaptive passes: so."]
     assert champion.startswith("★ champion: adaptive.") and "p ≤ 0.05" in champion
     assert against == "adaptive against random: passes 15 tests that random fails, fails 0 that random passes (p = 6.1e-05)."
 
 
 def test_several_seeds_are_judged_together() -> None:
-    *_, against = verdict_sentences(comparison())
+    _, against, *_ = verdict_sentences(comparison())
     assert against.startswith(
         "adaptive against random: -15.0 failures, mean of 2 seeds (-18.0 to -12.0); p = 6.1e-05, exact sign-flip test"
     )
