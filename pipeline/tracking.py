@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from mlflow.entities import Run
     from mlflow.entities.model_registry import ModelVersion
 
-DIGEST = "blindspot.digest"
+DIGEST, PICTURES = "blindspot.digest", "blindspot.pictures"
 PARENT = "mlflow.parentRunId"
 DESCRIPTION = "mlflow.note.content"
 KIND, TRAINING = "mlflow.experimentKind", "custom_model_development"
@@ -48,7 +48,10 @@ class DataSet:
 
 @dataclass(frozen=True)
 class Content:
-    """What a run holds. series: name -> (step, value) pairs. files: logged at the top of the run's artifacts."""
+    """What a run holds. series: name -> (step, value) pairs. files: logged at the top of the run's artifacts.
+
+    pictures: logged beside them, but no part of what it is: the same results drawn anew are no other run.
+    """
 
     name: str
     kind: RunKind
@@ -58,12 +61,13 @@ class Content:
     tags: Mapping[str, str] = field(default_factory=dict)
     files: Sequence[Path] = ()
     data: Sequence[DataSet] = ()
+    pictures: Sequence[Path] = ()
 
     @property
     def digest(self) -> str:
-        """SHA-256 of all of it, the files' bytes included; paths and times do not count."""
-        plain = {key: value for key, value in asdict(self).items() if key != "files"}
-        plain["files"] = sorted((path.name, sha256(path)) for path in self.files)
+        """SHA-256 of all but the pictures, the files' bytes included; paths and times do not count."""
+        plain = {key: value for key, value in asdict(self).items() if key not in ("files", "pictures")}
+        plain["files"] = _named_digests(self.files)
         return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()
 
 
@@ -117,6 +121,7 @@ class Tracker:
         if (known := self._finished(content.name, digest)) is not None:
             if parent is not None and known.data.tags.get(PARENT) != parent:
                 self._client.set_tag(known.info.run_id, PARENT, parent)
+            self._log_pictures(known.info.run_id, content, known.data.tags.get(PICTURES, ""))
             return str(known.info.run_id)
         tags = {**self._lineage, **content.tags, DIGEST: digest, "kind": content.kind} | ({} if parent is None else {PARENT: parent})
         run_id = str(self._client.create_run(self._experiment, run_name=content.name, tags=tags).info.run_id)
@@ -125,6 +130,7 @@ class Tracker:
             self._client.log_inputs(run_id, [_dataset(data) for data in content.data])
         for path in content.files:
             self._client.log_artifact(run_id, str(path))
+        self._log_pictures(run_id, content)
         self._client.set_terminated(run_id)
         return run_id
 
@@ -201,6 +207,14 @@ class Tracker:
         self._client.log_batch(run_id, metrics=[Metric(*point, 1, 0, model_id=logged.model_id) for point in content.metrics.items()])
         return self._client.finalize_logged_model(logged.model_id, "READY")
 
+    def _log_pictures(self, run_id: str, content: Content, logged: str = "") -> None:
+        """logged: the digest of those that the run has."""
+        digest = hashlib.sha256(json.dumps(_named_digests(content.pictures)).encode()).hexdigest()
+        if content.pictures and digest != logged:
+            for path in content.pictures:
+                self._client.log_artifact(run_id, str(path))
+            self._client.set_tag(run_id, PICTURES, digest)
+
     def _log_numbers(self, run_id: str, content: Content) -> None:
         from mlflow.entities import Metric, Param
 
@@ -225,6 +239,10 @@ class Tracker:
     def _version(self, model: str, digest: str) -> ModelVersion | None:
         found = self._client.search_model_versions(f"name = '{model}' and tags.`{DIGEST}` = '{digest}'")
         return found[0] if found else None
+
+
+def _named_digests(paths: Sequence[Path]) -> list[tuple[str, str]]:
+    return sorted((path.name, sha256(path)) for path in paths)
 
 
 def _client(store: Path) -> MlflowClient:

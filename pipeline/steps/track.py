@@ -53,7 +53,7 @@ def run(
         contents.append(campaign_content(config.study, tests, by_campaign.get(key), path))
         runs.setdefault(key[2], {})[tracker.log(contents[-1], parent)] = contents[-1].name
         progress(done, steps, contents[-1].name)
-    contents.append(comparison_content(config.study, compared, [comparison, *plots]))
+    contents.append(comparison_content(config.study, compared, comparison, plots))
     compared_run = tracker.log(contents[-1], parent)
     versions = []
     for done, path in enumerate(models, len(campaigns) + 2):
@@ -110,12 +110,12 @@ def campaign_content(study: str, tests: pd.DataFrame, measured: CampaignMeasures
     )
 
 
-def comparison_content(study: str, comparison: Comparison, plots: Sequence[Path]) -> Content:
-    """The comparison as a run, metrics `<name>.<version>`."""
+def comparison_content(study: str, comparison: Comparison, path: Path, plots: Sequence[Path]) -> Content:
+    """The comparison as a run, metrics `<name>.<version>`; path: its comparison.json."""
     metrics = {f"{name}.{r.version}": value for r in comparison.versions for name, value in version_metrics(r).items()}
     params = {"study": study, "strategy": comparison.strategy, "scenarios": " ".join(comparison.scenarios)}
     params |= {"sequence": comparison.sequence_digest[:16], "alpha": str(comparison.alpha), "champion": comparison.champion}
-    return Content(name=f"{study}/comparison", kind="comparison", params=params, metrics=metrics, files=plots)
+    return Content(name=f"{study}/comparison", kind="comparison", params=params, metrics=metrics, files=[path], pictures=plots)
 
 
 def version_metrics(result: VersionResult) -> dict[str, float]:
@@ -164,7 +164,8 @@ def model_content(study: str, card: ModelCard, result: VersionResult, path: Path
     }
     sets = {"base_set": f"data/{study}/base_set", "added": f"data/{study}/campaigns"}
     data = [DataSet(name, card.data[name], source, "training") for name, source in sets.items() if name in card.data]
-    return Content(f"{study}/{card.version}", "model", params, {**card.metrics, **version_metrics(result)}, series, tags, plots, data)
+    metrics = {**card.metrics, **version_metrics(result)}
+    return Content(f"{study}/{card.version}", "model", params, metrics, series, tags, data=data, pictures=plots)
 
 
 def git_commit() -> str:
