@@ -13,10 +13,13 @@ from matplotlib.figure import Figure
 from pipeline.artefacts.model import ModelCard
 from pipeline.artefacts.results import Comparison, FailureRegions, Measures, StrategyMeasures
 from pipeline.core.space import Space, Variable
+from pipeline.lineage import Version
 from pipeline.report.border import Case
-from pipeline.report.style import INK, MODE_COLOURS, MODE_NAMES, UNASSIGNED, panels, series_colours, styled
+from pipeline.report.style import INK, MODE_COLOURS, MODE_NAMES, UNASSIGNED, panels, series_colours, styled, wrapped
 
 KEPT, REJECTED = "#2a9d78", "#c9372c"
+LABELLED = 5
+"""The most bars side by side that still leave room for a number each."""
 MARKERS = ("o", "s", "^", "D", "v", "P")
 
 
@@ -27,17 +30,18 @@ def kpi_scatter(tests: pd.DataFrame, strategies: Sequence[str], label: str, thre
     """
     tests = tests[tests["status"] == "ok"]
     with styled():
-        figure, axes = panels(1, len(strategies), width=4.6, height=3.1)
-        for axis, strategy in zip(axes[0], strategies, strict=True):
+        figure, axes = wrapped(len(strategies), 3, height=3.1)
+        for axis, strategy in zip(axes, strategies, strict=True):
             chosen = tests[tests["strategy"] == strategy]
             _scatter_modes(axis, chosen)
             batches = chosen.groupby("batch").agg(index=("index", "mean"), adj_ttc_s=("adj_ttc_s", "mean"))
             axis.plot(batches["index"] + 1, batches["adj_ttc_s"], color=INK, linewidth=1.4, label="mean of batch", zorder=3)
             axis.axhline(threshold_s, color=MODE_COLOURS["contact"], linestyle="--", linewidth=1, zorder=2)
             axis.set(title=f"{label} · {strategy}", xlabel="position in the campaign (tests)")
-        axes[0][0].set_ylabel("adj. TTC (s)")
-        axes[0][0].set_ylim(bottom=-0.04)
-        _legend_below(figure, axes[0])
+        for axis in axes[::3]:
+            axis.set_ylabel("adj. TTC (s)")
+        axes[0].set_ylim(bottom=-0.04)
+        _legend_below(figure, axes)
     return figure
 
 
@@ -77,8 +81,8 @@ def theta_curves(measures: Measures, labels: Mapping[str, str]) -> Figure:
     strategies = list(dict.fromkeys(campaign.strategy for campaign in measures.campaigns))
     colours = series_colours(strategies)
     with styled():
-        figure, axes = panels(1, len(labels), width=4.6, height=3.0, sharey=False)
-        for axis, (scenario, label) in zip(axes[0], labels.items(), strict=True):
+        figure, axes = wrapped(len(labels), 4, height=2.8, sharey=False)
+        for axis, (scenario, label) in zip(axes, labels.items(), strict=True):
             for strategy in strategies:
                 curves = [c.theta for c in measures.campaigns if (c.scenario, c.strategy) == (scenario, strategy)]
                 length = min((len(curve) for curve in curves), default=0)
@@ -89,8 +93,9 @@ def theta_curves(measures: Measures, labels: Mapping[str, str]) -> Figure:
                 axis.fill_between(position, table.min(0), table.max(0), color=colours[strategy], alpha=0.18, linewidth=0)
                 axis.plot(position, table.mean(0), color=colours[strategy], linewidth=2, label=strategy)
             axis.set(title=label, xlabel="tests executed", ylim=(0, None), xlim=(0, None))
-        axes[0][0].set_ylabel("failures found, Θ")
-        _legend_below(figure, axes[0])
+        for axis in axes[::4]:
+            axis.set_ylabel("failures found, Θ")
+        _legend_below(figure, axes)
     return figure
 
 
@@ -272,16 +277,22 @@ def border_sheet(cases: Sequence[Case], columns: int = 8) -> Figure:
 
 
 def reliability_diagrams(cards: Sequence[ModelCard]) -> Figure:
-    """Share of right detections over their score: the first version before and after calibration, and every version calibrated."""
-    colours = series_colours([card.version for card in cards])
+    """Share of right detections over their score: the first version before and after calibration, and every version calibrated.
+
+    Versions that differ by their seed alone have one colour.
+    """
+    groups = [Version.named(card.version).group for card in cards]
+    colours = series_colours(list(dict.fromkeys(groups)))
     with styled():
         figure, axes = panels(1, 2, width=4.0, height=3.4)
-        shown: list[tuple[Axes, str, str, str]] = [(axes[0][0], cards[0].version, name, name) for name in cards[0].reliability]
-        shown += [(axes[0][1], card.version, "calibrated", card.version) for card in cards]
-        by_version = {card.version: card.reliability for card in cards}
-        for axis, version, name, label in shown:
-            scores, right, counts = (np.array(column) for column in zip(*by_version[version].get(name, ((0, 0, 0),)), strict=True))
-            colour, style = (UNASSIGNED, "--") if name == "uncalibrated" else (colours[version], "-")
+        shown: list[tuple[Axes, ModelCard, str, str, str]] = [
+            (axes[0][0], cards[0], groups[0], name, name) for name in cards[0].reliability
+        ]
+        labels = [group if group not in groups[:rank] else "" for rank, group in enumerate(groups)]
+        shown += [(axes[0][1], card, group, "calibrated", label) for card, group, label in zip(cards, groups, labels, strict=True)]
+        for axis, card, group, name, label in shown:
+            scores, right, counts = (np.array(column) for column in zip(*card.reliability.get(name, ((0, 0, 0),)), strict=True))
+            colour, style = (UNASSIGNED, "--") if name == "uncalibrated" else (colours[group], "-")
             axis.plot(scores, right, color=colour, linestyle=style, linewidth=1.4, label=label)
             axis.scatter(scores, right, s=6 + 60 * counts / max(1, counts.max()), color=colour, zorder=3)
         for axis, title in zip(axes[0], (f"{cards[0].version}, before and after", "all versions"), strict=True):
@@ -295,9 +306,11 @@ def reliability_diagrams(cards: Sequence[ModelCard]) -> Figure:
 def detection_bars(metrics: Mapping[str, Mapping[str, float]], names: Mapping[str, str]) -> Figure:
     """Detection metrics in [0, 1] of each version on the validation images.
 
-    metrics: version -> metric -> value. names: metric -> its printed name, in the order to draw.
+    metrics: version -> metric -> value. names: metric -> its printed name, in the order to draw. Versions that differ by their seed
+    alone have one colour.
     """
-    colours = series_colours(list(metrics))
+    groups = {version: Version.named(version).group for version in metrics}
+    colours = series_colours(list(dict.fromkeys(groups.values())))
     width = 0.8 / max(1, len(metrics))
     with styled():
         figure, axes = panels(1, 1, width=9.2, height=2.9)
@@ -305,8 +318,9 @@ def detection_bars(metrics: Mapping[str, Mapping[str, float]], names: Mapping[st
         for rank, (version, values) in enumerate(metrics.items()):
             positions = np.arange(len(names)) + (rank - (len(metrics) - 1) / 2) * width
             heights = [values.get(name, float("nan")) for name in names]
-            bars = axis.bar(positions, heights, width * 0.9, color=colours[version], label=version)
-            axis.bar_label(bars, fmt="%.2f", fontsize=7, padding=1)
+            bars = axis.bar(positions, heights, width * 0.9, color=colours[groups[version]], label=groups[version])
+            if len(metrics) <= LABELLED:
+                axis.bar_label(bars, fmt="%.2f", fontsize=7, padding=1)
         axis.set_xticks(range(len(names)), list(names.values()))
         axis.set_ylim(0, 1.08)
         axis.grid(False, axis="x")

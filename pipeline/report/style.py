@@ -23,6 +23,8 @@ MODE_NAMES: Mapping[str, str] = {
 }
 SERIES = ("#3b7dd8", "#e0682e", "#2a9d78", "#8f6bc9", "#b9912b", "#c9497c", "#5a8f3c", "#4aa3b5", "#a0624a", "#7f93ab")
 UNASSIGNED = "#a3acb8"
+PAGE_INCHES = 9.2
+"""How wide a figure is that fills the page."""
 
 _RC = {
     "font.family": "DejaVu Sans",
@@ -60,6 +62,16 @@ def panels(rows: int, columns: int, *, width: float, height: float, sharey: bool
     figure = Figure(figsize=(width * columns, height * rows))
     grid = figure.subplots(rows, columns, squeeze=False, sharey=sharey)
     return figure, [list(row) for row in grid]
+
+
+def wrapped(count: int, columns: int, *, height: float, sharey: bool = True) -> tuple[Figure, list[Axes]]:
+    """A figure as wide as the page with `count` panels in rows of at most `columns`, each `height` inches high."""
+    columns = min(columns, count)
+    figure, axes = panels(-(-count // columns), columns, width=PAGE_INCHES / columns, height=height, sharey=sharey)
+    flat = [axis for line in axes for axis in line]
+    for axis in flat[count:]:
+        axis.set_axis_off()
+    return figure, flat[:count]
 
 
 def series_colours(names: list[str] | tuple[str, ...]) -> dict[str, str]:
