@@ -82,16 +82,16 @@ def _every_pair(comparison: Comparison) -> list[Part]:
     """All against all; with several seeds the groups, and the single versions folded away."""
     if len(comparison.groups) == len(comparison.versions):
         return [Part("Every version against every other", texts.PAIRS, _pairs(comparison))]
-    rows = tuple(
-        (pair.group, pair.against, f"{mean.value:+.1f} ({mean.low:+.1f} to {mean.high:+.1f})", f"{pair.p_value:.2g}")
-        for pair in comparison.group_pairs
-        for mean in (pair.difference,)
-    )
+    rows = tuple((pair.group, pair.against, _signed(pair.difference), f"{pair.p_value:.2g}") for pair in comparison.group_pairs)
     groups = Table(("versions", "against", "failures more or less", "p"), rows, numbers=(2,))
     return [
         Part("Every kind of version against every other", texts.GROUP_PAIRS, groups),
         Part("", texts.PAIRS, _pairs(comparison), folded=f"Every single version against every other ({len(comparison.pairs)} pairs)"),
     ]
+
+
+def _signed(mean: Estimate) -> str:
+    return f"{mean.value:+.1f} ({mean.low:+.1f} to {mean.high:+.1f})"
 
 
 def _pairs(comparison: Comparison) -> Table:
