@@ -115,6 +115,7 @@ rule campaign:
     input:
         space=f"{D}/space/{{scenario}}.json",
         model=lambda w: S.model(w.version, "model.onnx"),
+        earlier=lambda w: S.earlier(**w),
     output:
         tests=f"{D}/{{kind}}/{{scenario}}/{{strategy}}/{{version}}/{{seed}}/tests.parquet",
         more=expand(
@@ -134,7 +135,7 @@ rule campaign:
         journal=f"{D}/journal/{{scenario}}/{{strategy}}/{{version}}/{{seed}}",
     shell:
         RUN + " campaign --scenario {wildcards.scenario} --strategy {wildcards.strategy} --version {wildcards.version}"
-        " --seed {wildcards.seed} --space {input.space} --model {input.model} --out {output.tests}"
+        " --seed {wildcards.seed} --space {input.space} --model {input.model} --earlier {input.earlier} --out {output.tests}"
         " --journal {params.journal} --threads {threads} --log {log}"
 
 

@@ -24,7 +24,7 @@ from tqdm import tqdm
 
 from pipeline.artefacts.campaign import read_tests
 from pipeline.artefacts.points import encode_tests
-from pipeline.config import Config, compose
+from pipeline.config import Config, Target, compose
 from pipeline.core.space import Floats, Space
 
 CHILD_M = 1.4
@@ -71,19 +71,25 @@ def groups(space: Space, points: Floats) -> list[str]:
     return list(np.select(conditions, GROUPS[:-1], GROUPS[-1]))
 
 
-def search(config: Config, world: Surrogate, strategy: str, changed: dict[str, float], seeds: int) -> tuple[Counter[str], Counter[str]]:
-    """Tests and failures by group, of campaigns on every scenario."""
+def search(config: Config, world: Surrogate, name: str, strategy: Target, transfer: bool, seeds: int) -> tuple[Counter[str], Counter[str]]:
+    """Tests and failures by group, of campaigns on every scenario; with `transfer` each knows those before it."""
     space, tests, failures = config.space(config.search[0]), Counter[str](), Counter[str]()
-    for seed in tqdm(range(seeds), desc=f"{strategy} {changed}", unit="seed"):
+    for seed in tqdm(range(seeds), desc=name, unit="seed"):
+        earlier: list[tuple[Floats, Floats]] = []
         for scenario in range(len(config.search)):
-            sampler = instantiate(config.samplers[strategy] | changed, _partial_=True, _convert_="all")(space=space, seed=seed)
+            history = {"earlier": earlier} if transfer else {}
+            sampler = instantiate(strategy, _partial_=True, _convert_="all")(space=space, seed=seed, **history)
+            executed = []
             for _ in range(-(-config.campaign.tests // sampler.batch_size)):
                 points = sampler.ask()
                 kpi = world.kpi(points, scenario)
                 sampler.tell(points, kpi)
+                executed.append((points, kpi))
                 shown = groups(space, points)
                 tests.update(shown)
                 failures.update(name for name, value in zip(shown, kpi, strict=True) if value <= config.campaign.failure_threshold_s)
+            points, kpi = (np.concatenate(parts) for parts in zip(*executed, strict=True))
+            earlier = [*earlier, (points, kpi)]
     return tests, failures
 
 
@@ -103,12 +109,16 @@ def main() -> None:
     executed = executed[(executed["status"] == "ok") & executed["scenario"].isin(config.search)]
     world = Surrogate(config, executed)
     print(f"fitted to {len(executed)} tests, {executed['failure'].sum()} failures. Tests and failures a seed:")
-    print(f"{'strategy':<18}" + "".join(f"{name:>30}" for name in (*GROUPS, "all")))
-    for strategy, changed in [("random", {}), *(("neural", {"kinds": kinds}) for kinds in options.kinds)]:
-        tests, failures = search(config, world, strategy, changed, options.seeds)
+    print(f"{'strategy':<30}" + "".join(f"{name:>30}" for name in (*GROUPS, "all")))
+    settings = {"random": (config.samplers["random"], False)}
+    for kinds in options.kinds:
+        for name, transfer in (("alone", False), ("transfer", True)):
+            settings[f"neural, {kinds} kinds, {name}"] = ({**config.samplers["neural"], "kinds": kinds}, transfer)
+    for name, (strategy, transfer) in settings.items():
+        tests, failures = search(config, world, name, strategy, transfer, options.seeds)
         cells = [f"{tests[name] / options.seeds:.0f}, {failures[name] / options.seeds:.0f} fail" for name in GROUPS]
         cells.append(f"{tests.total() / options.seeds:.0f}, {failures.total() / options.seeds:.0f} fail")
-        print(f"{strategy + ''.join(f' {k}={v}' for k, v in changed.items()):<18}" + "".join(f"{cell:>30}" for cell in cells))
+        print(f"{name:<30}" + "".join(f"{cell:>30}" for cell in cells))
 
 
 if __name__ == "__main__":

@@ -25,8 +25,8 @@ STEPS: dict[str, tuple[str, Options]] = {
     "campaign": (
         "Execute a test campaign in closed loop; resumes from its journal.",
         {
-            "scenario": TEXT, "strategy": TEXT, "version": TEXT, "seed": NUMBER, "space": ONE, "model": ONE, "out": ONE, "journal": ONE,
-            "threads": NUMBER,
+            "scenario": TEXT, "strategy": TEXT, "version": TEXT, "seed": NUMBER, "space": ONE, "model": ONE, "earlier": MANY, "out": ONE,
+            "journal": ONE, "threads": NUMBER,
         },
     ),
     "measure": ("Measure the search campaigns.", {"tests": MANY, "spaces": MANY, "out": ONE, "theta": ONE}),

@@ -51,6 +51,8 @@ class Campaign(_Section):
     """Keep every n-th frame for retraining; 0 keeps none."""
     failure_threshold_s: float = Field(gt=0, le=10)
     """A test whose adjusted TTC is at or below it is a failure (Eq. 6.1)."""
+    transfer: tuple[str, ...]
+    """Strategies whose campaigns know those on the scenarios before them in `search`; they run one after another then."""
 
 
 class Comparison(_Section):
@@ -216,6 +218,13 @@ class Config(_Section):
                 _known(key, name, self.scenarios)
         for name in self.strategies:
             _known("strategies", name, self.samplers)
+        for name in self.campaign.transfer:
+            _known("campaign.transfer", name, self.strategies)
+        for other in self.search[1:] if self.campaign.transfer else ():
+            if self.scenarios[other].space != self.scenarios[self.search[0]].space:
+                raise ValueError(
+                    f"campaign.transfer: {other} has another space than {self.search[0]}, but what is known of tests needs one space"
+                )
         _known("comparison.strategy", self.comparison.strategy, self.samplers)
         _known("adaptive", self.adaptive, self.strategies)
         if len(set(self.retraining.seeds)) < len(self.retraining.seeds):
@@ -232,6 +241,12 @@ class Config(_Section):
         if self.adaptive == self.strategies[0]:
             raise ValueError(f"adaptive must differ from the baseline, the first of strategies, got '{self.adaptive}' for both")
         return self
+
+    def earlier(self, scenario: str, strategy: str) -> tuple[str, ...]:
+        """The scenarios whose campaigns are known to the campaign of a strategy on a scenario."""
+        if strategy not in self.campaign.transfer or scenario not in self.search:
+            return ()
+        return self.search[: self.search.index(scenario)]
 
     @property
     def versions(self) -> tuple[Version, ...]:
@@ -299,6 +314,10 @@ def check_targets(config: Config) -> None:
         for name in section:
             if name != "_target_" and name not in parameters:
                 raise InputError(f"unknown key '{key}.{name}'{nearest(name, parameters)}")
+    for name in config.campaign.transfer:
+        target = config.samplers[name]["_target_"]
+        if "earlier" not in _parameters(f"samplers.{name}._target_", target):
+            raise InputError(f"campaign.transfer: '{name}' ({target}) takes no tests of other campaigns, it has no parameter 'earlier'")
 
 
 def _parameters(key: str, target: str) -> list[str]:

@@ -102,6 +102,10 @@ class Study:
         seeds = [seed + SEEDS_A_ROUND * Version.named(version).round for seed in config.seeds]
         return [f"{root}/{a}/{b}/{version}/{seed}/{name}" for a in scenarios for b in strategies for seed in seeds]
 
+    def earlier(self, kind: str, scenario: str, strategy: str, version: str, seed: str) -> list[str]:
+        """The tests of the campaigns that are known to a campaign, against the same version and with the same seed."""
+        return [f"{self.root}/{kind}/{a}/{strategy}/{version}/{seed}/tests.parquet" for a in self.config.earlier(scenario, strategy)]
+
     def later_search(self, name: str) -> list[str]:
         """The file `name` of the campaigns that later rounds learn from: each kind's strategy against its versions before."""
         tested = dict.fromkeys(v for version in self.config.versions for v in version.tested if v.kind in self.sources)

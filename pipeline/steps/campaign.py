@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import time
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from threadpoolctl import threadpool_limits
 
 from pipeline.artefacts import campaign as tables
 from pipeline.artefacts.files import sha256
+from pipeline.artefacts.points import encode_tests
 from pipeline.artefacts.space import read_space
 from pipeline.config import Config
 from pipeline.core import kpi
@@ -44,6 +46,7 @@ def run(
     seed: int,
     space: Path,
     model: Path,
+    earlier: Sequence[Path],
     out: Path,
     journal: Path,
     threads: int,
@@ -51,7 +54,8 @@ def run(
 ) -> None:
     """Execute the campaign and write tests, signals, frames and timings.parquet beside `out`, which is tests.parquet.
 
-    journal: folder of the finished tests while the campaign is under way.
+    earlier: tests.parquet of other scenarios' campaigns that the strategy is told of. journal: folder of the finished tests while the
+    campaign is under way.
 
     The files but the timings depend on the config and the model alone: not on `threads`, nor on how often the run was killed.
     """
@@ -63,12 +67,14 @@ def run(
     detector = {**config.detector, "model": str(model)}
     body = config.scenarios[scenario].model_dump()
     keep_every = 0 if held_out else config.campaign.keep_every
-    identity = _identity(config.simulator, body, config.detector, sha256(model), config.samplers[strategy], seed, tests, keep_every)
+    known = [sha256(path) for path in earlier]
+    identity = _identity(config.simulator, body, config.detector, sha256(model), config.samplers[strategy], known, seed, tests, keep_every)
     log = Journal(journal, identity)
     if log.discarded:
         progress.note("the journal belonged to another configuration, model or code and was discarded")
     # Partial, because Hydra would turn the space, a dataclass, into a config.
-    sampler = instantiate(config.samplers[strategy], _partial_=True, _convert_="all")(space=logical, seed=seed)
+    history = {"earlier": [_history(path, logical) for path in earlier]} if earlier else {}
+    sampler = instantiate(config.samplers[strategy], _partial_=True, _convert_="all")(space=logical, seed=seed, **history)
     workers = Workers(threads, config.simulator, body, detector, keep_every)
     try:
         results, points, sampler_s = _search(sampler, logical, tests, log, workers, config.campaign.failure_threshold_s, progress)
@@ -77,6 +83,12 @@ def run(
     keys = {"scenario": info.name, "strategy": strategy, "version": version, "seed": seed}
     _write(out, keys, logical, points, results, sampler_s, config)
     log.remove()
+
+
+def _history(path: Path, space: Space) -> tuple[Floats, Floats]:
+    """The points and KPIs of a campaign's tests, as its sampler was told them."""
+    tests = tables.read_tests(path)
+    return encode_tests(tests, space), tests["adj_ttc_s"].to_numpy(float)
 
 
 def _search(

@@ -63,6 +63,7 @@ def run(config: Config, *, model: Path, out: Path, threads: int) -> Found:
                         seed=seed,
                         space=spaces[name],
                         model=model,
+                        earlier=[tests[other, strategy, seed] for other in config.earlier(name, strategy)],
                         out=path,
                         journal=out / "journal" / where,
                         threads=threads,

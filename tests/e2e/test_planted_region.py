@@ -80,6 +80,37 @@ def test_a_common_cause_does_not_take_every_batch() -> None:
     assert shared < 0.7 * alone
 
 
+def test_a_cause_too_rare_for_one_campaign_is_known_from_those_before_it() -> None:
+    """Two of 74 blueprints always fail: four campaigns of 80 tests find few unless they know of each other."""
+
+    def failures(transfer: bool, seed: int) -> int:
+        earlier: list[Search] = []
+        count = 0
+        for campaign in range(4):
+            sampler = NeuralSampler(
+                THESIS,
+                10 * seed + campaign,
+                epsilon=0.25,
+                omega_threshold=-3,
+                spread=0.2,
+                kinds=6,
+                earlier=earlier,
+            )
+            history = []
+            for _ in range(4):
+                points = sampler.ask()
+                values = np.where(points[:, THESIS.names.index("blueprint")] < 2, 0.0, 1.0)
+                sampler.tell(points, values)
+                history.append((points, values))
+                count += int(np.sum(values <= THRESHOLD_S))
+            if transfer:
+                earlier.extend(history)
+        return count
+
+    alone, knowing = (sum(failures(transfer, seed) for seed in range(2)) for transfer in (False, True))
+    assert knowing > 1.5 * alone
+
+
 def kinds(found: Search) -> int:
     """Combinations of categories in which tests failed."""
     points, values = found

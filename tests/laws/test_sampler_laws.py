@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,10 +15,9 @@ from pipeline.core.samplers.coverage import CoverageSampler
 from pipeline.core.samplers.neural import NeuralSampler
 from pipeline.core.samplers.pairwise import PairwiseSampler
 from pipeline.core.samplers.random import RandomSampler
-from pipeline.core.space import Floats
+from pipeline.core.space import Floats, Space
 from tests.spaces import SMALL
 
-SAMPLERS: list[Callable[..., BatchSampler]] = [RandomSampler, NeuralSampler, PairwiseSampler, CoverageSampler]
 BATCH = 6
 
 
@@ -25,6 +25,15 @@ def kpi_of(points: Floats) -> Floats:
     """Lower towards high x; one test in seven breaks the simulation."""
     values = 1.05 - points[:, 0] / 10
     return np.where(np.arange(len(points)) % 7 == 3, np.nan, values)
+
+
+def taught(space: Space, seed: int, **settings: Any) -> NeuralSampler:
+    """The neural strategy with tests of another scenario."""
+    points = space.sample(20, np.random.default_rng(7))
+    return NeuralSampler(space, seed, earlier=[(points, kpi_of(points))], **settings)
+
+
+SAMPLERS: list[Callable[..., BatchSampler]] = [RandomSampler, NeuralSampler, taught, PairwiseSampler, CoverageSampler]
 
 
 def run(sampler: BatchSampler, batches: int) -> tuple[Floats, Floats]:
@@ -71,6 +80,11 @@ def test_a_history_of_broken_simulations_is_survived(make: Callable[..., BatchSa
         asked = sampler.ask()
         sampler.tell(asked, np.full(len(asked), np.nan))
     assert np.isfinite(sampler.ask()).all()
+
+
+def test_what_other_scenarios_have_shown_guides_the_first_batch() -> None:
+    first, blind = taught(SMALL, 0, batch_size=40).ask(), NeuralSampler(SMALL, 0, batch_size=40).ask()
+    assert first[:, 0].mean() > blind[:, 0].mean() + 1  # The KPI falls with x.
 
 
 def test_the_pairwise_plan_comes_first_and_random_tests_after_it() -> None:

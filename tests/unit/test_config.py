@@ -60,6 +60,8 @@ def test_every_choice_of_a_group_composes(group: str) -> None:
         ("+scenarios.F1.town.sed=1", "unknown key 'scenarios.F1.town.sed'; did you mean 'seed'?"),
         ("+samplers.neural.explor=0.1", "unknown key 'samplers.neural.explor'; did you mean 'explore'?"),
         ("samplers.neural._target_=pipeline.nowhere.Sampler", "samplers.neural._target_: there is no 'pipeline.nowhere.Sampler'"),
+        ("campaign.transfer=[random]", "campaign.transfer: 'random' (pipeline.core.samplers.random.RandomSampler) takes no tests of other"),
+        ("campaign.transfer=[pairwise]", "campaign.transfer: there is no 'pairwise'"),
         ("base_set.validation_share=1.5", "base_set.validation_share: Input should be less than 0.9, got 1.5"),
     ],
 )

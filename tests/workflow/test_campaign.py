@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -36,11 +36,11 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def arguments(study: Path, out: Path, threads: int, strategy: str = "neural") -> list[str]:
+def arguments(study: Path, out: Path, threads: int, strategy: str = "neural", earlier: Sequence[Path] = ()) -> list[str]:
     return [
         "campaign", "--scenario", "F1", "--strategy", strategy, "--version", "base", "--seed", "3", "--space", str(study / "F1.json"),
-        "--model", str(study / "model.onnx"), "--out", str(out / "tests.parquet"), "--journal", str(out / "journal"),
-        "--threads", str(threads),
+        "--model", str(study / "model.onnx"), "--earlier", *map(str, earlier), "--out", str(out / "tests.parquet"),
+        "--journal", str(out / "journal"), "--threads", str(threads),
         "--params", str(study / "params.yaml"), "--log", str(out / "log"),
     ]  # fmt: skip
 
@@ -61,6 +61,13 @@ def test_two_workers_give_the_same_bytes_as_one(study: Path, one_worker: Path) -
     assert main(arguments(study, out, 2)) == 0
     assert same(one_worker, out)
     assert not (out / "journal").exists()
+
+
+def test_a_campaign_that_knows_another_one_asks_for_other_tests(study: Path, one_worker: Path) -> None:
+    out, again = study / "taught", study / "taught again"
+    assert main(arguments(study, out, 2, earlier=[one_worker / "tests.parquet"])) == 0
+    assert main(arguments(study, again, 1, earlier=[one_worker / "tests.parquet"])) == 0
+    assert same(out, again) and not same(one_worker, out)
 
 
 def finished(out: Path) -> int:

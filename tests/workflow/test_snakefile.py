@@ -94,6 +94,15 @@ def test_a_round_learns_from_all_campaigns_before_it(tmp_path: Path) -> None:
     assert "filter_round" in planned and "random-r2-s4" in planned
 
 
+def test_a_campaign_waits_for_those_that_it_learns_from(tmp_path: Path) -> None:
+    (tmp_path / "params.yaml").write_text(dump(compose("retraining", ["search=[F1,F2,F5]"]), "test"))
+    study = workflow.Study(tmp_path / "params.yaml")
+    known = study.earlier("campaigns", "F5", "neural", "base", "0")
+    assert known == [f"data/retraining/campaigns/{name}/neural/base/0/tests.parquet" for name in ("F1", "F2")]
+    assert study.earlier("retrained/campaigns", "F2", "neural", "adaptive", "1000")[0].startswith("data/retraining/retrained/campaigns/F1/")
+    assert not study.earlier("campaigns", "F5", "random", "base", "0") and not study.earlier("held_out", "F1star", "neural", "base", "0")
+
+
 def test_each_held_out_scenario_has_a_sequence_of_its_own_that_all_versions_share(tmp_path: Path) -> None:
     (tmp_path / "params.yaml").write_text(dump(compose("retraining", ["comparison.seed=3"]), "test"))
     paths = [Path(path) for path in workflow.Study(tmp_path / "params.yaml").held_out("tests.parquet")]

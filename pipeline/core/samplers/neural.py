@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections import Counter
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,10 +36,12 @@ class NeuralSampler(BatchSampler):
     candidates hardly ever hit a narrow region, and the points of a batch keep a distance from each other. The attributes of a category,
     where the space names them, are inputs of the network: what fails with one pedestrian is then expected of those who are like it.
     A batch is shared out between kinds of tests, the leaves of a regression tree on the KPI, or the commonest cause would take it all.
+    What earlier campaigns on other scenarios have seen can be given to it: a cause too rare for one campaign is then known from them.
 
     candidates: size of the candidate set. mutants: its share of mutations, in [0, 1). explore: share of a batch drawn at random, in [0, 1].
     failure_threshold_s: at or below it a KPI is a failure. epsilon: radius of the ball, on the mixed distance. omega_threshold: negative;
     a candidate is relevant above it. spread: smallest distance within a batch. kinds: how many there are, at most; 1 shares nothing out.
+    earlier: points (m, d) and KPI (m,) of each campaign that is known; relevance (Def. 4.20) counts the own tests alone.
     """
 
     def __init__(
@@ -56,6 +59,7 @@ class NeuralSampler(BatchSampler):
         omega_threshold: int = -5,
         spread: float = 0.05,
         kinds: int = 1,
+        earlier: Sequence[tuple[Floats, Floats]] = (),
     ) -> None:
         super().__init__(space, seed, batch_size=batch_size, constraints=constraints)
         if candidates < batch_size:
@@ -68,16 +72,17 @@ class NeuralSampler(BatchSampler):
             raise ValueError(f"kinds must be at least 1, got {kinds}")
         self._candidates, self._mutants, self._explore, self._kinds = candidates, mutants, explore, kinds
         self._threshold, self._epsilon, self._omega, self._spread = failure_threshold_s, epsilon, omega_threshold, spread
+        self._earlier = tuple(earlier)
 
     def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
         valid = np.isfinite(kpi)
-        if index == 0 or valid.sum() < 8:
+        seen, values, campaign = self._known(points, kpi)
+        if len(values) < 8:
             return self._uniform(self.batch_size, rng)
-        seen, values = points[valid], kpi[valid]
         candidates = self._candidate_set(seen, values, rng)
-        omega = relevance(self.space, candidates, seen, values <= self._threshold, self._epsilon)
+        omega = relevance(self.space, candidates, points[valid], kpi[valid] <= self._threshold, self._epsilon)
         relevant = np.flatnonzero(omega > self._omega)
-        predicted = self._predict(index, seen, values, candidates)
+        predicted = self._predict(index, self._inputs(seen, campaign), values, self._inputs(candidates, len(self._earlier)))
         random_count = round(self._explore * self.batch_size)
         order = relevant[np.argsort(predicted[relevant], kind="stable")]
         chosen = self._spread_out(candidates, order, self._kinds_of(index, seen, values, candidates), self.batch_size - random_count)
@@ -86,6 +91,14 @@ class NeuralSampler(BatchSampler):
         picked = candidates[np.concatenate([chosen, explored]).astype(np.int64)]
         # Where hardly anything is relevant any more, the rest of the batch is random testing.
         return np.concatenate([picked, self._uniform(self.batch_size - len(picked), rng)])
+
+    def _known(self, points: Floats, kpi: Floats) -> tuple[Floats, Floats, NDArray[np.int64]]:
+        """The valid tests, those of earlier campaigns first: points (n, d), KPI (n,), and the position of each test's campaign (n,)."""
+        campaigns = [*self._earlier, (points, kpi)]
+        campaign = np.repeat(np.arange(len(campaigns)), [len(values) for _, values in campaigns])
+        points, kpi = (np.concatenate(parts) for parts in zip(*campaigns, strict=True))
+        valid = np.isfinite(kpi)
+        return points[valid], kpi[valid], campaign[valid]
 
     def _candidate_set(self, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
         """Uniform points, and mutations of the tests with the lowest KPI."""
@@ -121,14 +134,14 @@ class NeuralSampler(BatchSampler):
                 taken[kinds[i]] += 1
         return np.array(chosen, dtype=np.int64)
 
-    def _predict(self, index: int, points: Floats, kpi: Floats, candidates: Floats) -> Floats:
-        """The network's KPI of the candidates; every random choice in it depends on (seed, index) alone."""
-        features, target = self._features(points), kpi / max(float(kpi.max()), 1e-9)
+    def _predict(self, index: int, features: Floats, kpi: Floats, candidates: Floats) -> Floats:
+        """The network's KPI of the candidates' inputs; every random choice in it depends on (seed, index) alone."""
+        target = kpi / max(float(kpi.max()), 1e-9)
         # Tuned on the history as it was at the last tuning, so that replaying needs no memory of it.
-        tuned = len(points) - (index % TUNE_EVERY) * self.batch_size
+        tuned = len(features) - (index % TUNE_EVERY) * self.batch_size
         layers, penalty = self._tune(index - index % TUNE_EVERY, features[: max(tuned, 8)], target[: max(tuned, 8)])
         network = _fit(layers, penalty, features, target, self.seed + index)
-        return np.asarray(network.predict(self._features(candidates)), dtype=float)
+        return np.asarray(network.predict(candidates), dtype=float)
 
     def _tune(self, index: int, features: Floats, target: Floats) -> tuple[tuple[int, ...], float]:
         order = np.random.default_rng([self.seed, index, 1]).permutation(len(features))
@@ -139,6 +152,14 @@ class NeuralSampler(BatchSampler):
             network = _fit(layers, penalty, features[development], target[development], self.seed + index)
             errors.append(float(np.mean((network.predict(features[test]) - target[test]) ** 2)))
         return GRID[int(np.argmin(errors))]
+
+    def _inputs(self, points: Floats, campaign: NDArray[np.int64] | int) -> Floats:
+        """The network's inputs: the features and, where earlier campaigns are known, the campaign one-hot."""
+        features = self._features(points)
+        if not self._earlier:
+            return features
+        positions = np.broadcast_to(campaign, len(points))
+        return np.column_stack([features, positions[:, None] == np.arange(len(self._earlier) + 1)])
 
     def _features(self, points: Floats) -> Floats:
         """(n, d) points to (n, f) inputs: standardised numbers, cyclic ones as sine and cosine, categories one-hot and by attributes."""
