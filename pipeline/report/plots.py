@@ -30,7 +30,7 @@ def kpi_scatter(tests: pd.DataFrame, strategies: Sequence[str], label: str, thre
     """
     tests = tests[tests["status"] == "ok"]
     with styled():
-        figure, axes = wrapped(len(strategies), 3, height=3.1)
+        figure, axes = wrapped(len(strategies), 3, height=3.1, ylabel="adj. TTC (s)")
         for axis, strategy in zip(axes, strategies, strict=True):
             chosen = tests[tests["strategy"] == strategy]
             _scatter_modes(axis, chosen)
@@ -38,8 +38,6 @@ def kpi_scatter(tests: pd.DataFrame, strategies: Sequence[str], label: str, thre
             axis.plot(batches["index"] + 1, batches["adj_ttc_s"], color=INK, linewidth=1.4, label="mean of batch", zorder=3)
             axis.axhline(threshold_s, color=MODE_COLOURS["contact"], linestyle="--", linewidth=1, zorder=2)
             axis.set(title=f"{label} · {strategy}", xlabel="position in the campaign (tests)")
-        for axis in axes[::3]:
-            axis.set_ylabel("adj. TTC (s)")
         axes[0].set_ylim(bottom=-0.04)
         _legend_below(figure, axes)
     return figure
@@ -81,7 +79,7 @@ def theta_curves(measures: Measures, labels: Mapping[str, str]) -> Figure:
     strategies = list(dict.fromkeys(campaign.strategy for campaign in measures.campaigns))
     colours = series_colours(strategies)
     with styled():
-        figure, axes = wrapped(len(labels), 4, height=2.8, sharey=False)
+        figure, axes = wrapped(len(labels), 4, height=2.8, ylabel="failures found, Θ", sharey=False)
         for axis, (scenario, label) in zip(axes, labels.items(), strict=True):
             for strategy in strategies:
                 curves = [c.theta for c in measures.campaigns if (c.scenario, c.strategy) == (scenario, strategy)]
@@ -93,8 +91,6 @@ def theta_curves(measures: Measures, labels: Mapping[str, str]) -> Figure:
                 axis.fill_between(position, table.min(0), table.max(0), color=colours[strategy], alpha=0.18, linewidth=0)
                 axis.plot(position, table.mean(0), color=colours[strategy], linewidth=2, label=strategy)
             axis.set(title=label, xlabel="tests executed", ylim=(0, None), xlim=(0, None))
-        for axis in axes[::4]:
-            axis.set_ylabel("failures found, Θ")
         _legend_below(figure, axes)
     return figure
 

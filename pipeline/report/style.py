@@ -64,13 +64,15 @@ def panels(rows: int, columns: int, *, width: float, height: float, sharey: bool
     return figure, [list(row) for row in grid]
 
 
-def wrapped(count: int, columns: int, *, height: float, sharey: bool = True) -> tuple[Figure, list[Axes]]:
-    """A figure as wide as the page with `count` panels in rows of at most `columns`, each `height` inches high."""
+def wrapped(count: int, columns: int, *, height: float, ylabel: str, sharey: bool = True) -> tuple[Figure, list[Axes]]:
+    """A figure as wide as the page with `count` panels in rows of at most `columns`, `height` inches high; each row is labelled once."""
     columns = min(columns, count)
     figure, axes = panels(-(-count // columns), columns, width=PAGE_INCHES / columns, height=height, sharey=sharey)
     flat = [axis for line in axes for axis in line]
     for axis in flat[count:]:
         axis.set_axis_off()
+    for axis in flat[::columns]:
+        axis.set_ylabel(ylabel)
     return figure, flat[:count]
 
 
