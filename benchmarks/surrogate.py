@@ -21,14 +21,12 @@ from hydra.utils import instantiate
 from numpy.typing import NDArray
 from sklearn.ensemble import ExtraTreesClassifier, ExtraTreesRegressor
 from tqdm import tqdm
+from who_fails import GROUPS, groups
 
 from pipeline.artefacts.campaign import read_tests
 from pipeline.artefacts.points import encode_tests
 from pipeline.config import Config, Target, compose
-from pipeline.core.space import Floats, Space
-
-CHILD_M = 1.4
-GROUPS = ("children", "crouching under an umbrella", "crouching", "others")
+from pipeline.core.space import Floats
 
 
 class Surrogate:
@@ -58,17 +56,6 @@ class Surrogate:
             columns.append((category[:, None] == np.arange(variable.size)[None]).astype(float))
             columns += [np.array(numbers)[category][:, None] for _, numbers in variable.attributes]
         return np.column_stack(columns)
-
-
-def groups(space: Space, points: Floats) -> list[str]:
-    """Who each point shows, one of `GROUPS`."""
-    categories = {variable.name: (variable, points[:, j].astype(int)) for j, variable in enumerate(space.variables)}
-    people, who = categories["blueprint"]
-    attributes = {name: np.array(numbers)[who] for name, numbers in people.attributes}
-    poses, pose = categories["animation"]
-    crouching = np.array(poses.values)[pose] == "crouching"
-    conditions = [attributes["height_m"] < CHILD_M, crouching & (attributes["umbrella"] > 0), crouching]
-    return list(np.select(conditions, GROUPS[:-1], GROUPS[-1]))
 
 
 def search(config: Config, world: Surrogate, name: str, strategy: Target, transfer: bool, seeds: int) -> tuple[Counter[str], Counter[str]]:

@@ -1,0 +1,109 @@
+"""Failures of a study's versions by who is shown: by search strategy, and on the held-out sequence by kind of version, seed by seed.
+
+Campaigns that are not finished are left out, so it also looks into a study that is still running. Printed for adaptive against random: the
+difference of the means, Student's interval over the seeds that both have and the sign-flip test over the tests.
+
+python benchmarks/who_fails.py data/retraining
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import defaultdict
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from pipeline.artefacts.campaign import read_tests
+from pipeline.artefacts.points import encode_tests
+from pipeline.artefacts.space import read_space
+from pipeline.core.space import Floats, Space
+from pipeline.core.statistics import mean_interval, sign_flip
+from pipeline.lineage import RETRAINED, Version
+
+CHILD_M = 1.4
+GROUPS = ("children", "crouching under an umbrella", "crouching", "others")
+
+
+def groups(space: Space, points: Floats) -> list[str]:
+    """Who each point shows, one of `GROUPS`."""
+    categories = {variable.name: (variable, points[:, j].astype(int)) for j, variable in enumerate(space.variables)}
+    people, who = categories["blueprint"]
+    attributes = {name: np.array(numbers)[who] for name, numbers in people.attributes}
+    poses, pose = categories["animation"]
+    crouching = np.array(poses.values)[pose] == "crouching"
+    conditions = [attributes["height_m"] < CHILD_M, crouching & (attributes["umbrella"] > 0), crouching]
+    return list(np.select(conditions, GROUPS[:-1], GROUPS[-1]))
+
+
+def read(study: Path, pattern: str) -> pd.DataFrame:
+    """The tests of some campaigns, with a column `group`."""
+    tables = []
+    for path in sorted(study.glob(pattern)):
+        tests = read_tests(path)
+        space = read_space(study / "space" / f"{tests['scenario'].iloc[0]}.json")[1]
+        tables.append(tests.assign(group=groups(space, encode_tests(tests, space))))
+    if not tables:
+        raise SystemExit(f"expected {study / pattern}, found none; run the study first")
+    return pd.concat(tables)
+
+
+def by_version(tests: pd.DataFrame) -> dict[str, list[NDArray[np.int64]]]:
+    """Kind of version -> (n,) failures of 0 or 1 on the common tests, one array a seed; versions that lack tests are left out."""
+    tests = tests.sort_values(["scenario", "index"])
+    found, full = defaultdict(list), tests.groupby("version").size().max()
+    for version, rows in sorted(tests.groupby("version"), key=lambda item: Version.named(item[0]).seed or 0):
+        if len(rows) == full:
+            found[Version.named(version).group].append(rows["failure"].to_numpy(np.int64))
+    kinds = ("base", *RETRAINED)
+    return dict(sorted(found.items(), key=lambda item: (Version.named(item[0]).round, kinds.index(Version.named(item[0]).kind))))
+
+
+def cell(failures: Sequence[NDArray[np.int64]], chosen: NDArray[np.bool_]) -> str:
+    counts = [int(one[chosen].sum()) for one in failures]
+    return str(counts[0]) if len(counts) == 1 else f"{np.mean(counts):.1f} ({', '.join(map(str, counts))})"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("study", type=Path, help="data folder of a study with the thesis' eight variables")
+    study = parser.parse_args().study
+
+    searched = read(study, "campaigns/*/*/base/*/tests.parquet")
+    for strategy, rows in searched.groupby("strategy"):
+        counts = rows.groupby("group")["failure"].agg(["sum", "size"]).reindex(GROUPS, fill_value=0)
+        failed = rows[rows["failure"]]
+        pairs = len(failed[["scenario", "seed", "blueprint", "animation"]].drop_duplicates())
+        alone = int((failed["failure_mode"] == "false_positives").sum())
+        print(
+            f"{strategy}: {len(failed)} of {len(rows)} tests fail, in {pairs} pairs of blueprint and pose; {alone} by false positives alone"
+        )
+        print("  " + ", ".join(f"{name} {row['sum']} of {row['size']}" for name, row in counts.iterrows()))
+
+    held_out = read(study, "held_out/*/*/*/*/tests.parquet")
+    versions = by_version(held_out)
+    one = held_out[held_out["version"] == "base"].sort_values(["scenario", "index"])
+    rows = [(name, (one["scenario"] == name).to_numpy()) for name in one["scenario"].unique()]
+    rows += [("all", np.ones(len(one), bool)), *((name, (one["group"] == name).to_numpy()) for name in GROUPS)]
+    print("\n| failures | " + " | ".join(versions) + " | adaptive - random |\n" + "|---" * (len(versions) + 2) + "|")
+    for name, chosen in rows:
+        cells = [cell(failures, chosen) for failures in versions.values()]
+        print(f"| {name}, {chosen.sum()} tests | " + " | ".join(cells) + f" | {difference(versions, chosen)} |")
+
+
+def difference(versions: dict[str, list[NDArray[np.int64]]], chosen: NDArray[np.bool_]) -> str:
+    """Adaptive minus random, over the seeds that both have."""
+    pairs = list(zip(versions.get("adaptive", []), versions.get("random", []), strict=False))
+    if not pairs:
+        return ""
+    each = np.stack([adaptive[chosen] - random[chosen] for adaptive, random in pairs])
+    totals = each.sum(axis=1)
+    low, high = mean_interval(totals)
+    return f"{totals.mean():.1f} ({low:.1f} to {high:.1f}), p = {sign_flip(each.sum(axis=0)):.2g}"
+
+
+if __name__ == "__main__":
+    main()
