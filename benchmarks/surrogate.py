@@ -76,7 +76,7 @@ def search(config: Config, world: Surrogate, name: str, strategy: Target, transf
                 tests.update(shown)
                 failures.update(name for name, value in zip(shown, kpi, strict=True) if value <= config.campaign.failure_threshold_s)
             points, kpi = (np.concatenate(parts) for parts in zip(*executed, strict=True))
-            earlier = [*earlier, (points, kpi)]
+            earlier.append((points, kpi))
     return tests, failures
 
 

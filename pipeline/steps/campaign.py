@@ -57,7 +57,7 @@ def run(
     earlier: tests.parquet of other scenarios' campaigns that the strategy is told of. journal: folder of the finished tests while the
     campaign is under way.
 
-    The files but the timings depend on the config and the model alone: not on `threads`, nor on how often the run was killed.
+    The files but the timings depend on the config, the model and `earlier` alone: not on `threads`, nor on how often the run was killed.
     """
     if not model.exists():
         raise InputError(f"{model}: expected the detector of version '{version}', found none; train it first")

@@ -83,6 +83,9 @@ def test_a_common_cause_does_not_take_every_batch() -> None:
 def test_a_cause_too_rare_for_one_campaign_is_known_from_those_before_it() -> None:
     """Two of 74 blueprints always fail: four campaigns of 80 tests find few unless they know of each other."""
 
+    def kpi_of(points: Floats) -> Floats:
+        return np.where(points[:, THESIS.names.index("blueprint")] < 2, 0.0, 1.0)
+
     def failures(transfer: bool, seed: int) -> int:
         earlier: list[Search] = []
         count = 0
@@ -96,15 +99,14 @@ def test_a_cause_too_rare_for_one_campaign_is_known_from_those_before_it() -> No
                 kinds=6,
                 earlier=earlier,
             )
-            history = []
+            asked = []
             for _ in range(4):
-                points = sampler.ask()
-                values = np.where(points[:, THESIS.names.index("blueprint")] < 2, 0.0, 1.0)
-                sampler.tell(points, values)
-                history.append((points, values))
-                count += int(np.sum(values <= THRESHOLD_S))
+                asked.append(sampler.ask())
+                sampler.tell(asked[-1], kpi_of(asked[-1]))
+            points = np.concatenate(asked)
+            count += int(np.sum(kpi_of(points) <= THRESHOLD_S))
             if transfer:
-                earlier.extend(history)
+                earlier.append((points, kpi_of(points)))
         return count
 
     alone, knowing = (sum(failures(transfer, seed) for seed in range(2)) for transfer in (False, True))
