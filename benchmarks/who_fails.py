@@ -1,7 +1,7 @@
-"""Failures of a study's versions by who is shown: by search strategy, and on the held-out sequence by kind of version, seed by seed.
+"""Failures of a study's versions by who is shown: by search strategy, and on each held-out sequence by kind of version, seed by seed.
 
-Campaigns that are not finished are left out, so it also looks into a study that is still running. Printed for adaptive against random: the
-difference of the means, Student's interval over the seeds that both have and the sign-flip test over the tests.
+Campaigns that are not finished are left out, so it also looks into a study that is still running. Printed for adaptive against random and
+control: the difference of the means, Student's interval over the seeds that both have and the sign-flip test over the tests.
 
 python benchmarks/who_fails.py data/retraining
 """
@@ -84,22 +84,32 @@ def main() -> None:
         print("  " + ", ".join(f"{name} {row['sum']} of {row['size']}" for name, row in counts.iterrows()))
 
     held_out = read(study, "held_out/*/*/*/*/tests.parquet")
-    versions = by_version(held_out)
-    one = held_out[held_out["version"] == "base"].sort_values(["scenario", "index"])
+    # The next scenario's seed is one more (`comparison.seed`), so these are the first one's.
+    sequences = held_out["seed"] - held_out["scenario"].rank(method="dense").astype(int) + 1
+    for seed, tests in held_out.groupby(sequences):
+        print(f"\nheld-out sequences of seed {seed}\n")
+        print_table(tests)
+
+
+def print_table(tests: pd.DataFrame) -> None:
+    """Failures by kind of version on one sequence a scenario."""
+    versions = by_version(tests)
+    one = tests[tests["version"] == tests["version"].iloc[0]].sort_values(["scenario", "index"])
     rows = [(name, (one["scenario"] == name).to_numpy()) for name in one["scenario"].unique()]
     rows += [("all", np.ones(len(one), bool)), *((name, (one["group"] == name).to_numpy()) for name in GROUPS)]
-    print("\n| failures | " + " | ".join(versions) + " | adaptive - random |\n" + "|---" * (len(versions) + 2) + "|")
+    print("| failures | " + " | ".join(versions) + " | adaptive - random | adaptive - control |\n" + "|---" * (len(versions) + 3) + "|")
     for name, chosen in rows:
         cells = [cell(failures, chosen) for failures in versions.values()]
-        print(f"| {name}, {chosen.sum()} tests | " + " | ".join(cells) + f" | {difference(versions, chosen)} |")
+        cells += [difference(versions, other, chosen) for other in ("random", "control")]
+        print(f"| {name}, {chosen.sum()} tests | " + " | ".join(cells) + " |")
 
 
-def difference(versions: dict[str, list[NDArray[np.int64]]], chosen: NDArray[np.bool_]) -> str:
-    """Adaptive minus random, over the seeds that both have."""
-    pairs = list(zip(versions.get("adaptive", []), versions.get("random", []), strict=False))
+def difference(versions: dict[str, list[NDArray[np.int64]]], other: str, chosen: NDArray[np.bool_]) -> str:
+    """Adaptive minus another kind, over the seeds that both have."""
+    pairs = list(zip(versions.get("adaptive", []), versions.get(other, []), strict=False))
     if not pairs:
         return ""
-    each = np.stack([adaptive[chosen] - random[chosen] for adaptive, random in pairs])
+    each = np.stack([adaptive[chosen] - rival[chosen] for adaptive, rival in pairs])
     totals = each.sum(axis=1)
     low, high = mean_interval(totals)
     return f"{totals.mean():.1f} ({low:.1f} to {high:.1f}), p = {sign_flip(each.sum(axis=0)):.2g}"

@@ -20,6 +20,8 @@ from pipeline.report.style import INK, MODE_COLOURS, MODE_NAMES, UNASSIGNED, pan
 KEPT, REJECTED = "#2a9d78", "#c9372c"
 LABELLED = 5
 """The most bars side by side that still leave room for a number each."""
+FEWEST = 10
+"""A bin of a reliability diagram with fewer detections shows chance, not reliability; it is left out."""
 MARKERS = ("o", "s", "^", "D", "v", "P")
 
 
@@ -287,10 +289,11 @@ def reliability_diagrams(cards: Sequence[ModelCard]) -> Figure:
         labels = [group if group not in groups[:rank] else "" for rank, group in enumerate(groups)]
         shown += [(axes[0][1], card, group, "calibrated", label) for card, group, label in zip(cards, groups, labels, strict=True)]
         for axis, card, group, name, label in shown:
-            scores, right, counts = (np.array(column) for column in zip(*card.reliability.get(name, ((0, 0, 0),)), strict=True))
+            bins = np.array([one for one in card.reliability.get(name, ()) if one[2] >= FEWEST]).reshape(-1, 3)
+            scores, right, counts = bins.T
             colour, style = (UNASSIGNED, "--") if name == "uncalibrated" else (colours[group], "-")
             axis.plot(scores, right, color=colour, linestyle=style, linewidth=1.4, label=label)
-            axis.scatter(scores, right, s=6 + 60 * counts / max(1, counts.max()), color=colour, zorder=3)
+            axis.scatter(scores, right, s=6 + 60 * counts / counts.max(initial=1), color=colour, zorder=3)
         for axis, title in zip(axes[0], (f"{cards[0].version}, before and after", "all versions"), strict=True):
             axis.plot([0, 1], [0, 1], color=INK, linewidth=0.8, zorder=1)
             axis.set(title=title, xlabel="confidence", xlim=(0, 1), ylim=(0, 1))

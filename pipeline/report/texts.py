@@ -102,7 +102,7 @@ FIGURES = {
     "reliability": _prose("""
         What a confidence is worth on the validation images: on the diagonal, of the detections with confidence 0.8 eight in ten are right.
         The AEB brakes as hard as the detector is confident, so a line above the diagonal is a car that brakes too softly. Larger points
-        stand for more detections.
+        stand for more detections; tenths of the scale with fewer than ten are left out.
     """),
     "kpi": _prose("""
         One point a test, in the order of execution; at or under the dashed line it fails. Marker shapes are seeds. The solid line is the
