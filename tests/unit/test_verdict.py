@@ -111,6 +111,13 @@ def test_several_seeds_are_judged_together() -> None:
     )
 
 
+def test_the_best_of_several_is_said_to_be_picked() -> None:
+    single = comparison()
+    both = single.model_copy(update={"gate": single.gate | {"random": "passes: so"}})
+    assert verdict_sentences(both)[1].startswith("adaptive is the best of 2 that pass, picked on these very tests")
+    assert not any("picked" in sentence for sentence in verdict_sentences(single))
+
+
 def test_broken_simulations_are_told_only_where_there_are_some() -> None:
     assert len(verdict_sentences(comparison(against_random=False))) == 4
     assert verdict_sentences(comparison(errors=3))[-1] == "Simulations that broke and do not count: 3 of random."
