@@ -94,7 +94,7 @@ def main() -> None:
 def print_table(tests: pd.DataFrame) -> None:
     """Failures by kind of version on one sequence a scenario."""
     versions = by_version(tests)
-    one = tests[tests["version"] == tests["version"].iloc[0]].sort_values(["scenario", "index"])
+    one = tests[tests["version"] == tests["version"].mode()[0]].sort_values(["scenario", "index"])
     rows = [(name, (one["scenario"] == name).to_numpy()) for name in one["scenario"].unique()]
     rows += [("all", np.ones(len(one), bool)), *((name, (one["group"] == name).to_numpy()) for name in GROUPS)]
     print("| failures | " + " | ".join(versions) + " | adaptive - random | adaptive - control |\n" + "|---" * (len(versions) + 3) + "|")
