@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import argparse
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -51,18 +51,18 @@ def read(study: Path, pattern: str) -> pd.DataFrame:
     return pd.concat(tables)
 
 
-def by_version(tests: pd.DataFrame) -> dict[str, list[NDArray[np.int64]]]:
-    """Kind of version -> (n,) failures of 0 or 1 on the common tests, one array a seed; versions that lack tests are left out."""
+def by_version(tests: pd.DataFrame) -> dict[str, dict[int, NDArray[np.int64]]]:
+    """Kind of version -> seed -> (n,) failures of 0 or 1 on the common tests; versions that lack tests are left out."""
     tests = tests.sort_values(["scenario", "index"])
-    found, full = defaultdict(list), tests.groupby("version").size().max()
+    found, full = defaultdict(dict), tests.groupby("version").size().max()
     for version, rows in sorted(tests.groupby("version"), key=lambda item: Version.named(item[0]).seed or 0):
         if len(rows) == full:
-            found[Version.named(version).group].append(rows["failure"].to_numpy(np.int64))
+            found[Version.named(version).group][Version.named(version).seed or 0] = rows["failure"].to_numpy(np.int64)
     kinds = ("base", *RETRAINED)
     return dict(sorted(found.items(), key=lambda item: (Version.named(item[0]).round, kinds.index(Version.named(item[0]).kind))))
 
 
-def cell(failures: Sequence[NDArray[np.int64]], chosen: NDArray[np.bool_]) -> str:
+def cell(failures: Iterable[NDArray[np.int64]], chosen: NDArray[np.bool_]) -> str:
     counts = [int(one[chosen].sum()) for one in failures]
     return str(counts[0]) if len(counts) == 1 else f"{np.mean(counts):.1f} ({', '.join(map(str, counts))})"
 
@@ -99,17 +99,17 @@ def print_table(tests: pd.DataFrame) -> None:
     rows += [("all", np.ones(len(one), bool)), *((name, (one["group"] == name).to_numpy()) for name in GROUPS)]
     print("| failures | " + " | ".join(versions) + " | adaptive - random | adaptive - control |\n" + "|---" * (len(versions) + 3) + "|")
     for name, chosen in rows:
-        cells = [cell(failures, chosen) for failures in versions.values()]
+        cells = [cell(failures.values(), chosen) for failures in versions.values()]
         cells += [difference(versions, other, chosen) for other in ("random", "control")]
         print(f"| {name}, {chosen.sum()} tests | " + " | ".join(cells) + " |")
 
 
-def difference(versions: dict[str, list[NDArray[np.int64]]], other: str, chosen: NDArray[np.bool_]) -> str:
+def difference(versions: dict[str, dict[int, NDArray[np.int64]]], other: str, chosen: NDArray[np.bool_]) -> str:
     """Adaptive minus another kind, over the seeds that both have."""
-    pairs = list(zip(versions.get("adaptive", []), versions.get(other, []), strict=False))
-    if not pairs:
+    adaptive, rival = versions.get("adaptive", {}), versions.get(other, {})
+    if not (common := adaptive.keys() & rival.keys()):
         return ""
-    each = np.stack([adaptive[chosen] - rival[chosen] for adaptive, rival in pairs])
+    each = np.stack([adaptive[seed][chosen] - rival[seed][chosen] for seed in sorted(common)])
     totals = each.sum(axis=1)
     low, high = mean_interval(totals)
     return f"{totals.mean():.1f} ({low:.1f} to {high:.1f}), p = {sign_flip(each.sum(axis=0)):.2g}"
