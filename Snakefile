@@ -129,7 +129,12 @@ rule campaign:
     threads: 2
     params:
         stamp=lambda w: S.stamp(
-            "campaign", f"scenarios.{w.scenario}", f"samplers.{w.strategy}", "simulator", "detector", S.budget(w.scenario)
+            "campaign",
+            f"scenarios.{w.scenario}",
+            f"samplers.{w.strategy}",
+            "simulator",
+            "detector",
+            *S.campaign_sections(w.scenario),
         ),
         # Outside the outputs' folder: DVC empties that before it makes a stage again.
         journal=f"{D}/journal/{{scenario}}/{{strategy}}/{{version}}/{{seed}}",
@@ -240,6 +245,7 @@ rule retrain:
     threads: 2
     params:
         stamp=S.stamp("retrain", *S.retraining_sections, "regions", "held_out", "detector"),
+        seed=lambda w: S.training_seed(w.version),
         checkpoint=f"{D}/journal/train/{{version}}.pt",
     shell:
         RUN + " retrain --version {wildcards.version} --base-set {input.base_set} --parent {input.parent} --spaces {input.spaces}"
@@ -264,7 +270,7 @@ rule compare:
     benchmark:
         f"{L}/compare.tsv"
     params:
-        stamp=S.stamp("compare", "comparison", "regions"),
+        stamp=S.stamp("compare", "comparison", "regions", "campaign.failure_threshold_s"),
     shell:
         RUN + " compare --tests {input.tests} --spaces {input.spaces} --models {input.models} --measures {input.measures}"
         " --out {output.comparison} --table {output.table} --changes {output.changes} --metrics {output.metrics} --log {log}"

@@ -314,10 +314,15 @@ def check_targets(config: Config) -> None:
         for name in section:
             if name != "_target_" and name not in parameters:
                 raise InputError(f"unknown key '{key}.{name}'{nearest(name, parameters)}")
+    learning = {
+        name for name, section in config.samplers.items() if "earlier" in _parameters(f"samplers.{name}._target_", section["_target_"])
+    }
     for name in config.campaign.transfer:
-        target = config.samplers[name]["_target_"]
-        if "earlier" not in _parameters(f"samplers.{name}._target_", target):
+        if name not in learning:
+            target = config.samplers[name]["_target_"]
             raise InputError(f"campaign.transfer: '{name}' ({target}) takes no tests of other campaigns, it has no parameter 'earlier'")
+    if (frozen := config.comparison.strategy) in learning:
+        raise InputError(f"comparison.strategy: '{frozen}' learns from results, so each version would be given other tests")
 
 
 def _parameters(key: str, target: str) -> list[str]:

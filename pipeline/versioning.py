@@ -60,7 +60,7 @@ STAGES = {
     "analyse": Stage(
         "analysis",
         ("steps.measure", "steps.white_box", "steps.cluster", "steps.filter"),
-        ("regions", "filter", "strategies", "comparison.confidence"),
+        ("regions", "filter", "strategies", "adaptive", "comparison.confidence"),
         (f"{D}/measures.json", f"{D}/white_box.json", f"{D}/regions", f"{D}/filter"),
         (f"{D}/space", f"{D}/base_set", f"{D}/models/base", f"{D}/campaigns"),
         plots=({f"{D}/theta.csv": {"x": "tests", "title": "Failures found"}},),
@@ -68,21 +68,24 @@ STAGES = {
     "retrain": Stage(
         "versions",
         ("steps.retrain", "steps.filter", *SIMULATION, *SAMPLERS),
-        ("retraining", "training", "regions", "detector", "filter", "search", "scenarios", "samplers", "simulator", "campaign"),
+        (
+            *("retraining", "training", "regions", "detector", "filter", "strategies", "adaptive", "held_out"),
+            *("search", "seeds", "scenarios", "samplers", "simulator", "campaign"),
+        ),
         (RETRAINED,),
         (f"{D}/base_set", f"{D}/models/base", f"{D}/campaigns", f"{D}/filter"),
     ),
     "held_out": Stage(
         "held_out",
         (*SIMULATION, "core.samplers.pairwise"),
-        ("held_out", "scenarios", "samplers", "simulator", "detector", "comparison"),
+        ("held_out", "scenarios", "samplers", "simulator", "detector", "comparison", "campaign.failure_threshold_s"),
         (f"{D}/held_out",),
         (f"{D}/space", f"{D}/models/base", RETRAINED),
     ),
     "compare": Stage(
         "compare",
         ("steps.compare",),
-        ("comparison", "regions"),
+        ("comparison", "regions", "campaign.failure_threshold_s"),
         (f"{D}/comparison.json", f"{D}/comparison.parquet", f"{D}/changes.csv"),
         (f"{D}/held_out", f"{D}/measures.json", f"{D}/models/base", RETRAINED),
         metrics=(f"{D}/metrics.json",),

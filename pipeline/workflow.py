@@ -63,8 +63,17 @@ class Study:
 
     @property
     def retraining_sections(self) -> list[str]:
-        """What retrained versions depend on: training parameters only where they are trained from scratch."""
-        return ["retraining", "training"] if self.config.retraining.start == "scratch" else ["retraining"]
+        """What retrained versions depend on: training parameters only where they are trained from scratch.
+
+        How many rounds and seeds there are is left out: one more makes further versions and leaves those that there are as they are.
+        """
+        own = [f"retraining.{name}" for name in type(self.config.retraining).model_fields if name not in ("seeds", "rounds")]
+        return [*own, "training"] if self.config.retraining.start == "scratch" else own
+
+    def training_seed(self, version: str) -> int:
+        """The seed that a version is retrained with."""
+        seed = Version.named(version).seed
+        return self.config.retraining.seeds[0] if seed is None else seed
 
     @property
     def overrules(self) -> list[str]:
@@ -76,9 +85,9 @@ class Study:
         """The keys that the snapshots of the front-car study depend on."""
         return [f"front_car.{key}" for key in ("space", "seed", "images", "validation_share", "test_images")]
 
-    def budget(self, scenario: str) -> str:
-        """The config section that sets a campaign's number of tests."""
-        return "comparison.tests" if scenario in self.config.held_out else "campaign"
+    def campaign_sections(self, scenario: str) -> list[str]:
+        """What a campaign's budget and verdicts depend on."""
+        return ["comparison.tests", "campaign.failure_threshold_s"] if scenario in self.config.held_out else ["campaign"]
 
     def finish(self) -> None:
         """Once a report is there: print the verdict, and tell DVC that what it versions was made, unless DVC itself is at work."""

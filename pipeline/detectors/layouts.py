@@ -72,10 +72,10 @@ def class_names(metadata: Mapping[str, str]) -> dict[int, str]:
     """The names of classes that Ultralytics writes into a model, empty if there are none. Read as a literal, never run."""
     try:
         plain = ast.literal_eval(metadata["names"])
-    except (KeyError, ValueError, SyntaxError):
+        items = plain.items() if isinstance(plain, dict) else enumerate(plain) if isinstance(plain, list) else ()
+        return {int(number): str(name) for number, name in items}
+    except (KeyError, TypeError, ValueError, SyntaxError):
         return {}
-    items = plain.items() if isinstance(plain, dict) else enumerate(plain) if isinstance(plain, list) else ()
-    return {int(number): str(name) for number, name in items}
 
 
 def person_class(model: object, names: Mapping[int, str], classes: int | None, declared: str | int | None) -> int:
@@ -88,6 +88,10 @@ def person_class(model: object, names: Mapping[int, str], classes: int | None, d
     wanted = PEOPLE if declared is None else (declared.lower(),)
     for number, name in names.items():
         if name.lower() in wanted:
+            if classes is not None and not 0 <= number < classes:
+                raise InputError(
+                    f"{model}: its names call class {number} {name}, but its output has {classes} classes: from 0 to {classes - 1}"
+                )
             return number
     if declared is None and classes == 1:
         return 0

@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import onnxruntime
 from numpy.typing import NDArray
-from onnxruntime.capi.onnxruntime_pybind11_state import Fail, InvalidArgument, InvalidGraph, InvalidProtobuf
+from onnxruntime.capi import onnxruntime_pybind11_state as ort
 
 from pipeline.detectors import layouts
 from pipeline.detectors.layouts import LAYOUTS, Layout, Letterbox
 from pipeline.detectors.suppression import inside, reported
-from pipeline.protocols import Detections, Frame, InputError
+from pipeline.protocols import Detections, Frame, InputError, SimulationError
 
 OURS = "input 'image' (n, h, w, 3) uint8 RGB; outputs 'boxes' (n, cells, 4) in pixels and 'scores' (n, cells) in [0, 1]"
 EXPECTED = f"{OURS}; or a YOLO export: input (n, 3, h, w) float, one output in YOLOv5's, YOLOv8's or an end-to-end layout"
+SMALLEST_BOXES = 2.0
+"""Pixels that some box reaches beyond if boxes are in pixels."""
+REFUSALS = (
+    *(ort.Fail, ort.InvalidArgument, ort.InvalidGraph, ort.InvalidProtobuf, ort.NotImplemented, ort.NoModel, ort.EPFail),
+    *(ort.RuntimeException, ort.EngineError),
+)
+"""What ONNX Runtime raises; its exceptions have no base of their own."""
 Floats = NDArray[np.float32]
 
 
@@ -67,15 +75,23 @@ class OnnxDetector:
         expected = self._shape[1:]
         if images.dtype != np.uint8 or any(e != g for e, g in zip(expected, images.shape[1:], strict=True) if isinstance(e, int)):
             raise InputError(f"{self._model} takes uint8 images of {expected}, got {images.dtype} {images.shape[1:]}")
-        boxes, scores = self._session.run(["boxes", "scores"], {self._input: np.ascontiguousarray(images)})
+        boxes, scores = self._run(["boxes", "scores"], np.ascontiguousarray(images))
         return [reported(self._model, b, s, self._threshold, self._iou) for b, s in zip(boxes, scores, strict=True)]
 
     def _foreign(self, image: NDArray[np.uint8]) -> tuple[Floats, Floats]:
         width, height = self._image_size(image.shape[1], image.shape[0])
         padded, box = Letterbox.fit(image, width, height)
         tensor = (np.ascontiguousarray(padded.transpose(2, 0, 1)[None], np.float32) / 255).astype(self._float)
-        boxes, scores = layouts.decode(self._layout, self._session.run(None, {self._input: tensor})[0][0], self._person)
+        boxes, scores = layouts.decode(self._layout, self._run(None, tensor)[0][0], self._person)
+        if len(boxes) and 0 < (largest := float(np.abs(boxes).max())) <= SMALLEST_BOXES:
+            raise InputError(f"{self._model}: expected boxes in pixels of its {width} by {height} input, got none beyond {largest:.3g}")
         return inside(box.back(boxes), scores, image.shape[1], image.shape[0])
+
+    def _run(self, outputs: list[str] | None, images: NDArray[Any]) -> Any:
+        try:
+            return self._session.run(outputs, {self._input: images})
+        except REFUSALS as error:
+            raise SimulationError(f"{self._model} breaks on an image: {str(error).splitlines()[0]}") from error
 
     def _image_size(self, width: int, height: int) -> tuple[int, int]:
         """Width and height that the model takes; of its own choice the image's, rounded up to its largest stride."""
@@ -135,6 +151,6 @@ def _session(path: Path, threads: int) -> onnxruntime.InferenceSession:
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     try:
         return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
-    except (Fail, InvalidArgument, InvalidGraph, InvalidProtobuf) as error:
+    except REFUSALS as error:
         reason = str(error).splitlines()[0]
         raise InputError(f"{path} is no ONNX file that ONNX Runtime can load: {reason}") from error

@@ -10,16 +10,20 @@ from pipeline.protocols import Detections, SimulationError
 
 CANDIDATES = 300
 """Boxes before suppression; far more than a street has people."""
+ROUNDING = 1e-3
+"""How far half precision may leave a score outside [0, 1]."""
 Floats = NDArray[np.float32]
 
 
 def reported(model: object, boxes: Floats, scores: Floats, threshold: float, iou: float) -> Detections:
     """The boxes (n, 4) whose scores (n,) reach the threshold and that no better one overlaps by more than `iou`, best first.
 
-    SimulationError that names the model if a score, or the box of a score that counts, is no number.
+    SimulationError that names the model if a score, or the box of a score that counts, is no number, or a score is not in [0, 1].
     """
     if not np.isfinite(scores).all() or not np.isfinite(boxes[scores >= threshold]).all():
         raise SimulationError(f"{model} gives values that are no numbers")
+    if (wrong := (scores < -ROUNDING) | (scores > 1 + ROUNDING)).any():
+        raise SimulationError(f"{model} gives a score of {scores[wrong][0]:.3g}, expected scores in [0, 1]; logits want a sigmoid")
     above = np.flatnonzero(scores >= threshold)
     if not len(above):
         return Detections.none()

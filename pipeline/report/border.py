@@ -41,6 +41,8 @@ def nearest(judged: pd.DataFrame, min_visible_pixels: int, min_detectability: fl
     ordered = rows.assign(border=np.minimum(pixels, detectability).abs()).sort_values(["border", "test_id", "step"], kind="stable")
     # Strategies that share a seed share their first random tests: the same frame would come twice.
     ordered = ordered.drop_duplicates(["visible_pixels", "contrast"])
+    if ordered.empty:
+        return ordered
     return pd.concat([group.drop_duplicates("test_id").head(count // 2) for _, group in ordered.groupby("kept", sort=False)])
 
 

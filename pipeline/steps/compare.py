@@ -62,7 +62,8 @@ def run(
     tests: tests.parquet of each held-out scenario and version. spaces: of the held-out scenarios. models: model.json of each
     version; their order is the order of the versions. measures: measures.json of the search.
 
-    Raises InputError if the versions were not executed on the same points in the same order, or one has no campaign.
+    Raises InputError if the versions were not executed on the same points in the same order, or one has no campaign, or was judged at
+    another threshold than the config's.
     """
     infos = {info.name: (info, space) for info, space in map(read_space, spaces)}
     cards = [read_card(path) for path in models]
@@ -70,6 +71,7 @@ def run(
     for done, path in enumerate(tests, 1):
         rows = read_tests(path).sort_values("index", ignore_index=True)
         scenario, _, version, _ = campaign_key(rows, path)
+        _check_threshold(rows, config.campaign.failure_threshold_s, path)
         tables[scenario, version] = rows
         progress(done, len(tests), f"{scenario}/{version}")
     versions = [card.version for card in cards]
@@ -88,6 +90,17 @@ def run(
     variables = list(next(space for _, space in infos.values()).names)
     write_bytes(changes, changed_tests(result, joined, variables).to_csv(index=False, lineterminator="\n", float_format="%.6g").encode())
     write_json(metrics, flat_metrics(result, read(measures, Measures), {card.version: card.metrics for card in cards}))
+
+
+def _check_threshold(rows: pd.DataFrame, threshold: float, path: Path) -> None:
+    judged = rows[rows["status"] == "ok"]
+    different = judged[judged["failure"] != (judged["adj_ttc_s"] <= threshold)]
+    if len(different):
+        row = different.iloc[0]
+        raise InputError(
+            f"{path}, test {row['index']}: expected a failure at an adjusted TTC of {threshold:g} s or below "
+            f"(campaign.failure_threshold_s), got {row['adj_ttc_s']:.3g} s and failure {bool(row['failure'])}; execute it again"
+        )
 
 
 def check_sequences(tests: Mapping[tuple[str, str], pd.DataFrame], variables: Mapping[str, Sequence[str]], versions: Sequence[str]) -> str:

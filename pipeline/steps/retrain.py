@@ -80,7 +80,7 @@ def run(
         leakage.refuse_frames(config.held_out, chosen["test_id"].tolist(), added, validation)
     data = {"base_set": base.digest, "parent": sha256(weights)} | ({} if added is None else {"added": added.digest})
     fitted = _fit(config, weights, base, added, validation, seed, data, checkpoint, threads, progress)
-    training = settings.model_dump(exclude={"seeds"}) | {"seed": seed, "round": described.round, "base_images": len(base)}
+    training = _taken(config) | {"seed": seed, "round": described.round, "base_images": len(base)}
     write_version(
         config,
         fitted,
@@ -93,6 +93,21 @@ def run(
         seed=seed,
     )
     checkpoint.unlink(missing_ok=True)
+
+
+def _taken(config: Config) -> dict[str, Any]:
+    """The settings that a version was made with: of the frames, and of the training that `retraining.start` chose."""
+    settings = config.retraining
+    frames = settings.model_dump(include={"start", "selection", "empty_share"})
+    if settings.start == "scratch":
+        return frames | _from_scratch(config)
+    return frames | settings.model_dump(include={"batch_size", "iterations", "learning_rate", "added_share"})
+
+
+def _from_scratch(config: Config) -> dict[str, Any]:
+    """Section `training` without an early end: versions that are compared take equally many steps."""
+    settings = config.training
+    return settings.model_dump() | {"patience": settings.crop_iterations + settings.frame_iterations}
 
 
 def _fit(
@@ -112,7 +127,7 @@ def _fit(
         everything = base if added is None else joined(base, added)
         # All added frames: the filter has judged them, or a person has.
         indices = np.concatenate([usable(base), np.arange(len(base), len(everything))])
-        section = config.training.model_dump() | {"seed": seed}
+        section = _from_scratch(config) | {"seed": seed}
         return train_from_scratch(everything, indices, validation, section, checkpoint=checkpoint, threads=threads, progress=progress)
     steps: dict[str, Any] = settings.model_dump(include={"iterations", "batch_size", "learning_rate", "added_share"}) | {"seed": seed}
     identity = hashlib.sha256(json.dumps([steps, data]).encode()).hexdigest()

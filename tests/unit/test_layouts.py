@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import onnx
@@ -151,6 +152,45 @@ def test_what_is_wrong_is_named(tmp_path: Path) -> None:
     hostile.write_bytes(b"\x80\x04cos\nsystem\n.")
     with pytest.raises(InputError, match=r"a .pt file can run code when it is read and is not opened; export it to ONNX"):
         OnnxDetector(hostile)
+
+
+def test_names_that_do_not_fit_the_output_are_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="its names call class 7 person, but its output has 3 classes: from 0 to 2"):
+        OnnxDetector(export(tmp_path / "a.onnx", yolov8(), "{7: 'person'}"))
+    with pytest.raises(InputError, match="got names none"):
+        OnnxDetector(export(tmp_path / "b.onnx", yolov8(), "{'a': 'person'}"))
+
+
+@pytest.mark.parametrize("make", [yolov8, yolov5, end_to_end])
+def test_logits_and_boxes_that_are_not_in_pixels_are_refused(make: Any, tmp_path: Path) -> None:
+    logits = make()
+    logits[logits == np.float32(0.9)] = 7.3
+    with pytest.raises(SimulationError, match=r"gives a score of [67]\.\d+, expected scores in \[0, 1\]; logits want a sigmoid"):
+        OnnxDetector(export(tmp_path / "a.onnx", logits)).detect(Frame(IMAGE, Truth()))
+    shares = make()
+    shares[shares > 1] /= 160
+    with pytest.raises(InputError, match=r"b.onnx: expected boxes in pixels of its 160 by 96 input, got none beyond"):
+        OnnxDetector(export(tmp_path / "b.onnx", shares)).detect(Frame(IMAGE, Truth()))
+
+
+def test_what_onnx_runtime_cannot_run_is_named(tmp_path: Path) -> None:
+    path = export(tmp_path / "a.onnx", yolov8())
+    model = onnx.load(path)
+    model.graph.node[3].op_type = "BitShift"
+    onnx.save(model, path)
+    with pytest.raises(InputError, match=r"a.onnx is no ONNX file that ONNX Runtime can load"):
+        OnnxDetector(path)
+    breaking = export(tmp_path / "b.onnx", yolov8())
+    model = onnx.load(breaking)
+    for side in model.graph.input[0].type.tensor_type.shape.dim[2:]:
+        side.dim_param = "side"
+    shape = helper.make_node("Reshape", ["images", "three"], ["wrong"])
+    model.graph.initializer.append(numpy_helper.from_array(np.array([7, -1]), "three"))
+    model.graph.node.insert(0, shape)
+    model.graph.output.append(helper.make_tensor_value_info("wrong", TensorProto.FLOAT, ["a", "b"]))
+    onnx.save(model, breaking)
+    with pytest.raises(SimulationError, match=r"b.onnx breaks on an image: .*Reshape"):
+        OnnxDetector(breaking, layout="yolov8").detect(Frame(IMAGE, Truth()))
 
 
 def test_names_are_never_run(tmp_path: Path) -> None:

@@ -94,8 +94,9 @@ def test_a_killed_training_goes_on_to_the_same_weights(tmp_path: Path, monkeypat
     done.clear()
     fit(small(), schedule, feed, identity="b", checkpoint=checkpoint, threads=1, progress=lambda now, *_: done.append(now))
     assert done == [7] and torch.load(checkpoint, weights_only=True)["identity"] == "banother"
-    checkpoint.write_bytes(b"damaged")
-    assert same(uninterrupted, fit(small(), schedule, feed, identity="a", checkpoint=checkpoint, threads=1).model)
+    for damaged in (b"damaged", b"", b"\x80", b"q\xff\x01.", b"K\x01."):
+        checkpoint.write_bytes(damaged)
+        assert same(uninterrupted, fit(small(), schedule, feed, identity="a", checkpoint=checkpoint, threads=1).model)
 
 
 def test_schedule_warms_up_and_falls() -> None:

@@ -10,7 +10,6 @@ import copy
 import hashlib
 import io
 import math
-import pickle
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -270,7 +269,7 @@ def _resume(path: Path, identity: str, state: State, device: torch.device) -> No
     """Take the checkpoint up; a damaged or foreign one only costs the time that it held."""
     try:
         found = torch.load(path, map_location=device, weights_only=True)
-    except (OSError, EOFError, RuntimeError, pickle.UnpicklingError):
+    except Exception:  # Its readers raise whatever damaged bytes make them stumble over, an IndexError as well as an UnpicklingError.
         return
     if not isinstance(found, dict) or found.get("identity") != identity:
         return
