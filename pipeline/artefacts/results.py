@@ -205,7 +205,8 @@ class VersionResult(Result):
 
 
 class GroupResult(Result):
-    """Versions that differ by the seed of retraining alone: mean failures with Student's intervals over the seeds, in all and by scenario.
+    """Versions that differ by the seed of retraining alone: mean failures, in all and by scenario, with Student's intervals over the seeds;
+    of a single version Wilson's over the tests.
 
     against_base: ratio of its mean to the base's failures; null where the base fails nowhere.
     """
@@ -231,6 +232,12 @@ class GroupPair(Result):
     tests: int
     difference: Estimate
     p_value: float
+
+    def shown(self, alpha: float) -> bool:
+        """Whether the tests tell them apart (p at most alpha) and the trainings do so, too: one seed says nothing of these, of several the
+        interval must leave 0 out. By the tests alone the luck of three trainings would pass for an effect in up to a fifth of cases.
+        """
+        return self.p_value <= alpha and not self.difference.low <= 0 <= self.difference.high
 
 
 class RegionResult(Result):

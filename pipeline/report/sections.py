@@ -34,11 +34,11 @@ def headline(comparison: Comparison) -> str:
     tests = comparison.versions[0].tests
     parts = [f"On {tests} tests of the held-out {where} the {base.group} detector fails {mean_text(base.failures.value)}."]
     pairs = [pair for pair in comparison.group_pairs if pair.against == base.group]
-    shown = [pair for pair in pairs if pair.p_value <= comparison.alpha]
+    shown = [pair for pair in pairs if pair.shown(comparison.alpha)]
     for phrase, chosen in (
         ("Fewer failures are shown for", [pair for pair in shown if pair.difference.value < 0]),
         ("More failures are shown for", [pair for pair in shown if pair.difference.value > 0]),
-        ("No difference is shown for", [pair for pair in pairs if pair.p_value > comparison.alpha]),
+        ("No difference is shown for", [pair for pair in pairs if pair not in shown]),
     ):
         if chosen:
             parts.append(f"{phrase} {', '.join(failures[pair.group] for pair in chosen)}.")

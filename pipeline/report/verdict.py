@@ -57,7 +57,9 @@ def _group_sentence(comparison: Comparison, pair: GroupPair) -> str:
         return f"{pair.group} against {pair.against}: {outcome} (p = {pair.p_value:.2g})."
     mean = pair.difference
     outcome = f"{mean.value:+.1f} failures, mean of {seeds} seeds ({mean.low:+.1f} to {mean.high:+.1f})"
-    return f"{pair.group} against {pair.against}: {outcome}; p = {pair.p_value:.2g}, exact sign-flip test over the tests, seeds summed."
+    p_value = f"p = {pair.p_value:.2g}, exact sign-flip test over the tests, seeds summed"
+    luck = pair.p_value <= comparison.alpha and not pair.shown(comparison.alpha)
+    return f"{pair.group} against {pair.against}: {outcome}; {p_value}{', but within the luck of training' if luck else ''}."
 
 
 def _row(result: VersionResult, champion: str) -> tuple[str, ...]:
@@ -90,7 +92,8 @@ def group_rows(comparison: Comparison) -> list[tuple[str, ...]]:
 
 def _averaged(comparison: Comparison) -> str:
     seeds = max(len(group.versions) for group in comparison.groups)
-    return f"means over {seeds} seeds of retraining (Student's intervals)" if seeds > 1 else "one seed of retraining"
+    several = f"means over {seeds} seeds of retraining with Student's intervals, single versions with Wilson's"
+    return several if seeds > 1 else "one seed of retraining, with Wilson's intervals"
 
 
 def mean_text(value: float) -> str:

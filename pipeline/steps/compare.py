@@ -179,8 +179,8 @@ def group_results(results: Sequence[VersionResult], confidence: float) -> tuple[
             group=name,
             round=members[0].round,
             versions=tuple(member.version for member in members),
-            failures=(failures := _mean([member.failures for member in members], confidence)),
-            scenarios={s: _mean([member.scenarios[s].failures for member in members], confidence) for s in members[0].scenarios},
+            failures=(failures := _counted(members, confidence)),
+            scenarios={s: _counted([member.scenarios[s] for member in members], confidence) for s in members[0].scenarios},
             against_base=failures.value / base if base else None,
         )
         for name, members in groups.items()
@@ -199,6 +199,14 @@ def group_pair(by_version: Mapping[str, pd.DataFrame], against: GroupResult, gro
         difference=_mean((after.sum(axis=1) - before.sum(axis=1)).tolist(), confidence, least=-np.inf),
         p_value=sign_flip((after - before).sum(axis=0)),
     )
+
+
+def _counted(results: Sequence[VersionResult] | Sequence[ScenarioResult], confidence: float) -> Estimate:
+    """Failures, the mean over the seeds; a single count with the interval of its rate."""
+    if len(results) > 1:
+        return _mean([result.failures for result in results], confidence)
+    (single,) = results
+    return Estimate(value=single.failures, low=single.rate.low * single.tests, high=single.rate.high * single.tests)
 
 
 def _mean(counts: Sequence[int], confidence: float, least: float = 0) -> Estimate:

@@ -135,6 +135,8 @@ def test_groups_average_over_the_seeds_of_retraining() -> None:
     # Student's t of two seeds is wide: 2 ± 12.7, and no count is below 0.
     assert (first.failures.low, first.failures.high) == pytest.approx((0, 14.706), abs=1e-3) and first.scenarios["F1star"].value == 2
     assert (second.group, second.round, second.failures.value) == ("adaptive-r2", 2, 0)
+    # A single version: Wilson's interval of 4 of 8.
+    assert (base.failures.low, base.failures.high) == pytest.approx((8 * 0.2152, 8 * 0.7848), abs=1e-3)
     none = compared(base="....", adaptive="c...")
     assert none.groups[1].against_base is None
 

@@ -111,6 +111,17 @@ def test_several_seeds_are_judged_together() -> None:
     )
 
 
+def test_what_the_luck_of_training_may_be_is_not_shown() -> None:
+    sure = GroupPair(group="a", against="b", tests=9, difference=Estimate(value=-15, low=-18, high=-12), p_value=0.01)
+    assert sure.shown(0.05) and not sure.shown(0.005)
+    lucky = sure.model_copy(update={"difference": Estimate(value=-15, low=-31, high=1)})
+    assert not lucky.shown(0.05)
+    single = comparison()
+    pairs = tuple(pair.model_copy(update={"difference": lucky.difference}) for pair in single.group_pairs)
+    told = verdict_sentences(single.model_copy(update={"group_pairs": pairs}))[1]
+    assert told.endswith("seeds summed, but within the luck of training.")
+
+
 def test_the_best_of_several_is_said_to_be_picked() -> None:
     single = comparison()
     both = single.model_copy(update={"gate": single.gate | {"random": "passes: so"}})
