@@ -11,6 +11,7 @@ import json
 import logging
 import os
 import tempfile
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -24,7 +25,7 @@ from pipeline.protocols import InputError
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
-    from mlflow.entities import Run
+    from mlflow.entities import LoggedModel, Run
     from mlflow.entities.model_registry import ModelVersion
 
 DIGEST, PICTURES = "blindspot.digest", "blindspot.pictures"
@@ -50,7 +51,8 @@ class DataSet:
 class Content:
     """What a run holds. series: name -> (step, value) pairs. files: logged at the top of the run's artifacts.
 
-    pictures: logged beside them, but no part of what it is: the same results drawn anew are no other run.
+    pictures and results, metrics that a later comparison gives it, are logged beside them, but are no part of what it is: drawn or compared
+    anew it is no other run.
     """
 
     name: str
@@ -62,11 +64,12 @@ class Content:
     files: Sequence[Path] = ()
     data: Sequence[DataSet] = ()
     pictures: Sequence[Path] = ()
+    results: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def digest(self) -> str:
-        """SHA-256 of all but the pictures, the files' bytes included; paths and times do not count."""
-        plain = {key: value for key, value in asdict(self).items() if key not in ("files", "pictures")}
+        """SHA-256 of all but the pictures and results, the files' bytes included; paths and times do not count."""
+        plain = {key: value for key, value in asdict(self).items() if key not in ("files", "pictures", "results")}
         plain["files"] = _named_digests(self.files)
         return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()
 
@@ -122,6 +125,7 @@ class Tracker:
             if parent is not None and known.data.tags.get(PARENT) != parent:
                 self._client.set_tag(known.info.run_id, PARENT, parent)
             self._log_pictures(known.info.run_id, content, known.data.tags.get(PICTURES, ""))
+            self._log_results(known.info.run_id, content, known.data.metrics)
             return str(known.info.run_id)
         tags = {**self._lineage, **content.tags, DIGEST: digest, "kind": content.kind} | ({} if parent is None else {PARENT: parent})
         run_id = str(self._client.create_run(self._experiment, run_name=content.name, tags=tags).info.run_id)
@@ -143,6 +147,9 @@ class Tracker:
             for name, value in registration.tags.items():
                 self._client.set_model_version_tag(model, known.version, name, value)
             self._client.update_model_version(model, known.version, registration.description)
+            for logged in self._logged_models(digest):
+                newest = {metric.key: metric.value for metric in sorted(logged.metrics or [], key=lambda metric: metric.timestamp)}
+                self._log_results(run_id, registration.content, newest, logged.model_id)
             return str(known.version), run_id
         if not self._client.search_registered_models(f"name = '{model}'"):
             self._client.create_registered_model(model, description="Pedestrian detectors, tested in closed loop by Blindspot.")
@@ -160,6 +167,10 @@ class Tracker:
     def aliases(self, model: str) -> dict[str, str]:
         """The aliases of a registered model, each with the number of its version."""
         return {name: str(number) for name, number in self._client.get_registered_model(model).aliases.items()}
+
+    def tags(self, model: str, version: str) -> dict[str, str]:
+        """The tags of a registered version."""
+        return dict(self._client.get_model_version(model, version).tags)
 
     def set_alias(self, model: str, alias: str, version: str) -> None:
         """Point an alias of the registered model at a version."""
@@ -184,7 +195,7 @@ class Tracker:
         from mlflow.entities import LoggedModelStatus, Metric
 
         content, digest = registration.content, registration.digest
-        for found in self._client.search_logged_models([self._experiment], filter_string=f"tags.`{DIGEST}` = '{digest}'"):
+        for found in self._logged_models(digest):
             if found.status == LoggedModelStatus.READY:
                 return found
             self._client.delete_logged_model(found.model_id)
@@ -204,8 +215,13 @@ class Tracker:
             for path in registration.files:
                 if path.suffix != ".onnx":
                     self._client.log_model_artifact(logged.model_id, str(path))
-        self._client.log_batch(run_id, metrics=[Metric(*point, 1, 0, model_id=logged.model_id) for point in content.metrics.items()])
+        points = {**content.metrics, **content.results}.items()
+        self._client.log_batch(run_id, metrics=[Metric(*point, 1, 0, model_id=logged.model_id) for point in points])
         return self._client.finalize_logged_model(logged.model_id, "READY")
+
+    def _logged_models(self, digest: str) -> Sequence[LoggedModel]:
+        found: Sequence[LoggedModel] = self._client.search_logged_models([self._experiment], f"tags.`{DIGEST}` = '{digest}'")
+        return found
 
     def _log_pictures(self, run_id: str, content: Content, logged: str = "") -> None:
         """logged: the digest of those that the run has."""
@@ -215,11 +231,20 @@ class Tracker:
                 self._client.log_artifact(run_id, str(path))
             self._client.set_tag(run_id, PICTURES, digest)
 
+    def _log_results(self, run_id: str, content: Content, logged: Mapping[str, float], model_id: str | None = None) -> None:
+        """Those that are others than a run, or a logged model of it, has; MLflow shows the newest."""
+        from mlflow.entities import Metric
+
+        now = time.time_ns() // 1_000_000
+        changed = [Metric(*point, now, 0, model_id=model_id) for point in content.results.items() if logged.get(point[0]) != point[1]]
+        if changed:
+            self._client.log_batch(run_id, metrics=changed)
+
     def _log_numbers(self, run_id: str, content: Content) -> None:
         from mlflow.entities import Metric, Param
 
         # A fixed time: what was measured has none of its own, and the steps order a series.
-        points = [Metric(name, float(value), 0, 0) for name, value in content.metrics.items()]
+        points = [Metric(name, float(value), 0, 0) for name, value in {**content.metrics, **content.results}.items()]
         points += [Metric(name, float(value), 0, step) for name, values in content.series.items() for step, value in values]
         params = [Param(name, value) for name, value in content.params.items()]
         for begin in range(0, len(params), PARAMS):

@@ -73,9 +73,13 @@ def mcnemar(before: ArrayLike, after: ArrayLike) -> Paired:
     if first.shape != second.shape or first.ndim != 1:
         raise ValueError(f"before and after must be lists of equal length, got shapes {first.shape} and {second.shape}")
     regressions, mended = int(np.sum(~first & second)), int(np.sum(first & ~second))
-    discordant = regressions + mended
-    p_value = float(stats.binomtest(mended, discordant).pvalue) if discordant else 1.0
-    return Paired(int(np.sum(first & second)), regressions, mended, int(np.sum(~first & ~second)), p_value)
+    return Paired(int(np.sum(first & second)), regressions, mended, int(np.sum(~first & ~second)), mcnemar_p_value(mended, regressions))
+
+
+def mcnemar_p_value(mended: int, regressions: int) -> float:
+    """Of the exact McNemar test, two-sided, by how many tests only the one and only the other version fails."""
+    discordant = mended + regressions
+    return float(stats.binomtest(mended, discordant).pvalue) if discordant else 1.0
 
 
 def sign_flip(differences: ArrayLike) -> float:

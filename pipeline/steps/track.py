@@ -16,10 +16,11 @@ from pipeline.config import Config
 from pipeline.core.measures import failure_sequence
 from pipeline.progress import OnProgress
 from pipeline.report.verdict import verdict_table
+from pipeline.steps.champion import successor
 from pipeline.steps.measure import campaign_key, count_modes
 from pipeline.tracking import Content, DataSet, Registration, Tracker
 
-CHAMPION = "champion"
+CHAMPION, WEIGHTS = "champion", "weights_sha256"
 
 
 def run(
@@ -45,7 +46,7 @@ def run(
     tracker = Tracker(store, artifacts, config.tracking.experiment, {"mlflow.source.git.commit": git_commit()})
     study = study_content(config)
     parent = tracker.log(study)
-    contents, steps = [study], 1 + len(campaigns) + len(models)
+    contents, steps = [study], 2 + len(campaigns) + len(models)
     runs: dict[str, dict[str, str]] = {}
     for done, path in enumerate(campaigns, 1):
         tests = read_tests(path)
@@ -55,25 +56,43 @@ def run(
         progress(done, steps, contents[-1].name)
     contents.append(comparison_content(config.study, compared, comparison, plots))
     compared_run = tracker.log(contents[-1], parent)
-    versions = []
+    versions, numbers, weights = [], {}, {}
     for done, path in enumerate(models, len(campaigns) + 2):
         card = read_card(path)
         registration = registration_of(config, card, path, compared, plots)
         number, run_id = tracker.register(registration, parent)
         tracker.link(registration.model, number, runs.get(card.version, {}))
-        # A study in which nothing passes the gate takes the alias from nobody.
-        if card.version == compared.champion and (card.parent is not None or CHAMPION not in tracker.aliases(registration.model)):
-            tracker.set_alias(registration.model, CHAMPION, number)
+        numbers[card.version], weights[card.version] = number, card.weights_sha256
         contents.append(registration.content)
         versions.append(run_id)
         progress(done, steps, registration.content.name)
-    text = "\n".join(["```", verdict_table(compared, comparison.with_name("report.html")), "```"])
+    alias = point_champion(tracker, config.tracking.model_name, compared, numbers, weights)
+    progress(steps, steps, alias)
+    text = "\n".join([f"{alias[0].upper()}{alias[1:]}.\n", "```", verdict_table(compared, comparison.with_name("report.html")), "```"])
     for run_id in (parent, compared_run):
         tracker.describe(run_id, text, versions)
     tracked = tuple(TrackedRun(name=c.name, kind=c.kind, digest=c.digest) for c in contents)
     failures = {result.version: result.failures for result in compared.versions}
     name = config.tracking.model_name
     write(out, Tracking(experiment=config.tracking.experiment, model=name, runs=tracked, failures=failures, champion=compared.champion))
+
+
+def point_champion(tracker: Tracker, model: str, compared: Comparison, numbers: Mapping[str, str], weights: Mapping[str, str]) -> str:
+    """Let the alias `champion` follow the comparison, and say what became of it.
+
+    numbers, weights: number of the registered version, and SHA-256 of the weights, of each version. A holder of another study is one of
+    these versions if it has the weights of one: the shipped detector is every study's base.
+    """
+    number = tracker.aliases(model).get(CHAMPION)
+    if number is None:
+        tracker.set_alias(model, CHAMPION, numbers[compared.champion])
+        return f"champion is {compared.champion}, the first"
+    own = tracker.tags(model, number).get(WEIGHTS)
+    same = [version for version in weights if numbers[version] == number] or [v for v, digest in weights.items() if digest == own]
+    version, why = successor(compared, same[0] if same else None)
+    if version is not None:
+        tracker.set_alias(model, CHAMPION, numbers[version])
+    return why
 
 
 def study_content(config: Config) -> Content:
@@ -138,23 +157,23 @@ def registration_of(config: Config, card: ModelCard, path: Path, comparison: Com
     """A model version as it is registered; path: its model.json, the other files beside it."""
     result = next(r for r in comparison.versions if r.version == card.version)
     tags = {"study": config.study, "version": card.version, "verdict": result.verdict, "failures": str(result.failures)}
-    tags |= {"gate": comparison.gate[card.version]}
+    tags |= {"gate": comparison.gate[card.version], WEIGHTS: card.weights_sha256}
     tags |= {"failures_by_ttc": str(result.modes.by_ttc), "tests": str(result.tests)}
     tags |= {f"failures.{scenario}": str(count) for scenario, count in failures_by_scenario(result).items()}
     return Registration(
         model=config.tracking.model_name,
-        content=model_content(config.study, card, result, path, plots),
+        content=model_content(config, card, result, path, plots),
         files=[file for name in ("weights.safetensors", "model.onnx", "model.json") if (file := path.with_name(name)).exists()],
         tags=tags,
         description=f"{card.version} of {config.study}: {result.failures} failures in {result.tests} held-out tests ({result.verdict}).",
     )
 
 
-def model_content(study: str, card: ModelCard, result: VersionResult, path: Path, plots: Sequence[Path]) -> Content:
+def model_content(config: Config, card: ModelCard, result: VersionResult, path: Path, plots: Sequence[Path]) -> Content:
     """A model version as a run: parameters and curve of its training, the data it used, detection metrics and failures."""
     params = {"version": card.version, "parent": card.parent or "none", "parameters": str(card.parameters), "seed": str(card.seed)}
     params |= {f"training.{name}": str(value) for name, value in card.training.items()}
-    tags: Mapping[str, str] = {"weights_sha256": card.weights_sha256, **{f"data.{name}": digest for name, digest in card.data.items()}}
+    tags: Mapping[str, str] = {WEIGHTS: card.weights_sha256, **{f"data.{name}": digest for name, digest in card.data.items()}}
     curve = path.with_name("curve.csv")
     looks = read_curve(curve) if curve.exists() else []
     series = {
@@ -162,10 +181,15 @@ def model_content(study: str, card: ModelCard, result: VersionResult, path: Path
         for name in ("learning_rate", "loss_scores", "loss_boxes", "ap50")
         if looks
     }
-    sets = {"base_set": f"data/{study}/base_set", "added": f"data/{study}/campaigns"}
+    study, later = config.study, card.training.get("round", 0) not in (0, 1)
+    shipped = card.parent is None and config.base.source == "shipped"
+    sets = {
+        "base_set": config.base.weights if shipped else f"data/{study}/base_set",
+        "added": f"data/{study}/campaigns" + (f" data/{study}/retrained/campaigns" if later else ""),
+    }
     data = [DataSet(name, card.data[name], source, "training") for name, source in sets.items() if name in card.data]
-    metrics = {**card.metrics, **version_metrics(result)}
-    return Content(f"{study}/{card.version}", "model", params, metrics, series, tags, data=data, pictures=plots)
+    results = version_metrics(result)
+    return Content(f"{study}/{card.version}", "model", params, card.metrics, series, tags, data=data, pictures=plots, results=results)
 
 
 def git_commit() -> str:

@@ -40,7 +40,9 @@ def run(config: Config, *, base_set: Path, out: Path, checkpoint: Path, threads:
     validation = read_dataset(base_set.parent, "val")
     if config.base.source == "shipped":
         shipped = Path(config.base.weights)
-        fitted = Fitted(load_weights(shipped / "weights.safetensors"), tuple(read_curve(shipped / "curve.csv")))
+        fitted = Fitted(
+            load_weights(shipped / "weights.safetensors"), tuple(read_curve(curve)) if (curve := shipped / "curve.csv").exists() else ()
+        )
         card = read_card(shipped / "model.json")
         history: dict[str, Any] = {"data": card.data, "training": card.training, "seed": card.seed}
     else:

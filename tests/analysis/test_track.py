@@ -120,19 +120,47 @@ def test_the_same_results_drawn_anew_are_the_same_version_with_the_new_picture(s
             assert Path(store.download_artifacts(version.run_id, "theta.png")).read_bytes() == b"the plot in other colours"
 
 
-def test_a_study_in_which_nothing_passes_takes_the_alias_from_nobody(study: Study) -> None:
-    path = study.root / "comparison.json"
-    before, store = path.read_bytes(), client(study)
-    held = store.get_model_version_by_alias("detector", "champion").version
+def test_a_later_comparison_moves_the_alias_and_registers_nothing_again(study: Study) -> None:
+    path, store = study.root / "comparison.json", client(study)
+    before, counted = path.read_bytes(), everything(study)
     comparison = read(path, Comparison)
-    write(path, comparison.model_copy(update={"champion": "base", "gate": {**comparison.gate, "adaptive": "held back"}}))
+    held = store.get_model_version_by_alias("detector", "champion")
+    assert held.tags["version"] == comparison.champion == "adaptive"
+    # More tests have shown that it is no better.
+    worse = tuple(v.model_copy(update={"failures": 99}) if v.version == "adaptive" else v for v in comparison.versions)
+    gate = {**comparison.gate, "adaptive": "held back: so"}
+    write(path, comparison.model_copy(update={"champion": "base", "gate": gate, "versions": worse}))
     run(study)
-    assert store.get_model_version_by_alias("detector", "champion").version == held
+    champion = store.get_model_version_by_alias("detector", "champion")
+    assert champion.tags["version"] == "base"
     # The version is the one that was registered, and what is said of it is new.
-    assert store.get_model_version("detector", held).tags["gate"] == "held back"
+    again = store.get_model_version("detector", held.version)
+    assert (again.tags["gate"], again.tags["failures"]) == ("held back: so", "99")
+    assert store.get_run(again.run_id).data.metrics["failures"] == 99
+    experiment = store.get_experiment_by_name("blindspot/default").experiment_id
+    best = store.search_logged_models([experiment], order_by=[{"field_name": "metrics.failures", "ascending": False}])
+    assert best[0].name == "default-adaptive"
+    (parent,) = store.search_runs([experiment], "attributes.run_name = 'default'")
+    assert "Champion moves to base, as adaptive is held back: so." in parent.data.tags["mlflow.note.content"]
+    assert everything(study) == (counted[0] + 1, *counted[1:])  # The comparison itself is a new run.
     path.write_bytes(before)
     run(study)
-    assert store.get_model_version("detector", held).tags["gate"] == comparison.gate["adaptive"]
+    assert store.get_model_version_by_alias("detector", "champion").version == held.version
+    assert store.get_run(held.run_id).data.metrics["failures"] == next(v.failures for v in comparison.versions if v.version == "adaptive")
+
+
+def test_a_champion_that_was_not_compared_keeps_the_alias(study: Study) -> None:
+    tracker = Tracker(study.root / "mlflow" / "mlflow.db", study.root / "mlflow" / "artifacts", "elsewhere", {})
+    file = study.root / "other.json"
+    file.write_text("{}")
+    other = Registration("detector", Content("elsewhere/adaptive", "model"), [file], {"version": "adaptive", "weights_sha256": "cd"}, "")
+    number, _ = tracker.register(other)
+    held = client(study).get_model_version_by_alias("detector", "champion").version
+    tracker.set_alias("detector", "champion", number)
+    run(study)
+    assert client(study).get_model_version_by_alias("detector", "champion").version == int(number)
+    tracker.set_alias("detector", "champion", held)
+    client(study).delete_model_version("detector", number)
 
 
 def test_a_deleted_experiment_is_named(tmp_path: Path) -> None:

@@ -1,0 +1,43 @@
+"""Which version the alias `champion` stands for once a comparison is made: it moves to what was compared with its holder and is better."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from pipeline.artefacts.results import Comparison
+from pipeline.core.statistics import mcnemar_p_value
+
+
+def successor(comparison: Comparison, holder: str | None) -> tuple[str | None, str]:
+    """The version that takes the alias, None if it stays where it is; and why.
+
+    holder: the version of the comparison that has the alias, None if that was not executed on these tests. A holder that the gate now holds
+    back loses it; one that passes, or the base, loses it to a version that fails significantly less and on no scenario significantly more.
+    """
+    best, base = comparison.champion, comparison.versions[0].version
+    if holder is None:
+        return (
+            None,
+            "champion stays with a version that was not executed on these tests; give its folder as base.weights to compare with it",
+        )
+    if holder == best:
+        return None, f"champion stays with {holder}"
+    if holder != base and not comparison.gate[holder].startswith("passes"):
+        return best, f"champion moves to {best}, as {holder} is {comparison.gate[holder]}"
+    if better(comparison, best, holder):
+        return best, f"champion moves from {holder} to {best}, which fails significantly less"
+    return None, f"champion stays with {holder}: {best} does not fail significantly less than it"
+
+
+def better(comparison: Comparison, version: str, other: str) -> bool:
+    """Whether a version fails significantly less than another on the whole, and significantly more on no scenario (exact McNemar tests)."""
+    pair = comparison.pair(version, other)
+    if pair is not None:
+        fixes, regressions = pair.fixes, pair.regressions
+    elif (pair := comparison.pair(other, version)) is not None:
+        fixes, regressions = pair.regressions, pair.fixes
+    else:
+        raise ValueError(f"expected both {version} and {other} in the comparison")
+    fewer, more = (Counter(name.rpartition("-")[0] for name in names) for names in (fixes, regressions))
+    worse = [s for s in more if more[s] > fewer[s] and mcnemar_p_value(fewer[s], more[s]) <= comparison.alpha]
+    return len(fixes) > len(regressions) and pair.p_value <= comparison.alpha and not worse
