@@ -320,6 +320,7 @@ rule track:
         f"{L}/track.tsv"
     params:
         stamp=S.stamp("track", "tracking"),
+        server=S.tracking_server,
         store="data/mlflow/mlflow.db",
         artifacts="data/mlflow/artifacts",
     shell:

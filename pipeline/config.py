@@ -249,6 +249,17 @@ class Config(_Section):
         return self.search[: self.search.index(scenario)]
 
     @property
+    def sources(self) -> dict[str, str]:
+        """The strategies whose frames are learnt from, by the kind of version that learns from them."""
+        return {"random": self.strategies[0], "adaptive": self.adaptive}
+
+    @property
+    def searched(self) -> frozenset[tuple[str, str]]:
+        """Strategy and version of every search campaign, those of later rounds included."""
+        later = {(self.sources[v.kind], str(v)) for version in self.versions for v in version.tested if v.kind in self.sources}
+        return frozenset(later.union((strategy, "base") for strategy in self.strategies))
+
+    @property
     def versions(self) -> tuple[Version, ...]:
         """The model versions of the study."""
         return versions(self.retraining.rounds, self.retraining.seeds)

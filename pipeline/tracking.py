@@ -12,7 +12,7 @@ import logging
 import os
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,6 +35,8 @@ KIND, TRAINING = "mlflow.experimentKind", "custom_model_development"
 """Tells MLflow's page to show an experiment as model training, not as generative AI."""
 BATCH, PARAMS = 900, 100
 """Metrics and parameters a request; MLflow takes at most 1,000 and 100."""
+ROOM = 8000
+"""Characters of a tag's value at most."""
 
 
 @dataclass(frozen=True)
@@ -184,10 +186,13 @@ class Tracker:
             self._client.set_tag(run_id, "model_version", f"{model}/{version}")
 
     def describe(self, run_id: str, text: str, compared: Sequence[str] = ()) -> None:
-        """Set a run's description, Markdown, with a link that opens MLflow's comparison of some runs."""
+        """Set a run's description, Markdown, cut to what MLflow takes, with a link that opens MLflow's comparison of some runs."""
         if compared:
             ids = ",".join(f"%22{run}%22" for run in compared)
             text = f"[Compare the versions](#/compare-runs?runs=[{ids}]&experiments=[%22{self._experiment}%22])\n\n{text}"
+        if len(text) > ROOM:
+            cut = text[: ROOM - 100].rpartition("\n")[0]
+            text = cut + ("\n```" if cut.count("```") % 2 else "") + "\n\nThe rest is in the report."
         self._client.set_tag(run_id, DESCRIPTION, text)
 
     def _logged_model(self, registration: Registration, run_id: str) -> Any:
@@ -313,8 +318,18 @@ def _save_flavour(onnx_file: Path, folder: Path) -> None:
     mlflow.onnx.save_model(model, folder, signature=signature, pip_requirements=["onnx", "onnxruntime", "numpy"])
 
 
+def _pages(search: Callable[..., Any], **wanted: str) -> list[Any]:
+    """Everything that one of MLflow's searches finds; it gives a page at a time."""
+    found, token = [], None
+    while True:
+        page = search(**wanted, page_token=token)
+        found += page
+        if not (token := page.token):
+            return found
+
+
 def registered(store: Path) -> list[dict[str, str]]:
-    """The registered model versions of a store, newest last: model, number, aliases, and the tags that `register` gave.
+    """The model versions of a store that `register` made, newest last: model, number, aliases, and the tags that it gave.
 
     Raises InputError if there is no store.
     """
@@ -325,7 +340,7 @@ def registered(store: Path) -> list[dict[str, str]]:
     client = _client(store)
     rows = []
     try:
-        models = client.search_registered_models()
+        models = _pages(client.search_registered_models)
     except MlflowException as error:
         raise InputError(
             f"MLflow at {os.environ.get('MLFLOW_TRACKING_URI', store)} cannot be used: {str(error).splitlines()[0]}"
@@ -334,7 +349,8 @@ def registered(store: Path) -> list[dict[str, str]]:
         aliases: dict[str, list[str]] = {}
         for alias, number in model.aliases.items():
             aliases.setdefault(str(number), []).append(alias)
-        for version in sorted(client.search_model_versions(f"name = '{model.name}'"), key=lambda found: int(found.version)):
+        found = [v for v in _pages(client.search_model_versions, filter_string=f"name = '{model.name}'") if DIGEST in v.tags]
+        for version in sorted(found, key=lambda one: int(one.version)):
             number = str(version.version)
             rows.append({"model": model.name, "number": number, "alias": ", ".join(aliases.get(number, [])), **version.tags})
     return rows

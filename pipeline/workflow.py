@@ -32,7 +32,7 @@ class Study:
         self.config: Config = load(params)
         self.root = f"data/{self.config.study}"
         self.logs = f"logs/{self.config.study}"
-        self.sources = {"random": self.config.strategies[0], "adaptive": self.config.adaptive}
+        self.sources = self.config.sources
 
     @property
     def goals(self) -> list[str]:
@@ -79,6 +79,11 @@ class Study:
     def overrules(self) -> list[str]:
         """A person's table of overruled frames, if there is one."""
         return [self.config.filter.overrules] if self.config.filter.overrules else []
+
+    @property
+    def tracking_server(self) -> str:
+        """Digest of MLFLOW_TRACKING_URI, which may hold a password: another server has to be told everything."""
+        return hashlib.sha256(os.environ.get("MLFLOW_TRACKING_URI", "").encode()).hexdigest()[:16]
 
     @property
     def front_car_data(self) -> list[str]:

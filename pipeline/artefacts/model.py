@@ -20,7 +20,8 @@ class ModelCard(BaseModel):
     data: name to digest of what it was trained on. training: settings and figures of its training. metrics: on the validation
     images of the base set: precision, recall, ap50, ap50_95, false_positives_an_image, all for visible pedestrians. calibration:
     slope and offset of the scores' logits, fitted on the same images. reliability: diagrams of the scores on these images, `uncalibrated`
-    and `calibrated`: rows of mean score, share of right ones, number.
+    and `calibrated`: rows of mean score, share of right ones, number. towns: fingerprints of all that it, or what it was retrained
+    from, has learnt; none may be held out.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -37,6 +38,7 @@ class ModelCard(BaseModel):
     calibration: dict[str, float]
     reliability: dict[str, tuple[tuple[float, float, int], ...]]
     weights_sha256: str
+    towns: tuple[str, ...]
 
 
 @dataclass(frozen=True)

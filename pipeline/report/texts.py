@@ -32,6 +32,7 @@ ROUNDS = _prose("""
 """)
 HELD_OUT_REGIONS = _prose("""
     Where the base fails on the held-out sequence, and how many of the tests inside each rule the versions fail, means over their seeds.
+    The rules were found on the base's own failures: any other version has fewer there by that alone.
 """)
 CHANGES = _prose("""
     Tests that one of base and {of} fails and the other passes, regressions first; shown are {shown} of the {all} of all versions in

@@ -6,7 +6,7 @@ find the pedestrian. The thesis threw such images out by eye; here measured visi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import cv2
@@ -46,7 +46,7 @@ def run(config: Config, *, frames: Sequence[Path], out: Path, progress: OnProgre
     table = pd.concat(tables, ignore_index=True)
     if config.filter.overrules is not None:
         path = Path(config.filter.overrules)
-        table = overrule(table, read_overrules(path), config.search, config.strategies, path)
+        table = overrule(table, read_overrules(path), config.search, config.searched, path)
     write_filter(out, table)
 
 
@@ -101,11 +101,11 @@ def thin(judged: pd.DataFrame, repeats: NDArray[np.bool_]) -> pd.DataFrame:
 
 
 def overrule(
-    judged: pd.DataFrame, overrules: pd.DataFrame, scenarios: Sequence[str], strategies: Sequence[str], path: Path
+    judged: pd.DataFrame, overrules: pd.DataFrame, scenarios: Sequence[str], searched: Collection[tuple[str, str]], path: Path
 ) -> pd.DataFrame:
     """Let a person's rows decide; the reason then reads `overruled (was <reason>)`.
 
-    scenarios, strategies: of the search. Rows about another strategy or version are for the table of that one.
+    scenarios, searched: of the search, strategy and version. Rows about another strategy or version are for the table of that one.
 
     InputError for a row whose frame does not exist, and for one given twice.
     """
@@ -123,6 +123,6 @@ def overrule(
             kept[row] = bool(keep)
             continue
         scenario, *campaign = campaign_of(test_id)
-        if tuple(campaign) in here or scenario not in scenarios or campaign[0] not in strategies:
+        if tuple(campaign) in here or scenario not in scenarios or tuple(campaign) not in searched:
             raise InputError(f"{path}, line {line}: expected a kept frame of this study, got frame {step} of test {test_id!r}")
     return judged.assign(kept=kept, reason=reasons)

@@ -10,6 +10,7 @@ import torch
 
 from pipeline.artefacts.dataset import read_dataset
 from pipeline.artefacts.files import sha256
+from pipeline.artefacts.model import read_card
 from pipeline.config import Config
 from pipeline.detectors.yolo.retraining import retrain
 from pipeline.detectors.yolo.weights import load_weights
@@ -38,6 +39,16 @@ def run(config: Config, *, version: str, snapshots: Path, out: Path, threads: in
         threads=threads,
         progress=progress,
     )
-    training |= {"images": len(images)}
-    write_version(config, fitted, validation, out, version=version, parent="base", data=data, training=training, seed=settings.seed)
+    write_version(
+        config,
+        fitted,
+        validation,
+        out,
+        version=version,
+        parent="base",
+        data=data,
+        training=training | {"images": len(images)},
+        seed=settings.seed,
+        towns=read_card(weights.with_name("model.json")).towns,
+    )
     checkpoint.unlink(missing_ok=True)

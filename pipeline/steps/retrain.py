@@ -68,7 +68,7 @@ def run(
     torch.set_num_threads(threads)
     settings, described = config.retraining, Version.named(version)
     seed = settings.seeds[0] if described.seed is None else described.seed
-    leakage.refuse_towns(config, base_set, spaces)
+    towns = leakage.refuse_towns(config, base_set, spaces, parent)
     base = read_dataset(base_set.parent, "train")
     weights = parent.with_name("weights.safetensors")
     validation = read_dataset(base_set.parent, "val")
@@ -91,6 +91,7 @@ def run(
         data=data,
         training=training | {"added_frames": 0 if added is None else len(added)},
         seed=seed,
+        towns=towns,
     )
     checkpoint.unlink(missing_ok=True)
 

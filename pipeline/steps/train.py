@@ -25,6 +25,7 @@ from pipeline.detectors.yolo.training import Fitted
 from pipeline.detectors.yolo.weights import load_weights, save_weights
 from pipeline.progress import Progress
 from pipeline.protocols import Detections
+from pipeline.steps import leakage
 
 LOWEST_SCORE = 0.0005
 """Average precision needs the detections that nobody would act on, too."""
@@ -44,12 +45,14 @@ def run(config: Config, *, base_set: Path, out: Path, checkpoint: Path, threads:
             load_weights(shipped / "weights.safetensors"), tuple(read_curve(curve)) if (curve := shipped / "curve.csv").exists() else ()
         )
         card = read_card(shipped / "model.json")
-        history: dict[str, Any] = {"data": card.data, "training": card.training, "seed": card.seed}
+        leakage.refuse_towns(config, base_set, [], shipped / "model.json")
+        history: dict[str, Any] = {"data": card.data, "training": card.training, "seed": card.seed, "towns": card.towns}
     else:
-        images = read_dataset(base_set.parent, "train")
+        images, towns = read_dataset(base_set.parent, "train"), leakage.refuse_towns(config, base_set, [])
         settings = config.training.model_dump()
         fitted = train_from_scratch(images, usable(images), validation, settings, checkpoint=checkpoint, threads=threads, progress=progress)
-        history = {"data": {"base_set": images.digest}, "training": {"images": len(images), **settings}, "seed": config.training.seed}
+        taken = {"images": len(images), **settings}
+        history = {"data": {"base_set": images.digest}, "training": taken, "seed": config.training.seed, "towns": towns}
     write_version(config, fitted, validation, out, version="base", parent=None, **history)
     checkpoint.unlink(missing_ok=True)
     progress(1, 1, "evaluated")
@@ -66,6 +69,7 @@ def write_version(
     data: dict[str, str],
     training: dict[str, Any],
     seed: int,
+    towns: tuple[str, ...],
 ) -> None:
     """Save a model version and its training's curve beside `out`, calibrate its scores, measure it as it is used, and write its card.
 
@@ -100,6 +104,7 @@ def write_version(
         calibration=asdict(calibration),
         reliability={name: tuple((b.score, b.right, b.count) for b in diagram) for name, diagram in diagrams.items()},
         weights_sha256=sha256(weights),
+        towns=towns,
     )
     write_card(out, card)
 

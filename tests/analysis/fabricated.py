@@ -240,6 +240,7 @@ class Study:
             calibration={"slope": 1.0, "offset": 0.0},
             reliability={name: ((0.2, 0.3, 20), (0.9, 0.85, 80)) for name in ("uncalibrated", "calibrated")},
             weights_sha256=f"{rank}" * 64,
+            towns=(),
         )
         write_card(path, card)
         path.with_name("weights.safetensors").write_bytes(f"weights {rank}".encode())

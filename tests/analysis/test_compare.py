@@ -223,6 +223,14 @@ def test_another_sequence_is_refused_with_the_first_difference(tmp_path: Path) -
         study.analyse()
 
 
+def test_tests_that_were_judged_at_another_threshold_are_refused(tmp_path: Path) -> None:
+    study = Study(tmp_path).make()
+    campaign = study.config.campaign.model_copy(update={"failure_threshold_s": 0.9})
+    study.config = study.config.model_copy(update={"campaign": campaign})
+    with pytest.raises(InputError, match=r"tests\.parquet, test \d+: expected a failure at an adjusted TTC of 0\.9 s or below"):
+        study.analyse()
+
+
 def test_a_version_without_campaign_is_named() -> None:
     tests = {("F1star", "base"): table({"base": ".."})}
     with pytest.raises(InputError, match="expected a campaign of version 'control' on held-out scenario 'F1star'"):

@@ -55,6 +55,8 @@ def test_a_person_overrules(tmp_path: Path) -> None:
     [
         ("F1-random-base-0-99999,1,true", "line 2: expected a kept frame of this study, got frame 1 of test 'F1-random-base-0-99999'"),
         ("F1-randon-base-0-00001,1,true", "line 2: expected a kept frame"),
+        ("F1-random-adaptive-r9-s7-0-00001,1,true", "line 2: expected a kept frame"),
+        ("F1-random-control-0-00001,1,true", "line 2: expected a kept frame"),
         ("F1-random-base-0-00001,1,maybe", "line 2: keep must be true or false, got 'maybe'"),
         ("F1-random-base-0-00001,1.5,true", "line 2: step must be a whole number"),
         (",1,true", "line 2: test_id is missing"),

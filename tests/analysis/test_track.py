@@ -203,6 +203,14 @@ def test_runs_are_nested_under_the_study(study: Study) -> None:
     assert "adaptive ★" in parent.data.tags["mlflow.note.content"] and "#/compare-runs?runs=[%22" in parent.data.tags["mlflow.note.content"]
 
 
+def test_a_description_that_is_too_long_is_cut_at_a_line(tmp_path: Path) -> None:
+    tracker = Tracker(tmp_path / "m.db", tmp_path / "artifacts", "e", {})
+    run_id = tracker.log(Content("one", "study"))
+    tracker.describe(run_id, "\n".join(["```", *["a version passes"] * 1000, "```"]))
+    text = tracker._client.get_run(run_id).data.tags["mlflow.note.content"]
+    assert 7800 < len(text) <= 8000 and text.endswith("a version passes\n```\n\nThe rest is in the report.")
+
+
 def test_curves_have_their_iterations_and_runs_their_data(study: Study) -> None:
     store = client(study)
     versions = {v.tags["version"]: v for v in store.search_model_versions("name='detector'")}

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.artefacts.dataset import TRUTH_FILE, ImageSet, Record, image_set, write_truth
+from pipeline.artefacts.model import read_card, write_card
 from pipeline.artefacts.space import ScenarioInfo, write_space
 from pipeline.config import compose
 from pipeline.protocols import InputError, Truth
@@ -15,6 +16,7 @@ from pipeline.simulators.mujoco import random_scenes
 from pipeline.simulators.mujoco.lens import CameraSettings
 from pipeline.steps.leakage import refuse_frames, refuse_towns
 from tests.spaces import SMALL
+from tests.unit.test_model_card import CARD
 
 
 def noise(count: int, seed: int) -> ImageSet:
@@ -51,9 +53,22 @@ def test_towns_of_held_out_scenarios_are_refused_by_name_whatever_the_config_was
         refuse_towns(config, *files(unseen, own))
     with pytest.raises(InputError, match=r"F1\.json describes the town of held-out F1star, so it must not be learnt"):
         refuse_towns(config, *files("a random one", unseen))
+    base = tmp_path / "model.json"
+    write_card(base, CARD.model_copy(update={"towns": ("a learnt one",)}))
+    assert refuse_towns(config, *files("a random one", own), base) == tuple(sorted(["a random one", own, "a learnt one"]))
+    write_card(base, CARD.model_copy(update={"towns": ("a learnt one", unseen)}))
+    with pytest.raises(InputError, match=r"model\.json has learnt the town of held-out F1star, so it must not be learnt"):
+        refuse_towns(config, *files("a random one", own), base)
     write_truth(tmp_path, [Record("train", 0, 64, 32, Truth(), {})])
     with pytest.raises(InputError, match=r"truth\.coco\.json does not say which towns its images show"):
         refuse_towns(config, tmp_path / TRUTH_FILE, [])
+
+
+def test_the_shipped_detector_says_which_towns_it_has_learnt() -> None:
+    config = compose("base", [])
+    towns = read_card(Path(config.base.weights) / "model.json").towns
+    drawn = {random_scenes._town(np.random.default_rng([config.base_set.seed, shard])).fingerprint for shard in range(400)}
+    assert set(towns) == drawn and len(drawn) == 400
 
 
 def test_a_random_town_of_a_held_out_scenario_is_refused_by_name() -> None:

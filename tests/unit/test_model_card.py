@@ -20,6 +20,7 @@ CARD = ModelCard(
     calibration={"slope": 2.0, "offset": 0.5},
     reliability={"calibrated": ((0.2, 0.3, 20), (0.9, 0.85, 80))},
     weights_sha256="ef",
+    towns=("0123456789abcdef",),
 )
 
 

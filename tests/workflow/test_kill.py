@@ -34,7 +34,7 @@ model = initial_model(0, lambda: Yolo(Architecture((8, 8, 8, 8, 8), 8)))
 feed = lambda iteration: (np.roll(images.images, iteration, axis=2), images.boxes)
 print("ready", flush=True)
 fitted = fit(model, Schedule(0, 120, 1e-3), feed, identity="x", checkpoint=out / "checkpoint.pt", threads=1)
-card = dict(version="base", parent=None, data={}, training={}, seed=0)
+card = dict(version="base", parent=None, data={}, training={}, seed=0, towns=())
 write_version(compose("base", []), fitted, images, out / "model.json", **card)
 """
 

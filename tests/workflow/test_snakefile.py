@@ -57,6 +57,24 @@ def test_sources_follow_the_imports() -> None:
     assert "pipeline/detectors/yolo/loss.py" in workflow.sources("pipeline.steps.retrain")
 
 
+def test_what_a_changed_key_makes_stale(tmp_path: Path) -> None:
+    def stamps(*overrides: str) -> tuple[str, str, str, int]:
+        (tmp_path / "params.yaml").write_text(dump(compose("default", list(overrides)), "test"))
+        study = workflow.Study(tmp_path / "params.yaml")
+        search, held_out = (study.stamp("campaign", *study.campaign_sections(name)) for name in ("F1", "F1star"))
+        return search, held_out, study.stamp("retrain", *study.retraining_sections), study.training_seed("adaptive")
+
+    search, held_out, retraining, seed = stamps()
+    # One more round or seed leaves the versions that there are as they are; another first seed does not.
+    assert stamps("retraining.rounds=3", "retraining.seeds=[0,1]") == (search, held_out, retraining, seed)
+    assert stamps("retraining.seeds=[7]") == (search, held_out, retraining, 7)
+    assert stamps("retraining.iterations=7")[2] != retraining
+    # What a failure is, all executions are judged by; the size of the search is none of the comparison's.
+    threshold, tests = stamps("campaign.failure_threshold_s=0.2"), stamps("campaign.tests=7")
+    assert threshold[0] != search and threshold[1] != held_out
+    assert tests[0] != search and tests[1] == held_out
+
+
 def test_a_changed_line_makes_exactly_its_steps_stale(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = copy(tmp_path)
     before = {step: _digest(folder, step, monkeypatch) for step in STEPS}
