@@ -72,7 +72,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         export(Path(folder), options.frames)
         with_packages = [word for package in PACKAGES for word in ("--with", package)]
-        uv = [Path(sys.executable).with_name("uv"), "run", "--isolated", "--no-project", *with_packages]
+        uv: list[str | Path] = [Path(sys.executable).with_name("uv"), "run", "--isolated", "--no-project", *with_packages]
         return subprocess.run([*uv, "python", Path(__file__).resolve(), "--validate", folder], check=False).returncode
 
 

@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 
 from pipeline.artefacts.dataset import ImageSet, read_dataset
 from pipeline.config import compose
+from pipeline.detectors.yolo.data import usable
 from pipeline.detectors.yolo.recipe import train_from_scratch
 
 
@@ -51,6 +52,7 @@ def trained(images: ImageSet, validation: ImageSet, size: str, share: float, thr
     started = time.monotonic()
     fitted = train_from_scratch(
         images,
+        usable(images),
         validation,
         section,
         checkpoint=None,

@@ -54,7 +54,8 @@ def read(study: Path, pattern: str) -> pd.DataFrame:
 def by_version(tests: pd.DataFrame) -> dict[str, dict[int, NDArray[np.int64]]]:
     """Kind of version -> seed -> (n,) failures of 0 or 1 on the common tests; versions that lack tests are left out."""
     tests = tests.sort_values(["scenario", "index"])
-    found, full = defaultdict(dict), tests.groupby("version").size().max()
+    found: dict[str, dict[int, NDArray[np.int64]]] = defaultdict(dict)
+    full = tests.groupby("version").size().max()
     for version, rows in sorted(tests.groupby("version"), key=lambda item: Version.named(item[0]).seed or 0):
         if len(rows) == full:
             found[Version.named(version).group][Version.named(version).seed or 0] = rows["failure"].to_numpy(np.int64)
