@@ -1,7 +1,8 @@
 """Failures of a study's versions by who is shown: by search strategy, and on each held-out sequence by kind of version, seed by seed.
 
 Campaigns that are not finished are left out, so it also looks into a study that is still running. Printed for adaptive against random and
-control: the difference of the means, Student's interval over the seeds that both have and the sign-flip test over the tests.
+control, round by round: the difference of the means, Student's interval over the seeds that both have and the sign-flip test over the
+tests; and how many failures no detector could have mended with this camera.
 
 python benchmarks/who_fails.py data/retraining
 """
@@ -22,7 +23,8 @@ from pipeline.artefacts.points import encode_tests
 from pipeline.artefacts.space import read_space
 from pipeline.core.space import Floats, Space
 from pipeline.core.statistics import mean_interval, sign_flip
-from pipeline.lineage import RETRAINED, Version
+from pipeline.lineage import RETRAINED, Kind, Version
+from pipeline.steps.cluster import not_solvable
 
 CHILD_M = 1.4
 GROUPS = ("children", "crouching under an umbrella", "crouching", "others")
@@ -40,12 +42,13 @@ def groups(space: Space, points: Floats) -> list[str]:
 
 
 def read(study: Path, pattern: str) -> pd.DataFrame:
-    """The tests of some campaigns, with a column `group`."""
+    """The tests of some campaigns, with columns `group` and `not_solvable`."""
     tables = []
     for path in sorted(study.glob(pattern)):
         tests = read_tests(path)
         space = read_space(study / "space" / f"{tests['scenario'].iloc[0]}.json")[1]
-        tables.append(tests.assign(group=groups(space, encode_tests(tests, space))))
+        limits = tests["test_id"].isin(not_solvable(tests, [path]))
+        tables.append(tests.assign(group=groups(space, encode_tests(tests, space)), not_solvable=limits))
     if not tables:
         raise SystemExit(f"expected {study / pattern}, found none; run the study first")
     return pd.concat(tables)
@@ -101,13 +104,17 @@ def print_table(tests: pd.DataFrame) -> None:
     print("| failures | " + " | ".join(versions) + " | adaptive - random | adaptive - control |\n" + "|---" * (len(versions) + 3) + "|")
     for name, chosen in rows:
         cells = [cell(failures.values(), chosen) for failures in versions.values()]
-        cells += [difference(versions, other, chosen) for other in ("random", "control")]
+        cells += [difference(versions, "random", chosen), difference(versions, "control", chosen)]
         print(f"| {name}, {chosen.sum()} tests | " + " | ".join(cells) + " |")
+    everything = np.ones(len(one), bool)
+    for number in range(2, 1 + max(Version.named(name).round for name in versions)):
+        print(f"round {number}, adaptive - random: {difference(versions, 'random', everything, number)}")
+    print(f"not solvable by this camera: {tests['not_solvable'].sum()} of the {tests['failure'].sum()} failures of all versions")
 
 
-def difference(versions: dict[str, dict[int, NDArray[np.int64]]], other: str, chosen: NDArray[np.bool_]) -> str:
-    """Adaptive minus another kind, over the seeds that both have."""
-    adaptive, rival = versions.get("adaptive", {}), versions.get(other, {})
+def difference(versions: dict[str, dict[int, NDArray[np.int64]]], other: Kind, chosen: NDArray[np.bool_], number: int = 1) -> str:
+    """Adaptive minus another kind in a round, over the seeds that both have."""
+    adaptive, rival = (versions.get(str(Version(kind, number)), {}) for kind in ("adaptive", other))
     if not (common := adaptive.keys() & rival.keys()):
         return ""
     each = np.stack([adaptive[seed][chosen] - rival[seed][chosen] for seed in sorted(common)])

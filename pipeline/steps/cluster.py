@@ -38,12 +38,17 @@ def run(config: Config, *, tests: Sequence[Path], space: Path, out: Path, progre
     table = pd.concat([read_tests(path) for path in tests], ignore_index=True)
     table = table[table["status"] == "ok"].reset_index(drop=True)
     regions = cluster(info, logical, table, config.regions.chance_neighbours, config.regions.min_failures, config.comparison.confidence)
+    regions = regions.model_copy(update={"not_solvable": not_solvable(table, tests)})
+    write(out, regions)
+    progress(1, 1, f"{len(regions.regions)} regions of {regions.failures} failures in {regions.tests} tests")
+
+
+def not_solvable(table: pd.DataFrame, tests: Sequence[Path]) -> tuple[str, ...]:
+    """test_id of the failures in a table that no detector could mend with this camera. tests: tests.parquet that it is of."""
     signals = pd.concat([read_signals(path.with_name("signals.parquet"), NEEDED) for path in tests], ignore_index=True)
     failed = signals[signals["test_id"].isin(table.loc[table["failure"], "test_id"])]
     seen = {test: solvable({name: rows[name].to_numpy() for name in NEEDED[1:]}) for test, rows in failed.groupby("test_id", sort=False)}
-    regions = regions.model_copy(update={"not_solvable": tuple(test for test, could in seen.items() if not could)})
-    write(out, regions)
-    progress(1, 1, f"{len(regions.regions)} regions of {regions.failures} failures in {regions.tests} tests")
+    return tuple(str(test) for test, could in seen.items() if not could)
 
 
 def cluster(
