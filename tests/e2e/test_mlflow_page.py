@@ -32,15 +32,18 @@ def chromium() -> str:
 
 
 def register(root: Path) -> Path:
-    """A store with four versions of the detector."""
+    """A store with four versions of the detector, and a study whose description compares them."""
     store, model = root / "mlflow.db", root / "model.json"
     tracker = Tracker(store, root / "artifacts", "blindspot/default", {})
+    runs = []
     for version, failures in FAILURES.items():
         model.write_text(version)
         metrics = {"failures": float(failures), "failures.F1star": float(failures), "ap50": 0.88}
         content = Content(f"default/{version}", "model", params={"version": version}, metrics=metrics)
         tags = {"version": version, "failures": str(failures)}
-        number, _ = tracker.register(Registration("detector", content, [model], tags, version))
+        number, run = tracker.register(Registration("detector", content, [model], tags, version))
+        runs.append(run)
+    tracker.describe(tracker.log(Content("default", "study")), "The verdict.", runs)
     tracker.set_alias("detector", "champion", number)
     return store
 
@@ -94,6 +97,19 @@ def drive(page: Page, address: str) -> None:
     expect(row.get_by_role("cell")).to_have_text([str(failures) for failures in FAILURES.values()])
 
 
+def open_saved(page: Page, address: str) -> None:
+    """From the list of runs to the study, and by the link in its description to the comparison."""
+    # Without it MLflow shows a browser that is new to it the pages for language models.
+    page.goto(f"{address}/#/experiments/1?workflowType=machine_learning")
+    page.locator("a[href*='/runs/']").get_by_text("default", exact=True).click()
+    with page.context.expect_page() as opened:
+        page.get_by_role("link", name="Compare the versions").click()
+    compared = opened.value
+    expect(compared.get_by_text("Comparing 4 Runs from 1 Experiment")).to_be_visible(timeout=60_000)
+    for version in FAILURES:
+        expect(compared.get_by_text(f"default/{version}").first).to_be_visible()
+
+
 def test_versions_compare_in_the_browser(address: str) -> None:
     SHOTS.mkdir(parents=True, exist_ok=True)
     with sync_playwright() as playwright:
@@ -104,6 +120,7 @@ def test_versions_compare_in_the_browser(address: str) -> None:
         expect.set_options(timeout=60_000)
         try:
             drive(page, address)
+            open_saved(page, address)
         finally:
             page.screenshot(path=SHOTS / "mlflow-comparison.png")
             browser.close()
