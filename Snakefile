@@ -285,6 +285,7 @@ rule report:
         changes=rules.compare.output.changes,
         regions=expand(f"{D}/regions/{{scenario}}.json", scenario=S.config.search),
         tests=S.search("tests.parquet"),
+        later_tests=S.later_search("tests.parquet"),
         spaces=S.spaces(S.config.search),
         filters=S.filters(),
         models=S.models("model.json"),
@@ -301,7 +302,8 @@ rule report:
         plots=f"{D}/plots",
     shell:
         RUN + " report --measures {input.measures} --white-box {input.white_box} --comparison {input.comparison} --table {input.table}"
-        " --changes {input.changes} --regions {input.regions} --tests {input.tests} --spaces {input.spaces} --filters {input.filters}"
+        " --changes {input.changes} --regions {input.regions} --tests {input.tests} --later-tests {input.later_tests}"
+        " --spaces {input.spaces} --filters {input.filters}"
         " --models {input.models} --detectors {input.detectors} --out {output.html} --plots {params.plots} --log {log}"
 
 

@@ -55,7 +55,7 @@ STEPS: dict[str, tuple[str, Options]] = {
         "Write the report, its plots and replays.",
         {
             "measures": ONE, "white-box": ONE, "comparison": ONE, "table": ONE, "changes": ONE, "regions": MANY, "tests": MANY,
-            "spaces": MANY, "filters": MANY, "models": MANY, "detectors": MANY, "out": ONE, "plots": ONE,
+            "later-tests": MANY, "spaces": MANY, "filters": MANY, "models": MANY, "detectors": MANY, "out": ONE, "plots": ONE,
         },
     ),
     "front-car-points": ("Draw random points of the front-car domain and propose points to full coverage.", {"out": ONE}),

@@ -97,7 +97,7 @@ STAGES = {
         (f"{D}/report.html",),
         (
             *(f"{D}/{name}" for name in ("campaigns", "regions", "filter", "measures.json", "white_box.json")),
-            *(f"{D}/{name}" for name in ("comparison.json", "comparison.parquet", "changes.csv")),
+            *(f"{D}/{name}" for name in ("comparison.json", "comparison.parquet", "changes.csv", "models/base", "retrained")),
         ),
         plots=(f"{D}/plots",),
     ),

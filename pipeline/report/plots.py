@@ -237,18 +237,19 @@ def kpi_histogram(table: pd.DataFrame, comparison: Comparison, threshold_s: floa
 
 
 def failures_by_round(comparison: Comparison) -> Figure:
-    """Failures on the frozen sequence after each round of retraining, by kind of version; a bar where there are several seeds."""
+    """Failures on the frozen sequence after each round of retraining, by kind of version, side by side so that the bars show."""
     base, *retrained = comparison.groups
     kinds = list(dict.fromkeys(group.group.partition("-")[0] for group in retrained))
     colours = series_colours(kinds)
     with styled():
         figure, axes = panels(1, 1, width=6.4, height=3.2)
         axis = axes[0][0]
-        for kind in kinds:
+        for rank, kind in enumerate(kinds):
             line = [base, *(group for group in retrained if group.group.partition("-")[0] == kind)]
             values = np.array([group.failures.value for group in line])
             errors = np.abs(np.array([[g.failures.low for g in line], [g.failures.high for g in line]]) - values)
-            axis.errorbar([g.round for g in line], values, errors, color=colours[kind], marker="o", linewidth=2, capsize=3, label=kind)
+            rounds = [group.round + 0.06 * (rank - (len(kinds) - 1) / 2) for group in line]
+            axis.errorbar(rounds, values, errors, color=colours[kind], marker="o", linewidth=2, capsize=3, label=kind)
         axis.set(xlabel="rounds of search, filter and retraining", ylabel="held-out tests that fail", ylim=(0, None))
         axis.set_xticks(range(max(group.round for group in comparison.groups) + 1))
         _legend_below(figure, [axis])

@@ -8,6 +8,7 @@ import pandas as pd
 
 from pipeline.artefacts.model import ModelCard
 from pipeline.artefacts.results import Comparison, Estimate, FailureRegions, Measures, VersionResult, WhiteBoxMeasures
+from pipeline.core.statistics import wilson_interval
 from pipeline.report import texts
 from pipeline.report.page import Drawing, Film, Part, Section, Table
 from pipeline.report.verdict import HEADERS, group_headers, group_rows, mean_text, verdict_rows, verdict_sentences
@@ -52,10 +53,10 @@ def verdict_section(
     comparison: Comparison,
     changes: pd.DataFrame,
     plots: Sequence[Drawing],
-    rounds: Sequence[Drawing],
+    rounds: Part | None,
     replays: Sequence[Film],
 ) -> Section:
-    """The comparison of the model versions. changes: rows of changes.csv."""
+    """The comparison of the model versions. changes: rows of changes.csv. rounds: `rounds_part`, where there are several."""
     modes = Table(
         ("version", "fail", "contact", "too late", "by TTC alone", "false positives alone", "failure rate", "broken"),
         tuple(_modes_row(result) for result in comparison.versions),
@@ -67,8 +68,8 @@ def verdict_section(
         Part("How they fail", texts.MODES, modes, tuple(plots)),
         *_every_pair(comparison),
     ]
-    if rounds:
-        parts.insert(2, Part("Round by round", texts.ROUNDS, plots=tuple(rounds)))
+    if rounds is not None:
+        parts.insert(2, rounds)
     if comparison.regions:
         parts.append(Part("The base's failure regions", texts.HELD_OUT_REGIONS, _regions(comparison)))
     if len(changes):
@@ -76,6 +77,18 @@ def verdict_section(
     if replays:
         parts.append(Part("Tests that changed", texts.PAIR, replays=tuple(replays)))
     return Section("Verdict", (texts.VERDICT,), tuple(parts))
+
+
+def rounds_part(searched: pd.DataFrame, confidence: float, plots: Sequence[Drawing]) -> Part:
+    """What became of the failures, and what each round's search found. searched: rows of all campaigns that versions learn from."""
+    valid, rows = searched[searched["status"] == "ok"], []
+    for (version, strategy), tests in valid.groupby(["version", "strategy"], sort=False):
+        failures = int(tests["failure"].sum())
+        low, high = wilson_interval(failures, len(tests), confidence)
+        rate = percent(Estimate(value=failures / len(tests), low=low, high=high))
+        rows.append((str(version), str(strategy), f"{failures} / {len(tests)}", rate))
+    table = Table(("searched version", "strategy", "failures / tests", "failure rate"), tuple(rows), numbers=(2, 3))
+    return Part("Round by round", texts.ROUNDS, table, tuple(plots))
 
 
 def _every_pair(comparison: Comparison) -> list[Part]:

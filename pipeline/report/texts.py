@@ -28,7 +28,8 @@ GROUP_PAIRS = _prose("""
     sign-flip test over the tests, seeds summed, which holds the luck of the sequence. A difference is shown where both leave no doubt.
 """)
 ROUNDS = _prose("""
-    Each round searches the newest versions, filters what was kept and retrains; control has the same steps without new data.
+    Each round searches the newest versions, filters what was kept and retrains; control has the same steps without new data. The table
+    says what each search found, in all search scenarios together.
 """)
 HELD_OUT_REGIONS = _prose("""
     Where the base fails on the held-out sequence, and how many of the tests inside each rule the versions fail, means over their seeds.
@@ -91,7 +92,8 @@ FIGURES = {
         Left: how much of the scenario space was looked at. Right: how varied the failures are. The thin lines are intervals over seeds.
     """),
     "rounds": _prose("""
-        Tests of the held-out sequence that fail after each round; 0 is the base. Bars are intervals over the seeds of retraining.
+        Tests of the held-out sequence that fail after each round; 0 is the base. Bars are Student's intervals over the
+        seeds of retraining, of single versions Wilson's.
     """),
     "border": _prose("""
         Frames nearest to the filter's thresholds, in the middle of each crop the pedestrian: green ones were kept, red ones rejected.

@@ -36,7 +36,9 @@ BORDER_CASES = 32
 
 @dataclass(frozen=True)
 class Study:
-    """Everything the report reads. tests: search scenario -> rows of all its campaigns; detectors: version -> ONNX file."""
+    """Everything the report reads. tests: search scenario -> rows of all its campaigns; searched: rows of those that versions learn from,
+    round by round; detectors: version -> ONNX file.
+    """
 
     measures: Measures
     white_box: WhiteBoxMeasures
@@ -45,6 +47,7 @@ class Study:
     changes: pd.DataFrame
     regions: tuple[FailureRegions, ...]
     tests: Mapping[str, pd.DataFrame]
+    searched: pd.DataFrame
     spaces: Mapping[str, Space]
     labels: Mapping[str, str]
     filters: Mapping[str, pd.DataFrame]
@@ -63,6 +66,7 @@ def run(
     changes: Path,
     regions: Sequence[Path],
     tests: Sequence[Path],
+    later_tests: Sequence[Path],
     spaces: Sequence[Path],
     filters: Sequence[Path],
     models: Sequence[Path],
@@ -74,12 +78,13 @@ def run(
     """Write report.html and its plots.
 
     table: comparison.parquet. changes: changes.csv. regions, spaces: of the search scenarios. tests: tests.parquet of the search campaigns,
-    frames.parquet beside each. models, detectors: model.json and model.onnx of each version, in the same order. plots: folder for
-    <name>.png.
+    frames.parquet beside each. later_tests: of the later rounds' campaigns. models, detectors: model.json and model.onnx of each version,
+    in the same order. plots: folder for <name>.png.
     """
     infos = {info.name: (info.label, space) for info, space in map(read_space, spaces)}
     rows = pd.concat([read_tests(path) for path in tests], ignore_index=True)
     cards = tuple(read_card(path) for path in models)
+    learnt = rows[rows["strategy"].isin(config.sources.values())]
     study = Study(
         measures=read(measures, Measures),
         white_box=read(white_box, WhiteBoxMeasures),
@@ -88,6 +93,7 @@ def run(
         changes=pd.read_csv(changes),
         regions=tuple(read(path, FailureRegions) for path in regions),
         tests={name: rows[rows["scenario"] == name] for name in infos},
+        searched=pd.concat([learnt, *map(read_tests, later_tests)], ignore_index=True),
         spaces={name: space for name, (_, space) in infos.items()},
         labels={name: label for name, (label, _) in infos.items()},
         filters={path.stem: read_filter(path) for path in filters},
@@ -153,7 +159,9 @@ def make_page(config: Config, study: Study, figures: Mapping[str, Figure], progr
                 study.comparison,
                 study.changes,
                 [_drawing(figures, "comparison"), _drawing(figures, "histogram")],
-                [_drawing(figures, name) for name in ("rounds",) if name in figures],
+                sections.rounds_part(study.searched, study.measures.confidence, [_drawing(figures, "rounds")])
+                if "rounds" in figures
+                else None,
                 films[: len(pair)],
             ),
             sections.regions_section(study.regions, {name: _drawing(figures, f"failures_{name}") for name in study.labels}, by_scenario),

@@ -11,7 +11,7 @@ import pytest
 from pipeline.artefacts.results import Comparison, Estimate, FailureRegions, read
 from pipeline.report.border import nearest
 from pipeline.report.plots import failures_by_round, kpi_histogram
-from pipeline.report.sections import headline
+from pipeline.report.sections import headline, rounds_part
 from pipeline.report.selection import choose_pairs, choose_regions
 from pipeline.steps import report
 from tests.analysis.fabricated import Study, silent
@@ -43,6 +43,7 @@ def make(study: Study, replays: int) -> str:
         changes=study.root / "changes.csv",
         regions=study.regions,
         tests=study.search_tests,
+        later_tests=[],
         spaces=study.search_spaces,
         filters=study.filters,
         models=study.cards,
@@ -151,6 +152,14 @@ def seeds_of_two(comparison: Comparison) -> Comparison:
     return comparison.model_copy(update={"groups": (base, random, both), "group_pairs": pairs})
 
 
+def test_each_round_s_search_is_told() -> None:
+    rows = [("base", "random", "ok", True)] * 3 + [("base", "random", "ok", False)] * 5 + [("base", "random", "error", False)]
+    rows += [("adaptive", "neural", "ok", True), ("adaptive", "neural", "ok", False)]
+    part = rounds_part(pd.DataFrame(rows, columns=["version", "strategy", "status", "failure"]), 0.95, [])
+    assert part.table is not None and [row[:3] for row in part.table.rows] == [("base", "random", "3 / 8"), ("adaptive", "neural", "1 / 2")]
+    assert part.table.rows[1][3].startswith("50.0 % (9.5 to 90.5)")
+
+
 def test_headline_speaks_of_groups_and_names_what_is_shown(study: Study) -> None:
     comparison = read(study.root / "comparison.json", Comparison)
     base, *others = comparison.versions
@@ -191,6 +200,6 @@ def test_failures_by_round_are_drawn_from_the_base_on(study: Study) -> None:
     second = adaptive.model_copy(update={"group": "adaptive-r2", "round": 2, "failures": Estimate(value=1, low=0, high=2)})
     figure = failures_by_round(comparison.model_copy(update={"groups": (*comparison.groups, second)}))
     lines = {line.get_label(): line for line in figure.axes[0].containers}
-    assert list(lines["adaptive"].lines[0].get_xdata()) == [0, 1, 2]
+    assert [round(x) for x in lines["adaptive"].lines[0].get_xdata()] == [0, 1, 2]
     assert list(lines["adaptive"].lines[0].get_ydata()) == [comparison.groups[0].failures.value, adaptive.failures.value, 1]
-    assert list(lines["control"].lines[0].get_xdata()) == [0, 1]
+    assert [round(x) for x in lines["control"].lines[0].get_xdata()] == [0, 1]
