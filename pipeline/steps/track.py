@@ -134,7 +134,8 @@ def comparison_content(study: str, comparison: Comparison, path: Path, plots: Se
     metrics = {f"{name}.{r.version}": value for r in comparison.versions for name, value in version_metrics(r).items()}
     params = {"study": study, "strategy": comparison.strategy, "scenarios": " ".join(comparison.scenarios)}
     params |= {"sequence": comparison.sequence_digest[:16], "alpha": str(comparison.alpha), "champion": comparison.champion}
-    return Content(name=f"{study}/comparison", kind="comparison", params=params, metrics=metrics, files=[path], pictures=plots)
+    data = [DataSet("held_out", comparison.sequence_digest, f"data/{study}/held_out", "evaluation")]
+    return Content(name=f"{study}/comparison", kind="comparison", params=params, metrics=metrics, files=[path], pictures=plots, data=data)
 
 
 def version_metrics(result: VersionResult) -> dict[str, float]:

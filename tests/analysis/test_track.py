@@ -218,6 +218,11 @@ def test_curves_have_their_iterations_and_runs_their_data(study: Study) -> None:
     assert [(p.step, p.value) for p in store.get_metric_history(run_id, "training.ap50")] == [(10, 0.8), (20, 0.85)]
     (data,) = store.get_run(run_id).inputs.dataset_inputs
     assert (data.dataset.name, data.dataset.digest, data.tags[0].value) == ("base_set", "ab" * 16, "training")
+    experiment = store.get_experiment_by_name("blindspot/default").experiment_id
+    compared = store.search_runs([experiment], "attributes.run_name = 'default/comparison'")[0]
+    (data,) = compared.inputs.dataset_inputs
+    digest = read(study.root / "comparison.json", Comparison).sequence_digest
+    assert (data.dataset.name, data.dataset.digest, data.tags[0].value) == ("held_out", digest[:32], "evaluation")
 
 
 def test_versions_and_campaigns_name_each_other(study: Study) -> None:
