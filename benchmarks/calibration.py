@@ -23,6 +23,7 @@ from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.yolo.export import export_onnx
 from pipeline.detectors.yolo.weights import load_weights
 from pipeline.simulators.mujoco.episode import MujocoSimulator
+from pipeline.steps.campaign import sampler_seed
 
 SHIPPED = Path("models/base")
 
@@ -46,7 +47,7 @@ def main() -> None:
             described = functional_scenario(scenario)
             space = Space.from_dict(described.space)
             simulator = MujocoSimulator(scenario=described.model_dump())
-            for point in space.sample(options.tests, np.random.default_rng(0)):
+            for point in space.sample(options.tests, np.random.default_rng(sampler_seed(scenario, 0))):
                 for name, detector in detectors.items():
                     episode = simulator.execute(space.decode(point), detector)
                     results[name].append(kpi.evaluate(episode.signals, study.campaign.failure_threshold_s))

@@ -21,6 +21,7 @@ from pipeline.core.statistics import mcnemar
 from pipeline.detectors.yolo.export import onnx_of
 from pipeline.progress import Progress
 from pipeline.steps import journal
+from pipeline.steps.campaign import sampler_seed
 from pipeline.steps.execution import Workers
 
 TOWN = {"style": "suburban", "seed": 987_654}
@@ -57,7 +58,7 @@ def _failures(config: Config, scenario: str, detector: dict[str, Any], tests: in
     body = config.scenarios[scenario].model_dump()
     body["town"] |= TOWN
     space = config.space(scenario)
-    sampler = instantiate(config.samplers["pairwise"], _partial_=True, _convert_="all")(space=space, seed=3)
+    sampler = instantiate(config.samplers["pairwise"], _partial_=True, _convert_="all")(space=space, seed=sampler_seed(scenario, 3))
     points = np.concatenate([_asked(sampler) for _ in range(-(-tests // config.samplers["pairwise"]["batch_size"]))])[:tests]
     log = journal.Journal(folder / scenario, scenario)
     pool = Workers(workers, config.simulator, body, detector, keep_every=0)

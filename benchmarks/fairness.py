@@ -22,6 +22,7 @@ from pipeline.detectors.scripted import VisiblePixelOracle
 from pipeline.detectors.yolo.export import onnx_of
 from pipeline.protocols import Detector
 from pipeline.simulators.mujoco.episode import MujocoSimulator
+from pipeline.steps.campaign import sampler_seed
 
 
 def detector_named(name: str, folder: Path) -> Detector:
@@ -43,7 +44,7 @@ def main() -> None:
         for name in options.scenario:
             described = functional_scenario(name)
             space, simulator = Space.from_dict(described.space), MujocoSimulator(described.model_dump())
-            points = space.sample(options.tests, np.random.default_rng(5))
+            points = space.sample(options.tests, np.random.default_rng(sampler_seed(name, 5)))
             modes: Counter[str] = Counter()
             for point in tqdm(points, desc=name, unit="test", mininterval=2):
                 concrete = space.decode(point)

@@ -27,6 +27,7 @@ from pipeline.artefacts.campaign import read_tests
 from pipeline.artefacts.points import encode_tests
 from pipeline.config import Config, Target, compose
 from pipeline.core.space import Floats
+from pipeline.steps.campaign import sampler_seed
 
 
 class Surrogate:
@@ -63,9 +64,9 @@ def search(config: Config, world: Surrogate, name: str, strategy: Target, transf
     space, tests, failures = config.space(config.search[0]), Counter[str](), Counter[str]()
     for seed in tqdm(range(seeds), desc=name, unit="seed"):
         earlier: list[tuple[Floats, Floats]] = []
-        for scenario in range(len(config.search)):
+        for scenario, searched in enumerate(config.search):
             history = {"earlier": earlier} if transfer else {}
-            sampler = instantiate(strategy, _partial_=True, _convert_="all")(space=space, seed=seed, **history)
+            sampler = instantiate(strategy, _partial_=True, _convert_="all")(space=space, seed=sampler_seed(searched, seed), **history)
             executed = []
             for _ in range(-(-config.campaign.tests // sampler.batch_size)):
                 points = sampler.ask()

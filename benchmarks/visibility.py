@@ -22,6 +22,7 @@ from pipeline.core.statistics import wilson_interval
 from pipeline.detectors.scripted import BlindDetector
 from pipeline.protocols import Frame
 from pipeline.simulators.mujoco.episode import MujocoSimulator
+from pipeline.steps.campaign import sampler_seed
 
 NEAR_M = 25.0
 HALF = 0.5
@@ -52,7 +53,7 @@ def frames(name: str, tests: int) -> list[Seen]:
     space, simulator = Space.from_dict(described.space), MujocoSimulator(described.model_dump())
     found = []
     try:
-        for point in tqdm(space.sample(tests, np.random.default_rng(17)), desc=name, unit="test", mininterval=2):
+        for point in tqdm(space.sample(tests, np.random.default_rng(sampler_seed(name, 17))), desc=name, unit="test", mininterval=2):
             episode = simulator.execute(space.decode(point), BlindDetector(), keep_every=2)
             away = np.hypot(
                 *(np.asarray(episode.signals[f"pedestrian_{axis}_m"]) - np.asarray(episode.signals[f"ego_{axis}_m"]) for axis in "xy")

@@ -80,17 +80,17 @@ def main() -> None:
     for strategy, rows in searched.groupby("strategy"):
         counts = rows.groupby("group")["failure"].agg(["sum", "size"]).reindex(GROUPS, fill_value=0)
         failed = rows[rows["failure"]]
-        pairs = len(failed[["scenario", "seed", "blueprint", "animation"]].drop_duplicates())
+        pairs = len(failed[["blueprint", "animation"]].drop_duplicates())
+        points = len(rows.drop_duplicates(list(read_space(next(study.glob("space/*.json")))[1].names)))
         alone = int((failed["failure_mode"] == "false_positives").sum())
         print(
-            f"{strategy}: {len(failed)} of {len(rows)} tests fail, in {pairs} pairs of blueprint and pose; {alone} by false positives alone"
+            f"{strategy}: {len(failed)} of {len(rows)} tests fail, {points} different ones, in {pairs} pairs of blueprint and pose; "
+            f"{alone} by false positives alone"
         )
         print("  " + ", ".join(f"{name} {row['sum']} of {row['size']}" for name, row in counts.iterrows()))
 
     held_out = read(study, "held_out/*/*/*/*/tests.parquet")
-    # The next scenario's seed is one more (`comparison.seed`), so these are the first one's.
-    sequences = held_out["seed"] - held_out["scenario"].rank(method="dense").astype(int) + 1
-    for seed, tests in held_out.groupby(sequences):
+    for seed, tests in held_out.groupby("seed"):
         print(f"\nheld-out sequences of seed {seed}\n")
         print_table(tests)
 

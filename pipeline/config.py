@@ -63,7 +63,7 @@ class Comparison(_Section):
     strategy: str
     """The test strategy that makes the sequence; it must not learn from results."""
     seed: Seed
-    """Of the sequence on the first held-out scenario; the next scenario's is one more, and so on, so that each has tests of its own."""
+    """Of the sequences; each held-out scenario has one of its own."""
     alpha: Share
     """Level of each paired test; they are not corrected for their number."""
     confidence: Share
@@ -182,7 +182,7 @@ class Config(_Section):
     goal: Literal["report", "base", "front_car"]
     """`report` runs the loop, `base` stops at the trained base detector, `front_car` runs the front-car study."""
     seeds: tuple[Seed, ...] = Field(min_length=1)
-    """Seeds of the search campaigns."""
+    """Seeds of the search campaigns; with the same one each scenario has tests of its own."""
     search: tuple[str, ...] = Field(min_length=1)
     """Scenarios that are searched."""
     held_out: tuple[str, ...] = Field(min_length=1)

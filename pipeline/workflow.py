@@ -126,13 +126,10 @@ class Study:
         return [path for v in tested for path in self.search(name, strategy=self.sources[v.kind], version=str(v))]
 
     def held_out(self, name: str) -> list[str]:
-        """The file `name` of the comparison's campaigns.
-
-        The scenarios share a space, so each takes a seed of its own: one sequence executed everywhere would be fewer different tests.
-        """
-        config, comparison = self.config, self.config.comparison
-        sequences = [(f"{scenario}/{comparison.strategy}", comparison.seed + position) for position, scenario in enumerate(config.held_out)]
-        return [f"{self.root}/held_out/{a}/{version}/{seed}/{name}" for a, seed in sequences for version in config.versions]
+        """The file `name` of the comparison's campaigns."""
+        config, chosen = self.config, self.config.comparison
+        root = f"{self.root}/held_out"
+        return [f"{root}/{a}/{chosen.strategy}/{version}/{chosen.seed}/{name}" for a in config.held_out for version in config.versions]
 
     def added(self, version: str, source: Literal["random", "adaptive"]) -> dict[str, list[str]]:
         """The filter tables and the frames of the random or the adaptive source that feed a version; none for a control."""

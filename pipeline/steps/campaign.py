@@ -68,13 +68,16 @@ def run(
     body = config.scenarios[scenario].model_dump()
     keep_every = 0 if held_out else config.campaign.keep_every
     known = [sha256(path) for path in earlier]
-    identity = _identity(config.simulator, body, config.detector, sha256(model), config.samplers[strategy], known, seed, tests, keep_every)
+    own_seed = sampler_seed(scenario, seed)
+    identity = _identity(
+        config.simulator, body, config.detector, sha256(model), config.samplers[strategy], known, own_seed, tests, keep_every
+    )
     log = Journal(journal, identity)
     if log.discarded:
         progress.note("the journal belonged to another configuration, model or code and was discarded")
     # Partial, because Hydra would turn the space, a dataclass, into a config.
     history = {"earlier": [_history(path, logical) for path in earlier]} if earlier else {}
-    sampler = instantiate(config.samplers[strategy], _partial_=True, _convert_="all")(space=logical, seed=seed, **history)
+    sampler = instantiate(config.samplers[strategy], _partial_=True, _convert_="all")(space=logical, seed=own_seed, **history)
     workers = Workers(threads, config.simulator, body, detector, keep_every)
     try:
         results, points, sampler_s = _search(sampler, logical, tests, log, workers, config.campaign.failure_threshold_s, progress)
@@ -83,6 +86,13 @@ def run(
     keys = {"scenario": info.name, "strategy": strategy, "version": version, "seed": seed}
     _write(out, keys, logical, points, results, sampler_s, config)
     log.remove()
+
+
+def sampler_seed(scenario: str, seed: int) -> int:
+    """The seed of a campaign's sampler. Scenarios share a space: the same seed would ask each of them for the same tests, and eight
+    campaigns of 120 would be 120 different ones.
+    """
+    return int.from_bytes(hashlib.sha256(f"{scenario} {seed}".encode()).digest()[:4], "big") >> 1
 
 
 def _history(path: Path, space: Space) -> tuple[Floats, Floats]:

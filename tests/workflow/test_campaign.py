@@ -70,6 +70,18 @@ def test_a_campaign_that_knows_another_one_asks_for_other_tests(study: Path, one
     assert same(out, again) and not same(one_worker, out)
 
 
+def test_scenarios_share_a_seed_and_no_test(study: Path) -> None:
+    params = ["--params", str(study / "params.yaml")]
+    assert main(["define-space", "--scenario", "F1star", "--out", str(study / "F1star.json"), *params]) == 0
+    fog = {}
+    for scenario in ("F1", "F1star"):
+        out = study / scenario
+        words = {"F1": scenario, str(study / "F1.json"): str(study / f"{scenario}.json")}
+        assert main([words.get(word, word) for word in arguments(study, out, 2, strategy="random")]) == 0
+        fog[scenario] = set(tables.read_tests(out / "tests.parquet")["fog"])
+    assert (len(fog["F1"]), len(fog["F1star"])) == (24, 8) and not fog["F1"] & fog["F1star"]
+
+
 def finished(out: Path) -> int:
     return len(list((out / "journal").glob("*.npz")))
 

@@ -121,11 +121,11 @@ def test_a_campaign_waits_for_those_that_it_learns_from(tmp_path: Path) -> None:
     assert not study.earlier("campaigns", "F5", "random", "base", "0") and not study.earlier("held_out", "F1star", "neural", "base", "0")
 
 
-def test_each_held_out_scenario_has_a_sequence_of_its_own_that_all_versions_share(tmp_path: Path) -> None:
+def test_every_version_executes_the_sequences_of_one_seed(tmp_path: Path) -> None:
     (tmp_path / "params.yaml").write_text(dump(compose("retraining", ["comparison.seed=3"]), "test"))
     paths = [Path(path) for path in workflow.Study(tmp_path / "params.yaml").held_out("tests.parquet")]
     seeds = {(path.parts[-5], path.parts[-2]) for path in paths}
-    assert len(paths) == 40 and seeds == {("F1star", "3"), ("F2star", "4"), ("F3star", "5"), ("F4star", "6")}
+    assert len(paths) == 40 and seeds == {(f"F{i}star", "3") for i in range(1, 5)}
 
 
 def _with(folder: Path) -> Path:
