@@ -1,11 +1,7 @@
 # The loop in data-flow order. What each step computes is in pipeline/steps/<step>.py; where files lie is here alone.
-from pipeline.workflow import Study
+from pipeline.workflow import study
 
-
-configfile: "params.yaml"
-
-
-S = Study()
+S = study()
 D, L = S.root, S.logs
 RUN = "OMP_NUM_THREADS={threads} python -m pipeline"
 

@@ -317,7 +317,7 @@ def _keys(path: Sequence[str]) -> list[str]:
 
 
 def check_targets(config: Config) -> None:
-    """Check that each `_target_` exists and takes the keys beside it; InputError that names the nearest parameter."""
+    """Check that each `_target_` exists and takes the keys beside it, and that named files are there; InputError that names the key."""
     sections = {"simulator": config.simulator, "detector": config.detector}
     sections |= {f"samplers.{name}": section for name, section in config.samplers.items()}
     for key, section in sections.items():
@@ -325,6 +325,10 @@ def check_targets(config: Config) -> None:
         for name in section:
             if name != "_target_" and name not in parameters:
                 raise InputError(f"unknown key '{key}.{name}'{nearest(name, parameters)}")
+    if config.filter.overrules is not None and not Path(config.filter.overrules).is_file():
+        raise InputError(f"filter.overrules: expected a CSV, found no file {config.filter.overrules}")
+    if config.base.source == "shipped" and not (weights := Path(config.base.weights) / "weights.safetensors").is_file():
+        raise InputError(f"base.weights: expected the folder of a detector, found no file {weights}")
     learning = {
         name for name, section in config.samplers.items() if "earlier" in _parameters(f"samplers.{name}._target_", section["_target_"])
     }
@@ -419,5 +423,6 @@ def load(path: Path = PARAMS) -> Config:
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file; make it by `python -m pipeline compose study=default`") from error
     except yaml.YAMLError as error:
-        raise InputError(f"{path}: no YAML ({str(error).splitlines()[0]})") from error
+        mark, problem = getattr(error, "problem_mark", None), getattr(error, "problem", None) or str(error).splitlines()[0]
+        raise InputError(f"{path}{f', line {mark.line + 1}' if mark else ''}: no YAML ({problem})") from error
     return validate(plain, str(path))

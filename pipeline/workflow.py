@@ -17,6 +17,7 @@ import grimp
 
 from pipeline.config import PARAMS, Config, load
 from pipeline.lineage import PATTERN, Version
+from pipeline.protocols import InputError
 
 ROOT = Path(__file__).resolve().parents[1]
 SEEDS_A_ROUND = 1000
@@ -174,6 +175,15 @@ class Study:
         for module in sorted({f"pipeline.steps.{step}", *_targets(sections)}):
             digest.update(code_digest(module).encode())
         return digest.hexdigest()[:16]
+
+
+def study() -> Study:
+    """The study in params.yaml; what is wrong with that is told in one line, where Snakemake would show a stack."""
+    try:
+        return Study()
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)
 
 
 def _at(plain: Any, key: str) -> Any:

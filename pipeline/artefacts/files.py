@@ -37,10 +37,11 @@ def read_bytes(path: Path) -> bytes:
 
 def read_json(path: Path) -> Any:
     """Read JSON; InputError if the file is missing, truncated or no JSON."""
+    text = read_bytes(path)
     try:
-        return json.loads(read_bytes(path))
+        return json.loads(text)
     except ValueError as error:
-        raise InputError(f"{path}: expected JSON, got a truncated or foreign file ({error}); delete it and make it again") from error
+        raise InputError(f"{path}: expected JSON, got a truncated or foreign file ({error}); make it again") from error
 
 
 def sha256(path: Path) -> str:

@@ -143,6 +143,8 @@ class OnnxDetector:
 def _session(path: Path, threads: int) -> onnxruntime.InferenceSession:
     if path.suffix in (".pt", ".pth", ".pkl", ".ckpt"):
         raise InputError(f"{path}: a {path.suffix} file can run code when it is read and is not opened; export it to ONNX")
+    if path.is_dir():
+        raise InputError(f"{path}: expected the ONNX file of a detector, got a folder; name the file, as {path / 'model.onnx'}")
     if not path.is_file():
         raise InputError(f"{path}: expected the ONNX file of a detector, found no file; train it, or name another model")
     options = onnxruntime.SessionOptions()

@@ -177,7 +177,8 @@ def _grouped_bars(axis: Axes, rows: Sequence[StrategyMeasures], field: str, labe
         positions = np.arange(len(chosen)) + (rank - (len(strategies) - 1) / 2) * width
         values = np.array([estimate.value for estimate in estimates])
         errors = np.abs(np.array([[e.low for e in estimates], [e.high for e in estimates]]) - values)
-        axis.bar(positions, values, width * 0.9, color=colours[strategy], label=strategy, yerr=errors, ecolor=INK, capsize=3)
+        bars = errors if errors.any() else None  # One seed has no spread to show, which is not the same as none.
+        axis.bar(positions, values, width * 0.9, color=colours[strategy], label=strategy, yerr=bars, ecolor=INK, capsize=3)
     axis.set_xticks(range(len(labels)), list(labels.values()))
     axis.grid(False, axis="x")
 

@@ -103,7 +103,8 @@ FIGURES = {
         Higher is better. A detector can be better in single images and still brake too late: the verdict above is what counts.
     """),
     "reliability": _prose("""
-        What a confidence is worth on the validation images: on the diagonal, of the detections with confidence 0.8 eight in ten are right.
+        What a confidence is worth on the validation images, on which it was calibrated: on the diagonal, of the detections with confidence
+        0.8 eight in ten are right.
         The AEB brakes as hard as the detector is confident, so a line above the diagonal is a car that brakes too softly. Larger points
         stand for more detections; tenths of the scale with fewer than ten are left out.
     """),

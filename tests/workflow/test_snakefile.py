@@ -44,6 +44,27 @@ def test_every_study_plans(study: str, tmp_path: Path) -> None:
     assert ("rule report:" in planned or "rule front_car_report:" in planned) == (study != "base")
 
 
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ("tests: eighty", "params.yaml: campaign.tests: Input should be a valid integer"),
+        ("tests: [40", "params.yaml, line"),
+        (None, "params.yaml: no such file; make it by `python -m pipeline compose study=default`"),
+    ],
+)
+def test_what_is_wrong_in_params_is_told_in_one_line(wrong: str | None, told: str, tmp_path: Path) -> None:
+    folder = copy(tmp_path)
+    if wrong is not None:
+        text = dump(compose("smoke", ["campaign.tests=40"]), "test")
+        assert "tests: 40" in text
+        (folder / "params.yaml").write_text(text.replace("tests: 40", wrong))
+    environment = {**os.environ, "PYTHONPATH": str(folder)}
+    command = [sys.executable, "-m", "snakemake", "--cores", "1", "-n"]
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
+    (line,) = [line for line in done.stderr.splitlines() if "profile" not in line]
+    assert done.returncode == 2 and line.startswith(f"error: {told}")
+
+
 def test_the_graph_is_drawn(tmp_path: Path) -> None:
     folder = copy(tmp_path)
     (folder / "params.yaml").write_text(dump(compose("smoke", []), "test"))

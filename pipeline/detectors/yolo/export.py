@@ -41,6 +41,8 @@ class Deployed(nn.Module):
 
 def onnx_of(model: Path, folder: Path) -> Path:
     """The ONNX file of a model version's folder; made in `folder` of its weights and card where only they are there."""
+    if model.is_file():
+        raise InputError(f"{model}: expected the folder of a version, got a file; name {model.parent}")
     if (model / "model.onnx").exists():
         return model / "model.onnx"
     if not (model / "weights.safetensors").exists():
