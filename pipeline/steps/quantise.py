@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.artefacts.dataset import read_dataset
+from pipeline.artefacts.model import read_card
 from pipeline.config import Config
+from pipeline.core.reliability import Calibration
 from pipeline.detectors.evaluation import evaluate
 from pipeline.detectors.quantisation import quantise
 from pipeline.detectors.yolo.export import onnx_of
@@ -22,14 +24,14 @@ def run(config: Config, *, model: Path, base_set: Path, out: Path) -> str:
 
     model: folder of a version. base_set: truth.coco.json; its training images set the ranges, its validation images give the metrics.
     """
+    threshold, calibration = float(config.detector.get("threshold", 0.5)), Calibration(**read_card(model / "model.json").calibration)
     training, validation = read_dataset(base_set.parent, "train"), read_dataset(base_set.parent, "val")
     shown = np.linspace(0, len(training) - 1, min(CALIBRATION_IMAGES, len(training))).astype(int)
-    threshold = float(config.detector.get("threshold", 0.5))
     lines = ["form     AP50   AP50-95  false positives an image"]
     with tempfile.TemporaryDirectory() as folder:
         whole = onnx_of(model, Path(folder))
         quantise(whole, training.images[shown], out)
         for name, path in {"float32": whole, "int8": out}.items():
-            metrics = evaluate(detect_all(path, validation), validation, threshold)
+            metrics = evaluate(detect_all(path, validation, calibration), validation, threshold)
             lines.append(f"{name:8} {metrics['ap50']:.3f}  {metrics['ap50_95']:.3f}    {metrics['false_positives_an_image']:.4f}")
     return "\n".join([*lines, f"on {len(validation)} validation images at confidence {threshold:g}; {out}"])

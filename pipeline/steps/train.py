@@ -14,7 +14,7 @@ from pipeline.artefacts.dataset import ImageSet, read_dataset
 from pipeline.artefacts.files import sha256
 from pipeline.artefacts.model import ModelCard, read_card, read_curve, write_card, write_curve
 from pipeline.config import Config
-from pipeline.core.reliability import calibration_error, reliability
+from pipeline.core.reliability import Calibration, calibration_error, reliability
 from pipeline.detectors.evaluation import calibrate, evaluate, judged_scores
 from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.yolo.data import usable
@@ -109,7 +109,10 @@ def write_version(
     write_card(out, card)
 
 
-def detect_all(onnx: Path, images: ImageSet) -> list[Detections]:
-    """What a model says of each image, down to scores that nobody would act on."""
-    detector = OnnxDetector(onnx, threshold=LOWEST_SCORE)
+def detect_all(onnx: Path, images: ImageSet, calibration: Calibration | None = None) -> list[Detections]:
+    """What a model says of each image, down to scores that nobody would act on. calibration: the one inside the file, if it has one: the
+    same detections are kept then as without it, and average precision stays what it is.
+    """
+    lowest = LOWEST_SCORE if calibration is None else float(calibration.apply(np.array([LOWEST_SCORE]))[0])
+    detector = OnnxDetector(onnx, threshold=lowest)
     return [detector.detect_images(images.images[i : i + 1])[0] for i in range(len(images))]
