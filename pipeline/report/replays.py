@@ -28,7 +28,9 @@ from pipeline.report.style import GRID, INK, styled
 Pixels = NDArray[np.uint8]
 TRUTH, DETECTION, CURSOR = (70, 140, 255), (235, 60, 50), (214, 40, 40)
 CONFIDENCE_COLOUR, SPEED_COLOUR, TTC_COLOUR = "#2f6fd0", "#2a8f5c", "#7d55b8"
-FRAME_HEIGHT, SIDE_WIDTH, SIGNALS_HEIGHT, MARGIN = 480, 410, 280, 14
+FRAME_HEIGHT, SIDE_WIDTH, SIGNALS_HEIGHT, MARGIN = 480, 410, 350, 14
+BELOW_SIGNALS = 132
+"""Of which the time axis takes 62; over the rest a browser lays its controls."""
 SIDE_CHARACTERS = 36
 DPI = 100
 LABEL_SCALE = 0.6
@@ -120,7 +122,7 @@ def _layout(episode: Episode, text: str, kpi: Kpi, threshold_s: float) -> Layout
         figure = Figure(figsize=(total_width / DPI, total_height / DPI), dpi=DPI, facecolor="white")
         figure.set_layout_engine("none")
         figure.text((frame_width + 1.5 * MARGIN) / total_width, 1 - MARGIN / total_height, text, **_TEXT)
-        axis = figure.add_axes((0.065, 62 / total_height, 0.765, (SIGNALS_HEIGHT - 102) / total_height))
+        axis = figure.add_axes((0.065, BELOW_SIGNALS / total_height, 0.765, (SIGNALS_HEIGHT - BELOW_SIGNALS - 40) / total_height))
         _draw_signals(axis, episode, kpi, threshold_s)
         canvas = FigureCanvasAgg(figure)
         canvas.draw()
