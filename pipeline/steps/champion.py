@@ -16,10 +16,7 @@ def successor(comparison: Comparison, holder: str | None) -> tuple[str | None, s
     """
     best, base = comparison.champion, comparison.versions[0].version
     if holder is None:
-        return (
-            None,
-            "champion stays with a version that was not executed on these tests; give its folder as base.weights to compare with it",
-        )
+        return None, "champion stays with a version not executed on these tests; to compare with it, give its folder as base.weights"
     if holder == best:
         return None, f"champion stays with {holder}"
     if holder != base and not comparison.gate[holder].startswith("passes"):
