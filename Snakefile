@@ -168,7 +168,7 @@ rule cluster:
     benchmark:
         f"{L}/cluster/{{scenario}}.tsv"
     params:
-        stamp=S.stamp("cluster", "regions"),
+        stamp=S.stamp("cluster", "regions", "comparison.confidence"),
     shell:
         RUN + " cluster --space {input.space} --tests {input.tests} --out {output} --log {log}"
 
@@ -331,4 +331,4 @@ include: "front_car.smk"
 
 
 onsuccess:
-    S.finish()
+    S.finish(workflow.dag_settings)

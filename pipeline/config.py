@@ -117,7 +117,7 @@ class Retraining(_Section):
     """Retraining of the versions control, random and adaptive: all with the same steps."""
 
     seeds: tuple[Seed, ...] = Field(min_length=1)
-    """Of order and augmentation; each makes a version of each kind."""
+    """Of which frames are drawn, of order and augmentation; each makes a version of each kind."""
     rounds: int = Field(ge=1, le=20)
     """How often search, filter and retraining are repeated on the newest versions."""
     start: Literal["parent", "scratch"]
@@ -227,8 +227,12 @@ class Config(_Section):
                 )
         _known("comparison.strategy", self.comparison.strategy, self.samplers)
         _known("adaptive", self.adaptive, self.strategies)
-        if len(set(self.retraining.seeds)) < len(self.retraining.seeds):
-            raise ValueError(f"retraining.seeds must differ, got {list(self.retraining.seeds)}")
+        for key, seeds in {"seeds": self.seeds, "retraining.seeds": self.retraining.seeds}.items():
+            if len(set(seeds)) < len(seeds):
+                raise ValueError(f"{key} must differ, got {list(seeds)}")
+        for name in self.samplers:
+            if not re.fullmatch(r"\w+", name):
+                raise ValueError(f"samplers: expected letters, digits and _ in a name, as tests are named after it, got '{name}'")
         if both := set(self.search) & set(self.held_out):
             raise ValueError(f"held_out must not be searched: {', '.join(sorted(both))} is in both lists")
         for unseen in self.held_out:
@@ -236,8 +240,10 @@ class Config(_Section):
             if self.scenarios[unseen].space != self.scenarios[first].space:
                 raise ValueError(f"held_out: {unseen} has another space than {first}; scenarios that are compared together share one")
             for searched in self.search:
-                if self.scenarios[unseen].town == self.scenarios[searched].town:
-                    raise ValueError(f"held_out: {unseen} has the town of {searched}, which is searched, so detectors would learn it")
+                if self.scenarios[unseen].town.fingerprint == self.scenarios[searched].town.fingerprint:
+                    raise ValueError(
+                        f"held_out: {unseen} has the town of {searched} (style and seed), which is searched, so detectors would learn it"
+                    )
         if self.adaptive == self.strategies[0]:
             raise ValueError(f"adaptive must differ from the baseline, the first of strategies, got '{self.adaptive}' for both")
         return self
@@ -325,6 +331,8 @@ def check_targets(config: Config) -> None:
         for name in section:
             if name != "_target_" and name not in parameters:
                 raise InputError(f"unknown key '{key}.{name}'{nearest(name, parameters)}")
+    if "model" in config.detector:
+        raise InputError("detector.model is the version under test's; `python -m pipeline test-detector FILE` tests another detector")
     if config.filter.overrules is not None and not Path(config.filter.overrules).is_file():
         raise InputError(f"filter.overrules: expected a CSV, found no file {config.filter.overrules}")
     if config.base.source == "shipped" and not (weights := Path(config.base.weights) / "weights.safetensors").is_file():

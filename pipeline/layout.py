@@ -85,8 +85,11 @@ class Town(Part):
 
     @property
     def fingerprint(self) -> str:
-        """What says whether two towns are the same one, without showing either: hexadecimal, from SHA-256."""
-        return hashlib.sha256(self.model_dump_json().encode()).hexdigest()[:16]
+        """What says whether two towns are the same one, without showing either: hexadecimal, from SHA-256.
+
+        Of style and seed, which draw the houses and textures: with another street or one more tree between them it is the same town.
+        """
+        return hashlib.sha256(f"{self.style} {self.seed}".encode()).hexdigest()[:16]
 
     def overgrown(self, side: int) -> bool:
         """Whether hedges and dense trees line this side of the streets: 1 left, -1 right."""

@@ -49,7 +49,7 @@ SAMPLERS = tuple(f"core.samplers.{name}" for name in ("random", "neural", "pairw
 STAGES = {
     "space": Stage("spaces", ("steps.define_space",), ("study", "scenarios"), (f"{D}/space",)),
     "base_set": Stage("base_set", ("steps.render_base",), ("study", "base_set", "simulator"), (f"{D}/base_set",)),
-    "base": Stage("base", ("steps.train",), ("base", "detector"), (f"{D}/models/base",), (f"{D}/base_set", "models/base")),
+    "base": Stage("base", ("steps.train",), ("base", "training", "detector"), (f"{D}/models/base",), (f"{D}/base_set", "models/base")),
     "search": Stage(
         "search",
         (*SIMULATION, *SAMPLERS),
@@ -78,7 +78,10 @@ STAGES = {
     "held_out": Stage(
         "held_out",
         (*SIMULATION, "core.samplers.pairwise"),
-        ("held_out", "scenarios", "samplers", "simulator", "detector", "comparison", "campaign.failure_threshold_s"),
+        (
+            *("held_out", "scenarios", "samplers", "simulator", "detector", "campaign.failure_threshold_s"),
+            *("comparison.tests", "comparison.strategy", "comparison.seed"),
+        ),
         (f"{D}/held_out",),
         (f"{D}/space", f"{D}/models/base", RETRAINED),
     ),

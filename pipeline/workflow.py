@@ -14,14 +14,13 @@ from pathlib import Path
 from typing import Any, Literal
 
 import grimp
+from snakemake.settings.types import DAGSettings
 
 from pipeline.config import PARAMS, Config, load
 from pipeline.lineage import PATTERN, Version
 from pipeline.protocols import InputError
 
 ROOT = Path(__file__).resolve().parents[1]
-SEEDS_A_ROUND = 1000
-"""How far the seeds of a round's search lie from those of the round before."""
 
 
 class Study:
@@ -31,6 +30,8 @@ class Study:
 
     def __init__(self, params: Path = PARAMS) -> None:
         self.config: Config = load(params)
+        if self.config.goal == "report" and not self.config.campaign.keep_every:
+            raise InputError(f"{params}: campaign.keep_every must be at least 1, or no frame is left to learn from, got 0")
         self.root = f"data/{self.config.study}"
         self.logs = f"logs/{self.config.study}"
         self.sources = self.config.sources
@@ -95,9 +96,13 @@ class Study:
         """What a campaign's budget and verdicts depend on."""
         return ["comparison.tests", "campaign.failure_threshold_s"] if scenario in self.config.held_out else ["campaign"]
 
-    def finish(self) -> None:
-        """Once a report is there: print the verdict, and tell DVC that what it versions was made, unless DVC itself is at work."""
-        if self.config.goal != "report" or not all((ROOT / goal).exists() for goal in self.goals):
+    def finish(self, asked: DAGSettings) -> None:
+        """Once all is made: print the verdict, and tell DVC that what it versions was made, unless DVC itself is at work.
+
+        After a part, as `snakemake search`, what lies there of the rest may be of other settings: then nothing is said.
+        """
+        some = asked.targets and "all" not in asked.targets and not asked.targets >= set(self.goals)
+        if self.config.goal != "report" or some or asked.until or asked.omit_from or asked.allowed_rules or asked.batch:
             return
         subprocess.run([sys.executable, "-m", "pipeline", "verdict", "--comparison", f"{self.root}/comparison.json"], cwd=ROOT, check=False)
         if (ROOT / ".dvc").exists() and "DVC_STAGE" not in os.environ:
@@ -108,14 +113,12 @@ class Study:
     def search(self, name: str, scenario: str | None = None, strategy: str | None = None, version: str = "base") -> list[str]:
         """The file `name` of the search campaigns against a version, of all or of one scenario or strategy.
 
-        Those against retrained versions, the later rounds', lie with these versions. Their seeds are others: random testing would only
-        execute again what the version has learnt from.
+        Those against retrained versions, the later rounds', lie with these versions.
         """
         config = self.config
         scenarios, strategies = [scenario] if scenario else config.search, [strategy] if strategy else config.strategies
         root = f"{self.root}/campaigns" if version == "base" else f"{self.root}/retrained/campaigns"
-        seeds = [seed + SEEDS_A_ROUND * Version.named(version).round for seed in config.seeds]
-        return [f"{root}/{a}/{b}/{version}/{seed}/{name}" for a in scenarios for b in strategies for seed in seeds]
+        return [f"{root}/{a}/{b}/{version}/{seed}/{name}" for a in scenarios for b in strategies for seed in config.seeds]
 
     def earlier(self, kind: str, scenario: str, strategy: str, version: str, seed: str) -> list[str]:
         """The tests of the campaigns that are known to a campaign, against the same version and with the same seed."""
@@ -207,14 +210,17 @@ def _graph() -> grimp.ImportGraph:
 
 @cache
 def sources(module: str) -> tuple[str, ...]:
-    """Source files of a module and of everything of ours that it imports, however far down, relative to the root; sorted."""
+    """Source files of a module and of everything of ours that it imports, however far down, relative to the root; sorted.
+
+    Templates count as source of the modules beside them.
+    """
     graph = _graph()
-    found = []
+    found = set()
     for name in {module} | graph.find_upstream_modules(module):
         stem = ROOT.joinpath(*name.split("."))
         path = stem.with_suffix(".py") if stem.with_suffix(".py").exists() else stem / "__init__.py"
         if path.stat().st_size:
-            found.append(path.relative_to(ROOT).as_posix())
+            found |= {file.relative_to(ROOT).as_posix() for file in (path, *path.parent.glob("*.jinja"))}
     return tuple(sorted(found))
 
 

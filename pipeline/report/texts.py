@@ -25,7 +25,8 @@ PAIRS = _prose("""
 """)
 GROUP_PAIRS = _prose("""
     Mean difference over the seeds of retraining with Student's interval, paired by seed, which holds the luck of training; p of the exact
-    sign-flip test over the tests, seeds summed, which holds the luck of the sequence. A difference is shown where both leave no doubt.
+    sign-flip test over the tests, seeds summed, which holds the luck of the sequence. A difference is shown where both leave no doubt. All
+    seeds learn from one search, whose luck neither holds.
 """)
 ROUNDS = _prose("""
     Each round searches the newest versions, filters what was kept and retrains; control has the same steps without new data. The table
@@ -75,7 +76,8 @@ FRAMES = _prose("""
     CSV with the columns test_id,step,keep in filter.overrules.
 """)
 DETECTION = _prose("""
-    On the validation images of the base set; pedestrians too small or too faint to see are ignored, as COCO ignores crowds.
+    On the validation images of the base set; pedestrians too small or too faint to see are ignored, as COCO ignores crowds. Retrained
+    versions have learnt other images of the same towns, a shipped base has not.
 """)
 FIGURES = {
     "comparison": _prose("""

@@ -32,11 +32,12 @@ NEEDED = ["test_id", "ego_speed_mps", "conflict_distance_m", "visible_pixels", "
 def run(config: Config, *, tests: Sequence[Path], space: Path, out: Path, progress: OnProgress) -> None:
     """Find the failure regions of one search scenario over all its campaigns.
 
-    tests: tests.parquet of each campaign of the scenario, signals.parquet beside it. Tests whose simulation broke are left out.
+    tests: tests.parquet of each campaign of the scenario, signals.parquet beside it. Tests whose simulation broke are left out; what two
+    campaigns executed, as strategies that begin with the same random batch, counts once.
     """
     info, logical = read_space(space)
     table = pd.concat([read_tests(path) for path in tests], ignore_index=True)
-    table = table[table["status"] == "ok"].reset_index(drop=True)
+    table = table[table["status"] == "ok"].drop_duplicates(list(logical.names), ignore_index=True)
     regions = cluster(info, logical, table, config.regions.chance_neighbours, config.regions.min_failures, config.comparison.confidence)
     regions = regions.model_copy(update={"not_solvable": not_solvable(table, tests)})
     write(out, regions)

@@ -26,7 +26,12 @@ FEWEST = "c" + "." * 39
         # A holder that more tests have shown to be no better loses it, to the base if none is.
         ("adaptive", {"base": BASE, "adaptive": BASE}, "base", "as adaptive is held back: not significantly fewer"),
         ("random", {"base": BASE, "random": BASE, "adaptive": FEW}, "adaptive", "as random is held back"),
-        (None, {"base": BASE, "adaptive": FEWEST}, None, "not executed on these tests; to compare with it, give its folder as base.weights"),
+        (
+            None,
+            {"base": BASE, "adaptive": FEWEST},
+            None,
+            "give its folder as base.weights",
+        ),
     ],
 )
 def test_successor(holder: str | None, versions: dict[str, str], taken: str | None, why: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -72,6 +73,17 @@ def test_growing_keeps_away_from_loose_rules_and_drops_crumbs() -> None:
     labels[9] = -1
     assert grow_regions(SPACE, points, failures, labels, min_precision=0.75, min_failures=2)[9] == -1
     assert set(grow_regions(SPACE, points, failures, labels, min_precision=0.75, min_failures=4)) == {-1}
+
+
+def test_a_test_that_two_campaigns_executed_counts_once(tmp_path: Path) -> None:
+    study = Study(tmp_path / "study").make()
+    once, twice = (tmp_path / name for name in ("once.json", "twice.json"))
+    same = tmp_path / "same" / "tests.parquet"
+    campaign = study.search_tests[0]
+    shutil.copytree(campaign.parent, same.parent)
+    for out, tests in ((once, [campaign]), (twice, [campaign, same])):
+        cluster.run(study.config, tests=tests, space=study.search_spaces[0], out=out, progress=lambda *_: None)
+    assert once.read_bytes() == twice.read_bytes()
 
 
 def test_step_on_files(tmp_path: Path) -> None:

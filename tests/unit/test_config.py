@@ -40,8 +40,11 @@ def test_every_choice_of_a_group_composes(group: str) -> None:
         ("held_out=[F1]", "held_out must not be searched: F1 is in both lists"),
         (
             "scenarios.F1star.town=${scenarios.F1.town}",
-            "held_out: F1star has the town of F1, which is searched, so detectors would learn it",
+            "held_out: F1star has the town of F1 (style and seed), which is searched, so detectors would learn it",
         ),
+        ("seeds=[3,3]", "seeds must differ, got [3, 3]"),
+        ("+sampler@samplers.my-neural=neural", "expected letters, digits and _ in a name, as tests are named after it, got 'my-neural'"),
+        ("+detector.model=my.onnx", "detector.model is the version under test's; `python -m pipeline test-detector FILE` tests another"),
         ("scenarios.F1.space.fog.low=200", "scenarios.F1.space: variable 'fog': low must be below high, got 200"),
         ("scenarios.F1.ego.speed_kmh=-3", "scenarios.F1.ego.speed_kmh: Input should be greater than 0, got -3"),
         ("scenarios.F1.actors.bus.y_m=-9", "conf/scenario/F1.yaml: scenarios.F1: actors.bus: is off the road at (-8.5, -9.0) after 0 s"),
@@ -69,6 +72,11 @@ def test_wrong_input_is_named(override: str, message: str) -> None:
     with pytest.raises(InputError, match=".*") as caught:
         compose("default", [override])
     assert message in str(caught.value)
+
+
+def test_a_town_with_other_streets_is_still_the_same_town() -> None:
+    with pytest.raises(InputError, match=r"held_out: F1star has the town of F1 \(style and seed\)"):
+        compose("default", ["scenarios.F1star.town.style=urban", "scenarios.F1star.town.seed=11"])
 
 
 def test_scenarios_that_are_compared_share_a_space() -> None:

@@ -9,10 +9,12 @@ import sys
 from pathlib import Path
 
 import pytest
+from snakemake.settings.types import DAGSettings
 
 from pipeline import versioning, workflow
 from pipeline.__main__ import STEPS
 from pipeline.config import CONF, compose, dump
+from pipeline.protocols import InputError
 
 ROOT = Path(__file__).resolve().parents[2]
 STUDIES = sorted(path.stem for path in (CONF / "study").glob("*.yaml"))
@@ -75,6 +77,7 @@ def test_sources_follow_the_imports() -> None:
     cluster = workflow.sources("pipeline.steps.cluster")
     assert "pipeline/core/regions.py" in cluster and "pipeline/steps/cluster.py" in cluster
     assert "pipeline/detectors/yolo/loss.py" not in cluster
+    assert "pipeline/report/page.html.jinja" in workflow.sources("pipeline.steps.report")
     assert "pipeline/detectors/yolo/loss.py" in workflow.sources("pipeline.steps.retrain")
 
 
@@ -94,6 +97,26 @@ def test_what_a_changed_key_makes_stale(tmp_path: Path) -> None:
     threshold, tests = stamps("campaign.failure_threshold_s=0.2"), stamps("campaign.tests=7")
     assert threshold[0] != search and threshold[1] != held_out
     assert tests[0] != search and tests[1] == held_out
+
+
+def test_only_a_whole_run_tells_its_verdict_and_dvc(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "params.yaml").write_text(dump(compose("default", []), "test"))
+    study = workflow.Study(tmp_path / "params.yaml")
+    told: list[list[str]] = []
+    monkeypatch.setattr(workflow.subprocess, "run", lambda command, **_: told.append(command) or subprocess.CompletedProcess(command, 0))
+    monkeypatch.setattr(workflow, "ROOT", tmp_path)
+    for part in ({"targets": {"search"}}, {"targets": {study.goals[0]}}, {"until": {"compare"}}, {"omit_from": {"report"}}):
+        study.finish(DAGSettings(**{name: frozenset(values) for name, values in part.items()}))
+    assert not told
+    for whole in ((), ("all",), study.goals):
+        study.finish(DAGSettings(targets=frozenset(whole)))
+    assert [command[3] for command in told] == ["verdict"] * 3
+
+
+def test_a_search_that_keeps_no_frame_is_refused_before_it_begins(tmp_path: Path) -> None:
+    (tmp_path / "params.yaml").write_text(dump(compose("default", ["campaign.keep_every=0"]), "test"))
+    with pytest.raises(InputError, match=r"campaign\.keep_every must be at least 1, or no frame is left to learn from, got 0"):
+        workflow.Study(tmp_path / "params.yaml")
 
 
 def test_a_changed_line_makes_exactly_its_steps_stale(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -123,11 +146,11 @@ def test_a_round_learns_from_all_campaigns_before_it(tmp_path: Path) -> None:
     adaptive, random = (study.added("adaptive-r2-s4", source) for source in ("adaptive", "random"))
     assert adaptive["filters"] == ["data/smoke/filter/neural.csv", "data/smoke/retrained/filter/neural/adaptive-s4.csv"]
     assert random["filters"] == ["data/smoke/filter/random.csv", "data/smoke/retrained/filter/random/random-s4.csv"]
-    assert "data/smoke/retrained/campaigns/F2/neural/adaptive-s4/1000/frames.parquet" in adaptive["frames"]
+    assert "data/smoke/retrained/campaigns/F2/neural/adaptive-s4/0/frames.parquet" in adaptive["frames"]
     assert study.added("control-r2", "random") == {"filters": [], "frames": []}
     assert study.parent("adaptive-r2-s4", "model.json") == "data/smoke/retrained/models/adaptive-s4/model.json"
     later = study.later_search("tests.parquet")
-    assert "data/smoke/retrained/campaigns/F2/random/random/1000/tests.parquet" in later and len(set(later)) == len(later) == 4 * 2
+    assert "data/smoke/retrained/campaigns/F2/random/random/0/tests.parquet" in later and len(set(later)) == len(later) == 4 * 2
     assert "rounds.png" in " ".join(study.plots) and len(study.models("model.json")) == 13
     planned = snakemake(_with(tmp_path), "-n")
     assert "filter_round" in planned and "random-r2-s4" in planned
@@ -138,7 +161,7 @@ def test_a_campaign_waits_for_those_that_it_learns_from(tmp_path: Path) -> None:
     study = workflow.Study(tmp_path / "params.yaml")
     known = study.earlier("campaigns", "F5", "neural", "base", "0")
     assert known == [f"data/retraining/campaigns/{name}/neural/base/0/tests.parquet" for name in ("F1", "F2")]
-    assert study.earlier("retrained/campaigns", "F2", "neural", "adaptive", "1000")[0].startswith("data/retraining/retrained/campaigns/F1/")
+    assert study.earlier("retrained/campaigns", "F2", "neural", "adaptive", "0")[0].startswith("data/retraining/retrained/campaigns/F1/")
     assert not study.earlier("campaigns", "F5", "random", "base", "0") and not study.earlier("held_out", "F1star", "neural", "base", "0")
 
 

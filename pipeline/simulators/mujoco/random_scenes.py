@@ -48,7 +48,7 @@ def scenes(shard: int, count: int, seed: int, settings: CameraSettings, held_out
     rng = np.random.default_rng([seed, shard])
     town = _town(rng)
     for name, unseen in (held_out or {}).items():
-        if town == unseen:
+        if town.fingerprint == unseen.fingerprint:
             raise InputError(f"base_set.seed {seed}: random town {shard} is that of held-out {name}, so detectors would learn it")
     fleet = {f"vehicle{i}": Actor(kind=kind, x_m=0, y_m=0, paint=int(rng.integers(7))) for i, kind in enumerate(FLEET)}
     stage = Stage(town, fleet, settings)
