@@ -102,7 +102,7 @@ def parser() -> argparse.ArgumentParser:
         "words", nargs="*", metavar="key=value", help="Hydra overrides, such as campaign.tests=40 search=[F1,F5] detector=mine"
     )
     tested.add_argument("--study", default="default", help="whose scenarios, strategies and budgets (default: %(default)s)")
-    tested.add_argument("--out", type=Path, help="folder (default: data/detectors/<name of the model>)")
+    tested.add_argument("--out", type=Path, help="folder (default: data/detectors/<name of the model>-<start of its SHA-256>)")
     tested.add_argument("--threads", type=int, default=2, help="tests side by side (default: %(default)s)")
     quantised = commands.add_parser("quantise", help="Write the int8 form of a detector of ours, and what it loses.")
     quantised.add_argument("--model", type=Path, default=Path("models/base"), help="folder of a model version (default: %(default)s)")
@@ -247,8 +247,10 @@ def _test_detector(model: Path, words: list[str], study: str, out: Path | None, 
 
     if threads < 1:
         raise InputError(f"--threads must be at least 1, got {threads}")
-    folder = out or Path("data/detectors") / model.stem
-    found = test_detector.run(configuration.compose(study, words), model=model, out=folder, threads=threads)
+    config = configuration.compose(study, words)
+    test_detector.check(config, model)
+    folder = out or test_detector.default_folder(model)
+    found = test_detector.run(config, model=model, out=folder, threads=threads)
     print(test_detector.table(found))
     print(f"in {folder}: campaigns/, measures.json, regions/")
 

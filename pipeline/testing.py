@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.core import kpi
 from pipeline.core.space import Space
-from pipeline.protocols import Detector, Episode, Frame, Sampler, Simulator, Truth
+from pipeline.protocols import Detections, Detector, Episode, Frame, Sampler, Simulator, Truth
 
 
 def check_sampler(factory: Callable[[], Sampler], space: Space, batches: int = 4) -> None:
@@ -86,6 +86,7 @@ def check_detector(detector: Detector, width: int, height: int) -> None:
     for image in (np.zeros_like(noise), noise, figure):
         before = image.copy()
         found, again = (detector.detect(Frame(image, truth)) for _ in range(2))
+        assert isinstance(found, Detections), f"detect must return pipeline.protocols.Detections, got {type(found).__name__}"
         assert np.array_equal(image, before), "detect must not change the image"
         assert np.array_equal(found.boxes, again.boxes) and np.array_equal(found.scores, again.scores), "detect must be deterministic"
         left, top, right, bottom = found.boxes.T

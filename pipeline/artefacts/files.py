@@ -44,6 +44,11 @@ def read_json(path: Path) -> Any:
         raise InputError(f"{path}: expected JSON, got a truncated or foreign file ({error}); make it again") from error
 
 
+def program_sha256() -> str:
+    """Hexadecimal SHA-256 of all of this package's source: what another program began is not gone on with."""
+    return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(Path(__file__).parents[1].rglob("*.py")))).hexdigest()
+
+
 def sha256(path: Path) -> str:
     """Hexadecimal SHA-256 of a file's bytes, or of a folder's files by name and content; InputError if it is missing."""
     if not path.is_dir():

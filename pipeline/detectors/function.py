@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.detectors.suppression import inside, reported
+from pipeline.detectors.suppression import check_thresholds, inside, reported
 from pipeline.protocols import Detections, Frame, InputError, SimulationError
 
 
@@ -21,6 +21,7 @@ class FunctionDetector:
     """
 
     def __init__(self, function: str, threshold: float = 0.5, iou: float = 0.45, model: str | None = None) -> None:
+        check_thresholds(threshold, iou)
         module, _, name = function.rpartition(".")
         try:
             self._function: Any = getattr(import_module(module), name)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.detectors.layouts import person_class
-from pipeline.detectors.suppression import inside, reported
+from pipeline.detectors.suppression import check_thresholds, inside, reported
 from pipeline.protocols import Detections, Frame, InputError, SimulationError
 
 PICKLES = ("*.bin", "*.pt", "*.pth", "*.ckpt")
@@ -23,6 +23,7 @@ class HuggingFaceDetector:
     """
 
     def __init__(self, model: str | Path, threshold: float = 0.5, iou: float = 0.45, person: str | int | None = None) -> None:
+        check_thresholds(threshold, iou)
         try:
             from transformers import AutoImageProcessor, AutoModelForObjectDetection
         except ImportError as error:

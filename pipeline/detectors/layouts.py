@@ -53,7 +53,8 @@ class Letterbox:
 def recognise(shape: Sequence[int | str | None], width: int, height: int) -> Layout | None:
     """The layout of an output (1, a, b) of a model for images of a size; None if the shape says too little.
 
-    YOLOv5 has three anchors a cell in rows, YOLOv8 one in columns, an end-to-end export a few rows of six.
+    YOLOv5 has three anchors a cell in rows, YOLOv8 one in columns, an end-to-end export a few rows of six. Rows of six whose number is
+    open may as well be YOLOv5's of one class.
     """
     if len(shape) != 3:
         return None
@@ -63,7 +64,7 @@ def recognise(shape: Sequence[int | str | None], width: int, height: int) -> Lay
         return "yolov8"
     if rows == 3 * cells and isinstance(columns, int) and columns >= 6:
         return "yolov5"
-    if columns == 6 and (not isinstance(rows, int) or rows <= MOST_FINAL_BOXES):
+    if columns == 6 and isinstance(rows, int) and rows <= MOST_FINAL_BOXES:
         return "end_to_end"
     return None
 

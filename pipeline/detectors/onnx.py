@@ -12,7 +12,7 @@ from onnxruntime.capi import onnxruntime_pybind11_state as ort
 
 from pipeline.detectors import layouts
 from pipeline.detectors.layouts import LAYOUTS, Layout, Letterbox
-from pipeline.detectors.suppression import inside, reported
+from pipeline.detectors.suppression import check_thresholds, inside, reported
 from pipeline.protocols import Detections, Frame, InputError, SimulationError
 
 OURS = "input 'image' (n, h, w, 3) uint8 RGB; outputs 'boxes' (n, cells, 4) in pixels and 'scores' (n, cells) in [0, 1]"
@@ -49,9 +49,7 @@ class OnnxDetector:
         layout: Layout | None = None,
         person: str | int | None = None,
     ) -> None:
-        for name, value in {"threshold": threshold, "iou": iou}.items():
-            if not 0 < value < 1:
-                raise InputError(f"detector.{name} must be in (0, 1), got {value}")
+        check_thresholds(threshold, iou)
         if threads < 1:
             raise InputError(f"detector.threads must be at least 1, got {threads}")
         if layout is not None and layout not in LAYOUTS:

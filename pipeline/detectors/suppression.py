@@ -6,13 +6,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.core.boxes import nms
-from pipeline.protocols import Detections, SimulationError
+from pipeline.protocols import Detections, InputError, SimulationError
 
 CANDIDATES = 300
 """Boxes before suppression; far more than a street has people."""
 ROUNDING = 1e-3
 """How far half precision may leave a score outside [0, 1]."""
 Floats = NDArray[np.float32]
+
+
+def check_thresholds(threshold: float, iou: float) -> None:
+    """InputError that names the one that is not in (0, 1)."""
+    for name, value in {"threshold": threshold, "iou": iou}.items():
+        if not 0 < value < 1:
+            raise InputError(f"detector.{name} must be in (0, 1), got {value}")
 
 
 def reported(model: object, boxes: Floats, scores: Floats, threshold: float, iou: float) -> Detections:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.detectors.layouts import person_class
-from pipeline.detectors.suppression import inside, reported
+from pipeline.detectors.suppression import check_thresholds, inside, reported
 from pipeline.protocols import Detections, Frame, InputError
 
 
@@ -22,6 +22,7 @@ class UltralyticsDetector:
     def __init__(
         self, model: str | Path, threshold: float = 0.5, iou: float = 0.45, person: str | int | None = None, trusted: bool = False
     ) -> None:
+        check_thresholds(threshold, iou)
         path = Path(model)
         if path.suffix != ".onnx" and not trusted:
             raise InputError(

@@ -16,7 +16,7 @@ from hydra.utils import instantiate
 from threadpoolctl import threadpool_limits
 
 from pipeline.artefacts import campaign as tables
-from pipeline.artefacts.files import sha256
+from pipeline.artefacts.files import program_sha256, sha256
 from pipeline.artefacts.points import encode_tests
 from pipeline.artefacts.space import read_space
 from pipeline.config import Config
@@ -68,11 +68,10 @@ def run(
     body = config.scenarios[scenario].model_dump()
     keep_every = 0 if held_out else config.campaign.keep_every
     known = [sha256(path) for path in earlier]
-    own_seed = sampler_seed(scenario, seed)
-    identity = _identity(
-        config.simulator, body, config.detector, sha256(model), config.samplers[strategy], known, own_seed, tests, keep_every
-    )
-    log = Journal(journal, identity)
+    own_seed = sampler_seed(scenario, seed, "base" if held_out else version)
+    settings = [config.simulator, body, config.detector, config.samplers[strategy], own_seed, tests, keep_every]
+    depends = json.dumps([settings, sha256(model), known, program_sha256()], sort_keys=True)
+    log = Journal(journal, hashlib.sha256(depends.encode()).hexdigest())
     if log.discarded:
         progress.note("the journal belonged to another configuration, model or code and was discarded")
     # Partial, because Hydra would turn the space, a dataclass, into a config.
@@ -88,11 +87,12 @@ def run(
     log.remove()
 
 
-def sampler_seed(scenario: str, seed: int) -> int:
+def sampler_seed(scenario: str, seed: int, version: str = "base") -> int:
     """The seed of a campaign's sampler. Scenarios share a space: the same seed would ask each of them for the same tests, and eight
-    campaigns of 120 would be 120 different ones.
+    campaigns of 120 would be 120 different ones. So would a search of a retrained version, which has learnt from them.
     """
-    return int.from_bytes(hashlib.sha256(f"{scenario} {seed}".encode()).digest()[:4], "big") >> 1
+    name = scenario if version == "base" else f"{scenario} {version}"
+    return int.from_bytes(hashlib.sha256(f"{name} {seed}".encode()).digest()[:4], "big") >> 1
 
 
 def _history(path: Path, space: Space) -> tuple[Floats, Floats]:
@@ -170,11 +170,3 @@ def _frame_row(test_id: str, plain: dict[str, Any], image: bytes) -> dict[str, A
         row |= {f"{kind}_{side}": value for side, value in zip(("left", "top", "right", "bottom"), box, strict=True)}
     row |= {name: truth[name] for name in ("visible_pixels", "whole_pixels", "contrast")}
     return {**row, "false_positives": plain["false_positives"], "confidence": plain["confidence"]}
-
-
-def _identity(*parts: Any) -> str:
-    """Digest of everything that an outcome depends on, the program itself included."""
-    digest = hashlib.sha256(json.dumps(parts, sort_keys=True).encode())
-    for source in sorted(Path(__file__).parents[1].rglob("*.py")):
-        digest.update(source.read_bytes())
-    return digest.hexdigest()

@@ -16,7 +16,7 @@ from typing import Any
 from hydra.utils import instantiate
 from threadpoolctl import threadpool_limits
 
-from pipeline.protocols import Detector, SimulationError, Simulator, Value
+from pipeline.protocols import Detections, Detector, Frame, InputError, SimulationError, Simulator, Value
 from pipeline.steps import journal
 
 Job = tuple[int, Path, Mapping[str, Value]]
@@ -94,7 +94,7 @@ def _built() -> tuple[Simulator, Detector]:
     simulator, scenario, detector, _ = _setup
     return (
         instantiate(simulator, _partial_=True, _convert_="all")(scenario=scenario),
-        instantiate(detector, _partial_=True, _convert_="all")(),
+        Guarded(instantiate(detector, _partial_=True, _convert_="all")()),
     )
 
 
@@ -103,6 +103,22 @@ def _end_with(parent: int) -> None:
     while os.getppid() == parent:
         time.sleep(1)
     os._exit(1)
+
+
+class Guarded:
+    """A detector whose failures are outcomes of their own: what a stranger's class raises breaks one test, not the campaign."""
+
+    def __init__(self, detector: Detector) -> None:
+        self._detector = detector
+
+    def detect(self, frame: Frame) -> Detections:
+        """Return what the detector reports; SimulationError for whatever it raises but InputError, which ends the campaign."""
+        try:
+            return self._detector.detect(frame)
+        except (InputError, SimulationError):
+            raise
+        except Exception as error:
+            raise SimulationError(f"{type(self._detector).__name__}.detect failed: {type(error).__name__}: {error}") from error
 
 
 def _execute(job: Job) -> None:

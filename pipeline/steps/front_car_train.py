@@ -32,7 +32,7 @@ def run(config: Config, *, version: str, snapshots: Path, out: Path, threads: in
         images,
         None,
         validation,
-        **training,
+        **training | {"seed": (settings.seed,)},
         added_share=0.0,
         identity=hashlib.sha256(json.dumps([training, data]).encode()).hexdigest(),
         checkpoint=checkpoint,

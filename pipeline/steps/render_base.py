@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.artefacts.dataset import Record, Split, remove_leftovers, write_image, write_truth
-from pipeline.artefacts.files import read_json, write_json
+from pipeline.artefacts.files import program_sha256, read_json, write_json
 from pipeline.config import Config
 from pipeline.layout import Town
 from pipeline.progress import OnProgress
@@ -27,7 +27,8 @@ def run(config: Config, *, out: Path, threads: int, progress: OnProgress) -> Non
     camera = config.simulator.get("camera", {})
     shards = [(shard, min(SHARD_IMAGES, images - shard * SHARD_IMAGES)) for shard in range(-(-images // SHARD_IMAGES))]
     held_out = {name: config.scenarios[name].town for name in config.held_out}
-    jobs = [(shard, count, seed, config.base_set.validation_share, camera, held_out, root) for shard, count in shards]
+    program = program_sha256()
+    jobs = [(shard, count, seed, config.base_set.validation_share, camera, held_out, root, program) for shard, count in shards]
     records: list[Record] = []
     with render_pool(min(threads, len(jobs))) as pool:
         for done, shard_records in enumerate(pool.imap(_render_shard, jobs), 1):
@@ -42,13 +43,13 @@ def _shard_file(out: Path, shard: int) -> Path:
     return out / "shards" / f"{shard:04d}.json"
 
 
-def _render_shard(job: tuple[int, int, int, float, dict[str, Any], dict[str, Town], Path]) -> list[Record]:
-    """Render one town's images, unless its shard file says that it is done with the same settings."""
+def _render_shard(job: tuple[int, int, int, float, dict[str, Any], dict[str, Town], Path, str]) -> list[Record]:
+    """Render one town's images, unless its shard file says that it is done with the same settings and by the same program."""
     from pipeline.simulators.mujoco.lens import CameraSettings
     from pipeline.simulators.mujoco.random_scenes import scenes  # Needs a GL library, which the parent process does not.
 
-    shard, count, seed, validation_share, camera, held_out, out = job
-    key = {"count": count, "seed": seed, "validation_share": validation_share, "camera": camera}
+    shard, count, seed, validation_share, camera, held_out, out, program = job
+    key = {"count": count, "seed": seed, "validation_share": validation_share, "camera": camera, "program": program}
     path = _shard_file(out, shard)
     if path.exists() and (done := read_json(path))["key"] == key:
         return [_record(plain) for plain in done["records"]]

@@ -79,7 +79,9 @@ def run(
         added = read_added(chosen, sources[described.kind].frames)
         leakage.refuse_frames(config.held_out, chosen["test_id"].tolist(), added, validation)
     data = {"base_set": base.digest, "parent": sha256(weights)} | ({} if added is None else {"added": added.digest})
-    fitted = _fit(config, weights, base, added, validation, seed, data, checkpoint, threads, progress)
+    # The same batches once more would teach a second round nothing new.
+    stream = (seed,) if described.round == 1 else (seed, described.round)
+    fitted = _fit(config, weights, base, added, validation, stream, data, checkpoint, threads, progress)
     training = _taken(config) | {"seed": seed, "round": described.round, "base_images": len(base)}
     write_version(
         config,
@@ -117,7 +119,7 @@ def _fit(
     base: ImageSet,
     added: ImageSet | None,
     validation: ImageSet,
-    seed: int,
+    seed: tuple[int, ...],
     data: dict[str, str],
     checkpoint: Path,
     threads: int,
@@ -128,9 +130,9 @@ def _fit(
         everything = base if added is None else joined(base, added)
         # All added frames: the filter has judged them, or a person has.
         indices = np.concatenate([usable(base), np.arange(len(base), len(everything))])
-        section = _from_scratch(config) | {"seed": seed}
+        section = _from_scratch(config) | {"seed": seed[0]}
         return train_from_scratch(everything, indices, validation, section, checkpoint=checkpoint, threads=threads, progress=progress)
-    steps: dict[str, Any] = settings.model_dump(include={"iterations", "batch_size", "learning_rate", "added_share"}) | {"seed": seed}
+    steps = settings.model_dump(include={"iterations", "batch_size", "learning_rate", "added_share"}) | {"seed": seed}
     identity = hashlib.sha256(json.dumps([steps, data]).encode()).hexdigest()
     model = load_weights(weights)
     return retrain(model, base, added, validation, **steps, identity=identity, checkpoint=checkpoint, threads=threads, progress=progress)
@@ -163,7 +165,8 @@ def read_added(chosen: pd.DataFrame, paths: Sequence[Path]) -> ImageSet:
             f"the filter names {len(chosen)} frames, {len(rows)} of them are in {', '.join(map(str, paths))}; run filter again"
         )
     rows = rows.sort_values(["test_id", "step"], ignore_index=True)
-    digest = hashlib.sha256(b"".join(rows["image"])).hexdigest()
+    labels = rows.drop(columns="image").to_csv(index=False).encode()
+    digest = hashlib.sha256(labels + b"".join(rows["image"])).hexdigest()
     return image_set([(decode_jpeg(row["image"]), _truth(row)) for _, row in rows.iterrows()], digest)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from hydra.utils import instantiate
 
-from pipeline.artefacts.files import sha256, write_bytes
+from pipeline.artefacts.files import program_sha256, sha256, write_bytes
 from pipeline.artefacts.results import FailureRegions, Measures, read
 from pipeline.config import Config, dump
 from pipeline.progress import Progress
@@ -31,15 +31,12 @@ class Found:
 def run(config: Config, *, model: Path, out: Path, threads: int) -> Found:
     """Test a detector and write spaces, campaigns, measures.json and regions/ into `out`.
 
-    model: the detector's file. What an earlier call with the same settings and the same file finished is not executed again; the campaign
-    that was under way goes on from its journal. Delete `out` to begin anew.
-
-    Raises InputError if the detector breaks its contract, by the first rule that it breaks.
+    model: the detector's file. What an earlier call of the same program with the same settings and the same file finished is not executed
+    again; the campaign that was under way goes on from its journal. Delete `out` to begin anew.
     """
-    _check(config, model)
     settings = dump(config, f"python -m pipeline test-detector {model}")
     write_bytes(out / "params.yaml", settings.encode())
-    stamp = hashlib.sha256((settings + sha256(model)).encode()).hexdigest().encode()
+    stamp = hashlib.sha256((settings + sha256(model) + program_sha256()).encode()).hexdigest().encode()
     spaces, tests = {}, {}
     for name in config.search:
         spaces[name] = out / "space" / f"{name}.json"
@@ -82,7 +79,13 @@ def run(config: Config, *, model: Path, out: Path, threads: int) -> Found:
     return Found(read(measures, Measures), tuple(read(path, FailureRegions) for path in regions))
 
 
-def _check(config: Config, model: Path) -> None:
+def default_folder(model: Path) -> Path:
+    """Where a detector's results lie: named after it and, as many exports are called best.onnx, after its content."""
+    return Path("data/detectors") / f"{model.name.removesuffix('.onnx')}-{sha256(model)[:8]}"
+
+
+def check(config: Config, model: Path) -> None:
+    """Show the detector three images; InputError if it breaks its contract, by the first rule that it breaks."""
     camera = config.simulator.get("camera", {})
     width, height = int(camera.get("width", 320)), int(camera.get("height", 192))
     detector = instantiate(config.detector, _partial_=True, _convert_="all")(model=str(model))
@@ -92,6 +95,10 @@ def _check(config: Config, model: Path) -> None:
         raise InputError(f"{model}: {error}") from error
     except SimulationError as error:
         raise InputError(str(error)) from error
+    except InputError:
+        raise
+    except Exception as error:  # A stranger's class may raise anything.
+        raise InputError(f"{model}: detect failed: {type(error).__name__}: {error}") from error
 
 
 def table(found: Found) -> str:

@@ -118,6 +118,12 @@ def test_what_a_function_does_wrong_breaks_the_simulation(name: str, message: st
         FunctionDetector(f"{__name__}.{name}").detect(Frame(IMAGE, Truth()))
 
 
+@pytest.mark.parametrize("threshold", [50, 0, -1])
+def test_a_threshold_that_would_report_all_or_nothing_is_refused(threshold: float) -> None:
+    with pytest.raises(InputError, match=rf"detector\.threshold must be in \(0, 1\), got {threshold}"):
+        FunctionDetector(f"{__name__}.bright", threshold=threshold)
+
+
 @pytest.mark.parametrize("name", ["nowhere.detect", f"{__name__}.missing", "detect", f"{__name__}.IMAGE"])
 def test_no_function_is_an_input_error(name: str) -> None:
     with pytest.raises(InputError, match=r"detector\.function"):

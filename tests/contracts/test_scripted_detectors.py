@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -53,7 +55,22 @@ class Astray:
         return Detections(np.array([[900, 0, 910, 10]], np.float32), np.ones(1, np.float32))
 
 
-@pytest.mark.parametrize(("detector", "message"), [(Restless(), "deterministic"), (Painter(), "not change"), (Astray(), "touch the image")])
+class Plain:
+    """Gives boxes and scores as they are."""
+
+    def detect(self, frame: Frame) -> Any:
+        return np.zeros((0, 4), np.float32), np.zeros(0, np.float32)
+
+
+@pytest.mark.parametrize(
+    ("detector", "message"),
+    [
+        (Restless(), "deterministic"),
+        (Painter(), "not change"),
+        (Astray(), "touch the image"),
+        (Plain(), "must return pipeline.protocols.Detections, got tuple"),
+    ],
+)
 def test_the_checker_finds_broken_detectors(detector: Detector, message: str) -> None:
     with pytest.raises(AssertionError, match=message):
         check_detector(detector, 64, 48)

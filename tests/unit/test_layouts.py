@@ -96,7 +96,7 @@ def test_a_letterbox_keeps_proportions() -> None:
     ("shape", "layout"),
     [
         ((1, 84, 8400), "yolov8"), ((1, 5, 8400), "yolov8"), ((1, 25200, 85), "yolov5"), ((1, 25200, 6), "yolov5"),
-        ((1, 300, 6), "end_to_end"),        (("batch", "n", 6), "end_to_end"), ((1, 8400, 84), None), ((1, 84), None),
+        ((1, 300, 6), "end_to_end"),        (("batch", "n", 6), None), ((1, 8400, 84), None), ((1, 84), None),
         ((1, "a", "b"), None),
     ],
 )  # fmt: skip

@@ -15,7 +15,7 @@ from pipeline.detectors.yolo.data import batch
 from pipeline.detectors.yolo.model import Architecture, Yolo, cells, decode
 from pipeline.detectors.yolo.recipe import train_from_scratch
 from pipeline.detectors.yolo.retraining import mixed_feed, retrain
-from pipeline.detectors.yolo.training import Batch, Schedule, Validation, fit, initial_model
+from pipeline.detectors.yolo.training import Batch, Fitted, Schedule, Validation, fit, initial_model
 from pipeline.protocols import InputError, Truth
 
 SIZE = (96, 64)
@@ -126,12 +126,13 @@ def test_frozen_statistics_stay() -> None:
 
 def test_retraining_mixes_and_the_control_does_not() -> None:
     base, added = people(8, 3), people(8, 4)
-    red_base = mixed_feed(base, None, 4, 0.5, 0)
-    mixed = mixed_feed(base, added, 4, 0.5, 0)
+    red_base = mixed_feed(base, None, 4, 0.5, (0,))
+    mixed = mixed_feed(base, added, 4, 0.5, (0,))
     assert red_base(0)[0].shape == mixed(0)[0].shape == (4, SIZE[1], SIZE[0], 3)
     assert np.array_equal(mixed(3)[0], mixed(3)[0])
-    assert np.array_equal(mixed(0)[0][:2], mixed_feed(base, people(8, 5), 4, 0.5, 0)(0)[0][:2])
-    assert not np.array_equal(mixed(0)[0][2:], mixed_feed(base, people(8, 5), 4, 0.5, 0)(0)[0][2:])
+    assert np.array_equal(mixed(0)[0][:2], mixed_feed(base, people(8, 5), 4, 0.5, (0,))(0)[0][:2])
+    assert not np.array_equal(mixed(0)[0][2:], mixed_feed(base, people(8, 5), 4, 0.5, (0,))(0)[0][2:])
+    assert not np.array_equal(mixed(0)[0], mixed_feed(base, added, 4, 0.5, (0, 2))(0)[0])
 
 
 def test_both_recipes_run_and_repeat(tmp_path: Path) -> None:
@@ -141,7 +142,7 @@ def test_both_recipes_run_and_repeat(tmp_path: Path) -> None:
         "batch_size": 4,
         "learning_rate": 1e-4,
         "added_share": 0.5,
-        "seed": 0,
+        "seed": (0,),
         "identity": "x",
         "threads": 1,
     }
@@ -163,7 +164,7 @@ def test_every_version_takes_all_its_steps(iterations: int, tmp_path: Path, monk
 
     monkeypatch.setattr(retraining, "watching", falling)
     images = people(8, 6)
-    settings = {"batch_size": 4, "learning_rate": 1e-3, "added_share": 0.5, "seed": 0, "identity": "x", "threads": 1}
+    settings = {"batch_size": 4, "learning_rate": 1e-3, "added_share": 0.5, "seed": (0,), "identity": "x", "threads": 1}
     fitted = retrain(small(), images, None, images, iterations=iterations, checkpoint=tmp_path / "c", **settings)  # type: ignore[arg-type]
     kept = small()
     kept.load_state_dict(torch.load(tmp_path / "c", weights_only=True)["average"])
@@ -174,7 +175,7 @@ def test_every_added_frame_is_learnt_from(tmp_path: Path) -> None:
     # Of a pedestrian so small that the base set would leave it out: the filter, or a person, has judged it.
     box = (10.0, 10.0, 12.0, 14.0)
     added = image_set([(np.full((SIZE[1], SIZE[0], 3), 9, np.uint8), Truth(box, box, 8, 8, 60.0))] * 2)
-    images, boxes = mixed_feed(people(8, 3), added, 4, 0.5, 0)(0)
+    images, boxes = mixed_feed(people(8, 3), added, 4, 0.5, (0,))(0)
     assert (boxes[2:, 2] > boxes[2:, 0]).all() and len(images) == 4
 
 
@@ -214,6 +215,31 @@ def test_training_from_scratch_resumes_in_every_phase(tmp_path: Path, monkeypatc
     assert same(uninterrupted.model, resumed.model) and uninterrupted.curve == resumed.curve
     assert [look.iteration for look in resumed.curve] == [2, 4]
     assert sizes == [(160, 96), (320, 192), (320, 192), (320, 192), (320, 192)]  # The fourth is the one that was cut off.
+
+
+def test_a_training_killed_while_it_looks_takes_that_look_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
+    images, scores = people(4, 1), {2: 0.5, 4: 0.9, 6: 0.1, 8: 0.2}
+
+    def fitted(checkpoint: Path | None, killed_at: int | None = None) -> Fitted:
+        steps: list[int] = []
+
+        def ap50(_: Yolo) -> float:
+            if steps[-1] == killed_at:
+                raise KeyboardInterrupt
+            return scores[steps[-1]]
+
+        def feed(iteration: int) -> Batch:
+            steps.append(iteration + 1)
+            return images.images, images.boxes
+
+        watch = Validation(ap50, every=2, patience=2)
+        return fit(small(), Schedule(0, 10, 1e-3, warm_up=3), feed, checkpoint=checkpoint, validation=watch, threads=1)
+
+    with pytest.raises(KeyboardInterrupt):
+        fitted(tmp_path / "c", killed_at=4)
+    resumed, uninterrupted = fitted(tmp_path / "c"), fitted(None)
+    assert resumed.curve == uninterrupted.curve and same(resumed.model, uninterrupted.model)
 
 
 def test_a_loss_that_is_no_number_ends_the_training_before_its_weights_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

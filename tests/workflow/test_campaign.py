@@ -18,7 +18,7 @@ from pipeline.artefacts import campaign as tables
 from pipeline.artefacts.space import read_space
 from pipeline.config import compose, dump
 from pipeline.core import kpi
-from pipeline.protocols import Detector, Episode, SimulationError, Value
+from pipeline.protocols import Detections, Detector, Episode, Frame, SimulationError, Value
 from pipeline.simulators.analytic import AnalyticSimulator
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -180,6 +180,29 @@ class Fragile(AnalyticSimulator):
         if float(concrete["rain"]) > 92:
             os._exit(9)
         return super().execute(concrete, detector, keep_every)
+
+
+class Unsorted:
+    """A stranger's class that breaks its contract on what a person is seen in."""
+
+    def __init__(self, model: str) -> None: ...
+
+    def detect(self, frame: Frame) -> Detections:
+        if frame.truth.visible_pixels > 300:
+            return Detections(np.array([[0, 0, 9, 9], [0, 0, 9, 9]], np.float32), np.array([0.1, 0.9], np.float32))
+        return Detections.none()
+
+
+def test_what_a_strangers_detector_raises_breaks_its_test_alone(study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    for name in ("model.onnx", "F1.json"):
+        (tmp_path / name).write_bytes((study / name).read_bytes())
+    overrides = ["simulator=analytic", "detector=oracle", "campaign.tests=24", f"detector._target_={__name__}.Unsorted"]
+    (tmp_path / "params.yaml").write_text(dump(compose("smoke", overrides), "test"))
+    assert main(arguments(tmp_path, tmp_path / "out", 1, "random")) == 0
+    tests = tables.read_tests(tmp_path / "out" / "tests.parquet")
+    broken = tests["status"] == "error"
+    assert broken.any() and set(tests.loc[broken, "reason"]) == {"Unsorted.detect failed: ValueError: scores must descend"}
 
 
 def test_a_broken_simulation_is_an_outcome_of_its_own(study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.__main__ import main
 from pipeline.artefacts.results import Measures, read
-from pipeline.steps import campaign
+from pipeline.steps import campaign, test_detector
 from tests.unit.test_layouts import export, yolov8
 
 SMALL = ["campaign.tests=6", "search=[F1]", "seeds=[0]", "simulator=analytic", "samplers.neural.batch_size=3", "detector.threshold=0.5"]
@@ -37,6 +37,10 @@ def test_campaigns_measures_and_regions(
     changed = (out / "campaigns/F1/random/base/0/tests.parquet").stat().st_mtime_ns
     assert main(words) == 0
     assert (out / "campaigns/F1/random/base/0/tests.parquet").stat().st_mtime_ns == changed
+    # By another program it is.
+    monkeypatch.setattr(test_detector, "program_sha256", lambda: "another")
+    assert main(words) == 0
+    assert (out / "campaigns/F1/random/base/0/tests.parquet").stat().st_mtime_ns != changed
     stamp = out / "campaigns/F1/random/base/0/stamp"
     monkeypatch.setattr(campaign, "run", lambda *_, **__: (_ for _ in ()).throw(KeyboardInterrupt))
     with pytest.raises(KeyboardInterrupt):
@@ -45,6 +49,15 @@ def test_campaigns_measures_and_regions(
     monkeypatch.undo()
     assert main([*words[:2], "campaign.tests=7", *words[3:]]) == 0
     assert len(pd.read_parquet(out / "campaigns/F1/random/base/0/tests.parquet")) == 7
+
+
+def test_two_models_of_one_name_have_folders_of_their_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    models = [tmp_path / "a" / "best.onnx", tmp_path / "b" / "best.onnx"]
+    for path, content in zip(models, (b"one", b"another"), strict=True):
+        path.parent.mkdir()
+        path.write_bytes(content)
+    folders = {test_detector.default_folder(path) for path in models}
+    assert len(folders) == 2 and {folder.name[:5] for folder in folders} == {"best-"}
 
 
 def test_a_model_that_gives_no_numbers_is_refused_before_any_test(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -29,7 +29,7 @@ def retrain(
     batch_size: int,
     learning_rate: float,
     added_share: float,
-    seed: int,
+    seed: tuple[int, ...],
     identity: str,
     checkpoint: Path,
     threads: int,
@@ -38,7 +38,7 @@ def retrain(
     """Continue training `model`; with `added` None this is the control: the same steps on the base set alone.
 
     Short restarts with a high rate, on crops or without empty frames raise false positives even where nothing new is learnt;
-    hence the low rate, full frames alone and frozen normalisation statistics. validation: gives the curve.
+    hence the low rate, full frames alone and frozen normalisation statistics. validation: gives the curve. seed: of order and augmentation.
     """
     schedule = Schedule(0, iterations, learning_rate, warm_up=iterations // 10, averaging=0.97, frozen_statistics=True)
     feed = mixed_feed(base, added, batch_size, added_share, seed)
@@ -47,18 +47,18 @@ def retrain(
 
 
 def mixed_feed(
-    base: ImageSet, added: ImageSet | None, batch_size: int, added_share: float, seed: int
+    base: ImageSet, added: ImageSet | None, batch_size: int, added_share: float, seed: tuple[int, ...]
 ) -> Callable[[int], tuple[Images, Boxes]]:
     """Batches whose last `added_share` comes from the added frames; every version sees the base images in the same order."""
     fresh = 0 if added is None else max(1, round(batch_size * added_share))
     old = usable(base)
-    parts = [(base, Stream(old, np.ones(len(old), np.int64), (seed, BASE_STREAM)), batch_size - fresh, BASE_STREAM)]
+    parts = [(base, Stream(old, np.ones(len(old), np.int64), (*seed, BASE_STREAM)), batch_size - fresh, BASE_STREAM)]
     if added is not None:  # All of it: the filter has judged these frames, or a person has.
         everything = np.arange(len(added))
-        parts.append((added, Stream(everything, np.ones(len(added), np.int64), (seed, ADDED_STREAM)), fresh, ADDED_STREAM))
+        parts.append((added, Stream(everything, np.ones(len(added), np.int64), (*seed, ADDED_STREAM)), fresh, ADDED_STREAM))
 
     def feed(iteration: int) -> tuple[Images, Boxes]:
-        made = [batch(part, stream.take(iteration * n, n), part.size, (seed, name, iteration)) for part, stream, n, name in parts]
+        made = [batch(part, stream.take(iteration * n, n), part.size, (*seed, name, iteration)) for part, stream, n, name in parts]
         return np.concatenate([images for images, _ in made]), np.concatenate([boxes for _, boxes in made])
 
     return feed

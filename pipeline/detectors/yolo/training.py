@@ -157,10 +157,6 @@ def fit(
         losses.append(_step(state, schedule, images, boxes, device))
         if state.iteration % FINITE_EVERY == 0 or state.iteration == schedule.iterations:
             _check_finite(losses, state.iteration, schedule)
-        if checkpoint is not None and time.monotonic() - saved > CHECKPOINT_SECONDS:
-            _check_finite(losses, state.iteration, schedule)
-            _save(checkpoint, identity, state)
-            saved = time.monotonic()
         if progress is not None and (state.iteration % 10 == 0 or state.iteration == schedule.iterations):
             progress(state.iteration, schedule.iterations, _text(state.iteration <= schedule.crop_iterations, losses, state.curve))
         if validation is not None and (state.iteration % validation.every == 0 or state.iteration == schedule.iterations):
@@ -168,6 +164,10 @@ def fit(
             _look(state, schedule, validation)
             if state.exhausted(validation.patience):
                 break
+        if checkpoint is not None and time.monotonic() - saved > CHECKPOINT_SECONDS:  # Not before the look, which a kill would lose.
+            _check_finite(losses, state.iteration, schedule)
+            _save(checkpoint, identity, state)
+            saved = time.monotonic()
     if checkpoint is not None and state.iteration > resumed:
         _save(checkpoint, identity, state)
     if validation is not None and state.exhausted(validation.patience):
