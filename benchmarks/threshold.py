@@ -20,6 +20,7 @@ from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.yolo.export import onnx_of
 from pipeline.progress import Progress
 from pipeline.simulators.mujoco.episode import MujocoSimulator
+from pipeline.steps.campaign import sampler_seed
 
 SHIPPED = Path("models/base")
 
@@ -40,7 +41,8 @@ def main() -> None:
             described = functional_scenario(scenario)
             space = Space.from_dict(described.space)
             simulator = MujocoSimulator(scenario=described.model_dump())
-            for done, point in enumerate(space.sample(options.tests, np.random.default_rng(0)), start=order * options.tests + 1):
+            points = space.sample(options.tests, np.random.default_rng(sampler_seed(scenario, 0)))
+            for done, point in enumerate(points, start=order * options.tests + 1):
                 for threshold, detector in detectors.items():
                     signals = simulator.execute(space.decode(point), detector).signals
                     modes[threshold][kpi.evaluate(signals, failure_threshold_s).failure_mode] += 1

@@ -1,0 +1,59 @@
+"""Model versions on towns that none of them knows: `python benchmarks/new_towns.py FOLDER ... [--images 2000] [--seed 99]`.
+
+A study's validation images show the towns that its retrained versions have learnt other images of, so their calibration, too, might hold
+there alone. FOLDER holds weights.safetensors and model.json. Prints how good each version is on fresh towns, how often a detection at the
+confidence in use is right and what the detector says of that; beside it what its card says of the validation images.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.artefacts.dataset import ImageSet, joined, read_dataset, read_towns
+from pipeline.artefacts.model import read_card
+from pipeline.config import compose
+from pipeline.core.reliability import Calibration
+from pipeline.detectors.evaluation import evaluate, judged_scores
+from pipeline.detectors.yolo.export import onnx_of
+from pipeline.progress import Progress
+from pipeline.steps import render_base
+from pipeline.steps.train import detect_all
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("versions", type=Path, nargs="*", default=[Path("models/base")], metavar="FOLDER")
+    parser.add_argument("--images", type=int, default=2000)
+    parser.add_argument("--seed", type=int, default=99, help="of the towns (default: %(default)s)")
+    parser.add_argument("--workers", type=int, default=2)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        images, towns = rendered(Path(folder), options.images, options.seed, options.workers)
+    threshold = float(compose("default", []).detector["threshold"])
+    print(f"{len(images)} images of {len(towns)} new towns; in brackets the validation images' figures, of the version's card")
+    print(f"{'version':14}{'AP50':>15}{'AP50-95':>15}{'recall':>15}{'precision':>15}{'said':>7}")
+    for version in options.versions:
+        card = read_card(version / "model.json")
+        if known := towns & set(card.towns):
+            raise SystemExit(f"{version} has learnt {len(known)} of these towns; choose another --seed")
+        with tempfile.TemporaryDirectory() as folder:
+            found = detect_all(onnx_of(version, Path(folder)), images, Calibration(**card.calibration))
+        new, scores = evaluate(found, images, threshold), judged_scores(found, images)[0]
+        cells = (f"{new[name]:.3f} ({card.metrics[name]:.3f})" for name in ("ap50", "ap50_95", "recall", "precision"))
+        print(f"{card.version:14}{''.join(f'{cell:>15}' for cell in cells)}{np.mean(scores[scores >= threshold]):7.3f}", flush=True)
+
+
+def rendered(folder: Path, count: int, seed: int, workers: int) -> tuple[ImageSet, set[str]]:
+    """The images and the fingerprints of their towns."""
+    config = compose("base", [f"base_set.images={count}", f"base_set.seed={seed}"])
+    with Progress("new towns") as progress:
+        render_base.run(config, out=folder / "truth.coco.json", threads=workers, progress=progress)
+    return joined(read_dataset(folder, "train"), read_dataset(folder, "val")), set(read_towns(folder))
+
+
+if __name__ == "__main__":
+    main()
