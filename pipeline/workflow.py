@@ -101,8 +101,9 @@ class Study:
 
         After a part, as `snakemake search`, what lies there of the rest may be of other settings: then nothing is said.
         """
-        some = asked.targets and "all" not in asked.targets and not asked.targets >= set(self.goals)
-        if self.config.goal != "report" or some or asked.until or asked.omit_from or asked.allowed_rules or asked.batch:
+        targets = set(asked.targets)
+        part = targets and "all" not in targets and not targets >= set(self.goals)
+        if self.config.goal != "report" or part or asked.until or asked.omit_from or asked.allowed_rules or asked.batch:
             return
         subprocess.run([sys.executable, "-m", "pipeline", "verdict", "--comparison", f"{self.root}/comparison.json"], cwd=ROOT, check=False)
         if (ROOT / ".dvc").exists() and "DVC_STAGE" not in os.environ:
