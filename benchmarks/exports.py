@@ -32,7 +32,7 @@ def export(folder: Path, frames: Path | None) -> None:
         write_openscenario(scenario, concrete_scenario(Space.from_dict(scenario.space), words), folder / path.stem)
     (folder / "curved.xodr").write_bytes(xml_bytes(open_drive(Town(seed=0, lanes_ahead=2, curvature_1pm=-0.01))))
     if frames:
-        export_frames(frames, folder / "frames", 60.0)
+        export_frames(frames, folder / "frames", 60.0, 0.0)
 
 
 def validate(folder: Path) -> int:

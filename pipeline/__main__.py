@@ -96,6 +96,7 @@ def parser() -> argparse.ArgumentParser:
     frames = commands.add_parser("export-frames", help="Write a campaign's kept frames as YOLO, COCO and OpenLABEL.")
     frames.add_argument("frames", type=Path, help="frames.parquet of a campaign")
     frames.add_argument("--out", type=Path, default=Path("frames"), help="folder (default: %(default)s)")
+    frames.add_argument("--params", type=Path, default=configuration.PARAMS, help="of the study, whose camera it is (default: %(default)s)")
     tested = commands.add_parser("test-detector", help="Search for the failures of any detector; trains nothing.")
     tested.add_argument("model", type=Path, help="ONNX file (ours, YOLOv5, YOLOv8/11 or end to end), or what the study's detector takes")
     tested.add_argument(
@@ -235,11 +236,11 @@ def _export_scenario(scenario: str, assignments: list[str], out: Path) -> None:
         print(path)
 
 
-def _export_frames(frames: Path, out: Path) -> None:
+def _export_frames(frames: Path, out: Path, params: Path) -> None:
     from pipeline.artefacts.openlabel import export_frames
 
-    camera = configuration.compose("default", []).simulator.get("camera", {})
-    print(f"{out}: {export_frames(frames, out, float(camera.get('hfov_deg', 60)))} frames")
+    camera = configuration.load(params).simulator.get("camera", {})
+    print(f"{out}: {export_frames(frames, out, float(camera.get('hfov_deg', 60)), float(camera.get('distortion', 0)))} frames")
 
 
 def _test_detector(model: Path, words: list[str], study: str, out: Path | None, threads: int) -> None:

@@ -10,17 +10,17 @@ import numpy as np
 import pandas as pd
 
 from pipeline.artefacts.campaign import read_frames
-from pipeline.artefacts.dataset import Record, decode_jpeg, image_path, write_image, write_truth
+from pipeline.artefacts.dataset import Record, decode_jpeg, image_path, remove_leftovers, write_image, write_truth
 from pipeline.artefacts.files import write_json
 from pipeline.protocols import Box, InputError, Truth
 
 STREAM = "camera"
 
 
-def export_frames(frames: Path, out: Path, hfov_deg: float) -> int:
+def export_frames(frames: Path, out: Path, hfov_deg: float, distortion: float) -> int:
     """Write frames.parquet as images/val, labels/val, dataset.yaml, truth.coco.json and openlabel/<test_id>.json; returns how many.
 
-    hfov_deg: of the camera, for OpenLABEL's intrinsics.
+    hfov_deg, distortion: of the camera, for OpenLABEL's intrinsics. What an earlier export left in `out` is removed.
     """
     table = read_frames(frames).sort_values(["test_id", "step"], kind="stable").reset_index(drop=True)
     if table.empty:
@@ -32,18 +32,21 @@ def export_frames(frames: Path, out: Path, hfov_deg: float) -> int:
         records.append(
             Record("val", number, image.shape[1], image.shape[0], truth, {"test_id": row["test_id"], "step": float(row["step"])})
         )
+    remove_leftovers(out, records)
+    for earlier in (out / "openlabel").glob("*.json"):
+        earlier.unlink()
     write_truth(out, records)
     for test, rows in table.groupby("test_id"):
         first = records[int(rows.index[0])]
-        write_json(out / "openlabel" / f"{test}.json", openlabel(rows, first.width, first.height, hfov_deg))
+        write_json(out / "openlabel" / f"{test}.json", openlabel(rows, first.width, first.height, hfov_deg, distortion))
     return len(records)
 
 
-def openlabel(rows: pd.DataFrame, width: int, height: int, hfov_deg: float) -> dict[str, Any]:
+def openlabel(rows: pd.DataFrame, width: int, height: int, hfov_deg: float, distortion: float) -> dict[str, Any]:
     """The frames of one test execution in OpenLABEL's JSON: one pedestrian, with its visible and its whole box."""
     focal = width / 2 / float(np.tan(np.radians(hfov_deg) / 2))
     matrix = [focal, 0, width / 2, 0, 0, focal, height / 2, 0, 0, 0, 1, 0]
-    intrinsics = {"width_px": width, "height_px": height, "camera_matrix_3x4": matrix, "distortion_coeffs_1xN": [0, 0, 0, 0, 0]}
+    intrinsics = {"width_px": width, "height_px": height, "camera_matrix_3x4": matrix, "distortion_coeffs_1xN": [distortion, 0, 0, 0, 0]}
     frames: dict[str, Any] = {}
     for index, row in rows.iterrows():
         uri = str(image_path(Path(), "val", int(str(index))))

@@ -22,6 +22,8 @@ from pipeline.scenario import EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M, HALF_LENGTHS_
 DATE = "2026-01-01T00:00:00"
 """Fixed: the same scenario gives the same files."""
 JUNCTION_ID = "100"
+SUN_LUX = 100_000
+"""Of the sun in the zenith."""
 
 
 def write_openscenario(scenario: FunctionalScenario, concrete: Mapping[str, Value], out: Path) -> tuple[Path, Path]:
@@ -86,7 +88,8 @@ def open_drive(town: Town) -> Xml.Element:
     for number, (incoming, outgoing, through) in links.items():
         _connecting(root, number, incoming, outgoing, through, ahead if number == "11" else 1)
         connection = _add(junction, "connection", id=number, incomingRoad=incoming, connectingRoad=number, contactPoint="start")
-        _add(connection, "laneLink", from_=-1, to=-1)
+        for lane in range(1, ahead + 1) if number == "11" else [1]:
+            _add(connection, "laneLink", from_=-lane * _turned(incoming), to=-lane)
     root.append(junction)
     return root
 
@@ -120,7 +123,12 @@ def _connecting(root: Xml.Element, number: str, incoming: str, outgoing: str, th
             continue
         _geometry(view, s, piece)
         s += piece.length
-    _lanes(road, ahead, pavement=False)
+    _lanes(road, ahead, pavement=False, turned=_turned(incoming))
+
+
+def _turned(incoming: str) -> int:
+    """-1 where the incoming road's line runs away from the junction, the side street's: its lanes towards it are on the other side."""
+    return -1 if incoming == "3" else 1
 
 
 def _geometry(view: Xml.Element, s: float, piece: paths.Piece) -> None:
@@ -132,8 +140,11 @@ def _geometry(view: Xml.Element, s: float, piece: paths.Piece) -> None:
         _add(geometry, "line")
 
 
-def _lanes(road: Xml.Element, ahead: int, pavement: bool) -> None:
-    """One lane to the left of the reference line, `ahead` to its right, pavements outside."""
+def _lanes(road: Xml.Element, ahead: int, pavement: bool, turned: int | None = None) -> None:
+    """One lane to the left of the reference line, `ahead` to its right, pavements outside.
+
+    turned: of a connecting road, whose lanes go on as those of the same number, seen from behind if it is -1, of the incoming road.
+    """
     section = _add(_add(road, "lanes"), "laneSection", s=0.0)
     left = [(1, "driving", LANE_WIDTH)] + ([(2, "sidewalk", PAVEMENT_WIDTH)] if pavement else [])
     right = [(-i, "driving", LANE_WIDTH) for i in range(1, ahead + 1)] + ([(-ahead - 1, "sidewalk", PAVEMENT_WIDTH)] if pavement else [])
@@ -141,6 +152,10 @@ def _lanes(road: Xml.Element, ahead: int, pavement: bool) -> None:
         group = _add(section, side)
         for number, kind, width in lanes:
             lane = _add(group, "lane", id=number, type=kind, level="false")
+            if turned and number:
+                link = _add(lane, "link")
+                _add(link, "predecessor", id=number * turned)
+                _add(link, "successor", id=number)
             if number:
                 _add(lane, "width", sOffset=0.0, a=width, b=0.0, c=0.0, d=0.0)
             broken = number == 0 or (kind == "driving" and number != -ahead and number < 0)
@@ -157,7 +172,14 @@ def _objects(road: Xml.Element, town: Town, street: Street, first: float) -> Non
     objects = _add(road, "objects")
     for i, s in enumerate(inside):
         wide = street.right + street.left
-        flat = {"t": 0.0, "zOffset": 0.0, "hdg": 0.0, "pitch": 0.0, "roll": 0.0, "orientation": "none"}
+        flat = {
+            "t": (street.left - street.right) / 2 - street.middle,
+            "zOffset": 0.0,
+            "hdg": 0.0,
+            "pitch": 0.0,
+            "roll": 0.0,
+            "orientation": "none",
+        }
         crosswalk = _add(objects, "object", id=i, type="crosswalk", name="zebra", s=s, length=3.0, width=wide, **flat)
         outline = _add(crosswalk, "outline", id=0)
         for u, v in ((-1.5, -wide / 2), (1.5, -wide / 2), (1.5, wide / 2), (-1.5, wide / 2)):
@@ -259,7 +281,7 @@ def _environment(actions: Xml.Element, concrete: Mapping[str, Value]) -> None:
     weather = _add(action, "Weather", cloudState="overcast" if max(rain, fog) > 0.5 else "free")
     # OpenSCENARIO measures azimuth clockwise from north (y), we counterclockwise from x.
     azimuth = float(np.radians((90 - float(concrete["sun_azimuth"])) % 360))
-    _add(weather, "Sun", intensity=max(0.0, float(np.sin(altitude))), azimuth=azimuth, elevation=float(altitude))
+    _add(weather, "Sun", intensity=SUN_LUX * max(0.0, float(np.sin(altitude))), azimuth=azimuth, elevation=float(altitude))
     _add(weather, "Fog", visualRange=visual_range_m(float(concrete["fog"])))
     _add(weather, "Precipitation", precipitationType="rain" if rain else "dry", intensity=rain)
     _add(action, "RoadCondition", frictionScaleFactor=1.0)

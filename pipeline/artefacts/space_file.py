@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import pairwise
@@ -185,19 +186,27 @@ def _yolo(path: Path) -> dict[str, int]:
     labels = sorted((path / "labels").rglob("*.txt")) or sorted(path.rglob("*.txt"))
     if not labels:
         raise InputError(f"{path}: expected a folder of YOLO labels (*.txt), got none")
-    return {label.stem: sum(bool(line.strip()) for line in label.read_text().splitlines()) for label in labels}
+    root = path / "labels" if labels[0].is_relative_to(path / "labels") else path
+    names = {label: label.relative_to(root).with_suffix("").as_posix() for label in labels}
+    return {name: sum(bool(line.strip()) for line in label.read_text().splitlines()) for label, name in names.items()}
 
 
 def _joined(path: Path, counts: dict[str, int], table: pd.DataFrame, metadata: Path) -> pd.DataFrame:
-    """Rows of the metadata for each image, in the images' order."""
+    """Rows of the metadata for each image, in the images' order: by its path, else by its name alone where that says which one is meant."""
     if "file_name" not in table:
         raise InputError(f"{metadata}: expected a column file_name, got {', '.join(map(str, table.columns))}")
-    keys = table["file_name"].astype(str)
-    known = {key: i for i, key in reversed(list(enumerate(keys)))} | {Path(key).stem: i for i, key in reversed(list(enumerate(keys)))}
+    keys = [Path(key) for key in table["file_name"].astype(str)]
+    whole = {key.with_suffix("").as_posix(): i for i, key in reversed(list(enumerate(keys)))}
+    alone = {key.stem: i for i, key in reversed(list(enumerate(keys)))}
+    shared = {stem for stem, number in Counter(Path(name).stem for name in counts).items() if number > 1}
+    shared |= {stem for stem, number in Counter(Path(name).stem for name in whole).items() if number > 1}
     rows = []
     for name in counts:
-        if (row := known.get(name, known.get(Path(name).stem))) is None:
-            raise InputError(f"{metadata}: expected a row for every image of {path}, there is none for {name}")
+        image = Path(name).with_suffix("")
+        row = whole.get(image.as_posix(), None if image.stem in shared else alone.get(image.stem))
+        if row is None:
+            several = f", and several images are called {image.stem}" if image.stem in shared else ""
+            raise InputError(f"{metadata}: expected a row for every image of {path}, there is none for {name}{several}")
         rows.append(row)
     joined = table.iloc[rows].reset_index(drop=True)
     return joined if "objects" in joined else joined.assign(objects=list(counts.values()))

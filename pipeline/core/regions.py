@@ -29,7 +29,9 @@ def chance_radius(space: Space, failures: int, neighbours: float) -> float:
         return 1.0
     probes = space.sample(PROBES, np.random.default_rng(0))
     distances = mixed_distance(space, probes, probes)[np.triu_indices(PROBES, 1)]
-    return float(np.quantile(distances, min(1.0, neighbours / (failures - 1))))
+    radius = float(np.quantile(distances, min(1.0, neighbours / (failures - 1))))
+    # Where categories are few, many points are the same one: then these make a cluster.
+    return radius or float(distances.min(initial=1.0, where=distances > 0)) / 2
 
 
 def find_regions(space: Space, failures: Floats, epsilon: float, min_failures: int) -> Ints:

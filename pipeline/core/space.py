@@ -50,6 +50,8 @@ class Variable:
             raise ValueError(f"variable '{self.name}': low must be below high, got {self.low} to {self.high}")
         elif not 0 < self.step <= self.high - self.low:
             raise ValueError(f"variable '{self.name}': step must be in (0, {self.high - self.low}], got {self.step}")
+        elif self.cyclic and abs((self.high - self.low) / self.step - self.size) > TOLERANCE:
+            raise ValueError(f"variable '{self.name}': step must divide the circle of {self.high - self.low:g}, got {self.step}")
 
     @property
     def size(self) -> int:
@@ -63,7 +65,7 @@ class Variable:
         """(size,) the representative of each category, encoded."""
         if self.kind == "categorical":
             return np.arange(self.size, dtype=float)
-        return self.low + self.step * np.arange(self.size, dtype=np.float64)
+        return np.minimum(self.low + self.step * np.arange(self.size, dtype=np.float64), self.high)  # 3 * 0.2 is more than 0.6.
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -93,13 +95,17 @@ class Variable:
             return values
         if self.kind == "integer":
             first, last = np.ceil(values - self.step / 2), np.ceil(values + self.step / 2) - 1
-            first, last = np.maximum(first, self.low), np.minimum(last, self.high)
+            first, last = np.maximum(first, self.low), self._ends(categories, last)
             return np.asarray(np.minimum(first + np.floor(unit * (last - first + 1)), last))
         first, last = values - self.step / 2, values + self.step / 2
         if self.cyclic:
             return np.asarray(self.low + (first + self.step * unit - self.low) % (self.high - self.low))
-        first, last = np.maximum(first, self.low), np.minimum(last, self.high)
+        first, last = np.maximum(first, self.low), self._ends(categories, last)
         return np.asarray(first + unit * (last - first))
+
+    def _ends(self, categories: Ints, last: Floats) -> Floats:
+        """Where categories end: the last one has what the steps leave over, too."""
+        return np.where(categories == self.size - 1, self.high, np.minimum(last, self.high))
 
     def encode(self, value: float | str) -> float:
         """One value to its number; ValueError that names the variable, what was expected and what came."""

@@ -99,8 +99,8 @@ def propose(
     progress(1, 1, f"{after.covered} of {after.required} covered")
     if output:
         write_points(output, known, added)
-    gain = after.covered - before.covered
-    bound = gain if found is None else found.bound
+    covered = after.covered - before.covered
+    gain, bound = (covered, covered) if found is None else (found.gain, found.bound)
     result: Found = {
         "count": len(added),
         "needed_at_least": needed,
@@ -121,6 +121,8 @@ def propose(
         lines.append("No fewer points complete it." if result["optimal"] else f"No fewer than {needed} points could.")
     elif bound == gain:
         lines.append("No other points are worth more." if heavy_first else "No other points gain more.")
+    elif heavy_first:
+        lines.append(f"The cells that they fill weigh {gain}; none can weigh more than {bound}.")
     else:
         lines.append(f"They gain {gain}; no points can gain more than {bound}.")
     lines += ["", *_table([list(known.names), *([row[name] for name in known.names] for row in known.decode(added))])] if len(added) else []

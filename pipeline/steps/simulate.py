@@ -66,7 +66,6 @@ def concrete_scenario(space: Space, assignments: Sequence[str]) -> dict[str, Val
         except ValueError as error:
             raise InputError(f"{name}: expected a number, got '{text}'") from error
     try:
-        space.encode(values)
+        return space.decode(space.encode(values))  # As a campaign has it: rain and grain are drawn by the values' text, 0 or 0.0.
     except ValueError as error:
         raise InputError(str(error)) from error
-    return values

@@ -18,7 +18,7 @@ from pipeline.simulators.mujoco import pedestrian, textures, world
 from pipeline.simulators.mujoco.blueprints import NAMES
 from pipeline.simulators.mujoco.camera import Camera
 from pipeline.simulators.mujoco.furniture import lamp_positions
-from pipeline.simulators.mujoco.lens import CameraSettings
+from pipeline.simulators.mujoco.lens import CameraSettings, Lens
 from pipeline.simulators.mujoco.mesh import Mesh
 from pipeline.simulators.mujoco.stage import Stage
 from pipeline.simulators.mujoco.weather import Weather
@@ -52,6 +52,26 @@ def test_a_checkerboard_is_seen_where_the_pinhole_model_says(distortion: float) 
     expected = np.stack([settings.width / 2 + focal * x * bent, settings.height / 2 + focal * y * bent], -1)
     nearest = np.linalg.norm(expected[:, None] - seen[None], axis=-1).min(axis=1)
     assert nearest.max() < 0.5
+
+
+@pytest.mark.parametrize(("hfov_deg", "distortion"), [(60, -0.3), (70, -0.2), (120, -0.03), (120, 0.3)])
+def test_every_distortion_that_is_taken_is_inverted(hfov_deg: float, distortion: float) -> None:
+    settings = CameraSettings(hfov_deg=hfov_deg, distortion=distortion)
+    focal = settings.width / 2 / np.tan(np.radians(hfov_deg / 2))
+    lens = Lens(settings, float(focal), 1.5)
+    assert lens._distortion is not None
+    x, y = ((source - middle + 0.5) / focal for source, middle in zip(lens._distortion, (160, 96), strict=True))
+    bent = 1 + distortion * (x**2 + y**2)
+    u, v = np.meshgrid(np.arange(320) - 159.5, np.arange(192) - 95.5)
+    assert np.abs(x * bent * focal - u).max() < 0.01 and np.abs(y * bent * focal - v).max() < 0.01
+    edge = np.zeros((192, 320), np.uint8)
+    edge[:, :3] = 1
+    assert lens.distort(edge).sum() <= edge.sum()
+
+
+def test_a_barrel_without_an_inverse_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"distortion must be at least -0\.109 for a field of view of 90 deg, got -0\.2"):
+        CameraSettings(hfov_deg=90, distortion=-0.2)
 
 
 def test_a_camera_that_is_dropped_leaves_the_next_one_alone() -> None:

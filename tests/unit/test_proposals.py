@@ -51,6 +51,19 @@ def test_heavy_classes_come_first_where_one_asks_for_them() -> None:
     assert heavy is not None and (heavy.categories[:, 0] == 2).all()
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_the_heaviest_points_are_proved_in_the_unit_that_they_are_chosen_by(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    weights = [rng.integers(1, 6, size) for size in (3, 2, 3)]
+    proposer = Proposer(Constraints((3, 2, 3)), 2, weights=weights, heavy_first=True)
+    points = rng.integers(0, 2, (4, 3))
+    missing = proposer.missing(points)
+    every = product(range(3), range(2), range(3))
+    worth = [int((missing - proposer.missing(np.vstack([points, row]))) @ proposer._wanted) for row in every]
+    found = proposer.propose_exact(points, 1, 5.0)
+    assert found is not None and found.optimal and found.gain == max(worth)
+
+
 @pytest.mark.parametrize("count", [1, 2, 3])
 def test_a_batch_gains_at_least_what_single_points_gain_and_no_more_than_its_bound(count: int) -> None:
     start = np.array([[2, 0, 0, 0], [0, 1, 1, 1]])

@@ -9,6 +9,7 @@ from pipeline.core.distance import mixed_distance
 from pipeline.core.growth import grow_regions, readable_regions
 from pipeline.core.regions import chance_radius, connected_failures, find_regions, medoid
 from pipeline.core.rules import Condition, Rule, find_rule
+from pipeline.core.space import Space, Variable
 from tests.spaces import SMALL, THESIS
 
 
@@ -61,6 +62,14 @@ def test_the_radius_holds_so_many_failures_of_chance() -> None:
     assert chance_radius(THESIS, 1, neighbours) == 1
     with pytest.raises(ValueError, match="neighbours must be positive, got 0"):
         chance_radius(THESIS, failures, 0)
+
+
+def test_a_space_of_few_categories_has_a_radius_too() -> None:
+    space = Space(tuple(Variable(name, "categorical", values=("a", "b", "c")) for name in "uvw"))
+    radius = chance_radius(space, 200, 0.5)
+    assert 0 < radius < 1 / 3
+    points = np.array([[0, 0, 0]] * 3 + [[1, 1, 1]] * 2 + [[2, 0, 0]], float)
+    assert find_regions(space, points, radius, 2).tolist() == [0, 0, 0, 1, 1, -1]
 
 
 @pytest.mark.parametrize("tests", [400, 2000])

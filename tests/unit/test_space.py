@@ -21,6 +21,15 @@ def test_values_belong_to_the_nearest_category_and_cyclic_ones_close_the_circle(
     assert rain.categorise(np.array([0.0, 4, 6, 94, 96, 100])).tolist() == [0, 0, 1, 9, 10, 10]
 
 
+@pytest.mark.parametrize(("low", "high", "step"), [(0.0, 0.6, 0.2), (-0.6, 0.6, 0.2), (0.0, 1.4, 0.2), (0.0, 11.0, 4.0)])
+def test_all_values_of_a_range_can_be_tested_and_none_beyond_it(low: float, high: float, step: float) -> None:
+    variable = Variable("shift", "continuous", "m", low, high, step)
+    assert [variable.encode(float(value)) for value in variable.grid] == variable.grid.tolist()
+    last = np.full(2, variable.size - 1)
+    assert variable.within(last, np.array([0.0, 1.0]))[1] == high
+    assert (variable.categorise(variable.within(last, np.array([0.01, 1.0]))) == last).all()
+
+
 def test_plain_data_round_trip() -> None:
     assert Space.from_dict(THESIS.to_dict()) == THESIS
     people = Space((Variable("who", "categorical", values=("a", "b"), attributes=(("height_m", (1.2, 1.8)),)),))
@@ -55,6 +64,8 @@ def test_a_wrong_scenario_is_named(change: dict[str, float | str], message: str)
 
 
 def test_a_wrong_variable_is_named() -> None:
+    with pytest.raises(ValueError, match=r"variable 'sun': step must divide the circle of 360, got 100"):
+        Variable("sun", "continuous", "deg", 0, 360, 100, cyclic=True)
     with pytest.raises(ValueError, match="'v': low must be below high, got 1 to 0"):
         Variable("v", "continuous", "", 1, 0, 1)
     with pytest.raises(ValueError, match="'v': values must be distinct"):

@@ -66,6 +66,19 @@ def test_score_draws_and_prints(folder: Path, capsys: pytest.CaptureFixture[str]
         assert np.asarray(Image.open(folder / "figures" / f"{name}.png")).std() > 10
 
 
+def test_labels_of_one_name_in_two_folders_are_two_images(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "space.yaml").write_text("variables: {weather: {values: [sunny, rainy]}, objects: {interval: [0, 9], cuts: [1, 3]}}")
+    for name, count in (("train/1", 3), ("val/1", 0)):
+        (folder / "labels" / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / "labels" / f"{name}.txt").write_text("0 0.5 0.5 0.1 0.1\n" * count)
+    (folder / "meta.csv").write_text("file_name,weather\nval/1.jpg,rainy\ntrain/1.jpg,sunny\n")
+    words = ["score", "--space", folder / "space.yaml", "--metadata", folder / "meta.csv", "--points", folder]
+    assert said(capsys, *words)["points"] == 2
+    (folder / "meta.csv").write_text("file_name,weather\n1.jpg,rainy\n")
+    assert main(["coverage", *map(str, words)]) == 2
+    assert "there is none for train/1, and several images are called 1" in capsys.readouterr().err
+
+
 def test_images_of_coco_and_yolo_are_points(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "space.yaml").write_text("variables: {weather: {values: [sunny, rainy]}, objects: {interval: [0, 9], cuts: [1, 3]}}")
     images = [{"id": i, "file_name": f"{name}.jpg"} for i, name in enumerate("abc")]

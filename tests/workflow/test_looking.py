@@ -13,8 +13,10 @@ import pytest
 from pipeline.__main__ import main
 from pipeline.artefacts.campaign import read_frames, write_frames
 from pipeline.artefacts.dataset import encode_jpeg, read_dataset
-from pipeline.config import functional_scenario
+from pipeline.config import compose, dump, functional_scenario
 from pipeline.core.paths import Pose
+from pipeline.core.space import Space
+from pipeline.steps.simulate import concrete_scenario
 from tests.analysis.fabricated import Study
 
 FOUND = ["fog=80", "rain=20", "pedestrian_speed=2", "pedestrian_shift=0.3", "sun_azimuth=0", "blueprint=M 03"]
@@ -59,6 +61,12 @@ def test_wrong_words_are_named(words: list[str], message: str, capsys: pytest.Ca
     assert message in capsys.readouterr().err
 
 
+def test_a_value_that_is_left_out_is_the_same_as_said() -> None:
+    space = Space.from_dict(functional_scenario("F1").space)
+    said = [repr(concrete_scenario(space, words)) for words in ([], ["fog=0"], ["fog=0.0", "rain=0"])]
+    assert len(set(said)) == 1
+
+
 def test_a_contact_sheet_has_a_row_a_weather(tmp_path: Path) -> None:
     path = tmp_path / "sheet.png"
     assert main(["contact-sheet", "F5", "--out", str(path)]) == 0
@@ -92,6 +100,7 @@ def test_a_find_leaves_as_openscenario(name: str, tmp_path: Path) -> None:
     assert fog is not None and 40 < float(fog.attrib["visualRange"]) < 120
     # The sun ahead stands in the east of OpenSCENARIO's compass.
     assert sun is not None and float(sun.attrib["azimuth"]) == pytest.approx(np.pi / 2)
+    assert float(sun.attrib["intensity"]) == pytest.approx(100_000 * np.sin(float(sun.attrib["elevation"])))
 
 
 @pytest.mark.parametrize("name", ["F2", "F4", "F6", "F7"])
@@ -119,6 +128,12 @@ def test_the_roads_of_a_find_are_connected(name: str, tmp_path: Path) -> None:
         assert ends["11"] == (pytest.approx(ends["1"][1], abs=1e-3), pytest.approx(ends["2"][0], abs=1e-3))
         assert ends["12"] == (pytest.approx(ends["1"][1], abs=1e-3), pytest.approx(ends["3"][0], abs=1e-3))
         assert ends["13"] == (pytest.approx(ends["3"][0], abs=1e-3), pytest.approx(ends["2"][0], abs=1e-3))
+        # The side street runs away from the junction: whoever comes from it drives on the left of its line.
+        lanes = {c.attrib["id"]: [tuple(link.attrib.values()) for link in c.iter("laneLink")] for c in network.iter("connection")}
+        assert lanes == {"11": [("-1", "-1")], "12": [("-1", "-1")], "13": [("1", "-1")]}
+        links = {lane.attrib["id"]: lane.find("link/predecessor") for lane in roads["13"].iter("lane")}
+        before = {number: link.attrib["id"] for number, link in links.items() if link is not None}
+        assert before == {"-1": "1", "1": "-1"}
     assert len(list(network.iter("object"))) == len(town.crosswalks)
 
 
@@ -137,12 +152,18 @@ def test_frames_leave_as_yolo_coco_and_openlabel(tmp_path: Path) -> None:
     frames["image"] = encode_jpeg(np.full((192, 320, 3), 90, np.uint8))
     write_frames(tmp_path / "frames.parquet", frames)
     out = tmp_path / "out"
-    assert main(["export-frames", str(tmp_path / "frames.parquet"), "--out", str(out)]) == 0
+    params = tmp_path / "params.yaml"
+    params.write_text(dump(compose("default", ["simulator.camera.distortion=-0.1", "simulator.camera.hfov_deg=90"]), "test"))
+    (out / "openlabel").mkdir(parents=True)
+    (out / "openlabel" / "of an earlier export.json").write_text("{}")
+    assert main(["export-frames", str(tmp_path / "frames.parquet"), "--out", str(out), "--params", str(params)]) == 0
     images = read_dataset(out, "val")
     assert len(images) == len(list((out / "labels" / "val").glob("*.txt"))) > 0
     for path in (out / "openlabel").glob("*.json"):
         body = json.loads(path.read_text())["openlabel"]
         assert body["metadata"]["schema_version"] == "1.0.0"
+        intrinsics = body["streams"]["camera"]["stream_properties"]["intrinsics_pinhole"]
+        assert intrinsics["camera_matrix_3x4"][0] == pytest.approx(160) and intrinsics["distortion_coeffs_1xN"] == [-0.1, 0, 0, 0, 0]
         for frame in body["frames"].values():
             uri = frame["frame_properties"]["streams"]["camera"]["uri"]
             assert (out / uri).exists()

@@ -25,7 +25,9 @@ TIME_LIMIT_S = 20.0
 
 @dataclass(frozen=True)
 class Proposal:
-    """Points to add. categories: (b, d) indices. gain: how much coverage's numerator rises; bound: it cannot rise more."""
+    """Points to add. categories: (b, d) indices. gain: how much coverage's numerator rises, with heavy_first the weight of what they fill;
+    bound: none can gain more.
+    """
 
     categories: Ints
     gain: int
@@ -104,7 +106,7 @@ class Proposer:
         if quick.optimal:
             return quick
         found, bound = _solve(self._problem, self._constraints, missing, self._worth(missing), count, time_limit_s)
-        best = max(quick.gain, bound) if self._heavy_first else min(quick.bound, bound)
+        best = min(quick.bound, bound)
         if found is not None and (gain := self._gain(missing, found)) > quick.gain:
             return Proposal(found.astype(np.int64), gain, max(gain, best))
         return Proposal(quick.categories, quick.gain, max(quick.gain, best))
@@ -171,11 +173,12 @@ class Proposer:
         return np.asarray(np.maximum(0, missing - counts), np.int64)
 
     def _gain(self, missing: Ints, rows: Int32s) -> int:
-        return int((missing - self._after(missing, rows)).sum())
+        return int(((missing - self._after(missing, rows)) * self._worth(missing)).sum())
 
     def _bound(self, missing: Ints, count: int) -> int:
-        """A point lies in one cell of each plane, so it gains at most 1 there, and no more than is missing."""
-        return int(np.minimum(count, np.add.reduceat(missing, self._problem.first)).sum())
+        """A point lies in one cell of each plane, so it gains at most the worth of the best one there, and no more than is missing."""
+        worth, first = self._worth(missing), self._problem.first
+        return int(np.minimum(count * np.maximum.reduceat(worth, first), np.add.reduceat(missing * worth, first)).sum())
 
 
 def _solve(

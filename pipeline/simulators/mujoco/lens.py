@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from .weather import Weather
 
@@ -14,7 +14,8 @@ class CameraSettings(BaseModel):
     """The camera: image size in pixels, horizontal field of view in degrees, frames a second, and what it does to the light.
 
     exposure: gain that follows the image's brightness. noise: grain at night. vignetting: darker corners. rain_on_lens: drops.
-    distortion: radial coefficient k1 of Brown's model (x_d = x (1 + k1 r^2), normalised image plane); negative is a barrel, 0 none.
+    distortion: radial coefficient k1 of Brown's model (x_d = x (1 + k1 r^2), normalised image plane); negative is a barrel, 0 none. A
+    barrel shows more than is rendered: its border repeats the outermost pixels.
     jpeg_quality: of the compression that the image goes through; null for none.
     """
 
@@ -30,6 +31,14 @@ class CameraSettings(BaseModel):
     rain_on_lens: bool = True
     distortion: float = Field(default=0, ge=-0.3, le=0.3)
     jpeg_quality: int | None = Field(default=None, ge=10, le=100)
+
+    @model_validator(mode="after")
+    def _barrel_can_be_inverted(self) -> CameraSettings:
+        corner = np.tan(np.radians(self.hfov_deg / 2)) ** 2 * (1 + (self.height / self.width) ** 2)
+        least = -4 / (27 * corner)  # Where x_d (x) has its maximum at the image's corner.
+        if self.distortion < least:
+            raise ValueError(f"distortion must be at least {least:.3f} for a field of view of {self.hfov_deg:g} deg, got {self.distortion}")
+        return self
 
     @property
     def vfov_deg(self) -> float:
@@ -111,23 +120,21 @@ class Lens:
         return self._distortion is not None
 
     def distort(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Bend an image, (h, w, 3), or a mask, (h, w), as the lens does; pixels of a mask are taken over whole."""
+        """Bend an image, (h, w, 3), or a mask, (h, w), as the lens does; pixels of a mask are taken over whole, and outside it is 0."""
         if self._distortion is None:
             return image
-        how = cv2.INTER_NEAREST if image.ndim == 2 else cv2.INTER_LINEAR
-        return np.asarray(cv2.remap(image, *self._distortion, how, borderMode=cv2.BORDER_REPLICATE), np.uint8)
+        mask = image.ndim == 2
+        how, border = (cv2.INTER_NEAREST, cv2.BORDER_CONSTANT) if mask else (cv2.INTER_LINEAR, cv2.BORDER_REPLICATE)
+        return np.asarray(cv2.remap(image, *self._distortion, how, borderMode=border), np.uint8)
 
     def _undistorted(self, u: NDArray[np.float64], v: NDArray[np.float64]) -> tuple[Floats, Floats]:
-        """Where each distorted pixel comes from: Brown's model inverted by fixed-point iteration."""
-        x, y = u / self._focal, v / self._focal
-        source_x, source_y = x.copy(), y.copy()
+        """Where each distorted pixel comes from: Brown's model inverted by Newton's method, which meets the radius from one side."""
+        distorted = np.hypot(u, v) / self._focal
+        k1, radius = self._settings.distortion, distorted
         for _ in range(20):
-            factor = 1 + self._settings.distortion * (source_x**2 + source_y**2)
-            source_x, source_y = x / factor, y / factor
-        return (
-            (source_x * self._focal + self._width / 2 - 0.5).astype(np.float32),
-            (source_y * self._focal + self._height / 2 - 0.5).astype(np.float32),
-        )
+            radius = radius - (radius * (1 + k1 * radius**2) - distorted) / (1 + 3 * k1 * radius**2)
+        share = radius / distorted
+        return (u * share + self._width / 2 - 0.5).astype(np.float32), (v * share + self._height / 2 - 0.5).astype(np.float32)
 
     def _wet_ground(self, image: Image, distance: Floats, weather: Weather) -> Image:
         """Wet ground mirrors what stands above the horizon, the more the flatter one looks at it; right for what is far away."""
