@@ -86,9 +86,10 @@ def open_drive(town: Town) -> Xml.Element:
         "13": ("3", "2", (reach, corner, ends["2"])),
     }
     for number, (incoming, outgoing, through) in links.items():
-        _connecting(root, number, incoming, outgoing, through, ahead if number == "11" else 1)
+        lanes = ahead if number == "11" else 1
+        _connecting(root, number, incoming, outgoing, through, lanes)
         connection = _add(junction, "connection", id=number, incomingRoad=incoming, connectingRoad=number, contactPoint="start")
-        for lane in range(1, ahead + 1) if number == "11" else [1]:
+        for lane in range(1, lanes + 1):
             _add(connection, "laneLink", from_=-lane * _turned(incoming), to=-lane)
     root.append(junction)
     return root
