@@ -99,14 +99,15 @@ class Study:
     def finish(self, asked: DAGSettings) -> None:
         """Once all is made: print the verdict, and tell DVC that what it versions was made, unless DVC itself is at work.
 
-        After a part, as `snakemake search`, what lies there of the rest may be of other settings: then nothing is said.
+        After a part, as `snakemake search`, what lies there of the rest may be of other settings: then nothing is said. DVC makes
+        all by parts, whose last is `track`.
         """
-        targets = set(asked.targets)
-        part = targets and "all" not in targets and not targets >= set(self.goals)
+        targets, stage = set(asked.targets), os.environ.get("DVC_STAGE")
+        part = targets and "all" not in targets and not targets >= set(self.goals) and stage != "track"
         if self.config.goal != "report" or part or asked.until or asked.omit_from or asked.allowed_rules or asked.batch:
             return
         subprocess.run([sys.executable, "-m", "pipeline", "verdict", "--comparison", f"{self.root}/comparison.json"], cwd=ROOT, check=False)
-        if (ROOT / ".dvc").exists() and "DVC_STAGE" not in os.environ:
+        if (ROOT / ".dvc").exists() and stage is None:
             told = subprocess.run([sys.executable, "-m", "dvc", "commit", "--force", "--quiet"], cwd=ROOT, capture_output=True, text=True)
             if told.returncode:
                 print(f"dvc commit failed, so `dvc status` will report changes: {told.stderr.strip()}", file=sys.stderr)

@@ -110,7 +110,10 @@ def test_only_a_whole_run_tells_its_verdict_and_dvc(tmp_path: Path, monkeypatch:
     assert not told
     for whole in ((), ("all",), study.goals):
         study.finish(DAGSettings(targets=list(whole)))  # As Snakemake's command line gives them.
-    assert [command[3] for command in told] == ["verdict"] * 3
+    for stage in ("search", "track"):
+        monkeypatch.setenv("DVC_STAGE", stage)
+        study.finish(DAGSettings(targets=[stage]))
+    assert [command[3] for command in told] == ["verdict"] * 4
 
 
 def test_a_search_that_keeps_no_frame_is_refused_before_it_begins(tmp_path: Path) -> None:
