@@ -120,7 +120,8 @@ def difference(versions: dict[str, dict[int, NDArray[np.int64]]], other: Kind, c
     each = np.stack([adaptive[seed][chosen] - rival[seed][chosen] for seed in sorted(common)])
     totals = each.sum(axis=1)
     low, high = mean_interval(totals)
-    return f"{totals.mean():.1f} ({low:.1f} to {high:.1f}), p = {sign_flip(each.sum(axis=0)):.2g}"
+    interval = f" ({low:.1f} to {high:.1f})" if len(common) > 1 else ""
+    return f"{totals.mean():.1f}{interval}, p = {sign_flip(each.sum(axis=0)):.2g}"
 
 
 if __name__ == "__main__":
