@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import brentq
 
-from pipeline.artefacts.model import read_card
-from pipeline.config import compose, functional_scenario
+from pipeline.artefacts.model_card import read_card
+from pipeline.config.composing import compose, functional_scenario
 from pipeline.core import kpi
 from pipeline.core.reliability import Calibration
 from pipeline.core.space import Space
@@ -22,8 +22,8 @@ from pipeline.core.statistics import mcnemar
 from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.yolo.export import export_onnx
 from pipeline.detectors.yolo.weights import load_weights
-from pipeline.simulators.mujoco.episode import MujocoSimulator
-from pipeline.steps.campaign import sampler_seed
+from pipeline.execution.campaign import sampler_seed
+from pipeline.simulators.mujoco.simulator import MujocoSimulator
 
 SHIPPED = Path("models/base")
 

@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.artefacts.dataset import ImageSet, read_dataset
-from pipeline.artefacts.model import read_card
-from pipeline.config import compose
+from pipeline.artefacts.model_card import read_card
+from pipeline.config.composing import compose
 from pipeline.core.reliability import Calibration, platt
 from pipeline.detectors.evaluation import judged_scores
 from pipeline.detectors.yolo.export import export_onnx
 from pipeline.detectors.yolo.weights import load_weights
-from pipeline.steps.train import detect_all
+from pipeline.learning.versions import detect_all
 
 PARTS = 200
 Judged = tuple[NDArray[np.float64], NDArray[np.bool_]]

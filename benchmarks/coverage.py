@@ -105,7 +105,7 @@ def proposals() -> None:
         assert quick is not None and exact is not None
         solver = f"after 20 s of HiGHS {exact.gain}, at most {exact.bound}"
         print(f"proposal, 50 conditions, {known} points there: gain {quick.gain} in {1000 * taken:.0f} ms; {solver}")
-    from pipeline.config import compose
+    from pipeline.config.composing import compose
 
     domain = compose("front_car", []).front_car.space
     every, front = domain.feasible_points(), Proposer(domain.clauses(), 2)

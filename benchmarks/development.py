@@ -15,14 +15,15 @@ from typing import Any
 import numpy as np
 from hydra.utils import instantiate
 
-from pipeline.config import Config, compose
+from pipeline.config.composing import compose
+from pipeline.config.schema import Config
 from pipeline.core import kpi
 from pipeline.core.statistics import mcnemar
 from pipeline.detectors.yolo.export import onnx_of
+from pipeline.execution import journal
+from pipeline.execution.campaign import sampler_seed
+from pipeline.execution.workers import Workers
 from pipeline.progress import Progress
-from pipeline.steps import journal
-from pipeline.steps.campaign import sampler_seed
-from pipeline.steps.execution import Workers
 
 TOWN = {"style": "suburban", "seed": 987_654}
 

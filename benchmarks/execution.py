@@ -18,12 +18,12 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.config import compose, functional_scenario
+from pipeline.config.composing import compose, functional_scenario
 from pipeline.core.space import Space
 from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.yolo.export import onnx_of
 from pipeline.simulators.mujoco import camera, lens
-from pipeline.simulators.mujoco.episode import MujocoSimulator
+from pipeline.simulators.mujoco.simulator import MujocoSimulator
 
 SPENT: dict[str, float] = defaultdict(float)
 

@@ -21,10 +21,10 @@ def export(folder: Path, frames: Path | None) -> None:
     """Write what is to be checked."""
     from pipeline.artefacts.openlabel import export_frames
     from pipeline.artefacts.openscenario import open_drive, write_openscenario, xml_bytes
-    from pipeline.config import CONF, functional_scenario
+    from pipeline.commands.simulate import concrete_scenario
+    from pipeline.config.composing import CONF, functional_scenario
     from pipeline.core.space import Space
-    from pipeline.layout import Town
-    from pipeline.steps.simulate import concrete_scenario
+    from pipeline.scenarios.streets import Town
 
     for path in sorted((CONF / "scenario").glob("[!_]*.yaml")):
         scenario = functional_scenario(path.stem)

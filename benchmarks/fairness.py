@@ -13,16 +13,16 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from pipeline.config import compose, functional_scenario
+from pipeline.config.composing import compose, functional_scenario
 from pipeline.core import kpi
 from pipeline.core.space import Space
 from pipeline.core.statistics import wilson_interval
 from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.scripted import VisiblePixelOracle
 from pipeline.detectors.yolo.export import onnx_of
+from pipeline.execution.campaign import sampler_seed
 from pipeline.protocols import Detector
-from pipeline.simulators.mujoco.episode import MujocoSimulator
-from pipeline.steps.campaign import sampler_seed
+from pipeline.simulators.mujoco.simulator import MujocoSimulator
 
 
 def detector_named(name: str, folder: Path) -> Detector:

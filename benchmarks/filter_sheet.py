@@ -15,9 +15,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from pipeline.artefacts.campaign import read_frames
 from pipeline.artefacts.dataset import decode_jpeg
-from pipeline.config import compose
+from pipeline.artefacts.tables import read_frames
+from pipeline.config.composing import compose
 from pipeline.core.kpi import MIN_VISIBLE_PIXELS
 from pipeline.report.border import SIDES
 

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.artefacts.front_car import Evaluation
+from pipeline.artefacts.front_car_results import Evaluation
 from pipeline.artefacts.results import read
-from pipeline.config import compose
+from pipeline.config.composing import compose
 from pipeline.core.statistics import mean_interval
 from pipeline.progress import Progress
 from pipeline.steps import front_car_evaluate, front_car_points, front_car_snapshots, front_car_train

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from pipeline.core.episode import Frame
+from pipeline.core.truth import Truth
 from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.yolo.export import onnx_of
-from pipeline.protocols import Frame, Truth
 
 SIZE = (320, 192)
 SHIPPED = Path("models/base")

@@ -21,9 +21,9 @@ from matplotlib.figure import Figure
 from torch import Tensor
 
 from pipeline.artefacts.dataset import ImageSet, read_dataset
-from pipeline.config import compose
+from pipeline.config.composing import compose
 from pipeline.detectors.yolo.data import usable
-from pipeline.detectors.yolo.model import STRIDES, Yolo
+from pipeline.detectors.yolo.network import STRIDES, Yolo
 from pipeline.detectors.yolo.recipe import CROP_SIZE, train_from_scratch
 
 

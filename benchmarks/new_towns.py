@@ -14,14 +14,14 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.artefacts.dataset import ImageSet, joined, read_dataset, read_towns
-from pipeline.artefacts.model import read_card
-from pipeline.config import compose
+from pipeline.artefacts.model_card import read_card
+from pipeline.config.composing import compose
 from pipeline.core.reliability import Calibration
 from pipeline.detectors.evaluation import evaluate, judged_scores
 from pipeline.detectors.yolo.export import onnx_of
+from pipeline.learning.versions import detect_all
 from pipeline.progress import Progress
 from pipeline.steps import render_base
-from pipeline.steps.train import detect_all
 
 
 def main() -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from hydra.utils import instantiate
 from threadpoolctl import threadpool_limits
 
-from pipeline.config import compose
+from pipeline.config.composing import compose
 from pipeline.core import kpi
 from pipeline.detectors.scripted import VisiblePixelOracle
 from pipeline.simulators.analytic import AnalyticSimulator

@@ -15,12 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.config import compose, functional_scenario
+from pipeline.config.composing import compose, functional_scenario
 from pipeline.core.space import Space
 from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.yolo.export import onnx_of
-from pipeline.simulators.mujoco.episode import MujocoSimulator
-from pipeline.steps.execution import Workers
+from pipeline.execution.workers import Workers
+from pipeline.simulators.mujoco.simulator import MujocoSimulator
 
 
 def main() -> None:

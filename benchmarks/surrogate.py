@@ -23,11 +23,12 @@ from sklearn.ensemble import ExtraTreesClassifier, ExtraTreesRegressor
 from tqdm import tqdm
 from who_fails import GROUPS, groups
 
-from pipeline.artefacts.campaign import read_tests
 from pipeline.artefacts.points import encode_tests
-from pipeline.config import Config, Target, compose
+from pipeline.artefacts.tables import read_tests
+from pipeline.config.composing import compose
+from pipeline.config.schema import Config, Target
 from pipeline.core.space import Floats
-from pipeline.steps.campaign import sampler_seed
+from pipeline.execution.campaign import sampler_seed
 
 
 class Surrogate:

@@ -13,14 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.config import compose, functional_scenario
+from pipeline.config.composing import compose, functional_scenario
 from pipeline.core import kpi
 from pipeline.core.space import Space
 from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.yolo.export import onnx_of
+from pipeline.execution.campaign import sampler_seed
 from pipeline.progress import Progress
-from pipeline.simulators.mujoco.episode import MujocoSimulator
-from pipeline.steps.campaign import sampler_seed
+from pipeline.simulators.mujoco.simulator import MujocoSimulator
 
 SHIPPED = Path("models/base")
 

@@ -8,10 +8,10 @@ import time
 import numpy as np
 
 from pipeline.artefacts.dataset import ImageSet, image_set
+from pipeline.core.truth import Truth
 from pipeline.detectors.yolo.data import batch
 from pipeline.detectors.yolo.recipe import CROP_SIZE
 from pipeline.detectors.yolo.training import Batch, Schedule, fit, initial_model
-from pipeline.protocols import Truth
 
 FRAME_SIZE = (320, 192)
 WARM_UP = 3

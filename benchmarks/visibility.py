@@ -15,14 +15,14 @@ import cv2
 import numpy as np
 from tqdm import tqdm
 
-from pipeline.config import CONF, functional_scenario
+from pipeline.config.composing import CONF, functional_scenario
 from pipeline.core import kpi
+from pipeline.core.episode import Frame
 from pipeline.core.space import Space
 from pipeline.core.statistics import wilson_interval
 from pipeline.detectors.scripted import BlindDetector
-from pipeline.protocols import Frame
-from pipeline.simulators.mujoco.episode import MujocoSimulator
-from pipeline.steps.campaign import sampler_seed
+from pipeline.execution.campaign import sampler_seed
+from pipeline.simulators.mujoco.simulator import MujocoSimulator
 
 NEAR_M = 25.0
 HALF = 0.5

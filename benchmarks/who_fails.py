@@ -18,13 +18,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from pipeline.artefacts.campaign import read_tests
+from pipeline.analysis.failure_regions import not_solvable
 from pipeline.artefacts.points import encode_tests
-from pipeline.artefacts.space import read_space
+from pipeline.artefacts.scenario_space import read_space
+from pipeline.artefacts.tables import read_tests
+from pipeline.core.lineage import RETRAINED, Kind, Version
 from pipeline.core.space import Floats, Space
 from pipeline.core.statistics import mean_interval, sign_flip
-from pipeline.lineage import RETRAINED, Kind, Version
-from pipeline.steps.cluster import not_solvable
 
 CHILD_M = 1.4
 GROUPS = ("children", "crouching under an umbrella", "crouching", "others")

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.config import CONF, functional_scenario
+from pipeline.config.composing import CONF, functional_scenario
 from pipeline.simulators.mujoco.contact_sheet import WEATHERS, crew_sheet, scenario_sheet
 
 IMAGES = Path(__file__).resolve().parent / "images"

@@ -14,7 +14,8 @@ import yaml
 from hydra.utils import get_class
 from pydantic import BaseModel
 
-from pipeline.config import Config, compose
+from pipeline.config.composing import compose
+from pipeline.config.schema import Config
 from pipeline.simulators.mujoco.lens import CameraSettings
 
 PATH = Path(__file__).parent / "reference" / "configuration.md"

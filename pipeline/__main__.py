@@ -8,9 +8,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from pipeline import config as configuration
+from pipeline.config import composing as configuration
+from pipeline.errors import InputError
 from pipeline.progress import Progress
-from pipeline.protocols import InputError
 
 Options = dict[str, dict[str, Any]]
 ONE: dict[str, Any] = {"type": Path}
@@ -176,7 +176,7 @@ def main(arguments: list[str] | None = None) -> int:
         if command == "compose":
             _compose(options["words"], options["out"])
         elif command == "simulate":
-            from pipeline.steps import simulate
+            from pipeline.commands import simulate
 
             print(simulate.run(**options))
         elif command == "export-scenario":
@@ -188,7 +188,7 @@ def main(arguments: list[str] | None = None) -> int:
         elif command == "test-detector":
             _test_detector(**options)
         elif command == "quantise":
-            from pipeline.steps import quantise
+            from pipeline.commands import quantise
 
             print(quantise.run(configuration.compose("default", []), **options))
         elif command == "versions":
@@ -228,8 +228,8 @@ def _contact_sheet(scenario: str, out: Path) -> None:
 
 def _export_scenario(scenario: str, assignments: list[str], out: Path) -> None:
     from pipeline.artefacts.openscenario import write_openscenario
+    from pipeline.commands.simulate import concrete_scenario
     from pipeline.core.space import Space
-    from pipeline.steps.simulate import concrete_scenario
 
     described = configuration.functional_scenario(scenario)
     for path in write_openscenario(described, concrete_scenario(Space.from_dict(described.space), assignments), out):
@@ -244,7 +244,7 @@ def _export_frames(frames: Path, out: Path, params: Path) -> None:
 
 
 def _test_detector(model: Path, words: list[str], study: str, out: Path | None, threads: int) -> None:
-    from pipeline.steps import test_detector
+    from pipeline.commands import test_detector
 
     if threads < 1:
         raise InputError(f"--threads must be at least 1, got {threads}")
@@ -257,7 +257,7 @@ def _test_detector(model: Path, words: list[str], study: str, out: Path | None, 
 
 
 def _versions(store: Path) -> None:
-    from pipeline.tracking import registered
+    from pipeline.tracking.store import registered
 
     columns = ("model", "number", "version", "study", "failures", "failures_by_ttc", "tests", "verdict", "alias")
     rows = [columns, *(tuple(row.get(name, "") for name in columns) for row in registered(store))]
@@ -269,7 +269,7 @@ def _versions(store: Path) -> None:
 def _coverage(verb: str, json: bool, **options: Any) -> int:
     from json import dumps
 
-    from pipeline.steps import coverage
+    from pipeline.commands import coverage
 
     for option in ("seconds", "seed"):
         if options.get(option, 0) < 0:

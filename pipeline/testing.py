@@ -8,8 +8,11 @@ from typing import Any
 import numpy as np
 
 from pipeline.core import kpi
+from pipeline.core.detections import Detections
+from pipeline.core.episode import Episode, Frame
 from pipeline.core.space import Space
-from pipeline.protocols import Detections, Detector, Episode, Frame, Sampler, Simulator, Truth
+from pipeline.core.truth import Truth
+from pipeline.protocols import Detector, Sampler, Simulator
 
 
 def check_sampler(factory: Callable[[], Sampler], space: Space, batches: int = 4) -> None:

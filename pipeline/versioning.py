@@ -43,7 +43,7 @@ class Stage:
 
 
 RETRAINED = f"{D}/retrained"
-SIMULATION = ("steps.campaign", "simulators.mujoco.episode", "detectors.onnx")
+SIMULATION = ("steps.campaign", "simulators.mujoco.simulator", "detectors.onnx")
 SAMPLERS = tuple(f"core.samplers.{name}" for name in ("random", "neural", "pairwise", "coverage"))
 
 STAGES = {

@@ -16,9 +16,10 @@ from typing import Any, Literal
 import grimp
 from snakemake.settings.types import DAGSettings
 
-from pipeline.config import PARAMS, Config, load
-from pipeline.lineage import PATTERN, Version
-from pipeline.protocols import InputError
+from pipeline.config.composing import PARAMS, load
+from pipeline.config.schema import Config
+from pipeline.core.lineage import PATTERN, Version
+from pipeline.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[1]
 

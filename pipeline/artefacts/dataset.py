@@ -18,7 +18,10 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from pipeline.artefacts.files import read_json, write_bytes, write_json
-from pipeline.protocols import Box, InputError, Truth, Value
+from pipeline.core.boxes import Box
+from pipeline.core.space import Value
+from pipeline.core.truth import Truth
+from pipeline.errors import InputError
 
 Split = Literal["train", "val"]
 SPLITS: tuple[Split, Split] = ("train", "val")

@@ -8,7 +8,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from pipeline.protocols import InputError
+from pipeline.errors import InputError
 
 
 def write_bytes(path: Path, data: bytes) -> None:

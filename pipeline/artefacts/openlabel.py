@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.artefacts.campaign import read_frames
 from pipeline.artefacts.dataset import Record, decode_jpeg, image_path, remove_leftovers, write_image, write_truth
 from pipeline.artefacts.files import write_json
-from pipeline.protocols import Box, InputError, Truth
+from pipeline.artefacts.tables import read_frames
+from pipeline.core.boxes import Box
+from pipeline.core.truth import Truth
+from pipeline.errors import InputError
 
 STREAM = "camera"
 

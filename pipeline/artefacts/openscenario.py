@@ -14,10 +14,10 @@ import numpy as np
 
 from pipeline.artefacts.files import write_bytes
 from pipeline.core import paths
+from pipeline.core.space import Value
 from pipeline.core.visibility import visual_range_m
-from pipeline.layout import LANE_WIDTH, PAVEMENT_WIDTH, Street, Town, streets
-from pipeline.protocols import Value
-from pipeline.scenario import EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M, HALF_LENGTHS_M, HALF_WIDTHS_M, FunctionalScenario
+from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M, HALF_LENGTHS_M, HALF_WIDTHS_M, FunctionalScenario
+from pipeline.scenarios.streets import LANE_WIDTH, PAVEMENT_WIDTH, Street, Town, streets
 
 DATE = "2026-01-01T00:00:00"
 """Fixed: the same scenario gives the same files."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from pipeline.core.space import Floats, Space
-from pipeline.protocols import InputError, Value
+from pipeline.core.space import Floats, Space, Value
+from pipeline.errors import InputError
 
 
 def encode_tests(tests: pd.DataFrame, space: Space) -> Floats:

@@ -12,7 +12,7 @@ from typing import Literal, TypeVar
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from pipeline.artefacts.files import read_json, write_json
-from pipeline.protocols import InputError
+from pipeline.errors import InputError
 
 Verdict = Literal["baseline", "better", "worse", "no difference shown"]
 Role = Literal["medoid", "worst", "furthest"]

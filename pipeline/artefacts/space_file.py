@@ -18,7 +18,7 @@ from pipeline.core.coverage.conditions import MOST_CATEGORIES, Condition, Operat
 from pipeline.core.coverage.projection import HEAVIEST
 from pipeline.core.names import nearest
 from pipeline.core.space import Ints
-from pipeline.protocols import InputError
+from pipeline.errors import InputError
 
 KEYS = ("values", "interval", "cuts", "cyclic", "unit", "weights")
 EXAMPLE = "weather: {values: [sunny, rainy], weights: {rainy: 3}} or fog: {interval: [0, 100], cuts: [20, 50]}"

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
+Box = tuple[float, float, float, float]
 
 
 def iou(a: ArrayLike, b: ArrayLike) -> Floats:

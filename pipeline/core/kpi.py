@@ -9,10 +9,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.core.boxes import iou
+from pipeline.core.boxes import Box, iou
 
 Floats = NDArray[np.float64]
-Box = tuple[float, float, float, float]
 FailureMode = Literal["none", "contact", "late", "false_positives"]
 Outcome = Literal["true_positive", "duplicate", "localisation", "far", "ignored"]
 MATCH_IOU = 0.5

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Value = float | str
+"""A scenario variable's value: a number in the variable's unit, or the name of a category."""
 Kind = Literal["continuous", "integer", "categorical"]
 TOLERANCE = 1e-9
 

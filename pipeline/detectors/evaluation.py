@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from pipeline.artefacts.dataset import ImageSet
 from pipeline.core import kpi
+from pipeline.core.boxes import Box
+from pipeline.core.detections import Detections
 from pipeline.core.reliability import Calibration, platt
-from pipeline.protocols import Box, Detections
 
 KINDS = ("far", "localisation", "duplicate")
 

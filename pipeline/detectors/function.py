@@ -7,8 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.core.detections import Detections
+from pipeline.core.episode import Frame
 from pipeline.detectors.suppression import check_thresholds, inside, reported
-from pipeline.protocols import Detections, Frame, InputError, SimulationError
+from pipeline.errors import InputError, SimulationError
 
 
 class FunctionDetector:

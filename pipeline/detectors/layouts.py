@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.protocols import InputError
+from pipeline.errors import InputError
 
 Floats = NDArray[np.float32]
 Layout = Literal["boxes_scores", "yolov5", "yolov8", "end_to_end"]

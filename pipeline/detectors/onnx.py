@@ -10,10 +10,12 @@ import onnxruntime
 from numpy.typing import NDArray
 from onnxruntime.capi import onnxruntime_pybind11_state as ort
 
+from pipeline.core.detections import Detections
+from pipeline.core.episode import Frame
 from pipeline.detectors import layouts
 from pipeline.detectors.layouts import LAYOUTS, Layout, Letterbox
 from pipeline.detectors.suppression import check_thresholds, inside, reported
-from pipeline.protocols import Detections, Frame, InputError, SimulationError
+from pipeline.errors import InputError, SimulationError
 
 OURS = "input 'image' (n, h, w, 3) uint8 RGB; outputs 'boxes' (n, cells, 4) in pixels and 'scores' (n, cells) in [0, 1]"
 EXPECTED = f"{OURS}; or a YOLO export: input (n, 3, h, w) float, one output in YOLOv5's, YOLOv8's or an end-to-end layout"

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.protocols import Detections, Frame
+from pipeline.core.detections import Detections
+from pipeline.core.episode import Frame
 
 
 class VisiblePixelOracle:

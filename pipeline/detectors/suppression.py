@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.core.boxes import nms
-from pipeline.protocols import Detections, InputError, SimulationError
+from pipeline.core.detections import Detections
+from pipeline.errors import InputError, SimulationError
 
 CANDIDATES = 300
 """Boxes before suppression; far more than a street has people."""

@@ -6,9 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
+from pipeline.core.detections import Detections
+from pipeline.core.episode import Frame
 from pipeline.detectors.layouts import person_class
 from pipeline.detectors.suppression import check_thresholds, inside, reported
-from pipeline.protocols import Detections, Frame, InputError
+from pipeline.errors import InputError
 
 
 class UltralyticsDetector:

@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from pipeline.artefacts.campaign import read_frames
 from pipeline.artefacts.dataset import decode_jpeg
+from pipeline.artefacts.tables import read_frames
 
 JUDGED = ("visible", "few_pixels", "low_contrast")
 """Reasons that the two thresholds decide."""

@@ -10,10 +10,10 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pipeline.artefacts.model import ModelCard
+from pipeline.artefacts.model_card import ModelCard
 from pipeline.artefacts.results import Comparison, FailureRegions, Measures, StrategyMeasures
+from pipeline.core.lineage import Version
 from pipeline.core.space import Space, Variable
-from pipeline.lineage import Version
 from pipeline.report.border import Case
 from pipeline.report.style import INK, MODE_COLOURS, MODE_NAMES, UNASSIGNED, panels, series_colours, styled, wrapped
 

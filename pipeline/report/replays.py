@@ -21,8 +21,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
 
+from pipeline.core.episode import Episode, KeptFrame
 from pipeline.core.kpi import Kpi, evaluate, ttc
-from pipeline.protocols import Episode, KeptFrame, Value
+from pipeline.core.space import Value
 from pipeline.report.style import GRID, INK, styled
 
 Pixels = NDArray[np.uint8]

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
-from pipeline.artefacts.model import ModelCard
+from pipeline.artefacts.model_card import ModelCard
 from pipeline.artefacts.results import Comparison, Estimate, FailureRegions, Measures, VersionResult, WhiteBoxMeasures
 from pipeline.core.statistics import wilson_interval
 from pipeline.report import texts

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pipeline.artefacts.results import Comparison, Estimate, GroupPair, VersionResult
-from pipeline.lineage import Version
+from pipeline.core.lineage import Version
 
 HEADERS = ("version", "failures / tests", "change", "p", "verdict")
 

@@ -13,8 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.core import kpi
-from pipeline.core.space import Floats, Space
-from pipeline.protocols import SIGNALS, Detections, Detector, Episode, Frame, KeptFrame, Truth, Value
+from pipeline.core.detections import Detections
+from pipeline.core.episode import SIGNALS, Episode, Frame, KeptFrame
+from pipeline.core.space import Floats, Space, Value
+from pipeline.core.truth import Truth
+from pipeline.protocols import Detector
 
 WIDTH, HEIGHT = 64, 64
 SPEED_MPS, HORIZON_S, STEP_S, BRAKE_MPS2 = 10.0, 3.0, 0.1, 8.0

@@ -9,7 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from pipeline.protocols import InputError
+from pipeline.errors import InputError
 
 BACKENDS = ("egl", "osmesa")
 CACHE = Path(__file__).resolve().parents[2] / ".cache" / "gl"

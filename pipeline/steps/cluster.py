@@ -5,28 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from pipeline.artefacts.campaign import read_signals, read_tests
-from pipeline.artefacts.points import concrete, encode_tests
-from pipeline.artefacts.results import Estimate, FailureRegion, FailureRegions, Representative, Role, write
-from pipeline.artefacts.space import ScenarioInfo, read_space
-from pipeline.config import Config
-from pipeline.core.braking import solvable
-from pipeline.core.distance import mixed_distance
-from pipeline.core.growth import readable_regions
-from pipeline.core.regions import NOISE, chance_radius, connected_failures, medoid
-from pipeline.core.rules import find_rule
-from pipeline.core.space import Floats, Space
-from pipeline.core.statistics import wilson_interval
+from pipeline.analysis.failure_regions import (
+    cluster,
+    not_solvable,
+)
+from pipeline.artefacts.results import write
+from pipeline.artefacts.scenario_space import read_space
+from pipeline.artefacts.tables import read_tests
+from pipeline.config.schema import Config
 from pipeline.progress import OnProgress
-from pipeline.steps.measure import count_modes
-
-Bools = NDArray[np.bool_]
-MIN_RULE_PRECISION = 0.75
-NEEDED = ["test_id", "ego_speed_mps", "conflict_distance_m", "visible_pixels", "contrast"]
 
 
 def run(config: Config, *, tests: Sequence[Path], space: Path, out: Path, progress: OnProgress) -> None:
@@ -42,80 +31,3 @@ def run(config: Config, *, tests: Sequence[Path], space: Path, out: Path, progre
     regions = regions.model_copy(update={"not_solvable": not_solvable(table, tests)})
     write(out, regions)
     progress(1, 1, f"{len(regions.regions)} regions of {regions.failures} failures in {regions.tests} tests")
-
-
-def not_solvable(table: pd.DataFrame, tests: Sequence[Path]) -> tuple[str, ...]:
-    """test_id of the failures in a table that no detector could mend with this camera. tests: tests.parquet that it is of."""
-    signals = pd.concat([read_signals(path.with_name("signals.parquet"), NEEDED) for path in tests], ignore_index=True)
-    failed = signals[signals["test_id"].isin(table.loc[table["failure"], "test_id"])]
-    seen = {test: solvable({name: rows[name].to_numpy() for name in NEEDED[1:]}) for test, rows in failed.groupby("test_id", sort=False)}
-    return tuple(str(test) for test, could in seen.items() if not could)
-
-
-def cluster(
-    info: ScenarioInfo, space: Space, tests: pd.DataFrame, chance_neighbours: float, min_failures: int, confidence: float
-) -> FailureRegions:
-    """Density clusters of the failures over the mixed distance, each with its rule; tests: valid rows of one scenario."""
-    points, failed = encode_tests(tests, space), tests["failure"].to_numpy(bool)
-    radius = chance_radius(space, int(failed.sum()), chance_neighbours)
-    labels = readable_regions(space, points, failed, radius, MIN_RULE_PRECISION, min_failures)
-    connected = connected_failures(space, points[failed])
-    regions = [
-        _region(f"{info.label} region {label + 1}", space, tests, points, labels == label, confidence)
-        for label in range(int(labels.max(initial=NOISE)) + 1)
-    ]
-    return FailureRegions(
-        scenario=info.name,
-        label=info.label,
-        tests=len(tests),
-        failures=int(failed.sum()),
-        base_rate=float(failed.mean()) if len(tests) else 0.0,
-        connected=len(np.unique(connected)),
-        regions=tuple(regions),
-        unassigned=tuple(tests.loc[failed & (labels == NOISE), "test_id"]),
-        not_solvable=(),
-    )
-
-
-def _region(name: str, space: Space, tests: pd.DataFrame, points: Floats, members: Bools, confidence: float) -> FailureRegion:
-    failed = tests["failure"].to_numpy(bool)
-    rule = find_rule(space, points, failed, members)
-    inside = rule.holds(points)
-    support, hits = int(inside.sum()), int((inside & failed).sum())
-    low, high = wilson_interval(hits, support, confidence)
-    rows = tests[members]
-    return FailureRegion(
-        name=name,
-        members=tuple(rows["test_id"]),
-        modes=count_modes(rows),
-        strategies={str(key): int(count) for key, count in rows["strategy"].value_counts().sort_index().items()},
-        rule=rule.text(space),
-        support=support,
-        failures_inside=hits,
-        precision=Estimate(value=hits / max(1, support), low=low, high=high),
-        recall=float(inside[members].mean()),
-        representatives=_representatives(space, rows, points[members]),
-    )
-
-
-def _representatives(space: Space, rows: pd.DataFrame, points: Floats) -> tuple[Representative, ...]:
-    """The medoid, the worst failure and the one furthest from the medoid; each test once."""
-    centre = medoid(space, points)
-    # The hardest contact is the worst; without one, the smallest adj. TTC.
-    severity = np.lexsort((rows["adj_ttc_s"].to_numpy(), -rows["impact_speed_mps"].fillna(0).to_numpy()))
-    furthest = int(np.argmax(mixed_distance(space, points[[centre]], points)[0]))
-    ranked: list[tuple[int, Role]] = [(furthest, "furthest"), (int(severity[0]), "worst"), (centre, "medoid")]
-    # Later ones win, so that a test in two roles is the medoid first; the order shown is from the medoid on.
-    roles = dict(reversed(list({position: (position, role) for position, role in ranked}.values())))
-    return tuple(_representative(rows.iloc[position], role, space) for position, role in roles.items())
-
-
-def _representative(row: pd.Series, role: Role, space: Space) -> Representative:
-    return Representative(
-        test_id=row["test_id"],
-        role=role,
-        strategy=row["strategy"],
-        seed=int(row["seed"]),
-        adj_ttc_s=float(row["adj_ttc_s"]),
-        concrete=concrete(row, space),
-    )

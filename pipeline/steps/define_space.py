@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.artefacts.space import ScenarioInfo, write_space
-from pipeline.config import Config
+from pipeline.artefacts.scenario_space import ScenarioInfo, write_space
+from pipeline.config.schema import Config
 from pipeline.progress import Progress
 
 

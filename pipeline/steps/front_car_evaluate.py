@@ -5,16 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 
 from pipeline.artefacts.dataset import ImageSet, read_dataset
-from pipeline.artefacts.front_car import DetectorResult, Evaluation, Judged, Points
-from pipeline.artefacts.model import read_card
+from pipeline.artefacts.front_car_results import DetectorResult, Evaluation, Judged, Points
+from pipeline.artefacts.model_card import read_card
 from pipeline.artefacts.results import read, write
-from pipeline.config import Config
+from pipeline.config.schema import Config
 from pipeline.core import kpi
+from pipeline.core.detections import Detections
 from pipeline.core.statistics import mcnemar
 from pipeline.detectors.evaluation import evaluate, matching_of
+from pipeline.learning.versions import detect_all
 from pipeline.progress import Progress
-from pipeline.protocols import Detections
-from pipeline.steps.train import detect_all
 
 
 def run(config: Config, *, points: Path, test: Path, models: list[Path], out: Path, progress: Progress) -> None:

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.artefacts.front_car import CoveredPoint, Points
+from pipeline.artefacts.front_car_results import CoveredPoint, Points
 from pipeline.artefacts.results import write
-from pipeline.config import Config
+from pipeline.config.schema import Config
 from pipeline.core.coverage.projection import projection_coverage
 from pipeline.core.coverage.proposals import Proposer
+from pipeline.errors import InputError
 from pipeline.progress import Progress
-from pipeline.protocols import InputError
 
 
 def run(config: Config, *, out: Path, progress: Progress) -> None:

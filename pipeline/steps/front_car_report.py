@@ -9,11 +9,11 @@ from PIL import Image
 
 from pipeline.artefacts.dataset import decode_jpeg, image_path, segments_path
 from pipeline.artefacts.files import read_bytes, write_bytes
-from pipeline.artefacts.front_car import Evaluation, Points
+from pipeline.artefacts.front_car_results import Evaluation, Points
 from pipeline.artefacts.results import read
-from pipeline.config import Config
+from pipeline.config.schema import Config
 from pipeline.progress import Progress
-from pipeline.report import front_car as draw
+from pipeline.report import front_car_page as draw
 from pipeline.report.page import render
 from pipeline.report.style import save_png
 

@@ -9,11 +9,11 @@ import numpy as np
 
 from pipeline.artefacts.dataset import Record, Split, remove_leftovers, write_classes, write_image, write_truth
 from pipeline.artefacts.files import write_json
-from pipeline.artefacts.front_car import Points
+from pipeline.artefacts.front_car_results import Points
 from pipeline.artefacts.results import read
-from pipeline.config import Config
+from pipeline.config.schema import Config
+from pipeline.execution.pool import render_pool
 from pipeline.progress import Progress
-from pipeline.steps.workers import render_pool
 
 TOWNS = 3
 """Towns of each kind of street; the tests have their own."""

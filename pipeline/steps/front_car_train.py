@@ -10,12 +10,12 @@ import torch
 
 from pipeline.artefacts.dataset import read_dataset
 from pipeline.artefacts.files import sha256
-from pipeline.artefacts.model import read_card
-from pipeline.config import Config
+from pipeline.artefacts.model_card import read_card
+from pipeline.config.schema import Config
 from pipeline.detectors.yolo.retraining import retrain
 from pipeline.detectors.yolo.weights import load_weights
+from pipeline.learning.versions import write_version
 from pipeline.progress import Progress
-from pipeline.steps.train import write_version
 
 
 def run(config: Config, *, version: str, snapshots: Path, out: Path, threads: int, progress: Progress) -> None:

@@ -2,30 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
-from pipeline.artefacts.campaign import read_tests
+from pipeline.analysis.measures import (
+    PROJECTION_K,
+    Key,
+    _by_strategy,
+    campaign_key,
+    measure_campaign,
+    summarise,
+    theta_table,
+)
 from pipeline.artefacts.files import write_bytes
-from pipeline.artefacts.points import encode_tests
-from pipeline.artefacts.results import CampaignMeasures, Estimate, Measures, Modes, StrategyMeasures, write
-from pipeline.artefacts.space import read_space
-from pipeline.config import Config
-from pipeline.core.coverage.projection import projection_coverage
-from pipeline.core.measures import c_measure, f_measure, failure_sequence, pair_coverage
-from pipeline.core.space import Ints, Space
-from pipeline.core.statistics import mean_interval, wilson_interval
+from pipeline.artefacts.results import Measures, write
+from pipeline.artefacts.scenario_space import read_space
+from pipeline.artefacts.tables import read_tests
+from pipeline.config.schema import Config
 from pipeline.progress import OnProgress
-from pipeline.protocols import InputError
-
-PROJECTION_K = 2
-TESTS_WANTED = 3
-"""Tests that the projection coverage asks of every pair of categories; pair coverage asks for one."""
-Key = tuple[str, str, str, int]
-"""Scenario, strategy, version, seed."""
 
 
 def run(config: Config, *, tests: Sequence[Path], spaces: Sequence[Path], out: Path, theta: Path, progress: OnProgress) -> None:
@@ -48,112 +44,3 @@ def run(config: Config, *, tests: Sequence[Path], spaces: Sequence[Path], out: P
     groups = tuple(summarise(group, confidence) for group in _by_strategy(measured))
     write(out, Measures(confidence=confidence, k=PROJECTION_K, baseline=baseline, campaigns=tuple(measured), strategies=groups))
     write_bytes(theta, theta_table(measured).to_csv(index=False, lineterminator="\n").encode())
-
-
-def campaign_key(tests: pd.DataFrame, path: Path) -> Key:
-    """Which campaign a table holds; InputError if it holds none or several."""
-    keys = tests[["scenario", "strategy", "version", "seed"]].drop_duplicates()
-    if len(keys) != 1:
-        raise InputError(f"{path}: expected the tests of one campaign, got {len(keys)} campaigns; make it again")
-    scenario, strategy, version, seed = keys.iloc[0]
-    return str(scenario), str(strategy), str(version), int(seed)
-
-
-def measure_campaign(key: Key, tables: Mapping[Key, pd.DataFrame], spaces: Mapping[str, Space], baseline: str) -> CampaignMeasures:
-    """Every measure of one campaign; see CampaignMeasures for their definitions."""
-    scenario, strategy, version, seed = key
-    tests = tables[key]
-    reference = tables.get((scenario, baseline, version, seed))
-    if scenario not in spaces:
-        raise InputError(f"campaign {'/'.join(map(str, key))}: expected the space of scenario '{scenario}', got {sorted(spaces)}")
-    if reference is None:
-        raise InputError(f"campaign {'/'.join(map(str, key))}: expected a '{baseline}' campaign of seed {seed} beside it, got none")
-    space, failed = spaces[scenario], tests["failure"].to_numpy(bool)
-    sequence, other = failure_sequence(failed), failure_sequence(reference["failure"].to_numpy(bool))
-    n, saved = c_measure(sequence, other)
-    valid = (tests["status"] == "ok").to_numpy()
-    points = encode_tests(tests, space)
-    return CampaignMeasures(
-        scenario=scenario,
-        strategy=strategy,
-        version=version,
-        seed=seed,
-        tests=len(tests),
-        errors=int((~valid).sum()),
-        failures=int(failed.sum()),
-        modes=count_modes(tests),
-        theta=tuple(int(count) for count in sequence),
-        f_measure=f_measure(sequence),
-        n=n,
-        f_n=f_measure(sequence, n),
-        c_measure=None if strategy == baseline else saved,
-        c_measure_assumed=strategy != baseline and int(other[-1]) == 0,
-        pair_coverage_tests=pair_coverage(space, points[valid]),
-        pair_coverage_failures=pair_coverage(space, points[failed]),
-        projection_coverage=_projection(space, space.categorise(points[valid])),
-    )
-
-
-def count_modes(tests: pd.DataFrame) -> Modes:
-    """Failures of a table by failure mode."""
-    counts = tests.loc[tests["failure"], "failure_mode"].value_counts()
-    return Modes(**{mode: int(counts.get(mode, 0)) for mode in Modes.model_fields})
-
-
-def _projection(space: Space, categories: Ints) -> float:
-    """Coverage in which every cell asks for `TESTS_WANTED` tests, so that it still tells campaigns apart that cover all pairs."""
-    weights = [np.full(size, TESTS_WANTED) for size in space.sizes]
-    return projection_coverage(categories, space.sizes, PROJECTION_K, weights=weights, combine="max").ratio
-
-
-def _by_strategy(campaigns: Sequence[CampaignMeasures]) -> list[list[CampaignMeasures]]:
-    groups: dict[tuple[str, str, str], list[CampaignMeasures]] = {}
-    for campaign in campaigns:
-        groups.setdefault((campaign.scenario, campaign.strategy, campaign.version), []).append(campaign)
-    return list(groups.values())
-
-
-def summarise(group: Sequence[CampaignMeasures], confidence: float) -> StrategyMeasures:
-    """One strategy on one scenario over its seeds: means with Student's intervals, the failure rate with Wilson's."""
-    first = group[0]
-    tests, errors = sum(c.tests for c in group), sum(c.errors for c in group)
-    failures = sum(c.failures for c in group)
-    low, high = wilson_interval(failures, tests - errors, confidence)
-    f_measures = [float(c.f_measure) for c in group if c.f_measure is not None]
-    c_measures = [c.c_measure for c in group if c.c_measure is not None]
-
-    def mean(values: Sequence[float], low: float = 0, high: float = np.inf) -> Estimate:
-        interval = mean_interval(values, confidence, (low, high))
-        return Estimate(value=float(np.mean(values)), low=interval[0], high=interval[1])
-
-    return StrategyMeasures(
-        scenario=first.scenario,
-        strategy=first.strategy,
-        version=first.version,
-        seeds=tuple(c.seed for c in group),
-        tests=tests,
-        errors=errors,
-        failures=failures,
-        modes=Modes(**{mode: sum(getattr(c.modes, mode) for c in group) for mode in Modes.model_fields}),
-        rate=Estimate(value=failures / max(1, tests - errors), low=low, high=high),
-        failures_per_campaign=mean([float(c.failures) for c in group]),
-        f_measure=mean(f_measures, 1) if f_measures else None,
-        f_measure_seeds=len(f_measures),
-        c_measure=mean(c_measures, -np.inf, 1) if c_measures else None,
-        c_measure_seeds=len(c_measures),
-        pair_coverage_tests=mean([c.pair_coverage_tests for c in group], 0, 1),
-        pair_coverage_failures=mean([c.pair_coverage_failures for c in group], 0, 1),
-        projection_coverage=mean([c.projection_coverage for c in group], 0, 1),
-    )
-
-
-def theta_table(campaigns: Sequence[CampaignMeasures]) -> pd.DataFrame:
-    """Failures found after 1, 2, ... tests: column `tests`, then the mean over seeds as `<scenario>-<strategy>`."""
-    columns = {}
-    for group in _by_strategy(campaigns):
-        length = min(len(campaign.theta) for campaign in group)
-        curves = np.array([campaign.theta[:length] for campaign in group])
-        columns[f"{group[0].scenario}-{group[0].strategy}"] = pd.Series(curves.mean(axis=0))
-    table = pd.DataFrame(columns)
-    table.insert(0, "tests", np.arange(1, len(table) + 1))
-    return table

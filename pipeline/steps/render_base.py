@@ -8,11 +8,11 @@ from typing import Any
 
 from pipeline.artefacts.dataset import Record, Split, remove_leftovers, write_image, write_truth
 from pipeline.artefacts.files import program_sha256, read_json, write_json
-from pipeline.config import Config
-from pipeline.layout import Town
+from pipeline.config.schema import Config
+from pipeline.core.truth import Truth
+from pipeline.execution.pool import render_pool
 from pipeline.progress import OnProgress
-from pipeline.protocols import Truth
-from pipeline.steps.workers import render_pool
+from pipeline.scenarios.streets import Town
 
 SHARD_IMAGES = 100
 """Images a town: few, so that a base set shows many towns and a kill loses little."""

@@ -13,22 +13,22 @@ import pandas as pd
 from hydra.utils import instantiate
 from matplotlib.figure import Figure
 
-from pipeline.artefacts.campaign import read_tests
 from pipeline.artefacts.files import write_bytes
-from pipeline.artefacts.filter import read_filter
-from pipeline.artefacts.model import ModelCard, read_card
+from pipeline.artefacts.filter_table import read_filter
+from pipeline.artefacts.model_card import ModelCard, read_card
 from pipeline.artefacts.results import Comparison, FailureRegions, Measures, WhiteBoxMeasures, read
-from pipeline.artefacts.space import read_space
-from pipeline.config import Config
+from pipeline.artefacts.scenario_space import read_space
+from pipeline.artefacts.tables import read_tests
+from pipeline.config.schema import Config
 from pipeline.core.space import Space
 from pipeline.progress import OnProgress
 from pipeline.protocols import Detector, Simulator
 from pipeline.report import plots as draw
 from pipeline.report import sections, texts
 from pipeline.report.border import Case, cases, nearest
+from pipeline.report.examples import Chosen, choose_pairs, choose_regions
 from pipeline.report.page import Drawing, Film, Page, render
 from pipeline.report.replays import draw_replay, most_telling_frame, render_replay
-from pipeline.report.selection import Chosen, choose_pairs, choose_regions
 from pipeline.report.style import data_uri, save_png, svg
 
 BORDER_CASES = 32

@@ -9,16 +9,16 @@ from typing import Any
 
 import pandas as pd
 
-from pipeline.artefacts.campaign import read_tests
-from pipeline.artefacts.model import ModelCard, read_card, read_curve
+from pipeline.analysis.measures import campaign_key, count_modes
+from pipeline.artefacts.model_card import ModelCard, read_card, read_curve
 from pipeline.artefacts.results import CampaignMeasures, Comparison, Measures, TrackedRun, Tracking, VersionResult, read, write
-from pipeline.config import Config
+from pipeline.artefacts.tables import read_tests
+from pipeline.config.schema import Config
 from pipeline.core.measures import failure_sequence
 from pipeline.progress import OnProgress
 from pipeline.report.verdict import verdict_table
-from pipeline.steps.champion import successor
-from pipeline.steps.measure import campaign_key, count_modes
-from pipeline.tracking import Content, DataSet, Registration, Tracker
+from pipeline.tracking.champion import successor
+from pipeline.tracking.store import Content, DataSet, Registration, Tracker
 
 CHAMPION, WEIGHTS = "champion", "weights_sha256"
 

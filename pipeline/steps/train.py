@@ -2,33 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
-import numpy as np
 import torch
 
-from pipeline.artefacts.dataset import ImageSet, read_dataset
-from pipeline.artefacts.files import sha256
-from pipeline.artefacts.model import ModelCard, read_card, read_curve, write_card, write_curve
-from pipeline.config import Config
-from pipeline.core.reliability import Calibration, calibration_error, reliability
-from pipeline.detectors.evaluation import calibrate, evaluate, judged_scores
-from pipeline.detectors.onnx import OnnxDetector
+from pipeline.artefacts.dataset import read_dataset
+from pipeline.artefacts.model_card import read_card, read_curve
+from pipeline.config.schema import Config
 from pipeline.detectors.yolo.data import usable
-from pipeline.detectors.yolo.export import export_onnx
-from pipeline.detectors.yolo.model import count_parameters
 from pipeline.detectors.yolo.recipe import train_from_scratch
 from pipeline.detectors.yolo.training import Fitted
-from pipeline.detectors.yolo.weights import load_weights, save_weights
+from pipeline.detectors.yolo.weights import load_weights
+from pipeline.learning import leakage
+from pipeline.learning.versions import write_version
 from pipeline.progress import Progress
-from pipeline.protocols import Detections
-from pipeline.steps import leakage
-
-LOWEST_SCORE = 0.0005
-"""Average precision needs the detections that nobody would act on, too."""
 
 
 def run(config: Config, *, base_set: Path, out: Path, checkpoint: Path, threads: int, progress: Progress) -> None:
@@ -56,63 +44,3 @@ def run(config: Config, *, base_set: Path, out: Path, checkpoint: Path, threads:
     write_version(config, fitted, validation, out, version="base", parent=None, **history)
     checkpoint.unlink(missing_ok=True)
     progress(1, 1, "evaluated")
-
-
-def write_version(
-    config: Config,
-    fitted: Fitted,
-    validation: ImageSet,
-    out: Path,
-    *,
-    version: str,
-    parent: str | None,
-    data: dict[str, str],
-    training: dict[str, Any],
-    seed: int,
-    towns: tuple[str, ...],
-) -> None:
-    """Save a model version and its training's curve beside `out`, calibrate its scores, measure it as it is used, and write its card.
-
-    All versions of a study, a shipped base included, are calibrated on the same images: otherwise the confidence at which they brake would
-    mean another precision for each, and the comparison would measure that.
-    """
-    model = fitted.model
-    write_curve(out.with_name("curve.csv"), fitted.curve)
-    weights, onnx = out.with_name("weights.safetensors"), out.with_name("model.onnx")
-    save_weights(weights, model)
-    saved = load_weights(weights)  # What is tested is what was saved, half precision included.
-    with TemporaryDirectory() as folder:
-        export_onnx(Path(folder) / "plain.onnx", saved, validation.size)
-        plain = detect_all(Path(folder) / "plain.onnx", validation)
-    calibration = calibrate(plain, validation)
-    export_onnx(onnx, saved, validation.size, calibration)
-    # The calibration is inside the file now, but it moves no box and keeps the order of scores: the images need not be shown again.
-    found = [Detections(one.boxes, calibration.apply(one.scores).astype(np.float32)) for one in plain]
-    diagrams = {name: reliability(*judged_scores(f, validation)) for name, f in {"uncalibrated": plain, "calibrated": found}.items()}
-    errors = {f"calibration_error_{name}": calibration_error(diagram) for name, diagram in diagrams.items()}
-    architecture = {"widths": list(model.architecture.widths), "head": model.architecture.head}
-    card = ModelCard(
-        version=version,
-        parent=parent,
-        architecture=architecture,
-        parameters=count_parameters(model),
-        input_size=validation.size,
-        seed=seed,
-        data=data,
-        training={key: value if isinstance(value, str) else float(value) for key, value in training.items()},
-        metrics=evaluate(found, validation, float(config.detector.get("threshold", 0.5))) | errors,
-        calibration=asdict(calibration),
-        reliability={name: tuple((b.score, b.right, b.count) for b in diagram) for name, diagram in diagrams.items()},
-        weights_sha256=sha256(weights),
-        towns=towns,
-    )
-    write_card(out, card)
-
-
-def detect_all(onnx: Path, images: ImageSet, calibration: Calibration | None = None) -> list[Detections]:
-    """What a model says of each image, down to scores that nobody would act on. calibration: the one inside the file, if it has one: the
-    same detections are kept then as without it, and average precision stays what it is.
-    """
-    lowest = LOWEST_SCORE if calibration is None else float(calibration.apply(np.array([LOWEST_SCORE]))[0])
-    detector = OnnxDetector(onnx, threshold=lowest)
-    return [detector.detect_images(images.images[i : i + 1])[0] for i in range(len(images))]

@@ -7,25 +7,17 @@ from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import torch
-from numpy.typing import NDArray
 
-from pipeline.artefacts.campaign import read_frames
+from pipeline.analysis.white_box import FRAMES, PROFILED, _drawn, _kept, _profile
 from pipeline.artefacts.dataset import decode_jpeg, read_dataset
 from pipeline.artefacts.results import WhiteBoxMeasures, WhiteBoxSet, write
-from pipeline.config import Config
-from pipeline.core.coverage.whitebox import Profile, WhiteBox
-from pipeline.core.space import Ints
+from pipeline.config.schema import Config
+from pipeline.core.coverage.whitebox import WhiteBox
 from pipeline.detectors.yolo.activations import activations
-from pipeline.detectors.yolo.model import Yolo
 from pipeline.detectors.yolo.weights import load_weights
+from pipeline.errors import InputError
 from pipeline.progress import Progress
-from pipeline.protocols import InputError
-
-FRAMES, PROFILED = 250, 600
-"""Of each set, and of the training images, at most, drawn evenly: coverage grows with the number of images, so all sets have the same."""
-DRAW_SEED = 0
 
 
 def run(config: Config, *, model: Path, base_set: Path, frames: Sequence[Path], out: Path, threads: int, progress: Progress) -> None:
@@ -55,22 +47,3 @@ def run(config: Config, *, model: Path, base_set: Path, frames: Sequence[Path], 
         progress(1 + len(sets), total, name)
     neurons = sum(len(layer) for layer in profile.high)
     write(out, WhiteBoxMeasures(layers=len(profile.high), neurons=neurons, training_images=len(training), sets=tuple(sets)))
-
-
-def _profile(network: Yolo, images: NDArray[np.uint8]) -> Profile:
-    profiles = [Profile.of(layers) for layers in activations(network, images)]
-    joined = profiles[0]
-    for profile in profiles[1:]:
-        joined = joined.joined(profile)
-    return joined
-
-
-def _kept(paths: Sequence[Path]) -> list[bytes]:
-    """The kept frames of some campaigns as JPEG bytes."""
-    tables = [read_frames(path, ["test_id", "step", "image"]) for path in paths]
-    images: list[bytes] = pd.concat(tables, ignore_index=True).sort_values(["test_id", "step"])["image"].to_list()
-    return images
-
-
-def _drawn(many: int, count: int) -> Ints:
-    return np.sort(np.random.default_rng(DRAW_SEED).choice(many, count, replace=False))

@@ -10,15 +10,16 @@ import numpy as np
 import pandas as pd
 from onnx import TensorProto, helper, numpy_helper
 
-from pipeline.artefacts.campaign import FRAMES, SIGNAL_COLUMNS, TESTS, write_frames, write_signals, write_tests
 from pipeline.artefacts.dataset import encode_jpeg
-from pipeline.artefacts.model import Look, ModelCard, write_card, write_curve
+from pipeline.artefacts.model_card import Look, ModelCard, write_card, write_curve
 from pipeline.artefacts.results import WhiteBoxMeasures, WhiteBoxSet, write
-from pipeline.artefacts.space import ScenarioInfo, write_space
-from pipeline.config import Config, compose
+from pipeline.artefacts.scenario_space import ScenarioInfo, write_space
+from pipeline.artefacts.tables import FRAMES, SIGNAL_COLUMNS, TESTS, write_frames, write_signals, write_tests
+from pipeline.config.composing import compose
+from pipeline.config.schema import Config
+from pipeline.core.episode import SIGNALS
 from pipeline.core.samplers.pairwise import PairwiseSampler
 from pipeline.core.space import Floats, Space
-from pipeline.protocols import SIGNALS
 from pipeline.steps import cluster, compare, filter, measure
 
 VERSIONS = ("base", "control", "random", "adaptive")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from pipeline.steps.champion import better, successor
+from pipeline.tracking.champion import better, successor
 from tests.analysis.test_compare import LABELS, compare, compared, table
 
 BASE = "c" * 20 + "." * 20

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.artefacts.results import FailureRegions, read
-from pipeline.artefacts.space import ScenarioInfo
+from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.core.growth import grow_regions
 from pipeline.core.space import Space, Variable
 from pipeline.steps import cluster

@@ -9,12 +9,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.artefacts.campaign import read_tests, write_tests
 from pipeline.artefacts.files import read_json
 from pipeline.artefacts.results import Comparison, read
-from pipeline.artefacts.space import ScenarioInfo
-from pipeline.config import compose
-from pipeline.protocols import InputError
+from pipeline.artefacts.scenario_space import ScenarioInfo
+from pipeline.artefacts.tables import read_tests, write_tests
+from pipeline.config.composing import compose
+from pipeline.errors import InputError
 from pipeline.report.verdict import verdict_table
 from pipeline.steps import compare
 from tests.analysis.fabricated import Study

@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 
 from pipeline.artefacts.dataset import encode_jpeg
-from pipeline.artefacts.filter import read_filter, read_overrules
-from pipeline.protocols import InputError
+from pipeline.artefacts.filter_table import read_filter, read_overrules
+from pipeline.errors import InputError
 from pipeline.steps import filter
 from tests.analysis.fabricated import Study, silent
 

@@ -11,7 +11,7 @@ import pytest
 
 from pipeline.artefacts.results import Measures, read
 from pipeline.core.space import Space, Variable
-from pipeline.protocols import InputError
+from pipeline.errors import InputError
 from pipeline.steps import measure
 from tests.analysis.fabricated import Study, make_tests, silent
 

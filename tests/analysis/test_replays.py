@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from PIL import Image, ImageSequence
 
-from pipeline.config import compose
+from pipeline.config.composing import compose
+from pipeline.core.episode import Episode
 from pipeline.core.space import Space
 from pipeline.detectors.scripted import VisiblePixelOracle
-from pipeline.protocols import Episode
 from pipeline.report.replays import draw_replay, most_telling_frame, render_replay
 from pipeline.simulators.analytic import AnalyticSimulator
 

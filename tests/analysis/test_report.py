@@ -10,9 +10,9 @@ import pytest
 
 from pipeline.artefacts.results import Comparison, Estimate, FailureRegions, read
 from pipeline.report.border import nearest
+from pipeline.report.examples import choose_pairs, choose_regions
 from pipeline.report.plots import failures_by_round, kpi_histogram
 from pipeline.report.sections import headline, rounds_part
-from pipeline.report.selection import choose_pairs, choose_regions
 from pipeline.steps import report
 from tests.analysis.fabricated import Study, silent
 

@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 
 from pipeline.artefacts.points import concrete
-from pipeline.artefacts.space import ScenarioInfo
-from pipeline.config import Regions
-from pipeline.steps import selection
+from pipeline.artefacts.scenario_space import ScenarioInfo
+from pipeline.config.schema import Regions
+from pipeline.learning import selection
 from tests.spaces import SMALL
 
 ROWS = pd.DataFrame(

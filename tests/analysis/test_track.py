@@ -11,11 +11,11 @@ import pytest
 
 from pipeline.__main__ import main
 from pipeline.artefacts.files import read_json
-from pipeline.artefacts.model import read_card, write_card
+from pipeline.artefacts.model_card import read_card, write_card
 from pipeline.artefacts.results import Comparison, Tracking, read, write
-from pipeline.protocols import InputError
+from pipeline.errors import InputError
 from pipeline.steps import track
-from pipeline.tracking import Content, Registration, Tracker
+from pipeline.tracking.store import Content, Registration, Tracker
 from tests.analysis.fabricated import VERSIONS, Study, silent
 
 

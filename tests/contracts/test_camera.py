@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.core.paths import Pose
-from pipeline.layout import Town
+from pipeline.scenarios.streets import Town
 from pipeline.simulators.mujoco import pedestrian, textures, world
 from pipeline.simulators.mujoco.blueprints import NAMES
 from pipeline.simulators.mujoco.camera import Camera

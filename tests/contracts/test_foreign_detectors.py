@@ -10,10 +10,12 @@ import pytest
 import torch
 from transformers import YolosConfig, YolosForObjectDetection, YolosImageProcessorPil
 
+from pipeline.core.episode import Frame
+from pipeline.core.truth import Truth
 from pipeline.detectors.function import FunctionDetector
 from pipeline.detectors.hugging_face import HuggingFaceDetector
 from pipeline.detectors.ultralytics import UltralyticsDetector
-from pipeline.protocols import Frame, InputError, SimulationError, Truth
+from pipeline.errors import InputError, SimulationError
 from pipeline.testing import check_detector
 
 IMAGE = np.random.default_rng(0).integers(0, 255, (192, 320, 3), dtype=np.uint8)

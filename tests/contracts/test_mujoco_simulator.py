@@ -15,8 +15,8 @@ import yaml
 from pipeline.core import kpi
 from pipeline.core.space import Space
 from pipeline.detectors.scripted import BlindDetector, VisiblePixelOracle
-from pipeline.scenario import EGO_HALF_LENGTH_M, FunctionalScenario
-from pipeline.simulators.mujoco.episode import MujocoSimulator
+from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, FunctionalScenario
+from pipeline.simulators.mujoco.simulator import MujocoSimulator
 from pipeline.testing import check_simulator
 
 CONF = Path(__file__).resolve().parents[2] / "conf" / "scenario"

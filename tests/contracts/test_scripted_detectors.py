@@ -7,8 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pipeline.core.detections import Detections
+from pipeline.core.episode import Frame
+from pipeline.core.truth import Truth
 from pipeline.detectors.scripted import BlindDetector, VisiblePixelOracle
-from pipeline.protocols import Detections, Detector, Frame, Truth
+from pipeline.protocols import Detector
 from pipeline.testing import check_detector
 
 IMAGE = np.zeros((48, 64, 3), np.uint8)

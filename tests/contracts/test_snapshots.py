@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.config import compose
-from pipeline.layout import Town, streets
+from pipeline.config.composing import compose
+from pipeline.scenarios.streets import Town, streets
 from pipeline.simulators.mujoco.lens import CameraSettings
 from pipeline.simulators.mujoco.snapshots import CLASSES, Snapshot, snapshots
 from pipeline.simulators.mujoco.stage import Stage

@@ -18,7 +18,7 @@ from urllib.error import URLError
 import pytest
 from playwright.sync_api import Page, expect, sync_playwright
 
-from pipeline.tracking import Content, Registration, Tracker
+from pipeline.tracking.store import Content, Registration, Tracker
 
 SHOTS = Path("data/test-artefacts")
 FAILURES = {"base": 21, "control": 20, "random": 11, "adaptive": 6}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hydra.utils import instantiate
 
-from pipeline.config import compose
+from pipeline.config.composing import compose
 from pipeline.core import kpi
 from pipeline.core.growth import readable_regions
 from pipeline.core.regions import chance_radius

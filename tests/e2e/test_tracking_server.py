@@ -19,7 +19,7 @@ from urllib.error import URLError
 import pytest
 
 from pipeline.__main__ import main
-from pipeline.tracking import Content, DataSet, Registration, Tracker
+from pipeline.tracking.store import Content, DataSet, Registration, Tracker
 
 
 def free_port() -> int:

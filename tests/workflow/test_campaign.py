@@ -14,11 +14,15 @@ import numpy as np
 import pytest
 
 from pipeline.__main__ import main
-from pipeline.artefacts import campaign as tables
-from pipeline.artefacts.space import read_space
-from pipeline.config import compose, dump
+from pipeline.artefacts import tables
+from pipeline.artefacts.scenario_space import read_space
+from pipeline.config.composing import compose, dump
 from pipeline.core import kpi
-from pipeline.protocols import Detections, Detector, Episode, Frame, SimulationError, Value
+from pipeline.core.detections import Detections
+from pipeline.core.episode import Episode, Frame
+from pipeline.core.space import Value
+from pipeline.errors import SimulationError
+from pipeline.protocols import Detector
 from pipeline.simulators.analytic import AnalyticSimulator
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -13,11 +13,12 @@ from PIL import Image
 
 from pipeline.__main__ import main
 from pipeline.artefacts.dataset import image_path, read_dataset, segments_path
-from pipeline.artefacts.front_car import Evaluation, Points
-from pipeline.artefacts.model import read_card
+from pipeline.artefacts.front_car_results import Evaluation, Points
+from pipeline.artefacts.model_card import read_card
 from pipeline.artefacts.results import read
-from pipeline.config import Config, compose, dump
-from pipeline.report.front_car import first_covering
+from pipeline.config.composing import compose, dump
+from pipeline.config.schema import Config
+from pipeline.report.front_car_page import first_covering
 
 SMALL = [
     "front_car.images=33",

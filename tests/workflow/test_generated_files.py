@@ -6,7 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from pipeline.config import PARAMS, compose, load
+from pipeline.config.composing import PARAMS, compose, load
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from pipeline.__main__ import main
-from pipeline.artefacts.campaign import read_frames, write_frames
 from pipeline.artefacts.dataset import encode_jpeg, read_dataset
-from pipeline.config import compose, dump, functional_scenario
+from pipeline.artefacts.tables import read_frames, write_frames
+from pipeline.commands.simulate import concrete_scenario
+from pipeline.config.composing import compose, dump, functional_scenario
 from pipeline.core.paths import Pose
 from pipeline.core.space import Space
-from pipeline.steps.simulate import concrete_scenario
 from tests.analysis.fabricated import Study
 
 FOUND = ["fog=80", "rain=20", "pedestrian_speed=2", "pedestrian_shift=0.3", "sun_azimuth=0", "blueprint=M 03"]

@@ -13,8 +13,8 @@ from snakemake.settings.types import DAGSettings
 
 from pipeline import versioning, workflow
 from pipeline.__main__ import STEPS
-from pipeline.config import CONF, compose, dump
-from pipeline.protocols import InputError
+from pipeline.config.composing import CONF, compose, dump
+from pipeline.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[2]
 STUDIES = sorted(path.stem for path in (CONF / "study").glob("*.yaml"))

@@ -10,8 +10,9 @@ import pytest
 
 from pipeline.__main__ import main
 from pipeline.artefacts.results import Measures, read
-from pipeline.steps import campaign, test_detector
-from tests.unit.test_layouts import export, yolov8
+from pipeline.commands import test_detector
+from pipeline.steps import campaign
+from tests.core.test_layouts import export, yolov8
 
 SMALL = ["campaign.tests=6", "search=[F1]", "seeds=[0]", "simulator=analytic", "samplers.neural.batch_size=3", "detector.threshold=0.5"]
 

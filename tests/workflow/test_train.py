@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from pipeline.artefacts.dataset import TRUTH_FILE, read_dataset
-from pipeline.artefacts.model import read_card
-from pipeline.config import compose
+from pipeline.artefacts.model_card import read_card
+from pipeline.config.composing import compose
 from pipeline.detectors.evaluation import calibrate
 from pipeline.detectors.yolo.export import export_onnx
 from pipeline.detectors.yolo.weights import load_weights

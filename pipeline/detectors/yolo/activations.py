@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from pipeline.detectors.yolo.model import ConvUnit, Yolo
+from pipeline.detectors.yolo.network import ConvUnit, Yolo
 
 BATCH = 16
 

@@ -10,11 +10,11 @@ import torch
 from torch import Tensor, nn
 
 from pipeline.artefacts.files import write_bytes
-from pipeline.artefacts.model import read_card
+from pipeline.artefacts.model_card import read_card
 from pipeline.core.reliability import Calibration
-from pipeline.detectors.yolo.model import Yolo, cells, decode
+from pipeline.detectors.yolo.network import Yolo, cells, decode
 from pipeline.detectors.yolo.weights import load_weights
-from pipeline.protocols import InputError
+from pipeline.errors import InputError
 
 OPSET = 17
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pipeline.artefacts.dataset import ImageSet
 from pipeline.detectors.yolo.data import Boxes, Images, Stream, batch, hardness
-from pipeline.detectors.yolo.model import SIZES, Yolo
+from pipeline.detectors.yolo.network import SIZES, Yolo
 from pipeline.detectors.yolo.training import Fitted, Schedule, fit, initial_model
 from pipeline.detectors.yolo.validation import watching
 from pipeline.progress import OnProgress

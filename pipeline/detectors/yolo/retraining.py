@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.artefacts.dataset import ImageSet
 from pipeline.detectors.yolo.data import Boxes, Images, Stream, batch, usable
-from pipeline.detectors.yolo.model import Yolo
+from pipeline.detectors.yolo.network import Yolo
 from pipeline.detectors.yolo.training import Fitted, Schedule, fit
 from pipeline.detectors.yolo.validation import watching
 from pipeline.progress import OnProgress

@@ -24,11 +24,11 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from pipeline.artefacts.files import write_bytes
-from pipeline.artefacts.model import Look
+from pipeline.artefacts.model_card import Look
 from pipeline.detectors.yolo.loss import Loss, detection_loss
-from pipeline.detectors.yolo.model import Yolo, cells, decode
+from pipeline.detectors.yolo.network import Yolo, cells, decode
+from pipeline.errors import InputError
 from pipeline.progress import OnProgress
-from pipeline.protocols import InputError
 
 Batch = tuple[NDArray[np.uint8], NDArray[np.float32]]
 Feed = Callable[[int], Batch]

@@ -8,7 +8,7 @@ import torch
 from pipeline.artefacts.dataset import ImageSet
 from pipeline.detectors.evaluation import evaluate
 from pipeline.detectors.suppression import reported
-from pipeline.detectors.yolo.model import Yolo, cells, decode
+from pipeline.detectors.yolo.network import Yolo, cells, decode
 from pipeline.detectors.yolo.training import Validation
 
 LOOKED_AT = 500

@@ -11,8 +11,8 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
 from pipeline.artefacts.files import write_bytes
-from pipeline.detectors.yolo.model import Architecture, Yolo
-from pipeline.protocols import InputError
+from pipeline.detectors.yolo.network import Architecture, Yolo
+from pipeline.errors import InputError
 
 COUNTERS = "num_batches_tracked"
 

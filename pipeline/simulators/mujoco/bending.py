@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.core.paths import Piece, Pose
-from pipeline.layout import Street
+from pipeline.scenarios.streets import Street
 
 Floats = NDArray[np.float64]
 

@@ -8,7 +8,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.protocols import Box, SimulationError, Truth
+from pipeline.core.boxes import Box
+from pipeline.core.truth import Truth
+from pipeline.errors import SimulationError
 
 from .lens import CameraSettings, Lens
 from .pedestrian import GROUP

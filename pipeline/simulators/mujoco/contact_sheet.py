@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.scenario import EGO_HALF_LENGTH_M, FunctionalScenario
+from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, FunctionalScenario
 
 from .blueprints import NAMES
 from .gait import ANIMATIONS

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from pipeline.layout import CORNER_RADIUS, PAVEMENT_WIDTH, START_X, Street, Town, streets
+from pipeline.scenarios.streets import CORNER_RADIUS, PAVEMENT_WIDTH, START_X, Street, Town, streets
 
 from .mesh import Mesh, place
 from .style import STYLES, Style

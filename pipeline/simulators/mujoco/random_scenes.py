@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from pipeline.core.footprints import Rectangle
 from pipeline.core.paths import Path, Pose
-from pipeline.layout import END_X, LANE_WIDTH, START_X, Junction, Street, Town, streets
-from pipeline.protocols import InputError, Truth
-from pipeline.scenario import EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M, HALF_LENGTHS_M, Actor, VehicleKind
+from pipeline.core.truth import Truth
+from pipeline.errors import InputError
+from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M, HALF_LENGTHS_M, Actor, VehicleKind
+from pipeline.scenarios.streets import END_X, LANE_WIDTH, START_X, Junction, Street, Town, streets
 
 from .blueprints import CHILDREN, NAMES
 from .gait import ANIMATIONS

@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.core.paths import Pose
-from pipeline.layout import LANE_WIDTH, Street, Town, streets
-from pipeline.protocols import SimulationError, Truth, Value
-from pipeline.scenario import HALF_LENGTHS_M, Actor, VehicleKind
+from pipeline.core.space import Value
+from pipeline.core.truth import Truth
+from pipeline.errors import SimulationError
+from pipeline.scenarios.functional import HALF_LENGTHS_M, Actor, VehicleKind
+from pipeline.scenarios.streets import LANE_WIDTH, Street, Town, streets
 
 from .blueprints import NAMES
 from .gait import ANIMATIONS

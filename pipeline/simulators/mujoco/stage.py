@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.core.paths import Pose
-from pipeline.layout import Town
-from pipeline.protocols import Truth
-from pipeline.scenario import Actor
+from pipeline.core.truth import Truth
+from pipeline.scenarios.functional import Actor
+from pipeline.scenarios.streets import Town
 
 from . import gait, world
 from .blueprints import BLUEPRINTS

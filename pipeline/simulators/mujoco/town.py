@@ -12,7 +12,7 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 
-from pipeline.layout import CORNER_RADIUS, END_X, LANE_WIDTH, PAVEMENT_WIDTH, START_X, Street, Town, streets
+from pipeline.scenarios.streets import CORNER_RADIUS, END_X, LANE_WIDTH, PAVEMENT_WIDTH, START_X, Street, Town, streets
 
 from . import bending, buildings, furniture, textures, vegetation
 from .mesh import Mesh, place

@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from pipeline.layout import CORNER_RADIUS, PAVEMENT_WIDTH, Street, Town
+from pipeline.scenarios.streets import CORNER_RADIUS, PAVEMENT_WIDTH, Street, Town
 
 from .mesh import Mesh, loft, place
 from .style import Style

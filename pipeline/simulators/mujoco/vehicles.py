@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.scenario import HALF_LENGTHS_M, VehicleKind
+from pipeline.scenarios.functional import HALF_LENGTHS_M, VehicleKind
 
 from . import textures
 from .mesh import Mesh, loft

@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 
 from pipeline.core.braking import BRAKE_LAG_S, FULL_BRAKE_MPS2
-from pipeline.layout import Town
-from pipeline.scenario import Actor
+from pipeline.scenarios.functional import Actor
+from pipeline.scenarios.streets import Town
 
 from . import pedestrian, town, vehicles
 

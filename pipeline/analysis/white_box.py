@@ -1,0 +1,41 @@
+"""White-box coverage."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from pipeline.artefacts.tables import read_frames
+from pipeline.core.coverage.whitebox import Profile
+from pipeline.core.space import Ints
+from pipeline.detectors.yolo.activations import activations
+from pipeline.detectors.yolo.network import Yolo
+
+FRAMES, PROFILED = 250, 600
+"""Of each set, and of the training images, at most, drawn evenly: coverage grows with the number of images, so all sets have the same."""
+
+
+DRAW_SEED = 0
+
+
+def _profile(network: Yolo, images: NDArray[np.uint8]) -> Profile:
+    profiles = [Profile.of(layers) for layers in activations(network, images)]
+    joined = profiles[0]
+    for profile in profiles[1:]:
+        joined = joined.joined(profile)
+    return joined
+
+
+def _kept(paths: Sequence[Path]) -> list[bytes]:
+    """The kept frames of some campaigns as JPEG bytes."""
+    tables = [read_frames(path, ["test_id", "step", "image"]) for path in paths]
+    images: list[bytes] = pd.concat(tables, ignore_index=True).sort_values(["test_id", "step"])["image"].to_list()
+    return images
+
+
+def _drawn(many: int, count: int) -> Ints:
+    return np.sort(np.random.default_rng(DRAW_SEED).choice(many, count, replace=False))

@@ -1,0 +1,86 @@
+"""model.json, the card of a model version: where it comes from, what it was trained on and how well it detects; curve.csv, its training."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import pandas as pd
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from pipeline.artefacts.files import read_bytes, read_json, write_bytes, write_json
+from pipeline.errors import InputError
+
+
+class ModelCard(BaseModel):
+    """One model version.
+
+    data: name to digest of what it was trained on. training: settings and figures of its training. metrics: on the validation
+    images of the base set: precision, recall, ap50, ap50_95, false_positives_an_image, all for visible pedestrians. calibration:
+    slope and offset of the scores' logits, fitted on the same images. reliability: diagrams of the scores on these images, `uncalibrated`
+    and `calibrated`: rows of mean score, share of right ones, number. towns: fingerprints of all that it, or what it was retrained
+    from, has learnt; none may be held out.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    version: str
+    parent: str | None
+    architecture: dict[str, object]
+    parameters: int
+    input_size: tuple[int, int]
+    seed: int
+    data: dict[str, str]
+    training: dict[str, float | str]
+    metrics: dict[str, float]
+    calibration: dict[str, float]
+    reliability: dict[str, tuple[tuple[float, float, int], ...]]
+    weights_sha256: str
+    towns: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Look:
+    """One line of a training's curve. losses: means since the line before; ap50: of the averaged weights on validation images."""
+
+    iteration: int
+    learning_rate: float
+    loss_scores: float
+    loss_boxes: float
+    ap50: float
+
+
+CURVE = tuple(Look.__annotations__)
+
+
+def write_curve(path: Path, curve: Sequence[Look]) -> None:
+    """Write curve.csv."""
+    table = pd.DataFrame([asdict(look) for look in curve], columns=list(CURVE))
+    write_bytes(path, table.to_csv(index=False, lineterminator="\n", float_format="%.6g").encode())
+
+
+def read_curve(path: Path) -> list[Look]:
+    """Read curve.csv; InputError that names the file if it is no such table."""
+    try:
+        table = pd.read_csv(io.BytesIO(read_bytes(path)))
+        return [
+            Look(int(row[0]), *(float(value) for value in row[1:])) for row in table[list(Look.__annotations__)].itertuples(index=False)
+        ]
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: expected a table with columns {','.join(Look.__annotations__)}, got {error}") from error
+
+
+def write_card(path: Path, card: ModelCard) -> None:
+    """Write model.json."""
+    write_json(path, card.model_dump(mode="json"))
+
+
+def read_card(path: Path) -> ModelCard:
+    """Read model.json; InputError that names the file and key if it is missing or no card."""
+    try:
+        return ModelCard.model_validate(read_json(path))
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise InputError(f"{path}: {'.'.join(map(str, first['loc'])) or 'the file'}: {first['msg']}; train the version again") from error

@@ -1,0 +1,75 @@
+"""The model versions of a study: which there are, what each descends from, and which campaigns feed it (thesis chapter 7).
+
+`base` (D_o) is tested first. Each round retrains three kinds from their predecessors: `random` (D_r) and `adaptive` (D_a) on frames of
+campaigns against it, `control` on no new data. Retraining with several seeds makes several versions of each.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from pipeline.errors import InputError
+
+Kind = Literal["base", "control", "random", "adaptive"]
+RETRAINED: tuple[Kind, Kind, Kind] = ("control", "random", "adaptive")
+PATTERN = r"base|(?:control|random|adaptive)(?:-r(?:[2-9]|[1-9]\d+))?(?:-s\d+)?"
+"""Of every version's name, as a regular expression."""
+NAME = re.compile(r"(control|random|adaptive)(?:-r([2-9]|[1-9]\d+))?(?:-s(\d+))?")
+
+TEST = re.compile(rf"(.+)-([^-]+)-({PATTERN})-\d+-\d+")
+
+
+@dataclass(frozen=True)
+class Version:
+    """A model version. round: 0 for the base, else from 1. seed: of retraining; None for the first one of the study's."""
+
+    kind: Kind = "base"
+    round: int = 0
+    seed: int | None = None
+
+    def __str__(self) -> str:
+        """Its name: `base`, `adaptive`, `adaptive-r2`, `adaptive-s1`, `adaptive-r2-s1`."""
+        return self.kind + (f"-r{self.round}" if self.round > 1 else "") + (f"-s{self.seed}" if self.seed is not None else "")
+
+    @staticmethod
+    def named(name: str) -> Version:
+        """The version of a name; InputError if it is none."""
+        if name == "base":
+            return Version()
+        found = NAME.fullmatch(name)
+        if found is None:
+            raise InputError(f"expected the name of a version, as base or adaptive-r2-s1, got '{name}'")
+        kind, number, seed = found.groups()
+        return Version(kind, int(number or 1), None if seed is None else int(seed))  # type: ignore[arg-type]
+
+    @property
+    def parent(self) -> Version | None:
+        """What it was retrained from."""
+        if self.kind == "base":
+            return None
+        return Version() if self.round == 1 else replace(self, round=self.round - 1)
+
+    @property
+    def group(self) -> str:
+        """What versions that differ by their seed alone share."""
+        return str(replace(self, seed=None))
+
+    @property
+    def tested(self) -> tuple[Version, ...]:
+        """The versions whose campaigns feed it, oldest first."""
+        return () if self.parent is None else (*self.parent.tested, self.parent)
+
+
+def versions(rounds: int, seeds: Sequence[int]) -> tuple[Version, ...]:
+    """All versions of a study: the base, then round by round and kind by kind one for each seed of retraining."""
+    suffixes = [None, *seeds[1:]]
+    return (Version(), *(Version(kind, number, seed) for number in range(1, rounds + 1) for kind in RETRAINED for seed in suffixes))
+
+
+def campaign_of(test_id: str) -> tuple[str, str, str]:
+    """Scenario, strategy and version in the name of a test; empty ones if it is no such name."""
+    found = TEST.fullmatch(test_id)
+    return (found[1], found[2], found[3]) if found else ("", "", "")

@@ -1,0 +1,22 @@
+"""Ground truth of one camera frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pipeline.core.boxes import Box
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Ground truth of the one pedestrian of a frame.
+
+    Boxes are left, top, right, bottom in pixels; None where no pixel shows. `whole` is what would show without
+    occluders. contrast: mean absolute grey-level difference between its visible pixels and the ring around its box.
+    """
+
+    visible_box: Box | None = None
+    whole_box: Box | None = None
+    visible_pixels: int = 0
+    whole_pixels: int = 0
+    contrast: float = 0.0

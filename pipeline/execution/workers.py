@@ -1,0 +1,136 @@
+"""Executes concrete scenarios in spawned worker processes; what comes out does not depend on how many there are."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import threading
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from hydra.utils import instantiate
+from threadpoolctl import threadpool_limits
+
+from pipeline.core.detections import Detections
+from pipeline.core.episode import Frame
+from pipeline.core.space import Value
+from pipeline.errors import InputError, SimulationError
+from pipeline.execution import journal
+from pipeline.protocols import Detector, Simulator
+
+Job = tuple[int, Path, Mapping[str, Value]]
+"""Index of the test, where its outcome goes, and the concrete scenario."""
+
+Setup = tuple[dict[str, Any], dict[str, Any], dict[str, Any], int]
+"""Config of the simulator, body of the scenario, config of the detector, and keep_every."""
+
+_setup: Setup
+
+
+class Workers:
+    """A pool of processes, each with its own simulator and detector."""
+
+    def __init__(
+        self, count: int, simulator: Mapping[str, Any], scenario: Mapping[str, Any], detector: Mapping[str, Any], keep_every: int
+    ) -> None:
+        self._count = count
+        self._setup: Setup = (dict(simulator), dict(scenario), dict(detector), keep_every)
+        self._pool: ProcessPoolExecutor | None = None
+
+    def execute(self, jobs: Sequence[Job]) -> Iterator[int]:
+        """Execute the jobs, in any order; yields the index of each when its outcome is written.
+
+        A process that dies (out of memory, a crash in the driver) takes its neighbours' tests along. They are executed again, one at
+        a time; the test that kills a process a second time is an outcome of its own.
+        """
+        futures: dict[Future[None], Job] = {}
+        try:
+            futures = {self._started(self._count).submit(_execute, job): job for job in jobs}
+            for future in as_completed(futures):
+                future.result()
+                yield futures[future][0]
+        except BrokenProcessPool:
+            self.close()
+            for index, path, concrete in jobs:
+                if not path.exists():
+                    self._alone((index, path, concrete))
+                    yield index
+            self.close()
+
+    def _alone(self, job: Job) -> None:
+        try:
+            self._started(1).submit(_execute, job).result()
+        except BrokenProcessPool:
+            self.close()
+            journal.write(job[1], journal.Outcome({}, [], [], 0.0, "the process of the simulation died"))
+
+    def _started(self, count: int) -> ProcessPoolExecutor:
+        if self._pool is None:
+            # Spawned, because a forked child hangs once its parent has a GL context.
+            context = multiprocessing.get_context("spawn")
+            self._pool = ProcessPoolExecutor(count, context, _prepare, (os.getpid(), self._setup))
+        return self._pool
+
+    def close(self) -> None:
+        """End the processes."""
+        if self._pool is not None:
+            self._pool.shutdown(cancel_futures=True)
+            self._pool = None
+
+
+def _prepare(parent: int, setup: Setup) -> None:
+    global _setup
+    _setup = setup
+    # Sums of several threads depend on their number; and the processes already share the cores.
+    os.environ.update(OMP_NUM_THREADS="1", LP_NUM_THREADS="0")
+    threadpool_limits(1)
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+
+
+@cache
+def _built() -> tuple[Simulator, Detector]:
+    """This process's simulator and detector; built by the first test, so that their errors reach the campaign."""
+    simulator, scenario, detector, _ = _setup
+    return (
+        instantiate(simulator, _partial_=True, _convert_="all")(scenario=scenario),
+        Guarded(instantiate(detector, _partial_=True, _convert_="all")()),
+    )
+
+
+def _end_with(parent: int) -> None:
+    """A parent killed by kill -9 cannot end its workers: they watch it themselves."""
+    while os.getppid() == parent:
+        time.sleep(1)
+    os._exit(1)
+
+
+class Guarded:
+    """A detector whose failures are outcomes of their own: what a stranger's class raises breaks one test, not the campaign."""
+
+    def __init__(self, detector: Detector) -> None:
+        self._detector = detector
+
+    def detect(self, frame: Frame) -> Detections:
+        """Return what the detector reports; SimulationError for whatever it raises but InputError, which ends the campaign."""
+        try:
+            return self._detector.detect(frame)
+        except (InputError, SimulationError):
+            raise
+        except Exception as error:
+            raise SimulationError(f"{type(self._detector).__name__}.detect failed: {type(error).__name__}: {error}") from error
+
+
+def _execute(job: Job) -> None:
+    _, path, concrete = job
+    simulator, detector = _built()
+    started = time.perf_counter()
+    try:
+        result = journal.outcome(simulator.execute(concrete, detector, _setup[3]), time.perf_counter() - started)
+    except SimulationError as error:
+        result = journal.Outcome({}, [], [], time.perf_counter() - started, str(error))
+    journal.write(path, result)

@@ -1,0 +1,45 @@
+"""What must never be learnt: towns, scenarios and frames that judge a version."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+
+from pipeline.artefacts.dataset import ImageSet, read_towns
+from pipeline.artefacts.model_card import read_card
+from pipeline.artefacts.scenario_space import read_space
+from pipeline.config.schema import Config
+from pipeline.core.lineage import campaign_of
+from pipeline.errors import InputError
+
+
+def refuse_towns(config: Config, base_set: Path, spaces: Sequence[Path], parent: Path | None = None) -> tuple[str, ...]:
+    """The fingerprints of all towns that a version learns. InputError with the name of a held-out scenario whose town is among them.
+
+    Compared by fingerprint with what the files were made from, which may be an older config. A concrete scenario is a town and the values
+    of its variables, so that one of another town is another one. base_set: its truth.coco.json. spaces: of the searched scenarios. parent:
+    model.json of the version that it goes on from.
+    """
+    unseen = {config.scenarios[name].town.fingerprint: name for name in config.held_out}
+    found = [(town, f"{base_set} shows") for town in sorted(read_towns(base_set.parent))]
+    found += [(read_space(path)[0].town, f"{path} describes") for path in spaces]
+    if parent is not None:
+        found += [(town, f"{parent} has learnt") for town in read_card(parent).towns]
+    for town, where in found:
+        if town in unseen:
+            raise InputError(f"{where} the town of held-out {unseen[town]}, so it must not be learnt; hold out another scenario")
+    return tuple(sorted({town for town, _ in found}))
+
+
+def refuse_frames(held_out: Sequence[str], tests: Sequence[str], added: ImageSet, validation: ImageSet) -> None:
+    """No frame of a held-out scenario and no image that validates may be learnt; InputError that names the tests.
+
+    tests: (n,) of which test each of the added frames is.
+    """
+    if leaked := sorted({test for test in tests if campaign_of(test)[0] in held_out}):
+        raise InputError(f"frames of held-out scenarios must not be learnt: {', '.join(leaked[:5])}; make the filter tables again")
+    known = {hashlib.sha256(image.tobytes()).digest() for image in validation.images}
+    for test, image in zip(tests, added.images, strict=True):
+        if hashlib.sha256(image.tobytes()).digest() in known:
+            raise InputError(f"a frame of {test} is an image that validates, so it must not be learnt")

@@ -1,0 +1,70 @@
+"""Which of the frames that the filter kept are added to training: of all tests, of failures, or balanced over failure regions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+
+from pipeline.analysis.failure_regions import cluster
+from pipeline.artefacts.scenario_space import ScenarioInfo
+from pipeline.config.schema import Regions
+from pipeline.core.space import Space
+
+ANY = ""
+"""The one group where nothing is balanced."""
+
+
+def groups(selection: str, tests: pd.DataFrame, spaces: Mapping[str, tuple[ScenarioInfo, Space]], section: Regions) -> dict[str, str]:
+    """test_id -> the group that it is balanced with, of the tests whose frames may be added.
+
+    selection: `all` tests, those that are `failures`, or these by failure `regions`, each a group, and those in no region of a scenario
+    one more. tests: rows of all campaigns of one source.
+    """
+    if selection == "all":
+        return dict.fromkeys(tests["test_id"], ANY)
+    failed = tests[tests["failure"]]
+    if selection == "failures":
+        return dict.fromkeys(failed["test_id"], ANY)
+    found: dict[str, str] = {}
+    for scenario, rows in tests[tests["status"] == "ok"].groupby("scenario"):
+        info, space = spaces[str(scenario)]
+        regions = cluster(info, space, rows.reset_index(drop=True), section.chance_neighbours, section.min_failures, confidence=0.95)
+        found |= dict.fromkeys(regions.unassigned, f"{info.label}, no region")
+        found |= {test: region.name for region in regions.regions for test in region.members}
+    return found
+
+
+def pool(judged: pd.DataFrame, grouped: Mapping[str, str]) -> pd.DataFrame:
+    """The frames that may be drawn: test_id, step, empty (nobody shows) and group, in a fixed order.
+
+    judged: rows of filter tables.
+    """
+    rows = judged[judged["kept"] & judged["test_id"].isin(list(grouped))]
+    rows = rows.assign(empty=rows["visible_pixels"] == 0, group=rows["test_id"].map(grouped))
+    return rows[["test_id", "step", "empty", "group"]].sort_values(["test_id", "step"], ignore_index=True)
+
+
+def capacity(rows: pd.DataFrame, empty_share: float) -> int:
+    """The largest number of frames that can be drawn with that share of empty ones."""
+    empty = int(rows["empty"].sum())
+    return min(int(empty / empty_share), int((len(rows) - empty) / (1 - empty_share)))
+
+
+def draw(rows: pd.DataFrame, count: int, empty_share: float, seed: int) -> pd.DataFrame:
+    """`count` frames, test_id and step, without replacement: a share of them empty, and of the others as equal a number from each group
+    as the groups can give.
+    """
+    rng = np.random.default_rng(seed)
+    empty = rows[rows["empty"]]
+    wanted = round(count * empty_share)
+    parts = [empty.iloc[np.sort(rng.choice(len(empty), wanted, replace=False))]]
+    shown = {name: group for name, group in rows[~rows["empty"]].groupby("group")}
+    left = count - wanted
+    for rest, (_, group) in zip(range(len(shown), 0, -1), sorted(shown.items(), key=lambda item: (len(item[1]), item[0])), strict=True):
+        # The smallest first: what it lacks the larger ones give.
+        part = min(len(group), -(-left // rest))
+        parts.append(group.iloc[np.sort(rng.choice(len(group), part, replace=False))])
+        left -= part
+    return pd.concat(parts)[["test_id", "step"]].sort_values(["test_id", "step"], ignore_index=True)

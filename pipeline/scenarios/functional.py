@@ -1,0 +1,130 @@
+"""The schema of a functional scenario: a town, the ego, the pedestrian and the other road users (thesis section 4.2, layers 1 to 4)."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from pipeline.core.footprints import Rectangle
+from pipeline.core.paths import Path, Pose
+from pipeline.scenarios.streets import Part, Town, on_asphalt
+
+VehicleKind = Literal["hatchback", "saloon", "van", "bus", "estate", "suv"]
+Waypoint = tuple[float, float]
+HALF_LENGTHS_M: dict[VehicleKind, float] = {"hatchback": 1.95, "saloon": 2.25, "van": 2.45, "bus": 4.5, "estate": 2.35, "suv": 2.3}
+HALF_WIDTHS_M: dict[VehicleKind, float] = {"hatchback": 0.88, "saloon": 0.89, "van": 0.95, "bus": 1.25, "estate": 0.9, "suv": 0.95}
+EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M = 2.5, 0.95
+ON_PATH_M = 0.25
+
+
+class Ego(Part):
+    """The ego vehicle: constant speed along its path until it brakes; `horizon_s` before it would reach the conflict point it starts.
+
+    path: waypoints, metres; corners are rounded with `corner_radius_m`, and both ends go straight on.
+    """
+
+    speed_kmh: float = Field(gt=0, le=130)
+    path: tuple[Waypoint, ...] = ((-80.0, -1.75), (80.0, -1.75))
+    corner_radius_m: float = Field(default=7.75, gt=0, le=60)
+    horizon_s: float = Field(gt=0.5, le=10)
+
+    def route(self) -> Path:
+        return Path(self.path, self.corner_radius_m)
+
+
+class Crossing(Part):
+    """The pedestrian's straight path through the conflict point `at`, on the ego's path: heading in degrees, 90 is to the left of x."""
+
+    at: Waypoint = (0.0, -1.75)
+    heading_deg: float = Field(ge=-180, le=180)
+
+
+class Actor(Part):
+    """Another road user: where it starts, and how it goes on.
+
+    Without `via` it drives straight along its heading; with it, through those waypoints, corners rounded with `corner_radius_m`.
+    It waits `starts_s` seconds. paint: index of a colour.
+    """
+
+    kind: VehicleKind
+    x_m: float
+    y_m: float
+    heading_deg: float = Field(default=0, ge=-180, le=180)
+    via: tuple[Waypoint, ...] = ()
+    corner_radius_m: float = Field(default=7.75, gt=0, le=60)
+    speed_kmh: float = Field(default=0, ge=0, le=130)
+    starts_s: float = Field(default=0, ge=0, le=60)
+    paint: int = Field(default=0, ge=0)
+
+    def route(self) -> Path:
+        heading = np.radians(self.heading_deg)
+        on = self.via or ((self.x_m + float(np.cos(heading)), self.y_m + float(np.sin(heading))),)
+        return Path([(self.x_m, self.y_m), *on], self.corner_radius_m)
+
+    def travelled(self, time_s: float) -> float:
+        """Metres along its route."""
+        return max(0.0, time_s - self.starts_s) * self.speed_kmh / 3.6
+
+    def footprint(self, pose: Pose) -> Rectangle:
+        return Rectangle(pose, HALF_LENGTHS_M[self.kind], HALF_WIDTHS_M[self.kind])
+
+
+class FunctionalScenario(Part):
+    """One functional scenario with its logical scenario space."""
+
+    label: str
+    description: str
+    town: Town
+    ego: Ego
+    pedestrian: Crossing
+    actors: dict[str, Actor] = Field(default_factory=dict)
+    space: dict[str, dict[str, Any]]
+
+    def conflict_s(self) -> float:
+        """Where on the ego's route the conflict point lies, metres."""
+        return self.ego.route().project(*self.pedestrian.at)[0]
+
+    def start_s(self) -> float:
+        """Where on its route the ego's middle starts, metres: unbraked, its front is at the conflict point after `horizon_s`."""
+        return self.conflict_s() - self.ego.speed_kmh / 3.6 * self.ego.horizon_s - EGO_HALF_LENGTH_M
+
+    def pedestrian_pose(self, time_s: float, speed_mps: float, shift_m: float = 0.0) -> Pose:
+        """Where the pedestrian is: at the conflict point after `horizon_s`, as the unbraked ego's front; the shift is along its path."""
+        along, heading = (time_s - self.ego.horizon_s) * speed_mps + shift_m, float(np.radians(self.pedestrian.heading_deg))
+        x, y = self.pedestrian.at
+        return Pose(float(x + along * np.cos(heading)), float(y + along * np.sin(heading)), heading)
+
+    @model_validator(mode="after")
+    def _can_be_driven(self) -> FunctionalScenario:
+        try:
+            route = self.ego.route()
+        except ValueError as error:
+            raise ValueError(f"ego.path: {error}") from error
+        _, aside = route.project(*self.pedestrian.at)
+        if abs(aside) > ON_PATH_M:
+            raise ValueError(f"pedestrian.at: {self.pedestrian.at} must lie on the ego's path, but lies {abs(aside):.2f} m beside it")
+        for s in np.arange(self.start_s() - EGO_HALF_LENGTH_M, self.conflict_s() + EGO_HALF_LENGTH_M, 1.0):
+            pose = route.at(float(s))
+            if not on_asphalt(self.town, pose.x, pose.y, margin=EGO_HALF_WIDTH_M):
+                raise ValueError(f"ego.path: leaves the road at ({pose.x:.1f}, {pose.y:.1f})")
+        footprints = {"ego": Rectangle(route.at(self.start_s()), EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M)}
+        for name, actor in self.actors.items():
+            self._drivable(name, actor)
+            footprint = actor.footprint(actor.route().at(0))
+            for other, taken in footprints.items():
+                if footprint.overlaps(taken):
+                    raise ValueError(f"actors.{name}: overlaps {other} at the start")
+            footprints[name] = footprint
+        return self
+
+    def _drivable(self, name: str, actor: Actor) -> None:
+        try:
+            route = actor.route()
+        except ValueError as error:
+            raise ValueError(f"actors.{name}.via: {error}") from error
+        for time_s in np.arange(0, self.ego.horizon_s, 0.25):
+            pose = route.at(actor.travelled(float(time_s)))
+            if not on_asphalt(self.town, pose.x, pose.y, margin=HALF_WIDTHS_M[actor.kind] - 0.15):
+                raise ValueError(f"actors.{name}: is off the road at ({pose.x:.1f}, {pose.y:.1f}) after {time_s:g} s")

@@ -1,0 +1,195 @@
+"""The closed loop: render, detect, brake, move on, until the outcome is decided (thesis sections 5.3 to 5.5)."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.core import kpi
+from pipeline.core.episode import SIGNALS, Episode, Frame, KeptFrame
+from pipeline.core.footprints import Rectangle
+from pipeline.core.paths import Pose
+from pipeline.core.space import Space, Value
+from pipeline.core.truth import Truth
+from pipeline.errors import SimulationError
+from pipeline.protocols import Detector
+from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M, FunctionalScenario
+
+from . import gait
+from .lens import CameraSettings
+from .stage import Stage, weather_of
+from .world import TIMESTEP_S
+
+PEDESTRIAN_RADIUS_M = 0.25
+TIME_LIMIT_S = 12.0
+ALONG = np.sin(np.radians(15))
+"""Sine of the angle to the ego's path below which a pedestrian walks along it."""
+
+
+class MujocoSimulator:
+    """Executes concrete scenarios of one functional scenario in a rendered MuJoCo world."""
+
+    def __init__(self, scenario: Mapping[str, Any], camera: Mapping[str, Any] | None = None) -> None:
+        self._scenario = FunctionalScenario.model_validate(scenario)
+        self._settings = CameraSettings.model_validate(dict(camera or {}))
+        self._space = Space.from_dict(self._scenario.space)
+        self._stage = Stage(self._scenario.town, self._scenario.actors, self._settings)
+
+    def execute(self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0) -> Episode:
+        """Execute one concrete scenario; see `pipeline.protocols.Simulator`."""
+        self._space.encode(concrete)
+        loop = _Loop(self._stage, self._scenario, concrete, self._settings.rate_hz)
+        return loop.run(detector, keep_every)
+
+    def close(self) -> None:
+        """Free the GL context."""
+        self._stage.close()
+
+
+@dataclass(frozen=True)
+class _State:
+    """Where everyone is. Metres, seconds, world frame."""
+
+    time_s: float
+    travelled: float
+    ego: Pose
+    ego_speed: float
+    pedestrian_x: float
+    pedestrian_y: float
+
+    @property
+    def gap(self) -> float:
+        """Distance between the ego's rectangle and the pedestrian's disc, 0 at contact."""
+        footprint = Rectangle(self.ego, EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M)
+        return max(0.0, footprint.distance(self.pedestrian_x, self.pedestrian_y) - PEDESTRIAN_RADIUS_M)
+
+
+class _Loop:
+    """One test execution."""
+
+    def __init__(self, stage: Stage, scenario: FunctionalScenario, concrete: Mapping[str, Value], rate_hz: float) -> None:
+        self._stage, self._scenario = stage, scenario
+        self._speed, self._shift = float(concrete["pedestrian_speed"]), float(concrete["pedestrian_shift"])
+        self._animation = str(concrete["animation"])
+        self._heading = np.radians(scenario.pedestrian.heading_deg)
+        self._rng = np.random.default_rng(_seed(concrete))
+        self._steps = round(1 / rate_hz / TIMESTEP_S)
+        self._rows: dict[str, list[Any]] = {name: [] for name in SIGNALS}
+        self._time = 0.0
+        self._route, self._conflict = scenario.ego.route(), scenario.conflict_s()
+        self._routes = {name: actor.route() for name, actor in scenario.actors.items()}
+        # How far the pedestrian moves to the ego's left, and not along its way, for each metre that it walks.
+        self._across = float(np.sin(self._heading - self._route.at(self._conflict).heading))
+        stage.reset(weather_of(concrete), str(concrete["blueprint"]))
+        stage.launch(scenario.start_s(), scenario.ego.speed_kmh / 3.6)
+
+    def run(self, detector: Detector, keep_every: int) -> Episode:
+        kept: list[KeptFrame] = []
+        index = 0
+        while True:
+            state = self._place()
+            image, truth = self._stage.shoot(self._rng)
+            frame = Frame(image, truth, self._time)
+            detections = detector.detect(frame)
+            matching = kpi.match(
+                detections.boxes, detections.scores, truth.visible_box, truth.whole_box, truth.visible_pixels, truth.contrast
+            )
+            self._record(state, truth, matching)
+            if keep_every and index % keep_every == 0:
+                kept.append(KeptFrame(index, frame, detections))
+            state = self._drive(matching.confidence)
+            index += 1
+            if self._decided(state):
+                break
+        self._record(state, Truth(), kpi.Matching((), 0.0))
+        signals: dict[str, NDArray[Any]] = {name: np.array(column, dtype=SIGNALS[name]) for name, column in self._rows.items()}
+        signals["ttc_s"] = kpi.ttc(signals)
+        return Episode(signals, tuple(kept))
+
+    def _place(self) -> _State:
+        """Put the pedestrian and the other road users where they are at the present time."""
+        state = self._state()
+        scenario, travelled = self._scenario, self._time * self._speed
+        phase = gait.phase(travelled, self._speed)
+        heading = scenario.pedestrian.heading_deg
+        self._stage.place_pedestrian(state.pedestrian_x, state.pedestrian_y, heading, self._animation, phase, self._speed)
+        self._stage.put("ego", state.ego)
+        for name, actor in scenario.actors.items():
+            self._stage.put(name, self._routes[name].at(actor.travelled(self._time)))
+        return state
+
+    def _state(self) -> _State:
+        pedestrian = self._scenario.pedestrian_pose(self._time, self._speed, self._shift)
+        travelled = self._stage.travelled
+        if not np.isfinite(travelled):
+            raise SimulationError(f"the ego's position became {travelled} at {self._time:.2f} s")
+        return _State(self._time, travelled, self._route.at(travelled), self._stage.ego_speed, pedestrian.x, pedestrian.y)
+
+    def _drive(self, brake: float) -> _State:
+        """Advance to the next camera frame, or to the contact."""
+        for _ in range(self._steps):
+            self._stage.step(brake)
+            self._time = round(self._time + TIMESTEP_S, 9)
+            state = self._state()
+            if state.gap <= 0:
+                break
+        return state
+
+    def _on_collision_path(self, state: _State) -> bool:
+        """Whether the pedestrian has not yet left the ego's swept corridor."""
+        if self._along:
+            return True
+        left = self._route.project(state.pedestrian_x, state.pedestrian_y)[1]
+        return bool(np.sign(self._across) * left <= EGO_HALF_WIDTH_M + PEDESTRIAN_RADIUS_M)
+
+    @property
+    def _along(self) -> bool:
+        """Whether the pedestrian walks along the ego's path instead of across it."""
+        return bool(abs(self._across) < ALONG)
+
+    def _conflict_distance(self, state: _State) -> float:
+        """Metres from the ego's front to the conflict point; a pedestrian who walks along the path is where the conflict is."""
+        conflict = self._route.project(state.pedestrian_x, state.pedestrian_y)[0] if self._along else self._conflict
+        return max(0.0, conflict - state.travelled - EGO_HALF_LENGTH_M)
+
+    def _decided(self, state: _State) -> bool:
+        stopped = state.ego_speed <= kpi.MIN_SPEED_MPS
+        return state.gap <= 0 or stopped or not self._on_collision_path(state) or self._time >= TIME_LIMIT_S
+
+    def _record(self, state: _State, truth: Truth, matching: kpi.Matching) -> None:
+        row = {
+            "time_s": state.time_s,
+            "ego_x_m": state.ego.x,
+            "ego_y_m": state.ego.y,
+            "ego_heading_deg": float(np.degrees(state.ego.heading)),
+            "ego_speed_mps": state.ego_speed,
+            "pedestrian_x_m": state.pedestrian_x,
+            "pedestrian_y_m": state.pedestrian_y,
+            "conflict_distance_m": self._conflict_distance(state),
+            "gap_m": state.gap,
+            "on_collision_path": self._on_collision_path(state),
+            "contact": state.gap <= 0,
+            "brake": matching.confidence,
+            "confidence": matching.confidence,
+            "ttc_s": np.nan,
+            "false_positives": matching.false_positives,
+            "false_positives_far": matching.far,
+            "false_positives_localisation": matching.localisation,
+            "false_positives_duplicate": matching.duplicate,
+            "visible_pixels": truth.visible_pixels,
+            "contrast": truth.contrast,
+        }
+        for name, value in row.items():
+            self._rows[name].append(value)
+
+
+def _seed(concrete: Mapping[str, Value]) -> int:
+    """A seed that depends on the concrete scenario alone, so that a replay sees the same rain."""
+    text = json.dumps(dict(concrete), sort_keys=True)
+    return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "little")

@@ -1,0 +1,78 @@
+"""Nothing of a held-out scenario can be learnt."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.artefacts.dataset import TRUTH_FILE, ImageSet, Record, image_set, write_truth
+from pipeline.artefacts.model_card import read_card, write_card
+from pipeline.artefacts.scenario_space import ScenarioInfo, write_space
+from pipeline.config.composing import compose
+from pipeline.core.truth import Truth
+from pipeline.errors import InputError
+from pipeline.learning.leakage import refuse_frames, refuse_towns
+from pipeline.simulators.mujoco import random_scenes
+from pipeline.simulators.mujoco.lens import CameraSettings
+from tests.spaces import SMALL
+from tests.core.test_model_card import CARD
+
+
+def noise(count: int, seed: int) -> ImageSet:
+    rng = np.random.default_rng(seed)
+    return image_set([(rng.integers(0, 255, (32, 64, 3), dtype=np.uint8), Truth()) for _ in range(count)])
+
+
+def test_frames_of_a_held_out_scenario_are_refused_by_name() -> None:
+    tests = ["F1-random-base-0-00000", "F1star-pairwise-base-0-00003"]
+    with pytest.raises(InputError, match="frames of held-out scenarios must not be learnt: F1star-pairwise-base-0-00003"):
+        refuse_frames(("F1star",), tests, noise(2, 0), noise(2, 1))
+
+
+def test_frames_that_validate_are_refused_by_name() -> None:
+    tests = ["F1-random-base-0-00000", "F1-random-base-0-00003"]
+    refuse_frames(("F1star",), tests, noise(2, 0), noise(2, 1))
+    validation = noise(3, 1)
+    added = image_set([(noise(1, 0).images[0], Truth()), (validation.images[2], Truth())])
+    with pytest.raises(InputError, match="a frame of F1-random-base-0-00003 is an image that validates"):
+        refuse_frames(("F1star",), tests, added, validation)
+
+
+def test_towns_of_held_out_scenarios_are_refused_by_name_whatever_the_config_was_that_files_were_made_from(tmp_path: Path) -> None:
+    config = compose("default", [])
+    own, unseen = (config.scenarios[name].town.fingerprint for name in ("F1", "F1star"))
+
+    def files(base_town: str, driven: str) -> tuple[Path, list[Path]]:
+        write_truth(tmp_path, [Record("train", 0, 64, 32, Truth(), {"town": base_town})])
+        write_space(tmp_path / "F1.json", ScenarioInfo("F1", "F1", "", 1, driven), SMALL)
+        return tmp_path / TRUTH_FILE, [tmp_path / "F1.json"]
+
+    refuse_towns(config, *files("a random one", own))
+    with pytest.raises(InputError, match=r"truth\.coco\.json shows the town of held-out F1star, so it must not be learnt"):
+        refuse_towns(config, *files(unseen, own))
+    with pytest.raises(InputError, match=r"F1\.json describes the town of held-out F1star, so it must not be learnt"):
+        refuse_towns(config, *files("a random one", unseen))
+    base = tmp_path / "model.json"
+    write_card(base, CARD.model_copy(update={"towns": ("a learnt one",)}))
+    assert refuse_towns(config, *files("a random one", own), base) == tuple(sorted(["a random one", own, "a learnt one"]))
+    write_card(base, CARD.model_copy(update={"towns": ("a learnt one", unseen)}))
+    with pytest.raises(InputError, match=r"model\.json has learnt the town of held-out F1star, so it must not be learnt"):
+        refuse_towns(config, *files("a random one", own), base)
+    write_truth(tmp_path, [Record("train", 0, 64, 32, Truth(), {})])
+    with pytest.raises(InputError, match=r"truth\.coco\.json does not say which towns its images show"):
+        refuse_towns(config, tmp_path / TRUTH_FILE, [])
+
+
+def test_the_shipped_detector_says_which_towns_it_has_learnt() -> None:
+    config = compose("base", [])
+    towns = read_card(Path(config.base.weights) / "model.json").towns
+    drawn = {random_scenes._town(np.random.default_rng([config.base_set.seed, shard])).fingerprint for shard in range(400)}
+    assert set(towns) == drawn and len(drawn) == 400
+
+
+def test_a_random_town_of_a_held_out_scenario_is_refused_by_name() -> None:
+    town = random_scenes._town(np.random.default_rng([5, 3]))
+    with pytest.raises(InputError, match=r"base_set\.seed 5: random town 3 is that of held-out F1star"):
+        next(random_scenes.scenes(3, 1, 5, CameraSettings(), {"F2star": compose("default", []).scenarios["F1star"].town, "F1star": town}))

@@ -1,0 +1,127 @@
+"""Operating conditions: intervals, cyclic ones, spellings; space files and tables that are wrong are refused by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipeline.artefacts.space_file import read_points, read_space_file
+from pipeline.core.coverage.conditions import Condition, OperatingSpace
+from pipeline.errors import InputError
+
+GOOD = """
+variables:
+  weather: {values: [sunny, cloudy, rainy], weights: {rainy: 3}}
+  fog: {interval: [0, 100], cuts: [20, 50, 80], unit: "%"}
+  azimuth: {interval: [0, 360], cuts: [45, 135, 225, 315], cyclic: true}
+  lanes: {values: [1, 2]}
+  current_lane: {values: [1, 2]}
+  night: {values: [false, true]}
+constraints:
+  - [lanes = 2, current_lane != 2]
+"""
+
+
+def space_of(tmp_path: Path, text: str = GOOD) -> OperatingSpace:
+    path = tmp_path / "space.yaml"
+    path.write_text(text)
+    return read_space_file(path)
+
+
+def test_a_space_file_says_what_it_says(tmp_path: Path) -> None:
+    space = space_of(tmp_path)
+    assert space.sizes == (3, 4, 4, 2, 2, 2)
+    assert space.conditions[0].weights == (1, 1, 3) and space.conditions[5].labels == ("false", "true")
+    assert space.conditions[1].labels == ("[0, 20)", "[20, 50)", "[50, 80)", "[80, 100]")
+    assert space.conditions[2].labels == ("[45, 135)", "[135, 225)", "[225, 315)", "[315, 45)")
+    assert space.constraints.feasible_cells([3, 4]).tolist() == [[True, False], [True, True]]
+
+
+def test_values_fall_into_their_intervals() -> None:
+    fog = Condition("fog", interval=(0, 100), cuts=(20, 50, 80))
+    assert fog.categorise([0, 19.99, 20, "79", 80, 100.0, "[20, 50)"]).tolist() == [0, 0, 1, 2, 3, 3, 1]
+    azimuth = Condition("azimuth", interval=(0, 360), cuts=(45, 135, 225, 315), cyclic=True)
+    assert azimuth.categorise([0, 44, 45, 314, 315, 360]).tolist() == [3, 3, 0, 2, 3, 3]
+    assert Condition("x", interval=(0, 1)).categorise([0, 0.5, 1]).tolist() == [0, 0, 0]
+
+
+def test_tables_may_spell_numbers_and_truth_in_their_own_way() -> None:
+    lanes, night = Condition("lanes", values=("1", "2")), Condition("night", values=("false", "true"))
+    assert lanes.categorise([1, "2", 2.0, "1.0", np.int64(2)]).tolist() == [0, 1, 1, 0, 1]
+    assert night.categorise([True, "False", "true", np.bool_(False)]).tolist() == [1, 0, 1, 0]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("weather: {values", "weather: {vaules"), "unknown key 'variables.weather.vaules'; did you mean 'values'?"),
+        (("cuts: [20, 50, 80]", "cuts: [20, 50, 50]"), "variables.fog.cuts: expected rising numbers inside [0.0, 100.0]"),
+        (("cuts: [20, 50, 80]", "cuts: [20, .nan]"), "variables.fog.cuts: expected a list of numbers"),
+        (("interval: [0, 100]", "interval: [100, 0]"), "variables.fog.interval: expected two numbers, the smaller first"),
+        (("cuts: [45, 135, 225, 315]", "cuts: [45]"), "a cyclic interval needs no cut or at least two"),
+        (("{rainy: 3}", "{rany: 3}"), "variables.weather.weights: there is no category 'rany'; did you mean 'rainy'?"),
+        (("{rainy: 3}", "{rainy: -1}"), "variables.weather.weights.rainy: expected a whole number from 0 to 1000, got -1"),
+        (("{rainy: 3}", "[1, 2]"), "variables.weather.weights: expected 3 numbers, one a category, got 2"),
+        (("[1, 2]}\n  current", "[1, 1]}\n  current"), "variables.lanes.values: '1' is there twice"),
+        (("lanes = 2,", "lane = 2,"), "constraint 'lane = 2': variable must be one of weather, fog"),
+        (("current_lane != 2", "current_lane != 3"), "category must be one of 1, 2; got '3'"),
+        (("variables:", "variabels:"), "expected a mapping with 'variables'"),
+        (("constraints:", "constraint:"), "unknown key 'constraint'; did you mean 'constraints'?"),
+        (("  - [lanes = 2, current_lane != 2]", "  - lanes = 2"), "constraints: expected a list of clauses"),
+        (("lanes: {values: [1, 2]}", "lanes: [1, 2]"), "variables.lanes: expected values or an interval"),
+        (("lanes: {values: [1, 2]}", "lanes: {values: [1, 2], cyclic: true}"), "cuts and cyclic go with an interval"),
+        (("variables:", "variables: ["), "no YAML"),
+    ],
+)
+def test_a_wrong_space_file_is_named(change: tuple[str, str], message: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        space_of(tmp_path, GOOD.replace(*change, 1))
+    assert message in str(caught.value) and "space.yaml" in str(caught.value)
+
+
+def test_contradictory_constraints_are_said_with_a_minimal_core(tmp_path: Path) -> None:
+    more = GOOD + "  - [weather = sunny, night = true]\n  - [lanes = 1]\n  - [current_lane = 2]\n  - [fog != '[0, 20)']\n"
+    with pytest.raises(InputError) as caught:
+        space_of(tmp_path, more.replace("fog != '[0, 20)'", "night = true"))
+    assert "[lanes = 2, current_lane != 2]; [lanes = 1]; [current_lane = 2]" in str(caught.value)
+    assert "sunny" not in str(caught.value)
+
+
+def test_a_condition_of_many_values_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="expected at most 5,000 names, got 100,000; a measurement needs an interval with cuts"):
+        space_of(tmp_path, f"variables: {{x: {{values: {list(range(100_000))}}}}}")
+
+
+HEAD = "weather,fog,azimuth,lanes,current_lane,night\n"
+ROW = "sunny,3,350,1,1,true\n"
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        (HEAD + ROW + "suny,3,350,1,1,true\n", "row 2: weather must be one of sunny, cloudy, rainy (did you mean 'sunny'?), got 'suny'"),
+        (HEAD + ROW + "sunny,,350,1,1,true\n", "row 2: fog must be a number in [0, 100] %, got nothing"),
+        (HEAD + "sunny,nan,350,1,1,true\n", "row 1: fog must be a number in [0, 100] %, got 'nan'"),
+        (HEAD + "sunny,101,350,1,1,true\n", "row 1: fog must be a number in [0, 100] %, got 101"),
+        (HEAD + ",3,350,1,1,true\n", "row 1: weather must be one of sunny, cloudy, rainy, got nothing"),
+        (HEAD + ROW + ROW + "sunny,3,350,1,2,true\n", "row 3 breaks the constraint 'lanes = 2 or current_lane != 2': weather = sunny,"),
+        ("weather,fog\nsunny,3\n", "expected a column for each condition; there is none for azimuth, lanes, current_lane, night"),
+        (HEAD, "expected points, got an empty table"),
+        ("", "expected points, got an empty table"),
+    ],
+)
+def test_a_wrong_table_is_named(table: str, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "points.csv"
+    path.write_text(table)
+    with pytest.raises(InputError) as caught:
+        read_points(path, space_of(tmp_path))
+    assert message in str(caught.value)
+
+
+def test_a_column_of_many_different_values_is_explained() -> None:
+    column: list[Any] = [f"frame {i}" for i in range(100_000)]
+    with pytest.raises(ValueError, match="100,000 different values, as an identifier or a measurement has"):
+        Condition("weather", values=("sunny", "rainy")).categorise(column)

@@ -1,0 +1,35 @@
+"""Which versions a study has and what feeds them."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from pipeline.core.lineage import PATTERN, Version, campaign_of, versions
+
+
+def test_versions_by_round_kind_and_seed() -> None:
+    names = [str(version) for version in versions(2, [7, 8])]
+    assert names[:7] == ["base", "control", "control-s8", "random", "random-s8", "adaptive", "adaptive-s8"]
+    assert names[7:] == ["control-r2", "control-r2-s8", "random-r2", "random-r2-s8", "adaptive-r2", "adaptive-r2-s8"]
+    assert all(re.fullmatch(PATTERN, name) and str(Version.named(name)) == name for name in names)
+
+
+def test_parents_groups_and_what_was_tested_for_it() -> None:
+    third = Version.named("adaptive-r3-s8")
+    assert [str(version) for version in third.tested] == ["base", "adaptive-s8", "adaptive-r2-s8"]
+    assert (str(third.parent), third.group) == ("adaptive-r2-s8", "adaptive-r3")
+    assert Version().parent is None and Version().tested == ()
+
+
+@pytest.mark.parametrize("name", ["bases", "base-r2", "adaptive-r", "adaptive_s1", "adaptive-r0", "adaptive-r1", ""])
+def test_other_names_are_refused(name: str) -> None:
+    with pytest.raises(ValueError, match="expected the name of a version"):
+        Version.named(name)
+
+
+def test_the_campaign_in_a_tests_name() -> None:
+    assert campaign_of("F1-random-base-0-00012") == ("F1", "random", "base")
+    assert campaign_of("left-turn-neural-adaptive-r2-s1-3-00000") == ("left-turn", "neural", "adaptive-r2-s1")
+    assert campaign_of("F1-random") == ("", "", "")

@@ -1,0 +1,89 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.artefacts.dataset import ImageSet
+from pipeline.core.detections import Detections
+from pipeline.detectors.evaluation import calibrate, evaluate
+
+PERSON = (20.0, 10.0, 40.0, 50.0)
+BESIDE = (20.0, 30.0, 40.0, 70.0)
+"""Half of the person's height off: IoU 1/3."""
+AWAY = (70.0, 10.0, 90.0, 50.0)
+NONE = (0.0, 0.0, 0.0, 0.0)
+
+
+def images(*people: tuple[tuple[float, ...], int, float]) -> ImageSet:
+    boxes = np.array([box for box, _, _ in people], np.float32)
+    pixels = np.array([pixels for _, pixels, _ in people])
+    contrast = np.array([contrast for _, _, contrast in people], np.float32)
+    return ImageSet(np.zeros((len(people), 96, 128, 3), np.uint8), boxes, boxes, pixels, contrast)
+
+
+def said(*found: tuple[tuple[float, ...], float]) -> Detections:
+    return Detections(np.array([box for box, _ in found], np.float32).reshape(-1, 4), np.array([score for _, score in found], np.float32))
+
+
+VISIBLE, TINY, PALE, EMPTY = (PERSON, 800, 50.0), (PERSON, 20, 50.0), (PERSON, 800, 4.0), (NONE, 0, 0.0)
+
+
+def test_a_perfect_detector() -> None:
+    metrics = evaluate([said((PERSON, 0.9)), said()], images(VISIBLE, EMPTY), 0.5)
+    assert metrics["ap50"] == metrics["ap50_95"] == metrics["precision"] == metrics["recall"] == 1
+    assert metrics["false_positives_an_image"] == 0
+
+
+def test_half_of_the_people_found() -> None:
+    metrics = evaluate([said((PERSON, 0.9)), said()], images(VISIBLE, VISIBLE), 0.5)
+    assert metrics["ap50"] == pytest.approx(51 / 101)
+    assert metrics["recall"] == 0.5
+    assert metrics["precision"] == 1
+
+
+def test_a_better_scored_false_positive_halves_the_precision() -> None:
+    metrics = evaluate([said((AWAY, 0.95), (PERSON, 0.9))], images(VISIBLE), 0.5)
+    assert metrics["ap50"] == pytest.approx(0.5)
+    assert metrics["precision"] == 0.5
+    assert metrics["recall"] == 1
+
+
+def test_localisation_counts_from_the_overlap_on_that_it_reaches() -> None:
+    shifted = (20.0, 15.0, 40.0, 55.0)  # IoU 35 / 45 = 0.78: right at .5 to .75, six of the ten thresholds.
+    metrics = evaluate([said((shifted, 0.9))], images(VISIBLE), 0.5)
+    assert metrics["ap50"] == 1
+    assert metrics["ap50_95"] == pytest.approx(0.6)
+
+
+def test_hardly_visible_people_are_ignored_found_or_not() -> None:
+    people = images(VISIBLE, TINY, PALE, TINY)
+    metrics = evaluate([said((PERSON, 0.9)), said((PERSON, 0.8)), said(), said()], people, 0.5)
+    assert metrics["ap50"] == metrics["recall"] == metrics["precision"] == 1
+    assert metrics["false_positives_an_image"] == 0
+
+
+def test_false_positives_are_told_apart_at_the_threshold() -> None:
+    found = [said((PERSON, 0.9), (PERSON, 0.8), (BESIDE, 0.7), (AWAY, 0.6), (AWAY, 0.4)), said((AWAY, 0.9)), said(), said()]
+    metrics = evaluate(found, images(VISIBLE, EMPTY, EMPTY, EMPTY), 0.5)
+    assert metrics["false_positives_far_an_image"] == 0.5
+    assert metrics["false_positives_localisation_an_image"] == 0.25
+    assert metrics["false_positives_duplicate_an_image"] == 0.25
+    assert metrics["false_positives_an_image"] == 1
+    assert metrics["precision"] == pytest.approx(1 / 5)
+
+
+def test_nothing_found_and_nothing_to_find() -> None:
+    assert evaluate([said()], images(VISIBLE), 0.5)["ap50"] == 0
+    assert evaluate([said((AWAY, 0.9))], images(EMPTY), 0.5)["false_positives_an_image"] == 1
+
+
+def test_it_prints_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    evaluate([said((PERSON, 0.9))], images(VISIBLE), 0.5)
+    assert capsys.readouterr().out == ""
+
+
+def test_understated_scores_are_raised_and_ignored_people_do_not_count() -> None:
+    hits = [said((PERSON, 0.5))] * 9 + [said((AWAY, 0.5))]
+    found = hits + [said((PERSON, 0.1))] + [said((AWAY, 0.1))] * 9 + [said((PERSON, 0.1))] * 40
+    calibration = calibrate(found, images(*[VISIBLE] * 20, *[TINY] * 40))
+    assert calibration.apply([0.5, 0.1]) == pytest.approx([0.9, 0.1], abs=0.01)

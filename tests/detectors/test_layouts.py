@@ -1,0 +1,218 @@
+"""Foreign ONNX detectors: their layouts are told apart, their boxes land where they should, and what is wrong is named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import pytest
+from onnx import TensorProto, helper, numpy_helper
+
+from pipeline.core.episode import Frame
+from pipeline.core.truth import Truth
+from pipeline.detectors.layouts import Letterbox, recognise
+from pipeline.detectors.onnx import OnnxDetector
+from pipeline.errors import InputError, SimulationError
+from pipeline.testing import check_detector
+
+WIDTH, HEIGHT = 160, 96
+CELLS = sum((WIDTH // s) * (HEIGHT // s) for s in (8, 16, 32))
+NAMES = "{0: 'person', 1: 'bicycle', 2: 'car'}"
+
+
+def export(path: Path, output: np.ndarray, names: str | None = NAMES, size: tuple[int, int] = (WIDTH, HEIGHT)) -> Path:
+    """A model that says the same of every image: its output plus nothing of the image's mean."""
+    constant = numpy_helper.from_array(output.astype(np.float32), "constant")
+    zero = numpy_helper.from_array(np.zeros((1, 1, 1), np.float32), "zero")
+    axes = numpy_helper.from_array(np.array([1, 2, 3]), "axes")
+    squeeze = numpy_helper.from_array(np.array([3]), "squeeze")
+    nodes = [
+        helper.make_node("ReduceMean", ["images", "axes"], ["mean4"], keepdims=1),
+        helper.make_node("Squeeze", ["mean4", "squeeze"], ["mean"]),
+        helper.make_node("Mul", ["mean", "zero"], ["nothing"]),
+        helper.make_node("Add", ["constant", "nothing"], ["output0"]),
+    ]
+    inputs = [helper.make_tensor_value_info("images", TensorProto.FLOAT, [1, 3, size[1], size[0]])]
+    outputs = [helper.make_tensor_value_info("output0", TensorProto.FLOAT, list(output.shape))]
+    graph = helper.make_graph(nodes, "model", inputs, outputs, [constant, zero, axes, squeeze])
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=9)
+    if names:
+        helper.set_model_props(model, {"names": names})
+    onnx.save(model, path)
+    return path
+
+
+def yolov8(classes: int = 3) -> np.ndarray:
+    """A person at (40, 30) to (60, 70), a car elsewhere, and a weaker double of the person."""
+    output = np.zeros((1, 4 + classes, CELLS), np.float32)
+    output[0, :, 7] = [50, 50, 20, 40, 0.9, *[0.0] * (classes - 1)]
+    output[0, :, 8] = [51, 50, 20, 40, 0.6, *[0.0] * (classes - 1)]
+    if classes > 2:
+        output[0, :, 90] = [120, 60, 30, 20, 0.1, 0.1, 0.95]
+    return output
+
+
+def yolov5() -> np.ndarray:
+    output = np.zeros((1, 3 * CELLS, 8), np.float32)
+    output[0, 11] = [50, 50, 20, 40, 0.95, 0.9, 0, 0]
+    output[0, 90] = [120, 60, 30, 20, 0.99, 0, 0, 0.99]
+    return output
+
+
+def end_to_end() -> np.ndarray:
+    output = np.zeros((1, 100, 6), np.float32)
+    output[0, 0] = [40, 30, 60, 70, 0.9, 0]
+    output[0, 1] = [100, 50, 140, 70, 0.95, 2]
+    return output
+
+
+IMAGE = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+
+
+@pytest.mark.parametrize(("make", "score"), [(yolov8, 0.9), (yolov5, 0.855), (end_to_end, 0.9)])
+def test_each_layout_is_recognised_and_gives_the_one_person(make: object, score: float, tmp_path: Path) -> None:
+    detector = OnnxDetector(export(tmp_path / "model.onnx", make()), 0.5)  # type: ignore[operator]
+    found = detector.detect(Frame(IMAGE, Truth()))
+    assert found.boxes == pytest.approx(np.array([[40, 30, 60, 70]]), abs=1e-3)
+    assert found.scores == pytest.approx([score], abs=1e-5)
+    check_detector(detector, WIDTH, HEIGHT)
+
+
+def test_boxes_come_back_through_scale_and_padding(tmp_path: Path) -> None:
+    detector = OnnxDetector(export(tmp_path / "model.onnx", yolov8()), 0.5)
+    # 320 x 160 is halved to 160 x 80 and padded by 8 rows above and below.
+    found = detector.detect(Frame(np.zeros((160, 320, 3), np.uint8), Truth()))
+    assert found.boxes == pytest.approx(np.array([[80, 44, 120, 124]]), abs=1e-3)
+
+
+def test_a_letterbox_keeps_proportions() -> None:
+    image = np.full((50, 100, 3), 200, np.uint8)
+    padded, box = Letterbox.fit(image, 64, 64)
+    assert padded.shape == (64, 64, 3) and (padded[:16] == 114).all() and (padded[16:48] == 200).all()
+    assert box.back(np.array([[0, 16, 64, 48]], np.float32)) == pytest.approx(np.array([[0, 0, 100, 50]]))
+
+
+@pytest.mark.parametrize(
+    ("shape", "layout"),
+    [
+        ((1, 84, 8400), "yolov8"), ((1, 5, 8400), "yolov8"), ((1, 25200, 85), "yolov5"), ((1, 25200, 6), "yolov5"),
+        ((1, 300, 6), "end_to_end"),        (("batch", "n", 6), None), ((1, 8400, 84), None), ((1, 84), None),
+        ((1, "a", "b"), None),
+    ],
+)  # fmt: skip
+def test_shapes_tell_layouts_apart(shape: tuple[int | str, ...], layout: str | None) -> None:
+    assert recognise(shape, 640, 640) == layout
+
+
+def test_a_person_may_have_any_number_or_be_declared(tmp_path: Path) -> None:
+    other = yolov8()[:, [0, 1, 2, 3, 5, 4, 6]]
+    named = OnnxDetector(export(tmp_path / "a.onnx", other, "{0: 'bicycle', 1: 'Pedestrian', 2: 'car'}"), 0.5)
+    declared = OnnxDetector(export(tmp_path / "b.onnx", other, None), 0.5, person=1)
+    for detector in (named, declared):
+        assert len(detector.detect(Frame(IMAGE, Truth())).scores) == 1
+    assert len(OnnxDetector(export(tmp_path / "c.onnx", yolov8(1), None), 0.5).detect(Frame(IMAGE, Truth())).scores) == 1
+
+
+def test_a_layout_may_be_declared_where_the_shape_does_not_tell(tmp_path: Path) -> None:
+    turned = export(tmp_path / "a.onnx", yolov8().transpose(0, 2, 1))
+    with pytest.raises(InputError, match="cannot be told; declare detector.layout as yolov5, yolov8, end_to_end"):
+        OnnxDetector(turned)
+    detector = OnnxDetector(export(tmp_path / "b.onnx", end_to_end()), layout="end_to_end")
+    assert len(detector.detect(Frame(IMAGE, Truth())).scores) == 1
+
+
+def test_a_fixed_batch_is_refused(tmp_path: Path) -> None:
+    path = export(tmp_path / "a.onnx", yolov8())
+    model = onnx.load(path)
+    model.graph.input[0].type.tensor_type.shape.dim[0].dim_value = 2
+    onnx.save(model, path)
+    with pytest.raises(InputError, match=r"a.onnx takes batches of 2 images; export it for one image"):
+        OnnxDetector(path)
+
+
+def test_the_person_s_class_is_found_whatever_its_capitals(tmp_path: Path) -> None:
+    assert (
+        len(
+            OnnxDetector(export(tmp_path / "a.onnx", yolov8(), "{0: 'Person', 1: 'b', 2: 'c'}"), person="Person")
+            .detect(Frame(IMAGE, Truth()))
+            .boxes
+        )
+        == 1
+    )
+
+
+def test_what_is_wrong_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="expected a class called pedestrian or person or people among its 3 classes, got names 0: cat"):
+        OnnxDetector(export(tmp_path / "a.onnx", yolov8(), "{0: 'cat', 1: 'dog', 2: 'car'}"))
+    with pytest.raises(InputError, match=r"detector.person must be in \[0, 3\), got 7"):
+        OnnxDetector(export(tmp_path / "b.onnx", yolov8()), person=7)
+    with pytest.raises(InputError, match="detector.layout must be one of"):
+        OnnxDetector(export(tmp_path / "c.onnx", yolov8()), layout="yolov3")  # type: ignore[arg-type]
+    hostile = tmp_path / "best.pt"
+    hostile.write_bytes(b"\x80\x04cos\nsystem\n.")
+    with pytest.raises(InputError, match=r"a .pt file can run code when it is read and is not opened; export it to ONNX"):
+        OnnxDetector(hostile)
+
+
+def test_names_that_do_not_fit_the_output_are_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="its names call class 7 person, but its output has 3 classes: from 0 to 2"):
+        OnnxDetector(export(tmp_path / "a.onnx", yolov8(), "{7: 'person'}"))
+    with pytest.raises(InputError, match="got names none"):
+        OnnxDetector(export(tmp_path / "b.onnx", yolov8(), "{'a': 'person'}"))
+
+
+@pytest.mark.parametrize("make", [yolov8, yolov5, end_to_end])
+def test_logits_and_boxes_that_are_not_in_pixels_are_refused(make: Any, tmp_path: Path) -> None:
+    logits = make()
+    logits[logits == np.float32(0.9)] = 7.3
+    with pytest.raises(SimulationError, match=r"gives a score of [67]\.\d+, expected scores in \[0, 1\]; logits want a sigmoid"):
+        OnnxDetector(export(tmp_path / "a.onnx", logits)).detect(Frame(IMAGE, Truth()))
+    shares = make()
+    shares[shares > 1] /= 160
+    with pytest.raises(InputError, match=r"b.onnx: expected boxes in pixels of its 160 by 96 input, got none beyond"):
+        OnnxDetector(export(tmp_path / "b.onnx", shares)).detect(Frame(IMAGE, Truth()))
+
+
+def test_what_onnx_runtime_cannot_run_is_named(tmp_path: Path) -> None:
+    path = export(tmp_path / "a.onnx", yolov8())
+    model = onnx.load(path)
+    model.graph.node[3].op_type = "BitShift"
+    onnx.save(model, path)
+    with pytest.raises(InputError, match=r"a.onnx is no ONNX file that ONNX Runtime can load"):
+        OnnxDetector(path)
+    breaking = export(tmp_path / "b.onnx", yolov8())
+    model = onnx.load(breaking)
+    for side in model.graph.input[0].type.tensor_type.shape.dim[2:]:
+        side.dim_param = "side"
+    shape = helper.make_node("Reshape", ["images", "three"], ["wrong"])
+    model.graph.initializer.append(numpy_helper.from_array(np.array([7, -1]), "three"))
+    model.graph.node.insert(0, shape)
+    model.graph.output.append(helper.make_tensor_value_info("wrong", TensorProto.FLOAT, ["a", "b"]))
+    onnx.save(model, breaking)
+    with pytest.raises(SimulationError, match=r"b.onnx breaks on an image: .*Reshape"):
+        OnnxDetector(breaking, layout="yolov8").detect(Frame(IMAGE, Truth()))
+
+
+def test_names_are_never_run(tmp_path: Path) -> None:
+    path = export(tmp_path / "a.onnx", yolov8(), f"__import__('pathlib').Path({str(tmp_path / 'ran')!r}).touch()")
+    with pytest.raises(InputError, match="got names none"):
+        OnnxDetector(path)
+    assert not (tmp_path / "ran").exists()
+
+
+def final() -> np.ndarray:
+    """The same street as an end-to-end model tells it: left, top, right, bottom, score, class."""
+    output = np.zeros((1, 300, 6), np.float32)
+    output[0, 0] = [40, 30, 60, 70, 0.9, 0]
+    return output
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize(("output", "where"), [(yolov8(), (0, 4, 3)), (yolov8(), (0, 1, 7)), (final(), (0, 0, 2)), (final(), (0, 0, 5))])
+def test_values_that_are_no_numbers_are_an_error(output: np.ndarray, where: tuple[int, int, int], value: float, tmp_path: Path) -> None:
+    output = output.copy()
+    output[where] = value
+    with pytest.raises(SimulationError, match="gives values that are no numbers"):
+        OnnxDetector(export(tmp_path / "a.onnx", output), 0.5).detect(Frame(IMAGE, Truth()))

@@ -1,0 +1,276 @@
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from numpy.typing import NDArray
+
+from pipeline.artefacts.dataset import ImageSet, image_set
+from pipeline.core.boxes import iou
+from pipeline.core.truth import Truth
+from pipeline.detectors.yolo import recipe, retraining, training
+from pipeline.detectors.yolo.data import batch
+from pipeline.detectors.yolo.network import Architecture, Yolo, cells, decode
+from pipeline.detectors.yolo.recipe import train_from_scratch
+from pipeline.detectors.yolo.retraining import mixed_feed, retrain
+from pipeline.detectors.yolo.training import Batch, Fitted, Schedule, Validation, fit, initial_model
+from pipeline.errors import InputError
+
+SIZE = (96, 64)
+MEAN = "stage4.0.1.running_mean"
+
+
+def small() -> Yolo:
+    return initial_model(0, lambda: Yolo(Architecture((8, 16, 16, 24, 32), 16)))
+
+
+def people(count: int, seed: int) -> ImageSet:
+    """Red rectangles on noise; every fourth image is empty."""
+    rng = np.random.default_rng(seed)
+    scenes: list[tuple[NDArray[np.uint8], Truth]] = []
+    for number in range(count):
+        image = rng.integers(60, 120, (SIZE[1], SIZE[0], 3), dtype=np.uint8)
+        if number % 4 == 3:
+            scenes.append((image, Truth()))
+            continue
+        height = int(rng.integers(16, 48))
+        left, top = int(rng.integers(0, SIZE[0] - height // 2)), int(rng.integers(0, SIZE[1] - height))
+        box = (float(left), float(top), float(left + height // 2), float(top + height))
+        image[top : top + height, left : left + height // 2] = (230, 40, 40)
+        scenes.append((image, Truth(box, box, height * height // 2, height * height // 2, 60.0)))
+    return image_set(scenes, f"people {count} {seed}")
+
+
+def same(first: Yolo, second: Yolo) -> bool:
+    other = second.state_dict()
+    return all(torch.equal(value, other[name]) for name, value in first.state_dict().items())
+
+
+def test_it_learns_a_few_images_by_heart() -> None:
+    images = people(8, 0)
+
+    def feed(iteration: int) -> Batch:
+        return images.images, images.boxes
+
+    model = fit(small(), Schedule(0, 230, 4e-3, warm_up=10, averaging=0.95), feed, threads=1).model
+    scaled = torch.from_numpy(images.images).permute(0, 3, 1, 2).float() / 255
+    with torch.inference_mode():
+        boxes, logits = decode(model(scaled), *cells(*SIZE))
+    scores, best = logits.sigmoid().max(1)
+    shown = images.boxes[:, 2] > 0
+    overlaps = [iou(boxes[i, best[i]][None].numpy(), images.boxes[i : i + 1])[0, 0] for i in np.flatnonzero(shown)]
+    assert np.mean(np.array(overlaps) > 0.5) > 0.8
+    assert scores[torch.from_numpy(shown)].mean() > 0.5 > 0.2 > scores[torch.from_numpy(~shown)].mean()
+
+
+def test_a_killed_training_goes_on_to_the_same_weights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    images, schedule, checkpoint = people(8, 1), Schedule(2, 5, 1e-3, warm_up=3), tmp_path / "checkpoint.pt"
+    monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
+    killed: list[int] = []
+
+    def feed(iteration: int) -> Batch:
+        rng = np.random.default_rng(iteration)
+        chosen = rng.choice(len(images), 4)
+        return images.images[chosen], images.boxes[chosen]
+
+    def feed_until_killed(iteration: int) -> Batch:
+        if iteration == 4 and not killed:
+            killed.append(iteration)
+            raise KeyboardInterrupt
+        return feed(iteration)
+
+    uninterrupted = fit(small(), schedule, feed, threads=1).model
+    with pytest.raises(KeyboardInterrupt):
+        fit(small(), schedule, feed_until_killed, identity="a", checkpoint=checkpoint, threads=1)
+    done: list[int] = []
+    resumed = fit(small(), schedule, feed, identity="a", checkpoint=checkpoint, threads=1, progress=lambda now, *_: done.append(now)).model
+    assert same(uninterrupted, resumed)
+    assert done == [7]
+    other = fit(small(), schedule, feed, identity="b", checkpoint=checkpoint, threads=1).model
+    assert same(uninterrupted, other)
+    monkeypatch.setattr(training, "_code", lambda: "another")
+    done.clear()
+    fit(small(), schedule, feed, identity="b", checkpoint=checkpoint, threads=1, progress=lambda now, *_: done.append(now))
+    assert done == [7] and torch.load(checkpoint, weights_only=True)["identity"] == "banother"
+    for damaged in (b"damaged", b"", b"\x80", b"q\xff\x01.", b"K\x01."):
+        checkpoint.write_bytes(damaged)
+        assert same(uninterrupted, fit(small(), schedule, feed, identity="a", checkpoint=checkpoint, threads=1).model)
+
+
+def test_schedule_warms_up_and_falls() -> None:
+    schedule = Schedule(400, 100, 1e-2, warm_up=10)
+    rates = [schedule.rate(iteration) for iteration in range(500)]
+    assert rates[0] == pytest.approx(1e-3, rel=0.01)
+    assert max(rates) == pytest.approx(1e-2, rel=0.01)
+    assert rates[20:] == sorted(rates[20:], reverse=True)
+    assert rates[-1] < 2e-4
+    assert rates[400] == pytest.approx(1e-2 * (0.01 + 0.99 * 0.5), rel=0.01)  # Half of the pixels are shown.
+
+
+@pytest.mark.parametrize("wrong", [{"frame_iterations": 0}, {"crop_iterations": -1}, {"learning_rate": 0.0}, {"averaging": 1.0}])
+def test_schedule_checks_its_ranges(wrong: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match="must be"):
+        Schedule(**({"crop_iterations": 0, "frame_iterations": 5, "learning_rate": 0.1} | wrong))  # type: ignore[arg-type]
+
+
+def test_frozen_statistics_stay() -> None:
+    model = small()
+    before = model.state_dict()[MEAN].clone()
+    images = people(4, 2)
+    schedule = Schedule(0, 2, 1e-3, frozen_statistics=True)
+    after = fit(model, schedule, lambda _: (images.images, images.boxes), threads=1).model
+    assert torch.equal(before, after.state_dict()[MEAN])
+
+
+def test_retraining_mixes_and_the_control_does_not() -> None:
+    base, added = people(8, 3), people(8, 4)
+    red_base = mixed_feed(base, None, 4, 0.5, (0,))
+    mixed = mixed_feed(base, added, 4, 0.5, (0,))
+    assert red_base(0)[0].shape == mixed(0)[0].shape == (4, SIZE[1], SIZE[0], 3)
+    assert np.array_equal(mixed(3)[0], mixed(3)[0])
+    assert np.array_equal(mixed(0)[0][:2], mixed_feed(base, people(8, 5), 4, 0.5, (0,))(0)[0][:2])
+    assert not np.array_equal(mixed(0)[0][2:], mixed_feed(base, people(8, 5), 4, 0.5, (0,))(0)[0][2:])
+    assert not np.array_equal(mixed(0)[0], mixed_feed(base, added, 4, 0.5, (0, 2))(0)[0])
+
+
+def test_both_recipes_run_and_repeat(tmp_path: Path) -> None:
+    images = people(8, 6)
+    settings = {
+        "iterations": 2,
+        "batch_size": 4,
+        "learning_rate": 1e-4,
+        "added_share": 0.5,
+        "seed": (0,),
+        "identity": "x",
+        "threads": 1,
+    }
+    parent = small()
+    versions = [
+        retrain(copy.deepcopy(parent), images, people(4, 7), people(4, 9), checkpoint=tmp_path / name, **settings)  # type: ignore[arg-type]
+        for name in "ab"
+    ]
+    assert same(versions[0].model, versions[1].model) and versions[0].curve == versions[1].curve
+    assert [look.iteration for look in versions[0].curve] == [1, 2]
+    assert not same(parent, versions[0].model)
+
+
+@pytest.mark.parametrize("iterations", [1, 3, 5])
+def test_every_version_takes_all_its_steps(iterations: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def falling(_validation: ImageSet, every: int, patience: int) -> Validation:
+        scores = iter((0.9, 0.5, 0.4, 0.3))
+        return Validation(lambda _: next(scores), every, patience)
+
+    monkeypatch.setattr(retraining, "watching", falling)
+    images = people(8, 6)
+    settings = {"batch_size": 4, "learning_rate": 1e-3, "added_share": 0.5, "seed": (0,), "identity": "x", "threads": 1}
+    fitted = retrain(small(), images, None, images, iterations=iterations, checkpoint=tmp_path / "c", **settings)  # type: ignore[arg-type]
+    kept = small()
+    kept.load_state_dict(torch.load(tmp_path / "c", weights_only=True)["average"])
+    assert fitted.curve[-1].iteration == iterations and same(fitted.model, kept)
+
+
+def test_every_added_frame_is_learnt_from(tmp_path: Path) -> None:
+    # Of a pedestrian so small that the base set would leave it out: the filter, or a person, has judged it.
+    box = (10.0, 10.0, 12.0, 14.0)
+    added = image_set([(np.full((SIZE[1], SIZE[0], 3), 9, np.uint8), Truth(box, box, 8, 8, 60.0))] * 2)
+    images, boxes = mixed_feed(people(8, 3), added, 4, 0.5, (0,))(0)
+    assert (boxes[2:, 2] > boxes[2:, 0]).all() and len(images) == 4
+
+
+def streets() -> ImageSet:
+    return image_set([(np.tile(image, (3, 4, 1))[:192, :320], Truth()) for image in people(4, 8).images])
+
+
+EVERY = np.arange(4)
+SCRATCH = {
+    "size": "nano",
+    "seed": 0,
+    "batch_size": 1,
+    "crop_iterations": 1,
+    "frame_iterations": 3,
+    "learning_rate": 1e-3,
+    "oversampling": 2,
+    "validate_every": 2,
+    "patience": 5,
+}
+
+
+def test_training_from_scratch_resumes_in_every_phase(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    sizes: list[tuple[int, int]] = []
+
+    def counted(images: ImageSet, indices: NDArray[np.int64], size: tuple[int, int], seed: tuple[int, ...]) -> Batch:
+        sizes.append(size)
+        if len(sizes) == 4:
+            raise KeyboardInterrupt
+        return batch(images, indices, size, seed)
+
+    uninterrupted = train_from_scratch(streets(), EVERY, streets(), SCRATCH, checkpoint=None, threads=1)
+    monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
+    monkeypatch.setattr(recipe, "batch", counted)
+    with pytest.raises(KeyboardInterrupt):
+        train_from_scratch(streets(), EVERY, streets(), SCRATCH, checkpoint=tmp_path / "c.pt", threads=1)
+    resumed = train_from_scratch(streets(), EVERY, streets(), SCRATCH, checkpoint=tmp_path / "c.pt", threads=1)
+    assert same(uninterrupted.model, resumed.model) and uninterrupted.curve == resumed.curve
+    assert [look.iteration for look in resumed.curve] == [2, 4]
+    assert sizes == [(160, 96), (320, 192), (320, 192), (320, 192), (320, 192)]  # The fourth is the one that was cut off.
+
+
+def test_a_training_killed_while_it_looks_takes_that_look_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
+    images, scores = people(4, 1), {2: 0.5, 4: 0.9, 6: 0.1, 8: 0.2}
+
+    def fitted(checkpoint: Path | None, killed_at: int | None = None) -> Fitted:
+        steps: list[int] = []
+
+        def ap50(_: Yolo) -> float:
+            if steps[-1] == killed_at:
+                raise KeyboardInterrupt
+            return scores[steps[-1]]
+
+        def feed(iteration: int) -> Batch:
+            steps.append(iteration + 1)
+            return images.images, images.boxes
+
+        watch = Validation(ap50, every=2, patience=2)
+        return fit(small(), Schedule(0, 10, 1e-3, warm_up=3), feed, checkpoint=checkpoint, validation=watch, threads=1)
+
+    with pytest.raises(KeyboardInterrupt):
+        fitted(tmp_path / "c", killed_at=4)
+    resumed, uninterrupted = fitted(tmp_path / "c"), fitted(None)
+    assert resumed.curve == uninterrupted.curve and same(resumed.model, uninterrupted.model)
+
+
+def test_a_loss_that_is_no_number_ends_the_training_before_its_weights_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
+    images, checkpoint = people(4, 2), tmp_path / "checkpoint.pt"
+
+    def feed(iteration: int) -> Batch:
+        boxes = images.boxes.copy()
+        if iteration >= 7:
+            boxes[0] = (np.nan, 0, 20, 20)
+        return images.images, boxes
+
+    with pytest.raises(InputError, match="the loss is no number at iteration 8: lower learning_rate, now 0.001, or look at the labels"):
+        fit(small(), Schedule(0, 20, 1e-3, warm_up=3), feed, checkpoint=checkpoint, threads=1)
+    kept = torch.load(checkpoint, weights_only=True)
+    assert kept["iteration"] == 7 and all(torch.isfinite(value.float()).all() for value in kept["model"].values())
+
+
+def test_a_training_that_no_longer_improves_ends_early_with_its_best_weights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    images, seen = people(4, 3), []
+    monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
+
+    def ap50(model: Yolo) -> float:
+        seen.append(copy.deepcopy(model))
+        return (0.3, 0.7, 0.6, 0.65, 0.9)[len(seen) - 1]
+
+    watch = Validation(ap50, every=2, patience=2)
+    schedule, checkpoint = Schedule(0, 20, 1e-3, warm_up=3), tmp_path / "checkpoint.pt"
+    fitted = fit(small(), schedule, lambda _: (images.images, images.boxes), checkpoint=checkpoint, validation=watch, threads=1)
+    assert [(look.iteration, look.ap50) for look in fitted.curve] == [(2, 0.3), (4, 0.7), (6, 0.6), (8, 0.65)]
+    assert same(fitted.model, seen[1])
+    again = fit(small(), schedule, lambda _: (images.images, images.boxes), checkpoint=checkpoint, validation=watch, threads=1)
+    assert len(seen) == 4 and same(again.model, fitted.model)

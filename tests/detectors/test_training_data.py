@@ -1,0 +1,102 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pipeline.artefacts.dataset import ImageSet, image_set
+from pipeline.core.truth import Truth
+from pipeline.detectors.yolo.data import Stream, View, batch, hardness, recolour, show, shown_box, usable
+
+SIZE = (128, 96)
+
+
+def scene(box: tuple[int, int, int, int] | None, pixels: int | None = None) -> tuple[NDArray[np.uint8], Truth]:
+    """A dark image with a bright red rectangle where the pedestrian is."""
+    image = np.full((SIZE[1], SIZE[0], 3), 30, np.uint8)
+    if box is None:
+        return image, Truth()
+    left, top, right, bottom = box
+    image[top:bottom, left:right] = (250, 20, 20)
+    area = (right - left) * (bottom - top) if pixels is None else pixels
+    truth = tuple(float(value) for value in box)
+    return image, Truth(truth, truth, area, area, 60.0)  # type: ignore[arg-type]
+
+
+def people() -> ImageSet:
+    return image_set([scene((60, 30, 76, 66)), scene(None), scene((10, 40, 20, 64)), scene((90, 20, 104, 60))])
+
+
+def coloured(image: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """The box of what is not grey, whatever its hue; a tint gives grey a chroma of 31 at most."""
+    chroma = image.max(2).astype(int) - image.min(2)
+    rows, columns = np.nonzero(chroma > max(31, chroma.max() / 2))
+    return np.array([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1], float) if len(rows) else np.zeros(4)
+
+
+@pytest.mark.parametrize("size", [SIZE, (64, 64)])
+def test_boxes_follow_the_pixels(size: tuple[int, int]) -> None:
+    for seed in range(20):
+        shown, boxes = batch(people(), np.arange(4), size, (seed,))
+        assert shown.shape == (4, size[1], size[0], 3)
+        for image, box in zip(shown, boxes, strict=True):
+            assert coloured(image) == pytest.approx(box, abs=1.6)
+
+
+def test_a_batch_depends_on_its_seed_alone() -> None:
+    first, again, other = (batch(people(), np.arange(4), (64, 64), (seed, 3)) for seed in (1, 1, 2))
+    assert np.array_equal(first[0], again[0])
+    assert np.array_equal(first[1], again[1])
+    assert not np.array_equal(first[0], other[0])
+
+
+def test_recolouring_turns_hues_and_keeps_brightness() -> None:
+    image, _ = scene((10, 40, 20, 64))
+    shown = [recolour(image, np.random.default_rng(seed)) for seed in range(40)]
+    colours = {tuple(picture[50, 15]) for picture in shown}
+    assert {(250, 20, 20)} < colours
+    assert len(colours) > 10
+    assert {max(colour) for colour in colours} == {250}
+    assert all((picture[0, 0] == 30).all() for picture in shown)
+
+
+def test_flipping_mirrors_image_and_box() -> None:
+    image, truth = scene((10, 40, 20, 64))
+    shown, matrix = show(image, View((64, 48), 1.0, True), SIZE)
+    assert np.array_equal(shown, image[:, ::-1])
+    box, left = shown_box(np.array(truth.visible_box, np.float32), matrix, SIZE)
+    assert box.tolist() == [108, 40, 118, 64]
+    assert left == 1
+
+
+def test_a_cut_box_keeps_its_visible_part() -> None:
+    image, truth = scene((10, 40, 20, 64))
+    _, matrix = show(image, View((47, 48), 1.0, False), (64, 64))
+    box, left = shown_box(np.array(truth.visible_box, np.float32), matrix, (64, 64))
+    assert box.tolist() == [0, 24, 5, 48]
+    assert left == pytest.approx(0.5)
+
+
+def test_crops_show_people_and_empty_places() -> None:
+    boxes = batch(people().take(np.array([2])), np.zeros(200, np.int64), (32, 32), (0,))[1]
+    assert 0.5 < (boxes[:, 2] > 0).mean() < 0.95
+
+
+def test_slivers_are_left_out_and_hard_people_come_more_often() -> None:
+    images = image_set([scene((60, 30, 64, 40), pixels=11), scene((60, 30, 64, 40), pixels=12), scene(None), scene((40, 20, 60, 60))])
+    assert usable(images).tolist() == [1, 2, 3]
+    assert hardness(images, 3).tolist() == [3, 3, 1, 1]
+    near = image_set([scene((40, 10, 70, 90)), scene((0, 30, 20, 60))])
+    assert hardness(near, 2).tolist() == [2, 2]
+
+
+def test_a_stream_shows_everything_once_an_epoch_from_any_start() -> None:
+    stream = Stream(np.array([3, 5, 8]), np.array([1, 2, 1]), (0,))
+    order = stream.take(0, 12)
+    for epoch in order.reshape(3, 4):
+        assert sorted(epoch) == [3, 5, 5, 8]
+    again = Stream(np.array([3, 5, 8]), np.array([1, 2, 1]), (0,))
+    assert np.array_equal(np.concatenate([again.take(start, 3) for start in (0, 3, 6, 9)]), order)
+    assert np.array_equal(Stream(np.array([3, 5, 8]), np.array([1, 2, 1]), (0,)).take(5, 4), order[5:9])
+    with pytest.raises(ValueError, match="at least one image"):
+        Stream(np.zeros(0, np.int64), np.zeros(0, np.int64), (0,))

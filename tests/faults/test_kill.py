@@ -1,0 +1,132 @@
+"""kill -9 in training, filtering and registration: the next run goes on, nothing is there twice, no half-written file is read."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import torch
+
+from pipeline.artefacts.filter_table import read_filter
+from pipeline.artefacts.model_card import read_card
+from pipeline.detectors.yolo.weights import load_weights
+from tests.analysis.fabricated import Study
+
+TRAIN = """
+import sys
+from pathlib import Path
+import numpy as np
+from pipeline.artefacts.dataset import image_set
+from pipeline.config.composing import compose
+from pipeline.detectors.yolo import training
+from pipeline.detectors.yolo.network import Architecture, Yolo
+from pipeline.detectors.yolo.training import Schedule, fit, initial_model
+from pipeline.core.truth import Truth
+from pipeline.learning.versions import write_version
+
+training.CHECKPOINT_SECONDS = 0.2
+out, rng = Path(sys.argv[1]), np.random.default_rng(0)
+box = (20.0, 10.0, 40.0, 50.0)
+images = image_set([(rng.integers(0, 255, (64, 96, 3), dtype=np.uint8), Truth(box, box, 800, 800, 30.0)) for _ in range(4)], "x")
+model = initial_model(0, lambda: Yolo(Architecture((8, 8, 8, 8, 8), 8)))
+feed = lambda iteration: (np.roll(images.images, iteration, axis=2), images.boxes)
+print("ready", flush=True)
+fitted = fit(model, Schedule(0, 120, 1e-3), feed, identity="x", checkpoint=out / "checkpoint.pt", threads=1)
+card = dict(version="base", parent=None, data={}, training={}, seed=0, towns=())
+write_version(compose("base", []), fitted, images, out / "model.json", **card)
+"""
+
+FILTER = """
+import sys
+from pathlib import Path
+from pipeline.config.composing import compose
+from pipeline.steps import filter
+out, *frames = map(Path, sys.argv[1:])
+print("ready", flush=True)
+filter.run(compose("default", []), frames=frames, out=out, progress=lambda *_: None)
+"""
+
+REGISTER = """
+import sys
+from pathlib import Path
+from pipeline.tracking.store import Content, Registration, Tracker
+root = Path(sys.argv[1])
+tracker = Tracker(root / "m.db", root / "artifacts", "e", {})
+print("ready", flush=True)
+for version in ("base", "control", "random"):
+    file = root / f"{version}.json"
+    file.write_text(version)
+    content = Content(f"s/{version}", "model", metrics={f"m{i}": float(i) for i in range(50)}, files=[file])
+    number, _ = tracker.register(Registration("detector", content, [file], {"version": version}, version))
+    tracker.set_alias("detector", "champion", number)
+"""
+
+
+def killed(script: str, *arguments: Path, after_s: float = 0.0, until: Path | None = None) -> bool:
+    """Run a script and kill it some time after it is ready, or once a file is there; whether it was still at work."""
+    process = subprocess.Popen([sys.executable, "-c", script, *map(str, arguments)], stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    while process.stdout.readline().strip() not in ("ready", ""):
+        pass
+    time.sleep(after_s)
+    while until is not None and not until.exists() and process.poll() is None:
+        time.sleep(0.02)
+    alive = process.poll() is None
+    process.kill()
+    process.wait()
+    return alive
+
+
+def finish(script: str, *arguments: Path) -> None:
+    done = subprocess.run([sys.executable, "-c", script, *map(str, arguments)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_in_training(tmp_path: Path) -> None:
+    whole, cut = tmp_path / "whole", tmp_path / "cut"
+    finish(TRAIN, whole)
+    assert killed(TRAIN, cut, until=cut / "checkpoint.pt")
+    assert (cut / "checkpoint.pt").exists() and not (cut / "weights.safetensors").exists()
+    before = torch.load(cut / "checkpoint.pt", weights_only=True)["iteration"]
+    assert 0 < before < 120
+    killed(TRAIN, cut, after_s=0.5)
+    finish(TRAIN, cut)
+    assert (cut / "weights.safetensors").read_bytes() == (whole / "weights.safetensors").read_bytes()
+    assert read_card(cut / "model.json") == read_card(whole / "model.json")
+    load_weights(cut / "weights.safetensors")
+    assert not list(cut.glob(".*.tmp"))
+
+
+def test_in_filtering(tmp_path: Path) -> None:
+    study = Study(tmp_path / "study").make()
+    frames, whole, cut = study.frames("random"), tmp_path / "whole.csv", tmp_path / "cut.csv"
+    finish(FILTER, whole, *frames)
+    at_work = []
+    for after_s in (0.0, 0.05, 0.2):
+        at_work.append(killed(FILTER, cut, *frames, after_s=after_s))
+        if cut.exists():
+            read_filter(cut)
+    assert any(at_work)
+    finish(FILTER, cut, *frames)
+    assert cut.read_bytes() == whole.read_bytes()
+
+
+def test_in_registration(tmp_path: Path) -> None:
+    from mlflow import MlflowClient
+
+    assert any([killed(REGISTER, tmp_path, after_s=after_s) for after_s in (0.2, 0.6, 1.2)])
+    finish(REGISTER, tmp_path)
+    finish(REGISTER, tmp_path)
+    uri = f"sqlite:///{tmp_path / 'm.db'}"
+    client = MlflowClient(tracking_uri=uri, registry_uri=uri)
+    experiment = client.get_experiment_by_name("e").experiment_id
+    versions = client.search_model_versions("name = 'detector'")
+    assert sorted(version.tags["version"] for version in versions) == ["base", "control", "random"]
+    assert client.get_model_version_by_alias("detector", "champion").tags["version"] == "random"
+    assert {run.info.status for run in client.search_runs([experiment])} == {"FINISHED"}
+    assert len(client.search_runs([experiment])) == len(client.search_logged_models([experiment])) == 3
+    for version in versions:
+        (file,) = Path(version.source.removeprefix("file://")).glob("*.json")
+        assert file.read_text() == version.tags["version"]

@@ -1,0 +1,95 @@
+"""The schema of the configuration refuses what is wrong, by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pipeline.__main__ import main
+from pipeline.config.composing import CONF, compose, dump, load
+from pipeline.errors import InputError
+
+STUDIES = sorted(path.stem for path in (CONF / "study").glob("*.yaml"))
+
+
+@pytest.mark.parametrize("study", STUDIES)
+def test_every_study_composes_and_survives_its_file(study: str, tmp_path: Path) -> None:
+    config = compose(study, [])
+    path = tmp_path / "params.yaml"
+    path.write_text(dump(config, "test"))
+    assert load(path) == config
+    assert config.study == study
+
+
+@pytest.mark.parametrize("group", ["detector", "simulator"])
+def test_every_choice_of_a_group_composes(group: str) -> None:
+    for path in (CONF / group).glob("*.yaml"):
+        assert getattr(compose("smoke", [f"{group}={path.stem}"]), group)["_target_"]
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("campaign.testss=3", "unknown key 'campaign.testss'; did you mean 'tests'?"),
+        ("+campaign.testss=3", "unknown key 'campaign.testss'; did you mean 'tests'?"),
+        ("campaign.tests=0", "campaign.tests: Input should be greater than or equal to 1, got 0"),
+        ("strategies=[random,neurl]", "strategies: there is no 'neurl'; did you mean 'neural'?"),
+        ("adaptive=pairwise", "adaptive: there is no 'pairwise'"),
+        ("search=[F1,F22]", "search: there is no conf/scenario/F22.yaml; did you mean 'F2'?"),
+        ("held_out=[F1]", "held_out must not be searched: F1 is in both lists"),
+        (
+            "scenarios.F1star.town=${scenarios.F1.town}",
+            "held_out: F1star has the town of F1 (style and seed), which is searched, so detectors would learn it",
+        ),
+        ("seeds=[3,3]", "seeds must differ, got [3, 3]"),
+        ("+sampler@samplers.my-neural=neural", "expected letters, digits and _ in a name, as tests are named after it, got 'my-neural'"),
+        ("+detector.model=my.onnx", "detector.model is the version under test's; `python -m pipeline test-detector FILE` tests another"),
+        ("scenarios.F1.space.fog.low=200", "scenarios.F1.space: variable 'fog': low must be below high, got 200"),
+        ("scenarios.F1.ego.speed_kmh=-3", "scenarios.F1.ego.speed_kmh: Input should be greater than 0, got -3"),
+        ("scenarios.F1.actors.bus.y_m=-9", "conf/scenario/F1.yaml: scenarios.F1: actors.bus: is off the road at (-8.5, -9.0) after 0 s"),
+        ("scenarios.F1.actors.bus.x_m=-40", "actors.bus: is off the road at (-40.0, -5.2) after 0 s"),
+        ("scenarios.F1.actors.bus.kind=tram", "scenarios.F1.actors.bus.kind: Input should be 'hatchback', 'saloon',"),
+        ("+scenarios.F1.actors.bus.speed_kmh=-1", "scenarios.F1.actors.bus.speed_kmh: Input should be greater than or equal to 0"),
+        ("scenarios.F1.actors.oncoming.x_m=16.5", "actors.parked_far: overlaps oncoming at the start"),
+        ("+scenarios.F1.ego.path=[[-80,-9],[0,-1.75],[80,5.5]]", "scenarios.F1: ego.path: leaves the road at (-"),
+        ("+scenarios.F1.ego.path=[[-80,-1.75],[2,-1.75],[3,4],[4,-1.75]]", "scenarios.F1: ego.path: corners of radius 7.75 m do not fit"),
+        ("front_car.space.constraints=[]", "must exclude the second of one lane: add [lanes = 2, current_lane != 2]"),
+        ("front_car.space.constraints=[['lanes = 4']]", "constraint 'lanes = 4': category must be one of 1, 2; got '4'"),
+        ("front_car.space.variables.weather=[sunny,snowy]", "variables.weather must be among sunny, cloudy, rainy; got snowy"),
+        ("+front_car.space.variables.fog=[thin]", "variables must be weather, lane_orientation,"),
+        ("+scenarios.F1.pedestrian.at=[0,2]", "pedestrian.at: (0.0, 2.0) must lie on the ego's path, but lies 3.75 m beside it"),
+        ("scenarios.F1.town.seed=x", "scenarios.F1.town.seed: Input should be a valid integer"),
+        ("+scenarios.F1.town.sed=1", "unknown key 'scenarios.F1.town.sed'; did you mean 'seed'?"),
+        ("+samplers.neural.explor=0.1", "unknown key 'samplers.neural.explor'; did you mean 'explore'?"),
+        ("samplers.neural._target_=pipeline.nowhere.Sampler", "samplers.neural._target_: there is no 'pipeline.nowhere.Sampler'"),
+        ("campaign.transfer=[random]", "campaign.transfer: 'random' (pipeline.core.samplers.random.RandomSampler) takes no tests of other"),
+        ("campaign.transfer=[pairwise]", "campaign.transfer: there is no 'pairwise'"),
+        ("base_set.validation_share=1.5", "base_set.validation_share: Input should be less than 0.9, got 1.5"),
+    ],
+)
+def test_wrong_input_is_named(override: str, message: str) -> None:
+    with pytest.raises(InputError, match=".*") as caught:
+        compose("default", [override])
+    assert message in str(caught.value)
+
+
+def test_a_town_with_other_streets_is_still_the_same_town() -> None:
+    with pytest.raises(InputError, match=r"held_out: F1star has the town of F1 \(style and seed\)"):
+        compose("default", ["scenarios.F1star.town.style=urban", "scenarios.F1star.town.seed=11"])
+
+
+def test_scenarios_that_are_compared_share_a_space() -> None:
+    with pytest.raises(InputError, match="held_out: F2star has another space than F1star"):
+        compose("default", ["held_out=[F1star,F2star]", "scenarios.F2star.space.fog.high=50"])
+
+
+def test_an_unknown_study_names_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["compose", "study=defualt"]) == 2
+    assert "there is no study 'defualt'; did you mean 'default'?" in capsys.readouterr().err
+
+
+def test_a_missing_params_file_says_how_to_make_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    missing = tmp_path / "params.yaml"
+    assert main(["define-space", "--scenario", "F1", "--out", str(tmp_path / "x.json"), "--params", str(missing)]) == 2
+    assert "compose study=default" in capsys.readouterr().err
