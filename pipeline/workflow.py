@@ -1,236 +1,266 @@
-"""What the Snakefile needs beside its rules: targets, wildcards, and digests that tell when a step's code or settings changed."""
+"""From the steps' contracts to Snakemake's rules: a job's files, log and stamp, and which jobs a study consists of."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import os
+import re
 import subprocess
 import sys
-from collections.abc import Iterable
-from dataclasses import replace
-from functools import cache
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from pkgutil import iter_modules
+from typing import Any, NoReturn
 
-import grimp
+from snakemake.io import ancient, directory, local, report
 from snakemake.settings.types import DAGSettings
 
-from pipeline.config.composing import PARAMS, load
+from pipeline import steps
+from pipeline.artefacts.folders import Folders
+from pipeline.config.composing import PARAMS, load, validate
+from pipeline.config.declared import value_at
 from pipeline.config.schema import Config
-from pipeline.core.lineage import PATTERN, Version
+from pipeline.contract import STAMP, Files, Step, Wildcards, step_of
+from pipeline.core.lineage import PATTERN
 from pipeline.errors import InputError
+from pipeline.sources import code_digest
 
-ROOT = Path(__file__).resolve().parents[1]
+STAGES = {
+    "spaces": ("space",),
+    "base_set": ("base_set",),
+    "base": ("models",),
+    "search": ("campaigns",),
+    "analysis": ("measures.json", "theta.csv", "white_box.json", "regions", "filter"),
+    "versions": ("retrained",),
+    "held_out": ("held_out",),
+    "compare": ("comparison.json", "comparison.parquet", "changes.csv", "metrics.json"),
+    "report": ("report.html", "plots"),
+    "track": ("tracking.json",),
+}
+"""Parts of a study: the files and folders of each, below the study's folder. Targets of Snakemake and stages of DVC."""
+CHANGED = Path(".snakemake/changed")
+"""An input of every job whose stamp differs: always newer than its outputs."""
 
 
-class Study:
-    """The paths and choices of the study in params.yaml, for the Snakefile."""
+@dataclass(frozen=True)
+class Target:
+    """A job: a step and its wildcards."""
 
-    version_pattern = PATTERN
+    step: str
+    wildcards: tuple[tuple[str, str], ...]
 
-    def __init__(self, params: Path = PARAMS) -> None:
-        self.config: Config = load(params)
+
+@dataclass(frozen=True)
+class Plan:
+    """The study of a config, as Snakemake needs it. steps: the names of all steps, in the order of the data."""
+
+    config: Config
+    steps: tuple[str, ...]
+    _stamps: dict[Target, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
         if self.config.goal == "report" and not self.config.campaign.keep_every:
-            raise InputError(f"{params}: campaign.keep_every must be at least 1, or no frame is left to learn from, got 0")
-        self.root = f"data/{self.config.study}"
-        self.logs = f"logs/{self.config.study}"
-        self.sources = self.config.sources
+            raise InputError("campaign.keep_every must be at least 1, or no frame is left to learn from, got 0")
+
+    @cached_property
+    def folders(self) -> Folders:
+        return Folders(self.config)
+
+    @cached_property
+    def contracts(self) -> dict[str, Step]:
+        return {name: step_of(name) for name in self.steps}
 
     @property
-    def goals(self) -> list[str]:
-        """What `all` asks for."""
-        if self.config.goal == "base":
-            return [f"{self.root}/models/base/model.json"]
-        if self.config.goal == "front_car":
-            return [f"{self.root}/front_car.html"]
-        return [f"{self.root}/report.html", f"{self.root}/tracking.json"]
-
-    @property
-    def plots(self) -> list[str]:
-        """The report's plots."""
-        each = [f"{kind}_{scenario}" for scenario in self.config.search for kind in ("kpi", "failures")]
-        rounds = ["rounds"] if self.config.retraining.rounds > 1 else []
-        names = ("theta", "coverage", "comparison", "detection", "histogram", "reliability", "border", *rounds, *each)
-        return [f"{self.root}/plots/{name}.png" for name in names]
-
-    @property
-    def shipped(self) -> list[str]:
-        """The shipped weights, where the base version is made of them."""
-        return [f"{self.config.base.weights}/weights.safetensors"] if self.config.base.source == "shipped" else []
-
-    @property
-    def training_sections(self) -> list[str]:
-        """What the base version depends on: training parameters only where it is trained."""
-        return ["base", "training"] if self.config.base.source == "trained" else ["base"]
-
-    @property
-    def retraining_sections(self) -> list[str]:
-        """What retrained versions depend on: training parameters only where they are trained from scratch.
-
-        How many rounds and seeds there are is left out: one more makes further versions and leaves those that there are as they are.
-        """
-        own = [f"retraining.{name}" for name in type(self.config.retraining).model_fields if name not in ("seeds", "rounds")]
-        return [*own, "training"] if self.config.retraining.start == "scratch" else own
-
-    def training_seed(self, version: str) -> int:
-        """The seed that a version is retrained with."""
-        seed = Version.named(version).seed
-        return self.config.retraining.seeds[0] if seed is None else seed
-
-    @property
-    def overrules(self) -> list[str]:
-        """A person's table of overruled frames, if there is one."""
-        return [self.config.filter.overrules] if self.config.filter.overrules else []
-
-    @property
-    def tracking_server(self) -> str:
-        """Digest of MLFLOW_TRACKING_URI, which may hold a password: another server has to be told everything."""
-        return hashlib.sha256(os.environ.get("MLFLOW_TRACKING_URI", "").encode()).hexdigest()[:16]
-
-    @property
-    def front_car_data(self) -> list[str]:
-        """The keys that the snapshots of the front-car study depend on."""
-        return [f"front_car.{key}" for key in ("space", "seed", "images", "validation_share", "test_images")]
-
-    def campaign_sections(self, scenario: str) -> list[str]:
-        """What a campaign's budget and verdicts depend on."""
-        return ["comparison.tests", "campaign.failure_threshold_s"] if scenario in self.config.held_out else ["campaign"]
-
-    def finish(self, asked: DAGSettings) -> None:
-        """Once all is made: print the verdict, and tell DVC that what it versions was made, unless DVC itself is at work.
-
-        After a part, as `snakemake search`, what lies there of the rest may be of other settings: then nothing is said. DVC makes
-        all by parts, whose last is `track`.
-        """
-        targets, stage = set(asked.targets), os.environ.get("DVC_STAGE")
-        part = targets and "all" not in targets and not targets >= set(self.goals) and stage != "track"
-        if self.config.goal != "report" or part or asked.until or asked.omit_from or asked.allowed_rules or asked.batch:
-            return
-        subprocess.run([sys.executable, "-m", "pipeline", "verdict", "--comparison", f"{self.root}/comparison.json"], cwd=ROOT, check=False)
-        if (ROOT / ".dvc").exists() and stage is None:
-            told = subprocess.run([sys.executable, "-m", "dvc", "commit", "--force", "--quiet"], cwd=ROOT, capture_output=True, text=True)
-            if told.returncode:
-                print(f"dvc commit failed, so `dvc status` will report changes: {told.stderr.strip()}", file=sys.stderr)
-
-    def search(self, name: str, scenario: str | None = None, strategy: str | None = None, version: str = "base") -> list[str]:
-        """The file `name` of the search campaigns against a version, of all or of one scenario or strategy.
-
-        Those against retrained versions, the later rounds', lie with these versions.
-        """
+    def constraints(self) -> dict[str, str]:
+        """The values that wildcards can take in every rule."""
         config = self.config
-        scenarios, strategies = [scenario] if scenario else config.search, [strategy] if strategy else config.strategies
-        root = f"{self.root}/campaigns" if version == "base" else f"{self.root}/retrained/campaigns"
-        return [f"{root}/{a}/{b}/{version}/{seed}/{name}" for a in scenarios for b in strategies for seed in config.seeds]
+        return {"scenario": "|".join(config.scenarios), "strategy": "|".join(config.samplers), "version": PATTERN, "seed": r"\d+"}
 
-    def earlier(self, kind: str, scenario: str, strategy: str, version: str, seed: str) -> list[str]:
-        """The tests of the campaigns that are known to a campaign, against the same version and with the same seed."""
-        return [f"{self.root}/{kind}/{a}/{strategy}/{version}/{seed}/tests.parquet" for a in self.config.earlier(scenario, strategy)]
+    def reads(self, name: str) -> Callable[[Any], dict[str, Any]]:
+        """The input function of a step's rule.
 
-    def later_search(self, name: str) -> list[str]:
-        """The file `name` of the campaigns that later rounds learn from: each kind's strategy against its versions before."""
-        tested = dict.fromkeys(v for version in self.config.versions for v in version.tested if v.kind in self.sources)
-        return [path for v in tested for path in self.search(name, strategy=self.sources[v.kind], version=str(v))]
-
-    def held_out(self, name: str) -> list[str]:
-        """The file `name` of the comparison's campaigns."""
-        config, chosen = self.config, self.config.comparison
-        root = f"{self.root}/held_out"
-        return [f"{root}/{a}/{chosen.strategy}/{version}/{chosen.seed}/{name}" for a in config.held_out for version in config.versions]
-
-    def added(self, version: str, source: Literal["random", "adaptive"]) -> dict[str, list[str]]:
-        """The filter tables and the frames of the random or the adaptive source that feed a version; none for a control."""
-        described = Version.named(version)
-        tested = [] if described.kind == "control" else [replace(v, kind=source) if v.round else v for v in described.tested]
-        strategy = self.sources[source]
-        frames = [path for v in tested for path in self.search("frames.parquet", strategy=strategy, version=str(v))]
-        return {"filters": [self.filter(strategy, str(v)) for v in tested], "frames": frames}
-
-    def filter(self, strategy: str, version: str = "base") -> str:
-        """The filter table of a strategy's campaigns against a version."""
-        return f"{self.root}/filter/{strategy}.csv" if version == "base" else f"{self.root}/retrained/filter/{strategy}/{version}.csv"
-
-    def filters(self) -> list[str]:
-        """The filter tables of the random and of the adaptive source, of the search."""
-        return [self.filter(strategy) for strategy in self.sources.values()]
-
-    def model(self, version: str, name: str) -> str:
-        """The file `name` of a model version."""
-        return f"{self.root}/models/base/{name}" if version == "base" else f"{self.root}/retrained/models/{version}/{name}"
-
-    def spaces(self, scenarios: Iterable[str]) -> list[str]:
-        """The scenario spaces."""
-        return [f"{self.root}/space/{name}.json" for name in scenarios]
-
-    def parent(self, version: str, name: str) -> str:
-        """The file `name` of what a version is retrained from."""
-        return self.model(str(Version.named(version).parent), name)
-
-    def models(self, name: str) -> list[str]:
-        """The file `name` of every model version."""
-        return [self.model(str(version), name) for version in self.config.versions]
-
-    def stamp(self, step: str, *keys: str) -> str:
-        """Digest of a step's code and of the sections of the config that it reads; a rule with another stamp runs again.
-
-        keys: dotted, as `samplers.neural`. Code named by a `_target_` in them counts as the step's own.
+        Stamps tell what is out of date, so the times of the inputs do not count; a job with an old stamp reads a file that is newer.
         """
-        plain = self.config.model_dump(mode="json")
-        sections = {key: _at(plain, key) for key in keys}
-        digest = hashlib.sha256(json.dumps(sections, sort_keys=True).encode())
-        for module in sorted({f"pipeline.steps.{step}", *_targets(sections)}):
+
+        def read(wildcards: Mapping[str, str]) -> dict[str, Any]:
+            known = dict(wildcards.items())
+            files = self.contracts[name].reads(self.folders, known)
+            flagged = {key: ancient(paths) if isinstance(paths, str) else [ancient(p) for p in paths] for key, paths in files.items()}
+            return {**flagged, **({"changed": local(str(CHANGED))} if self._out_of_date(name, known) else {})}
+
+        return read
+
+    def writes(self, name: str) -> dict[str, Any]:
+        """The outputs of a step's rule; pages and plots go into Snakemake's own report."""
+        outputs = self.contracts[name].outputs(self.folders)
+        return {key: _flagged(paths) if isinstance(paths, str) else list(map(_flagged, paths)) for key, paths in outputs.items()}
+
+    def log(self, name: str, suffix: str) -> str:
+        """Where a job's log or benchmark lies."""
+        wildcards = self.contracts[name].names(self.folders)
+        return "/".join(["logs", self.config.study, name, *(f"{{{w}}}" for w in wildcards)]) + suffix
+
+    def stamp(self, name: str, wildcards: Wildcards) -> str:
+        """Digest of all that a job's outputs follow from: code, declared config, environment, and the stamps of what it reads."""
+        target = Target(name, tuple(sorted(wildcards.items())))
+        if target not in self._stamps:
+            self._stamps[target] = self._digest(name, wildcards)
+        return self._stamps[target]
+
+    def _digest(self, name: str, wildcards: Wildcards) -> str:
+        step = self.contracts[name]
+        sections = {key: self.value(key) for key in step.depends(self.config, wildcards)}
+        own = [sections, dict(wildcards), {variable: os.environ.get(variable, "") for variable in step.environment}]
+        digest = hashlib.sha256(json.dumps(own, sort_keys=True).encode())
+        for module in sorted({f"pipeline.steps.{name}", *targets_in(sections)}):
             digest.update(code_digest(module).encode())
+        for path in flat(step.reads(self.folders, wildcards)):
+            digest.update(f"{path} {self._origin(path)}\n".encode())
         return digest.hexdigest()[:16]
 
+    def value(self, key: str) -> Any:
+        """The plain value at a dotted key of the config."""
+        return value_at(self._plain, key)
 
-def study() -> Study:
-    """The study in params.yaml; what is wrong with that is told in one line, where Snakemake would show a stack."""
+    @cached_property
+    def _plain(self) -> dict[str, Any]:
+        return self.config.model_dump(mode="json")
+
+    def _origin(self, path: str) -> str:
+        """The stamp of the job that makes a file, else the digest of its content."""
+        made = self.maker(path)
+        if made is not None:
+            return self.stamp(made.step, dict(made.wildcards))
+        return hashlib.sha256(Path(path).read_bytes()).hexdigest() if Path(path).is_file() else "missing"
+
+    def maker(self, path: str) -> Target | None:
+        """The job that makes a file, None if no step does."""
+        for name, pattern in self._patterns:
+            if found := pattern.fullmatch(path):
+                return Target(name, tuple(sorted(found.groupdict().items())))
+        return None
+
+    @cached_property
+    def _patterns(self) -> list[tuple[str, re.Pattern[str]]]:
+        found = []
+        for name, step in self.contracts.items():
+            limits = {**self.constraints, **step.wildcards}
+            for path in flat(step.outputs(self.folders)):
+                found.append((name, re.compile(_expression(path, limits))))
+        return found
+
+    def _out_of_date(self, name: str, wildcards: Wildcards) -> bool:
+        """Whether the job has left a stamp that is not today's. Touches the file that makes Snakemake run it again."""
+        path = Path(str(self.contracts[name].outputs(self.folders)[STAMP]).format(**wildcards))
+        old = path.is_file() and path.read_text() != self.stamp(name, wildcards)
+        if old:
+            CHANGED.parent.mkdir(exist_ok=True)
+            CHANGED.touch()
+        return old
+
+    def jobs(self, goals: Sequence[str]) -> Iterator[tuple[Target, list[str]]]:
+        """Every job that some files need, each with its outputs; what a job reads comes before it."""
+        seen: set[Target] = set()
+
+        def visit(path: str) -> Iterator[tuple[Target, list[str]]]:
+            target = self.maker(path)
+            if target is None or target in seen:
+                return
+            seen.add(target)
+            step, wildcards = self.contracts[target.step], dict(target.wildcards)
+            for read in flat(step.reads(self.folders, wildcards)):
+                yield from visit(read)
+            yield target, [path.format(**wildcards) for path in flat(step.outputs(self.folders))]
+
+        for goal in goals:
+            yield from visit(goal)
+
+    @cached_property
+    def parts(self) -> dict[str, list[tuple[Target, list[str]]]]:
+        """The jobs of each of `STAGES`, each with its outputs."""
+        where = {root: stage for stage, roots in STAGES.items() for root in roots}
+        found: dict[str, list[tuple[Target, list[str]]]] = {stage: [] for stage in STAGES}
+        for job, outputs in self.jobs(self.folders.goals):
+            root = outputs[0].removeprefix(f"{self.folders.root}/").split("/")[0]
+            if root in where:
+                found[where[root]].append((job, outputs))
+        return found
+
+    @property
+    def targets(self) -> dict[str, list[str]]:
+        """The files of the parts that are no step's name."""
+        return {name: [path for _, outputs in jobs for path in outputs] for name, jobs in self.parts.items() if name not in self.steps}
+
+    def stamps(self, name: str) -> Callable[[Any], str]:
+        """The stamp of a rule's job, by its wildcards."""
+        return lambda wildcards: self.stamp(name, dict(wildcards.items()))
+
+    def finish(self, asked: DAGSettings) -> None:
+        """Print the verdict after a run of the whole study, or of its last step."""
+        targets = set(asked.targets)
+        part = targets and not targets & {"all", "track"} and not targets >= set(self.folders.goals)
+        if part or asked.until or asked.omit_from or asked.allowed_rules or asked.batch or "BLINDSPOT_VERDICT_FOLLOWS" in os.environ:
+            return
+        subprocess.run([sys.executable, "-m", "pipeline", "verdict"], check=False)
+
+
+def step_names() -> tuple[str, ...]:
+    """The names of all steps."""
+    return tuple(sorted(module.name for module in iter_modules(steps.__path__)))
+
+
+def checked(params: str) -> str:
+    """The path of params.yaml, once it is known to be right; what is wrong is told in one line, where Snakemake would show a stack."""
     try:
-        return Study()
+        load(Path(params))
     except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(2)
+        _end(error)
+    return params
 
 
-def _at(plain: Any, key: str) -> Any:
-    for part in key.split("."):
-        plain = plain[part]
-    return plain
+def plan(config: Mapping[str, Any], steps: Sequence[str]) -> Plan:
+    """The plan of Snakemake's config, which is params.yaml and what the command line changes in it."""
+    try:
+        return Plan(validate(dict(config), str(PARAMS)), tuple(steps))
+    except InputError as error:
+        _end(error)
 
 
-def _targets(plain: Any) -> set[str]:
+def _end(error: InputError) -> NoReturn:
+    print(f"error: {error}", file=sys.stderr)
+    sys.exit(2)
+
+
+def _flagged(path: str) -> Any:
+    if path.endswith("/"):
+        return directory(path)
+    if path.endswith(".html"):
+        return report(path, category="Report")
+    return report(path, category="Plots") if path.endswith(".png") else path
+
+
+def flat(files: Mapping[str, Files]) -> list[str]:
+    """All paths of named files."""
+    return [path for paths in files.values() for path in ([paths] if isinstance(paths, str) else paths)]
+
+
+def _expression(pattern: str, limits: Mapping[str, str]) -> str:
+    """The regular expression of a path with wildcards in braces."""
+    parts = re.split(r"\{(\w+)\}", pattern)
+    seen: set[str] = set()
+    for i in range(1, len(parts), 2):
+        name = parts[i]
+        parts[i] = f"(?P={name})" if name in seen else f"(?P<{name}>{limits.get(name, '[^/]+')})"
+        seen.add(name)
+    return "".join(part if i % 2 else re.escape(part) for i, part in enumerate(parts))
+
+
+def targets_in(plain: Any) -> set[str]:
     """Modules of ours that `_target_` names anywhere in plain data."""
     if isinstance(plain, dict):
         own = {plain["_target_"].rpartition(".")[0]} if str(plain.get("_target_", "")).startswith("pipeline.") else set()
-        return own.union(*(_targets(value) for value in plain.values()))
+        return own.union(*(targets_in(value) for value in plain.values()))
     return set()
-
-
-@cache
-def _graph() -> grimp.ImportGraph:
-    return grimp.build_graph("pipeline", cache_dir=str(ROOT / ".cache" / "grimp"))
-
-
-@cache
-def sources(module: str) -> tuple[str, ...]:
-    """Source files of a module and of everything of ours that it imports, however far down, relative to the root; sorted.
-
-    Templates count as source of the modules beside them.
-    """
-    graph = _graph()
-    found = set()
-    for name in {module} | graph.find_upstream_modules(module):
-        stem = ROOT.joinpath(*name.split("."))
-        path = stem.with_suffix(".py") if stem.with_suffix(".py").exists() else stem / "__init__.py"
-        if path.stat().st_size:
-            found |= {file.relative_to(ROOT).as_posix() for file in (path, *path.parent.glob("*.jinja"))}
-    return tuple(sorted(found))
-
-
-@cache
-def code_digest(module: str) -> str:
-    """SHA-256 over `sources` of a module."""
-    digest = hashlib.sha256()
-    for path in sources(module):
-        digest.update(path.encode() + (ROOT / path).read_bytes())
-    return digest.hexdigest()

@@ -31,10 +31,10 @@ MIN_RULE_PRECISION = 0.75
 NEEDED = ["test_id", "ego_speed_mps", "conflict_distance_m", "visible_pixels", "contrast"]
 
 
-def not_solvable(table: pd.DataFrame, tests: Sequence[Path]) -> tuple[str, ...]:
-    """test_id of the failures in a table that no detector could mend with this camera. tests: tests.parquet that it is of."""
-    signals = pd.concat([read_signals(path.with_name("signals.parquet"), NEEDED) for path in tests], ignore_index=True)
-    failed = signals[signals["test_id"].isin(table.loc[table["failure"], "test_id"])]
+def not_solvable(table: pd.DataFrame, signals: Sequence[Path]) -> tuple[str, ...]:
+    """test_id of the failures in a table that no detector could avoid with this camera. signals: signals.parquet of its campaigns."""
+    steps = pd.concat([read_signals(path, NEEDED) for path in signals], ignore_index=True)
+    failed = steps[steps["test_id"].isin(table.loc[table["failure"], "test_id"])]
     seen = {test: solvable({name: rows[name].to_numpy() for name in NEEDED[1:]}) for test, rows in failed.groupby("test_id", sort=False)}
     return tuple(str(test) for test, could in seen.items() if not could)
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -161,6 +162,17 @@ def remove_leftovers(root: Path, records: Iterable[Record]) -> None:
     for path in [*root.glob("images/*/*.jpg"), *root.glob("labels/*/*.txt"), *root.glob("segments/*/*.png")]:
         if f"{path.parent.name}/{path.stem}" not in wanted:
             path.unlink()
+
+
+def move_dataset(source: Path, root: Path) -> None:
+    """Move a finished data set to where it is read, in place of an older one there."""
+    root.mkdir(parents=True, exist_ok=True)
+    for name in ("images", "labels", "segments", "dataset.yaml", TRUTH_FILE):
+        if (source / name).is_dir():
+            shutil.rmtree(root / name, ignore_errors=True)
+        if (source / name).exists():
+            shutil.move(source / name, root / name)
+    shutil.rmtree(source)
 
 
 def write_truth(root: Path, records: Iterable[Record], category: str = "pedestrian") -> None:

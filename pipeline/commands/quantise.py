@@ -2,36 +2,48 @@
 
 from __future__ import annotations
 
+import argparse
 import tempfile
 from pathlib import Path
 
 import numpy as np
 
-from pipeline.artefacts.dataset import read_dataset
-from pipeline.artefacts.model_card import read_card
-from pipeline.config.schema import Config
-from pipeline.core.reliability import Calibration
-from pipeline.detectors.evaluation import evaluate
-from pipeline.detectors.quantisation import quantise
-from pipeline.detectors.yolo.export import onnx_of
-from pipeline.learning.versions import detect_all
-
+HELP = "Write the int8 form of a detector of ours, and what it loses."
 CALIBRATION_IMAGES = 100
 
 
-def run(config: Config, *, model: Path, base_set: Path, out: Path) -> str:
-    """Write the int8 ONNX file; returns both forms' metrics as a table.
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--model", type=Path, default=Path("models/base"), help="folder of a model version (default: %(default)s)")
+    parser.add_argument(
+        "--base-set",
+        type=Path,
+        default=Path("data/default/base_set/truth.coco.json"),
+        help="truth of a base set, whose images set the ranges and give the metrics (default: %(default)s)",
+    )
+    parser.add_argument("--out", type=Path, default=Path("int8.onnx"), help="the file (default: %(default)s)")
 
-    model: folder of a version. base_set: truth.coco.json; its training images set the ranges, its validation images give the metrics.
-    """
-    threshold, calibration = float(config.detector.get("threshold", 0.5)), Calibration(**read_card(model / "model.json").calibration)
-    training, validation = read_dataset(base_set.parent, "train"), read_dataset(base_set.parent, "val")
+
+def run(options: argparse.Namespace) -> int:
+    """Write the int8 ONNX file and print both forms' metrics: training images set the ranges, validation images give the metrics."""
+    from pipeline.artefacts.dataset import read_dataset
+    from pipeline.artefacts.model_card import read_card
+    from pipeline.config.composing import compose
+    from pipeline.core.reliability import Calibration
+    from pipeline.detectors.evaluation import evaluate
+    from pipeline.detectors.quantisation import quantise
+    from pipeline.detectors.yolo.export import onnx_of
+    from pipeline.learning.versions import detect_all
+
+    threshold = float(compose("default", []).detector.get("threshold", 0.5))
+    calibration = Calibration(**read_card(options.model / "model.json").calibration)
+    training, validation = (read_dataset(options.base_set.parent, split) for split in ("train", "val"))
     shown = np.linspace(0, len(training) - 1, min(CALIBRATION_IMAGES, len(training))).astype(int)
-    lines = ["form     AP50   AP50-95  false positives an image"]
+    print("form     AP50   AP50-95  false positives an image")
     with tempfile.TemporaryDirectory() as folder:
-        whole = onnx_of(model, Path(folder))
-        quantise(whole, training.images[shown], out)
-        for name, path in {"float32": whole, "int8": out}.items():
+        whole = onnx_of(options.model, Path(folder))
+        quantise(whole, training.images[shown], options.out)
+        for name, path in {"float32": whole, "int8": options.out}.items():
             metrics = evaluate(detect_all(path, validation, calibration), validation, threshold)
-            lines.append(f"{name:8} {metrics['ap50']:.3f}  {metrics['ap50_95']:.3f}    {metrics['false_positives_an_image']:.4f}")
-    return "\n".join([*lines, f"on {len(validation)} validation images at confidence {threshold:g}; {out}"])
+            print(f"{name:8} {metrics['ap50']:.3f}  {metrics['ap50_95']:.3f}    {metrics['false_positives_an_image']:.4f}")
+    print(f"on {len(validation)} validation images at confidence {threshold:g}; {options.out}")
+    return 0

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+import argparse
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-
-from hydra.utils import instantiate
 
 from pipeline.config.composing import compose, functional_scenario
 from pipeline.core import kpi
@@ -22,32 +21,44 @@ PLAIN: Mapping[str, Value] = {
 """A walk on a sunny day: what is not assigned."""
 
 
-def run(scenario: str, assignments: Sequence[str], *, model: Path, out: Path) -> str:
-    """Execute it with the detector in `model` and write the replay to `out`, .mp4 or .gif; returns the result in a line.
+HELP = "Execute one concrete scenario and write its replay."
 
-    scenario: a file's name in conf/scenario. assignments: key=value for scenario variables; what is missing is plain.
-    """
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("scenario", help="name of a file in conf/scenario, such as F1")
+    parser.add_argument(
+        "assignments", nargs="*", metavar="key=value", help="scenario variables, such as fog=80 'blueprint=M 03'; the rest is plain"
+    )
+    parser.add_argument("--model", type=Path, default=Path("models/base"), help="folder of a model version (default: %(default)s)")
+    parser.add_argument("--out", type=Path, default=Path("replay.mp4"), help=".mp4 or .gif (default: %(default)s)")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Execute the scenario with the detector, write the replay and print the result in a line."""
+    from hydra.utils import instantiate
+
     from pipeline.detectors.yolo.export import onnx_of
     from pipeline.report.replays import render_replay
 
-    if out.suffix not in (".mp4", ".gif"):
-        raise InputError(f"--out: a replay is an .mp4 or a .gif, got {out.name}")
-    described = functional_scenario(scenario)
+    if options.out.suffix not in (".mp4", ".gif"):
+        raise InputError(f"--out: a replay is an .mp4 or a .gif, got {options.out.name}")
+    described = functional_scenario(options.scenario)
     space = Space.from_dict(described.space)
-    concrete = concrete_scenario(space, assignments)
+    concrete = concrete_scenario(space, options.assignments)
     study = compose("default", [])
     with tempfile.TemporaryDirectory() as folder:
-        onnx = onnx_of(model, Path(folder))
+        onnx = onnx_of(options.model, Path(folder))
         simulator = instantiate(study.simulator, scenario=described.model_dump(), _convert_="all")
         detector: Detector = instantiate(study.detector, model=onnx, _convert_="all")
         episode = simulator.execute(concrete, detector, keep_every=1)
         simulator.close()
     threshold = study.campaign.failure_threshold_s
     units = {variable.name: variable.unit for variable in space.variables}
-    title = f"{described.label}, detector {model}"
-    render_replay(episode, title, concrete, out, failure_threshold_s=threshold, units=units, frames_per_second=10)
+    title = f"{described.label}, detector {options.model}"
+    render_replay(episode, title, concrete, options.out, failure_threshold_s=threshold, units=units, frames_per_second=10)
     result = kpi.evaluate(episode.signals, threshold)
-    return f"{out}: {result.failure_mode if result.failure else 'no failure'}, adj. TTC {result.adj_ttc_s:.2f} s"
+    print(f"{options.out}: {result.failure_mode if result.failure else 'no failure'}, adj. TTC {result.adj_ttc_s:.2f} s")
+    return 0
 
 
 def concrete_scenario(space: Space, assignments: Sequence[str]) -> dict[str, Value]:

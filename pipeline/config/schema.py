@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
@@ -34,6 +34,14 @@ Target = Annotated[dict[str, Any], AfterValidator(_has_target)]
 
 class _Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Only what `declared` left out is missing here."""
+            if name in type(self).model_fields:
+                raise AttributeError(f"'{name}' of {type(self).__name__} is read but not declared; add it to the step's sections")
+            return super().__getattr__(name)
 
 
 class Campaign(_Section):
@@ -275,3 +283,15 @@ class Config(_Section):
 def _known(key: str, name: str, known: Iterable[str]) -> None:
     if name not in known:
         raise ValueError(f"{key}: there is no '{name}'{nearest(name, known)}")
+
+
+def held_out_towns(config: Config) -> tuple[str, ...]:
+    """The keys that say which towns no version may learn."""
+    return ("held_out", *(f"scenarios.{name}.town" for name in config.held_out))
+
+
+FAN_OUT = (
+    *("study", "search", "held_out", "seeds", "strategies", "adaptive", "retraining.rounds", "retraining.seeds"),
+    *("comparison.strategy", "comparison.seed", "campaign.transfer"),
+)
+"""The keys that say which jobs a study has, and which of them read what."""

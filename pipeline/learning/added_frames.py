@@ -32,15 +32,16 @@ from pipeline.progress import Progress
 
 @dataclass(frozen=True)
 class Source:
-    """Where added frames come from: filter tables and frames.parquet of one strategy's campaigns, tests.parquet beside each."""
+    """Where added frames come from: the filter tables, frames and tests of one strategy's campaigns."""
 
     filters: Sequence[Path]
     frames: Sequence[Path]
+    tests: Sequence[Path]
 
     def read(self) -> tuple[pd.DataFrame, pd.DataFrame]:
         """The verdict on every frame, and every test."""
         judged = pd.concat([read_filter(path) for path in self.filters], ignore_index=True)
-        return judged, pd.concat([read_tests(path.with_name("tests.parquet")) for path in self.frames], ignore_index=True)
+        return judged, pd.concat([read_tests(path) for path in self.tests], ignore_index=True)
 
 
 def _taken(config: Config) -> dict[str, Any]:

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pipeline.artefacts.dataset import ImageSet, read_towns
-from pipeline.artefacts.model_card import read_card
-from pipeline.artefacts.scenario_space import read_space
+from pipeline.artefacts.model_card import ModelCard, read_card
+from pipeline.artefacts.scenario_space import ScenarioInfo, read_space
 from pipeline.config.schema import Config
 from pipeline.core.lineage import campaign_of
 from pipeline.errors import InputError
@@ -30,6 +30,17 @@ def refuse_towns(config: Config, base_set: Path, spaces: Sequence[Path], parent:
         if town in unseen:
             raise InputError(f"{where} the town of held-out {unseen[town]}, so it must not be learnt; hold out another scenario")
     return tuple(sorted({town for town, _ in found}))
+
+
+def refuse_learnt(cards: Sequence[ModelCard], held_out: Sequence[ScenarioInfo]) -> None:
+    """InputError if a version has learnt a town of the held-out scenarios that it is compared on."""
+    towns = {info.town: info.name for info in held_out}
+    for card in cards:
+        for town in card.towns:
+            if town in towns:
+                raise InputError(
+                    f"version '{card.version}' has learnt the town of held-out {towns[town]}, so its failures there prove nothing"
+                )
 
 
 def refuse_frames(held_out: Sequence[str], tests: Sequence[str], added: ImageSet, validation: ImageSet) -> None:

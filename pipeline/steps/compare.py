@@ -2,64 +2,56 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
-
 import pandas as pd
 
-from pipeline.analysis.comparison import (
-    _check_threshold,
-    changed_tests,
-    check_sequences,
-    compare,
-    flat_metrics,
-    held_out_regions,
-)
-from pipeline.analysis.measures import campaign_key
 from pipeline.artefacts.files import write_bytes, write_json
 from pipeline.artefacts.model_card import read_card
-from pipeline.artefacts.results import (
-    Measures,
-    read,
-    write,
-)
+from pipeline.artefacts.results import Measures, read, write
 from pipeline.artefacts.scenario_space import read_space
 from pipeline.artefacts.tables import read_tests, write_tests
-from pipeline.config.schema import Config
-from pipeline.progress import OnProgress
+from pipeline.contract import Job, Step
+
+STEP = Step(
+    "Compare all model versions on the held-out sequence.",
+    reads=lambda folders, wildcards: {
+        "spaces": folders.spaces(folders.config.held_out),
+        "tests": folders.held_out("tests.parquet"),
+        "models": folders.models("model.json"),
+        "measures": f"{folders.root}/measures.json",
+    },
+    writes=lambda folders: {
+        "comparison": f"{folders.root}/comparison.json",
+        "table": f"{folders.root}/comparison.parquet",
+        "changes": f"{folders.root}/changes.csv",
+        "metrics": f"{folders.root}/metrics.json",
+    },
+    sections=("comparison.alpha", "comparison.confidence", "regions", "campaign.failure_threshold_s"),
+)
 
 
-def run(
-    config: Config,
-    *,
-    tests: Sequence[Path],
-    spaces: Sequence[Path],
-    models: Sequence[Path],
-    measures: Path,
-    out: Path,
-    table: Path,
-    changes: Path,
-    metrics: Path,
-    progress: OnProgress,
-) -> None:
-    """Compare the versions and write comparison.json, all their tests as comparison.parquet, those that changed as changes.csv, and
-    metrics.json.
+def run(job: Job) -> None:
+    """Compare the versions and write the comparison, all their tests, those that changed, and the metrics that DVC shows.
 
-    tests: tests.parquet of each held-out scenario and version. spaces: of the held-out scenarios. models: model.json of each
-    version; their order is the order of the versions. measures: measures.json of the search.
+    The order of the models is the order of the versions.
 
-    Raises InputError if the versions were not executed on the same points in the same order, or one has no campaign, or was judged at
-    another threshold than the config's.
+    Raises InputError if the versions were not executed on the same points in the same order, if one has no campaign, was judged at
+    another threshold than the config's, or has learnt a held-out town.
     """
-    infos = {info.name: (info, space) for info, space in map(read_space, spaces)}
-    cards = [read_card(path) for path in models]
+    from pipeline.analysis.comparison import _check_threshold, changed_tests, check_sequences, compare, flat_metrics, held_out_regions
+    from pipeline.analysis.measures import campaign_key
+    from pipeline.learning.leakage import refuse_learnt
+
+    config = job.config
+    infos = {info.name: (info, space) for info, space in map(read_space, job.inputs("spaces"))}
+    cards = [read_card(path) for path in job.inputs("models")]
+    refuse_learnt(cards, [info for info, _ in infos.values()])
     tables = {}
-    for done, path in enumerate(tests, 1):
+    for done, path in enumerate(job.inputs("tests"), 1):
         rows = read_tests(path).sort_values("index", ignore_index=True)
         scenario, _, version, _ = campaign_key(rows, path)
         _check_threshold(rows, config.campaign.failure_threshold_s, path)
         tables[scenario, version] = rows
-        progress(done, len(tests), f"{scenario}/{version}")
+        job.progress(done, len(job.inputs("tests")), f"{scenario}/{version}")
     versions = [card.version for card in cards]
     digest = check_sequences(tables, {name: space.names for name, (_, space) in infos.items()}, versions)
     joined = pd.concat([tables[name, version] for name in infos for version in versions], ignore_index=True)
@@ -71,8 +63,10 @@ def run(
     ]
     settings = config.comparison
     result = compare(joined, labels, versions, digest, regions, alpha=settings.alpha, confidence=settings.confidence)
-    write(out, result)
-    write_tests(table, joined, next(space for _, space in infos.values()))
-    variables = list(next(space for _, space in infos.values()).names)
-    write_bytes(changes, changed_tests(result, joined, variables).to_csv(index=False, lineterminator="\n", float_format="%.6g").encode())
-    write_json(metrics, flat_metrics(result, read(measures, Measures), {card.version: card.metrics for card in cards}))
+    write(job.output("comparison"), result)
+    first = next(space for _, space in infos.values())
+    write_tests(job.output("table"), joined, first)
+    changes = changed_tests(result, joined, first.names)
+    write_bytes(job.output("changes"), changes.to_csv(index=False, lineterminator="\n", float_format="%.6g").encode())
+    detection = {card.version: card.metrics for card in cards}
+    write_json(job.output("metrics"), flat_metrics(result, read(job.input("measures"), Measures), detection))

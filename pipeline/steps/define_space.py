@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from pipeline.artefacts.scenario_space import ScenarioInfo, write_space
-from pipeline.config.schema import Config
-from pipeline.progress import Progress
+from pipeline.contract import Job, Step
+
+STEP = Step(
+    "Write the logical scenario space of a scenario.",
+    writes=lambda folders: {"space": folders.space("{scenario}")},
+    sections=("scenarios.{scenario}",),
+)
 
 
-def run(config: Config, *, scenario: str, out: Path, progress: Progress) -> None:
-    """Write the space of `scenario` with its number of pairs of categories."""
-    body, space = config.scenarios[scenario], config.space(scenario)
+def run(job: Job) -> None:
+    """Write the space of the scenario with its number of pairs of categories."""
+    name = job.wildcards["scenario"]
+    body, space = job.config.scenarios[name], job.config.space(name)
     sizes = space.sizes
     pairs = sum(a * b for i, a in enumerate(sizes) for b in sizes[i + 1 :])
-    write_space(out, ScenarioInfo(scenario, body.label, body.description, pairs, body.town.fingerprint), space)
-    progress(1, 1, f"{len(space)} variables, {pairs} pairs")
+    write_space(job.output("space"), ScenarioInfo(name, body.label, body.description, pairs, body.town.fingerprint), space)
+    job.progress(1, 1, f"{len(space)} variables, {pairs} pairs")

@@ -6,38 +6,46 @@ find the pedestrian. The thesis threw such images out by eye; here measured visi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
-
 import pandas as pd
 
 from pipeline.artefacts.filter_table import read_overrules, write_filter
 from pipeline.artefacts.tables import read_frames
 from pipeline.config.schema import Config
-from pipeline.learning.frame_filter import (
-    judge,
-    near_duplicates,
-    overrule,
-    thin,
+from pipeline.contract import Job, Step, Wildcards
+
+
+def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
+    """Which campaigns there are matters only to a person's table, which may name frames of any of them."""
+    known = ("search", "strategies", "adaptive", "retraining.rounds", "retraining.seeds") if config.filter.overrules else ()
+    return ("filter", *known)
+
+
+STEP = Step(
+    "Decide which campaign frames may be learnt from.",
+    reads=lambda folders, wildcards: {
+        "frames": folders.search("frames.parquet", strategy=wildcards["strategy"], version=wildcards["version"]),
+        "overrules": folders.overrules,
+    },
+    writes=lambda folders: {"table": f"{folders.root}/{{kind}}/{{strategy}}/{{version}}.csv"},
+    sections=_sections,
+    wildcards={"kind": "filter|retrained/filter"},
 )
-from pipeline.progress import OnProgress
 
 
-def run(config: Config, *, frames: Sequence[Path], out: Path, progress: OnProgress) -> None:
-    """Judge every kept frame of one strategy's campaigns and write the table.
-
-    frames: frames.parquet of each campaign, all against one version.
+def run(job: Job) -> None:
+    """Judge every kept frame of one strategy's campaigns against a version and write the table.
 
     Raises InputError, naming the row, if a person's table (`filter.overrules`) overrules a frame that does not exist.
     """
-    tables = []
+    from pipeline.learning.frame_filter import judge, near_duplicates, overrule, thin
+
+    config, tables, frames = job.config, [], job.inputs("frames")
     for done, path in enumerate(frames, 1):
         rows = read_frames(path)
         judged = judge(rows, config.filter.min_visible_pixels, config.filter.min_detectability)
         tables.append(thin(judged, near_duplicates(rows, judged["kept"].to_numpy(bool))))
-        progress(done, len(frames), "/".join(path.parts[-5:-1]))
+        job.progress(done, len(frames), "/".join(path.parts[-5:-1]))
     table = pd.concat(tables, ignore_index=True)
-    if config.filter.overrules is not None:
-        path = Path(config.filter.overrules)
+    for path in job.inputs("overrules"):
         table = overrule(table, read_overrules(path), config.search, config.searched, path)
-    write_filter(out, table)
+    write_filter(job.output("table"), table)

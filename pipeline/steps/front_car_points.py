@@ -1,23 +1,27 @@
-"""Step `front-car-points`: random points, then proposals until every feasible cell is covered (Cheng et al., section 5)."""
+"""Step `front_car_points`: random points, then proposals until every feasible cell is covered (Cheng et al., section 5)."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 
 from pipeline.artefacts.front_car_results import CoveredPoint, Points
 from pipeline.artefacts.results import write
-from pipeline.config.schema import Config
-from pipeline.core.coverage.projection import projection_coverage
-from pipeline.core.coverage.proposals import Proposer
+from pipeline.contract import Job, Step
 from pipeline.errors import InputError
-from pipeline.progress import Progress
+
+STEP = Step(
+    "Draw random points of the front-car domain and propose points to full coverage.",
+    writes=lambda folders: {"points": f"{folders.root}/points.json"},
+    sections=("front_car.space", "front_car.k", "front_car.existing", "front_car.seed"),
+)
 
 
-def run(config: Config, *, out: Path, progress: Progress) -> None:
+def run(job: Job) -> None:
     """Write points.json: E1, E2, ... drawn without replacement, then G1, G2, ... proposed."""
-    settings = config.front_car
+    from pipeline.core.coverage.projection import projection_coverage
+    from pipeline.core.coverage.proposals import Proposer
+
+    settings = job.config.front_car
     space, constraints, feasible = settings.space.space(), settings.space.clauses(), settings.space.feasible_points()
     if settings.existing > len(feasible):
         raise InputError(f"front_car.existing must be at most {len(feasible)}, the number of feasible points; got {settings.existing}")
@@ -32,5 +36,5 @@ def run(config: Config, *, out: Path, progress: Progress) -> None:
         values = {name: str(value) for name, value in space.decode(space.representatives(points[i : i + 1])[0]).items()}
         name = f"E{i + 1}" if i < settings.existing else f"G{i + 1 - settings.existing}"
         named.append(CoveredPoint(name=name, values=values, covered=coverage.covered))
-        progress(i + 1, len(points), f"{name}: {coverage.covered} of {required} cells")
-    write(out, Points(k=settings.k, existing=settings.existing, required=required, points=tuple(named)))
+        job.progress(i + 1, len(points), f"{name}: {coverage.covered} of {required} cells")
+    write(job.output("points"), Points(k=settings.k, existing=settings.existing, required=required, points=tuple(named)))

@@ -1,4 +1,4 @@
-"""Step `front-car-snapshots`: renders the snapshots that a detector learns from, or is tested on, with their segmentation."""
+"""Step `front_car_snapshots`: renders the snapshots that a detector learns from, or is tested on, with their segmentation."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.artefacts.dataset import Record, Split, remove_leftovers, write_classes, write_image, write_truth
+from pipeline.artefacts.dataset import Record, Split, move_dataset, remove_leftovers, write_classes, write_image, write_truth
 from pipeline.artefacts.files import write_json
 from pipeline.artefacts.front_car_results import Points
 from pipeline.artefacts.results import read
 from pipeline.config.schema import Config
+from pipeline.contract import Job, Step
 from pipeline.execution.pool import render_pool
-from pipeline.progress import Progress
 
 TOWNS = 3
 """Towns of each kind of street; the tests have their own."""
@@ -21,16 +21,32 @@ LEARNING, TESTING = 0, 1
 """Streams of random numbers: what is learnt from and what is tested on share none."""
 Shot = tuple[dict[str, str], tuple[int, ...], Split, int]
 """Point, seed, split, index of the image."""
-Job = tuple[int, list[Shot], dict[str, Any], Path]
+TownJob = tuple[int, list[Shot], dict[str, Any], Path]
 
 
-def run(config: Config, *, points: Path, version: str, out: Path, threads: int, progress: Progress) -> None:
-    """Write a data set beside `out`, its truth.coco.json, and segments/ with classes.json.
+STEP = Step(
+    "Render the snapshots of some points.",
+    reads=lambda folders, wildcards: {"points": f"{folders.root}/points.json"},
+    writes=lambda folders: {
+        **folders.written_dataset("snapshots/{version}"),
+        "segments": f"{folders.root}/snapshots/{{version}}/segments/",
+    },
+    sections=(
+        *("front_car.space", "front_car.seed", "front_car.images", "front_car.validation_share", "front_car.test_images"),
+        "simulator",
+    ),
+    wildcards={"version": "existing|covered|test"},
+    parallel=True,
+)
 
-    version: `existing` renders the random points alone, `covered` all points, both the same number of snapshots; `test` renders every
-    feasible point in other towns, as validation images.
+
+def run(job: Job) -> None:
+    """Write a data set and its segmentations.
+
+    Of the versions, `existing` renders the random points alone, `covered` all points, both the same number of snapshots; `test` renders
+    every feasible point in other towns, as validation images.
     """
-    known = read(points, Points)
+    config, known, version, root = job.config, read(job.input("points"), Points), job.wildcards["version"], job.scratch
     if version == "test":
         space = config.front_car.space.space()
         shown = [space.decode(row.astype(float)) for row in config.front_car.space.feasible_points()]
@@ -40,18 +56,19 @@ def run(config: Config, *, points: Path, version: str, out: Path, threads: int, 
         shown = [dict(point.values) for point in chosen]
         each, more = divmod(config.front_car.images, len(shown))
         counts, share, stream = [each + (i < more) for i in range(len(shown))], config.front_car.validation_share, LEARNING
-    jobs = _jobs(config, shown, counts, share, stream, out.parent)
+    jobs = _jobs(config, shown, counts, share, stream, root)
     records: list[Record] = []
     total = sum(counts)
-    with render_pool(min(threads, len(jobs))) as pool:
+    with render_pool(min(job.threads, len(jobs))) as pool:
         for done, rendered in enumerate(pool.imap(_render, jobs), 1):
             records += rendered
-            progress(len(records), total, f"town {done} of {len(jobs)}")
-    remove_leftovers(out.parent, records)
-    write_truth(out.parent, records, category="forward vehicle")
+            job.progress(len(records), total, f"town {done} of {len(jobs)}")
+    remove_leftovers(root, records)
+    write_truth(root, records, category="forward vehicle")
+    move_dataset(root, job.output("truth").parent)
 
 
-def _jobs(config: Config, shown: list[Any], counts: list[int], share: float, stream: int, root: Path) -> list[Job]:
+def _jobs(config: Config, shown: list[Any], counts: list[int], share: float, stream: int, root: Path) -> list[TownJob]:
     """One job a town; each point's snapshots go round the towns of its kind of street."""
     space, seed = config.front_car.space.space(), config.front_car.seed
     towns: dict[tuple[int, int, int], list[Shot]] = {}
@@ -69,7 +86,7 @@ def _jobs(config: Config, shown: list[Any], counts: list[int], share: float, str
     ]
 
 
-def _render(job: Job) -> list[Record]:
+def _render(job: TownJob) -> list[Record]:
     """Render and write the snapshots of one town."""
     from pipeline.simulators.mujoco.lens import CameraSettings
     from pipeline.simulators.mujoco.snapshots import CLASSES, snapshots  # Needs a GL library, which the parent process does not.

@@ -1,46 +1,42 @@
-"""Step `measure`: how well each strategy finds failures (thesis sections 4.3 and 6.1), with intervals over seeds."""
+"""Step `measure`: what each search campaign found: failures, F-, F_n- and C_n-measure, coverage (thesis section 4.3)."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
-
-import pandas as pd
-
-from pipeline.analysis.measures import (
-    PROJECTION_K,
-    Key,
-    _by_strategy,
-    campaign_key,
-    measure_campaign,
-    summarise,
-    theta_table,
-)
 from pipeline.artefacts.files import write_bytes
 from pipeline.artefacts.results import Measures, write
 from pipeline.artefacts.scenario_space import read_space
 from pipeline.artefacts.tables import read_tests
-from pipeline.config.schema import Config
-from pipeline.progress import OnProgress
+from pipeline.contract import Job, Step
+
+STEP = Step(
+    "Measure the search campaigns.",
+    reads=lambda folders, wildcards: {
+        "spaces": folders.spaces(folders.config.search),
+        "tests": folders.search("tests.parquet"),
+    },
+    writes=lambda folders: {"measures": f"{folders.root}/measures.json", "theta": f"{folders.root}/theta.csv"},
+    sections=("strategies", "comparison.confidence"),
+)
 
 
-def run(config: Config, *, tests: Sequence[Path], spaces: Sequence[Path], out: Path, theta: Path, progress: OnProgress) -> None:
-    """Measure the search campaigns and write measures.json and, for plots, theta.csv.
-
-    tests: tests.parquet of each campaign. spaces: space/<scenario>.json. The first strategy of the config is the baseline of C_n.
+def run(job: Job) -> None:
+    """Measure the campaigns and write measures.json and, for plots, theta.csv; the first strategy of the config is the baseline of C_n.
 
     Raises InputError for a campaign without its space or its baseline of the same seed.
     """
-    baseline, confidence = config.strategies[0], config.comparison.confidence
-    known = {info.name: space for info, space in map(read_space, spaces)}
-    tables: dict[Key, pd.DataFrame] = {}
-    for path in tests:
+    from pipeline.analysis.measures import PROJECTION_K, _by_strategy, campaign_key, measure_campaign, summarise, theta_table
+
+    baseline, confidence = job.config.strategies[0], job.config.comparison.confidence
+    spaces = {info.name: space for info, space in map(read_space, job.inputs("spaces"))}
+    tables = {}
+    for path in job.inputs("tests"):
         table = read_tests(path).sort_values("index")
         tables[campaign_key(table, path)] = table
     measured = []
     for done, key in enumerate(tables, 1):
-        measured.append(measure_campaign(key, tables, known, baseline))
-        progress(done, len(tables), "/".join(map(str, key)))
+        measured.append(measure_campaign(key, tables, spaces, baseline))
+        job.progress(done, len(tables), "/".join(map(str, key)))
     groups = tuple(summarise(group, confidence) for group in _by_strategy(measured))
-    write(out, Measures(confidence=confidence, k=PROJECTION_K, baseline=baseline, campaigns=tuple(measured), strategies=groups))
-    write_bytes(theta, theta_table(measured).to_csv(index=False, lineterminator="\n").encode())
+    measures = Measures(confidence=confidence, k=PROJECTION_K, baseline=baseline, campaigns=tuple(measured), strategies=groups)
+    write(job.output("measures"), measures)
+    write_bytes(job.output("theta"), theta_table(measured).to_csv(index=False, lineterminator="\n").encode())

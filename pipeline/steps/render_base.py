@@ -2,41 +2,48 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 from typing import Any
 
-from pipeline.artefacts.dataset import Record, Split, remove_leftovers, write_image, write_truth
+from pipeline.artefacts.dataset import Record, Split, move_dataset, remove_leftovers, write_image, write_truth
 from pipeline.artefacts.files import program_sha256, read_json, write_json
-from pipeline.config.schema import Config
+from pipeline.config.schema import held_out_towns
+from pipeline.contract import Job, Step
 from pipeline.core.truth import Truth
 from pipeline.execution.pool import render_pool
-from pipeline.progress import OnProgress
 from pipeline.scenarios.streets import Town
 
 SHARD_IMAGES = 100
 """Images a town: few, so that a base set shows many towns and a kill loses little."""
 
+STEP = Step(
+    "Render the random base training set.",
+    writes=lambda folders: folders.written_dataset("base_set"),
+    sections=lambda config, wildcards: ("base_set", "simulator", *held_out_towns(config)),
+    parallel=True,
+)
 
-def run(config: Config, *, out: Path, threads: int, progress: OnProgress) -> None:
-    """Render `base_set.images` random scenes into a YOLO and COCO data set beside `out`, its truth.coco.json.
 
-    The last `validation_share` of each town's images validates. The images depend on the config alone, not on `threads`.
+def run(job: Job) -> None:
+    """Render `base_set.images` random scenes into a YOLO and COCO data set.
+
+    The last `validation_share` of each town's images validates. The images depend on the config alone, not on the threads.
     """
-    images, seed, root = config.base_set.images, config.base_set.seed, out.parent
-    camera = config.simulator.get("camera", {})
+    config, root = job.config, job.scratch
+    images = config.base_set.images
     shards = [(shard, min(SHARD_IMAGES, images - shard * SHARD_IMAGES)) for shard in range(-(-images // SHARD_IMAGES))]
+    camera = config.simulator.get("camera", {})
     held_out = {name: config.scenarios[name].town for name in config.held_out}
     program = program_sha256()
-    jobs = [(shard, count, seed, config.base_set.validation_share, camera, held_out, root, program) for shard, count in shards]
+    jobs = [(*shard, config.base_set.seed, config.base_set.validation_share, camera, held_out, root, program) for shard in shards]
     records: list[Record] = []
-    with render_pool(min(threads, len(jobs))) as pool:
+    with render_pool(min(job.threads, len(jobs))) as pool:
         for done, shard_records in enumerate(pool.imap(_render_shard, jobs), 1):
             records += shard_records
-            progress(len(records), images, f"town {done} of {len(jobs)}")
+            job.progress(len(records), images, f"town {done} of {len(jobs)}")
     remove_leftovers(root, records)
     write_truth(root, records)
-    shutil.rmtree(_shard_file(root, 0).parent)
+    move_dataset(root, job.output("truth").parent)
 
 
 def _shard_file(out: Path, shard: int) -> Path:

@@ -2,66 +2,82 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
-
-import torch
-
 from pipeline.artefacts.dataset import read_dataset
 from pipeline.artefacts.files import sha256
-from pipeline.config.schema import Config
+from pipeline.artefacts.folders import Folders
+from pipeline.config.schema import Config, Retraining, held_out_towns
+from pipeline.contract import Files, Job, Step, Wildcards
 from pipeline.core.lineage import Version
-from pipeline.learning import leakage
-from pipeline.learning.added_frames import Source, _fit, _taken, choose, read_added
-from pipeline.learning.versions import write_version
-from pipeline.progress import Progress
 
 
-def run(
-    config: Config,
-    *,
-    version: str,
-    base_set: Path,
-    parent: Path,
-    spaces: Sequence[Path],
-    random_filters: Sequence[Path],
-    random_frames: Sequence[Path],
-    adaptive_filters: Sequence[Path],
-    adaptive_frames: Sequence[Path],
-    out: Path,
-    checkpoint: Path,
-    threads: int,
-    progress: Progress,
-) -> None:
-    """Retrain and write weights.safetensors, model.onnx and `out`, the version's model.json.
+def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
+    version = wildcards["version"]
+    files: dict[str, Files] = {
+        **folders.dataset("base_set"),
+        "parent": folders.parent(version, "model.json"),
+        "weights": folders.parent(version, "weights.safetensors"),
+        "spaces": folders.spaces(folders.config.search),
+    }
+    for source in ("random", "adaptive"):
+        files[f"{source}_filters"] = folders.added_filters(version, source)
+        files |= {f"{source}_{name}": folders.added(version, source, f"{name}.parquet") for name in ("frames", "tests")}
+    return files
 
-    parent: model.json of the version before. spaces: of the searched scenarios. The tables and frames of both sources, because both
-    versions get the same number of added frames; none for a control. checkpoint: file that a training which was killed goes on from.
+
+def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
+    """One more round or seed makes further versions and leaves the present ones as they are; training only where it is from scratch."""
+    own = [f"retraining.{name}" for name in Retraining.model_fields if name not in ("seeds", "rounds")]
+    seed = ["retraining.seeds.0"] if Version.named(wildcards["version"]).seed is None else []
+    scratch = ["training"] if config.retraining.start == "scratch" else []
+    return (*own, *seed, *scratch, "regions", "detector", *held_out_towns(config))
+
+
+STEP = Step(
+    "Retrain a model version on the base set and campaign frames.",
+    reads=_reads,
+    writes=lambda folders: folders.version("{version}"),
+    sections=_sections,
+    parallel=True,
+)
+
+
+def run(job: Job) -> None:
+    """Retrain and write the weights, the ONNX file, the training's curve and the card of the version.
+
+    Both sources are read, because both versions get the same number of added frames; a control gets none. A training that was killed
+    resumes from its checkpoint.
     """
-    torch.set_num_threads(threads)
-    settings, described = config.retraining, Version.named(version)
-    seed = settings.seeds[0] if described.seed is None else described.seed
-    towns = leakage.refuse_towns(config, base_set, spaces, parent)
-    base = read_dataset(base_set.parent, "train")
-    weights = parent.with_name("weights.safetensors")
-    validation = read_dataset(base_set.parent, "val")
+    import torch
+
+    from pipeline.learning import leakage
+    from pipeline.learning.added_frames import Source, _fit, _taken, choose, read_added
+    from pipeline.learning.versions import write_version
+
+    torch.set_num_threads(job.threads)
+    config, described = job.config, Version.named(job.wildcards["version"])
+    seed = config.retraining.seeds[0] if described.seed is None else described.seed
+    truth, weights, checkpoint = job.input("truth"), job.input("weights"), job.scratch / "checkpoint.pt"
+    towns = leakage.refuse_towns(config, truth, job.inputs("spaces"), job.input("parent"))
+    base, validation = (read_dataset(truth.parent, split) for split in ("train", "val"))
     added = None
     if described.kind != "control":
-        sources = {"random": Source(random_filters, random_frames), "adaptive": Source(adaptive_filters, adaptive_frames)}
-        chosen = choose(config, sources, described, spaces, seed)
+        sources = {
+            name: Source(*(job.inputs(f"{name}_{kind}") for kind in ("filters", "frames", "tests"))) for name in ("random", "adaptive")
+        }
+        chosen = choose(config, sources, described, job.inputs("spaces"), seed)
         added = read_added(chosen, sources[described.kind].frames)
         leakage.refuse_frames(config.held_out, chosen["test_id"].tolist(), added, validation)
     data = {"base_set": base.digest, "parent": sha256(weights)} | ({} if added is None else {"added": added.digest})
     # The same batches once more would teach a second round nothing new.
     stream = (seed,) if described.round == 1 else (seed, described.round)
-    fitted = _fit(config, weights, base, added, validation, stream, data, checkpoint, threads, progress)
+    fitted = _fit(config, weights, base, added, validation, stream, data, checkpoint, job.threads, job.progress)
     training = _taken(config) | {"seed": seed, "round": described.round, "base_images": len(base)}
     write_version(
         config,
         fitted,
         validation,
-        out,
-        version=version,
+        job.output("card"),
+        version=str(described),
         parent=str(described.parent),
         data=data,
         training=training | {"added_frames": 0 if added is None else len(added)},

@@ -2,48 +2,56 @@
 
 from __future__ import annotations
 
-import subprocess
-from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
-import pandas as pd
-
-from pipeline.analysis.measures import campaign_key, count_modes
-from pipeline.artefacts.model_card import ModelCard, read_card, read_curve
-from pipeline.artefacts.results import CampaignMeasures, Comparison, Measures, TrackedRun, Tracking, VersionResult, read, write
-from pipeline.artefacts.tables import read_tests
+from pipeline.artefacts.folders import Folders
+from pipeline.artefacts.results import Comparison, Measures, TrackedRun, Tracking, read, write
 from pipeline.config.schema import Config
-from pipeline.core.measures import failure_sequence
-from pipeline.progress import OnProgress
-from pipeline.report.verdict import verdict_table
-from pipeline.tracking.champion import successor
-from pipeline.tracking.store import Content, DataSet, Registration, Tracker
+from pipeline.contract import Files, Job, Step, Wildcards
 
-CHAMPION, WEIGHTS = "champion", "weights_sha256"
+STORE, ARTIFACTS = Path("data/mlflow/mlflow.db"), Path("data/mlflow/artifacts")
+"""Where runs are logged without MLFLOW_TRACKING_URI."""
 
 
-def run(
-    config: Config,
-    *,
-    models: Sequence[Path],
-    measures: Path,
-    comparison: Path,
-    campaigns: Sequence[Path],
-    plots: Sequence[Path],
-    store: Path,
-    artifacts: Path,
-    out: Path,
-    progress: OnProgress,
-) -> None:
-    """Log the study and write tracking.json; logging it again changes nothing.
+def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
+    campaigns = [*folders.search("tests.parquet"), *folders.later_search("tests.parquet"), *folders.held_out("tests.parquet")]
+    return {
+        "measures": f"{folders.root}/measures.json",
+        "comparison": f"{folders.root}/comparison.json",
+        "campaigns": campaigns,
+        "plots": folders.plots,
+        "models": folders.models("model.json"),
+        "model_files": [path for name in ("weights.safetensors", "model.onnx", "curve.csv") for path in folders.models(name)],
+    }
 
-    models: model.json of each version, its other files beside it. campaigns: tests.parquet of the search and of the comparison.
-    plots: PNGs, logged with the comparison and with each version. store: SQLite file. artifacts: folder.
-    """
-    measured, compared = read(measures, Measures), read(comparison, Comparison)
+
+def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
+    """A study's run lists all parameters but the bodies of scenarios, which are long."""
+    return tuple(name for name in Config.model_fields if name not in ("scenarios", "front_car"))
+
+
+STEP = Step(
+    "Log everything to MLflow and register the model versions.",
+    reads=_reads,
+    writes=lambda folders: {"tracking": f"{folders.root}/tracking.json"},
+    sections=_sections,
+    environment=("MLFLOW_TRACKING_URI",),
+)
+
+
+def run(job: Job) -> None:
+    """Log the study and write tracking.json; logging it again changes nothing."""
+    from pipeline.analysis.measures import campaign_key
+    from pipeline.artefacts.model_card import read_card
+    from pipeline.artefacts.tables import read_tests
+    from pipeline.report.verdict import verdict_table
+    from pipeline.tracking.contents import campaign_content, comparison_content, git_commit, point_champion, registration_of, study_content
+    from pipeline.tracking.store import Tracker
+
+    config, campaigns, models, plots = job.config, job.inputs("campaigns"), job.inputs("models"), job.inputs("plots")
+    measured, compared = read(job.input("measures"), Measures), read(job.input("comparison"), Comparison)
     by_campaign = {(c.scenario, c.strategy, c.version, c.seed): c for c in measured.campaigns}
-    tracker = Tracker(store, artifacts, config.tracking.experiment, {"mlflow.source.git.commit": git_commit()})
+    tracker = Tracker(STORE, ARTIFACTS, config.tracking.experiment, {"mlflow.source.git.commit": git_commit()})
     study = study_content(config)
     parent = tracker.log(study)
     contents, steps = [study], 2 + len(campaigns) + len(models)
@@ -53,8 +61,8 @@ def run(
         key = campaign_key(tests, path)
         contents.append(campaign_content(config.study, tests, by_campaign.get(key), path))
         runs.setdefault(key[2], {})[tracker.log(contents[-1], parent)] = contents[-1].name
-        progress(done, steps, contents[-1].name)
-    contents.append(comparison_content(config.study, compared, comparison, plots))
+        job.progress(done, steps, contents[-1].name)
+    contents.append(comparison_content(config.study, compared, job.input("comparison"), plots))
     compared_run = tracker.log(contents[-1], parent)
     versions, numbers, weights = [], {}, {}
     for done, path in enumerate(models, len(campaigns) + 2):
@@ -65,138 +73,18 @@ def run(
         numbers[card.version], weights[card.version] = number, card.weights_sha256
         contents.append(registration.content)
         versions.append(run_id)
-        progress(done, steps, registration.content.name)
+        job.progress(done, steps, registration.content.name)
     alias = point_champion(tracker, config.tracking.model_name, compared, numbers, weights)
-    progress(steps, steps, alias)
-    text = "\n".join([f"{alias[0].upper()}{alias[1:]}.\n", "```", verdict_table(compared, comparison.with_name("report.html")), "```"])
+    job.progress(steps, steps, alias)
+    text = "\n".join(
+        [f"{alias[0].upper()}{alias[1:]}.\n", "```", verdict_table(compared, job.input("comparison").with_name("report.html")), "```"]
+    )
     for run_id in (parent, compared_run):
         tracker.describe(run_id, text, versions)
     tracked = tuple(TrackedRun(name=c.name, kind=c.kind, digest=c.digest) for c in contents)
     failures = {result.version: result.failures for result in compared.versions}
     name = config.tracking.model_name
-    write(out, Tracking(experiment=config.tracking.experiment, model=name, runs=tracked, failures=failures, champion=compared.champion))
-
-
-def point_champion(tracker: Tracker, model: str, compared: Comparison, numbers: Mapping[str, str], weights: Mapping[str, str]) -> str:
-    """Let the alias `champion` follow the comparison, and say what became of it.
-
-    numbers, weights: number of the registered version, and SHA-256 of the weights, of each version. A holder of another study is one of
-    these versions if it has the weights of one: the shipped detector is every study's base.
-    """
-    number = tracker.aliases(model).get(CHAMPION)
-    if number is None:
-        tracker.set_alias(model, CHAMPION, numbers[compared.champion])
-        return f"champion is {compared.champion}, the first"
-    own = tracker.tags(model, number).get(WEIGHTS)
-    same = [version for version in weights if numbers[version] == number] or [v for v, digest in weights.items() if digest == own]
-    version, why = successor(compared, same[0] if same else None)
-    if version is not None:
-        tracker.set_alias(model, CHAMPION, numbers[version])
-    return why
-
-
-def study_content(config: Config) -> Content:
-    """The study as the run above all others; its parameters are params.yaml's, without the scenarios' bodies, which are long."""
-    plain = {key: value for key, value in config.model_dump(mode="json").items() if key not in ("scenarios", "front_car")}
-    return Content(name=config.study, kind="study", params=dict(_flat(plain)))
-
-
-def _flat(plain: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
-    for key, value in plain.items():
-        if isinstance(value, dict):
-            yield from _flat(value, f"{prefix}{key}.")
-        else:
-            yield f"{prefix}{key}", " ".join(map(str, value)) if isinstance(value, list) else str(value)
-
-
-def campaign_content(study: str, tests: pd.DataFrame, measured: CampaignMeasures | None, path: Path) -> Content:
-    """One campaign as a run: failures by mode, Θ as a series, the measures if it was a search, the table itself."""
-    scenario, strategy, version, seed = campaign_key(tests, path)
-    theta = failure_sequence(tests.sort_values("index")["failure"].to_numpy(bool))
-    modes = count_modes(tests)
-    metrics = {"tests": len(tests), "errors": int((tests["status"] != "ok").sum()), "failures": modes.total}
-    metrics |= {"failures_by_ttc": modes.by_ttc, **{f"failures_{mode}": count for mode, count in modes}}
-    if measured is not None:
-        names = ("f_measure", "f_n", "c_measure", "pair_coverage_tests", "pair_coverage_failures", "projection_coverage")
-        metrics |= {name: value for name in names if (value := getattr(measured, name)) is not None}
-    return Content(
-        name=f"{study}/{scenario}/{strategy}/{version}/{seed}",
-        kind="campaign",
-        params={"study": study, "scenario": scenario, "strategy": strategy, "version": version, "seed": str(seed)},
-        metrics={name: float(value) for name, value in metrics.items()},
-        series={"failures_found": [(position, float(count)) for position, count in enumerate(theta, 1)]},
-        files=[path],
+    write(
+        job.output("tracking"),
+        Tracking(experiment=config.tracking.experiment, model=name, runs=tracked, failures=failures, champion=compared.champion),
     )
-
-
-def comparison_content(study: str, comparison: Comparison, path: Path, plots: Sequence[Path]) -> Content:
-    """The comparison as a run, metrics `<name>.<version>`; path: its comparison.json."""
-    metrics = {f"{name}.{r.version}": value for r in comparison.versions for name, value in version_metrics(r).items()}
-    params = {"study": study, "strategy": comparison.strategy, "scenarios": " ".join(comparison.scenarios)}
-    params |= {"sequence": comparison.sequence_digest[:16], "alpha": str(comparison.alpha), "champion": comparison.champion}
-    data = [DataSet("held_out", comparison.sequence_digest, f"data/{study}/held_out", "evaluation")]
-    return Content(name=f"{study}/comparison", kind="comparison", params=params, metrics=metrics, files=[path], pictures=plots, data=data)
-
-
-def version_metrics(result: VersionResult) -> dict[str, float]:
-    """A version's numbers on the held-out sequence; `failures.<scenario>` beside the total."""
-    metrics = {"failures": result.failures, "failures_by_ttc": result.modes.by_ttc, "tests": result.tests, "errors": result.errors}
-    metrics |= {f"failures.{scenario}": count for scenario, count in failures_by_scenario(result).items()}
-    rates = {"failure_rate": result.rate.value}
-    if result.paired is not None:
-        rates |= {"p_value_against_base": result.paired.p_value, "change_against_base": float(result.change)}
-        metrics |= {"fixes": len(result.paired.fixes), "regressions": len(result.paired.regressions)}
-    return {**{name: float(value) for name, value in metrics.items()}, **rates}
-
-
-def failures_by_scenario(result: VersionResult) -> dict[str, int]:
-    """Failures of a version on each held-out scenario."""
-    return {name: part.failures for name, part in result.scenarios.items()}
-
-
-def registration_of(config: Config, card: ModelCard, path: Path, comparison: Comparison, plots: Sequence[Path]) -> Registration:
-    """A model version as it is registered; path: its model.json, the other files beside it."""
-    result = next(r for r in comparison.versions if r.version == card.version)
-    tags = {"study": config.study, "version": card.version, "verdict": result.verdict, "failures": str(result.failures)}
-    tags |= {"gate": comparison.gate[card.version], WEIGHTS: card.weights_sha256}
-    tags |= {"failures_by_ttc": str(result.modes.by_ttc), "tests": str(result.tests)}
-    tags |= {f"failures.{scenario}": str(count) for scenario, count in failures_by_scenario(result).items()}
-    return Registration(
-        model=config.tracking.model_name,
-        content=model_content(config, card, result, path, plots),
-        files=[file for name in ("weights.safetensors", "model.onnx", "model.json") if (file := path.with_name(name)).exists()],
-        tags=tags,
-        description=f"{card.version} of {config.study}: {result.failures} failures in {result.tests} held-out tests ({result.verdict}).",
-    )
-
-
-def model_content(config: Config, card: ModelCard, result: VersionResult, path: Path, plots: Sequence[Path]) -> Content:
-    """A model version as a run: parameters and curve of its training, the data it used, detection metrics and failures."""
-    params = {"version": card.version, "parent": card.parent or "none", "parameters": str(card.parameters), "seed": str(card.seed)}
-    params |= {f"training.{name}": str(value) for name, value in card.training.items()}
-    tags: Mapping[str, str] = {WEIGHTS: card.weights_sha256, **{f"data.{name}": digest for name, digest in card.data.items()}}
-    curve = path.with_name("curve.csv")
-    looks = read_curve(curve) if curve.exists() else []
-    series = {
-        f"training.{name}": [(look.iteration, getattr(look, name)) for look in looks]
-        for name in ("learning_rate", "loss_scores", "loss_boxes", "ap50")
-        if looks
-    }
-    study, later = config.study, card.training.get("round", 0) not in (0, 1)
-    shipped = card.parent is None and config.base.source == "shipped"
-    sets = {
-        "base_set": config.base.weights if shipped else f"data/{study}/base_set",
-        "added": f"data/{study}/campaigns" + (f" data/{study}/retrained/campaigns" if later else ""),
-    }
-    data = [DataSet(name, card.data[name], source, "training") for name, source in sets.items() if name in card.data]
-    results = version_metrics(result)
-    return Content(f"{study}/{card.version}", "model", params, card.metrics, series, tags, data=data, pictures=plots, results=results)
-
-
-def git_commit() -> str:
-    """The commit of the working directory, "unknown" outside a repository."""
-    try:
-        done = subprocess.run(["git", "rev-parse", "HEAD"], capture_output=True, text=True, check=False)
-    except FileNotFoundError:
-        return "unknown"
-    return done.stdout.strip() if done.returncode == 0 else "unknown"

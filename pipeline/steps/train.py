@@ -2,45 +2,59 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
-
-import torch
 
 from pipeline.artefacts.dataset import read_dataset
 from pipeline.artefacts.model_card import read_card, read_curve
-from pipeline.config.schema import Config
-from pipeline.detectors.yolo.data import usable
-from pipeline.detectors.yolo.recipe import train_from_scratch
-from pipeline.detectors.yolo.training import Fitted
-from pipeline.detectors.yolo.weights import load_weights
-from pipeline.learning import leakage
-from pipeline.learning.versions import write_version
-from pipeline.progress import Progress
+from pipeline.config.schema import Config, held_out_towns
+from pipeline.contract import Job, Step, Wildcards
 
 
-def run(config: Config, *, base_set: Path, out: Path, checkpoint: Path, threads: int, progress: Progress) -> None:
-    """Write weights.safetensors, model.onnx, curve.csv and `out`, the version's model.json.
+def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
+    """Training parameters only where the base is trained."""
+    own = ("base", "training") if config.base.source == "trained" else ("base",)
+    return (*own, "detector", *held_out_towns(config))
 
-    base_set: truth.coco.json of the base set; its validation images give the metrics. checkpoint: file that a training which was killed
-    goes on from.
+
+STEP = Step(
+    "Train or adopt the base detector.",
+    reads=lambda folders, wildcards: folders.dataset("base_set") | folders.shipped,
+    writes=lambda folders: folders.version("base"),
+    sections=_sections,
+    parallel=True,
+)
+
+
+def run(job: Job) -> None:
+    """Write the weights, the ONNX file, the training's curve and the card of the base version.
+
+    The validation images of the base set give the metrics. A training that was killed resumes from its checkpoint.
     """
-    torch.set_num_threads(threads)
-    validation = read_dataset(base_set.parent, "val")
+    import torch
+
+    from pipeline.detectors.yolo.data import usable
+    from pipeline.detectors.yolo.recipe import train_from_scratch
+    from pipeline.detectors.yolo.training import Fitted
+    from pipeline.detectors.yolo.weights import load_weights
+    from pipeline.learning import leakage
+    from pipeline.learning.versions import write_version
+
+    torch.set_num_threads(job.threads)
+    config, truth, checkpoint = job.config, job.input("truth"), job.scratch / "checkpoint.pt"
+    validation = read_dataset(truth.parent, "val")
     if config.base.source == "shipped":
-        shipped = Path(config.base.weights)
-        fitted = Fitted(
-            load_weights(shipped / "weights.safetensors"), tuple(read_curve(curve)) if (curve := shipped / "curve.csv").exists() else ()
-        )
-        card = read_card(shipped / "model.json")
-        leakage.refuse_towns(config, base_set, [], shipped / "model.json")
+        fitted = Fitted(load_weights(job.input("shipped_weights")), tuple(read_curve(job.input("shipped_curve"))))
+        card = read_card(job.input("shipped_card"))
+        leakage.refuse_towns(config, truth, [], job.input("shipped_card"))
         history: dict[str, Any] = {"data": card.data, "training": card.training, "seed": card.seed, "towns": card.towns}
     else:
-        images, towns = read_dataset(base_set.parent, "train"), leakage.refuse_towns(config, base_set, [])
+        images, towns = read_dataset(truth.parent, "train"), leakage.refuse_towns(config, truth, [])
         settings = config.training.model_dump()
-        fitted = train_from_scratch(images, usable(images), validation, settings, checkpoint=checkpoint, threads=threads, progress=progress)
+        fitted = train_from_scratch(
+            images, usable(images), validation, settings, checkpoint=checkpoint, threads=job.threads, progress=job.progress
+        )
         taken = {"images": len(images), **settings}
         history = {"data": {"base_set": images.digest}, "training": taken, "seed": config.training.seed, "towns": towns}
-    write_version(config, fitted, validation, out, version="base", parent=None, **history)
+    write_version(config, fitted, validation, job.output("card"), version="base", parent=None, **history)
     checkpoint.unlink(missing_ok=True)
-    progress(1, 1, "evaluated")
+    job.progress(1, 1, "evaluated")

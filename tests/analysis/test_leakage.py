@@ -16,8 +16,8 @@ from pipeline.errors import InputError
 from pipeline.learning.leakage import refuse_frames, refuse_towns
 from pipeline.simulators.mujoco import random_scenes
 from pipeline.simulators.mujoco.lens import CameraSettings
-from tests.spaces import SMALL
 from tests.core.test_model_card import CARD
+from tests.spaces import SMALL
 
 
 def noise(count: int, seed: int) -> ImageSet:

@@ -1,0 +1,132 @@
+"""Where the files of a study lie: the layout of data/<study>, and which files the search, the rounds and the comparison consist of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from pipeline.config.schema import Config
+from pipeline.core.lineage import Version
+
+VERSION = {"card": "model.json", "weights": "weights.safetensors", "onnx": "model.onnx", "curve": "curve.csv"}
+"""The files of a model version."""
+
+
+@dataclass(frozen=True)
+class Folders:
+    """The files of one study, as paths relative to the working directory."""
+
+    config: Config
+
+    @property
+    def root(self) -> str:
+        """The folder of everything that the study makes."""
+        return f"data/{self.config.study}"
+
+    @property
+    def goals(self) -> list[str]:
+        """What the whole study is run for."""
+        made = {"report": ["report.html", "tracking.json"], "base": ["models/base/model.json"], "front_car": ["front_car.html"]}
+        return [f"{self.root}/{name}" for name in made[self.config.goal]]
+
+    @property
+    def plots(self) -> list[str]:
+        """The report's plots."""
+        each = [f"{kind}_{scenario}" for scenario in self.config.search for kind in ("kpi", "failures")]
+        rounds = ["rounds"] if self.config.retraining.rounds > 1 else []
+        names = ("theta", "coverage", "comparison", "detection", "histogram", "reliability", "border", *rounds, *each)
+        return [f"{self.root}/plots/{name}.png" for name in names]
+
+    @property
+    def shipped(self) -> dict[str, str]:
+        """The files of the shipped detector, where the base version is made of it."""
+        folder = self.config.base.weights
+        named = {f"shipped_{kind}": f"{folder}/{name}" for kind, name in VERSION.items() if kind != "onnx"}
+        return named if self.config.base.source == "shipped" else {}
+
+    @property
+    def overrules(self) -> list[str]:
+        """A person's table of overruled frames, if there is one."""
+        return [self.config.filter.overrules] if self.config.filter.overrules else []
+
+    def space(self, scenario: str) -> str:
+        """The scenario space of a scenario."""
+        return f"{self.root}/space/{scenario}.json"
+
+    def spaces(self, scenarios: Iterable[str]) -> list[str]:
+        """The scenario spaces of some scenarios."""
+        return [self.space(name) for name in scenarios]
+
+    def dataset(self, name: str) -> dict[str, str]:
+        """What is read of a data set: its truth, and the folder of its images."""
+        return {"truth": f"{self.root}/{name}/truth.coco.json", "images": f"{self.root}/{name}/images/"}
+
+    def written_dataset(self, name: str) -> dict[str, str]:
+        """All of a data set: the labels and names in YOLO's form, too."""
+        return {**self.dataset(name), "labels": f"{self.root}/{name}/labels/", "names": f"{self.root}/{name}/dataset.yaml"}
+
+    def version(self, version: str, folder: str | None = None) -> dict[str, str]:
+        """The files of a model version."""
+        root = folder or ("models" if version == "base" else "retrained/models")
+        return {kind: f"{self.root}/{root}/{version}/{name}" for kind, name in VERSION.items()}
+
+    def regions(self, version: str, scenario: str) -> str:
+        """The failure regions of a version on a scenario."""
+        return f"{self.root}/regions/{version}/{scenario}.json"
+
+    def search(self, name: str, scenario: str | None = None, strategy: str | None = None, version: str = "base") -> list[str]:
+        """The file `name` of the search campaigns against a version: of all, or of one scenario or strategy.
+
+        The campaigns of later rounds, which test retrained versions, lie with these versions.
+        """
+        config = self.config
+        scenarios, strategies = [scenario] if scenario else config.search, [strategy] if strategy else config.strategies
+        root = f"{self.root}/campaigns" if version == "base" else f"{self.root}/retrained/campaigns"
+        return [f"{root}/{a}/{b}/{version}/{seed}/{name}" for a in scenarios for b in strategies for seed in config.seeds]
+
+    def earlier(self, kind: str, scenario: str, strategy: str, version: str, seed: str) -> list[str]:
+        """The tests of the campaigns that a campaign knows: of the same version and seed, on the scenarios before its own."""
+        return [f"{self.root}/{kind}/{a}/{strategy}/{version}/{seed}/tests.parquet" for a in self.config.earlier(scenario, strategy)]
+
+    def later_search(self, name: str) -> list[str]:
+        """The file `name` of the campaigns that later rounds learn from: each kind's strategy against its earlier versions."""
+        sources = self.config.sources
+        tested = dict.fromkeys(v for version in self.config.versions for v in version.tested if v.kind in sources)
+        return [path for v in tested for path in self.search(name, strategy=sources[v.kind], version=str(v))]
+
+    def held_out(self, name: str) -> list[str]:
+        """The file `name` of the comparison's campaigns."""
+        config, chosen = self.config, self.config.comparison
+        root = f"{self.root}/held_out"
+        return [f"{root}/{a}/{chosen.strategy}/{version}/{chosen.seed}/{name}" for a in config.held_out for version in config.versions]
+
+    def feeding(self, version: str, source: Literal["random", "adaptive"]) -> list[Version]:
+        """The versions whose campaigns by the random or the adaptive strategy feed a version; none for a control."""
+        described = Version.named(version)
+        return [] if described.kind == "control" else [replace(v, kind=source) if v.round else v for v in described.tested]
+
+    def added(self, version: str, source: Literal["random", "adaptive"], name: str) -> list[str]:
+        """The file `name` of the campaigns of a source that feed a version."""
+        strategy = self.config.sources[source]
+        return [path for v in self.feeding(version, source) for path in self.search(name, strategy=strategy, version=str(v))]
+
+    def added_filters(self, version: str, source: Literal["random", "adaptive"]) -> list[str]:
+        """The filter tables of the campaigns of a source that feed a version."""
+        return [self.filter(self.config.sources[source], str(v)) for v in self.feeding(version, source)]
+
+    def filter(self, strategy: str, version: str = "base") -> str:
+        """The filter table of a strategy's campaigns against a version."""
+        return f"{self.root}/{'' if version == 'base' else 'retrained/'}filter/{strategy}/{version}.csv"
+
+    def model(self, version: str, name: str) -> str:
+        """The file `name` of a model version."""
+        return f"{self.root}/{'' if version == 'base' else 'retrained/'}models/{version}/{name}"
+
+    def parent(self, version: str, name: str) -> str:
+        """The file `name` of the version that a version is retrained from."""
+        return self.model(str(Version.named(version).parent), name)
+
+    def models(self, name: str) -> list[str]:
+        """The file `name` of every model version."""
+        return [self.model(str(version), name) for version in self.config.versions]

@@ -1,0 +1,26 @@
+"""Command `export-frames`: the kept frames of a campaign as YOLO, COCO and OpenLABEL."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from pipeline.config.composing import PARAMS, load
+
+HELP = "Write the kept frames of a campaign as YOLO, COCO and OpenLABEL."
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("frames", type=Path, help="frames.parquet of a campaign")
+    parser.add_argument("--out", type=Path, default=Path("frames"), help="folder (default: %(default)s)")
+    parser.add_argument("--params", type=Path, default=PARAMS, help="of the study, for its camera (default: %(default)s)")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the folder."""
+    from pipeline.artefacts.openlabel import export_frames
+
+    camera = load(options.params).simulator.get("camera", {})
+    count = export_frames(options.frames, options.out, float(camera.get("hfov_deg", 60)), float(camera.get("distortion", 0)))
+    print(f"{options.out}: {count} frames")
+    return 0

@@ -1,0 +1,84 @@
+"""Command `stages`: writes dvc.yaml, DVC's view of the study.
+
+A stage is a part of the study that Snakemake makes. What it depends on follows from the contracts of the steps in it. DVC may be coarse,
+because Snakemake decides within a stage which jobs are out of date.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from pipeline.config.composing import compose
+from pipeline.config.schema import FAN_OUT
+from pipeline.sources import sources
+from pipeline.workflow import STAGES, Plan, Target, flat, step_names, targets_in
+
+HELP = "Write dvc.yaml from the contracts of the steps."
+FILE = Path("dvc.yaml")
+HEADER = """# What DVC versions of a study. Made by `python -m pipeline stages`; change the steps' contracts, not this file.
+# Outputs persist: stamps beside them tell Snakemake what is out of date. params.yaml fills ${study}.
+"""
+VARIANTS = (["retraining.rounds=2"], ["base.source=trained", "retraining.start=scratch"])
+"""Overrides under which together every file and section of a study is used."""
+METRICS, PLOTS = ("metrics.json",), {"theta.csv": {"x": "tests", "title": "Failures found"}, "plots": {}}
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--out", type=Path, default=FILE, help="default: %(default)s")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the file."""
+    options.out.write_text(text())
+    print(options.out)
+    return 0
+
+
+def text() -> str:
+    """The text of dvc.yaml."""
+    plans = [Plan(compose("default", overrides), step_names()) for overrides in VARIANTS]
+    body: str = yaml.safe_dump({"stages": {name: _stage(name, plans) for name in STAGES}}, sort_keys=False, width=140)
+    return HEADER + body
+
+
+def _stage(name: str, plans: Iterable[Plan]) -> dict[str, Any]:
+    code: set[str] = set()
+    deps: set[str] = set()
+    params = set(FAN_OUT)
+    for plan in plans:
+        for target, _ in plan.parts[name]:
+            keys, files = _depends(plan, target)
+            deps |= {_root(plan, path) for path in files}
+            params |= {key.split(".")[0] if key.startswith(("scenarios.", "samplers.")) else key for key in keys}
+            modules = {f"pipeline.steps.{target.step}", *targets_in([plan.value(key) for key in keys])}
+            code |= {path for module in modules for path in sources(module)}
+    below = [f"data/${{study}}/{root}" for root in STAGES[name]]
+    shown = {root: {f"data/${{study}}/{root}": {"persist": True, **PLOTS.get(root, {})}} for root in STAGES[name]}
+    stage: dict[str, Any] = {"cmd": f"snakemake {name}", "deps": [*sorted(deps - set(below)), *sorted(code)], "params": _least(params)}
+    stage["outs"] = [shown[root] for root in STAGES[name] if root not in (*METRICS, *PLOTS)]
+    stage |= {"metrics": [shown[root] for root in STAGES[name] if root in METRICS]}
+    stage |= {"plots": [shown[root] for root in STAGES[name] if root in PLOTS]}
+    return {key: value for key, value in stage.items() if value}
+
+
+def _depends(plan: Plan, target: Target) -> tuple[tuple[str, ...], list[str]]:
+    """The keys and the files that a job depends on."""
+    step, wildcards = plan.contracts[target.step], dict(target.wildcards)
+    return step.depends(plan.config, wildcards), flat(step.reads(plan.folders, wildcards))
+
+
+def _root(plan: Plan, path: str) -> str:
+    """What DVC tracks a file by: the top file or folder of the study, or the folder of something from outside."""
+    below = path.removeprefix(f"{plan.folders.root}/")
+    return str(Path(path).parent) if below == path else f"data/${{study}}/{below.split('/')[0]}"
+
+
+def _least(keys: Iterable[str]) -> list[str]:
+    """Without the keys that lie in a section that is among them."""
+    known = set(keys)
+    return sorted(key for key in known if not any(key.startswith(f"{other}.") for other in known))

@@ -1,0 +1,31 @@
+"""Command `verdict`: what a study came to."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from pipeline.artefacts.folders import Folders
+from pipeline.config.composing import PARAMS, load
+
+HELP = "Print the table of the comparison."
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--comparison", type=Path, help="comparison.json (default: that of the study in params.yaml)")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Print the table; for a study without a comparison, where its results are."""
+    from pipeline.artefacts.results import Comparison, read
+    from pipeline.report.verdict import verdict_table
+
+    comparison: Path | None = options.comparison
+    if comparison is None:
+        folders = Folders(load(PARAMS))
+        if folders.config.goal != "report":
+            print(f"Look next: {', '.join(folders.goals)}")
+            return 0
+        comparison = Path(folders.root, "comparison.json")
+    print(verdict_table(read(comparison, Comparison), comparison.with_name("report.html")))
+    return 0

@@ -1,0 +1,24 @@
+"""Command `versions`: the registered model versions."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+HELP = "Print the registered model versions with their failures."
+COLUMNS = ("model", "number", "version", "study", "failures", "failures_by_ttc", "tests", "verdict", "alias")
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--store", type=Path, default=Path("data/mlflow/mlflow.db"), help="MLflow's database (default: %(default)s)")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Print a row for each version."""
+    from pipeline.tracking.store import registered
+
+    rows = [COLUMNS, *(tuple(row.get(name, "") for name in COLUMNS) for row in registered(options.store))]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+    return 0

@@ -1,0 +1,41 @@
+"""The part of a study's configuration that a step declares: what it does not declare, it cannot read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from pydantic import BaseModel
+
+from pipeline.config.schema import Config
+
+Tree = dict[str, "Tree"]
+
+
+def value_at(plain: Any, key: str) -> Any:
+    """The value at a dotted key of plain data, such as `comparison.alpha`, `samplers.random` or `retraining.seeds.0`."""
+    for part in key.split("."):
+        plain = plain[int(part)] if isinstance(plain, list) else plain[part]
+    return plain
+
+
+def declared(config: Config, keys: Iterable[str]) -> Config:
+    """A config of the values at the dotted keys alone; reading another one raises AttributeError (KeyError in a table by name)."""
+    tree: Tree = {}
+    for key in keys:
+        branch = tree
+        for part in key.split("."):
+            branch = branch.setdefault(part, {})
+        branch.clear()
+    only: Config = _part(config, tree)
+    return only
+
+
+def _part(value: Any, tree: Tree) -> Any:
+    if not tree:
+        return value
+    if isinstance(value, BaseModel):
+        return type(value).model_construct(**{name: _part(getattr(value, name), branch) for name, branch in tree.items()})
+    if isinstance(value, Mapping):
+        return {name: _part(value[name], branch) for name, branch in tree.items()}
+    return tuple(_part(value[int(index)], branch) for index, branch in tree.items())

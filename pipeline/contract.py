@@ -1,0 +1,148 @@
+"""A step's contract: what it reads and writes, which sections of the config it depends on, whether it takes threads.
+
+Snakemake's rules, DVC's stages and the command line are all made from it. `perform` runs a step as a job and hands it nothing else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from string import Formatter
+
+from pipeline.artefacts.files import write_bytes
+from pipeline.artefacts.folders import Folders
+from pipeline.config.declared import declared
+from pipeline.config.schema import Config
+from pipeline.errors import InputError
+from pipeline.progress import Progress
+
+Wildcards = Mapping[str, str]
+Files = str | Sequence[str]
+"""One path, or several of a kind; one that ends with a slash is a folder."""
+Sections = tuple[str, ...] | Callable[[Config, Wildcards], tuple[str, ...]]
+STAMP = "stamp"
+
+
+def _nothing(folders: Folders, wildcards: Wildcards) -> Mapping[str, Files]:
+    return {}
+
+
+@dataclass(frozen=True)
+class Step:
+    """What a step declares.
+
+    help: one sentence for the command line. writes: named paths of a study's folders, with the job's wildcards in braces; the first name
+    is one file. reads: named paths, given the wildcards. sections: dotted keys of the config, with wildcards in braces too.
+    wildcards: regular expressions for those that take only some values. parallel: whether it takes more than one thread.
+    environment: variables whose values matter.
+    """
+
+    help: str
+    writes: Callable[[Folders], Mapping[str, Files]]
+    sections: Sections
+    reads: Callable[[Folders, Wildcards], Mapping[str, Files]] = _nothing
+    wildcards: Mapping[str, str] = field(default_factory=dict)
+    parallel: bool = False
+    environment: tuple[str, ...] = ()
+
+    def depends(self, config: Config, wildcards: Wildcards) -> tuple[str, ...]:
+        """The keys of the config that a job depends on."""
+        keys = self.sections(config, wildcards) if callable(self.sections) else self.sections
+        return tuple(key.format(**wildcards) for key in keys)
+
+    def outputs(self, folders: Folders) -> dict[str, Files]:
+        """Everything that a job writes, its stamp included."""
+        named = dict(self.writes(folders))
+        first = next(iter(named.values()))
+        assert isinstance(first, str), "the first of a step's writes is one file"
+        return {**named, STAMP: f"{first}.stamp"}
+
+    def names(self, folders: Folders) -> tuple[str, ...]:
+        """The wildcards that tell the step's jobs apart."""
+        pattern = str(self.outputs(folders)[STAMP])
+        return tuple(dict.fromkeys(name for _, name, _, _ in Formatter().parse(pattern) if name))
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a step is handed. config: the declared sections alone. scratch: a folder that survives a kill and is no output."""
+
+    config: Config
+    wildcards: Wildcards
+    reads: Mapping[str, Files]
+    writes: Mapping[str, Files]
+    threads: int
+    progress: Progress
+    scratch: Path
+
+    def input(self, name: str) -> Path:
+        """The one file or folder that was declared by that name."""
+        return _one(self.reads[name])
+
+    def inputs(self, name: str) -> tuple[Path, ...]:
+        """The files that were declared by that name."""
+        return _several(self.reads[name])
+
+    def output(self, name: str) -> Path:
+        """The one file or folder to write."""
+        return _one(self.writes[name])
+
+    def outputs(self, name: str) -> tuple[Path, ...]:
+        """The files to write."""
+        return _several(self.writes[name])
+
+
+def _one(files: Files) -> Path:
+    return Path(files if isinstance(files, str) else files[0])
+
+
+def _several(files: Files) -> tuple[Path, ...]:
+    return (Path(files),) if isinstance(files, str) else tuple(map(Path, files))
+
+
+def step_of(name: str) -> Step:
+    """The contract of a step."""
+    step: Step = import_module(f"pipeline.steps.{name}").STEP
+    return step
+
+
+@dataclass(frozen=True)
+class Order:
+    """Which job is to be performed: the step's name, its wildcards and files, and the stamp to leave once it is done."""
+
+    step: str
+    wildcards: Wildcards
+    reads: Mapping[str, Files]
+    writes: Mapping[str, Files]
+    stamp: str
+    threads: int = 1
+    log: Path | None = None
+
+
+def perform(order: Order, config: Config) -> None:
+    """Run a step on the declared part of the config, then write its stamp; InputError reaches the log and the caller."""
+    step = step_of(order.step)
+    part = declared(config, step.depends(config, order.wildcards))
+    scratch = Path(Folders(config).root, "journal", order.step, *order.wildcards.values())
+    outputs = {name: files for name, files in order.writes.items() if name != STAMP}
+    with Progress(order.step, order.log) as progress:
+        job = Job(part, order.wildcards, order.reads, outputs, order.threads, progress, scratch)
+        try:
+            import_module(f"pipeline.steps.{order.step}").run(job)
+        except InputError as error:
+            progress.record(str(error))
+            raise
+    write_bytes(_one(order.writes[STAMP]), order.stamp.encode())
+
+
+def order_of(name: str, config: Config, wildcards: Wildcards, stamp: str, threads: int = 1) -> Order:
+    """The order for a job on the files of its study, as Snakemake would give it."""
+    step, folders = step_of(name), Folders(config)
+    outputs = {key: _filled(files, wildcards) for key, files in step.outputs(folders).items()}
+    return Order(name, wildcards, step.reads(folders, wildcards), outputs, stamp, threads)
+
+
+def _filled(files: Files, wildcards: Wildcards) -> Files:
+    return files.format(**wildcards) if isinstance(files, str) else [path.format(**wildcards) for path in files]

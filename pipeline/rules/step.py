@@ -1,0 +1,30 @@
+"""The script of every rule: performs the step that the rule is named after."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+from pipeline.config.composing import PARAMS, validate
+from pipeline.contract import Order, perform
+from pipeline.errors import InputError
+
+
+def main(job: Any) -> None:
+    """Perform the job that Snakemake hands over."""
+    order = Order(
+        step=job.rule,
+        wildcards=dict(job.wildcards.items()),
+        reads=dict(job.input.items()),
+        writes=dict(job.output.items()),
+        stamp=job.params.stamp,
+        threads=job.threads,
+        log=Path(job.log[0]),
+    )
+    try:
+        perform(order, validate(job.config, str(PARAMS)))
+    except InputError as error:
+        sys.exit(f"blindspot {job.rule}: {error}")
+
+
+if __name__ == "__main__":  # Worker processes import this file, too.
+    main(globals()["snakemake"])

@@ -1,0 +1,24 @@
+# One rule a step, made from its contract. Threads and resources are in profiles/.
+wildcard_constraints:
+    **PLAN.constraints,
+
+
+for step in PLAN.steps:
+
+    rule:
+        name:
+            step
+        input:
+            unpack(PLAN.reads(step)),
+        output:
+            **PLAN.writes(step),
+        log:
+            PLAN.log(step, ".log"),
+        benchmark:
+            PLAN.log(step, ".tsv")
+        wildcard_constraints:
+            **PLAN.contracts[step].wildcards,
+        params:
+            stamp=PLAN.stamps(step),
+        script:
+            "step.py"

@@ -1,0 +1,8 @@
+# Names for groups of files, as in `snakemake search`. DVC versions the same groups.
+for target, files in PLAN.targets.items():
+
+    rule:
+        name:
+            target
+        input:
+            files,

@@ -1,0 +1,48 @@
+"""A study in a folder of its own, whose steps are run by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import chdir
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.__main__ import main
+from pipeline.config.composing import compose, dump
+from pipeline.config.schema import Config
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@dataclass(frozen=True)
+class StudyFolder:
+    """A folder with params.yaml. study: the study's name."""
+
+    root: Path
+    study: str
+
+    @staticmethod
+    def composed(root: Path, study: str, overrides: Sequence[str] = ()) -> StudyFolder:
+        """A new folder for a study; the shipped detector is the repository's."""
+        return StudyFolder.of(root, compose(study, [f"base.weights={ROOT / 'models' / 'base'}", *overrides]))
+
+    @staticmethod
+    def of(root: Path, config: Config) -> StudyFolder:
+        root.mkdir(parents=True, exist_ok=True)
+        (root / "params.yaml").write_text(dump(config, "test"))
+        return StudyFolder(root, config.study)
+
+    def __truediv__(self, path: str) -> Path:
+        """A file of the study."""
+        return self.root / "data" / self.study / path
+
+    def run(self, step: str, threads: int = 1, **wildcards: object) -> int:
+        """Run a step by hand; returns the exit code."""
+        with chdir(self.root):
+            return main(arguments(step, threads, **wildcards))
+
+
+def arguments(step: str, threads: int = 1, **wildcards: object) -> list[str]:
+    """The words that run a step by hand."""
+    words = [word for name, value in wildcards.items() for word in (f"--{name}", str(value))]
+    return [step, *words, "--threads", str(threads)]
