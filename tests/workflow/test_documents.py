@@ -82,5 +82,6 @@ def test_named_commands_exist(name: str) -> None:
 
 
 def test_an_unknown_command_is_found() -> None:
-    text = "Type `python -m pipeline simulat F1`, then:\n```sh\npython -m pipeline coverage scored --k 2\npython -m pipeline compose study=x\n```"
+    block = "python -m pipeline coverage scored --k 2\npython -m pipeline compose study=x"
+    text = f"Type `python -m pipeline simulat F1`, then:\n```sh\n{block}\n```"
     assert unknown_commands(text, parser()) == ["simulat", "coverage scored"]
