@@ -25,7 +25,7 @@ PEDESTRIAN_SHARE = 0.88
 BESIDE_VEHICLE_SHARE = 0.35
 TURNING_SHARE = 0.4
 RARE = 0.15
-"""How often a child or somebody crouching is seen, relative to anybody else (docs/decisions/a-long-tailed-base-set.md)."""
+"""How often a child or somebody crouching is seen, relative to anybody else (docs/decisions/0016-long-tailed-base-set.md)."""
 NEAREST_M, FARTHEST_M = 2.8, 46.0
 OUT_OF_SIGHT = Pose(-500, 0, 0)
 FLEET: tuple[VehicleKind, ...] = ("bus", "hatchback", "saloon", "van", "hatchback", "saloon", "hatchback")

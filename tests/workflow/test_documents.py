@@ -1,0 +1,87 @@
+"""The documents in the repository: short lines, a short README, links that resolve and commands that exist."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from pipeline.__main__ import parser
+
+ROOT = Path(__file__).resolve().parents[2]
+LONGEST_LINE = 160
+README_WORDS = 900
+LINK = re.compile(r"\]\(([^)\s]+)\)")
+HEADING = re.compile(r"^#+ +(.+?) *$", re.MULTILINE)
+COMMAND = re.compile(r"python -m pipeline\s+([a-z][a-z-]*)(?:\s+([a-z|]+))?")
+SNIPPET = re.compile(r"^```.*?^```|`[^`]+`", re.MULTILINE | re.DOTALL)
+
+
+def documents() -> list[str]:
+    listed = subprocess.run(["git", "ls-files", "*.md"], cwd=ROOT, capture_output=True, text=True, check=True)
+    return [name for name in listed.stdout.splitlines() if (ROOT / name).is_file()]
+
+
+def anchors(text: str) -> set[str]:
+    """The anchors of a document's headings, as GitHub makes them."""
+    prose = re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in HEADING.findall(prose)}
+
+
+def broken_links(name: str) -> list[str]:
+    """The relative links of a document that lead to no file or to no heading of it."""
+    page, broken = ROOT / name, []
+    for link in LINK.findall(page.read_text()):
+        if "://" in link:
+            continue
+        path, _, anchor = link.partition("#")
+        target = page.parent / path if path else page
+        if not target.exists() or (anchor and anchor not in anchors(target.read_text())):
+            broken.append(link)
+    return broken
+
+
+def names(of: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+    """The subcommands of a parser."""
+    found = [action.choices for action in of._actions if isinstance(action, argparse._SubParsersAction)]
+    return dict(found[0]) if found else {}
+
+
+def unknown_commands(text: str, top: argparse.ArgumentParser) -> list[str]:
+    """Commands of the command line that code in a document names and that do not exist."""
+    unknown = []
+    for snippet in SNIPPET.findall(text):
+        for command, verb in COMMAND.findall(snippet):
+            verbs = names(names(top).get(command, argparse.ArgumentParser()))
+            if command not in names(top) or (verbs and verb and not set(verb.split("|")) <= set(verbs)):
+                unknown.append(f"{command} {verb}".strip())
+    return unknown
+
+
+@pytest.mark.parametrize("name", documents())
+def test_no_line_is_long(name: str) -> None:
+    lines = (ROOT / name).read_text().splitlines()
+    assert [number for number, line in enumerate(lines, 1) if len(line) > LONGEST_LINE] == []
+
+
+def test_the_readme_is_short() -> None:
+    assert len((ROOT / "README.md").read_text().split()) <= README_WORDS
+
+
+@pytest.mark.parametrize("name", documents())
+def test_relative_links_resolve(name: str) -> None:
+    assert broken_links(name) == []
+
+
+@pytest.mark.parametrize("name", documents())
+def test_named_commands_exist(name: str) -> None:
+    assert unknown_commands((ROOT / name).read_text(), parser()) == []
+
+
+def test_an_unknown_command_is_found() -> None:
+    block = "python -m pipeline coverage scored --k 2\npython -m pipeline compose study=x"
+    text = f"Type `python -m pipeline simulat F1`, then:\n```sh\n{block}\n```"
+    assert unknown_commands(text, parser()) == ["simulat", "coverage scored"]
