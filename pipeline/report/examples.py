@@ -70,5 +70,5 @@ def _both(
     scenario, index = name.rsplit("-", 1)
     rows = table[(table["scenario"] == scenario) & (table["index"] == int(index))].set_index("version")
     heading = f"{comparison.scenarios[scenario]} · {comparison.strategy} · {index}"
-    reason = f"Held-out test, a {change} of {versions[1]}."
+    reason = f"A {change} of {versions[1]} on a held-out test."
     return [Chosen(scenario, v, f"{heading} · {v}", reason, concrete(rows.loc[v], spaces[scenario])) for v in versions]

@@ -99,7 +99,7 @@ def parallel_coordinates(tests: pd.DataFrame, space: Space, regions: FailureRegi
             lines = axis.plot(np.arange(len(space)), heights.T, color=colour, alpha=alpha, linewidth=1.3)
             lines[0].set_label(f"{name} ({len(rows)})")
         _vertical_axes(axis, space)
-        axis.set_title(f"{regions.label}: {len(failures)} failures")
+        axis.set_title(f"{regions.label}: {regions.failures} failures")
         legend_below(figure, [axis])
     return figure
 

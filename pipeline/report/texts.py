@@ -20,13 +20,13 @@ MODES = _prose("""
     plus the number of false positives (Eq. 5.3). "By TTC alone" counts the failures that remain without this division.
 """)
 TABLE = _prose("""
-    Failures on each held-out scenario. Versions retrained with several seeds: mean over the seeds with Student's interval. Single
-    versions, such as base: count with Wilson's interval. Thesis Table 7.2 uses another simulator, detector and number of tests. It
-    counts for F1* to F4*: D_o (base) 21, 69, 40, 25; D_r (random) 11, 5, 44, 6; D_a (adaptive) 6, 4, 25, 3.
+    Failures on each held-out scenario. Versions retrained with several seeds: mean over the seeds with Student's interval. Single versions,
+    such as base: count with Wilson's interval. For orientation, thesis Table 7.2 counts D_o (base) 21, 69, 40, 25; D_r (random) 11, 5, 44,
+    6; D_a (adaptive) 6, 4, 25, 3 on F1* to F4*. The thesis uses another simulator, detector and number of tests.
 """)
 PAIRS = _prose("""
-    A fix is a test that only the second version fails; a regression is a test that only the first version fails. p: exact McNemar
-    test on the tests that both versions completed.
+    Fixes: tests that the version passes and the other one ("against") fails. Regressions: the reverse. p: exact McNemar test on the tests
+    that both completed.
 """)
 GROUP_PAIRS = _prose("""
     Difference: mean over the seeds of retraining with Student's interval, paired by seed. It covers the variation between

@@ -114,12 +114,12 @@ def test_pairs_are_a_fix_and_a_regression_of_the_champion(study: Study) -> None:
     before, after = choose_pairs(comparison, table, spaces)
     assert (before.version, after.version) == ("base", comparison.champion)
     assert before.concrete == after.concrete
-    assert after.reason == f"Held-out test, a fix of {comparison.champion}."
+    assert after.reason == f"A fix of {comparison.champion} on a held-out test."
     champion = next(v for v in comparison.versions if v.version == comparison.champion)
     assert champion.paired is not None
     worse = champion.paired.model_copy(update={"regressions": champion.paired.fixes[1:2]})
     changed = comparison.model_copy(update={"versions": (comparison.versions[0], champion.model_copy(update={"paired": worse}))})
-    assert [chosen.reason.split()[3] for chosen in choose_pairs(changed, table, spaces)] == ["fix", "fix", "regression", "regression"]
+    assert [chosen.reason.split()[1] for chosen in choose_pairs(changed, table, spaces)] == ["fix", "fix", "regression", "regression"]
     same = comparison.model_copy(update={"versions": comparison.versions[:1]})
     assert choose_pairs(same, table, {}) == []
 
