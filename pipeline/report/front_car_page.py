@@ -131,8 +131,8 @@ def _headline(points: Points, evaluation: Evaluation, confidence: float) -> str:
     shown = "a difference is shown" if evaluation.p_value < 1 - confidence else "no difference is shown"
     covered = 100 * points.points[-1].covered / points.required
     return (
-        f"{len(points.points) - points.existing} proposed points raise the {points.k}-projection coverage of {points.existing} random "
-        f"points to {covered:.0f} %. Trained on all points, the detector is right on {100 * more:.1f} % of "
+        f"{len(points.points) - points.existing} proposed points bring {points.existing} random points to {covered:.0f} % "
+        f"{points.k}-projection coverage. Trained on all points, the detector is right on {100 * more:.1f} % of "
         f"{len(_right(evaluation.detectors[0]))} test snapshots. Trained on as many images of the random points alone, it is right on "
         f"{100 * fewer:.1f} % ({shown}, p = {evaluation.p_value:.2g})."
     )

@@ -12,7 +12,7 @@ from pipeline.__main__ import main
 from pipeline.artefacts.results import Measures, read
 from pipeline.commands import test_detector
 from pipeline.steps import campaign
-from tests.core.test_layouts import export, yolov8
+from tests.detectors.test_layouts import export, yolov8
 
 SMALL = ["campaign.tests=6", "search=[F1]", "seeds=[0]", "simulator=analytic", "samplers.neural.batch_size=3", "detector.threshold=0.5"]
 
