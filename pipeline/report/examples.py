@@ -9,10 +9,10 @@ from itertools import zip_longest
 import pandas as pd
 
 from pipeline.artefacts.points import concrete
-from pipeline.artefacts.results import Comparison, FailureRegions, Paired
+from pipeline.artefacts.results import Comparison, FailureRegions
 from pipeline.core.space import Space, Value
 
-ROLES = {"medoid": "its most typical failure", "worst": "its worst failure", "furthest": "its most unusual failure"}
+ROLES = {"medoid": "most typical failure", "worst": "worst failure", "furthest": "most unusual failure"}
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Chosen:
 
 
 def choose_regions(found: Sequence[FailureRegions], version: str, limit: int) -> list[Chosen]:
-    """At most `limit` representatives: the medoids of all regions in turn of the scenarios, largest first, then the other roles."""
+    """At most `limit` representatives, scenarios in turn: the medoids of all regions, largest region first, then the other roles."""
     queues = []
     for regions in found:
         ranked = [(region, r) for role in ROLES for region in regions.regions for r in region.representatives if r.role == role]
@@ -47,7 +47,7 @@ def choose_regions(found: Sequence[FailureRegions], version: str, limit: int) ->
 
 
 def choose_pairs(comparison: Comparison, table: pd.DataFrame, spaces: Mapping[str, Space]) -> list[Chosen]:
-    """A repair and a regression of one retrained version, the champion if it is one, each with base and that version, in this order.
+    """A fix and a regression of one retrained version, the champion if it is one, each with base and that version, in this order.
 
     table: rows of comparison.parquet. Empty if no version changes any outcome.
     """
@@ -55,22 +55,20 @@ def choose_pairs(comparison: Comparison, table: pd.DataFrame, spaces: Mapping[st
     for result in ranked:
         assert result.paired is not None
         if result.paired.fixes or result.paired.regressions:
-            changes = (("repairs", result.paired.fixes), ("breaks", result.paired.regressions))
-            return [test for what, names in changes for test in _both(comparison, result.paired, what, names[:1], table, spaces)]
+            fixes, regressions = result.paired.fixes[:1], result.paired.regressions[:1]
+            named = [*((name, "fix") for name in fixes), *((name, "regression") for name in regressions)]
+            versions = (result.paired.against, result.version)
+            return [test for name, change in named for test in _both(comparison, versions, (name, change), table, spaces)]
     return []
 
 
 def _both(
-    comparison: Comparison, paired: Paired, what: str, names: Sequence[str], table: pd.DataFrame, spaces: Mapping[str, Space]
+    comparison: Comparison, versions: tuple[str, str], named: tuple[str, str], table: pd.DataFrame, spaces: Mapping[str, Space]
 ) -> list[Chosen]:
-    chosen = []
-    for name in names:
-        scenario, index = name.rsplit("-", 1)
-        rows = table[(table["scenario"] == scenario) & (table["index"] == int(index))].set_index("version")
-        reason = f"{paired.version} {what} this test of the held-out sequence."
-        label = comparison.scenarios[scenario]
-        chosen += [
-            Chosen(scenario, v, f"{label} · {comparison.strategy} · {index} · {v}", reason, concrete(rows.loc[v], spaces[scenario]))
-            for v in (paired.against, paired.version)
-        ]
-    return chosen
+    """The named test with both versions. named: `<scenario>-<index>`, and which change it is."""
+    name, change = named
+    scenario, index = name.rsplit("-", 1)
+    rows = table[(table["scenario"] == scenario) & (table["index"] == int(index))].set_index("version")
+    heading = f"{comparison.scenarios[scenario]} · {comparison.strategy} · {index}"
+    reason = f"A {change} of {versions[1]} on a held-out test."
+    return [Chosen(scenario, v, f"{heading} · {v}", reason, concrete(rows.loc[v], spaces[scenario])) for v in versions]
