@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pipeline.core.paths import Pose
 from pipeline.scenarios.streets import Town
-from pipeline.simulators.mujoco import pedestrian, textures, world
+from pipeline.simulators.mujoco import gait, pedestrian, textures, world
 from pipeline.simulators.mujoco.blueprints import NAMES
 from pipeline.simulators.mujoco.camera import Camera
 from pipeline.simulators.mujoco.furniture import lamp_positions
