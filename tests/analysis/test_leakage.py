@@ -12,11 +12,13 @@ from pipeline.artefacts.dataset import TRUTH_FILE, ImageSet, Record, image_set, 
 from pipeline.artefacts.filter_table import COLUMNS, write_filter
 from pipeline.artefacts.model_card import read_card, write_card
 from pipeline.artefacts.scenario_space import ScenarioInfo, write_space
+from pipeline.artefacts.tables import read_frames
 from pipeline.config.composing import compose
 from pipeline.core.lineage import Version
 from pipeline.core.truth import Truth
 from pipeline.errors import InputError
 from pipeline.learning.added_frames import Source, choose
+from pipeline.learning.frame_filter import judge
 from pipeline.learning.leakage import refuse_frames, refuse_towns
 from pipeline.simulators.mujoco import random_scenes
 from pipeline.simulators.mujoco.lens import CameraSettings
@@ -44,18 +46,26 @@ def test_a_filter_table_with_a_test_of_another_campaign_is_refused_by_name(tmp_p
     judged = pd.DataFrame([["F1star-pairwise-base-0-00003", 0, True, "visible", 90, 20.0, 0.0]], columns=list(COLUMNS))
     write_filter(table, judged)
     with pytest.raises(InputError) as caught:
-        Source([table], study.frames("random")).read()
+        source(study, "random", table).read()
     message = "expected frames of the campaigns' tests, got one of test 'F1star-pairwise-base-0-00003'; run filter again"
     assert str(caught.value) == f"{table}: {message}"
 
 
 def test_frames_know_the_scenario_of_their_campaign(tmp_path: Path) -> None:
-    study = Study(tmp_path).make().analyse()
-    kinds = zip(study.config.sources, study.filters, study.config.strategies, strict=True)
-    sources = {kind: Source([table], study.frames(strategy)) for kind, table, strategy in kinds}
+    study = Study(tmp_path).make()
+    sources = {}
+    for kind, strategy in study.config.sources.items():
+        table = tmp_path / f"{strategy}.csv"
+        write_filter(table, pd.concat([judge(read_frames(path), 20, 60) for path in study.frames(strategy)]))
+        sources[kind] = source(study, strategy, table)
     chosen = choose(study.config, sources, Version("random", 1), study.search_spaces, seed=0)
     assert len(chosen) and (chosen["scenario"] == chosen["test_id"].str.split("-").str[0]).all()
     refuse_frames(study.config.held_out, chosen, noise(len(chosen), 0), noise(1, 1))
+
+
+def source(study: Study, strategy: str, table: Path) -> Source:
+    frames = study.frames(strategy)
+    return Source([table], frames, [path.with_name("tests.parquet") for path in frames])
 
 
 def test_frames_that_validate_are_refused_by_name() -> None:

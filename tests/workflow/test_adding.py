@@ -11,9 +11,9 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from pipeline.config.composing import compose, dump
+from tests.studies import ROOT, StudyFolder, arguments
 
-ROOT = Path(__file__).resolve().parents[2]
+CAMPAIGN = Path("data", "smoke", "campaigns", "F1", "random", "base", "0")
 KPI = {
     "pipeline/core/kpi.py": {
         "\n\nKPIS = ": '    duration_s: float = column("time of the last step", "s")\n\n\nKPIS = ',
@@ -38,12 +38,12 @@ def changed(tmp_path_factory: pytest.TempPathFactory) -> Path:
             assert text.count(old) == 1
             text = text.replace(old, new)
         (root / name).write_text(text)
-    (root / "params.yaml").write_text(dump(compose("smoke", ["simulator=analytic", "detector=oracle", "campaign.tests=4"]), "test"))
-    (root / "model.onnx").write_bytes(b"the oracle needs none")
-    run(root, "-m", "pipeline", "define-space", "--scenario", "F1", "--out", "F1.json")
-    campaign = ["campaign", "--scenario", "F1", "--strategy", "random", "--version", "base", "--seed", "0", "--threads", "1"]
-    files = {"--space": "F1.json", "--model": "model.onnx", "--out": "tests.parquet", "--journal": "journal"}
-    run(root, "-m", "pipeline", *campaign, *(word for pair in files.items() for word in pair), "--earlier")
+    StudyFolder.composed(root, "smoke", ["simulator=analytic", "detector=oracle", "campaign.tests=4"])
+    model = root / "data" / "smoke" / "models" / "base" / "model.onnx"
+    model.parent.mkdir(parents=True)
+    model.write_bytes(b"the oracle needs none")
+    run(root, "-m", "pipeline", *arguments("define-space", scenario="F1"))
+    run(root, "-m", "pipeline", *arguments("campaign", kind="campaigns", scenario="F1", strategy="random", version="base", seed=0))
     run(root, "docs/generate.py")
     return root
 
@@ -56,14 +56,14 @@ def run(root: Path, *command: str) -> None:
 
 
 def test_a_kpi_is_declared_once(changed: Path) -> None:
-    table = pq.read_table(changed / "tests.parquet")
+    table = pq.read_table(changed / CAMPAIGN / "tests.parquet")
     assert table.schema.field("duration_s").metadata == {b"unit": b"s"}
     assert min(table.column("duration_s").to_pylist()) > 0
     assert "| `duration_s` | float | s | time of the last step |" in (changed / "docs" / "reference" / "columns.md").read_text()
 
 
 def test_a_signal_is_declared_once(changed: Path) -> None:
-    table = pq.read_table(changed / "signals.parquet")
+    table = pq.read_table(changed / CAMPAIGN / "signals.parquet")
     assert table.schema.field("jerk_mps3").metadata == {b"unit": "m/s³".encode()}
     assert set(table.column("jerk_mps3").to_pylist()) == {1.5}
     assert "| `jerk_mps3` | float | m/s³ | jerk of the ego |" in (changed / "docs" / "reference" / "columns.md").read_text()
