@@ -15,8 +15,6 @@ PATTERN = r"base|(?:control|random|adaptive)(?:-r(?:[2-9]|[1-9]\d+))?(?:-s\d+)?"
 """Of every version's name, as a regular expression."""
 NAME = re.compile(r"(control|random|adaptive)(?:-r([2-9]|[1-9]\d+))?(?:-s(\d+))?")
 
-TEST = re.compile(rf"(.+)-([^-]+)-({PATTERN})-\d+-\d+")
-
 
 @dataclass(frozen=True)
 class Version:
@@ -63,9 +61,3 @@ def versions(rounds: int, seeds: Sequence[int]) -> tuple[Version, ...]:
     """All versions of a study: the base, then round by round and kind by kind one for each seed of retraining."""
     suffixes = [None, *seeds[1:]]
     return (Version(), *(Version(kind, number, seed) for number in range(1, rounds + 1) for kind in RETRAINED for seed in suffixes))
-
-
-def campaign_of(test_id: str) -> tuple[str, str, str]:
-    """Scenario, strategy and version in the name of a test; empty ones if it is no such name."""
-    found = TEST.fullmatch(test_id)
-    return (found[1], found[2], found[3]) if found else ("", "", "")

@@ -8,7 +8,7 @@ from pipeline.artefacts.files import write_bytes, write_json
 from pipeline.artefacts.model_card import read_card
 from pipeline.artefacts.results import Measures, read, write
 from pipeline.artefacts.scenario_space import read_space
-from pipeline.artefacts.tables import read_tests, write_tests
+from pipeline.artefacts.tables import campaign_of, read_tests, write_tests
 from pipeline.contract import Job, Step
 
 STEP = Step(
@@ -38,7 +38,6 @@ def run(job: Job) -> None:
     another threshold than the config's, or has learnt a held-out town.
     """
     from pipeline.analysis.comparison import _check_threshold, changed_tests, check_sequences, compare, flat_metrics, held_out_regions
-    from pipeline.analysis.measures import campaign_key
     from pipeline.learning.leakage import refuse_learnt
 
     config = job.config
@@ -48,10 +47,10 @@ def run(job: Job) -> None:
     tables = {}
     for done, path in enumerate(job.inputs("tests"), 1):
         rows = read_tests(path).sort_values("index", ignore_index=True)
-        scenario, _, version, _ = campaign_key(rows, path)
+        campaign = campaign_of(rows, path)
         _check_threshold(rows, config.campaign.failure_threshold_s, path)
-        tables[scenario, version] = rows
-        job.progress(done, len(job.inputs("tests")), f"{scenario}/{version}")
+        tables[campaign.scenario, campaign.version] = rows
+        job.progress(done, len(job.inputs("tests")), f"{campaign.scenario}/{campaign.version}")
     versions = [card.version for card in cards]
     digest = check_sequences(tables, {name: space.names for name, (_, space) in infos.items()}, versions)
     joined = pd.concat([tables[name, version] for name in infos for version in versions], ignore_index=True)

@@ -66,7 +66,7 @@ def run(job: Job) -> None:
         }
         chosen = choose(config, sources, described, job.inputs("spaces"), seed)
         added = read_added(chosen, sources[described.kind].frames)
-        leakage.refuse_frames(config.held_out, chosen["test_id"].tolist(), added, validation)
+        leakage.refuse_frames(config.held_out, chosen, added, validation)
     data = {"base_set": base.digest, "parent": sha256(weights)} | ({} if added is None else {"added": added.digest})
     # The same batches once more would teach a second round nothing new.
     stream = (seed,) if described.round == 1 else (seed, described.round)

@@ -13,10 +13,12 @@ from pipeline.core.constraints import Constraints, Literal
 from pipeline.core.coverage.arrays import covering_array
 from pipeline.core.coverage.projection import projection_coverage
 from pipeline.core.coverage.verification import verify
+from pipeline.core.detections import Detections
 from pipeline.core.distance import mixed_distance
-from pipeline.core.kpi import match
+from pipeline.core.matching import match
 from pipeline.core.measures import f_measure, failure_sequence
 from pipeline.core.statistics import mcnemar, wilson_interval
+from pipeline.core.truth import Truth
 from tests.spaces import SMALL
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -53,7 +55,8 @@ def test_each_frame_has_at_most_one_true_positive_and_every_detection_an_outcome
     rng = np.random.default_rng(seed)
     box = (20.0, 20.0, 40.0, 60.0)
     boxes = np.array(box) + rng.normal(0, 8, (count, 4))
-    result = match(boxes, rng.random(count), box, box, int(rng.integers(0, 60)), float(rng.uniform(0, 16)))
+    found = Detections(boxes.astype(np.float32), np.sort(rng.random(count).astype(np.float32))[::-1])
+    result = match(found, Truth(box, box, int(rng.integers(0, 60)), 800, float(rng.uniform(0, 16))))
     outcomes = result.outcomes
     assert len(outcomes) == count and outcomes.count("true_positive") <= 1
     assert result.false_positives + outcomes.count("true_positive") + outcomes.count("ignored") == count

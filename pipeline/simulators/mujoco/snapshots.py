@@ -15,6 +15,7 @@ from pipeline.errors import SimulationError
 from pipeline.scenarios.functional import HALF_LENGTHS_M, Actor, VehicleKind
 from pipeline.scenarios.streets import LANE_WIDTH, Street, Town, streets
 
+from . import gait
 from .blueprints import NAMES
 from .gait import ANIMATIONS
 from .lens import CameraSettings
@@ -142,7 +143,8 @@ class _Photographer:
             side, ahead = int(rng.choice([-1, 1])), u + float(rng.uniform(8, 40))
             pose = street.pose(ahead, side * (street.edge(side, ahead) + float(rng.uniform(0.6, 2.4))))
             heading, phase = float(rng.uniform(-180, 180)), float(rng.uniform(0, 40))
-            stage.place_pedestrian(pose.x, pose.y, heading, str(rng.choice(ANIMATIONS)), phase, 1.2)
+            where = Pose(pose.x, pose.y, float(np.radians(heading)))
+            stage.place_pedestrian(where, gait.pose(str(rng.choice(ANIMATIONS)), phase, 1.2))
         else:
             stage.pedestrian.hide()
 
