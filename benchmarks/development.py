@@ -45,7 +45,9 @@ def main() -> None:
             own.mkdir()
             detector = {**config.detector, "model": str(onnx_of(version, own))}
             for scenario in options.scenario:
-                failed[version] += _failures(config, scenario, detector, options.tests, options.workers, own)
+                failed[version] += _failures(
+                    config.model_copy(update={"detector": detector}), scenario, options.tests, options.workers, own
+                )
                 done = i * len(options.scenario) * options.tests + len(failed[version])
                 progress(done, len(options.version) * len(options.scenario) * options.tests, f"{version}: {sum(failed[version])} failures")
     print(f"{'failures':>8}  {'by scenario':<{4 * len(options.scenario)}}{'fixes':>7}{'regressions':>13}{'McNemar p':>11}  version")
@@ -56,7 +58,7 @@ def main() -> None:
         print(f"{sum(found):>8}  {parts}{paired.mended:>7}{paired.regressions:>13}{paired.p_value:>11.2g}  {version}")
 
 
-def _failures(config: Config, scenario: str, detector: dict[str, Any], tests: int, workers: int, folder: Path) -> list[bool]:
+def _failures(config: Config, scenario: str, tests: int, workers: int, folder: Path) -> list[bool]:
     """Whether each test fails, in the order of the pair-wise sequence."""
     body = config.scenarios[scenario].model_dump()
     body["town"] |= TOWN
@@ -64,7 +66,7 @@ def _failures(config: Config, scenario: str, detector: dict[str, Any], tests: in
     sampler = instantiate(config.samplers["pairwise"], _partial_=True, _convert_="all")(space=space, seed=sampler_seed(scenario, 3))
     points = np.concatenate([_asked(sampler) for _ in range(-(-tests // config.samplers["pairwise"]["batch_size"]))])[:tests]
     log = journal.Journal(folder / scenario, scenario)
-    pool = Workers(workers, config.simulator, body, detector, keep_every=0)
+    pool = Workers(workers, config.simulator, body, config.detector, keep_every=0)
     try:
         for _ in pool.execute([(i, log.path(i), space.decode(point)) for i, point in enumerate(points)]):
             pass

@@ -118,7 +118,7 @@ class _Loop:
         scenario, travelled = self._scenario, self._time * self._speed
         phase = gait.phase(travelled, self._speed)
         heading = scenario.pedestrian.heading_deg
-        self._stage.place_pedestrian(state.pedestrian_x, state.pedestrian_y, heading, self._animation, phase, self._speed)
+        self._stage.place_pedestrian(state.pedestrian_x, state.pedestrian_y, heading, gait.pose(self._animation, phase, self._speed))
         self._stage.put("ego", state.ego)
         for name, actor in scenario.actors.items():
             self._stage.put(name, self._routes[name].at(actor.travelled(self._time)))

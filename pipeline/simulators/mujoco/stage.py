@@ -68,8 +68,8 @@ class Stage:
         self.data.mocap_pos[i] = (pose.x, pose.y, 0)
         self.data.mocap_quat[i] = (np.cos(half), 0, 0, np.sin(half))
 
-    def place_pedestrian(self, x: float, y: float, heading_deg: float, animation: str, phase_rad: float, speed_mps: float) -> None:
-        self.pedestrian.place(x, y, float(np.radians(heading_deg)), gait.pose(animation, phase_rad, speed_mps))
+    def place_pedestrian(self, x: float, y: float, heading_deg: float, pose: gait.Pose) -> None:
+        self.pedestrian.place(x, y, float(np.radians(heading_deg)), pose)
 
     def shoot(self, rng: np.random.Generator) -> tuple[NDArray[np.uint8], Truth]:
         """Render the present state; see `Camera.shoot`."""
