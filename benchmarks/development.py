@@ -43,11 +43,9 @@ def main() -> None:
         for i, version in enumerate(options.version):
             own = Path(folder) / str(i)
             own.mkdir()
-            detector = {**config.detector, "model": str(onnx_of(version, own))}
+            tested = config.model_copy(update={"detector": {**config.detector, "model": str(onnx_of(version, own))}})
             for scenario in options.scenario:
-                failed[version] += _failures(
-                    config.model_copy(update={"detector": detector}), scenario, options.tests, options.workers, own
-                )
+                failed[version] += _failures(tested, scenario, options.tests, options.workers, own)
                 done = i * len(options.scenario) * options.tests + len(failed[version])
                 progress(done, len(options.version) * len(options.scenario) * options.tests, f"{version}: {sum(failed[version])} failures")
     print(f"{'failures':>8}  {'by scenario':<{4 * len(options.scenario)}}{'fixes':>7}{'regressions':>13}{'McNemar p':>11}  version")

@@ -46,7 +46,8 @@ class Tested:
 def readable_regions(tests: Tested, radius: float, min_precision: float, min_failures: int) -> Ints:
     """Failure regions that a rule describes: density clusters, split where no rule holds, grown and merged where one does.
 
-    radius: of the first clusters, on the mixed distance. min_precision: share of the tests under a rule that must fail. Returns (n,) region of each failure, larger regions first, -1 for the others.
+    radius: of the first clusters, on the mixed distance. min_precision: share of the tests under a rule that must fail. min_failures: of a
+    region. Returns (n,) region of each failure, larger regions first, -1 for the others.
     """
     labels = split_regions(tests, radius, min_precision, min_failures)
     labels = grow_regions(tests, labels, min_precision, min_failures)
