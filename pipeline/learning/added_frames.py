@@ -3,29 +3,20 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import pandas as pd
 
-from pipeline.artefacts.dataset import ImageSet, decode_jpeg, image_set, joined
+from pipeline.artefacts.dataset import ImageSet, decode_jpeg, image_set
 from pipeline.artefacts.filter_table import read_filter
 from pipeline.artefacts.scenario_space import read_space
 from pipeline.artefacts.tables import frame_truth, read_frames, read_tests
 from pipeline.config.schema import Config
 from pipeline.core.lineage import Version
-from pipeline.detectors.yolo.data import usable
-from pipeline.detectors.yolo.recipe import train_from_scratch
-from pipeline.detectors.yolo.retraining import retrain
-from pipeline.detectors.yolo.training import Fitted
-from pipeline.detectors.yolo.weights import load_weights
 from pipeline.errors import InputError
 from pipeline.learning import selection
-from pipeline.progress import Progress
 
 
 @dataclass(frozen=True)
@@ -44,46 +35,6 @@ class Source:
             names = ", ".join(map(str, self.filters))
             raise InputError(f"{names}: expected frames of the campaigns' tests, got one of test {unknown[0]!r}; run filter again")
         return judged, tests
-
-
-def _taken(config: Config) -> dict[str, Any]:
-    """The settings that a version was made with: of the frames, and of the training that `retraining.start` chose."""
-    settings = config.retraining
-    frames = settings.model_dump(include={"start", "selection", "empty_share"})
-    if settings.start == "scratch":
-        return frames | _from_scratch(config)
-    return frames | settings.model_dump(include={"batch_size", "iterations", "learning_rate", "added_share"})
-
-
-def _from_scratch(config: Config) -> dict[str, Any]:
-    """Section `training` without an early end: versions that are compared take equally many steps."""
-    settings = config.training
-    return settings.model_dump() | {"patience": settings.crop_iterations + settings.frame_iterations}
-
-
-def _fit(
-    config: Config,
-    weights: Path,
-    base: ImageSet,
-    added: ImageSet | None,
-    validation: ImageSet,
-    seed: tuple[int, ...],
-    data: dict[str, str],
-    checkpoint: Path,
-    threads: int,
-    progress: Progress,
-) -> Fitted:
-    settings = config.retraining
-    if settings.start == "scratch":
-        everything = base if added is None else joined(base, added)
-        # All added frames: the filter has judged them, or a person has.
-        indices = np.concatenate([usable(base), np.arange(len(base), len(everything))])
-        section = _from_scratch(config) | {"seed": seed[0]}
-        return train_from_scratch(everything, indices, validation, section, checkpoint=checkpoint, threads=threads, progress=progress)
-    steps = settings.model_dump(include={"iterations", "batch_size", "learning_rate", "added_share"}) | {"seed": seed}
-    identity = hashlib.sha256(json.dumps([steps, data]).encode()).hexdigest()
-    model = load_weights(weights)
-    return retrain(model, base, added, validation, **steps, identity=identity, checkpoint=checkpoint, threads=threads, progress=progress)
 
 
 def choose(config: Config, sources: dict[str, Source], version: Version, spaces: Sequence[Path], seed: int) -> pd.DataFrame:

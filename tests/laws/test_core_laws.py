@@ -127,7 +127,7 @@ def test_constrained_arrays_are_what_the_verifier_says(constraints: Constraints,
     strength = min(strength, len(constraints.sizes))
     if constraints.contradiction():
         return
-    array = covering_array(constraints.sizes, strength, constraints=constraints, seed=seed)
+    array = covering_array(constraints, strength, seed=seed)
     checked = verify(array.rows, constraints, strength)
     assert checked.valid and checked.cells == array.cells and array.lower_bound <= array.size
 
@@ -135,7 +135,7 @@ def test_constrained_arrays_are_what_the_verifier_says(constraints: Constraints,
 @given(SEEDS, SIZES)
 @settings(max_examples=40, deadline=None)
 def test_covering_arrays_cover(seed: int, sizes: list[int]) -> None:
-    rows = covering_array(sizes, seed=seed).rows
+    rows = covering_array(Constraints(tuple(sizes)), seed=seed).rows
     assert projection_coverage(rows, sizes, 2).ratio == 1
     first, second = sorted(sizes)[-2:]
     assert len(rows) >= first * second
