@@ -7,15 +7,21 @@ Numbers that do not exist (the F-measure of a campaign without failure) are null
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Annotated, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, PlainSerializer, ValidationError
 
 from pipeline.artefacts.files import read_json, write_json
+from pipeline.core.comparison import SequenceTest, Verdict
 from pipeline.errors import InputError
 
-Verdict = Literal["baseline", "better", "worse", "no difference shown"]
 Role = Literal["medoid", "worst", "furthest"]
+TestName = Annotated[
+    SequenceTest,
+    BeforeValidator(lambda test: SequenceTest.named(test) if isinstance(test, str) else test),
+    PlainSerializer(str, return_type=str),
+]
+"""A test of the held-out sequence, in the file by its name."""
 RunKind = Literal["study", "campaign", "comparison", "model"]
 ModelT = TypeVar("ModelT", bound="Result")
 
@@ -52,7 +58,7 @@ class Modes(Result):
 
 
 class CampaignMeasures(Result):
-    """Measures of one campaign; a test whose simulation broke counts as executed, never as a failure.
+    """Measures of one campaign; an error counts as executed, never as a failure.
 
     theta: cumulative failures after each test (Eq. 4.17). f_measure, f_n: tests until the first and until the n-th failure
     (Eq. 4.18, 4.19), n = failures that random testing found in the budget (1 if it found none). c_measure: Eq. 4.20, against the
@@ -149,7 +155,7 @@ class FailureRegions(Result):
     """Failure regions of one search scenario over all its campaigns; `unassigned` failures lie in no dense group.
 
     connected: number of connected failure sets on the categories (Def. 4.19). not_solvable: failures in which full braking from the first
-    frame on in which a person could see the pedestrian would have come too late: no detector could mend them with this camera.
+    frame on in which a person could see the pedestrian would have come too late: no detector could avoid them with this camera.
     """
 
     scenario: str
@@ -163,14 +169,14 @@ class FailureRegions(Result):
     not_solvable: tuple[str, ...]
 
 
-class Paired(Result):
-    """Two versions on the same tests: how many only one of them fails, and the exact McNemar p-value."""
+class VersionPair(Result):
+    """Two versions on the same tests: which of them only one fails, and the exact McNemar p-value."""
 
     version: str
     against: str
     tests: int
-    fixes: tuple[str, ...]
-    regressions: tuple[str, ...]
+    fixes: tuple[TestName, ...]
+    regressions: tuple[TestName, ...]
     p_value: float
 
 
@@ -180,14 +186,14 @@ class ScenarioResult(Result):
     tests: int
     failures: int
     rate: Estimate
-    paired: Paired | None
+    paired: VersionPair | None
 
 
 class VersionResult(Result):
     """One model version on the frozen held-out sequence.
 
     group: what versions that differ by the seed of retraining alone share; round: of retraining, 0 for the base. tests: valid executions.
-    change: tests that newly fail minus those that are mended, of the tests valid for it and the base. scenarios: by scenario.
+    change: regressions minus fixes, of the tests valid for it and the base. scenarios: by scenario.
     """
 
     version: str
@@ -200,7 +206,7 @@ class VersionResult(Result):
     scenarios: dict[str, ScenarioResult]
     rate: Estimate
     change: int
-    paired: Paired | None
+    paired: VersionPair | None
     verdict: Verdict
 
 
@@ -251,7 +257,7 @@ class RegionResult(Result):
 
 
 class Comparison(Result):
-    """All versions on one frozen sequence. A fix or a regression is named `<scenario>-<index>`, five digits.
+    """All versions on one frozen sequence. In the file a fix or a regression is named `<scenario>-<index>`, five digits.
 
     pairs: exact McNemar test of every pair of versions, `against` the earlier one; group_pairs: the same for groups.
     """
@@ -264,12 +270,12 @@ class Comparison(Result):
     versions: tuple[VersionResult, ...]
     groups: tuple[GroupResult, ...]
     group_pairs: tuple[GroupPair, ...]
-    pairs: tuple[Paired, ...]
+    pairs: tuple[VersionPair, ...]
     regions: tuple[RegionResult, ...]
     champion: str
     gate: dict[str, str]
 
-    def pair(self, version: str, against: str) -> Paired | None:
+    def pair(self, version: str, against: str) -> VersionPair | None:
         """The test of a version against an earlier one; None if there are not both."""
         return next((pair for pair in self.pairs if (pair.version, pair.against) == (version, against)), None)
 

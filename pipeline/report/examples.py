@@ -9,7 +9,8 @@ from itertools import zip_longest
 import pandas as pd
 
 from pipeline.artefacts.points import concrete
-from pipeline.artefacts.results import Comparison, FailureRegions, Paired
+from pipeline.artefacts.results import Comparison, FailureRegions, VersionPair
+from pipeline.core.comparison import SequenceTest
 from pipeline.core.space import Space, Value
 
 ROLES = {"medoid": "its most typical failure", "worst": "its worst failure", "furthest": "its most unusual failure"}
@@ -47,7 +48,7 @@ def choose_regions(found: Sequence[FailureRegions], version: str, limit: int) ->
 
 
 def choose_pairs(comparison: Comparison, table: pd.DataFrame, spaces: Mapping[str, Space]) -> list[Chosen]:
-    """A repair and a regression of one retrained version, the champion if it is one, each with base and that version, in this order.
+    """A fix and a regression of one retrained version, the champion if it is one, each with base and that version, in this order.
 
     table: rows of comparison.parquet. Empty if no version changes any outcome.
     """
@@ -55,22 +56,21 @@ def choose_pairs(comparison: Comparison, table: pd.DataFrame, spaces: Mapping[st
     for result in ranked:
         assert result.paired is not None
         if result.paired.fixes or result.paired.regressions:
-            changes = (("repairs", result.paired.fixes), ("breaks", result.paired.regressions))
-            return [test for what, names in changes for test in _both(comparison, result.paired, what, names[:1], table, spaces)]
+            changes = (("fixes", result.paired.fixes), ("regresses on", result.paired.regressions))
+            return [test for what, tests in changes for test in _both(comparison, result.paired, what, tests[:1], table, spaces)]
     return []
 
 
 def _both(
-    comparison: Comparison, paired: Paired, what: str, names: Sequence[str], table: pd.DataFrame, spaces: Mapping[str, Space]
+    comparison: Comparison, paired: VersionPair, what: str, tests: Sequence[SequenceTest], table: pd.DataFrame, spaces: Mapping[str, Space]
 ) -> list[Chosen]:
     chosen = []
-    for name in names:
-        scenario, index = name.rsplit("-", 1)
-        rows = table[(table["scenario"] == scenario) & (table["index"] == int(index))].set_index("version")
+    for test in tests:
+        rows = table[(table["scenario"] == test.scenario) & (table["index"] == test.index)].set_index("version")
         reason = f"{paired.version} {what} this test of the held-out sequence."
-        label = comparison.scenarios[scenario]
+        label = f"{comparison.scenarios[test.scenario]} · {comparison.strategy} · {test.index:05d}"
         chosen += [
-            Chosen(scenario, v, f"{label} · {comparison.strategy} · {index} · {v}", reason, concrete(rows.loc[v], spaces[scenario]))
+            Chosen(test.scenario, v, f"{label} · {v}", reason, concrete(rows.loc[v], spaces[test.scenario]))
             for v in (paired.against, paired.version)
         ]
     return chosen

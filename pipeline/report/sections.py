@@ -127,7 +127,7 @@ def _changes(changes: pd.DataFrame, comparison: Comparison) -> Part:
     """Of the version that would be released, where there is one: its regressions first, which a person must look at before."""
     released = comparison.champion != comparison.versions[0].version
     chosen = changes[changes["version"] == comparison.champion] if released else changes
-    ordered = chosen.sort_values(["change", "version"], kind="stable").head(CHANGES)
+    ordered = chosen.sort_values(["change", "version"], ascending=[False, True], kind="stable").head(CHANGES)
     rows = tuple(
         (
             f"{row['scenario']}-{row['index']:05d}",
@@ -141,7 +141,7 @@ def _changes(changes: pd.DataFrame, comparison: Comparison) -> Part:
     )
     table = Table(("test", "version", "change", "adj. TTC", "failure mode", "false positives"), rows, numbers=(3,))
     of = f"the champion {comparison.champion}" if released else "a retrained version"
-    return Part("Repairs and regressions", texts.CHANGES.format(of=of, shown=len(ordered), all=len(changes)), table)
+    return Part("Fixes and regressions", texts.CHANGES.format(of=of, shown=len(ordered), all=len(changes)), table)
 
 
 def search_section(

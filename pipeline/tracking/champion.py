@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
-
 from pipeline.artefacts.results import Comparison
-from pipeline.core.statistics import mcnemar_p_value
+from pipeline.core.comparison import clearly_better
 
 
 def successor(comparison: Comparison, holder: str | None) -> tuple[str | None, str]:
@@ -35,6 +33,4 @@ def better(comparison: Comparison, version: str, other: str) -> bool:
         fixes, regressions = pair.regressions, pair.fixes
     else:
         raise ValueError(f"expected both {version} and {other} in the comparison")
-    fewer, more = (Counter(name.rpartition("-")[0] for name in names) for names in (fixes, regressions))
-    worse = [s for s in more if more[s] > fewer[s] and mcnemar_p_value(fewer[s], more[s]) <= comparison.alpha]
-    return len(fixes) > len(regressions) and pair.p_value <= comparison.alpha and not worse
+    return clearly_better(fixes, regressions, pair.p_value, comparison.alpha)

@@ -36,11 +36,11 @@ def silent(done: int, total: int, text: str) -> None:
 
 
 def make_tests(space: Space, keys: dict[str, Any], points: Floats, fog_from: float = 45.0) -> pd.DataFrame:
-    """Rows of tests.parquet: a test fails at night in fog from `fog_from` on; one test's simulation breaks in each 50."""
+    """Rows of tests.parquet: a test fails at night in fog from `fog_from` on; one test in each 50 is an error."""
     fog, altitude = points[:, space.names.index("fog")], points[:, space.names.index("sun_altitude")]
     near = np.maximum((fog_from - fog) / 60, (altitude - 2) / 60)
     failed = near <= 0
-    broken = (np.arange(len(points)) % 50 == 49) & ~failed
+    error = (np.arange(len(points)) % 50 == 49) & ~failed
     adjusted = np.where(failed, 0.02 + 0.05 * (np.arange(len(points)) % 2), 0.12 + np.clip(near, 0, 1.5))
     modes = np.where(failed, np.array(["contact", "late", "false_positives"])[np.arange(len(points)) % 3], "none")
     columns: dict[str, Any] = {name: 0 for name, _, _ in TESTS}
@@ -50,10 +50,10 @@ def make_tests(space: Space, keys: dict[str, Any], points: Floats, fog_from: flo
         test_id=[f"{keys['scenario']}-{keys['strategy']}-{keys['version']}-{keys['seed']}-{i:05d}" for i in range(len(points))],
         index=np.arange(len(points)),
         batch=np.arange(len(points)) // 20,
-        status=np.where(broken, "error", "ok"),
-        reason=np.where(broken, "planted", ""),
-        adj_ttc_s=np.where(broken, np.nan, adjusted),
-        ttc_s=np.where(broken, np.nan, adjusted),
+        status=np.where(error, "error", "ok"),
+        reason=np.where(error, "planted", ""),
+        adj_ttc_s=np.where(error, np.nan, adjusted),
+        ttc_s=np.where(error, np.nan, adjusted),
         failure=failed,
         failure_mode=modes,
         contact=modes == "contact",
@@ -115,7 +115,7 @@ def make_onnx(score: float) -> bytes:
 
 
 @dataclass
-class Study:
+class FabricatedStudy:
     """Paths of a fabricated study under `root`, made up to and including the campaigns."""
 
     root: Path
@@ -160,7 +160,7 @@ class Study:
     def white_box(self) -> Path:
         return self.root / "white_box.json"
 
-    def make(self) -> Study:
+    def make(self) -> FabricatedStudy:
         """Write spaces, campaigns and model versions."""
         for name in (*self.config.search, *self.config.held_out):
             scenario = self.config.scenarios[name]
@@ -178,7 +178,7 @@ class Study:
         write(self.white_box, WhiteBoxMeasures(layers=2, neurons=48, training_images=20, sets=tuple(sets)))
         return self
 
-    def analyse(self) -> Study:
+    def analyse(self) -> FabricatedStudy:
         """Run the steps from `measure` to `compare`."""
         for name, path in zip(self.config.search, self.regions, strict=True):
             tests = [p for p in self.search_tests if p.parts[-5] == name]

@@ -12,7 +12,7 @@ from pipeline.artefacts.dataset import encode_jpeg
 from pipeline.artefacts.filter_table import read_filter, read_overrules
 from pipeline.errors import InputError
 from pipeline.steps import filter
-from tests.analysis.fabricated import Study, silent
+from tests.analysis.fabricated import FabricatedStudy, silent
 
 FRAMES = pd.DataFrame(
     {
@@ -32,7 +32,7 @@ def test_reasons_at_their_limits() -> None:
     assert judged["kept"].tolist() == [True, True, False, False, True, False, True]
 
 
-def run(study: Study, overrules: Path) -> pd.DataFrame:
+def run(study: FabricatedStudy, overrules: Path) -> pd.DataFrame:
     section = study.config.filter.model_copy(update={"overrules": str(overrules)})
     out = study.root / "filter.csv"
     config = study.config.model_copy(update={"filter": section})
@@ -41,7 +41,7 @@ def run(study: Study, overrules: Path) -> pd.DataFrame:
 
 
 def test_a_person_overrules(tmp_path: Path) -> None:
-    study, path = Study(tmp_path).make(), tmp_path / "overrules.csv"
+    study, path = FabricatedStudy(tmp_path).make(), tmp_path / "overrules.csv"
     path.write_text("test_id,step,keep\nF1-random-base-0-00001,1,true\nF1-random-base-0-00001,4,no\nF1-neural-base-0-00001,1,true\n")
     table = run(study, path)
     assert len(table) == 4 * 6 * 5
@@ -68,7 +68,7 @@ def test_a_person_overrules(tmp_path: Path) -> None:
     ],
 )
 def test_wrong_rows_are_named(tmp_path: Path, row: str, message: str) -> None:
-    study, path = Study(tmp_path).make(), tmp_path / "overrules.csv"
+    study, path = FabricatedStudy(tmp_path).make(), tmp_path / "overrules.csv"
     path.write_text(f"test_id,step,keep\n{row}\n")
     with pytest.raises(InputError) as caught:
         run(study, path)

@@ -13,7 +13,7 @@ from pipeline.artefacts.results import Measures, read
 from pipeline.core.space import Space, Variable
 from pipeline.errors import InputError
 from pipeline.steps import measure
-from tests.analysis.fabricated import Study, make_tests, silent
+from tests.analysis.fabricated import FabricatedStudy, make_tests, silent
 
 SPACE = Space((Variable("fog", "continuous", "%", 0, 100, 50), Variable("gait", "categorical", values=("walk", "run"))))
 
@@ -59,7 +59,7 @@ def test_too_few_failures_leave_c_undefined() -> None:
     assert (result.c_measure, result.f_n, result.f_measure) == (None, None, 1)
 
 
-def test_broken_simulations_are_paid_for_but_cover_nothing() -> None:
+def test_errors_are_paid_for_but_cover_nothing() -> None:
     result = measured(own=[5], baseline=[5], errors=[1, 2, 3, 4])
     assert (result.tests, result.errors, result.f_measure) == (5, 4, 5)
     # One pair of the 3 x 2 pairs of categories; three tests wanted of each.
@@ -101,7 +101,7 @@ def test_theta_table_holds_means_over_seeds() -> None:
 
 
 def test_step_writes_readable_measures_twice_alike(tmp_path: Path) -> None:
-    study = Study(tmp_path).make()
+    study = FabricatedStudy(tmp_path).make()
     contents = []
     for name in ("a", "b"):
         out, theta = tmp_path / f"{name}.json", tmp_path / f"{name}.csv"

@@ -14,7 +14,7 @@ from pipeline.report.examples import choose_pairs, choose_regions
 from pipeline.report.plots import failures_by_round, kpi_histogram
 from pipeline.report.sections import headline, rounds_part
 from pipeline.steps import report
-from tests.analysis.fabricated import Study, silent
+from tests.analysis.fabricated import FabricatedStudy, silent
 
 LOADING = {"src", "href", "poster", "xlink:href", "data", "srcset", "action"}
 
@@ -32,7 +32,7 @@ class Loads(HTMLParser):
         assert tag not in {"script", "iframe", "link", "base", "object", "embed"}
 
 
-def make(study: Study, replays: int) -> str:
+def make(study: FabricatedStudy, replays: int) -> str:
     config = study.config.model_copy(update={"report": study.config.report.model_copy(update={"replays": replays})})
     report.run(
         config,
@@ -56,12 +56,12 @@ def make(study: Study, replays: int) -> str:
 
 
 @pytest.fixture(scope="module")
-def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
-    return Study(tmp_path_factory.mktemp("study")).make().analyse()
+def study(tmp_path_factory: pytest.TempPathFactory) -> FabricatedStudy:
+    return FabricatedStudy(tmp_path_factory.mktemp("study")).make().analyse()
 
 
 @pytest.fixture(scope="module")
-def page(study: Study) -> str:
+def page(study: FabricatedStudy) -> str:
     return make(study, replays=3)
 
 
@@ -73,7 +73,7 @@ def test_page_loads_nothing(page: str) -> None:
     assert "@import" not in page
 
 
-def test_page_says_what_the_artefacts_say(study: Study, page: str) -> None:
+def test_page_says_what_the_artefacts_say(study: FabricatedStudy, page: str) -> None:
     comparison = read(study.root / "comparison.json", Comparison)
     for result in comparison.versions:
         assert f">{result.failures} / {result.tests}<" in page
@@ -85,11 +85,11 @@ def test_page_says_what_the_artefacts_say(study: Study, page: str) -> None:
     assert "nan" not in re.sub(r"data:[^\"]*|<svg.*?</svg>", "", page, flags=re.DOTALL)
 
 
-def test_same_study_gives_the_same_page(study: Study, page: str) -> None:
+def test_same_study_gives_the_same_page(study: FabricatedStudy, page: str) -> None:
     assert make(study, replays=3) == page
 
 
-def test_plots_are_written(study: Study, page: str) -> None:
+def test_plots_are_written(study: FabricatedStudy, page: str) -> None:
     assert page
     names = {path.name for path in (study.root / "plots").iterdir()}
     kinds = {"comparison", "histogram", "reliability", "border", "theta", "coverage", "detection"}
@@ -97,7 +97,7 @@ def test_plots_are_written(study: Study, page: str) -> None:
     assert names == {f"{kind}.png" for kind in kinds}
 
 
-def test_replays_are_shared_out(study: Study) -> None:
+def test_replays_are_shared_out(study: FabricatedStudy) -> None:
     found = [read(path, FailureRegions) for path in study.regions]
     chosen = choose_regions(found, "base", 4)
     assert [test.scenario for test in chosen] == ["F1", "F2", "F1", "F2"]
@@ -105,18 +105,18 @@ def test_replays_are_shared_out(study: Study) -> None:
     assert choose_regions(found, "base", 0) == []
 
 
-def test_pairs_are_a_repair_and_a_regression_of_the_champion(study: Study) -> None:
+def test_pairs_are_a_fix_and_a_regression_of_the_champion(study: FabricatedStudy) -> None:
     comparison = read(study.root / "comparison.json", Comparison)
     table, spaces = report.read_tests(study.root / "comparison.parquet"), {"F1star": study.config.space("F1star")}
     before, after = choose_pairs(comparison, table, spaces)
     assert (before.version, after.version) == ("base", comparison.champion)
     assert before.concrete == after.concrete
-    assert "repairs" in after.reason
+    assert "fixes" in after.reason
     champion = next(v for v in comparison.versions if v.version == comparison.champion)
     assert champion.paired is not None
-    broken = champion.paired.model_copy(update={"regressions": champion.paired.fixes[1:2]})
-    changed = comparison.model_copy(update={"versions": (comparison.versions[0], champion.model_copy(update={"paired": broken}))})
-    assert ["breaks" in chosen.reason for chosen in choose_pairs(changed, table, spaces)] == [False, False, True, True]
+    worse = champion.paired.model_copy(update={"regressions": champion.paired.fixes[1:2]})
+    changed = comparison.model_copy(update={"versions": (comparison.versions[0], champion.model_copy(update={"paired": worse}))})
+    assert ["regresses on" in chosen.reason for chosen in choose_pairs(changed, table, spaces)] == [False, False, True, True]
     same = comparison.model_copy(update={"versions": comparison.versions[:1]})
     assert choose_pairs(same, table, {}) == []
 
@@ -137,7 +137,7 @@ def test_border_cases_are_nearest_to_the_thresholds_half_of_them_kept() -> None:
     assert chosen["step"].tolist() == [2, 0, 4, 5]
 
 
-def test_not_solvable_failures_are_told(study: Study, page: str) -> None:
+def test_not_solvable_failures_are_told(study: FabricatedStudy, page: str) -> None:
     found = [read(path, FailureRegions) for path in study.regions]
     assert all(int(test[-5:]) % 2 == 1 for regions in found for test in regions.not_solvable)
     assert all(f"Not solvable by this camera: {len(regions.not_solvable)}." in page for regions in found)
@@ -160,7 +160,7 @@ def test_each_round_s_search_is_told() -> None:
     assert part.table.rows[1][3].startswith("50.0 % (9.5 to 90.5)")
 
 
-def test_headline_speaks_of_groups_and_names_what_is_shown(study: Study) -> None:
+def test_headline_speaks_of_groups_and_names_what_is_shown(study: FabricatedStudy) -> None:
     comparison = read(study.root / "comparison.json", Comparison)
     base, *others = comparison.versions
     text = headline(comparison)
@@ -176,7 +176,7 @@ def test_headline_speaks_of_groups_and_names_what_is_shown(study: Study) -> None
     assert "adaptive (0.3)" in headline(comparison.model_copy(update={"groups": (*comparison.groups[:-1], half)}))
 
 
-def test_histogram_counts_each_test_once_however_many_seeds(study: Study) -> None:
+def test_histogram_counts_each_test_once_however_many_seeds(study: FabricatedStudy) -> None:
     comparison = read(study.root / "comparison.json", Comparison)
     table = report.read_tests(study.root / "comparison.parquet")
     figure = kpi_histogram(table, seeds_of_two(comparison), 0.1)
@@ -185,16 +185,16 @@ def test_histogram_counts_each_test_once_however_many_seeds(study: Study) -> Non
     assert heights == pytest.approx([comparison.versions[0].tests] * 3)
 
 
-def test_regressions_shown_are_the_champions(study: Study, page: str) -> None:
+def test_regressions_shown_are_the_champions(study: FabricatedStudy, page: str) -> None:
     comparison = read(study.root / "comparison.json", Comparison)
-    shown = page.partition("Repairs and regressions</h3>")[2].partition("<table>")[2].partition("</table>")[0]
+    shown = page.partition("Fixes and regressions</h3>")[2].partition("<table>")[2].partition("</table>")[0]
     changed = pd.read_csv(study.root / "changes.csv")
     assert set(changed["version"]) > {comparison.champion}
     assert shown.count("<tr>") - 1 == min(20, (changed["version"] == comparison.champion).sum())
     assert f">{comparison.champion}<" in shown
 
 
-def test_failures_by_round_are_drawn_from_the_base_on(study: Study) -> None:
+def test_failures_by_round_are_drawn_from_the_base_on(study: FabricatedStudy) -> None:
     comparison = read(study.root / "comparison.json", Comparison)
     adaptive = comparison.groups[-1]
     second = adaptive.model_copy(update={"group": "adaptive-r2", "round": 2, "failures": Estimate(value=1, low=0, high=2)})

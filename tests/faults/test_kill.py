@@ -12,7 +12,7 @@ import torch
 from pipeline.artefacts.filter_table import read_filter
 from pipeline.artefacts.model_card import read_card
 from pipeline.detectors.yolo.weights import load_weights
-from tests.analysis.fabricated import Study
+from tests.analysis.fabricated import FabricatedStudy
 
 TRAIN = """
 import sys
@@ -100,7 +100,7 @@ def test_in_training(tmp_path: Path) -> None:
 
 
 def test_in_filtering(tmp_path: Path) -> None:
-    study = Study(tmp_path / "study").make()
+    study = FabricatedStudy(tmp_path / "study").make()
     frames, whole, cut = study.frames("random"), tmp_path / "whole.csv", tmp_path / "cut.csv"
     finish(FILTER, whole, *frames)
     at_work = []
