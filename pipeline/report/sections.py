@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
+from pipeline.analysis.frame_criteria import MEANINGS
 from pipeline.artefacts.model_card import ModelCard
 from pipeline.artefacts.results import Comparison, Estimate, FailureRegions, Measures, VersionResult, WhiteBoxMeasures
 from pipeline.core.statistics import wilson_interval
@@ -16,14 +17,6 @@ from pipeline.report.verdict import HEADERS, group_headers, group_rows, mean_tex
 CHANGES = 20
 """Rows shown of changes.csv."""
 METRICS = {"precision": "precision", "recall": "recall", "ap50": "AP50", "ap50_95": "AP50-95"}
-REASONS = {
-    "visible": "pedestrian visible",
-    "negative": "no pedestrian in the image",
-    "few_pixels": "too few visible pixels",
-    "barely_in_view": "under a tenth of the pedestrian in view",
-    "low_contrast": "too little contrast",
-    "near_duplicate": "shows the same as the frame before",
-}
 
 
 def headline(comparison: Comparison) -> str:
@@ -231,9 +224,9 @@ def data_section(
 ) -> Section:
     """What the versions were trained on and how well they detect in single images."""
     names = list(filters)
-    reasons = list(dict.fromkeys([*REASONS, *(str(r) for table in filters.values() for r in table["reason"].unique())]))
+    reasons = list(dict.fromkeys([*MEANINGS, *(str(r) for table in filters.values() for r in table["reason"].unique())]))
     rows = [
-        (REASONS.get(reason, reason), *(_kept(filters[name], reason) for name in names))
+        (MEANINGS.get(reason, reason), *(_kept(filters[name], reason) for name in names))
         for reason in reasons
         if any((filters[name]["reason"] == reason).any() for name in names)
     ]

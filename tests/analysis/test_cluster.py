@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
+from pipeline.analysis.failure_regions import cluster
 from pipeline.artefacts.results import FailureRegions, read
 from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.config.schema import Regions
 from pipeline.core.growth import grow_regions
 from pipeline.core.space import Space, Variable
-from pipeline.steps import cluster
+from pipeline.steps import cluster as step
 from tests.analysis.fabricated import FabricatedStudy, make_tests
 
 SPACE = Space((Variable("fog", "continuous", "%", 0, 100, 10), Variable("sun_altitude", "continuous", "deg", -20, 90, 10)))
@@ -23,7 +24,7 @@ INFO = ScenarioInfo("F", "F", "", 1)
 def test_planted_region_is_found_with_its_rule() -> None:
     tests = make_tests(SPACE, KEYS, SPACE.sample(400, np.random.default_rng(0)), fog_from=60)
     tests = tests[tests["status"] == "ok"].reset_index(drop=True)
-    result = cluster.cluster(INFO, SPACE, tests, Regions(chance_neighbours=1, min_failures=4), confidence=0.95)
+    result = cluster(INFO, SPACE, tests, Regions(chance_neighbours=1, min_failures=4), confidence=0.95)
     assert len(result.regions) == 1
     region = result.regions[0]
     assert region.rule == "fog >= 60 % and sun_altitude <= 5 deg"
@@ -45,14 +46,14 @@ def test_two_corners_are_two_regions() -> None:
     tests["failure"] = np.arange(len(tests)) < 16
     tests["failure_mode"] = np.where(tests["failure"], "late", "none")
     tests["status"] = "ok"
-    result = cluster.cluster(INFO, SPACE, tests, Regions(chance_neighbours=0.5, min_failures=3), confidence=0.95)
+    result = cluster(INFO, SPACE, tests, Regions(chance_neighbours=0.5, min_failures=3), confidence=0.95)
     assert [len(region.members) for region in result.regions] == [8, 8]
     assert {region.support for region in result.regions} == {8}
 
 
 def test_no_failure_is_no_region() -> None:
     tests = make_tests(SPACE, KEYS, SPACE.sample(20, np.random.default_rng(0)), fog_from=1000)
-    result = cluster.cluster(INFO, SPACE, tests, Regions(chance_neighbours=0.5, min_failures=3), confidence=0.95)
+    result = cluster(INFO, SPACE, tests, Regions(chance_neighbours=0.5, min_failures=3), confidence=0.95)
     assert (result.failures, result.regions, result.unassigned, result.connected) == (0, (), (), 0)
 
 
@@ -83,7 +84,7 @@ def test_a_test_that_two_campaigns_executed_counts_once(tmp_path: Path) -> None:
     campaign = study.search_tests[0]
     shutil.copytree(campaign.parent, same.parent)
     for out, tests in ((once, [campaign]), (twice, [campaign, same])):
-        cluster.run(study.config, tests=tests, space=study.search_spaces[0], out=out, progress=lambda *_: None)
+        step.run(study.config, tests=tests, space=study.search_spaces[0], out=out, progress=lambda *_: None)
     assert once.read_bytes() == twice.read_bytes()
 
 

@@ -9,7 +9,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.artefacts.results import Measures, read
+from pipeline.analysis.measures import measure_campaign, summarise, theta_table
+from pipeline.artefacts.points import encode_tests
+from pipeline.artefacts.results import CampaignMeasures, Measures, read
 from pipeline.core.space import Space, Variable
 from pipeline.errors import InputError
 from pipeline.steps import measure
@@ -19,7 +21,7 @@ SPACE = Space((Variable("fog", "continuous", "%", 0, 100, 50), Variable("gait", 
 
 
 def rows(strategy: str, failures: Sequence[int], errors: Sequence[int] = ()) -> pd.DataFrame:
-    """Five tests at fog 0 walking, of which the given ones fail (counted from 1) or break."""
+    """Five tests at fog 0 walking, of which the given ones fail (counted from 1) or are errors."""
     order = range(1, 6)
     failed = [i in failures for i in order]
     return pd.DataFrame(
@@ -35,9 +37,9 @@ def rows(strategy: str, failures: Sequence[int], errors: Sequence[int] = ()) -> 
     )
 
 
-def measured(own: Sequence[int], baseline: Sequence[int], errors: Sequence[int] = ()) -> measure.CampaignMeasures:
+def measured(own: Sequence[int], baseline: Sequence[int], errors: Sequence[int] = ()) -> CampaignMeasures:
     tables = {("F", "random", "base", 0): rows("random", baseline), ("F", "neural", "base", 0): rows("neural", own, errors)}
-    return measure.measure_campaign(("F", "neural", "base", 0), tables, {"F": SPACE}, "random")
+    return measure_campaign(("F", "neural", "base", 0), tables, {"F": SPACE}, "random")
 
 
 def test_f_and_c_measure_by_hand() -> None:
@@ -69,20 +71,20 @@ def test_errors_are_paid_for_but_cover_nothing() -> None:
 
 def test_baseline_has_no_c_of_its_own() -> None:
     tables = {("F", "random", "base", 0): rows("random", [1])}
-    assert measure.measure_campaign(("F", "random", "base", 0), tables, {"F": SPACE}, "random").c_measure is None
+    assert measure_campaign(("F", "random", "base", 0), tables, {"F": SPACE}, "random").c_measure is None
 
 
 def test_missing_baseline_and_space_are_named() -> None:
     tables = {("F", "neural", "base", 3): rows("neural", [1])}
     with pytest.raises(InputError, match="expected a 'random' campaign of seed 3"):
-        measure.measure_campaign(("F", "neural", "base", 3), tables, {"F": SPACE}, "random")
+        measure_campaign(("F", "neural", "base", 3), tables, {"F": SPACE}, "random")
     with pytest.raises(InputError, match="expected the space of scenario 'F'"):
-        measure.measure_campaign(("F", "neural", "base", 3), tables, {}, "random")
+        measure_campaign(("F", "neural", "base", 3), tables, {}, "random")
 
 
 def test_summary_over_seeds() -> None:
     first, second = measured([1, 2], [4]), measured([5], [])
-    summary = measure.summarise([first, second.model_copy(update={"seed": 1})], 0.95)
+    summary = summarise([first, second.model_copy(update={"seed": 1})], 0.95)
     assert (summary.failures, summary.tests, summary.seeds) == (3, 10, (0, 1))
     assert summary.rate.value == pytest.approx(0.3)
     assert summary.rate.low < 0.3 < summary.rate.high
@@ -94,7 +96,7 @@ def test_summary_over_seeds() -> None:
 
 
 def test_theta_table_holds_means_over_seeds() -> None:
-    table = measure.theta_table([measured([1, 2], [4]), measured([5], [])])
+    table = theta_table([measured([1, 2], [4]), measured([5], [])])
     assert list(table.columns) == ["tests", "F-neural"]
     assert table["F-neural"].tolist() == [0.5, 1, 1, 1, 1.5]
     assert table["tests"].tolist() == [1, 2, 3, 4, 5]
@@ -129,7 +131,7 @@ def test_value_outside_the_space_names_the_test() -> None:
     tests = make_tests(SPACE_OF_STUDY, {"scenario": "F", "strategy": "s", "version": "base", "seed": 0}, SPACE_OF_STUDY.sample(3, RNG))
     tests.loc[1, "fog"] = 300.0
     with pytest.raises(InputError, match=r"test F-s-base-0-00001: fog must be in \[0, 100\] %, got"):
-        measure.encode_tests(tests, SPACE_OF_STUDY)
+        encode_tests(tests, SPACE_OF_STUDY)
 
 
 RNG = np.random.default_rng(0)
