@@ -279,6 +279,10 @@ class Comparison(Result):
         """The test of a version against an earlier one; None if there are not both."""
         return next((pair for pair in self.pairs if (pair.version, pair.against) == (version, against)), None)
 
+    def passes(self, version: str) -> bool:
+        """Whether a version passed the gate; the base, which is not judged, did not."""
+        return self.gate[version].startswith("passes")
+
 
 class WhiteBoxSet(Result):
     """White-box coverage of one set of images, shares in [0, 1]; see `pipeline.core.coverage.whitebox`."""

@@ -31,15 +31,15 @@ def verdict_sentences(comparison: Comparison) -> list[str]:
     """What the table says, in words."""
     method = f"p: exact McNemar test against base on the same tests; a difference counts at p ≤ {comparison.alpha:g}"
     sentences = [f"★ champion: {comparison.champion}. {method}, otherwise none is shown; not corrected for several comparisons."]
-    if (passing := sum(reason.startswith("passes") for reason in comparison.gate.values())) > 1:
+    if (passing := sum(map(comparison.passes, comparison.gate))) > 1:
         picked = f"{comparison.champion} is the best of {passing} that pass, picked on these very tests"
         sentences.append(f"{picked}: expect more failures of it on others.")
     sentences += [_group_sentence(comparison, pair) for pair in comparison.group_pairs if _rivals(pair)]
     sentences += [f"{version} {reason}." for version, reason in comparison.gate.items() if version != comparison.versions[0].version]
-    broken = {result.version: result.errors for result in comparison.versions if result.errors}
-    if broken:
-        counts = ", ".join(f"{count} of {version}" for version, count in broken.items())
-        sentences.append(f"Simulations that broke and do not count: {counts}.")
+    errors = {result.version: result.errors for result in comparison.versions if result.errors}
+    if errors:
+        counts = ", ".join(f"{count} of {version}" for version, count in errors.items())
+        sentences.append(f"Errors, which do not count: {counts}.")
     return sentences
 
 

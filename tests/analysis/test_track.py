@@ -15,7 +15,8 @@ from pipeline.artefacts.model_card import read_card, write_card
 from pipeline.artefacts.results import Comparison, Tracking, read, write
 from pipeline.errors import InputError
 from pipeline.steps import track
-from pipeline.tracking.store import Content, Registration, Tracker
+from pipeline.tracking.registry import Registration, Registry
+from pipeline.tracking.runs import Content, Tracker
 from tests.analysis.fabricated import VERSIONS, FabricatedStudy, silent
 
 
@@ -154,18 +155,19 @@ def test_a_champion_that_was_not_compared_keeps_the_alias(study: FabricatedStudy
     file = study.root / "other.json"
     file.write_text("{}")
     other = Registration("detector", Content("elsewhere/adaptive", "model"), [file], {"version": "adaptive", "weights_sha256": "cd"}, "")
-    number, _ = tracker.register(other)
+    registry = Registry(tracker)
+    number, _ = registry.register(other)
     held = client(study).get_model_version_by_alias("detector", "champion").version
-    tracker.set_alias("detector", "champion", number)
+    registry.set_alias("detector", "champion", number)
     run(study)
     assert client(study).get_model_version_by_alias("detector", "champion").version == int(number)
-    tracker.set_alias("detector", "champion", held)
+    registry.set_alias("detector", "champion", held)
     client(study).delete_model_version("detector", number)
 
 
 def test_a_deleted_experiment_is_named(tmp_path: Path) -> None:
     tracker = Tracker(tmp_path / "m.db", tmp_path / "artifacts", "e", {})
-    tracker._client.delete_experiment(tracker._experiment)
+    tracker.client.delete_experiment(tracker.experiment)
     with pytest.raises(InputError, match="MLflow's experiment 'e' is deleted"):
         Tracker(tmp_path / "m.db", tmp_path / "artifacts", "e", {})
 
@@ -174,11 +176,11 @@ def test_a_run_that_was_cut_off_is_logged_again(tmp_path: Path) -> None:
     tracker = Tracker(tmp_path / "m.db", tmp_path / "artifacts", "e", {})
     content = Content("one", "campaign", metrics={"failures": 3.0})
     first = tracker.log(content)
-    tracker._client.update_run(first, status="RUNNING")
+    tracker.client.update_run(first, status="RUNNING")
     second = tracker.log(content)
     assert first != second
     assert tracker.log(content) == second
-    assert tracker._client.get_run(first).info.lifecycle_stage == "deleted"
+    assert tracker.client.get_run(first).info.lifecycle_stage == "deleted"
 
 
 def test_versions_prints_the_failures_of_every_version(study: FabricatedStudy, capsys: pytest.CaptureFixture[str]) -> None:
@@ -207,7 +209,7 @@ def test_a_description_that_is_too_long_is_cut_at_a_line(tmp_path: Path) -> None
     tracker = Tracker(tmp_path / "m.db", tmp_path / "artifacts", "e", {})
     run_id = tracker.log(Content("one", "study"))
     tracker.describe(run_id, "\n".join(["```", *["a version passes"] * 1000, "```"]))
-    text = tracker._client.get_run(run_id).data.tags["mlflow.note.content"]
+    text = tracker.client.get_run(run_id).data.tags["mlflow.note.content"]
     assert 7800 < len(text) <= 8000 and text.endswith("a version passes\n```\n\nThe rest is in the report.")
 
 
@@ -248,19 +250,20 @@ def test_a_registered_version_loads_and_detects(study: FabricatedStudy) -> None:
 
 def test_a_registration_that_was_cut_off_leaves_one_model_and_one_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tracker, file = Tracker(tmp_path / "m.db", tmp_path / "artifacts", "e", {}), tmp_path / "model.json"
+    registry = Registry(tracker)
     file.write_text("{}")
     registration = Registration("detector", Content("s/base", "model", metrics={"failures": 3.0}), [file], {"version": "base"}, "text")
     for method in ("log_model_artifact", "finalize_logged_model", "create_model_version"):
         with monkeypatch.context() as patch:
-            patch.setattr(tracker._client, method, lambda *_, **__: (_ for _ in ()).throw(KeyboardInterrupt))
+            patch.setattr(tracker.client, method, lambda *_, **__: (_ for _ in ()).throw(KeyboardInterrupt))
             with pytest.raises(KeyboardInterrupt):
-                tracker.register(registration)
-    first = tracker.register(registration)
-    assert tracker.register(registration) == first
-    store = tracker._client
+                registry.register(registration)
+    first = registry.register(registration)
+    assert registry.register(registration) == first
+    store = tracker.client
     assert len(store.search_model_versions("name='detector'")) == 1
-    assert len(store.search_logged_models([tracker._experiment])) == 1
-    assert len(store.search_runs([tracker._experiment])) == 1
+    assert len(store.search_logged_models([tracker.experiment])) == 1
+    assert len(store.search_runs([tracker.experiment])) == 1
 
 
 def test_a_server_that_is_not_there_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -132,4 +132,4 @@ def test_the_best_of_several_is_said_to_be_picked() -> None:
 
 def test_errors_are_told_only_where_there_are_some() -> None:
     assert len(verdict_sentences(comparison(against_random=False))) == 4
-    assert verdict_sentences(comparison(errors=3))[-1] == "Simulations that broke and do not count: 3 of random."
+    assert verdict_sentences(comparison(errors=3))[-1] == "Errors, which do not count: 3 of random."

@@ -51,16 +51,18 @@ filter.run(compose("default", []), frames=frames, out=out, progress=lambda *_: N
 REGISTER = """
 import sys
 from pathlib import Path
-from pipeline.tracking.store import Content, Registration, Tracker
+from pipeline.tracking.registry import Registration, Registry
+from pipeline.tracking.runs import Content, Tracker
 root = Path(sys.argv[1])
 tracker = Tracker(root / "m.db", root / "artifacts", "e", {})
+registry = Registry(tracker)
 print("ready", flush=True)
 for version in ("base", "control", "random"):
     file = root / f"{version}.json"
     file.write_text(version)
     content = Content(f"s/{version}", "model", metrics={f"m{i}": float(i) for i in range(50)}, files=[file])
-    number, _ = tracker.register(Registration("detector", content, [file], {"version": version}, version))
-    tracker.set_alias("detector", "champion", number)
+    number, _ = registry.register(Registration("detector", content, [file], {"version": version}, version))
+    registry.set_alias("detector", "champion", number)
 """
 
 
