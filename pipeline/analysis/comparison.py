@@ -13,18 +13,17 @@ import pandas as pd
 from pipeline.analysis.failure_regions import cluster
 from pipeline.analysis.held_out import HeldOut
 from pipeline.analysis.measures import count_modes
-from pipeline.artefacts.points import encode_tests
-from pipeline.artefacts.results import (
+from pipeline.artefacts.comparison_results import (
     Comparison,
-    Estimate,
     GroupPair,
     GroupResult,
-    Measures,
     RegionResult,
     ScenarioResult,
     VersionPair,
     VersionResult,
 )
+from pipeline.artefacts.points import encode_tests
+from pipeline.artefacts.results import Estimate, Measures
 from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.config.schema import Regions
 from pipeline.core import comparison as core

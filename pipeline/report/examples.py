@@ -8,8 +8,9 @@ from itertools import zip_longest
 
 import pandas as pd
 
+from pipeline.artefacts.comparison_results import Comparison, VersionPair
 from pipeline.artefacts.points import concrete
-from pipeline.artefacts.results import Comparison, FailureRegions, VersionPair
+from pipeline.artefacts.results import FailureRegions
 from pipeline.core.comparison import SequenceTest
 from pipeline.core.space import Space, Value
 

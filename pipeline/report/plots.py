@@ -10,8 +10,9 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.model_card import ModelCard
-from pipeline.artefacts.results import Comparison, FailureRegions, Measures, StrategyMeasures
+from pipeline.artefacts.results import FailureRegions, Measures, StrategyMeasures
 from pipeline.core.lineage import Version
 from pipeline.core.space import Space, Variable
 from pipeline.report.border import Case

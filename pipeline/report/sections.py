@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 import pandas as pd
 
 from pipeline.analysis.frame_criteria import MEANINGS
+from pipeline.artefacts.comparison_results import Comparison, VersionResult
 from pipeline.artefacts.model_card import ModelCard
-from pipeline.artefacts.results import Comparison, Estimate, FailureRegions, Measures, VersionResult, WhiteBoxMeasures
+from pipeline.artefacts.results import Estimate, FailureRegions, Measures, WhiteBoxMeasures
 from pipeline.core.statistics import wilson_interval
 from pipeline.report import texts
 from pipeline.report.page import Drawing, Film, Part, Section, Table

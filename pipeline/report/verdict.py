@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from pipeline.artefacts.results import Comparison, Estimate, GroupPair, VersionResult
+from pipeline.artefacts.comparison_results import Comparison, GroupPair, VersionResult
+from pipeline.artefacts.results import Estimate
 from pipeline.core.lineage import Version
 
 HEADERS = ("version", "failures / tests", "change", "p", "verdict")

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.folders import Folders
-from pipeline.artefacts.results import Comparison, Measures, TrackedRun, Tracking, read, write
+from pipeline.artefacts.results import Measures, read, write
+from pipeline.artefacts.tracking_results import TrackedRun, TrackedStudy
 from pipeline.config.schema import Config
 from pipeline.contract import Files, Job, Step, Wildcards
 
@@ -89,5 +91,5 @@ def run(job: Job) -> None:
     name = config.tracking.model_name
     write(
         job.output("tracking"),
-        Tracking(experiment=config.tracking.experiment, model=name, runs=tracked, failures=failures, champion=compared.champion),
+        TrackedStudy(experiment=config.tracking.experiment, model=name, runs=tracked, failures=failures, champion=compared.champion),
     )

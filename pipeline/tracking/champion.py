@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from pipeline.artefacts.results import Comparison
+from pipeline.artefacts.comparison_results import Comparison
 from pipeline.core.comparison import clearly_better
 from pipeline.tracking.contents import WEIGHTS
 from pipeline.tracking.registry import Registry

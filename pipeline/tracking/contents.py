@@ -10,8 +10,9 @@ from typing import Any
 import pandas as pd
 
 from pipeline.analysis.measures import campaign_key, count_modes
+from pipeline.artefacts.comparison_results import Comparison, VersionResult
 from pipeline.artefacts.model_card import ModelCard, read_curve
-from pipeline.artefacts.results import CampaignMeasures, Comparison, VersionResult
+from pipeline.artefacts.results import CampaignMeasures
 from pipeline.config.schema import Config
 from pipeline.core.measures import failure_sequence
 from pipeline.tracking.registry import Registration
@@ -102,11 +103,11 @@ def model_content(config: Config, card: ModelCard, result: VersionResult, path: 
     params |= {f"training.{name}": str(value) for name, value in card.training.items()}
     tags: Mapping[str, str] = {WEIGHTS: card.weights_sha256, **{f"data.{name}": digest for name, digest in card.data.items()}}
     curve = path.with_name("curve.csv")
-    looks = read_curve(curve) if curve.exists() else []
+    points = read_curve(curve) if curve.exists() else []
     series = {
-        f"training.{name}": [(look.iteration, getattr(look, name)) for look in looks]
+        f"training.{name}": [(point.iteration, getattr(point, name)) for point in points]
         for name in ("learning_rate", "loss_scores", "loss_boxes", "ap50")
-        if looks
+        if points
     }
     study, later = config.study, card.training.get("round", 0) not in (0, 1)
     shipped = card.parent is None and config.base.source == "shipped"

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.artefacts.files import sha256
-from pipeline.artefacts.results import RunKind
+from pipeline.artefacts.tracking_results import RunKind
 from pipeline.errors import InputError
 from pipeline.tracking.client import connect, server, unusable
 

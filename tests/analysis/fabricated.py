@@ -11,7 +11,7 @@ import pandas as pd
 from onnx import TensorProto, helper, numpy_helper
 
 from pipeline.artefacts.dataset import encode_jpeg
-from pipeline.artefacts.model_card import Look, ModelCard, write_card, write_curve
+from pipeline.artefacts.model_card import CurvePoint, ModelCard, write_card, write_curve
 from pipeline.artefacts.results import WhiteBoxMeasures, WhiteBoxSet, write
 from pipeline.artefacts.scenario_space import ScenarioInfo, write_space
 from pipeline.artefacts.tables import FRAMES, SIGNAL_COLUMNS, TESTS, write_frames, write_signals, write_tests
@@ -246,4 +246,6 @@ class FabricatedStudy:
         write_card(path, card)
         path.with_name("weights.safetensors").write_bytes(f"weights {rank}".encode())
         path.with_name("model.onnx").write_bytes(make_onnx(rank / 10))
-        write_curve(path.with_name("curve.csv"), [Look(10, 3e-4, 1.5, 0.3, 0.8), Look(20, 1e-5, 1.2, 0.2, 0.85)] if rank else [])
+        write_curve(
+            path.with_name("curve.csv"), [CurvePoint(10, 3e-4, 1.5, 0.3, 0.8), CurvePoint(20, 1e-5, 1.2, 0.2, 0.85)] if rank else []
+        )

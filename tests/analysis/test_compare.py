@@ -11,8 +11,9 @@ import pytest
 
 from pipeline.analysis.comparison import base_regions, changed_tests, compare
 from pipeline.analysis.held_out import HeldOut
+from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.files import read_json
-from pipeline.artefacts.results import Comparison, read
+from pipeline.artefacts.results import read, write
 from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.artefacts.tables import read_tests, write_tests
 from pipeline.config.composing import compose
@@ -100,7 +101,7 @@ EIGHT, NONE = "c" * 8 + "." * 8, "." * 16
 def test_champion(outcomes: dict[str, str], champion: str) -> None:
     result = compared(**outcomes)
     assert result.champion == champion
-    assert result.gate[champion].startswith("the reference" if champion == "base" else "passes")
+    assert result.gate["base"] == "the reference" and result.passes(champion) == (champion != "base")
 
 
 def test_a_version_that_is_worse_somewhere_is_held_back() -> None:
@@ -220,6 +221,17 @@ def test_step_on_files(tmp_path: Path) -> None:
     assert text.splitlines()[-1].startswith("Look next: ")
     assert "report.html" in text
     assert "./run ui" in text
+
+
+def test_a_fix_that_names_no_test_is_refused_on_reading(tmp_path: Path) -> None:
+    path, result = tmp_path / "comparison.json", compared(base="ccc", adaptive="...")
+    write(path, result)
+    assert read(path, Comparison) == result and "F1star-00002" in path.read_text()
+    path.write_text(path.read_text().replace("F1star-00002", "F1star"))
+    wrong = "versions.1.scenarios.F1star.paired.fixes.2: Value error, expected the name of a test, as F1star-00042, got 'F1star'"
+    with pytest.raises(InputError) as caught:
+        read(path, Comparison)
+    assert str(caught.value) == f"{path} is not a Comparison file: {wrong}; make it again"
 
 
 def test_another_sequence_is_refused_with_the_first_difference(tmp_path: Path) -> None:

@@ -8,7 +8,8 @@ from html.parser import HTMLParser
 import pandas as pd
 import pytest
 
-from pipeline.artefacts.results import Comparison, Estimate, FailureRegions, read
+from pipeline.artefacts.comparison_results import Comparison
+from pipeline.artefacts.results import Estimate, FailureRegions, read
 from pipeline.report.border import nearest
 from pipeline.report.examples import choose_pairs, choose_regions
 from pipeline.report.plots import failures_by_round, kpi_histogram

@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 from pipeline.__main__ import main
+from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.files import read_json
 from pipeline.artefacts.model_card import read_card, write_card
-from pipeline.artefacts.results import Comparison, Tracking, read, write
+from pipeline.artefacts.results import read, write
+from pipeline.artefacts.tracking_results import TrackedStudy
 from pipeline.errors import InputError
 from pipeline.steps import track
 from pipeline.tracking.registry import Registration, Registry
@@ -109,7 +111,7 @@ def test_again_changes_nothing_and_something_new_adds_one(study: FabricatedStudy
     write_card(study.cards[1], card.model_copy(update={"training": {"iterations": 7.0}}))
     run(study)
     assert everything(study) == (before[0] + 1, before[1] + 1, before[2] + 1)
-    assert read(study.root / "tracking.json", Tracking).champion == "adaptive"
+    assert read(study.root / "tracking.json", TrackedStudy).champion == "adaptive"
 
 
 def test_the_same_results_drawn_anew_are_the_same_version_with_the_new_picture(study: FabricatedStudy) -> None:

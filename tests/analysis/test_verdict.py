@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.artefacts.results import Comparison, Estimate, GroupPair, GroupResult, Modes, ScenarioResult, VersionPair, VersionResult
+from pipeline.artefacts.comparison_results import Comparison, GroupPair, GroupResult, ScenarioResult, VersionPair, VersionResult
+from pipeline.artefacts.results import Estimate, Modes
 from pipeline.core.comparison import SequenceTest, Verdict
 from pipeline.report.verdict import HEADERS, group_headers, group_rows, verdict_rows, verdict_sentences, verdict_table
 
