@@ -13,7 +13,6 @@ from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.config.schema import Regions
 from pipeline.core.growth import grow_regions
 from pipeline.core.space import Space, Variable
-from pipeline.steps import cluster as step
 from tests.analysis.fabricated import FabricatedStudy, make_tests
 
 SPACE = Space((Variable("fog", "continuous", "%", 0, 100, 10), Variable("sun_altitude", "continuous", "deg", -20, 90, 10)))
@@ -79,13 +78,14 @@ def test_growing_keeps_away_from_loose_rules_and_drops_crumbs() -> None:
 
 def test_a_test_that_two_campaigns_executed_counts_once(tmp_path: Path) -> None:
     study = FabricatedStudy(tmp_path / "study").make()
-    once, twice = (tmp_path / name for name in ("once.json", "twice.json"))
-    same = tmp_path / "same" / "tests.parquet"
-    campaign = study.search_tests[0]
+    campaign, same = study.search_tests[0], tmp_path / "same" / "tests.parquet"
     shutil.copytree(campaign.parent, same.parent)
-    for out, tests in ((once, [campaign]), (twice, [campaign, same])):
-        step.run(study.config, tests=tests, space=study.search_spaces[0], out=out, progress=lambda *_: None)
-    assert once.read_bytes() == twice.read_bytes()
+    found = []
+    for tests in ([campaign], [campaign, same]):
+        signals = [str(path.with_name("signals.parquet")) for path in tests]
+        study.run("cluster", {"tests": list(map(str, tests)), "signals": signals}, version="base", scenario="F1")
+        found.append(study.regions[0].read_bytes())
+    assert found[0] == found[1]
 
 
 def test_step_on_files(tmp_path: Path) -> None:

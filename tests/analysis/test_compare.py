@@ -204,18 +204,18 @@ def test_failures_are_counted_in_the_regions_of_the_base() -> None:
 
 def test_step_on_files(tmp_path: Path) -> None:
     study = FabricatedStudy(tmp_path).make().analyse()
-    result = read(tmp_path / "comparison.json", Comparison)
+    result = read(study.root / "comparison.json", Comparison)
     assert [version.version for version in result.versions] == ["base", "control", "random", "adaptive"]
     assert result.champion == "adaptive"
-    assert len(read_tests(tmp_path / "comparison.parquet")) == 4 * study.config.comparison.tests
+    assert len(read_tests(study.root / "comparison.parquet")) == 4 * study.config.comparison.tests
     assert result.versions[3].scenarios["F1star"].failures == result.versions[3].failures
-    changes = pd.read_csv(tmp_path / "changes.csv")
+    changes = pd.read_csv(study.root / "changes.csv")
     assert (changes["version"] == "adaptive").sum() == -result.versions[3].change
-    metrics = read_json(tmp_path / "metrics.json")
+    metrics = read_json(study.root / "metrics.json")
     assert metrics["adaptive"]["failures"] == result.versions[3].failures
     assert metrics["base"]["ap50"] == 0.88
     assert "c_measure" in metrics["F1-neural"]
-    text = verdict_table(result, tmp_path / "report.html")
+    text = verdict_table(result, study.root / "report.html")
     assert "adaptive ★" in text
     assert "F1*" in text
     assert text.splitlines()[-1].startswith("Look next: ")

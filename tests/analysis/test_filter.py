@@ -15,8 +15,7 @@ from pipeline.config.schema import Filter
 from pipeline.errors import InputError
 from pipeline.learning import frame_filter
 from pipeline.learning.frame_filter import judge
-from pipeline.steps import filter
-from tests.analysis.fabricated import FabricatedStudy, silent
+from tests.analysis.fabricated import FabricatedStudy
 
 SECTION = Filter(min_visible_pixels=20, min_detectability=60, overrules=None)
 IMAGE = encode_jpeg(np.zeros((48, 80, 3), np.uint8))
@@ -59,10 +58,9 @@ def test_a_new_criterion_judges_by_its_declaration_alone(monkeypatch: pytest.Mon
 
 def run(study: FabricatedStudy, overrules: Path) -> pd.DataFrame:
     section = study.config.filter.model_copy(update={"overrules": str(overrules)})
-    out = study.root / "filter.csv"
-    config = study.config.model_copy(update={"filter": section})
-    filter.run(config, frames=study.frames("random"), out=out, progress=silent)
-    return read_filter(out).set_index(["test_id", "step"])
+    study.config = study.config.model_copy(update={"filter": section})
+    study.run("filter", kind="filter", strategy="random", version="base")
+    return read_filter(study.folder / study.files.filter("random")).set_index(["test_id", "step"])
 
 
 def test_a_person_overrules(tmp_path: Path) -> None:

@@ -14,8 +14,7 @@ from pipeline.artefacts.points import encode_tests
 from pipeline.artefacts.results import CampaignMeasures, Measures, read
 from pipeline.core.space import Space, Variable
 from pipeline.errors import InputError
-from pipeline.steps import measure
-from tests.analysis.fabricated import FabricatedStudy, make_tests, silent
+from tests.analysis.fabricated import FabricatedStudy, make_tests
 
 SPACE = Space((Variable("fog", "continuous", "%", 0, 100, 50), Variable("gait", "categorical", values=("walk", "run"))))
 
@@ -105,12 +104,11 @@ def test_theta_table_holds_means_over_seeds() -> None:
 def test_step_writes_readable_measures_twice_alike(tmp_path: Path) -> None:
     study = FabricatedStudy(tmp_path).make()
     contents = []
-    for name in ("a", "b"):
-        out, theta = tmp_path / f"{name}.json", tmp_path / f"{name}.csv"
-        measure.run(study.config, tests=study.search_tests, spaces=study.search_spaces, out=out, theta=theta, progress=silent)
-        contents.append((out.read_bytes(), theta.read_bytes()))
+    for _ in range(2):
+        study.run("measure")
+        contents.append([(study.root / name).read_bytes() for name in ("measures.json", "theta.csv")])
     assert contents[0] == contents[1]
-    result = read(tmp_path / "a.json", Measures)
+    result = read(study.root / "measures.json", Measures)
     assert len(result.campaigns) == 8
     for campaign in result.campaigns:
         assert campaign.theta[-1] == campaign.failures == campaign.modes.total

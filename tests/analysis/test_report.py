@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import pandas as pd
@@ -10,12 +11,12 @@ import pytest
 
 from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.results import Estimate, FailureRegions, read
+from pipeline.artefacts.tables import read_tests
 from pipeline.report.border import nearest
 from pipeline.report.examples import choose_pairs, choose_regions
 from pipeline.report.plots import failures_by_round, kpi_histogram
 from pipeline.report.sections import headline, rounds_part
-from pipeline.steps import report
-from tests.analysis.fabricated import FabricatedStudy, silent
+from tests.analysis.fabricated import FabricatedStudy
 
 LOADING = {"src", "href", "poster", "xlink:href", "data", "srcset", "action"}
 
@@ -34,25 +35,8 @@ class Loads(HTMLParser):
 
 
 def make(study: FabricatedStudy, replays: int) -> str:
-    config = study.config.model_copy(update={"report": study.config.report.model_copy(update={"replays": replays})})
-    report.run(
-        config,
-        measures=study.root / "measures.json",
-        white_box=study.white_box,
-        comparison=study.root / "comparison.json",
-        table=study.root / "comparison.parquet",
-        changes=study.root / "changes.csv",
-        regions=study.regions,
-        tests=study.search_tests,
-        later_tests=[],
-        spaces=study.search_spaces,
-        filters=study.filters,
-        models=study.cards,
-        detectors=[path.with_name("model.onnx") for path in study.cards],
-        out=study.root / "report.html",
-        plots=study.root / "plots",
-        progress=silent,
-    )
+    section = study.config.report.model_copy(update={"replays": replays})
+    replace(study, config=study.config.model_copy(update={"report": section})).run("report")
     return (study.root / "report.html").read_text()
 
 
@@ -108,7 +92,7 @@ def test_replays_are_shared_out(study: FabricatedStudy) -> None:
 
 def test_pairs_are_a_fix_and_a_regression_of_the_champion(study: FabricatedStudy) -> None:
     comparison = read(study.root / "comparison.json", Comparison)
-    table, spaces = report.read_tests(study.root / "comparison.parquet"), {"F1star": study.config.space("F1star")}
+    table, spaces = read_tests(study.root / "comparison.parquet"), {"F1star": study.config.space("F1star")}
     before, after = choose_pairs(comparison, table, spaces)
     assert (before.version, after.version) == ("base", comparison.champion)
     assert before.concrete == after.concrete
@@ -179,7 +163,7 @@ def test_headline_speaks_of_groups_and_names_what_is_shown(study: FabricatedStud
 
 def test_histogram_counts_each_test_once_however_many_seeds(study: FabricatedStudy) -> None:
     comparison = read(study.root / "comparison.json", Comparison)
-    table = report.read_tests(study.root / "comparison.parquet")
+    table = read_tests(study.root / "comparison.parquet")
     figure = kpi_histogram(table, seeds_of_two(comparison), 0.1)
     assert [axis.get_title(loc="left") or axis.get_title() for axis in figure.axes] == ["base", "random", "adaptive"]
     heights = [sum(patch.get_height() for bars in axis.containers for patch in bars) for axis in figure.axes]

@@ -16,27 +16,15 @@ from pipeline.artefacts.model_card import read_card, write_card
 from pipeline.artefacts.results import read, write
 from pipeline.artefacts.tracking_results import TrackedStudy
 from pipeline.errors import InputError
-from pipeline.steps import track
 from pipeline.tracking.registry import Registration, Registry
 from pipeline.tracking.runs import Content, Tracker
-from tests.analysis.fabricated import VERSIONS, FabricatedStudy, silent
+from tests.analysis.fabricated import VERSIONS, FabricatedStudy
 
 
 def run(study: FabricatedStudy, drawn: bytes = b"a plot") -> None:
     plot = study.root / "theta.png"
     plot.write_bytes(drawn)
-    track.run(
-        study.config,
-        models=study.cards,
-        measures=study.root / "measures.json",
-        comparison=study.root / "comparison.json",
-        campaigns=[*study.search_tests, *study.held_out_tests],
-        plots=[plot],
-        store=study.root / "mlflow" / "mlflow.db",
-        artifacts=study.root / "mlflow" / "artifacts",
-        out=study.root / "tracking.json",
-        progress=silent,
-    )
+    study.run("track", {"plots": [str(plot)]})
 
 
 @pytest.fixture(scope="module")
@@ -153,7 +141,7 @@ def test_a_later_comparison_moves_the_alias_and_registers_nothing_again(study: F
 
 
 def test_a_champion_that_was_not_compared_keeps_the_alias(study: FabricatedStudy) -> None:
-    tracker = Tracker(study.root / "mlflow" / "mlflow.db", study.root / "mlflow" / "artifacts", "elsewhere", {})
+    tracker = Tracker(study.folder / "data" / "mlflow" / "mlflow.db", study.folder / "data" / "mlflow" / "artifacts", "elsewhere", {})
     file = study.root / "other.json"
     file.write_text("{}")
     other = Registration("detector", Content("elsewhere/adaptive", "model"), [file], {"version": "adaptive", "weights_sha256": "cd"}, "")
@@ -187,7 +175,7 @@ def test_a_run_that_was_cut_off_is_logged_again(tmp_path: Path) -> None:
 
 def test_versions_prints_the_failures_of_every_version(study: FabricatedStudy, capsys: pytest.CaptureFixture[str]) -> None:
     comparison = read(study.root / "comparison.json", Comparison)
-    assert main(["versions", "--store", str(study.root / "mlflow" / "mlflow.db")]) == 0
+    assert main(["versions", "--store", str(study.folder / "data" / "mlflow" / "mlflow.db")]) == 0
     head, *rows = (line.split() for line in capsys.readouterr().out.splitlines())
     assert head[:5] == ["model", "number", "version", "study", "failures"]
     shown = {row[2]: int(row[4]) for row in rows}
