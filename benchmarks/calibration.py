@@ -1,7 +1,7 @@
-"""What calibrating the confidence changes in closed loop: `python benchmarks/calibration.py [--tests 100] [--scenario F1 F2]`.
+"""Effect of calibrating the confidence, in closed loop: `python benchmarks/calibration.py [--tests 100] [--scenario F1 F2]`.
 
 The same random tests with the shipped detector's confidence as trained and as calibrated. The threshold of the former is the score that
-calibration maps to the one in use, so that both report the same boxes: only how hard the AEB brakes differs.
+calibration maps to the threshold in use. Both therefore report the same boxes; only the braking differs.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ SHIPPED = Path("models/base")
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--tests", type=int, default=100, help="a scenario")
+    parser.add_argument("--tests", type=int, default=100, help="tests per scenario")
     parser.add_argument("--scenario", nargs="+", default=["F1", "F2"])
     options = parser.parse_args()
     study, card = compose("default", []), read_card(SHIPPED / "model.json")
@@ -60,7 +60,7 @@ def main() -> None:
             f"{np.mean(contacts) if contacts else 0:.1f} m/s, mean TTC {np.mean([r.ttc_s for r in found]):.2f} s"
         )
     paired = mcnemar(*([r.failure for r in results[name]] for name in ("as trained", "calibrated")))
-    print(f"calibration mends {paired.mended} tests and breaks {paired.regressions} (exact McNemar p = {paired.p_value:.2g})")
+    print(f"calibration: {paired.mended} fixes, {paired.regressions} regressions (exact McNemar p = {paired.p_value:.2g})")
 
 
 if __name__ == "__main__":

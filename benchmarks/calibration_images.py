@@ -1,8 +1,8 @@
 """How many images a calibration needs: `python benchmarks/calibration_images.py --base-set truth.coco.json [FOLDER ...]`.
 
-Fits the calibration of each version (FOLDER with weights.safetensors and model.json) on random parts of the validation images, and prints
-what the confidence in use, as fitted on all of them, comes to with a part's fit: a version that brakes at 0.8 and is right in 0.76 or 0.84
-of such cases differs from its like by the luck of the images alone.
+Fits the calibration of each version (FOLDER with weights.safetensors and model.json) on random subsets of the validation images. Prints
+how far such a fit moves the confidence in use, which is fitted on all images. Two versions can differ by as much through the choice of
+images alone.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("versions", type=Path, nargs="*", default=[Path("models/base")], metavar="FOLDER")
     parser.add_argument("--base-set", type=Path, required=True, help="truth.coco.json of a rendered base set")
-    parser.add_argument("--images", type=int, nargs="+", default=[450, 900, 1800, 3600], help="in a part (default: %(default)s)")
+    parser.add_argument("--images", type=int, nargs="+", default=[450, 900, 1800, 3600], help="images in a subset (default: %(default)s)")
     options = parser.parse_args()
     validation, used = read_dataset(options.base_set.parent, "val"), float(compose("default", []).detector["threshold"])
     print(f"{'version':14}{'images':>8}{'their confidence':>18}{'standard deviation':>20}")

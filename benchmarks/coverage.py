@@ -1,9 +1,9 @@
-"""Coverage and covering arrays against the figures to beat: sizes, counting, feasible cells, proposals.
+"""Coverage and covering arrays against published figures: sizes, counting, feasible cells, proposals.
 
     python benchmarks/coverage.py [arrays] [counting] [cells] [proposals] [--seconds 30] [--models FOLDER]
 
 others: the best default size of PICT, jenny, allpairspy, coverwise, testflows-combinatorics and covertable, measured once; best: the
-smallest published size, or a lower bound that is reached. --models: a folder of space files, whose published sizes are known by name.
+smallest published size, or a lower bound that is reached. --models: a folder of space files; published sizes are looked up by name.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ SPACES: dict[str, tuple[tuple[int, ...], int, int, int]] = {
 PUBLISHED = {"spins": (26, 19), "bugzilla": (19, 16), "apache": (33, 30), "banking1": (15, 13), "telecom": (32, 30)}
 """ACTS 2.92 and the best of FastCA."""
 CHECKED_CELLS = 25_000
-"""The verifier is independent and slow: larger arrays are left to `coverage verify`."""
+"""The verifier is independent but slow; check larger arrays with `coverage verify`."""
 
 
 def arrays(seconds: float, models: Path | None) -> None:
@@ -134,7 +134,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parts: dict[str, Callable[[], None]] = {"counting": counting, "cells": cells, "proposals": proposals}
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"arrays, {', '.join(parts)} (default: all)")
-    parser.add_argument("--seconds", type=float, default=30.0, help="of polishing an array")
+    parser.add_argument("--seconds", type=float, default=30.0, help="seconds to polish an array")
     parser.add_argument("--models", type=Path, help="folder of space files")
     options = parser.parse_args()
     parts = {"arrays": lambda: arrays(options.seconds, options.models), **parts}

@@ -1,8 +1,10 @@
-"""Compare model versions where nothing is held out: `python benchmarks/development.py FOLDER FOLDER... [--tests 60] [--scenario F1 F2 F3]`.
+"""Compare model versions without touching the held-out scenarios.
 
-The searched scenarios moved to a suburban town of their own, with the same pair-wise tests for every version: how a recipe is chosen
-before the held-out scenarios judge it. FOLDER holds a version's model.onnx, or its weights.safetensors and model.json; the first is the
-one that the others are compared with.
+`python benchmarks/development.py FOLDER FOLDER... [--tests 60] [--scenario F1 F2 F3]`
+
+Runs the search scenarios in another suburban town, with the same pair-wise tests for every version, to choose a recipe before the
+held-out scenarios judge it. FOLDER holds a version's model.onnx, or its weights.safetensors and model.json; the others are compared with
+the first.
 """
 
 from __future__ import annotations
@@ -31,7 +33,7 @@ TOWN = {"style": "suburban", "seed": 987_654}
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("version", nargs="+", type=Path)
-    parser.add_argument("--tests", type=int, default=60, help="a scenario")
+    parser.add_argument("--tests", type=int, default=60, help="tests per scenario")
     parser.add_argument("--scenario", nargs="+", default=["F1", "F2", "F3"])
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args()
@@ -46,12 +48,12 @@ def main() -> None:
                 failed[version] += _failures(config, scenario, detector, options.tests, options.workers, own)
                 done = i * len(options.scenario) * options.tests + len(failed[version])
                 progress(done, len(options.version) * len(options.scenario) * options.tests, f"{version}: {sum(failed[version])} failures")
-    print(f"{'failures':>8}  {'by scenario':<{4 * len(options.scenario)}}{'mends':>7}{'breaks':>8}{'McNemar p':>11}  version")
+    print(f"{'failures':>8}  {'by scenario':<{4 * len(options.scenario)}}{'fixes':>7}{'regressions':>13}{'McNemar p':>11}  version")
     first = failed[options.version[0]]
     for version, found in failed.items():
         paired = mcnemar(first, found)
         parts = "".join(f"{int(np.sum(part)):>4}" for part in np.split(np.array(found), len(options.scenario)))
-        print(f"{sum(found):>8}  {parts}{paired.mended:>7}{paired.regressions:>8}{paired.p_value:>11.2g}  {version}")
+        print(f"{sum(found):>8}  {parts}{paired.mended:>7}{paired.regressions:>13}{paired.p_value:>11.2g}  {version}")
 
 
 def _failures(config: Config, scenario: str, detector: dict[str, Any], tests: int, workers: int, folder: Path) -> list[bool]:
@@ -70,7 +72,7 @@ def _failures(config: Config, scenario: str, detector: dict[str, Any], tests: in
         pool.close()
     outcomes = [log.read(i) for i in range(tests)]
     if broken := [outcome.reason for outcome in outcomes if outcome.broken]:
-        raise SystemExit(f"{scenario}: {len(broken)} tests broke: {broken[0]}")
+        raise SystemExit(f"{scenario}: {len(broken)} tests ended in an error: {broken[0]}")
     return [kpi.evaluate(outcome.signals, config.campaign.failure_threshold_s).failure for outcome in outcomes]
 
 

@@ -1,9 +1,9 @@
-"""CPU-seconds of a closed-loop test execution, and where they go.
+"""CPU-seconds of a closed-loop test execution, by part.
 
     python benchmarks/execution.py [--tests 40] [--scenario F1 ...] [--model models/base]
 
-Runs random tests in one process with one thread and times the parts of each frame. CPU time, not wall time: it does not depend on
-what else the machine does.
+Runs random tests in one process with one thread and times the parts of each frame. CPU time, not wall time, so that other
+load on the machine does not matter.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def timed(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
 def main() -> None:
     """Measure and print a table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--tests", type=int, default=40, help="tests a scenario")
+    parser.add_argument("--tests", type=int, default=40, help="tests per scenario")
     parser.add_argument("--scenario", nargs="+", default=["F1", "F2"])
     parser.add_argument("--model", type=Path, default=Path("models/base"))
     options = parser.parse_args()
@@ -75,9 +75,9 @@ def measure(name: str, tests: int, detector: OnnxDetector) -> None:
     parts = {"render": render, "ground truth": SPENT["ground truth"], "weather": SPENT["weather"], "inference": SPENT["inference"]}
     parts["rest"] = sum(whole) - sum(parts.values())
     spread = f"median; mean {np.mean(whole):.2f}, longest {max(whole):.2f}"
-    print(f"{name}: {np.median(whole):.2f} CPU-s a test ({spread}), {frames / tests:.1f} frames a test")
+    print(f"{name}: {np.median(whole):.2f} CPU-s per test ({spread}), {frames / tests:.1f} frames per test")
     for part, seconds in parts.items():
-        print(f"  {part:<13}{seconds / frames * 1e3:6.2f} ms a frame {seconds / sum(whole):6.1%}")
+        print(f"  {part:<13}{seconds / frames * 1e3:6.2f} ms per frame {seconds / sum(whole):6.1%}")
 
 
 if __name__ == "__main__":

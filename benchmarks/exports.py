@@ -1,9 +1,9 @@
-"""Are the exports what the standards say? All twelve scenarios, and a curved street, against ASAM's own schemas.
+"""Do the exports follow the standards? Checks all twelve scenarios and a curved street against ASAM's schemas.
 
     python benchmarks/exports.py [--frames frames.parquet]
 
-The schemas of OpenSCENARIO 1.1 and OpenDRIVE 1.6 come with ASAM's checkers, that of OpenLABEL 1.0 with Vicomtech's VCD. uv puts them
-into an environment of their own, because they need older packages than ours; so the command needs a package index.
+The schemas of OpenSCENARIO 1.1 and OpenDRIVE 1.6 come with ASAM's checkers, that of OpenLABEL 1.0 with Vicomtech's VCD. uv installs
+them into a separate environment, because they need older packages than ours. The command therefore needs a package index.
 """
 
 from __future__ import annotations

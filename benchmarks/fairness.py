@@ -1,4 +1,4 @@
-"""Is the world fair? How often the visible-pixel oracle, or a detector, fails in random tests, and how to see each failure.
+"""Is the world fair? How often the visible-pixel oracle, or a detector, fails in random tests.
 
 python benchmarks/fairness.py [--tests 300] [--scenario F1 F2] [--detector oracle|models/base]
 """
@@ -35,7 +35,7 @@ def detector_named(name: str, folder: Path) -> Detector:
 def main() -> None:
     """Execute random tests and print failures by mode."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--tests", type=int, default=300, help="tests a scenario")
+    parser.add_argument("--tests", type=int, default=300, help="tests per scenario")
     parser.add_argument("--scenario", nargs="+", default=["F1", "F2"])
     parser.add_argument("--detector", default="oracle")
     options = parser.parse_args()

@@ -1,8 +1,8 @@
-"""The labelled sheet behind the filter's thresholds: what two raters saw of 210 pedestrians around the border, and what the filter says.
+"""The labelled sheet behind the filter's thresholds: judgements of two raters on 210 pedestrians near the border, against the filter's.
 
-`python benchmarks/filter_sheet.py` prints the raters' agreement with each other, and that of the thresholds, of others around them, and of
-other measures with either; the labels are those of docs/filter-sheet. `--draw frames.parquet ...` draws sheets and an unlabelled table of a
-study's kept frames instead.
+`python benchmarks/filter_sheet.py` prints how far the raters agree with each other, and how far each agrees with the thresholds, with
+nearby ones and with other measures. The labels are in docs/filter-sheet. `--draw frames.parquet ...` draws new sheets and an unlabelled
+table instead, from the kept frames of a study.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ CASES, COLUMNS, ROWS = 210, 7, 6
 CONTEXT, TILE, CAPTION = 96, 176, 20
 RATERS = ("rater_1", "rater_2")
 PIXELS, CONTRAST = (6, 150), (2.0, 32.0)
-"""What counts as around the border, of the measure that decides; the other one is clearly above its threshold, or near it, too."""
+"""Range of the deciding measure that counts as near the border; the other measure is near its threshold or clearly above."""
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--draw", type=Path, nargs="+", metavar="frames.parquet", help="draw new sheets instead")
-    parser.add_argument("--out", type=Path, default=FOLDER, help="folder (default: %(default)s)")
+    parser.add_argument("--draw", type=Path, nargs="+", metavar="frames.parquet", help="draw new sheets from these frames instead")
+    parser.add_argument("--out", type=Path, default=FOLDER, help="output folder (default: %(default)s)")
     options = parser.parse_args()
     if options.draw:
         draw(options.draw, options.out)
@@ -41,7 +41,7 @@ def main() -> None:
 
 
 def draw(frames: list[Path], out: Path) -> None:
-    """Write sheet-N.jpg and cases.csv: frames at the border, one a test, in a random order that hides which measure chose them."""
+    """Write sheet-N.jpg and cases.csv: frames near the border, one per test, in a random order that hides which measure chose them."""
     rows = pd.concat([read_frames(path) for path in frames], ignore_index=True)
     pixels, contrast = rows["visible_pixels"], rows["contrast"]
     small = pixels.between(*PIXELS) & (contrast >= CONTRAST[0])
@@ -59,7 +59,7 @@ def draw(frames: list[Path], out: Path) -> None:
 
 
 def _spread(rows: pd.DataFrame, measure: str, count: int, rng: np.random.Generator) -> pd.DataFrame:
-    """About `count` rows, evenly over the logarithm of a measure, one a test."""
+    """About `count` rows, evenly spread over the logarithm of a measure, one per test."""
     rows = rows.sample(frac=1, random_state=rng.integers(2**31)).drop_duplicates("test_id")
     bins = np.floor(np.log2(rows[measure]) * 3)
     each = -(-count // bins.nunique())
@@ -67,7 +67,7 @@ def _spread(rows: pd.DataFrame, measure: str, count: int, rng: np.random.Generat
 
 
 def tile(row: pd.Series, number: int) -> NDArray[np.uint8]:
-    """A pedestrian's surroundings, enlarged, its place in the middle unmarked, and the case's number below."""
+    """The enlarged surroundings of a pedestrian, who is in the middle and unmarked, with the case number below."""
     image = decode_jpeg(row["image"])
     box = row[SIDES].to_numpy(float)
     side = max(CONTEXT, 1.6 * float(np.max(box[2:] - box[:2])))
@@ -81,7 +81,7 @@ def tile(row: pd.Series, number: int) -> NDArray[np.uint8]:
 
 
 def agreement(labels: pd.DataFrame) -> None:
-    """Print how often measured visibility says what each rater said, and how often they say the same."""
+    """Print how often measured visibility agrees with each rater, and the raters with each other."""
     first, second = (labels[name].to_numpy(bool) for name in RATERS)
     used = compose("default", []).filter
     pixels, contrast = labels["visible_pixels"].to_numpy(), labels["contrast"].to_numpy()

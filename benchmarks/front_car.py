@@ -1,4 +1,4 @@
-"""Do detectors gain from full coverage? The front-car study for several draws of its random points.
+"""Does full coverage make a better detector? The front-car study for several draws of its random points.
 
 python benchmarks/front_car.py [--seeds 5] [key=value ...]
 """
@@ -45,10 +45,10 @@ def study(seed: int, overrides: list[str], root: Path) -> Evaluation:
 
 
 def main() -> None:
-    """Run the studies; print a row each and the mean difference."""
+    """Run the studies; print one line per study and the mean difference."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=5)
-    parser.add_argument("overrides", nargs="*", metavar="key=value", help="of the configuration, such as front_car.images=2000")
+    parser.add_argument("overrides", nargs="*", metavar="key=value", help="configuration overrides, such as front_car.images=2000")
     options = parser.parse_args()
     gains = []
     for seed in range(options.seeds):
@@ -62,7 +62,7 @@ def main() -> None:
         ]
         print(f"seed {seed}: {'; '.join(texts)}; p = {result.p_value:.2g}", flush=True)
     low, high = mean_interval(gains)
-    print(f"gain in the share of right snapshots: {np.mean(gains):+.3f} (95 % interval over seeds {low:+.3f} to {high:+.3f})")
+    print(f"difference in the share of right snapshots: {np.mean(gains):+.3f} (95 % interval over seeds {low:+.3f} to {high:+.3f})")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Milliseconds a frame of a detector on one thread: `python benchmarks/inference.py [model.onnx] [--frames 300]`."""
+"""Milliseconds per frame of a detector on one thread: `python benchmarks/inference.py [model.onnx] [--frames 300]`."""
 
 from __future__ import annotations
 

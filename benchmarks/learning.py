@@ -1,9 +1,9 @@
-"""Average precision against training minutes and against the number of images, from scratch, and what options change.
+"""Average precision from scratch, over training minutes and over the number of images, for several options.
 
 `python benchmarks/learning.py --base-set data/base/base_set/truth.coco.json [--share 0.2] [--images 1250 5000 18000] [--size nano]
 [--crops apart mosaic]`
 
-Each training has `share` of the recipe's iterations, its whole cosine included. Writes learning.csv and learning.png beside each other.
+Each training has `share` of the recipe's iterations, with a complete cosine schedule. Writes learning.csv and learning.png.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from pipeline.detectors.yolo.recipe import CROP_SIZE, train_from_scratch
 
 
 class Mosaic(Yolo):
-    """Learns the crops four at a time, stitched into one frame. Their boxes and losses are those of the crops."""
+    """Trains on four crops at a time, stitched into one frame. Boxes and losses are those of the crops."""
 
     def forward(self, x: Tensor) -> Tensor:
         n, channels, height, width = x.shape
@@ -45,10 +45,10 @@ class Mosaic(Yolo):
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--base-set", type=Path, default=Path("data/base/base_set/truth.coco.json"))
-    parser.add_argument("--share", type=float, default=0.2, help="of the recipe's iterations (default: %(default)s)")
+    parser.add_argument("--share", type=float, default=0.2, help="share of the recipe's iterations (default: %(default)s)")
     parser.add_argument("--images", type=int, nargs="+", default=[1250, 2500, 5000, 10_000, 18_000])
     parser.add_argument("--size", nargs="+", default=["nano"], choices=["nano", "small"])
-    parser.add_argument("--crops", nargs="+", default=["apart"], choices=["apart", "mosaic"], help="of the first part (default: apart)")
+    parser.add_argument("--crops", nargs="+", default=["apart"], choices=["apart", "mosaic"], help="how to show crops (default: apart)")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("."))
     options = parser.parse_args()
@@ -67,7 +67,7 @@ def main() -> None:
 
 
 def trained(images: ImageSet, validation: ImageSet, size: str, share: float, threads: int) -> list[dict[str, float]]:
-    """One training; a row for each look at the validation images."""
+    """One training; a row for each evaluation on the validation images."""
     section = compose("base", [f"training.size={size}"]).training.model_dump()
     for phase in ("crop_iterations", "frame_iterations"):
         section[phase] = max(1, round(section[phase] * share))
@@ -92,7 +92,7 @@ def trained(images: ImageSet, validation: ImageSet, size: str, share: float, thr
 
 
 def draw(table: pd.DataFrame) -> Figure:
-    """Left: every training's curve. Right: its end against the number of images."""
+    """Left: the curve of each training. Right: its last value over the number of images."""
     figure = Figure(figsize=(10, 4), layout="constrained")
     left, right = figure.subplots(1, 2)
     for (training, count), rows in table.groupby(["training", "images"]):

@@ -1,8 +1,8 @@
-"""Model versions on towns that none of them knows: `python benchmarks/new_towns.py FOLDER ... [--images 2000] [--seed 99]`.
+"""Model versions in towns that none of them has seen: `python benchmarks/new_towns.py FOLDER ... [--images 2000] [--seed 99]`.
 
-A study's validation images show the towns that its retrained versions have learnt other images of, so their calibration, too, might hold
-there alone. FOLDER holds weights.safetensors and model.json. Prints how good each version is on fresh towns, how often a detection at the
-confidence in use is right and what the detector says of that; beside it what its card says of the validation images.
+The validation images of a study show the same towns as the training images of its retrained versions, so metrics and calibration may
+hold only there. FOLDER holds weights.safetensors and model.json. Prints the metrics of each version in new towns (in brackets on the
+validation images, from its card), and the mean confidence of its detections at or above the threshold in use.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("versions", type=Path, nargs="*", default=[Path("models/base")], metavar="FOLDER")
     parser.add_argument("--images", type=int, default=2000)
-    parser.add_argument("--seed", type=int, default=99, help="of the towns (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=99, help="seed of the towns (default: %(default)s)")
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         images, towns = rendered(Path(folder), options.images, options.seed, options.workers)
     threshold = float(compose("default", []).detector["threshold"])
-    print(f"{len(images)} images of {len(towns)} new towns; in brackets the validation images' figures, of the version's card")
-    print(f"{'version':14}{'AP50':>15}{'AP50-95':>15}{'recall':>15}{'precision':>15}{'said':>7}")
+    print(f"{len(images)} images of {len(towns)} new towns; in brackets: validation images, from the version's card")
+    print(f"{'version':14}{'AP50':>15}{'AP50-95':>15}{'recall':>15}{'precision':>15}{'mean':>7}")
     for version in options.versions:
         card = read_card(version / "model.json")
         if known := towns & set(card.towns):
-            raise SystemExit(f"{version} has learnt {len(known)} of these towns; choose another --seed")
+            raise SystemExit(f"{version} was trained on {len(known)} of these towns; choose another --seed")
         with tempfile.TemporaryDirectory() as folder:
             found = detect_all(onnx_of(version, Path(folder)), images, Calibration(**card.calibration))
         new, scores = evaluate(found, images, threshold), judged_scores(found, images)[0]

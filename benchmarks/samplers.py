@@ -1,4 +1,4 @@
-"""Seconds that a strategy itself costs a test, and how many failures of how many kinds it finds, on the analytic simulator.
+"""Seconds per test that a strategy itself takes, and the failures and kinds of failures that it finds, on the analytic simulator.
 
 A kind is a combination of categories: of blueprint and pose.
 
@@ -28,7 +28,7 @@ def main() -> None:
     config = compose("default", [])
     space, simulator = config.space("F1"), AnalyticSimulator(config.scenarios["F1"].model_dump())
     categorical = [j for j, variable in enumerate(space.variables) if variable.kind == "categorical"]
-    print(f"{'strategy':<10}{'s a test':>10}{'slowest ask':>13}{'failures':>10}{'in kinds':>10}   in {budget} tests")
+    print(f"{'strategy':<10}{'s per test':>11}{'slowest ask':>13}{'failures':>10}{'in kinds':>10}   in {budget} tests")
     for name, section in config.samplers.items():
         sampler = instantiate(section, _partial_=True, _convert_="all")(space=space, seed=0)
         spent, kinds, failures, done = [], set(), 0, 0
@@ -42,7 +42,7 @@ def main() -> None:
             failures += sum(f.failure for f in found)
             kinds |= {tuple(p[categorical]) for p, f in zip(points, found, strict=True) if f.failure}
             done += len(points)
-        print(f"{name:<10}{sum(spent) / done:>10.4f}{max(spent):>13.2f}{failures:>10}{len(kinds):>10}")
+        print(f"{name:<10}{sum(spent) / done:>11.4f}{max(spent):>13.2f}{failures:>10}{len(kinds):>10}")
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
-"""What a second worker gains, and whether memory stays flat.
+"""Speed-up by a second worker, and memory over time.
 
     python benchmarks/scaling.py [--tests 60] [--scenario F1] [--memory 0]
 
 Executes the same random tests with one worker and with two and compares the wall time. With --memory N, executes N tests in this process
-and prints its memory after each tenth.
+and prints the memory after each tenth of them.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--tests", type=int, default=60)
     parser.add_argument("--scenario", default="F1")
-    parser.add_argument("--memory", type=int, default=0, metavar="N", help="executions in one process to watch the memory of")
+    parser.add_argument("--memory", type=int, default=0, metavar="N", help="instead, watch the memory over N executions in one process")
     options = parser.parse_args()
     scenario, study = functional_scenario(options.scenario), compose("default", [])
     space = Space.from_dict(scenario.space)

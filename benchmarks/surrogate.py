@@ -1,10 +1,10 @@
-"""How the settings of a strategy spend its tests, without rendering: on a model fitted to the tests that a study has executed.
+"""How a strategy's settings distribute its tests, without rendering: on a model fitted to the tests of an executed study.
 
-The model (extra trees on the space's variables, its attributes and the scenario) says how likely a point fails and how large the KPI is
-otherwise; a draw that depends on the point alone decides. It shows where tests go, and proves nothing. Printed: tests and failures by who
-is shown.
+The model (extra trees on the space's variables, its attributes and the scenario) gives each point's failure probability, and its KPI if it
+does not fail; a draw that depends on the point alone decides. It shows where tests go but proves nothing about a detector. Prints tests and
+failures by group of pedestrians.
 
-python -m pipeline compose study=retraining && ./run      # or as much of it as the campaigns
+python -m pipeline compose study=retraining && ./run      # at least its campaigns
 python benchmarks/surrogate.py data/retraining [--kinds 1 6] [--seeds 2]
 """
 
@@ -61,7 +61,7 @@ class Surrogate:
 
 
 def search(config: Config, world: Surrogate, name: str, strategy: Target, transfer: bool, seeds: int) -> tuple[Counter[str], Counter[str]]:
-    """Tests and failures by group, of campaigns on every scenario; with `transfer` each knows those before it."""
+    """Tests and failures by group, of campaigns on every scenario; with `transfer` each learns from those before it."""
     space, tests, failures = config.space(config.search[0]), Counter[str](), Counter[str]()
     for seed in tqdm(range(seeds), desc=name, unit="seed"):
         earlier: list[tuple[Floats, Floats]] = []
@@ -85,7 +85,7 @@ def search(config: Config, world: Surrogate, name: str, strategy: Target, transf
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("study", nargs="+", type=Path, help="data folders of executed studies of the base detector")
-    parser.add_argument("--kinds", nargs="+", type=int, default=[1, 6], help="of the neural strategy")
+    parser.add_argument("--kinds", nargs="+", type=int, default=[1, 6], help="`kinds` of the neural strategy")
     parser.add_argument("--seeds", type=int, default=2)
     options = parser.parse_args()
     config = compose("retraining", [])
@@ -97,7 +97,7 @@ def main() -> None:
     executed = pd.concat([read_tests(path) for path in paths])
     executed = executed[(executed["status"] == "ok") & executed["scenario"].isin(config.search)]
     world = Surrogate(config, executed)
-    print(f"fitted to {len(executed)} tests, {executed['failure'].sum()} failures. Tests and failures a seed:")
+    print(f"fitted to {len(executed)} tests, {executed['failure'].sum()} failures. Tests and failures per seed:")
     print(f"{'strategy':<30}" + "".join(f"{name:>30}" for name in (*GROUPS, "all")))
     settings = {"random": (config.samplers["random"], False)}
     for kinds in options.kinds:

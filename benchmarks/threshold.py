@@ -1,7 +1,7 @@
-"""At which confidence to brake: `python benchmarks/threshold.py [--tests 40] [--threshold 0.6 0.7 0.8]`.
+"""Which confidence threshold to brake at: `python benchmarks/threshold.py [--tests 40] [--threshold 0.6 0.7 0.8]`.
 
-The same random tests of the searched scenarios with the shipped detector, which reports from each threshold on: failures, and those that
-false positives alone cause, which is the price of a lower threshold.
+Runs the same random tests of the search scenarios with the shipped detector at each threshold. Prints the failures, and those caused by
+false positives alone, which are the price of a lower threshold.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ SHIPPED = Path("models/base")
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--tests", type=int, default=40, help="a scenario")
+    parser.add_argument("--tests", type=int, default=40, help="tests per scenario")
     parser.add_argument("--scenario", nargs="+", default=[f"F{number}" for number in range(1, 9)])
     parser.add_argument("--threshold", nargs="+", type=float, default=[0.6, 0.7, 0.8])
     options = parser.parse_args()

@@ -1,4 +1,4 @@
-"""Training speed, images a second, by phase: `python benchmarks/training.py [--threads 2] [--batch 32] [--seconds 20]`."""
+"""Training speed in images per second, by phase: `python benchmarks/training.py [--threads 2] [--batch 32] [--seconds 20]`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--batch", type=int, default=32)
-    parser.add_argument("--seconds", type=float, default=20.0, help="a phase, about")
+    parser.add_argument("--seconds", type=float, default=20.0, help="approximate seconds per phase")
     options = parser.parse_args()
     images = people(200)
     for name, size, frozen in (("crops", CROP_SIZE, False), ("full frames", FRAME_SIZE, False), ("retraining", FRAME_SIZE, True)):
@@ -32,7 +32,7 @@ def main() -> None:
 
 
 def people(count: int) -> ImageSet:
-    """Noise with a rectangle: what the images show does not change the speed."""
+    """Noise with a rectangle: the content of the images does not affect the speed."""
     rng = np.random.default_rng(0)
     box = (140.0, 60.0, 165.0, 120.0)
     truth = Truth(box, box, 1500, 1500, 40.0)
@@ -47,7 +47,7 @@ def augmentation(images: ImageSet, size: tuple[int, int], count: int) -> float:
 
 
 def training(images: ImageSet, size: tuple[int, int], frozen: bool, count: int, threads: int, seconds: float) -> float:
-    """Images a second after a few iterations of warm-up, batches and optimiser included. frozen: the normalisation's statistics."""
+    """Images per second after a warm-up, batches and optimiser included. frozen: freeze the normalisation's statistics."""
 
     def feed(iteration: int) -> Batch:
         times.append(time.perf_counter())

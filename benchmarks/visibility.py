@@ -1,8 +1,8 @@
-"""Could a person answer "is there a pedestrian here?" Size and contrast of the near pedestrian over random weather, and the worst crops.
+"""Could a person answer "is there a pedestrian here?" Size and contrast of a nearby pedestrian in random weather, and the worst crops.
 
     python benchmarks/visibility.py [--tests 40] [--scenario F1 F2 ...] [--sheet worst.png]
 
-Every second frame of unbraked random tests counts in which the pedestrian is within 25 m and at least half of it is not hidden.
+Counts every second frame of unbraked random tests in which the pedestrian is within 25 m and at most half hidden.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Seen(NamedTuple):
 
     @property
     def answerable(self) -> bool:
-        """The same border as in the metrics."""
+        """The same limits as in the metrics."""
         return not kpi.barely_visible(self.frame.truth.visible_pixels, self.contrast)
 
 
@@ -86,7 +86,7 @@ def sheet(worst: list[Seen], columns: int = 10) -> np.ndarray:
 def main() -> None:
     """Print the share of answerable frames by scenario, and draw the worst."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--tests", type=int, default=40, help="tests a scenario")
+    parser.add_argument("--tests", type=int, default=40, help="tests per scenario")
     parser.add_argument("--scenario", nargs="+", default=sorted(path.stem for path in (CONF / "scenario").glob("[!_]*.yaml")))
     parser.add_argument("--sheet", type=Path, default=Path("worst.png"))
     options = parser.parse_args()
@@ -99,7 +99,7 @@ def main() -> None:
     answerable = sum(seen.answerable for seen in every)
     low, high = wilson_interval(answerable, len(every))
     print(f"all: {answerable} of {len(every)} frames ({answerable / len(every):.1%}, {low:.1%} to {high:.1%})")
-    # Never the same test twice in a row: one a scenario and whole metre.
+    # Avoids repeats of one test: one frame per scenario and whole metre.
     worst: dict[tuple[str, int], Seen] = {}
     for seen in sorted(every, key=lambda seen: seen.contrast):
         worst.setdefault((seen.scenario, int(seen.distance_m)), seen)

@@ -1,8 +1,8 @@
-"""Failures of a study's versions by who is shown: by search strategy, and on each held-out sequence by kind of version, seed by seed.
+"""Failures of a study's versions by group of pedestrians: per search strategy, and on each held-out sequence per kind of version and seed.
 
-Campaigns that are not finished are left out, so it also looks into a study that is still running. Printed for adaptive against random and
-control, round by round: the difference of the means, Student's interval over the seeds that both have and the sign-flip test over the
-tests; and how many failures no detector could have mended with this camera.
+Unfinished campaigns are left out, so it also works on a running study. For adaptive against random and control, it prints round by round
+the difference of the means, Student's interval over the common seeds and the sign-flip test over the tests. Last comes the number of
+failures that no detector could fix with this camera.
 
 python benchmarks/who_fails.py data/retraining
 """
@@ -31,7 +31,7 @@ GROUPS = ("children", "crouching under an umbrella", "crouching", "others")
 
 
 def groups(space: Space, points: Floats) -> list[str]:
-    """Who each point shows, one of `GROUPS`."""
+    """The group of pedestrians of each point, one of `GROUPS`."""
     categories = {variable.name: (variable, points[:, j].astype(int)) for j, variable in enumerate(space.variables)}
     people, who = categories["blueprint"]
     attributes = {name: np.array(numbers)[who] for name, numbers in people.attributes}
@@ -55,7 +55,7 @@ def read(study: Path, pattern: str) -> pd.DataFrame:
 
 
 def by_version(tests: pd.DataFrame) -> dict[str, dict[int, NDArray[np.int64]]]:
-    """Kind of version -> seed -> (n,) failures of 0 or 1 on the common tests; versions that lack tests are left out."""
+    """Kind of version -> seed -> (n,) failures, 0 or 1, on the common tests; versions without all tests are left out."""
     tests = tests.sort_values(["scenario", "index"])
     found: dict[str, dict[int, NDArray[np.int64]]] = defaultdict(dict)
     full = tests.groupby("version").size().max()
@@ -96,7 +96,7 @@ def main() -> None:
 
 
 def print_table(tests: pd.DataFrame) -> None:
-    """Failures by kind of version on one sequence a scenario."""
+    """Print failures by kind of version, on one sequence per scenario."""
     versions = by_version(tests)
     one = tests[tests["version"] == tests["version"].mode()[0]].sort_values(["scenario", "index"])
     rows = [(name, (one["scenario"] == name).to_numpy()) for name in one["scenario"].unique()]
@@ -109,11 +109,11 @@ def print_table(tests: pd.DataFrame) -> None:
     everything = np.ones(len(one), bool)
     for number in range(2, 1 + max(Version.named(name).round for name in versions)):
         print(f"round {number}, adaptive - random: {difference(versions, 'random', everything, number)}")
-    print(f"not solvable by this camera: {tests['not_solvable'].sum()} of the {tests['failure'].sum()} failures of all versions")
+    print(f"not solvable with this camera: {tests['not_solvable'].sum()} of the {tests['failure'].sum()} failures of all versions")
 
 
 def difference(versions: dict[str, dict[int, NDArray[np.int64]]], other: Kind, chosen: NDArray[np.bool_], number: int = 1) -> str:
-    """Adaptive minus another kind in a round, over the seeds that both have."""
+    """Adaptive minus another kind in a round, over their common seeds."""
     adaptive, rival = (versions.get(str(Version(kind, number)), {}) for kind in ("adaptive", other))
     if not (common := adaptive.keys() & rival.keys()):
         return ""

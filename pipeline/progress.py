@@ -1,4 +1,4 @@
-"""Progress of long work: a bar on a terminal, at most one line a second in a log."""
+"""Progress of long tasks: a bar on a terminal, at most one line per second in a log."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ LOG_EVERY_S = 1.0
 PIPE_EVERY_S = 10.0
 
 OnProgress = Callable[[int, int, str], None]
-"""What long work reports to: done, total and a text. A `Progress`, or anything that can be called so."""
+"""Callback for the progress of long tasks: done, total and a text. `Progress` is one."""
 
 
 class Progress:
-    """Call it with (done, total, text). Writes lines to the log file, and a bar or, without a terminal, a few lines to stderr."""
+    """Shows calls with (done, total, text): as lines in the log file, and on stderr as a bar or, without a terminal, as a few lines."""
 
     def __init__(self, label: str, log: Path | None = None) -> None:
         self._label, self._started = label, time.monotonic()
@@ -53,12 +53,12 @@ class Progress:
             print(line, file=sys.stderr, flush=True)
 
     def note(self, text: str) -> None:
-        """A line for the log and for whoever watches."""
+        """Write a line to the log and to stderr."""
         self.record(text)
         tqdm.write(f"{self._label}: {text}", file=sys.stderr)
 
     def record(self, text: str) -> None:
-        """A line for the log alone."""
+        """Write a line to the log only."""
         if self._log is not None:
             self._log.write(text + "\n")
 

@@ -88,9 +88,9 @@ def _same(shown: NDArray[np.float64], box: NDArray[np.float64], before: NDArray[
 
 CRITERIA = (
     Criterion("few_pixels", "too few visible pixels", _few_pixels),
-    Criterion("barely_in_view", "under a tenth of the pedestrian in view", _barely_in_view),
+    Criterion("barely_in_view", "less than a tenth of the pedestrian in view", _barely_in_view),
     Criterion("low_contrast", "too little contrast", _low_contrast),
-    Criterion("near_duplicate", "shows the same as the frame before", _near_duplicate),
+    Criterion("near_duplicate", "nearly the same as the frame before", _near_duplicate),
 )
 """In the order in which they judge: the first that rejects a frame gives the reason."""
 MEANINGS = KEPT | {criterion.reason: criterion.meaning for criterion in CRITERIA}

@@ -38,7 +38,7 @@ def run(options: argparse.Namespace) -> int:
     from hydra.utils import instantiate
 
     from pipeline.detectors.yolo.export import onnx_of
-    from pipeline.report.replays import render_replay
+    from pipeline.report.replays import Replay, render_replay
 
     if options.out.suffix not in (".mp4", ".gif"):
         raise InputError(f"--out: a replay is an .mp4 or a .gif, got {options.out.name}")
@@ -55,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
     threshold = study.campaign.failure_threshold_s
     units = {variable.name: variable.unit for variable in space.variables}
     title = f"{described.label}, detector {options.model}"
-    render_replay(episode, title, concrete, options.out, failure_threshold_s=threshold, units=units, frames_per_second=10)
+    render_replay(Replay(episode, title, concrete, threshold, units), options.out, frames_per_second=10)
     result = kpi.evaluate(episode.signals, threshold)
     print(f"{options.out}: {result.failure_mode if result.failure else 'no failure'}, adj. TTC {result.adj_ttc_s:.2f} s")
     return 0

@@ -1,4 +1,4 @@
-"""How well a detector detects: COCO's average precision by faster-coco-eval, and what counts at the threshold it is used with."""
+"""Metrics of a detector: COCO's average precision (faster-coco-eval), and precision and recall at its threshold."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from pipeline.core.reliability import Calibration, platt
 KINDS = ("far", "localisation", "duplicate")
 
 CALIBRATED_FROM = 0.05
-"""Scores below it are never acted on; thousands of them would bend the fit."""
+"""Lower scores never trigger braking; thousands of them would distort the fit."""
 
 
 def evaluate(found: Sequence[Detections], images: ImageSet, threshold: float) -> dict[str, float]:
     """Metrics of a detector on a labelled set.
 
-    found: (n,) what the detector said of each image at a threshold near 0. threshold: the score it is used with, in [0, 1].
+    found: (n,) the detections in each image at a threshold near 0. threshold: the score that the detector is used with, in [0, 1].
     Returns ap50 and ap50_95 (COCO), and at the threshold precision and recall in [0, 1] and false_positives_an_image, all and by
     kind. All count visible pedestrians alone (`kpi.barely_visible`); the others are ignored, as COCO ignores crowds.
     """
@@ -49,7 +49,7 @@ def _visible(images: ImageSet, index: int) -> bool:
 
 
 def matching_of(detections: Detections, images: ImageSet, index: int, threshold: float) -> kpi.Matching:
-    """What becomes of the detections of image `index` whose score is at least the threshold."""
+    """How the detections of image `index` at or above the threshold match its truth."""
     used = detections.scores >= threshold
     return kpi.match(
         detections.boxes[used],
@@ -67,7 +67,7 @@ def _box(row: NDArray[np.float32]) -> Box | None:
 
 
 def _average_precision(found: Sequence[Detections], images: ImageSet) -> tuple[float, float]:
-    """AP at IoU .5 to .95, and at .5; 0 where there is nothing to find or nothing was found."""
+    """AP at IoU .5 to .95, and at .5; 0 without labelled or detected pedestrians."""
     annotations = [
         {"id": index + 1, "image_id": index, "category_id": 1, "iscrowd": int(not _visible(images, index)), **_shape(box)}
         for index, box in enumerate(images.boxes)
@@ -95,8 +95,8 @@ def _shape(box: NDArray[np.float32]) -> dict[str, Any]:
 
 
 def judged_scores(found: Sequence[Detections], images: ImageSet) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Scores (n,) in [0, 1] of all detections worth acting on, and whether each is a true positive; those on barely visible pedestrians
-    do not count.
+    """Scores (n,) in [0, 1] of all detections that can trigger braking, and whether each is a true positive; detections of barely
+    visible pedestrians are left out.
     """
     scores: list[float] = []
     right: list[bool] = []
@@ -113,6 +113,6 @@ def judged_scores(found: Sequence[Detections], images: ImageSet) -> tuple[NDArra
 def calibrate(found: Sequence[Detections], images: ImageSet) -> Calibration:
     """Fit a calibration of the scores to whether each detection is a true positive.
 
-    The AEB brakes as hard as the detector is confident (thesis section 5.3): a score that understates is a car that brakes too softly.
+    The AEB brakes as hard as the detector is confident (thesis section 5.3): with too low a score the car brakes too softly.
     """
     return platt(*judged_scores(found, images))

@@ -18,8 +18,8 @@ PICKLES = ("*.bin", "*.pt", "*.pth", "*.ckpt")
 class HuggingFaceDetector:
     """Finds pedestrians with a model that `save_pretrained` wrote, together with its image processor.
 
-    model: the folder. threshold, iou: as of `OnnxDetector`. person: name or number of the class that means a pedestrian, where the model's
-    own names do not tell. Only safetensors are read, and no code of the model's own is run.
+    model: the folder. threshold, iou: as of `OnnxDetector`. person: name or number of the pedestrian class, if the model's
+    class names do not tell. Only safetensors are read, and code of the model is never run.
 
     InputError if the folder is no such model, or holds weights that need pickle alone.
     """
@@ -32,17 +32,17 @@ class HuggingFaceDetector:
             raise InputError("detectors of Hugging Face need the extra: pip install 'blindspot[hugging-face]'") from error
         self._model, self._threshold, self._iou = Path(model), threshold, iou
         if not (self._model / "config.json").is_file():
-            raise InputError(f"{model}: expected a folder that save_pretrained wrote, with config.json, found none")
+            raise InputError(f"{model}: expected a folder written by save_pretrained; config.json is missing")
         if not list(self._model.glob("*.safetensors")):
             pickled = [path.name for pattern in PICKLES for path in self._model.glob(pattern)]
-            found = f"{', '.join(pickled)}, which can run code when it is read" if pickled else "no weights"
+            found = f"{', '.join(pickled)}, which can run code when read" if pickled else "no weights"
             raise InputError(f"{model}: expected model.safetensors, found {found}; save it again with safe_serialization=True")
         safe = {"local_files_only": True, "trust_remote_code": False}
         try:
             self._processor = AutoImageProcessor.from_pretrained(self._model, **safe)
             self._network = AutoModelForObjectDetection.from_pretrained(self._model, use_safetensors=True, **safe)
-        except Exception as error:  # Whatever a foreign folder makes the library raise: there is no common class.
-            raise InputError(f"{model} is no object detector that Transformers can load: {str(error).strip().splitlines()[0]}") from error
+        except Exception as error:  # A foreign folder can make the library raise anything.
+            raise InputError(f"Transformers cannot load {model} as an object detector: {str(error).strip().splitlines()[0]}") from error
         self._network.eval().requires_grad_(False)
         names = {int(number): str(name) for number, name in self._network.config.id2label.items()}
         self._person = person_class(self._model, names, len(names), person)
@@ -51,9 +51,9 @@ class HuggingFaceDetector:
         """Return the pedestrians in the image."""
         height, width = frame.image.shape[:2]
         output = self._network(**self._processor(images=frame.image, return_tensors="pt"))
-        # Its own postprocessing drops what is no number.
+        # The model's postprocessing drops such values silently.
         if not np.isfinite(output.logits.numpy()).all() or not np.isfinite(output.pred_boxes.numpy()).all():
-            raise SimulationError(f"{self._model} gives values that are no numbers")
+            raise SimulationError(f"{self._model} returns values that are not finite")
         (found,) = self._processor.post_process_object_detection(output, threshold=self._threshold, target_sizes=[(height, width)])
         boxes, scores = found["boxes"].numpy().astype(np.float32), found["scores"].numpy().astype(np.float32)
         mine = found["labels"].numpy() == self._person

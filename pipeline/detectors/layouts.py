@@ -1,4 +1,4 @@
-"""What foreign ONNX detectors take and give: YOLOv5, YOLOv8/11 and end-to-end exports, recognised by their shapes or declared."""
+"""Input and output layouts of foreign ONNX detectors: YOLOv5, YOLOv8/11 and end-to-end exports, recognised by their shapes or declared."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ LAYOUTS: tuple[Layout, ...] = ("boxes_scores", "yolov5", "yolov8", "end_to_end")
 PEOPLE = ("pedestrian", "person", "people")
 STRIDES = (8, 16, 32)
 GREY = 114
-"""What YOLO's trainers pad with."""
+"""The grey that YOLO's trainers pad with."""
 MOST_FINAL_BOXES = 1000
-"""An end-to-end output has at most so many boxes; anchors are more."""
+"""An end-to-end output has at most this many boxes; a grid of anchors has more."""
 
 
 @dataclass(frozen=True)
@@ -51,10 +51,10 @@ class Letterbox:
 
 
 def recognise(shape: Sequence[int | str | None], width: int, height: int) -> Layout | None:
-    """The layout of an output (1, a, b) of a model for images of a size; None if the shape says too little.
+    """The layout of an output (1, a, b) of a model for images of a size; None if the shape is ambiguous.
 
-    YOLOv5 has three anchors a cell in rows, YOLOv8 one in columns, an end-to-end export a few rows of six. Rows of six whose number is
-    open may as well be YOLOv5's of one class.
+    YOLOv5 has three anchors a cell in rows, YOLOv8 one in columns, an end-to-end export a few rows of six. An open
+    number of rows of six may also be YOLOv5 with one class.
     """
     if len(shape) != 3:
         return None
@@ -70,7 +70,7 @@ def recognise(shape: Sequence[int | str | None], width: int, height: int) -> Lay
 
 
 def class_names(metadata: Mapping[str, str]) -> dict[int, str]:
-    """The names of classes that Ultralytics writes into a model, empty if there are none. Read as a literal, never run."""
+    """The class names that Ultralytics writes into a model, empty if there are none; parsed as a literal, never executed."""
     try:
         plain = ast.literal_eval(metadata["names"])
         items = plain.items() if isinstance(plain, dict) else enumerate(plain) if isinstance(plain, list) else ()
@@ -80,7 +80,7 @@ def class_names(metadata: Mapping[str, str]) -> dict[int, str]:
 
 
 def person_class(model: object, names: Mapping[int, str], classes: int | None, declared: str | int | None) -> int:
-    """Number of the class that means a pedestrian; InputError that names the classes there are if that cannot be told."""
+    """Number of the pedestrian class; InputError that lists the classes if none can be chosen."""
     listed = ", ".join(f"{number}: {name}" for number, name in list(names.items())[:12]) or "none"
     if isinstance(declared, int):
         if classes is not None and not 0 <= declared < classes:
@@ -91,14 +91,14 @@ def person_class(model: object, names: Mapping[int, str], classes: int | None, d
         if name.lower() in wanted:
             if classes is not None and not 0 <= number < classes:
                 raise InputError(
-                    f"{model}: its names call class {number} {name}, but its output has {classes} classes: from 0 to {classes - 1}"
+                    f"{model}: its metadata name class {number} {name}, but its output has only {classes} classes (0 to {classes - 1})"
                 )
             return number
     if declared is None and classes == 1:
         return 0
     raise InputError(
         f"{model}: expected a class called {' or '.join(wanted)} among its {classes or 'unknown number of'} classes, got names {listed}; "
-        f"declare its number as detector.person"
+        f"set detector.person to its number"
     )
 
 
@@ -107,7 +107,7 @@ def decode(layout: Layout, output: Any, person: int) -> tuple[Floats, Floats]:
     values = np.asarray(output, np.float32)
     if layout == "end_to_end":
         classes = values[:, 5]
-        # A class that is no number belongs to nobody; its score becomes none either, so that the output is refused.
+        # A class that is not finite gets the score NaN, so that the output is refused.
         mine = (classes.round() == person) | ~np.isfinite(classes)
         return values[mine, :4], np.where(np.isfinite(classes[mine]), values[mine, 4], np.float32(np.nan))
     if layout == "yolov8":
@@ -120,6 +120,6 @@ def decode(layout: Layout, output: Any, person: int) -> tuple[Floats, Floats]:
 
 
 def classes_of(layout: Layout, shape: Sequence[int | str | None]) -> int | None:
-    """How many classes an output has; None where it does not say."""
+    """Number of classes of an output; None if its shape leaves it open."""
     extent = {"yolov5": shape[2], "yolov8": shape[1]}.get(layout)
     return extent - (5 if layout == "yolov5" else 4) if isinstance(extent, int) else None

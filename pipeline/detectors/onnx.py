@@ -1,4 +1,4 @@
-"""A detector that runs an ONNX file by ONNX Runtime: ours, or one of the common YOLO exports."""
+"""A detector that runs an ONNX file with ONNX Runtime: ours, or one of the common YOLO exports."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from pipeline.errors import InputError, SimulationError
 OURS = "input 'image' (n, h, w, 3) uint8 RGB; outputs 'boxes' (n, cells, 4) in pixels and 'scores' (n, cells) in [0, 1]"
 EXPECTED = f"{OURS}; or a YOLO export: input (n, 3, h, w) float, one output in YOLOv5's, YOLOv8's or an end-to-end layout"
 SMALLEST_BOXES = 2.0
-"""Pixels that some box reaches beyond if boxes are in pixels."""
+"""Boxes whose largest coordinate is at most this are not in pixels."""
 REFUSALS = (
     *(ort.Fail, ort.InvalidArgument, ort.InvalidGraph, ort.InvalidProtobuf, ort.NotImplemented, ort.NoModel, ort.EPFail),
     *(ort.RuntimeException, ort.EngineError),
 )
-"""What ONNX Runtime raises; its exceptions have no base of their own."""
+"""What ONNX Runtime raises; these exceptions share no base class."""
 Floats = NDArray[np.float32]
 
 
@@ -65,7 +65,7 @@ class OnnxDetector:
         self._person = 0 if self._layout == "boxes_scores" else self._person_class(person)
 
     def detect(self, frame: Frame) -> Detections:
-        """Return the pedestrians in the image; InputError if our own models have not its size."""
+        """Return the pedestrians in the image; InputError if one of our models needs another image size."""
         return self.detect_images(frame.image[None])[0]
 
     def detect_images(self, images: NDArray[np.uint8]) -> list[Detections]:
@@ -91,10 +91,10 @@ class OnnxDetector:
         try:
             return self._session.run(outputs, {self._input: images})
         except REFUSALS as error:
-            raise SimulationError(f"{self._model} breaks on an image: {str(error).splitlines()[0]}") from error
+            raise SimulationError(f"{self._model} failed on an image: {str(error).splitlines()[0]}") from error
 
     def _image_size(self, width: int, height: int) -> tuple[int, int]:
-        """Width and height that the model takes; of its own choice the image's, rounded up to its largest stride."""
+        """Width and height of the model's input; where it leaves them open, the image's, rounded up to the largest stride."""
         rows, columns = self._shape[2:]
         stride = layouts.STRIDES[-1]
         return (
@@ -130,7 +130,7 @@ class OnnxDetector:
         if layout is None:
             choices = ", ".join(LAYOUTS[1:])
             raise InputError(
-                f"{self._model}: the layout of its output {outputs[0].shape} cannot be told; declare detector.layout as {choices}"
+                f"{self._model}: cannot recognise the layout of its output {outputs[0].shape}; set detector.layout to one of {choices}"
             )
         return layout
 
@@ -142,11 +142,11 @@ class OnnxDetector:
 
 def _session(path: Path, threads: int) -> onnxruntime.InferenceSession:
     if path.suffix in (".pt", ".pth", ".pkl", ".ckpt"):
-        raise InputError(f"{path}: a {path.suffix} file can run code when it is read and is not opened; export it to ONNX")
+        raise InputError(f"{path}: a {path.suffix} file can run code when read, so it is not opened; export it to ONNX")
     if path.is_dir():
         raise InputError(f"{path}: expected the ONNX file of a detector, got a folder; name the file, as {path / 'model.onnx'}")
     if not path.is_file():
-        raise InputError(f"{path}: expected the ONNX file of a detector, found no file; train it, or name another model")
+        raise InputError(f"{path}: expected the ONNX file of a detector, found no file; train it or name another model")
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads, options.inter_op_num_threads = threads, 1
     options.log_severity_level = 3
@@ -155,4 +155,4 @@ def _session(path: Path, threads: int) -> onnxruntime.InferenceSession:
         return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
     except REFUSALS as error:
         reason = str(error).splitlines()[0]
-        raise InputError(f"{path} is no ONNX file that ONNX Runtime can load: {reason}") from error
+        raise InputError(f"ONNX Runtime cannot load {path}: {reason}") from error

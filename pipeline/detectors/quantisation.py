@@ -1,6 +1,6 @@
-"""An int8 form of an ONNX detector: convolutions in 8 bits, but for the heads' last ones (static quantisation by ONNX Runtime).
+"""The int8 form of an ONNX detector: all convolutions in 8 bits except the last ones of the heads (ONNX Runtime, static).
 
-The last ones give offsets, sizes and scores: eight bits for all of them together cost a third of AP50-95.
+The last ones output offsets, sizes and scores together; in 8 bits that costs a third of AP50-95.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class _Images(CalibrationDataReader):  # type: ignore[misc]
 
 def quantise(whole: Path, images: NDArray[np.uint8], out: Path) -> None:
     """Write the int8 form of our own ONNX file. images: (n, h, w, 3) uint8 RGB, which set the ranges of the activations."""
-    logging.getLogger().setLevel(logging.ERROR)  # It advises its own preprocessing, after which it was called.
+    logging.getLogger().setLevel(logging.ERROR)  # It recommends its preprocessing, which has already run.
     with tempfile.TemporaryDirectory() as folder:
         prepared, made = Path(folder) / "prepared.onnx", Path(folder) / "int8.onnx"
         quant_pre_process(whole, prepared, skip_symbolic_shape=True)
@@ -53,7 +53,7 @@ def quantise(whole: Path, images: NDArray[np.uint8], out: Path) -> None:
 
 
 def _last_convolutions(path: Path) -> list[str]:
-    """Names of the convolutions whose outputs no other convolution reads, however far behind."""
+    """Names of the convolutions that no other convolution follows."""
     graph = onnx.load(str(path)).graph
     readers: dict[str, list[Any]] = {}
     for node in graph.node:

@@ -1,4 +1,4 @@
-"""Scripted stand-ins that read the ground truth: they show whether the world is fair, never how well a detector does."""
+"""Scripted stand-ins that read the ground truth: they show whether the world is fair, not how good a detector is."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pipeline.core.episode import Frame
 
 
 class VisiblePixelOracle:
-    """Stands for an attentive person: sees the pedestrian once enough pixels of it show with enough contrast.
+    """Stands for an attentive person: sees the pedestrian once enough of its pixels are visible with enough contrast.
 
     min_pixels: visible pixels. min_contrast: grey levels. model: ignored, so that it can stand in for a detector of files.
     """

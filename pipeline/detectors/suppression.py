@@ -10,9 +10,9 @@ from pipeline.core.detections import Detections
 from pipeline.errors import InputError, SimulationError
 
 CANDIDATES = 300
-"""Boxes before suppression; far more than a street has people."""
+"""Most boxes kept before suppression; far more than there are people on a street."""
 ROUNDING = 1e-3
-"""How far half precision may leave a score outside [0, 1]."""
+"""Half precision may put a score this far outside [0, 1]."""
 Floats = NDArray[np.float32]
 
 
@@ -26,12 +26,12 @@ def check_thresholds(threshold: float, iou: float) -> None:
 def reported(model: object, boxes: Floats, scores: Floats, threshold: float, iou: float) -> Detections:
     """The boxes (n, 4) whose scores (n,) reach the threshold and that no better one overlaps by more than `iou`, best first.
 
-    SimulationError that names the model if a score, or the box of a score that counts, is no number, or a score is not in [0, 1].
+    SimulationError that names the model if a score, or the box of a score that counts, is not finite, or a score is not in [0, 1].
     """
     if not np.isfinite(scores).all() or not np.isfinite(boxes[scores >= threshold]).all():
-        raise SimulationError(f"{model} gives values that are no numbers")
+        raise SimulationError(f"{model} returns values that are not finite")
     if (wrong := (scores < -ROUNDING) | (scores > 1 + ROUNDING)).any():
-        raise SimulationError(f"{model} gives a score of {scores[wrong][0]:.3g}, expected scores in [0, 1]; logits want a sigmoid")
+        raise SimulationError(f"{model} returns a score of {scores[wrong][0]:.3g}, expected scores in [0, 1]; apply a sigmoid to logits")
     above = np.flatnonzero(scores >= threshold)
     if not len(above):
         return Detections.none()
@@ -42,8 +42,8 @@ def reported(model: object, boxes: Floats, scores: Floats, threshold: float, iou
 
 
 def inside(boxes: Floats, scores: Floats, width: int, height: int) -> tuple[Floats, Floats]:
-    """Boxes cut to an image of a size in pixels, and their scores; those outside it are left out. What is no number stays, for `reported`
-    to refuse.
+    """Boxes cut to an image of a size in pixels, and their scores; boxes outside it are left out. Values that are not finite stay, so that
+    `reported` refuses them.
     """
     numbers = np.isfinite(boxes).all(axis=1) & np.isfinite(scores)
     cut = np.where(numbers[:, None], np.clip(boxes, 0, np.array([width, height, width, height], np.float32)), boxes)

@@ -1,4 +1,4 @@
-"""Detectors run by Ultralytics' own package, which is AGPL-3.0: install it yourself (`pip install ultralytics`) if that suits you."""
+"""Detectors run with the Ultralytics package, which is AGPL-3.0 and not installed with Blindspot: `pip install ultralytics`."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from pipeline.errors import InputError
 
 
 class UltralyticsDetector:
-    """Finds pedestrians with an Ultralytics model, pre- and postprocessed as Ultralytics does it.
+    """Finds pedestrians with an Ultralytics model, with Ultralytics' own pre- and postprocessing.
 
-    model: an .onnx file, or a checkpoint .pt if `trusted` says that reading it may run code. threshold, iou, person: as of `OnnxDetector`.
+    model: an .onnx file, or a .pt checkpoint if `trusted`, because reading one can run code. threshold, iou, person: as of `OnnxDetector`.
 
     InputError if the package or the file is missing, or a checkpoint is not trusted.
     """
@@ -28,10 +28,10 @@ class UltralyticsDetector:
         path = Path(model)
         if path.suffix != ".onnx" and not trusted:
             raise InputError(
-                f"{path}: a {path.suffix or 'foreign'} file can run code when it is read; export it to ONNX, or set detector.trusted=true"
+                f"{path}: a {path.suffix or 'foreign'} file can run code when read; export it to ONNX, or set detector.trusted=true"
             )
         if not path.is_file():
-            raise InputError(f"{path}: expected the file of a detector, found none")
+            raise InputError(f"{path}: expected a detector file, found none")
         try:
             from ultralytics import YOLO
         except ImportError as error:

@@ -1,4 +1,4 @@
-"""The frames nearest to the filter's border, kept and rejected ones, as crops that a person can judge."""
+"""The frames closest to the filter's thresholds, kept and rejected, as crops that a person can judge."""
 
 from __future__ import annotations
 

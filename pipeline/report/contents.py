@@ -1,4 +1,4 @@
-"""What the report is made of."""
+"""From a study's results to the report: its figures, its replays and the page that holds them."""
 
 from __future__ import annotations
 
@@ -20,113 +20,141 @@ from pipeline.config.schema import Config
 from pipeline.core.space import Space
 from pipeline.progress import OnProgress
 from pipeline.protocols import Detector, Simulator
-from pipeline.report import plots as draw
-from pipeline.report import sections, texts
+from pipeline.report import comparison_plots, search_plots, sections, texts, training_plots, verdict_section
 from pipeline.report.border import Case, cases, nearest
 from pipeline.report.examples import Chosen, choose_pairs, choose_regions
-from pipeline.report.page import Drawing, Film, Page
-from pipeline.report.replays import draw_replay, most_telling_frame, render_replay
+from pipeline.report.page import Drawing, Film, Page, Section
+from pipeline.report.replays import Replay, draw_replay, most_telling_frame, render_replay
 from pipeline.report.style import data_uri, svg
 
 BORDER_CASES = 32
 
 
 @dataclass(frozen=True)
+class ComparedVersions:
+    """The comparison, the rows of comparison.parquet and those of changes.csv."""
+
+    comparison: Comparison
+    tests: pd.DataFrame
+    changes: pd.DataFrame
+
+
+@dataclass(frozen=True)
 class ReportData:
-    """Everything the report reads. tests: search scenario -> rows of all its campaigns; searched: rows of those that versions learn from,
-    round by round; detectors: version -> ONNX file.
+    """Everything that a report shows; a section whose data are None or empty is left out.
+
+    tests: search scenario -> rows of all its campaigns. searched: rows of the campaigns that versions learn from, round by round.
+    detectors: version -> ONNX file, the searched version first. filters: strategy -> its filter table. border: frames at the border of
+    the filters.
     """
 
     measures: Measures
-    white_box: WhiteBoxMeasures
-    comparison: Comparison
-    table: pd.DataFrame
-    changes: pd.DataFrame
     regions: tuple[FailureRegions, ...]
     tests: Mapping[str, pd.DataFrame]
-    searched: pd.DataFrame
     spaces: Mapping[str, Space]
     labels: Mapping[str, str]
+    detectors: Mapping[str, Path]
+    white_box: WhiteBoxMeasures | None
+    compared: ComparedVersions | None
+    searched: pd.DataFrame
     filters: Mapping[str, pd.DataFrame]
     cards: tuple[ModelCard, ...]
-    detectors: Mapping[str, Path]
     border: tuple[Case, ...]
 
 
 def border_cases(config: Config, filters: Mapping[str, pd.DataFrame], frames: Sequence[Path]) -> tuple[Case, ...]:
-    """The frames nearest to the filter's border, of all strategies whose frames were filtered. frames: frames.parquet of each campaign."""
+    """The frames nearest to the filter's border, over all strategies. frames: frames.parquet of their campaigns."""
     judged = pd.concat(filters.values(), ignore_index=True)
     rows = nearest(judged, config.filter.min_visible_pixels, config.filter.min_detectability, BORDER_CASES)
     return tuple(cases(rows, frames))
 
 
-def draw_figures(study: ReportData, strategies: Sequence[str], threshold_s: float) -> dict[str, Figure]:
-    """Every figure of the report by the name of its file."""
-    metrics = {card.version: card.metrics for card in study.cards}
+def draw_figures(data: ReportData, strategies: Sequence[str], threshold_s: float) -> dict[str, Figure]:
+    """Every figure of the report by the name of its file. threshold_s: the adj. TTC of a failure."""
     figures = {
-        "comparison": draw.comparison_bars(study.comparison),
-        "histogram": draw.kpi_histogram(study.table, study.comparison, threshold_s),
-        "theta": draw.theta_curves(study.measures, study.labels),
-        "coverage": draw.coverage_bars(study.measures, study.labels),
-        "detection": draw.detection_bars(metrics, sections.METRICS),
-        "reliability": draw.reliability_diagrams(study.cards),
-        "border": draw.border_sheet(study.border),
+        "theta": search_plots.theta_curves(data.measures, data.labels),
+        "coverage": search_plots.coverage_bars(data.measures, data.labels),
     }
-    if max(result.round for result in study.comparison.versions) > 1:
-        figures["rounds"] = draw.failures_by_round(study.comparison)
-    for regions in study.regions:
-        name, tests = regions.scenario, study.tests[regions.scenario]
-        figures[f"kpi_{name}"] = draw.kpi_scatter(tests, strategies, regions.label, threshold_s)
-        figures[f"failures_{name}"] = draw.parallel_coordinates(tests, study.spaces[name], regions)
+    for regions in data.regions:
+        name, tests = regions.scenario, data.tests[regions.scenario]
+        figures[f"kpi_{name}"] = search_plots.kpi_scatter(tests, strategies, regions.label, threshold_s)
+        figures[f"failures_{name}"] = search_plots.parallel_coordinates(tests, data.spaces[name], regions)
+    if data.compared is not None:
+        figures |= _comparison_figures(data.compared, threshold_s)
+    if data.filters:
+        figures["border"] = training_plots.border_sheet(data.border)
+    if data.cards:
+        metrics = {card.version: card.metrics for card in data.cards}
+        figures["detection"] = training_plots.detection_bars(metrics, sections.METRICS)
+        figures["reliability"] = training_plots.reliability_diagrams(data.cards)
     return figures
 
 
-def _drawing(figures: Mapping[str, Figure], name: str) -> Drawing:
-    return Drawing(svg(figures[name]), texts.FIGURES[name.partition("_")[0]])
+def _comparison_figures(compared: ComparedVersions, threshold_s: float) -> dict[str, Figure]:
+    comparison = compared.comparison
+    figures = {
+        "comparison": comparison_plots.comparison_bars(comparison),
+        "histogram": comparison_plots.kpi_histogram(compared.tests, comparison, threshold_s),
+    }
+    if max(result.round for result in comparison.versions) > 1:
+        figures["rounds"] = comparison_plots.failures_by_round(comparison)
+    return figures
 
 
-def make_page(config: Config, study: ReportData, figures: Mapping[str, Figure], progress: OnProgress) -> Page:
-    """The page with its replays, which are re-simulated: the same test gives the same frames."""
-    spaces = dict(study.spaces) | {name: config.space(name) for name in config.held_out}
-    pair = choose_pairs(study.comparison, study.table, spaces)[: config.report.replays // 2 * 2]
-    base = study.comparison.versions[0].version
-    chosen = choose_regions(study.regions, base, config.report.replays - len(pair))
-    films = film_all(config, [*pair, *chosen], study.detectors, spaces, progress)
+def make_page(config: Config, data: ReportData, figures: Mapping[str, Figure], progress: OnProgress) -> Page:
+    """The page with its replays, which are simulated again: the same test gives the same frames."""
+    spaces = dict(data.spaces) | {name: config.space(name) for name in config.held_out}
+    pair = _pair(data.compared, spaces)[: config.report.replays // 2 * 2]
+    chosen = choose_regions(data.regions, next(iter(data.detectors)), config.report.replays - len(pair))
+    films = film_all(config, [*pair, *chosen], data.detectors, spaces, progress)
     by_scenario: dict[str, list[Film]] = {}
     for test, film in zip(chosen, films[len(pair) :], strict=True):
         by_scenario.setdefault(test.scenario, []).append(film)
-    kpi = [_drawing(figures, f"kpi_{name}") for name in study.labels]
-    return Page(
-        study=config.study,
-        headline=sections.headline(study.comparison),
-        sections=(
-            sections.verdict_section(
-                study.comparison,
-                study.changes,
-                [_drawing(figures, "comparison"), _drawing(figures, "histogram")],
-                sections.rounds_part(study.searched, study.measures.confidence, [_drawing(figures, "rounds")])
-                if "rounds" in figures
-                else None,
-                films[: len(pair)],
-            ),
-            sections.regions_section(study.regions, {name: _drawing(figures, f"failures_{name}") for name in study.labels}, by_scenario),
-            sections.search_section(
-                study.measures, study.white_box, study.labels, [_drawing(figures, "theta"), *kpi], [_drawing(figures, "coverage")]
-            ),
-            sections.data_section(
-                study.filters,
-                study.cards,
-                [_drawing(figures, "border")],
-                [_drawing(figures, "detection"), _drawing(figures, "reliability")],
-            ),
-        ),
+    drawings = {name: _drawing(figure, name) for name, figure in figures.items()}
+    found = (
+        _verdict(data, drawings, films[: len(pair)]),
+        sections.regions_section(data.regions, {name: drawings[f"failures_{name}"] for name in data.labels}, by_scenario),
+        _search(data, drawings),
+        sections.data_section(data.filters, data.cards, _named(drawings, "border"), _named(drawings, "detection", "reliability")),
     )
+    title = "Where does the detector fail?" if data.compared is None else "Where does the detector fail, and did retraining help?"
+    return Page(config.study, _headline(data), tuple(section for section in found if section is not None), title)
+
+
+def _pair(compared: ComparedVersions | None, spaces: Mapping[str, Space]) -> list[Chosen]:
+    return [] if compared is None else choose_pairs(compared.comparison, compared.tests, spaces)
+
+
+def _headline(data: ReportData) -> str:
+    return sections.headline(data.regions) if data.compared is None else verdict_section.headline(data.compared.comparison)
+
+
+def _verdict(data: ReportData, drawings: Mapping[str, Drawing], films: Sequence[Film]) -> Section | None:
+    if data.compared is None:
+        return None
+    rounds = verdict_section.rounds_part(data.searched, data.measures.confidence, [drawings["rounds"]]) if "rounds" in drawings else None
+    plots = _named(drawings, "comparison", "histogram")
+    return verdict_section.verdict_section(data.compared.comparison, data.compared.changes, plots, rounds, films)
+
+
+def _search(data: ReportData, drawings: Mapping[str, Drawing]) -> Section:
+    plots = _named(drawings, "theta", *(f"kpi_{name}" for name in data.labels))
+    return sections.search_section(data.measures, data.white_box, data.labels, plots, _named(drawings, "coverage"))
+
+
+def _drawing(figure: Figure, name: str) -> Drawing:
+    return Drawing(svg(figure), texts.FIGURES[name.partition("_")[0]])
+
+
+def _named(drawings: Mapping[str, Drawing], *names: str) -> list[Drawing]:
+    """Those that there are."""
+    return [drawings[name] for name in names if name in drawings]
 
 
 def film_all(
     config: Config, tests: Sequence[Chosen], detectors: Mapping[str, Path], spaces: Mapping[str, Space], progress: OnProgress
 ) -> list[Film]:
-    """Re-simulate and film each test, in the order given; one simulator a scenario, one detector a version."""
+    """Simulate each test again and film it, in the order given; one simulator a scenario, one detector a version."""
     simulators: dict[str, Simulator] = {}
     loaded: dict[str, Detector] = {}
     films = []
@@ -138,16 +166,17 @@ def film_all(
             if test.version not in loaded:
                 model = str(detectors[test.version])
                 loaded[test.version] = instantiate(config.detector, model=model, _convert_="all")
-            films.append(_film(config, test, simulators[test.scenario], loaded[test.version], spaces[test.scenario], Path(folder)))
+            episode = simulators[test.scenario].execute(test.concrete, loaded[test.version], keep_every=1)
+            units = {variable.name: variable.unit for variable in spaces[test.scenario].variables}
+            replay = Replay(episode, test.heading, test.concrete, config.campaign.failure_threshold_s, units)
+            films.append(_film(replay, test.reason, Path(folder)))
             progress(done, len(tests), test.heading)
     return films
 
 
-def _film(config: Config, test: Chosen, simulator: Simulator, detector: Detector, space: Space, folder: Path) -> Film:
-    episode = simulator.execute(test.concrete, detector, keep_every=1)
-    threshold_s, units = config.campaign.failure_threshold_s, {v.name: v.unit for v in space.variables}
+def _film(replay: Replay, reason: str, folder: Path) -> Film:
     video, poster = folder / "replay.mp4", folder / "poster.jpg"
-    render_replay(episode, test.heading, test.concrete, video, failure_threshold_s=threshold_s, units=units)
-    still = draw_replay(episode, test.heading, test.concrete, failure_threshold_s=threshold_s, units=units)[most_telling_frame(episode)]
+    render_replay(replay, video)
+    still = draw_replay(replay)[most_telling_frame(replay.episode)]
     cv2.imwrite(str(poster), cv2.cvtColor(still, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 80])
-    return Film(test.heading, test.reason, data_uri(video, "video/mp4"), data_uri(poster, "image/jpeg"))
+    return Film(replay.title, reason, data_uri(video, "video/mp4"), data_uri(poster, "image/jpeg"))

@@ -1,4 +1,4 @@
-"""Pictures of coverage: a heat map for each plane of two conditions (Cheng et al., Table 1) and the growth over the points (Figure 4)."""
+"""Figures of coverage: a heat map for each plane of two conditions (Cheng et al., Table 1), and coverage over points (Figure 4)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SHADES = LinearSegmentedColormap.from_list("coverage", ["#e9927f", "#f6e3ac", "#
 
 
 def heat_maps(planes: Sequence[Plane], space: OperatingSpace) -> Figure:
-    """How far each cell of each plane of two conditions is covered, emptiest planes first; grey: no feasible point, or none wanted."""
+    """Coverage of each cell of each plane of two conditions, least covered planes first; grey: no feasible point, or none required."""
     shown = sorted(planes, key=lambda plane: plane.coverage.ratio if plane.coverage else 2)[:MOST_PLANES]
     columns = min(COLUMNS, len(shown))
     with styled({"axes.grid": False, "font.size": 7.5, "axes.titlesize": 8}):
@@ -47,7 +47,7 @@ def heat_maps(planes: Sequence[Plane], space: OperatingSpace) -> Figure:
 
 
 def growth(shares: Sequence[tuple[int, float]], k: int) -> Figure:
-    """Coverage after so many points."""
+    """Coverage over the number of points. shares: (points, coverage in [0, 1])."""
     with styled():
         figure, axes = panels(1, 1, width=6.5, height=3.2)
         axis = axes[0][0]

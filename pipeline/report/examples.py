@@ -8,13 +8,13 @@ from itertools import zip_longest
 
 import pandas as pd
 
-from pipeline.artefacts.comparison_results import Comparison, VersionPair
+from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.points import concrete
 from pipeline.artefacts.results import FailureRegions
 from pipeline.core.comparison import SequenceTest
 from pipeline.core.space import Space, Value
 
-ROLES = {"medoid": "its most typical failure", "worst": "its worst failure", "furthest": "its most unusual failure"}
+ROLES = {"medoid": "most typical failure", "worst": "worst failure", "furthest": "most unusual failure"}
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Chosen:
 
 
 def choose_regions(found: Sequence[FailureRegions], version: str, limit: int) -> list[Chosen]:
-    """At most `limit` representatives: the medoids of all regions in turn of the scenarios, largest first, then the other roles."""
+    """At most `limit` representatives, scenarios in turn: the medoids of all regions, largest region first, then the other roles."""
     queues = []
     for regions in found:
         ranked = [(region, r) for role in ROLES for region in regions.regions for r in region.representatives if r.role == role]
@@ -57,21 +57,19 @@ def choose_pairs(comparison: Comparison, table: pd.DataFrame, spaces: Mapping[st
     for result in ranked:
         assert result.paired is not None
         if result.paired.fixes or result.paired.regressions:
-            changes = (("fixes", result.paired.fixes), ("regresses on", result.paired.regressions))
-            return [test for what, tests in changes for test in _both(comparison, result.paired, what, tests[:1], table, spaces)]
+            fixes, regressions = result.paired.fixes[:1], result.paired.regressions[:1]
+            changes = [*((test, "fix") for test in fixes), *((test, "regression") for test in regressions)]
+            versions = (result.paired.against, result.version)
+            return [chosen for change in changes for chosen in _both(comparison, versions, change, table, spaces)]
     return []
 
 
 def _both(
-    comparison: Comparison, paired: VersionPair, what: str, tests: Sequence[SequenceTest], table: pd.DataFrame, spaces: Mapping[str, Space]
+    comparison: Comparison, versions: tuple[str, str], changed: tuple[SequenceTest, str], table: pd.DataFrame, spaces: Mapping[str, Space]
 ) -> list[Chosen]:
-    chosen = []
-    for test in tests:
-        rows = table[(table["scenario"] == test.scenario) & (table["index"] == test.index)].set_index("version")
-        reason = f"{paired.version} {what} this test of the held-out sequence."
-        label = f"{comparison.scenarios[test.scenario]} · {comparison.strategy} · {test.index:05d}"
-        chosen += [
-            Chosen(test.scenario, v, f"{label} · {v}", reason, concrete(rows.loc[v], spaces[test.scenario]))
-            for v in (paired.against, paired.version)
-        ]
-    return chosen
+    """A test with both versions. changed: the test, and which change it is."""
+    (test, change), scenario = changed, changed[0].scenario
+    rows = table[(table["scenario"] == scenario) & (table["index"] == test.index)].set_index("version")
+    heading = f"{comparison.scenarios[scenario]} · {comparison.strategy} · {test.index:05d}"
+    reason = f"A {change} of {versions[1]} on a held-out test."
+    return [Chosen(scenario, v, f"{heading} · {v}", reason, concrete(rows.loc[v], spaces[scenario])) for v in versions]

@@ -1,4 +1,4 @@
-"""The front-car study's page: which cells its points cover (Cheng et al., Table 1), how coverage grew (Figure 4), what detectors gained."""
+"""The front-car study's page: covered cells (Cheng et al., Table 1), growth of coverage (Figure 4), detectors trained on the points."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Pixels = NDArray[np.uint8]
 
 
 def first_covering(categories: Ints, names: Sequence[str], sizes: Sequence[int], chosen: tuple[int, int]) -> list[list[str]]:
-    """For each cell of two variables the name of the first point in it, empty if there is none."""
+    """The name of the first point in each cell of two variables; empty if there is none."""
     rows, columns = (sizes[variable] for variable in chosen)
     cells = [[""] * columns for _ in range(rows)]
     for row, name in zip(categories[:, list(chosen)], names, strict=True):
@@ -34,7 +34,7 @@ def first_covering(categories: Ints, names: Sequence[str], sizes: Sequence[int],
 
 
 def table(points: Points, categories: Ints, space: Space, constraints: Constraints) -> Figure:
-    """One small table a plane of two conditions: the first point in each cell, or that no point can be there (the paper's Table 1)."""
+    """A small table per plane of two conditions: the first point in each cell, or that the cell is infeasible (the paper's Table 1)."""
     planes = list(combinations(range(len(space)), 2))
     names = [point.name for point in points.points]
     with styled({"axes.grid": False, "axes.titlesize": 9}):
@@ -75,14 +75,14 @@ def growth(points: Points) -> Figure:
         places = np.arange(len(shares))
         axis.plot(places, shares, color=INK, linewidth=1.2, zorder=2)
         for low, high, colour, label in (
-            (0, points.existing, EXISTING, "existing, drawn by lot"),
+            (0, points.existing, EXISTING, "existing (random)"),
             (points.existing, len(shares), GENERATED, "proposed"),
         ):
             axis.scatter(places[low:high], shares[low:high], color=colour, s=42, zorder=3, label=label)
         for place, (share, point) in enumerate(zip(shares, points.points, strict=True)):
             axis.annotate(f"{point.covered}", (place, share), (0, 8), textcoords="offset points", ha="center", fontsize=8)
         axis.set_xticks(places, [point.name for point in points.points])
-        axis.set(ylim=(0, 112), ylabel=f"{points.k}-projection coverage (%)", title=f"of {points.required} cells that can be covered")
+        axis.set(ylim=(0, 112), ylabel=f"{points.k}-projection coverage (%)", title=f"{points.required} feasible cells")
         axis.legend(loc="lower right")
     return figure
 
@@ -101,7 +101,7 @@ def gallery(names: Sequence[str], images: Sequence[Pixels], classes: Sequence[Pi
 
 
 def by_condition(evaluation: Evaluation, space: Space, confidence: float) -> Figure:
-    """On which share of the test snapshots each detector was right, for every value of every condition, with intervals."""
+    """Share of test snapshots on which each detector is right, for every value of every condition, with intervals."""
     rows = [(variable.name, label) for variable in space.variables for label in variable.labels]
     with styled():
         figure, axes = panels(1, 1, width=7.6, height=0.3 * len(rows) + 0.9)
@@ -112,29 +112,29 @@ def by_condition(evaluation: Evaluation, space: Space, confidence: float) -> Fig
                 low, high = wilson_interval(sum(right), len(right), confidence)
                 share, y = sum(right) / len(right), place + 0.22 * (2 * index - 1) / 2
                 axis.plot([100 * low, 100 * high], [y, y], color=colour, linewidth=1.6)
-                label_once = f"learnt from {detector.learnt_points} points" if place == 0 else None
+                label_once = f"trained on {detector.learnt_points} points" if place == 0 else None
                 axis.scatter([100 * share], [y], color=colour, s=22, zorder=3, label=label_once)
         axis.set_yticks(range(len(rows)), [f"{name.replace('_', ' ')}: {label}" for name, label in rows])
-        axis.set(ylim=(len(rows) - 0.5, -0.5), xlabel="test snapshots judged rightly (%)")
+        axis.set(ylim=(len(rows) - 0.5, -0.5), xlabel="share of right test snapshots (%)")
         axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2)
     return figure
 
 
 def page(study: str, points: Points, evaluation: Evaluation, figures: Mapping[str, Figure], confidence: float) -> Page:
-    """The whole page; figures as the functions above draw them, by their names."""
+    """The whole page. figures: name of a drawing function above -> its figure."""
     sections = (_coverage(points, figures), _snapshots(figures), _detectors(evaluation, figures, confidence))
-    return Page(study, _headline(points, evaluation, confidence), sections, title="What does full coverage buy?")
+    return Page(study, _headline(points, evaluation, confidence), sections, title="Does full coverage make a better detector?")
 
 
 def _headline(points: Points, evaluation: Evaluation, confidence: float) -> str:
     fewer, more = (np.mean(_right(detector)) for detector in evaluation.detectors)
-    verdict = "more often right than" if more > fewer else "less often right than" if more < fewer else "as often right as"
-    shown = "the difference is significant" if evaluation.p_value < 1 - confidence else "no difference is shown"
+    shown = "a difference is shown" if evaluation.p_value < 1 - confidence else "no difference is shown"
+    covered = 100 * points.points[-1].covered / points.required
     return (
-        f"{len(points.points) - points.existing} proposals bring {points.existing} random points to "
-        f"{100 * points.points[-1].covered / points.required:.0f} % {points.k}-projection coverage. A detector that learnt from all of "
-        f"them is {verdict} one that learnt as many images of the random points alone ({100 * more:.1f} against {100 * fewer:.1f} % "
-        f"of {len(_right(evaluation.detectors[0]))} test snapshots; {shown}, p = {evaluation.p_value:.2g})."
+        f"{len(points.points) - points.existing} proposed points bring {points.existing} random points to {covered:.0f} % "
+        f"{points.k}-projection coverage. Trained on all points, the detector is right on {100 * more:.1f} % of "
+        f"{len(_right(evaluation.detectors[0]))} test snapshots. Trained on as many images of the random points alone, it is right on "
+        f"{100 * fewer:.1f} % ({shown}, p = {evaluation.p_value:.2g})."
     )
 
 
@@ -143,15 +143,15 @@ def _coverage(points: Points, figures: Mapping[str, Figure]) -> Section:
     rows = tuple((p.name, *(p.values[name] for name in conditions), f"{p.covered} of {points.required}") for p in points.points)
     listed = Table(("point", *(name.replace("_", " ") for name in conditions), "covered"), rows, numbers=(len(conditions) + 1,))
     how = (
-        "Every two operating conditions make a plane; every pair of their values is a cell. A cell is covered if some point has both "
-        "values. Each proposal is the feasible point that covers most new cells, found by 0-1 programming."
+        "Two operating conditions form a plane; each pair of their values is a cell. A cell is covered if a point has both values. Each "
+        "proposal is the feasible point that covers the most new cells, found by 0-1 programming."
     )
-    legend = f"The first point in each cell: E existing, G proposed; {NOT_COVERABLE} where the constraints allow no point."
+    legend = f"The first point in each cell. E: existing. G: proposed. {NOT_COVERABLE}: infeasible, because of a constraint."
     return Section(
         "Coverage",
         (how,),
         (
-            Part(plots=(Drawing(svg(figures["growth"]), "Cells covered after each point."),)),
+            Part(plots=(Drawing(svg(figures["growth"]), "Number of cells covered after each point."),)),
             Part(title="Points", table=listed),
             Part(title="Planes", plots=(Drawing(svg(figures["table"]), legend),)),
         ),
@@ -159,17 +159,17 @@ def _coverage(points: Points, figures: Mapping[str, Figure]) -> Section:
 
 
 def _snapshots(figures: Mapping[str, Figure]) -> Section:
-    drawing = Drawing(svg(figures["gallery"]), "The first snapshot of each point, above its segmentation; yellow: the forward vehicle.")
-    text = "What a point leaves open is drawn by lot: town, place, distances, vehicles, pedestrians, light."
+    drawing = Drawing(svg(figures["gallery"]), "The first snapshot of each point, above its segmentation. Yellow: the forward vehicle.")
+    text = "A point fixes the conditions. Town, place, distances, vehicles, pedestrians and light are random."
     return Section("Snapshots", (text,), (Part(plots=(drawing,)),))
 
 
 def _detectors(evaluation: Evaluation, figures: Mapping[str, Figure], confidence: float) -> Section:
     how = (
-        "Two detectors of the vehicle ahead in the ego's lane, from the same weights, with the same number of images and of steps; only "
-        "the points differ. They are tested in other towns, on the same number of snapshots of every feasible point. Right means: the "
-        f"vehicle is found (score {evaluation.threshold:g}, IoU above 0.5) where there is one, and nothing else is. This is one draw of "
-        "random points; another value of front_car.seed draws others."
+        "Both detectors look for the vehicle ahead in the ego's lane. They start from the same weights and train on as many images for "
+        "as many steps; only the points differ. The test snapshots show other towns, with the same number for every feasible point. A "
+        f"snapshot is right if the vehicle is detected (score {evaluation.threshold:g}, IoU above 0.5) where there is one, and nothing "
+        "else is. This is one draw of random points; change front_car.seed for another."
     )
     names = ("ap50", "ap50_95", "precision", "recall", "false_positives_an_image")
     rows = []
@@ -178,7 +178,7 @@ def _detectors(evaluation: Evaluation, figures: Mapping[str, Figure], confidence
         low, high = wilson_interval(sum(right), len(right), confidence)
         share = f"{np.mean(right):.3f} ({low:.3f} to {high:.3f})"
         rows.append((f"{detector.learnt_points} points", f"{detector.images}", *(f"{detector.metrics[n]:.3f}" for n in names), share))
-    headers = ("learnt from", "images", "AP50", "AP50-95", "precision", "recall", "false positives an image", "right, with interval")
+    headers = ("trained on", "images", "AP50", "AP50-95", "precision", "recall", "false positives per image", "right snapshots")
     plot = Drawing(svg(figures["by_condition"]), f"Share of right snapshots by condition, with {100 * confidence:.0f} % intervals.")
     parts = (Part(table=Table(headers, tuple(rows), numbers=(7,))), Part(title="By operating condition", plots=(plot,)))
     return Section("Detectors", (how,), parts)

@@ -1,4 +1,4 @@
-"""The report as one HTML page that loads nothing: figures are inline SVG, films are data: addresses."""
+"""The report as one HTML page that loads nothing from elsewhere: figures are inline SVG, films are data: addresses."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 @dataclass(frozen=True)
 class Table:
-    """Cells as text. numbers, codes: columns that must not wrap, and columns in a typewriter face."""
+    """Cells as text. numbers: columns that must not wrap; codes: columns in a monospaced font."""
 
     headers: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
@@ -38,7 +38,7 @@ class Film:
 
 @dataclass(frozen=True)
 class Part:
-    """A titled piece of a section; what is empty is left out. notes: listed below the table. folded: what to click for the table."""
+    """A titled part of a section; empty fields are left out. notes: a list below the table. folded: the label that opens the table."""
 
     title: str = ""
     text: str = ""

@@ -1,14 +1,14 @@
 """Replays: one test execution as a film, laid out as in thesis Fig. 5.8.
 
-Frame with the true box (blue) and the detections (red, with score), what was executed, its result, and the signals with a
-cursor at the frame's time. The still parts are drawn once; each frame only pastes its image, boxes and cursor.
+It shows the frame with the true box (blue) and the detections (red, with score), the concrete scenario, the result, and the signals with a
+cursor at the frame's time. The still parts are drawn once; each frame adds its image, boxes and cursor.
 """
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -31,11 +31,30 @@ TRUTH, DETECTION, CURSOR = (70, 140, 255), (235, 60, 50), (214, 40, 40)
 CONFIDENCE_COLOUR, SPEED_COLOUR, TTC_COLOUR = "#2f6fd0", "#2a8f5c", "#7d55b8"
 FRAME_HEIGHT, SIDE_WIDTH, SIGNALS_HEIGHT, MARGIN = 480, 410, 350, 14
 BELOW_SIGNALS = 132
-"""Of which the time axis takes 62; over the rest a browser lays its controls."""
+"""The time axis takes 62 of them; a browser's controls cover the rest."""
 SIDE_CHARACTERS = 36
 DPI = 100
 LABEL_SCALE = 0.6
 TTC_SHOWN_S = 4.0
+
+
+@dataclass(frozen=True)
+class Replay:
+    """One test execution to show, with what stands beside its frames.
+
+    episode: must keep its frames (`execute(..., keep_every=1)`). title: what was executed, lines separated by newlines. concrete:
+    variable -> value. failure_threshold_s: the adj. TTC of a failure. units: variable -> unit. ValueError if the episode kept no frame.
+    """
+
+    episode: Episode
+    title: str
+    concrete: Mapping[str, Value]
+    failure_threshold_s: float
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not self.episode.frames:
+            raise ValueError("a replay needs the frames of the episode; execute it with keep_every=1")
 
 
 @dataclass(frozen=True)
@@ -51,23 +70,9 @@ class Layout:
     last_s: float
 
 
-def render_replay(
-    episode: Episode,
-    title: str,
-    concrete: Mapping[str, Value],
-    path: Path,
-    *,
-    failure_threshold_s: float,
-    units: Mapping[str, str] | None = None,
-    frames_per_second: int = 5,
-) -> None:
-    """Write the replay of one test execution to `path`, as .mp4 (H.264, yuv420p: any browser) or .gif, atomically.
-
-    episode: must keep its frames (`execute(..., keep_every=1)`). title: what was executed, lines separated by newlines.
-    concrete: variable -> value, `units`: variable -> unit. failure_threshold_s: the adj. TTC of a failure.
-    Raises ValueError if the episode kept no frame or the suffix is another one.
-    """
-    images = draw_replay(episode, title, concrete, failure_threshold_s=failure_threshold_s, units=units or {})
+def render_replay(replay: Replay, path: Path, frames_per_second: int = 5) -> None:
+    """Write a replay to `path`, as .mp4 (H.264, yuv420p: any browser) or .gif, atomically; ValueError for another suffix."""
+    images = draw_replay(replay)
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f"partial-{path.name}")
     if path.suffix == ".mp4":
@@ -76,29 +81,24 @@ def render_replay(
         first, *rest = (Image.fromarray(image) for image in images)
         first.save(partial, save_all=True, append_images=rest, duration=1000 // frames_per_second, loop=0)
     else:
-        raise ValueError(f"a replay must be written as .mp4 or .gif, got {path.name}")
+        raise ValueError(f"a replay must be an .mp4 or a .gif, got {path.name}")
     partial.replace(path)
 
 
-def draw_replay(
-    episode: Episode, title: str, concrete: Mapping[str, Value], *, failure_threshold_s: float, units: Mapping[str, str]
-) -> list[Pixels]:
-    """The frames of a replay, each (height, width, 3) uint8 RGB with even height and width; arguments as `render_replay`."""
-    if not episode.frames:
-        raise ValueError("a replay needs the frames of the episode; execute it with keep_every=1")
-    kpi = evaluate(episode.signals, failure_threshold_s)
-    text = _side_text(title, concrete, units, kpi)
-    layout = _layout(episode, text, kpi, failure_threshold_s)
-    return [_compose(layout, kept) for kept in episode.frames]
+def draw_replay(replay: Replay) -> list[Pixels]:
+    """The frames of a replay, each (height, width, 3) uint8 RGB with even height and width."""
+    kpi = evaluate(replay.episode.signals, replay.failure_threshold_s)
+    layout = _layout(replay.episode, _side_text(replay, kpi), kpi, replay.failure_threshold_s)
+    return [_compose(layout, kept) for kept in replay.episode.frames]
 
 
 def most_telling_frame(episode: Episode) -> int:
-    """Index of the kept frame nearest to the last moment before the end at which the pedestrian shows; 0 if it never does."""
+    """Index of a kept frame three quarters through those that show the pedestrian; 0 if none does."""
     shown = [index for index, kept in enumerate(episode.frames) if kept.frame.truth.visible_box is not None]
     return shown[max(0, len(shown) * 3 // 4 - 1)] if shown else 0
 
 
-def _side_text(title: str, concrete: Mapping[str, Value], units: Mapping[str, str], kpi: Kpi) -> str:
+def _side_text(replay: Replay, kpi: Kpi) -> str:
     result = {
         "none": "no failure",
         "contact": f"FAILURE: contact at {kpi.impact_speed_mps:.1f} m/s",
@@ -106,11 +106,11 @@ def _side_text(title: str, concrete: Mapping[str, Value], units: Mapping[str, st
         "false_positives": "FAILURE: false positives alone",
     }[kpi.failure_mode]
     seen = "never" if np.isnan(kpi.first_detection_m) else f"{kpi.first_detection_m:.1f} m away"
-    lines = [part for line in title.splitlines() for part in textwrap.wrap(line, SIDE_CHARACTERS)]
+    lines = [part for line in replay.title.splitlines() for part in textwrap.wrap(line, SIDE_CHARACTERS)]
     lines += ["", f"adj. TTC {kpi.adj_ttc_s:.2f} s (TTC alone {kpi.ttc_s:.2f} s)", *textwrap.wrap(result, SIDE_CHARACTERS)]
     lines += [f"first detected  {seen}", f"false positives {kpi.false_positives}", ""]
-    for name, value in concrete.items():
-        shown = value if isinstance(value, str) else f"{value:.3g} {units.get(name, '')}".rstrip()
+    for name, value in replay.concrete.items():
+        shown = value if isinstance(value, str) else f"{value:.3g} {replay.units.get(name, '')}".rstrip()
         lines.append(f"{name.replace('_', ' '):<17} {shown}")
     return "\n".join(lines)
 
@@ -161,7 +161,7 @@ def _draw_signals(axis: Axes, episode: Episode, kpi: Kpi, threshold_s: float) ->
         target.spines["right"].set_visible(target is not axis)
         target.spines["right"].set_color(GRID)
     axis.set(xlim=(0, max(float(time_s[-1]), 0.1)), xlabel="time (s)")
-    axis.set_title("no collision path counted" if np.isnan(shown).all() else f"smallest adj. TTC {kpi.adj_ttc_s:.2f} s", fontsize=12)
+    axis.set_title("no collision path" if np.isnan(shown).all() else f"smallest adj. TTC {kpi.adj_ttc_s:.2f} s", fontsize=12)
 
 
 def _compose(layout: Layout, kept: KeptFrame) -> Pixels:

@@ -1,14 +1,15 @@
-"""How the report's figures look: one palette, and SVG that takes the page's own text colour."""
+"""The style of the report's figures: one palette, and SVG in the text colour of the page."""
 
 from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 import matplotlib
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -24,7 +25,7 @@ MODE_NAMES: Mapping[str, str] = {
 SERIES = ("#3b7dd8", "#e0682e", "#2a9d78", "#8f6bc9", "#b9912b", "#c9497c", "#5a8f3c", "#4aa3b5", "#a0624a", "#7f93ab")
 UNASSIGNED = "#a3acb8"
 PAGE_INCHES = 9.2
-"""How wide a figure is that fills the page."""
+"""Width of a figure that fills the page."""
 
 _RC = {
     "font.family": "DejaVu Sans",
@@ -52,20 +53,20 @@ _RC = {
 
 @contextmanager
 def styled(changes: Mapping[str, object] | None = None) -> Iterator[None]:
-    """Apply the report's style, with changes to it, inside the block, and leave matplotlib's settings as they were."""
+    """Apply the report's style, with changes, inside the block; matplotlib's settings are restored afterwards."""
     with matplotlib.rc_context({**_RC, **(changes or {})}):
         yield
 
 
 def panels(rows: int, columns: int, *, width: float, height: float, sharey: bool = True) -> tuple[Figure, list[list[Axes]]]:
-    """A figure of rows x columns panels, each width x height inches. Made without pyplot: no global state, no display."""
+    """A figure of rows x columns panels, each width x height inches; without pyplot, so no global state and no display."""
     figure = Figure(figsize=(width * columns, height * rows))
     grid = figure.subplots(rows, columns, squeeze=False, sharey=sharey)
     return figure, [list(row) for row in grid]
 
 
 def wrapped(count: int, columns: int, *, height: float, ylabel: str, sharey: bool = True) -> tuple[Figure, list[Axes]]:
-    """A figure as wide as the page with `count` panels in rows of at most `columns`, `height` inches high; each row is labelled once."""
+    """A figure as wide as the page: `count` panels in rows of at most `columns`, each `height` inches high; one y label a row."""
     columns = min(columns, count)
     figure, axes = panels(-(-count // columns), columns, width=PAGE_INCHES / columns, height=height, sharey=sharey)
     flat = [axis for line in axes for axis in line]
@@ -76,13 +77,26 @@ def wrapped(count: int, columns: int, *, height: float, ylabel: str, sharey: boo
     return figure, flat[:count]
 
 
+def legend_below(figure: Figure, axes: Sequence[Axes]) -> None:
+    """One legend for all panels, each name once."""
+    entries: dict[str, Artist] = {}
+    for axis in axes:
+        for handle, name in zip(*axis.get_legend_handles_labels(), strict=True):
+            entries.setdefault(name, handle)
+    if entries:
+        legend = figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=min(5, len(entries)))
+        for shown in legend.legend_handles:
+            if shown is not None:
+                shown.set_alpha(1)
+
+
 def series_colours(names: list[str] | tuple[str, ...]) -> dict[str, str]:
-    """One colour a name, in order; the palette starts again when it ends."""
+    """One colour for each name, in order; the palette repeats when it is used up."""
     return {name: SERIES[index % len(SERIES)] for index, name in enumerate(names)}
 
 
 def svg(figure: Figure) -> str:
-    """The figure as an inline SVG element whose text follows the page's colour; the same figure gives the same text."""
+    """The figure as an inline SVG element in the text colour of the page; the same figure gives the same SVG."""
     buffer = io.StringIO()
     with styled():
         figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
@@ -100,5 +114,5 @@ def save_png(figure: Figure, path: Path) -> None:
 
 
 def data_uri(path: Path, media_type: str) -> str:
-    """A file as a data: address, for pages that must stand alone."""
+    """A file as a data: address, so that a page needs no other file."""
     return f"data:{media_type};base64,{base64.b64encode(path.read_bytes()).decode('ascii')}"

@@ -8,115 +8,125 @@ def _prose(text: str) -> str:
 
 
 VERDICT = _prose("""
-    Every version was executed on the same frozen list of tests, which no version was trained on and no search has seen. control had the
-    same extra training steps as random and adaptive but no new data: what it changes is due to training longer, not to the data.
+    All versions run the same frozen list of held-out tests. No version is trained on the held-out scenarios, and no search uses
+    them.
+""")
+CONTROL = _prose("""
+    control gets the same extra training steps as random and adaptive, but no new data. Its changes come from longer training, not
+    from data.
 """)
 MODES = _prose("""
-    A test fails when the adjusted time-to-collision (adj. TTC), which false positives divide (Eq. 5.3), drops to the threshold. By TTC
-    alone counts the failures that would remain without that division.
+    A test fails when its adjusted time-to-collision (adj. TTC) is at or below the threshold. Adj. TTC is the TTC divided by one
+    plus the number of false positives (Eq. 5.3). "By TTC alone" counts the failures that remain without this division.
 """)
 TABLE = _prose("""
-    Failures on each held-out scenario: means over the seeds of retraining with Student's intervals; of a single version, as the base
-    always is, the count with Wilson's. Beside it, what thesis Table 7.2 counts for F1* to F4* with another simulator, detector and number
-    of tests: D_o 21, 69, 40, 25; D_r 11, 5, 44, 6; D_a 6, 4, 25, 3. In our words D_o is base, D_r random and D_a adaptive.
+    Failures on each held-out scenario. Versions retrained with several seeds: mean over the seeds with Student's interval. Single versions,
+    such as base: count with Wilson's interval. For orientation, thesis Table 7.2 counts D_o (base) 21, 69, 40, 25; D_r (random) 11, 5, 44,
+    6; D_a (adaptive) 6, 4, 25, 3 on F1* to F4*. The thesis uses another simulator, detector and number of tests.
 """)
 PAIRS = _prose("""
-    Exact McNemar tests on the tests that both executed.
+    Fixes: tests that the version passes and the other one ("against") fails. Regressions: the reverse. p: exact McNemar test on the tests
+    that both completed.
 """)
 GROUP_PAIRS = _prose("""
-    Mean difference over the seeds of retraining with Student's interval, paired by seed, which holds the luck of training; p of the exact
-    sign-flip test over the tests, seeds summed, which holds the luck of the sequence. A difference is shown where both leave no doubt. All
-    seeds learn from one search, whose luck neither holds.
+    Difference: mean over the seeds of retraining with Student's interval, paired by seed. It covers the variation between
+    trainings. p: exact sign-flip test over the tests, seeds summed. It covers the variation between tests. A difference is shown
+    only if p is at most {alpha:g} and the interval excludes 0. All seeds share one search, so neither covers the variation between
+    searches.
 """)
 ROUNDS = _prose("""
-    Each round searches the newest versions, filters what was kept and retrains; control has the same steps without new data. The table
-    says what each search found, in all search scenarios together.
+    Each round searches with the newest versions, filters the frames and retrains. control gets the same training steps without new
+    data. The table lists the failures that each search found in all search scenarios together.
 """)
 HELD_OUT_REGIONS = _prose("""
-    Where the base fails on the held-out sequence, and how many of the tests inside each rule the versions fail, means over their seeds.
-    The rules were found on the base's own failures: any other version has fewer there by that alone.
+    Regions in which base fails on the held-out sequence, and how many tests inside each rule every version fails (mean over seeds).
+    The rules are fitted to the failures of base. This alone makes every other version look better inside them.
 """)
 CHANGES = _prose("""
-    Tests that one of base and {of} fails and the other passes, regressions first; shown are {shown} of the {all} of all versions in
-    changes.csv.
+    Tests whose outcome differs between base and {of}, regressions first. The table shows {shown} of the {all} rows in changes.csv,
+    which covers all versions.
 """)
 PAIR = _prose("""
-    The same concrete scenario with two versions, side by side. Blue: where the pedestrian is; red: what the detector reports, with its
-    score. The purple line is the time-to-collision so far, divided by the false positives so far.
+    The same concrete scenario with both versions, side by side. Blue: the true pedestrian. Red: the detections with their
+    confidence. Purple line: TTC divided by one plus the false positives so far.
 """)
 SEARCH = _prose("""
-    Each strategy had the same number of tests to find failures of the base detector. Intervals are {confidence:g} %: Wilson's for
-    rates, Student's over seeds for the others; with one seed there is no spread and only the value is shown.
+    Every strategy had the same number of tests to find failures. Intervals are {confidence:g} %: Wilson's for rates, Student's over
+    seeds for all other values. With one seed there is no interval over seeds.
 """)
 MEASURES = _prose("""
-    F: tests until the first failure. C: share of tests saved against {baseline} to find as many failures as it found; 1 is best, below 0
-    is slower; where it found none, its next test counts as one. n/a: fewer failures than that.
+    F: tests until the first failure. C: share of tests saved compared with {baseline}, for as many failures as {baseline} found. 1
+    is best; below 0 is slower than {baseline}. If {baseline} found none, the test after its last one counts as its first failure.
+    n/a: the strategy found too few failures.
 """)
 COVERAGE = _prose("""
-    Pairs: share of all pairs of variable categories that some test, or some failure, covers. Projection: the same where each pair asks
-    for three tests.
+    Pairs: share of all pairs of variable categories that at least one test, or one failure, covers. Projection: the same, but each
+    pair needs three tests.
 """)
 WHITE_BOX = _prose("""
-    What the images of each strategy make the {neurons} neurons of the base detector do (channels of its {layers} convolution units, by the
-    mean of their maps), against {images} training images: neurons that are active at least once, tenths of the neurons' training ranges
-    that are met, neurons that are activated as much as by any training image, neurons among the two most active of their layer, pairs of a
-    layer's neurons that are active together. Full coverage does not mean that everything was tested.
+    Response of the base detector's {neurons} neurons to the images of each strategy, compared with {images} training images. A
+    neuron is a channel of one of the {layers} convolution units; its activation is the mean of its map. Active neurons: active at
+    least once. Sections: tenths of the neurons' training ranges that are reached. Strongly active: at least as active as in any
+    training image. Top: among the two most active neurons of the layer. Pairs: two neurons of a layer active together. Full
+    coverage does not mean that everything is tested.
 """)
 REGIONS = _prose("""
-    Failures that lie close together in the scenario space form a region. Its rule describes it in a few conditions that hold its failures
-    and few passing tests. It was fitted to these very tests, so its precision is optimistic: confirm a rule with new tests inside it. Not
-    solvable: full braking from the first frame on in which a person could see the pedestrian would have come too late, so that no detector
-    of single images could mend it with this camera.
+    A region is a group of failures that lie close together in the scenario space. Its rule is a short list of conditions that cover
+    its failures and few passing tests. The rule is fitted to these tests, so its precision is optimistic: confirm it with new
+    tests. A failure is not solvable if full braking from the first frame in which a person could see the pedestrian comes too late.
+    No single-image detector can fix such a failure with this camera.
 """)
 NO_FAILURES = _prose("""
-    No test failed here, so there is nothing to group: test longer, or look at the smallest adj. TTC in the figures of the search.
+    No test failed, so there are no regions. Run more tests, or look at the smallest adj. TTC in the figures of the search.
 """)
 FRAMES = _prose("""
-    A frame teaches only what can be seen in it: those in which the pedestrian is hardly visible are rejected. To overrule a row, name a
-    CSV with the columns test_id,step,keep in filter.overrules.
+    The filter rejects frames in which the pedestrian is hardly visible, because a detector cannot learn from them. To overrule it,
+    set filter.overrules to a CSV file with the columns test_id,step,keep.
 """)
 DETECTION = _prose("""
-    On the validation images of the base set; pedestrians too small or too faint to see are ignored, as COCO ignores crowds. Retrained
-    versions have learnt other images of the same towns, a shipped base has not.
+    Results on the validation images of the base set. Pedestrians that are too small or too faint to see are ignored, as COCO
+    ignores crowds. Retrained versions were trained on other images of the same towns; a shipped base was not.
 """)
 FIGURES = {
     "comparison": _prose("""
-        Share of the held-out tests that fail, by failure mode; the line is the confidence interval of the whole bar.
+        Share of the held-out tests that fail, by failure mode. The line is the confidence interval of the whole bar.
     """),
     "histogram": _prose("""
-        How close the tests came, base and the newest versions: number of tests by adj. TTC, a mean where there are several seeds of
-        retraining; the further to the right, the safer.
+        Number of tests by adj. TTC, for base and the newest versions; with several seeds of retraining, the mean over them.
+        Further right is safer.
     """),
     "theta": _prose("""
-        Failures found after each test; steeper is better. The line is the mean over seeds, the band runs from the least to the most.
+        Failures found after each test; steeper is better. The line is the mean over seeds, the band runs from minimum to
+        maximum.
     """),
     "coverage": _prose("""
-        Left: how much of the scenario space was looked at. Right: how varied the failures are. The thin lines are intervals over seeds.
+        Left: how much of the scenario space the tests cover. Right: how varied the failures are. Thin lines: intervals over
+        seeds.
     """),
     "rounds": _prose("""
-        Tests of the held-out sequence that fail after each round; 0 is the base. Bars are Student's intervals over the
-        seeds of retraining, of single versions Wilson's.
+        Failures on the held-out sequence after each round; round 0 is base. Bars: Student's intervals over the seeds of
+        retraining, Wilson's for single versions.
     """),
     "border": _prose("""
-        Frames nearest to the filter's thresholds, in the middle of each crop the pedestrian: green ones were kept, red ones rejected.
-        Overrule what you would have judged otherwise.
+        Frames closest to the filter's thresholds, each cropped around the pedestrian. Green: kept. Red: rejected. Overrule the
+        frames that you would judge otherwise.
     """),
     "detection": _prose("""
-        Higher is better. A detector can be better in single images and still brake too late: the verdict above is what counts.
+        Higher is better. A detector can be better on single images and still brake too late. The verdict above decides.
     """),
     "reliability": _prose("""
-        What a confidence is worth on the validation images, on which it was calibrated: on the diagonal, of the detections with confidence
-        0.8 eight in ten are right.
-        The AEB brakes as hard as the detector is confident, so a line above the diagonal is a car that brakes too softly. Larger points
-        stand for more detections; tenths of the scale with fewer than ten are left out.
+        How well the confidence matches the share of right detections, on the validation images used for calibration. On the
+        diagonal, eight in ten detections with confidence 0.8 are right. The AEB brakes as hard as the detector is confident, so
+        above the diagonal the car brakes too softly. Larger points stand for more detections; bins with fewer than ten are left
+        out.
     """),
     "kpi": _prose("""
-        One point a test, in the order of execution; at or under the dashed line it fails. Marker shapes are seeds. The solid line is the
-        mean of each batch: an adaptive strategy should drift down.
+        One point per test, in order of execution. Tests at or below the dashed line fail. Marker shapes: seeds. Solid line:
+        mean of each batch; it should fall for an adaptive strategy.
     """),
     "failures": _prose("""
-        One line a failure, through its value of each variable. Lines of one colour are one region: where they run together, the variable
-        matters to it.
+        One line per failure, through its value of each variable. Lines of one colour form one region. Where they run close
+        together, the variable matters for the region.
     """),
 }
 """By the first part of a figure's name."""

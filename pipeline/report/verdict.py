@@ -1,13 +1,13 @@
-"""The verdict on the model versions as a plain table, for the terminal and the report."""
+"""The verdict on the model versions as a table, for the terminal and the report."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
 
-from pipeline.artefacts.comparison_results import Comparison, GroupPair, VersionResult
-from pipeline.artefacts.results import Estimate
+from pipeline.artefacts.comparison_results import Comparison, GroupPair, VersionPair, VersionResult
 from pipeline.core.lineage import Version
+from pipeline.report.formats import counted
 
 HEADERS = ("version", "failures / tests", "change", "p", "verdict")
 
@@ -18,29 +18,31 @@ def verdict_rows(comparison: Comparison) -> list[tuple[str, ...]]:
 
 
 def verdict_table(comparison: Comparison, report: Path) -> str:
-    """The table with a line on how to read it and, last, where to look next. report: path of the page."""
+    """The table, how to read it and, last, where to go next. report: path of the page."""
     scenarios = " + ".join(comparison.scenarios.values())
-    lines = [f"Held out: {scenarios}, the same tests for every version\n", *_aligned([HEADERS, *verdict_rows(comparison)])]
+    lines = [f"Held out: {scenarios}; the same tests for every version\n", *_aligned([HEADERS, *verdict_rows(comparison)])]
     if len(comparison.groups) < len(comparison.versions) or len(comparison.scenarios) > 1:
         lines += ["", f"Failures by scenario, {_averaged(comparison)}\n", *_aligned([group_headers(comparison), *group_rows(comparison)])]
     lines += ["", *verdict_sentences(comparison), ""]
-    lines.append(f"Look next: {report} (open it in a browser); ./run ui (MLflow: compare the versions of the model)")
+    lines.append(f"Next: open {report} in a browser; ./run ui compares the versions in MLflow")
     return "\n".join(lines)
 
 
 def verdict_sentences(comparison: Comparison) -> list[str]:
-    """What the table says, in words."""
-    method = f"p: exact McNemar test against base on the same tests; a difference counts at p ≤ {comparison.alpha:g}"
-    sentences = [f"★ champion: {comparison.champion}. {method}, otherwise none is shown; not corrected for several comparisons."]
+    """How to read the table, and what qualifies it."""
+    alpha = f"{comparison.alpha:g}"
+    sentences = [
+        f"★ champion: {comparison.champion}. p: exact McNemar test against base on the same tests. "
+        f"A difference is shown at p ≤ {alpha}, not corrected for several comparisons."
+    ]
     if (passing := sum(map(comparison.passes, comparison.gate))) > 1:
-        picked = f"{comparison.champion} is the best of {passing} that pass, picked on these very tests"
-        sentences.append(f"{picked}: expect more failures of it on others.")
+        chosen = f"{comparison.champion} is the best of {passing} versions that pass, chosen on these tests"
+        sentences.append(f"{chosen}: expect more failures on new tests.")
     sentences += [_group_sentence(comparison, pair) for pair in comparison.group_pairs if _rivals(pair)]
     sentences += [f"{version} {reason}." for version, reason in comparison.gate.items() if version != comparison.versions[0].version]
-    errors = {result.version: result.errors for result in comparison.versions if result.errors}
+    errors = ", ".join(f"{result.errors} of {result.version}" for result in comparison.versions if result.errors)
     if errors:
-        counts = ", ".join(f"{count} of {version}" for version, count in errors.items())
-        sentences.append(f"Errors, which do not count: {counts}.")
+        sentences.append(f"Tests that ended in an error do not count: {errors}.")
     return sentences
 
 
@@ -54,13 +56,18 @@ def _group_sentence(comparison: Comparison, pair: GroupPair) -> str:
     paired = comparison.pair(pair.group, pair.against)
     seeds = len(next(group.versions for group in comparison.groups if group.group == pair.group))
     if seeds == 1 and paired is not None:
-        outcome = f"passes {len(paired.fixes)} tests that {pair.against} fails, fails {len(paired.regressions)} that {pair.against} passes"
-        return f"{pair.group} against {pair.against}: {outcome} (p = {pair.p_value:.2g})."
+        return f"{pair.group} against {pair.against}: {_outcomes(paired)} (p = {pair.p_value:.2g}, exact McNemar test)."
     mean = pair.difference
     outcome = f"{mean.value:+.1f} failures, mean of {seeds} seeds ({mean.low:+.1f} to {mean.high:+.1f})"
     p_value = f"p = {pair.p_value:.2g}, exact sign-flip test over the tests, seeds summed"
-    luck = pair.p_value <= comparison.alpha and not pair.shown(comparison.alpha)
-    return f"{pair.group} against {pair.against}: {outcome}; {p_value}{', but within the luck of training' if luck else ''}."
+    by_tests_alone = pair.p_value <= comparison.alpha and not pair.shown(comparison.alpha)
+    seeds_differ = "; no difference is shown, because the interval over the seeds includes 0" if by_tests_alone else ""
+    return f"{pair.group} against {pair.against}: {outcome}; {p_value}{seeds_differ}."
+
+
+def _outcomes(paired: VersionPair) -> str:
+    fixes, regressions = len(paired.fixes), len(paired.regressions)
+    return f"passes {fixes} tests that {paired.against} fails, fails {regressions} that {paired.against} passes"
 
 
 def _row(result: VersionResult, champion: str) -> tuple[str, ...]:
@@ -69,22 +76,23 @@ def _row(result: VersionResult, champion: str) -> tuple[str, ...]:
     if result.paired is None:
         return name, share, "", "", result.verdict
     change = f"{result.change:+d}" if result.change else "0"
-    detail = f"{change} ({len(result.paired.fixes)} fixed, {len(result.paired.regressions)} new)"
+    fixes, regressions = len(result.paired.fixes), len(result.paired.regressions)
+    detail = f"{change} ({fixes} {'fix' if fixes == 1 else 'fixes'}, {regressions} {'regression' if regressions == 1 else 'regressions'})"
     return name, share, detail, f"{result.paired.p_value:.2g}", result.verdict
 
 
 def group_headers(comparison: Comparison) -> tuple[str, ...]:
-    """Of `group_rows`."""
-    return "version", *comparison.scenarios.values(), "all", "of base"
+    """Headers of `group_rows`."""
+    return "version", *comparison.scenarios.values(), "all", "ratio to base"
 
 
 def group_rows(comparison: Comparison) -> list[tuple[str, ...]]:
-    """Failures by scenario, as thesis Table 7.2: one row for the versions that differ by the seed of retraining alone."""
+    """Failures by scenario, as thesis Table 7.2; versions that differ only by the seed of retraining share a row."""
     return [
         (
             group.group,
-            *(_counted(group.scenarios[name]) for name in comparison.scenarios),
-            _counted(group.failures),
+            *(counted(group.scenarios[name]) for name in comparison.scenarios),
+            counted(group.failures),
             "" if group.against_base is None else f"{group.against_base:.2f}",
         )
         for group in comparison.groups
@@ -93,22 +101,12 @@ def group_rows(comparison: Comparison) -> list[tuple[str, ...]]:
 
 def _averaged(comparison: Comparison) -> str:
     seeds = max(len(group.versions) for group in comparison.groups)
-    several = f"means over {seeds} seeds of retraining with Student's intervals, single versions with Wilson's"
+    several = f"means over {seeds} seeds of retraining with Student's intervals; single versions with Wilson's"
     return several if seeds > 1 else "one seed of retraining, with Wilson's intervals"
 
 
-def mean_text(value: float) -> str:
-    """`76.3`, and `154` without a decimal."""
-    return f"{value:.1f}".removesuffix(".0")
-
-
-def _counted(estimate: Estimate) -> str:
-    value = mean_text(estimate.value)
-    return value if estimate.low == estimate.high else f"{value} ({estimate.low:.0f}–{estimate.high:.0f})"
-
-
 def _aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:
-    """Lines of a table whose first row is the head."""
+    """Lines of a table; its first row holds the headers."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
     return [lines[0], "  ".join("─" * width for width in widths), *lines[1:]]

@@ -1,6 +1,6 @@
-"""A stand-in for a simulator: milliseconds a test, failure regions that are known because they were planted.
+"""A stand-in for a simulator: milliseconds per test and planted, hence known, failure regions.
 
-It exists for laws and speed (does a strategy find what is there? does a campaign resume?), never for claims about a detector.
+For tests of strategies and campaigns (are the regions found? does a campaign resume?), not for claims about a detector.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ WIDTH, HEIGHT = 64, 64
 SPEED_MPS, HORIZON_S, STEP_S, BRAKE_MPS2 = 10.0, 3.0, 0.1, 8.0
 SAFE_DETECTION_M = 24.0
 MARGIN = 0.25
-"""How far outside a region, in shares of its half width, the detection is already late: what a search can follow."""
+"""Width of the margin around a region, in its half widths, in which detection is late: a gradient for the search."""
 
 
 @dataclass(frozen=True)
 class Planted:
-    """A box in the space in which the detection comes too late. intervals: variable to (low, high); values: variable to admitted names."""
+    """A box in the space in which detection comes too late. intervals: variable -> (low, high); values: variable -> admitted names."""
 
     name: str
     intervals: Mapping[str, tuple[float, float]]
@@ -43,7 +43,7 @@ PLANTED = (
 
 
 class AnalyticSimulator:
-    """Executes concrete scenarios by formula. The detector is shown a small picture, but what counts is where the point lies."""
+    """Executes concrete scenarios by formula. The detector gets a small image, but the outcome depends on the point alone."""
 
     def __init__(self, scenario: Mapping[str, Any]) -> None:
         self._space = Space.from_dict(scenario["space"])
@@ -57,7 +57,7 @@ class AnalyticSimulator:
         """Execute one concrete scenario; see `pipeline.protocols.Simulator`. It fails exactly inside a planted region."""
         self._space.encode(concrete)
         depth = max(_depth(region, concrete) for region in PLANTED)
-        # The detection distance falls from safe to hopeless across the margin around a region.
+        # Across the margin, the detection distance falls from safe to too short.
         sees_at = 0.0 if depth >= 1 else SAFE_DETECTION_M - 13 * max(0.0, depth)
         rows: list[dict[str, Any]] = []
         kept: list[KeptFrame] = []
@@ -81,7 +81,7 @@ class AnalyticSimulator:
 
 
 def _depth(region: Planted, concrete: Mapping[str, Value]) -> float:
-    """1 or more inside a region, falling to 0 at the end of its margin, negative beyond; -1 where a category does not fit."""
+    """1 or more inside a region, falling to 0 at the outer edge of its margin, negative beyond; -1 if a category does not match."""
     if any(str(concrete[name]) not in names for name, names in region.values.items()):
         return -1.0
     depths = []
@@ -92,7 +92,7 @@ def _depth(region: Planted, concrete: Mapping[str, Value]) -> float:
 
 
 def _frame(distance: float, time: float) -> Frame:
-    """A bright figure that grows as it comes near."""
+    """A bright figure that grows as it comes closer."""
     half = int(np.clip(120 / max(distance, 4.0), 2, 24))
     image = np.full((HEIGHT, WIDTH, 3), 80, np.uint8)
     top, left = HEIGHT // 2 - half, WIDTH // 2 - half // 2

@@ -1,4 +1,4 @@
-"""Chooses the OpenGL backend that works on this machine, once: EGL (a GPU where there is one), else OSMesa."""
+"""Chooses an OpenGL backend that works on this machine: EGL (uses a GPU if there is one), else OSMesa."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ INSTALL = "sudo apt-get install -y --no-install-recommends libosmesa6"
 
 
 def choose_backend() -> str:
-    """Set MUJOCO_GL for this process and its children; InputError with the line to type when nothing works.
+    """Set MUJOCO_GL for this process and its children; InputError with the command to type if no backend works.
 
-    A MUJOCO_GL that is already set is the only one tried. Answers are kept in `.cache/gl`, because each try costs a second.
+    If MUJOCO_GL is set, only that backend is tried. The answer is kept in `.cache/gl`, because each try costs a second.
     """
-    os.environ.setdefault("LP_NUM_THREADS", "0")  # Software GL: one thread a worker is the best use of the cores.
+    os.environ.setdefault("LP_NUM_THREADS", "0")  # Software GL uses the cores best with one thread per worker.
     wanted = os.environ.get("MUJOCO_GL", "").strip().lower()
     if wanted and wanted not in BACKENDS:
-        raise InputError(f"MUJOCO_GL must be {' or '.join(BACKENDS)}, or unset to choose by itself; got {wanted!r}")
-    # Machines of a cluster share the folder and differ in their libraries.
+        raise InputError(f"MUJOCO_GL must be {' or '.join(BACKENDS)}, or unset; got {wanted!r}")
+    # The machines of a cluster share this folder but not their libraries.
     remembered = CACHE / f"{platform.node()}-{wanted or 'auto'}"
     chosen = remembered.read_text().strip() if remembered.exists() else ""
     if chosen not in BACKENDS:
         candidates = (wanted,) if wanted else BACKENDS
         chosen = next((backend for backend in candidates if works(backend)), "")
         if not chosen:
-            raise InputError(f"no OpenGL library works here (tried {', '.join(candidates)}); type: {INSTALL}")
+            raise InputError(f"no OpenGL library works on this machine (tried {', '.join(candidates)}); type: {INSTALL}")
         for name in (remembered.name, f"{platform.node()}-{chosen}"):
             _remember(CACHE / name, chosen)
     os.environ["MUJOCO_GL"] = chosen
@@ -41,7 +41,7 @@ def choose_backend() -> str:
 
 
 def works(backend: str) -> bool:
-    """Whether MuJoCo can make a context with this backend, tried in a process of its own."""
+    """Whether MuJoCo can create a context with this backend, tried in a separate process."""
     environment = {**os.environ, "MUJOCO_GL": backend}
     try:
         return subprocess.run([sys.executable, "-c", PROBE], env=environment, capture_output=True, timeout=60).returncode == 0
@@ -50,14 +50,14 @@ def works(backend: str) -> bool:
 
 
 def _remember(path: Path, chosen: str) -> None:
-    # A folder that cannot be written to costs a second a process, not the run.
+    # In a read-only folder every process tries again, which costs a second each.
     with contextlib.suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(chosen + "\n")
 
 
 def main() -> int:
-    """Print the backend; 2 when none works."""
+    """Print the backend; exit code 2 if none works."""
     try:
         print(choose_backend())
     except InputError as error:

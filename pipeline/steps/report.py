@@ -1,4 +1,4 @@
-"""Step `report`: plots, replays and the one page that holds them."""
+"""Step `report`: plots, replays and the page that holds them."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ STEP = Step(
 
 def run(job: Job) -> None:
     """Write report.html and its plots."""
-    from pipeline.report.contents import ReportData, border_cases, draw_figures, make_page
+    from pipeline.report.contents import ComparedVersions, ReportData, border_cases, draw_figures, make_page
     from pipeline.report.page import render
     from pipeline.report.style import save_png
 
@@ -65,9 +65,11 @@ def run(job: Job) -> None:
     data = ReportData(
         measures=read(job.input("measures"), Measures),
         white_box=read(job.input("white_box"), WhiteBoxMeasures),
-        comparison=read(job.input("comparison"), Comparison),
-        table=read_tests(job.input("table")),
-        changes=pd.read_csv(job.input("changes")),
+        compared=ComparedVersions(
+            comparison=read(job.input("comparison"), Comparison),
+            tests=read_tests(job.input("table")),
+            changes=pd.read_csv(job.input("changes")),
+        ),
         regions=tuple(read(path, FailureRegions) for path in job.inputs("regions")),
         tests={name: rows[rows["scenario"] == name] for name in infos},
         searched=pd.concat([learnt, *map(read_tests, job.inputs("later_tests"))], ignore_index=True),

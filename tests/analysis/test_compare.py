@@ -218,7 +218,7 @@ def test_step_on_files(tmp_path: Path) -> None:
     text = verdict_table(result, study.root / "report.html")
     assert "adaptive ★" in text
     assert "F1*" in text
-    assert text.splitlines()[-1].startswith("Look next: ")
+    assert text.splitlines()[-1].startswith("Next: open ")
     assert "report.html" in text
     assert "./run ui" in text
 

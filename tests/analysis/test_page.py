@@ -46,11 +46,11 @@ def test_folded_table_opens_by_a_click_and_notes_stand_below_it() -> None:
 
 
 def test_film_keeps_its_data_addresses() -> None:
-    film = Film("F1 · random", "R1, its most typical failure.", "data:video/mp4;base64,AAAA+/=", "data:image/jpeg;base64,BBBB")
+    film = Film("F1 · random", "R1, most typical failure.", "data:video/mp4;base64,AAAA+/=", "data:image/jpeg;base64,BBBB")
     text = page(Part("replays", replays=(film,)))
     assert 'src="data:video/mp4;base64,AAAA+/="' in text
     assert 'poster="data:image/jpeg;base64,BBBB"' in text
-    assert "<strong>F1 · random</strong><br>R1, its most typical failure." in text
+    assert "<strong>F1 · random</strong><br>R1, most typical failure." in text
 
 
 def test_every_section_has_its_link() -> None:

@@ -13,7 +13,7 @@ from pipeline.config.composing import compose
 from pipeline.core.episode import Episode
 from pipeline.core.space import Space
 from pipeline.detectors.scripted import VisiblePixelOracle
-from pipeline.report.replays import draw_replay, most_telling_frame, render_replay
+from pipeline.report.replays import Replay, draw_replay, most_telling_frame, render_replay
 from pipeline.simulators.analytic import AnalyticSimulator
 
 
@@ -34,7 +34,7 @@ CONCRETE = {"fog": 90.0, "animation": "walking"}
 
 def test_film_has_every_frame_and_plays_anywhere(tmp_path: Path, episode: Episode) -> None:
     path = tmp_path / "films" / "replay.mp4"
-    render_replay(episode, "F1 · random · 00001", CONCRETE, path, failure_threshold_s=0.1, units={"fog": "%"})
+    render_replay(Replay(episode, "F1 · random · 00001", CONCRETE, 0.1, {"fog": "%"}), path)
     reader = imageio_ffmpeg.read_frames(str(path))
     meta = next(reader)
     assert meta["codec"] == "h264"
@@ -46,21 +46,21 @@ def test_film_has_every_frame_and_plays_anywhere(tmp_path: Path, episode: Episod
 
 def test_same_episode_gives_the_same_file(tmp_path: Path, episode: Episode) -> None:
     for name in ("a.mp4", "b.mp4"):
-        render_replay(episode, "title", CONCRETE, tmp_path / name, failure_threshold_s=0.1)
+        render_replay(Replay(episode, "title", CONCRETE, 0.1), tmp_path / name)
     assert (tmp_path / "a.mp4").read_bytes() == (tmp_path / "b.mp4").read_bytes()
 
 
 def test_gif_and_unknown_suffix(tmp_path: Path, episode: Episode) -> None:
-    short = Episode(episode.signals, episode.frames[:3])
-    render_replay(short, "title", CONCRETE, tmp_path / "a.gif", failure_threshold_s=0.1)
+    short = Replay(Episode(episode.signals, episode.frames[:3]), "title", CONCRETE, 0.1)
+    render_replay(short, tmp_path / "a.gif")
     with Image.open(tmp_path / "a.gif") as image:
         assert sum(1 for _ in ImageSequence.Iterator(image)) == 3
-    with pytest.raises(ValueError, match="mp4 or .gif, got a.avi"):
-        render_replay(short, "title", CONCRETE, tmp_path / "a.avi", failure_threshold_s=0.1)
+    with pytest.raises(ValueError, match=r"^a replay must be an \.mp4 or a \.gif, got a\.avi$"):
+        render_replay(short, tmp_path / "a.avi")
 
 
 def test_cursor_moves_and_boxes_are_drawn(episode: Episode) -> None:
-    images = draw_replay(episode, "title", CONCRETE, failure_threshold_s=0.1, units={})
+    images = draw_replay(Replay(episode, "title", CONCRETE, 0.1))
     # The threshold's dashes have the cursor's colour, but no height.
     below = [np.flatnonzero((image[490:] == (214, 40, 40)).all(axis=2).sum(axis=0) > 100) for image in images]
     assert all(len(columns) == 2 for columns in below)
@@ -70,5 +70,5 @@ def test_cursor_moves_and_boxes_are_drawn(episode: Episode) -> None:
 
 
 def test_episode_without_frames_is_refused(episode: Episode) -> None:
-    with pytest.raises(ValueError, match="keep_every=1"):
-        draw_replay(Episode(episode.signals), "title", CONCRETE, failure_threshold_s=0.1, units={})
+    with pytest.raises(ValueError, match="^a replay needs the frames of the episode; execute it with keep_every=1$"):
+        Replay(Episode(episode.signals), "title", CONCRETE, 0.1)

@@ -10,12 +10,14 @@ import pandas as pd
 import pytest
 
 from pipeline.artefacts.comparison_results import Comparison
-from pipeline.artefacts.results import Estimate, FailureRegions, read
+from pipeline.artefacts.results import Estimate, FailureRegions, Measures, read
 from pipeline.artefacts.tables import read_tests
+from pipeline.report import texts
 from pipeline.report.border import nearest
+from pipeline.report.comparison_plots import failures_by_round, kpi_histogram
+from pipeline.report.contents import ReportData, draw_figures, make_page
 from pipeline.report.examples import choose_pairs, choose_regions
-from pipeline.report.plots import failures_by_round, kpi_histogram
-from pipeline.report.sections import headline, rounds_part
+from pipeline.report.verdict_section import headline, rounds_part, verdict_section
 from tests.analysis.fabricated import FabricatedStudy
 
 LOADING = {"src", "href", "poster", "xlink:href", "data", "srcset", "action"}
@@ -96,12 +98,12 @@ def test_pairs_are_a_fix_and_a_regression_of_the_champion(study: FabricatedStudy
     before, after = choose_pairs(comparison, table, spaces)
     assert (before.version, after.version) == ("base", comparison.champion)
     assert before.concrete == after.concrete
-    assert "fixes" in after.reason
+    assert after.reason == f"A fix of {comparison.champion} on a held-out test."
     champion = next(v for v in comparison.versions if v.version == comparison.champion)
     assert champion.paired is not None
     worse = champion.paired.model_copy(update={"regressions": champion.paired.fixes[1:2]})
     changed = comparison.model_copy(update={"versions": (comparison.versions[0], champion.model_copy(update={"paired": worse}))})
-    assert ["regresses on" in chosen.reason for chosen in choose_pairs(changed, table, spaces)] == [False, False, True, True]
+    assert [chosen.reason.split()[1] for chosen in choose_pairs(changed, table, spaces)] == ["fix", "fix", "regression", "regression"]
     same = comparison.model_copy(update={"versions": comparison.versions[:1]})
     assert choose_pairs(same, table, {}) == []
 
@@ -122,10 +124,10 @@ def test_border_cases_are_nearest_to_the_thresholds_half_of_them_kept() -> None:
     assert chosen["step"].tolist() == [2, 0, 4, 5]
 
 
-def test_not_solvable_failures_are_told(study: FabricatedStudy, page: str) -> None:
+def test_not_solvable_failures_are_counted(study: FabricatedStudy, page: str) -> None:
     found = [read(path, FailureRegions) for path in study.regions]
     assert all(int(test[-5:]) % 2 == 1 for regions in found for test in regions.not_solvable)
-    assert all(f"Not solvable by this camera: {len(regions.not_solvable)}." in page for regions in found)
+    assert all(f"Not solvable with this camera: {len(regions.not_solvable)}." in page for regions in found)
     assert any(regions.not_solvable for regions in found)
 
 
@@ -137,7 +139,7 @@ def seeds_of_two(comparison: Comparison) -> Comparison:
     return comparison.model_copy(update={"groups": (base, random, both), "group_pairs": pairs})
 
 
-def test_each_round_s_search_is_told() -> None:
+def test_table_of_rounds_lists_each_search() -> None:
     rows = [("base", "random", "ok", True)] * 3 + [("base", "random", "ok", False)] * 5 + [("base", "random", "error", False)]
     rows += [("adaptive", "neural", "ok", True), ("adaptive", "neural", "ok", False)]
     part = rounds_part(pd.DataFrame(rows, columns=["version", "strategy", "status", "failure"]), 0.95, [])
@@ -149,14 +151,14 @@ def test_headline_speaks_of_groups_and_names_what_is_shown(study: FabricatedStud
     comparison = read(study.root / "comparison.json", Comparison)
     base, *others = comparison.versions
     text = headline(comparison)
-    assert text.startswith(f"On {base.tests} tests of the held-out scenario F1* the base detector fails {base.failures}.")
+    assert text.startswith(f"On the held-out scenario F1*, base fails {base.failures} of {base.tests} tests.")
     better = [f"{result.version} ({result.failures})" for result in others if result.verdict == "better"]
-    assert better and f"Fewer failures are shown for {', '.join(better)}." in text
-    assert "means over" not in text
+    assert better and f"Fewer failures: {', '.join(better)}." in text
+    assert "seeds" not in text
 
     two = seeds_of_two(comparison).model_copy(update={"scenarios": {"F1star": "F1*", "F2star": "F2*", "F3star": "F3*"}})
-    assert "scenarios F1*, F2* and F3* the base" in headline(two)
-    assert headline(two).endswith("means over 2 seeds of retraining.")
+    assert "scenarios F1*, F2* and F3*, base fails" in headline(two)
+    assert headline(two).endswith("Numbers in brackets: mean failures over 2 seeds of retraining.")
     half = comparison.groups[-1].model_copy(update={"failures": Estimate(value=1 / 3, low=0, high=1)})
     assert "adaptive (0.3)" in headline(comparison.model_copy(update={"groups": (*comparison.groups[:-1], half)}))
 
@@ -177,6 +179,52 @@ def test_regressions_shown_are_the_champions(study: FabricatedStudy, page: str) 
     assert set(changed["version"]) > {comparison.champion}
     assert shown.count("<tr>") - 1 == min(20, (changed["version"] == comparison.champion).sum())
     assert f">{comparison.champion}<" in shown
+
+
+def test_regressions_come_first(study: FabricatedStudy) -> None:
+    comparison = read(study.root / "comparison.json", Comparison)
+    rows = (
+        pd.read_csv(study.root / "changes.csv").query("version == @comparison.champion").head(3).assign(change=["fix", "regression", "fix"])
+    )
+    parts = verdict_section(comparison, rows, [], None, []).parts
+    table = next(part.table for part in parts if part.title == "Fixes and regressions")
+    assert table is not None and [row[2] for row in table.rows] == ["regression", "fix", "fix"]
+
+
+def test_sections_without_data_are_left_out(study: FabricatedStudy) -> None:
+    measures, regions = read(study.root / "measures.json", Measures), tuple(read(path, FailureRegions) for path in study.regions)
+    rows = pd.concat([read_tests(path) for path in study.search_tests], ignore_index=True)
+    data = ReportData(
+        measures=measures,
+        regions=regions,
+        tests={name: rows[rows["scenario"] == name] for name in study.config.search},
+        spaces={name: study.config.space(name) for name in study.config.search},
+        labels={found.scenario: found.label for found in regions},
+        detectors={"base": study.cards[0].with_name("model.onnx")},
+        white_box=None,
+        compared=None,
+        searched=rows,
+        filters={},
+        cards=(),
+        border=(),
+    )
+    figures = draw_figures(data, study.config.strategies, 0.1)
+    assert set(figures) == {"theta", "coverage", "kpi_F1", "kpi_F2", "failures_F1", "failures_F2"}
+    config = study.config.model_copy(update={"report": study.config.report.model_copy(update={"replays": 1})})
+    page = make_page(config, data, figures, lambda *_: None)
+    assert [section.title for section in page.sections] == ["Failure regions", "Search"]
+    assert [part.title for part in page.sections[1].parts] == ["Failures found", "Coverage of the scenario space"]
+    assert (page.title, page.headline.count("tests fail")) == ("Where does the detector fail?", 2)
+
+
+def sentences() -> list[str]:
+    """Every sentence of the report's prose."""
+    prose = [text for name, text in vars(texts).items() if name.isupper() and isinstance(text, str)] + list(texts.FIGURES.values())
+    return [sentence for text in prose for sentence in re.split(r"(?<=[.!?]) ", text)]
+
+
+def test_no_sentence_is_long() -> None:
+    assert [sentence for sentence in sentences() if len(sentence.split()) > 30] == []
 
 
 def test_failures_by_round_are_drawn_from_the_base_on(study: FabricatedStudy) -> None:

@@ -72,9 +72,9 @@ def comparison(*, errors: int = 0, against_random: bool = True, seeds: int = 2) 
 def test_rows_say_failures_change_and_verdict() -> None:
     assert verdict_rows(comparison()) == [
         ("base", "20 / 150", "", "", "baseline"),
-        ("control", "20 / 150", "0 (2 fixed, 2 new)", "1", "no difference shown"),
-        ("random", "23 / 150", "+3 (1 fixed, 4 new)", "0.38", "no difference shown"),
-        ("adaptive ★", "8 / 150", "-12 (12 fixed, 0 new)", "0.00049", "better"),
+        ("control", "20 / 150", "0 (2 fixes, 2 regressions)", "1", "no difference shown"),
+        ("random", "23 / 150", "+3 (1 fix, 4 regressions)", "0.38", "no difference shown"),
+        ("adaptive ★", "8 / 150", "-12 (12 fixes, 0 regressions)", "0.00049", "better"),
     ]
 
 
@@ -88,49 +88,55 @@ def test_columns_are_aligned_under_their_headers() -> None:
 
 
 def test_failures_by_scenario_are_means_over_seeds() -> None:
-    assert group_headers(comparison()) == ("version", "F1*", "all", "of base")
+    assert group_headers(comparison()) == ("version", "F1*", "all", "ratio to base")
     assert group_rows(comparison()) == [("base", "20", "20", "1.00"), ("adaptive", "8 (6–10)", "8 (6–10)", "0.40")]
     assert "means over 2 seeds of retraining" in verdict_table(comparison(), Path("report.html"))
 
 
-def test_first_line_names_the_scenario_and_last_where_to_look() -> None:
+def test_first_line_names_the_scenario_and_last_the_next_step() -> None:
     lines = verdict_table(comparison(), Path("data/default/report.html")).splitlines()
-    assert lines[0].startswith("Held out: F1*")
-    assert "data/default/report.html" in lines[-1] and "./run ui" in lines[-1]
+    assert lines[0] == "Held out: F1*; the same tests for every version"
+    assert lines[-1] == "Next: open data/default/report.html in a browser; ./run ui compares the versions in MLflow"
 
 
 def test_sentences_name_level_and_adaptive_against_random() -> None:
     champion, against, *reasons = verdict_sentences(comparison(seeds=1))
     assert reasons == ["control held back: so.", "random held back: so.", "adaptive passes: so."]
-    assert champion.startswith("★ champion: adaptive.") and "p ≤ 0.05" in champion
-    assert against == "adaptive against random: passes 15 tests that random fails, fails 0 that random passes (p = 6.1e-05)."
+    assert champion == (
+        "★ champion: adaptive. p: exact McNemar test against base on the same tests. "
+        "A difference is shown at p ≤ 0.05, not corrected for several comparisons."
+    )
+    outcome = "passes 15 tests that random fails, fails 0 that random passes"
+    assert against == f"adaptive against random: {outcome} (p = 6.1e-05, exact McNemar test)."
 
 
 def test_several_seeds_are_judged_together() -> None:
     _, against, *_ = verdict_sentences(comparison())
-    assert against.startswith(
-        "adaptive against random: -15.0 failures, mean of 2 seeds (-18.0 to -12.0); p = 6.1e-05, exact sign-flip test"
+    assert against == (
+        "adaptive against random: -15.0 failures, mean of 2 seeds (-18.0 to -12.0); "
+        "p = 6.1e-05, exact sign-flip test over the tests, seeds summed."
     )
 
 
-def test_what_the_luck_of_training_may_be_is_not_shown() -> None:
+def test_no_difference_is_shown_that_may_come_from_the_seeds() -> None:
     sure = GroupPair(group="a", against="b", tests=9, difference=Estimate(value=-15, low=-18, high=-12), p_value=0.01)
     assert sure.shown(0.05) and not sure.shown(0.005)
-    lucky = sure.model_copy(update={"difference": Estimate(value=-15, low=-31, high=1)})
-    assert not lucky.shown(0.05)
+    wide = sure.model_copy(update={"difference": Estimate(value=-15, low=-31, high=1)})
+    assert not wide.shown(0.05)
     single = comparison()
-    pairs = tuple(pair.model_copy(update={"difference": lucky.difference}) for pair in single.group_pairs)
+    pairs = tuple(pair.model_copy(update={"difference": wide.difference}) for pair in single.group_pairs)
     told = verdict_sentences(single.model_copy(update={"group_pairs": pairs}))[1]
-    assert told.endswith("seeds summed, but within the luck of training.")
+    assert told.endswith("seeds summed; no difference is shown, because the interval over the seeds includes 0.")
 
 
-def test_the_best_of_several_is_said_to_be_picked() -> None:
+def test_the_best_of_several_that_pass_is_said_to_be_chosen_on_these_tests() -> None:
     single = comparison()
     both = single.model_copy(update={"gate": single.gate | {"random": "passes: so"}})
-    assert verdict_sentences(both)[1].startswith("adaptive is the best of 2 that pass, picked on these very tests")
-    assert not any("picked" in sentence for sentence in verdict_sentences(single))
+    chosen = "adaptive is the best of 2 versions that pass, chosen on these tests: expect more failures on new tests."
+    assert verdict_sentences(both)[1] == chosen
+    assert chosen not in verdict_sentences(single)
 
 
-def test_errors_are_told_only_where_there_are_some() -> None:
+def test_errors_are_named_only_if_there_are_some() -> None:
     assert len(verdict_sentences(comparison(against_random=False))) == 4
-    assert verdict_sentences(comparison(errors=3))[-1] == "Errors, which do not count: 3 of random."
+    assert verdict_sentences(comparison(errors=3))[-1] == "Tests that ended in an error do not count: 3 of random."

@@ -253,7 +253,7 @@ def test_a_loss_that_is_no_number_ends_the_training_before_its_weights_are_kept(
             boxes[0] = (np.nan, 0, 20, 20)
         return images.images, boxes
 
-    with pytest.raises(InputError, match="the loss is no number at iteration 8: lower learning_rate, now 0.001, or look at the labels"):
+    with pytest.raises(InputError, match="the loss is not finite at iteration 8: lower learning_rate, now 0.001, or check the labels"):
         fit(small(), Schedule(0, 20, 1e-3, warm_up=3), feed, checkpoint=checkpoint, threads=1)
     kept = torch.load(checkpoint, weights_only=True)
     assert kept["iteration"] == 7 and all(torch.isfinite(value.float()).all() for value in kept["model"].values())

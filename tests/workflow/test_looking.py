@@ -148,7 +148,7 @@ def _after(start: Pose, length: float, curvature: float) -> Pose:
 
 
 def test_frames_leave_as_yolo_coco_and_openlabel(tmp_path: Path) -> None:
-    frames = read_frames(FabricatedStudy(tmp_path / "study").make().frames("random")[0])
+    frames = read_frames(FabricatedStudy(tmp_path / "study").make().search_tests[0].with_name("frames.parquet"))
     frames["image"] = encode_jpeg(np.full((192, 320, 3), 90, np.uint8))
     write_frames(tmp_path / "frames.parquet", frames)
     out = tmp_path / "out"

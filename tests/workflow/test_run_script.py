@@ -98,7 +98,7 @@ def test_a_second_run_waits_for_the_first(ready: Path) -> None:
         assert first.poll() is None
     second = subprocess.Popen([ready / "run"], env=environment, stderr=subprocess.PIPE, text=True)
     assert second.stderr is not None
-    assert "another run is under way" in second.stderr.readline()
+    assert "another run is active" in second.stderr.readline()
     (ready / "go").write_text("")
     assert (first.wait(), second.wait()) == (0, 0)
     assert (ready / "calls").read_text().split() == ["begin", "end", "begin", "end"]
@@ -112,7 +112,7 @@ def test_without_root_the_missing_library_is_one_line_to_type(ready: Path) -> No
     assert done.returncode == 2
     assert done.stdout == ""
     assert done.stderr.splitlines() == [
-        "blindspot: the system lacks libosmesa6; type: sudo apt-get install -y --no-install-recommends libosmesa6"
+        "blindspot: missing system packages: libosmesa6; type: sudo apt-get install -y --no-install-recommends libosmesa6"
     ]
 
 

@@ -1,8 +1,9 @@
-"""The workflow plans every study, and reruns exactly what a changed line concerns."""
+"""The workflow plans every study, and runs again exactly what a changed line concerns."""
 
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -11,39 +12,53 @@ from pathlib import Path
 import pytest
 from snakemake.settings.types import DAGSettings
 
-from pipeline import versioning, workflow
-from pipeline.__main__ import STEPS
+from pipeline import sources, workflow
 from pipeline.config.composing import CONF, compose, dump
+from pipeline.config.schema import Config
 from pipeline.errors import InputError
+from pipeline.workflow import Plan, step_names
 
 ROOT = Path(__file__).resolve().parents[2]
 STUDIES = sorted(path.stem for path in (CONF / "study").glob("*.yaml"))
+CAMPAIGN = {"kind": "campaigns", "scenario": "F1", "strategy": "random", "version": "base", "seed": "0"}
 
 
-def copy(folder: Path) -> Path:
-    """A copy of what the workflow needs."""
+def copy(folder: Path, config: Config) -> Path:
+    """A copy of what the workflow needs, with a study's params.yaml."""
     for name in ("pipeline", "conf", "profiles", "models"):
         shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("Snakefile", "front_car.smk"):
-        shutil.copy(ROOT / name, folder)
+    shutil.copy(ROOT / "Snakefile", folder)
+    (folder / "params.yaml").write_text(dump(config, "test"))
     return folder
 
 
-def snakemake(folder: Path, *arguments: str) -> str:
-    environment = {**os.environ, "PYTHONPATH": str(folder), "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
-    command = [sys.executable, "-m", "snakemake", "--cores", "2", *arguments]
-    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
+def snakemake(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "PYTHONPATH": str(folder)}
+    return subprocess.run([sys.executable, "-m", "snakemake", *words], cwd=folder, env=environment, capture_output=True, text=True)
+
+
+def planned(folder: Path, *words: str) -> dict[str, int]:
+    """How many jobs of each rule Snakemake would run."""
+    done = snakemake(folder, "-n", *words)
     assert done.returncode == 0, done.stderr
-    return done.stdout + done.stderr
+    table = re.search(r"Job stats:\njob +count\n[- ]+\n(.*?)\ntotal", done.stdout + done.stderr, re.DOTALL)
+    return {} if table is None else {name: int(count) for name, count in (line.split() for line in table[1].splitlines())}
+
+
+def plan(*overrides: str, study: str = "default") -> Plan:
+    return Plan(compose(study, list(overrides)), step_names())
 
 
 @pytest.mark.parametrize("study", STUDIES)
 def test_every_study_plans(study: str, tmp_path: Path) -> None:
-    folder = copy(tmp_path)
-    (folder / "params.yaml").write_text(dump(compose(study, []), "test"))
-    planned = snakemake(folder, "-n")
-    assert ("render_base" in planned) == (study != "front_car")
-    assert ("rule report:" in planned or "rule front_car_report:" in planned) == (study != "base")
+    jobs = planned(copy(tmp_path, compose(study, [])))
+    assert ("render_base" in jobs) == (study != "front_car")
+    assert ("report" in jobs or "front_car_report" in jobs) == (study != "base")
+
+
+def test_the_snakefile_lists_every_step() -> None:
+    listed = re.findall(r'^ +"(\w+)",', (ROOT / "Snakefile").read_text(), re.MULTILINE)
+    assert sorted(listed) == list(step_names())
 
 
 @pytest.mark.parametrize(
@@ -54,129 +69,164 @@ def test_every_study_plans(study: str, tmp_path: Path) -> None:
         (None, "params.yaml: no such file; make it by `python -m pipeline compose study=default`"),
     ],
 )
-def test_what_is_wrong_in_params_is_told_in_one_line(wrong: str | None, told: str, tmp_path: Path) -> None:
-    folder = copy(tmp_path)
-    if wrong is not None:
-        text = dump(compose("smoke", ["campaign.tests=40"]), "test")
-        assert "tests: 40" in text
-        (folder / "params.yaml").write_text(text.replace("tests: 40", wrong))
-    environment = {**os.environ, "PYTHONPATH": str(folder)}
-    command = [sys.executable, "-m", "snakemake", "--cores", "1", "-n"]
-    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
+def test_an_error_in_params_is_one_line(wrong: str | None, told: str, tmp_path: Path) -> None:
+    folder = copy(tmp_path, compose("smoke", ["campaign.tests=40"]))
+    params = folder / "params.yaml"
+    assert "tests: 40" in params.read_text()
+    if wrong is None:
+        params.unlink()
+    else:
+        params.write_text(params.read_text().replace("tests: 40", wrong))
+    done = snakemake(folder, "-n")
     (line,) = [line for line in done.stderr.splitlines() if "profile" not in line]
     assert done.returncode == 2 and line.startswith(f"error: {told}")
 
 
+def test_the_command_line_of_snakemake_changes_the_study(tmp_path: Path) -> None:
+    folder = copy(tmp_path, compose("smoke", []))
+    other = tmp_path / "other.yaml"
+    other.write_text(dump(compose("smoke", ["seeds=[0,1,2]"]), "test"))
+    assert planned(folder, "search")["campaign"] == 4
+    assert planned(folder, "search", "--configfile", str(other))["campaign"] == 12
+    assert planned(folder, "search", "--config", "seeds=[0,1]")["campaign"] == 8
+
+
+def test_snakemake_runs_by_its_path_from_anywhere(tmp_path: Path) -> None:
+    folder = copy(tmp_path, compose("smoke", []))
+    command = [str(Path(sys.executable).with_name("snakemake")), "spaces"]
+    environment = {"PATH": "/usr/bin:/bin", "HOME": str(tmp_path), "PYTHONPATH": str(folder)}
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert len(list((folder / "data/smoke/space").glob("*.json"))) == 3
+
+
 def test_the_graph_is_drawn(tmp_path: Path) -> None:
-    folder = copy(tmp_path)
-    (folder / "params.yaml").write_text(dump(compose("smoke", []), "test"))
-    assert "digraph" in snakemake(folder, "--dag")
+    assert "digraph" in snakemake(copy(tmp_path, compose("smoke", [])), "--dag").stdout
+
+
+def test_stamps_and_not_clocks_tell_what_runs_again(tmp_path: Path) -> None:
+    folder = copy(tmp_path, compose("smoke", []))
+    assert planned(folder, "spaces") == {"spaces": 1, "define_space": 3}
+    assert snakemake(folder, "spaces").returncode == 0
+    assert planned(folder, "spaces") == {}
+    # A clone that pulled the outputs: no record of Snakemake's, and times in any order.
+    shutil.rmtree(folder / ".snakemake")
+    for age_s, path in enumerate(sorted((folder / "data/smoke/space").iterdir())):
+        os.utime(path, (10**9 - age_s, 10**9 - age_s))
+    assert planned(folder, "spaces") == {}
+    source = folder / "pipeline" / "steps" / "define_space.py"
+    text = source.read_text()
+    source.write_text(text + "\n# changed\n")
+    assert planned(folder, "spaces") == {"spaces": 1, "define_space": 3}
+    source.write_text(text)
+    assert planned(folder, "spaces") == {}
+    scenario = compose("smoke", ["scenarios.F2.label=another"])
+    (folder / "params.yaml").write_text(dump(scenario, "test"))
+    assert planned(folder, "spaces") == {"spaces": 1, "define_space": 1}
 
 
 def test_sources_follow_the_imports() -> None:
-    cluster = workflow.sources("pipeline.steps.cluster")
+    cluster = sources.sources("pipeline.steps.cluster")
     assert "pipeline/core/regions.py" in cluster and "pipeline/steps/cluster.py" in cluster
     assert "pipeline/detectors/yolo/loss.py" not in cluster
-    assert "pipeline/report/page.html.jinja" in workflow.sources("pipeline.steps.report")
-    assert "pipeline/detectors/yolo/loss.py" in workflow.sources("pipeline.steps.retrain")
+    assert "pipeline/report/page.html.jinja" in sources.sources("pipeline.steps.report")
+    assert "pipeline/detectors/yolo/loss.py" in sources.sources("pipeline.steps.retrain")
 
 
-def test_what_a_changed_key_makes_stale(tmp_path: Path) -> None:
-    def stamps(*overrides: str) -> tuple[str, str, str, int]:
-        (tmp_path / "params.yaml").write_text(dump(compose("default", list(overrides)), "test"))
-        study = workflow.Study(tmp_path / "params.yaml")
-        search, held_out = (study.stamp("campaign", *study.campaign_sections(name)) for name in ("F1", "F1star"))
-        return search, held_out, study.stamp("retrain", *study.retraining_sections), study.training_seed("adaptive")
+def test_what_a_changed_key_makes_stale() -> None:
+    def stamps(*overrides: str) -> dict[str, str]:
+        made = plan(*overrides)
+        held_out = {**CAMPAIGN, "kind": "held_out", "scenario": "F1star", "strategy": "pairwise"}
+        jobs = {"search": ("campaign", CAMPAIGN), "held_out": ("campaign", held_out), "version": ("retrain", {"version": "adaptive"})}
+        return {name: made.stamp(*job) for name, job in jobs.items()}
 
-    search, held_out, retraining, seed = stamps()
-    # One more round or seed leaves the versions that there are as they are; another first seed does not.
-    assert stamps("retraining.rounds=3", "retraining.seeds=[0,1]") == (search, held_out, retraining, seed)
-    assert stamps("retraining.seeds=[7]") == (search, held_out, retraining, 7)
-    assert stamps("retraining.iterations=7")[2] != retraining
+    first = stamps()
+    # One more round or seed leaves the present versions as they are; another first seed does not.
+    assert stamps("retraining.rounds=3", "retraining.seeds=[0,1]") == first
+    assert stamps("retraining.seeds=[7]") == {**first, "version": stamps("retraining.seeds=[7]")["version"]} != first
+    assert stamps("retraining.iterations=7")["version"] != first["version"]
     # What a failure is, all executions are judged by; the size of the search is none of the comparison's.
     threshold, tests = stamps("campaign.failure_threshold_s=0.2"), stamps("campaign.tests=7")
-    assert threshold[0] != search and threshold[1] != held_out
-    assert tests[0] != search and tests[1] == held_out
+    assert threshold["search"] != first["search"] and threshold["held_out"] != first["held_out"]
+    assert tests["search"] != first["search"] and tests["held_out"] == first["held_out"]
 
 
-def test_only_a_whole_run_tells_its_verdict_and_dvc(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "params.yaml").write_text(dump(compose("default", []), "test"))
-    study = workflow.Study(tmp_path / "params.yaml")
+def test_a_town_that_becomes_held_out_is_looked_for_again() -> None:
+    first, other = plan(), plan("held_out=[F1star,F2star]")
+    for step, wildcards in (("render_base", {}), ("train", {}), ("retrain", {"version": "control"})):
+        assert first.stamp(step, wildcards) != other.stamp(step, wildcards), step
+
+
+def test_a_step_depends_on_what_its_inputs_were_made_from() -> None:
+    first, other = plan(), plan("base_set.seed=5")
+    assert first.stamp("train", {}) != other.stamp("train", {})
+    assert first.stamp("measure", {}) != other.stamp("measure", {})
+    assert first.stamp("define_space", {"scenario": "F1"}) == other.stamp("define_space", {"scenario": "F1"})
+
+
+def test_only_a_whole_run_prints_its_verdict(monkeypatch: pytest.MonkeyPatch) -> None:
+    study = plan()
     told: list[list[str]] = []
-    monkeypatch.setattr(workflow.subprocess, "run", lambda command, **_: told.append(command) or subprocess.CompletedProcess(command, 0))
-    monkeypatch.setattr(workflow, "ROOT", tmp_path)
-    for part in ({"targets": {"search"}}, {"targets": {study.goals[0]}}, {"until": {"compare"}}, {"omit_from": {"report"}}):
+    monkeypatch.setattr(workflow.subprocess, "run", lambda command, **_: told.append(command))
+    for part in ({"targets": {"search"}}, {"targets": {study.folders.goals[0]}}, {"until": {"compare"}}, {"omit_from": {"report"}}):
         study.finish(DAGSettings(**{name: frozenset(values) for name, values in part.items()}))
     assert not told
-    for whole in ((), ("all",), study.goals):
+    for whole in ((), ("all",), study.folders.goals, ("track",)):
         study.finish(DAGSettings(targets=list(whole)))  # As Snakemake's command line gives them.
-    for stage in ("search", "track"):
-        monkeypatch.setenv("DVC_STAGE", stage)
-        study.finish(DAGSettings(targets=[stage]))
     assert [command[3] for command in told] == ["verdict"] * 4
+    monkeypatch.setenv("BLINDSPOT_VERDICT_FOLLOWS", "1")
+    study.finish(DAGSettings())
+    assert len(told) == 4
 
 
-def test_a_search_that_keeps_no_frame_is_refused_before_it_begins(tmp_path: Path) -> None:
-    (tmp_path / "params.yaml").write_text(dump(compose("default", ["campaign.keep_every=0"]), "test"))
-    with pytest.raises(InputError, match=r"campaign\.keep_every must be at least 1, or no frame is left to learn from, got 0"):
-        workflow.Study(tmp_path / "params.yaml")
+def test_a_search_that_keeps_no_frame_is_refused_before_it_begins() -> None:
+    with pytest.raises(InputError, match=r"^campaign\.keep_every must be at least 1, or no frame is left to learn from, got 0$"):
+        plan("campaign.keep_every=0")
 
 
 def test_a_changed_line_makes_exactly_its_steps_stale(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    folder = copy(tmp_path)
-    before = {step: _digest(folder, step, monkeypatch) for step in STEPS}
+    folder = copy(tmp_path, compose("smoke", []))
+
+    def digests() -> dict[str, str]:
+        sources.code_digest.cache_clear()
+        return {step: sources.code_digest(f"pipeline.steps.{step}") for step in step_names()}
+
+    monkeypatch.setattr(sources, "ROOT", folder)
+    before = digests()
     source = folder / "pipeline" / "core" / "rules.py"
     source.write_text(source.read_text() + "\n# changed\n")
-    after = {step: _digest(folder, step, monkeypatch) for step in STEPS}
-    assert [step for step in STEPS if before[step] != after[step]] == ["cluster", "retrain", "compare"]
-
-
-def _digest(folder: Path, step: str, monkeypatch: pytest.MonkeyPatch) -> str:
-    monkeypatch.setattr(workflow, "ROOT", folder)
-    workflow.code_digest.cache_clear()
-    found = workflow.code_digest(f"pipeline.steps.{step.replace('-', '_')}")
-    workflow.code_digest.cache_clear()
-    return found
-
-
-def test_dvc_yaml_is_what_the_code_says() -> None:
-    assert (ROOT / "dvc.yaml").read_text() == versioning.text(), "make dvc.yaml again: python -m pipeline.versioning"
+    after = digests()
+    sources.code_digest.cache_clear()
+    assert [step for step in before if before[step] != after[step]] == ["cluster", "compare", "retrain"]
 
 
 def test_a_round_learns_from_all_campaigns_before_it(tmp_path: Path) -> None:
-    (tmp_path / "params.yaml").write_text(dump(compose("smoke", ["retraining.rounds=2", "retraining.seeds=[0,4]"]), "test"))
-    study = workflow.Study(tmp_path / "params.yaml")
-    adaptive, random = (study.added("adaptive-r2-s4", source) for source in ("adaptive", "random"))
-    assert adaptive["filters"] == ["data/smoke/filter/neural.csv", "data/smoke/retrained/filter/neural/adaptive-s4.csv"]
-    assert random["filters"] == ["data/smoke/filter/random.csv", "data/smoke/retrained/filter/random/random-s4.csv"]
-    assert "data/smoke/retrained/campaigns/F2/neural/adaptive-s4/0/frames.parquet" in adaptive["frames"]
-    assert study.added("control-r2", "random") == {"filters": [], "frames": []}
-    assert study.parent("adaptive-r2-s4", "model.json") == "data/smoke/retrained/models/adaptive-s4/model.json"
-    later = study.later_search("tests.parquet")
+    config = compose("smoke", ["retraining.rounds=2", "retraining.seeds=[0,4]"])
+    folders = Plan(config, step_names()).folders
+    filters = {source: folders.added_filters("adaptive-r2-s4", source) for source in ("adaptive", "random")}
+    assert filters["adaptive"] == ["data/smoke/filter/neural/base.csv", "data/smoke/retrained/filter/neural/adaptive-s4.csv"]
+    assert filters["random"] == ["data/smoke/filter/random/base.csv", "data/smoke/retrained/filter/random/random-s4.csv"]
+    frames = folders.added("adaptive-r2-s4", "adaptive", "frames.parquet")
+    assert "data/smoke/retrained/campaigns/F2/neural/adaptive-s4/0/frames.parquet" in frames
+    assert not folders.added_filters("control-r2", "random") and not folders.added("control-r2", "random", "frames.parquet")
+    assert folders.parent("adaptive-r2-s4", "model.json") == "data/smoke/retrained/models/adaptive-s4/model.json"
+    later = folders.later_search("tests.parquet")
     assert "data/smoke/retrained/campaigns/F2/random/random/0/tests.parquet" in later and len(set(later)) == len(later) == 4 * 2
-    assert "rounds.png" in " ".join(study.plots) and len(study.models("model.json")) == 13
-    planned = snakemake(_with(tmp_path), "-n")
-    assert "filter_round" in planned and "random-r2-s4" in planned
+    assert "rounds.png" in " ".join(folders.plots) and len(folders.models("model.json")) == 13
+    jobs = planned(copy(tmp_path, config))
+    assert (jobs["filter"], jobs["retrain"]) == (6, 12)
 
 
-def test_a_campaign_waits_for_those_that_it_learns_from(tmp_path: Path) -> None:
-    (tmp_path / "params.yaml").write_text(dump(compose("retraining", ["search=[F1,F2,F5]"]), "test"))
-    study = workflow.Study(tmp_path / "params.yaml")
-    known = study.earlier("campaigns", "F5", "neural", "base", "0")
-    assert known == [f"data/retraining/campaigns/{name}/neural/base/0/tests.parquet" for name in ("F1", "F2")]
-    assert study.earlier("retrained/campaigns", "F2", "neural", "adaptive", "0")[0].startswith("data/retraining/retrained/campaigns/F1/")
-    assert not study.earlier("campaigns", "F5", "random", "base", "0") and not study.earlier("held_out", "F1star", "neural", "base", "0")
+def test_a_campaign_waits_for_those_that_it_learns_from() -> None:
+    folders = plan("search=[F1,F2,F5]", study="retraining").folders
+    key = {"kind": "campaigns", "scenario": "F5", "strategy": "neural", "version": "base", "seed": "0"}
+    assert folders.earlier(**key) == [f"data/retraining/campaigns/{name}/neural/base/0/tests.parquet" for name in ("F1", "F2")]
+    later = folders.earlier(**key | {"kind": "retrained/campaigns", "scenario": "F2", "version": "adaptive"})
+    assert later[0].startswith("data/retraining/retrained/campaigns/F1/")
+    assert not folders.earlier(**key | {"strategy": "random"}) and not folders.earlier(**key | {"kind": "held_out", "scenario": "F1star"})
 
 
-def test_every_version_executes_the_sequences_of_one_seed(tmp_path: Path) -> None:
-    (tmp_path / "params.yaml").write_text(dump(compose("retraining", ["comparison.seed=3"]), "test"))
-    paths = [Path(path) for path in workflow.Study(tmp_path / "params.yaml").held_out("tests.parquet")]
+def test_every_version_executes_the_sequences_of_one_seed() -> None:
+    paths = [Path(path) for path in plan("comparison.seed=3", study="retraining").folders.held_out("tests.parquet")]
     seeds = {(path.parts[-5], path.parts[-2]) for path in paths}
     assert len(paths) == 40 and seeds == {(f"F{i}star", "3") for i in range(1, 5)}
-
-
-def _with(folder: Path) -> Path:
-    params = (folder / "params.yaml").read_bytes()
-    copy(folder)
-    (folder / "params.yaml").write_bytes(params)
-    return folder

@@ -12,7 +12,7 @@ from pipeline.__main__ import main
 from pipeline.artefacts.results import Measures, read
 from pipeline.commands import test_detector
 from pipeline.steps import campaign
-from tests.core.test_layouts import export, yolov8
+from tests.detectors.test_layouts import export, yolov8
 
 SMALL = ["campaign.tests=6", "search=[F1]", "seeds=[0]", "simulator=analytic", "samplers.neural.batch_size=3", "detector.threshold=0.5"]
 
@@ -66,7 +66,7 @@ def test_a_model_that_gives_no_numbers_is_refused_before_any_test(tmp_path: Path
     output[0, 4, 3] = np.nan
     path = export(tmp_path / "broken.onnx", output)
     assert main(["test-detector", str(path), *SMALL, "--out", str(tmp_path / "out")]) == 2
-    assert "broken.onnx gives values that are no numbers" in capsys.readouterr().err
+    assert "broken.onnx returns values that are not finite" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 
@@ -74,7 +74,7 @@ def test_a_model_that_gives_no_numbers_is_refused_before_any_test(tmp_path: Path
     ("words", "message"),
     [
         (["nowhere.onnx"], "nowhere.onnx: expected the ONNX file of a detector, found no file"),
-        (["model.pt"], "a .pt file can run code when it is read and is not opened"),
+        (["model.pt"], "a .pt file can run code when read, so it is not opened"),
         (["mine.onnx", "campaign.testss=3"], "unknown key 'campaign.testss'"),
         (["mine.onnx", "--threads", "0"], "--threads must be at least 1, got 0"),
         (["mine.onnx", "detector.layout=yolov3"], "detector.layout must be one of boxes_scores, yolov5, yolov8, end_to_end, got 'yolov3'"),

@@ -1,1 +1,1 @@
-"""The detector of our own: the only part of Blindspot that needs PyTorch."""
+"""Blindspot's own detector: the only part that needs PyTorch."""

@@ -1,4 +1,4 @@
-"""What the network's neurons do when it is shown images. A neuron is a channel of a convolution unit; its activation the map's mean."""
+"""Activations of the network's neurons on images. A neuron is a channel of a convolution unit; its activation is the mean of its map."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BATCH = 16
 
 
 def activations(model: Yolo, images: NDArray[np.uint8]) -> Iterator[list[NDArray[np.float32]]]:
-    """Show (n, h, w, 3) uint8 RGB images in batches; yields for each batch one array (images, channels) a unit, in the order of use.
+    """Run (n, h, w, 3) uint8 RGB images in batches; yield for each batch one (images, channels) array per unit, in order of use.
 
     The mean over the map is the convention for convolutions: nearly every channel is active somewhere in every image.
     """

@@ -1,7 +1,7 @@
 """Batches from images in memory: crops or full frames, flipped, scaled and re-lit, all in OpenCV on uint8.
 
 A batch is a function of the seed and its number alone. Training can therefore stop and resume anywhere, and workers may
-make batches ahead, without a change in what is learnt.
+make batches ahead, without changing the result.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from pipeline.artefacts.dataset import ImageSet
 Images = NDArray[np.uint8]
 Boxes = NDArray[np.float32]
 SLIVER_PIXELS = 12
-"""A pedestrian of which fewer pixels show is neither a fair positive nor a fair negative: its image is left out."""
+"""A pedestrian with fewer visible pixels is neither a fair positive nor a fair negative, so its image is left out."""
 SMALL_PIXELS = 60
 CENTRED = 0.62
-"""Share of crops around a pedestrian. With those alone false positives triple."""
+"""Share of crops around a pedestrian. With these crops alone, false positives triple."""
 KEPT_SHARE = 0.25
-"""Of a box that a crop cuts; with less left the crop is drawn again."""
+"""Share of a box that must remain in a crop; otherwise the crop is drawn again."""
 ATTEMPTS = 8
 
 
@@ -43,8 +43,8 @@ def usable(images: ImageSet) -> NDArray[np.int64]:
 def hardness(images: ImageSet, oversampling: int) -> NDArray[np.int64]:
     """(n,) how often an epoch shows each image: `oversampling` times if its pedestrian is hard, else once.
 
-    Hard is: under 60 visible pixels, so near that the box fills over half the height or meets an image side, hardly
-    darker or brighter than what surrounds it (under 16 grey levels), or in a wide pose (over three quarters as wide as tall).
+    Hard means: under 60 visible pixels, so near that the box fills over half the height or meets an image side, hardly
+    darker or brighter than its surroundings (under 16 grey levels), or in a wide pose (over three quarters as wide as tall).
     """
     width, height = images.size
     left, top, right, bottom = images.boxes.T
@@ -123,7 +123,7 @@ def show(image: Images, view: View, size: tuple[int, int]) -> tuple[Images, NDAr
         return (np.ascontiguousarray(part[:, ::-1]) if view.flipped else part), matrix
     centred = matrix.copy()
     centred[:, 2] += matrix[:, :2] @ (0.5, 0.5) - 0.5  # OpenCV puts (0, 0) at a pixel's middle, boxes at its corner.
-    # Grey beyond the image: a reflection would show people that no label knows.
+    # Grey beyond the image: a reflection would show unlabelled people.
     shown = cv2.warpAffine(image, centred, size, flags=cv2.INTER_LINEAR, borderValue=(114, 114, 114))
     return np.asarray(shown, np.uint8), matrix
 
@@ -143,7 +143,7 @@ def shown_box(box: Boxes, matrix: NDArray[np.float64], size: tuple[int, int]) ->
 
 
 def recolour(image: Images, rng: np.random.Generator) -> Images:
-    """Other colours of everything in half of the cases, as cars and clothes come in all: hues turned by one angle, saturation scaled."""
+    """New colours in half of the cases, because cars and clothes have any colour: hues rotated, saturation scaled."""
     if rng.random() < 0.5:
         return image
     turn, scale = int(rng.integers(180)), rng.uniform(0.4, 1.4)

@@ -1,4 +1,4 @@
-"""From weights to ONNX: uint8 images in, boxes in pixels and scores out; only the suppression of doubles stays outside."""
+"""From weights to ONNX: uint8 images in, boxes in pixels and scores out; only non-maximum suppression stays outside."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Deployed(nn.Module):
 
 
 def onnx_of(model: Path, folder: Path) -> Path:
-    """The ONNX file of a model version's folder; made in `folder` of its weights and card where only they are there."""
+    """The ONNX file of a model version's folder; made in `folder` from its weights and card if it is missing."""
     if model.is_file():
         raise InputError(f"{model}: expected the folder of a version, got a file; name {model.parent}")
     if (model / "model.onnx").exists():
@@ -58,7 +58,7 @@ def export_onnx(path: Path, model: Yolo, size: tuple[int, int], calibration: Cal
     axes = {name: {0: "images"} for name in ("image", "boxes", "scores")}
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         exported = Path(folder) / "model.onnx"
-        # The exporter that is not deprecated needs onnxscript, a package more.
+        # The newer exporter needs another package, onnxscript.
         warnings.simplefilter("ignore", DeprecationWarning)
         torch.onnx.export(
             Deployed(model, size, calibration or Calibration()).eval(),

@@ -11,7 +11,7 @@ from torch.nn import functional
 
 STRIDES = (8, 16, 32)
 CHANNELS = 5
-"""Outputs a cell: centre offset (2) and log size (2) in strides, and the logit of a pedestrian."""
+"""Outputs per cell: centre offset (2) and log size (2) in strides, and the logit of a pedestrian."""
 MAX_LOG_SIZE = 5.0
 
 
@@ -47,7 +47,7 @@ class ConvUnit(nn.Sequential):
             y: Tensor = super().forward(x)  # type: ignore[no-untyped-call]
             return y
         assert norm.running_mean is not None and norm.running_var is not None
-        # Trained with frozen statistics, the normalisation is a scale and a shift: inside the kernel it costs nothing an image.
+        # Trained with frozen statistics, the normalisation is a scale and a shift: inside the kernel it costs nothing at run time.
         scale = norm.weight * (norm.running_var + norm.eps).rsqrt()
         kernel, shift = convolution.weight * scale[:, None, None, None], norm.bias - norm.running_mean * scale
         y = activation(functional.conv2d(x, kernel, shift, convolution.stride, convolution.padding[0], groups=convolution.groups))
@@ -153,7 +153,7 @@ def count_parameters(model: nn.Module) -> int:
 def _head(inputs: int, width: int) -> nn.Sequential:
     last = nn.Conv2d(width, CHANNELS, 1)
     with torch.no_grad():
-        # A person is about twice as tall as wide; a cell that is asked starts near its own size and says 1 in 100.
+        # A person is about twice as tall as wide; each cell starts near its own size and at a score of 1 in 100.
         assert last.bias is not None
         last.bias.copy_(torch.tensor([0.0, 0.0, math.log(1.2), math.log(2.4), -math.log(99.0)]))
         last.weight.mul_(0.1)

@@ -34,7 +34,7 @@ def train_from_scratch(
 ) -> Fitted:
     """Train a detector on a set with section `training` of the config; resumes from `checkpoint`.
 
-    indices: of the images that are learnt from. validation: gives the curve and, if it no longer rises, an early end.
+    indices: of the training images. validation: gives the curve and stops the training early if it no longer rises.
     """
     seed, size = int(config["seed"]), int(config["batch_size"])
     schedule = Schedule(int(config["crop_iterations"]), int(config["frame_iterations"]), float(config["learning_rate"]))

@@ -1,4 +1,4 @@
-"""Retraining a detector on what it failed at: low rate, full frames, the base set mixed in (thesis section 7.1)."""
+"""Retraining a detector on its failures: low rate, full frames, mixed with the base set (thesis section 7.1)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pipeline.progress import OnProgress
 
 BASE_STREAM, ADDED_STREAM = 10, 11
 LOOKS = 2
-"""For the curve; too few to end a training early, which would give one version fewer steps than another."""
+"""For the curve only: stopping early would give one version fewer steps than another."""
 
 
 def retrain(
@@ -37,7 +37,7 @@ def retrain(
 ) -> Fitted:
     """Continue training `model`; with `added` None this is the control: the same steps on the base set alone.
 
-    Short restarts with a high rate, on crops or without empty frames raise false positives even where nothing new is learnt;
+    Short restarts with a high rate, on crops or without empty frames raise false positives even without new data;
     hence the low rate, full frames alone and frozen normalisation statistics. validation: gives the curve. seed: of order and augmentation.
     """
     schedule = Schedule(0, iterations, learning_rate, warm_up=iterations // 10, averaging=0.97, frozen_statistics=True)
@@ -53,7 +53,7 @@ def mixed_feed(
     fresh = 0 if added is None else max(1, round(batch_size * added_share))
     old = usable(base)
     parts = [(base, Stream(old, np.ones(len(old), np.int64), (*seed, BASE_STREAM)), batch_size - fresh, BASE_STREAM)]
-    if added is not None:  # All of it: the filter has judged these frames, or a person has.
+    if added is not None:  # All of them: the filter or a person has already judged these frames.
         everything = np.arange(len(added))
         parts.append((added, Stream(everything, np.ones(len(added), np.int64), (*seed, ADDED_STREAM)), fresh, ADDED_STREAM))
 

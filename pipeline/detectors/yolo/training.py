@@ -1,7 +1,7 @@
 """Training: AdamW, cosine schedule, averaged weights, bfloat16; first on crops, then on full frames.
 
-The budget is counted in pixels shown, not in seconds, and a batch is a function of its number, so that a run that was killed
-goes on from its checkpoint to the weights that it would have reached anyway.
+The budget is counted in pixels shown, not in seconds, and a batch is a function of its number, so that a killed
+run resumes from its checkpoint and reaches the same weights.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ Batch = tuple[NDArray[np.uint8], NDArray[np.float32]]
 Feed = Callable[[int], Batch]
 CHECKPOINT_SECONDS = 45.0
 FINITE_EVERY = 10
-"""Iterations between looks at the loss, which a GPU would have to wait for; there is one before every checkpoint, too."""
+"""Iterations between reads of the loss, because a GPU waits for each; every checkpoint reads it, too."""
 AHEAD = 4
-"""Batches that workers make ahead of a GPU."""
+"""Batches that workers prepare ahead of a GPU."""
 
 
 @dataclass(frozen=True)
 class Schedule:
-    """How long and how fast to learn.
+    """How long and how fast to train.
 
     crop_iterations, frame_iterations: batches of crops, then of full frames; a crop has a quarter of a frame's pixels.
     learning_rate: its peak, after `warm_up` iterations; it falls as a cosine of the pixels shown to `final_share` of it.
@@ -80,10 +80,10 @@ class Schedule:
 
 @dataclass(frozen=True)
 class Validation:
-    """Looks at the averaged network now and then, so that a training that has gone wrong ends early.
+    """Evaluates the averaged network at intervals, so that a training without progress stops early.
 
-    ap50: of a network in evaluation mode. every: iterations between looks. patience: looks without a new best
-    after which training stops.
+    ap50: of a network in evaluation mode. every: iterations between evaluations. patience: evaluations without
+    a new best after which training stops.
     """
 
     ap50: Callable[[Yolo], float]
@@ -93,7 +93,7 @@ class Validation:
 
 @dataclass(frozen=True)
 class Fitted:
-    """What training left: the network on the CPU in evaluation mode, and its curve, empty without a validation."""
+    """The result of a training: the network on the CPU in evaluation mode, and its curve, empty without a validation."""
 
     model: Yolo
     curve: tuple[CurvePoint, ...]
@@ -101,7 +101,7 @@ class Fitted:
 
 @dataclass
 class State:
-    """Everything that a checkpoint holds. best: the averaged weights of the best look; sums: of both losses since the last look."""
+    """Everything that a checkpoint holds. best: the averaged weights of the best evaluation; sums: of both losses since the last one."""
 
     iteration: int
     model: Yolo
@@ -112,7 +112,7 @@ class State:
     curve: list[CurvePoint]
 
     def exhausted(self, patience: int) -> bool:
-        """Whether the last `patience` looks brought no new best."""
+        """Whether the last `patience` evaluations brought no new best."""
         scores = [look.ap50 for look in self.curve]
         return bool(scores) and len(scores) - 1 - int(np.argmax(scores)) >= patience
 
@@ -164,7 +164,7 @@ def fit(
             _look(state, schedule, validation)
             if state.exhausted(validation.patience):
                 break
-        if checkpoint is not None and time.monotonic() - saved > CHECKPOINT_SECONDS:  # Not before the look, which a kill would lose.
+        if checkpoint is not None and time.monotonic() - saved > CHECKPOINT_SECONDS:  # After the evaluation: a kill must not lose it.
             _check_finite(losses, state.iteration, schedule)
             _save(checkpoint, identity, state)
             saved = time.monotonic()
@@ -186,10 +186,10 @@ def _look(state: State, schedule: Schedule, validation: Validation) -> None:
 
 
 def _check_finite(losses: deque[Loss], iteration: int, schedule: Schedule) -> None:
-    """Stop a training whose loss is no number any more, before its weights are kept."""
+    """Stop a training with a loss that is not finite, before its weights are saved."""
     if not all(math.isfinite(float(loss.total.detach())) for loss in losses):
         raise InputError(
-            f"the loss is no number at iteration {iteration}: lower learning_rate, now {schedule.learning_rate:g}, or look at the labels"
+            f"the loss is not finite at iteration {iteration}: lower learning_rate, now {schedule.learning_rate:g}, or check the labels"
         )
 
 
@@ -234,7 +234,7 @@ def _average(state: State, schedule: Schedule) -> None:
 
 
 def _batches(feed: Feed, start: int, stop: int, device: torch.device) -> Iterator[tuple[Tensor, Tensor]]:
-    if device.type == "cpu":  # Both cores are the network's.
+    if device.type == "cpu":  # The network needs all cores.
         for iteration in range(start, stop):
             yield _tensors(feed(iteration), device)
         return
@@ -253,7 +253,7 @@ def _tensors(batch: Batch, device: torch.device) -> tuple[Tensor, Tensor]:
 
 
 def _code() -> str:
-    """Digest of what decides how a training goes on."""
+    """Digest of everything that determines how a training continues."""
     return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))).hexdigest()
 
 
@@ -266,10 +266,10 @@ def _save(path: Path, identity: str, state: State) -> None:
 
 
 def _resume(path: Path, identity: str, state: State, device: torch.device) -> None:
-    """Take the checkpoint up; a damaged or foreign one only costs the time that it held."""
+    """Resume from the checkpoint; a damaged or foreign one is ignored."""
     try:
         found = torch.load(path, map_location=device, weights_only=True)
-    except Exception:  # Its readers raise whatever damaged bytes make them stumble over, an IndexError as well as an UnpicklingError.
+    except Exception:  # Damaged bytes make its readers raise anything, from IndexError to UnpicklingError.
         return
     if not isinstance(found, dict) or found.get("identity") != identity:
         return

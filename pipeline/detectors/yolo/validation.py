@@ -1,4 +1,4 @@
-"""How well a network in training detects: what its curve and early stopping look at."""
+"""Metrics of a network in training, for its curve and early stopping."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LOWEST_SCORE, NMS_IOU = 0.005, 0.45
 
 
 def watching(images: ImageSet, every: int, patience: int) -> Validation:
-    """Average precision on some validation images every so many iterations."""
+    """Average precision on some validation images, every few iterations."""
     looked_at = images.take(np.linspace(0, len(images) - 1, min(LOOKED_AT, len(images))).astype(np.int64))
     return Validation(lambda model: average_precision(model, looked_at), every, patience)
 

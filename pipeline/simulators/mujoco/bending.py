@@ -1,4 +1,4 @@
-"""Bends a street that was built straight along its curved axis: every mesh by its vertices, everything else as a whole."""
+"""Bends a straight street along a curved axis: meshes vertex by vertex, everything else as a whole."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 
 
 def bend(spec: mujoco.MjSpec, body: mujoco.MjsBody, street: Street) -> None:
-    """Move what stands in the frame of a street, u, v and z, to where its axis of constant curvature puts it."""
+    """Move everything in the frame of a street (u, v, z) onto its axis of constant curvature."""
     axis = Piece(Pose(0, 0, 0), np.inf, street.curvature)
     for geom in body.geoms:
         if geom.meshname.startswith(f"{street.name}_"):

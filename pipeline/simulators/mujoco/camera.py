@@ -19,7 +19,7 @@ from .weather import Weather, WeatherControl
 MAX_GEOMS = 1500
 DEPTH_TOLERANCE = 1e-4
 RING_PX = 4
-"""Width of the ring around the pedestrian's box that its contrast is measured against."""
+"""Width of the ring around the pedestrian's box that the contrast refers to."""
 
 
 class Camera:
@@ -31,7 +31,7 @@ class Camera:
         self._gl = mujoco.GLContext(width, height)
         self._gl.make_current()
         self.context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
-        # Freed while another camera's GL context is current, MuJoCo's would take that one's buffers with it.
+        # Freed while the GL context of another camera is current, MuJoCo would delete that camera's buffers.
         self._release = weakref.finalize(self, _free, self._gl, self.context)
         self.context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self.context)
@@ -78,7 +78,7 @@ class Camera:
         return image, self._truth(image)
 
     def segment(self, classes: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """(h, w) the class of what each pixel of the last shot shows. classes: (ngeom,) of the model's geoms; the sky is 0."""
+        """(h, w) class of each pixel of the last shot. classes: (ngeom,) of the model's geoms; the sky is 0."""
         flags = self._scene.flags
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1
         mujoco.mjr_render(self._rect, self._scene, self.context)
@@ -93,7 +93,7 @@ class Camera:
         return self._lens.distort(numbered[numbers])
 
     def truth_of(self, image: NDArray[np.uint8], visible: NDArray[np.bool_]) -> Truth:
-        """The ground truth of something that shows in the pixels `visible`, (h, w), and that nothing hides."""
+        """The ground truth of an unoccluded object that covers the pixels `visible`, (h, w)."""
         box, pixels = _box(visible, 0, 0), int(visible.sum())
         return Truth(box, box, pixels, pixels, _contrast(image, visible, 0, 0, box) if box else 0.0)
 
@@ -124,7 +124,7 @@ class Camera:
         return Truth(box, _box(whole, x0, top), int(visible.sum()), int(whole.sum()), contrast)
 
     def _bent(self, mask: NDArray[np.bool_], left: int, top: int) -> NDArray[np.bool_]:
-        """A window's mask as the lens shows it, (h, w) of the whole image."""
+        """The mask of a window after lens distortion, (h, w) of the whole image."""
         whole = np.zeros((self._size[1], self._size[0]), np.uint8)
         whole[top : top + mask.shape[0], left : left + mask.shape[1]] = mask
         return self._lens.distort(whole) > 0
@@ -148,7 +148,7 @@ class Camera:
         return (x0, y0, x1, y1) if x1 > x0 and y1 > y0 else None
 
     def close(self) -> None:
-        """Free the GL context; so does dropping the camera."""
+        """Free the GL context, as deleting the camera does."""
         self._release()
 
 

@@ -1,4 +1,4 @@
-"""Contact sheets: what a functional scenario looks like in every weather and at every distance, and who walks in it."""
+"""Contact sheets: a functional scenario in every weather and at every distance, and its pedestrians."""
 
 from __future__ import annotations
 

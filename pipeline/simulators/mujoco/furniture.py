@@ -1,4 +1,4 @@
-"""What stands beside a street: lamps, bins, benches, signs, the bus stop, a train line's crossing."""
+"""Street furniture: lamps, bins, benches, signs, the bus stop, a level crossing."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LAMP_SPACING = 22.0
 
 
 def lamp_positions(town: Town) -> np.ndarray:
-    """(n, 3) metres in the world: where the street lamps' light comes from."""
+    """(n, 3) metres, world frame: positions of the street lamps' lights."""
     style = STYLES[town.style]
     return np.array(
         [(*street.world(u, side * (street.edge(side, u) + 0.5 - style.lamp_reach)), style.lamp_height) for street, u, side in _lamps(town)]

@@ -28,7 +28,7 @@ class Pose:
 def phase(distance_m: float, speed_mps: float) -> float:
     """Gait phase in radians after walking a distance; one cycle is one stride, which grows with speed.
 
-    Tying the phase to the distance, not to the time, keeps the feet from sliding, and a pedestrian at speed 0 stands.
+    Tying the phase to the distance, not to the time, keeps the feet from sliding; a pedestrian at speed 0 stands still.
     """
     return 2 * np.pi * distance_m / stride(speed_mps)
 
@@ -39,7 +39,7 @@ def stride(speed_mps: float) -> float:
 
 
 def pose(animation: str, phase_rad: float, speed_mps: float) -> Pose:
-    """Pose of an animation at a phase of the gait cycle; the swing of the legs fits the stride, so that the foot on the ground stays."""
+    """Pose of an animation at a phase of the gait cycle; the swing of the legs fits the stride, so the foot on the ground stays put."""
     swing = min(1.0, speed_mps / STANDING_BELOW_MPS)
     angles = dict.fromkeys(JOINTS, 0.0)
     drop = _legs(angles, phase_rad, swing, stride(speed_mps))
@@ -48,7 +48,7 @@ def pose(animation: str, phase_rad: float, speed_mps: float) -> Pose:
 
 
 def _legs(a: dict[str, float], p: float, swing: float, stride_m: float) -> float:
-    """Half of the cycle each leg stands: it turns back evenly under the hips, which ride on it; the other half it swings forward, bent."""
+    """Each leg stands for half of the cycle, turning back evenly under the hips; in the other half it swings forward, bent."""
     reach = swing * float(np.arcsin(min(1.0, stride_m / (4 * LEG_M))))
     drop = 0.0
     for side, q in (("l", p), ("r", p + np.pi)):

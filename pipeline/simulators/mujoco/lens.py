@@ -1,4 +1,4 @@
-"""What happens between the scene and the file: fog, glare, rain, and the camera itself, on uint8 images."""
+"""Image effects on uint8 images: fog, glare, rain and the camera itself."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from .weather import Weather
 
 
 class CameraSettings(BaseModel):
-    """The camera: image size in pixels, horizontal field of view in degrees, frames a second, and what it does to the light.
+    """The camera: image size in pixels, horizontal field of view in degrees, frames per second, and its image effects.
 
     exposure: gain that follows the image's brightness. noise: grain at night. vignetting: darker corners. rain_on_lens: drops.
     distortion: radial coefficient k1 of Brown's model (x_d = x (1 + k1 r^2), normalised image plane); negative is a barrel, 0 none. A
-    barrel shows more than is rendered: its border repeats the outermost pixels.
-    jpeg_quality: of the compression that the image goes through; null for none.
+    barrel shows more than the rendered image: its border repeats the outermost pixels.
+    jpeg_quality: of the image's compression; null for none.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -50,12 +50,12 @@ Floats = NDArray[np.float32]
 NOISE_GREY_LEVELS = 2.2
 STREAK_SHEETS = 6
 GLARE_HIDDEN = 0.2
-"""Share of the glare that is left while something hides the sun: the bright sky around it."""
+"""Share of the glare that remains while the sun is hidden: the bright sky around it."""
 MEAN_GREY, GAINS = 100.0, (0.8, 1.3)
-"""What the exposure aims at, and how far its gain goes."""
+"""Target of the exposure, and the limits of its gain."""
 DROPS_FROM_RAIN, DROP_LEVELS = 20.0, 6
 WET_MIRROR, GROUND_M = 0.4, 0.15
-"""Share of a wet road's light that is mirrored at a flat angle; how far from the road's height something is still ground."""
+"""Share of light that a wet road mirrors at a flat angle; height up to which a surface counts as ground."""
 CORNER_LIGHT = 0.78
 """Share of the light that reaches the image's corners."""
 
@@ -98,7 +98,7 @@ class Lens:
         return self._take(image, weather, rng)
 
     def _take(self, image: Image, weather: Weather, rng: np.random.Generator) -> Image:
-        """What the camera does, in the order in which light meets it: lens, exposure, sensor, file."""
+        """The camera's effects in the order of the light path: lens, exposure, sensor, file."""
         settings = self._settings
         image = self.distort(image)
         if settings.vignetting:
@@ -120,7 +120,7 @@ class Lens:
         return self._distortion is not None
 
     def distort(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Bend an image, (h, w, 3), or a mask, (h, w), as the lens does; pixels of a mask are taken over whole, and outside it is 0."""
+        """Bend an image, (h, w, 3), or a mask, (h, w), as the lens does; a mask is sampled without interpolation and is 0 outside."""
         if self._distortion is None:
             return image
         mask = image.ndim == 2
@@ -137,7 +137,7 @@ class Lens:
         return (u * share + self._width / 2 - 0.5).astype(np.float32), (v * share + self._height / 2 - 0.5).astype(np.float32)
 
     def _wet_ground(self, image: Image, distance: Floats, weather: Weather) -> Image:
-        """Wet ground mirrors what stands above the horizon, the more the flatter one looks at it; right for what is far away."""
+        """Wet ground mirrors what is above the horizon, more so at flat angles; exact only for distant objects."""
         if weather.rain <= 0:
             return image
         middle = self._height // 2
@@ -186,7 +186,7 @@ class Lens:
         return image
 
     def _wet_lens(self, image: Image, weather: Weather) -> Image:
-        """Drops show the scene blurred and upside down. Which drops there are depends on the weather alone: they stay for an episode."""
+        """Drops show the scene blurred and upside down. The drops depend on the weather alone, so they stay in place for an episode."""
         level = int((weather.rain - DROPS_FROM_RAIN) / (100.001 - DROPS_FROM_RAIN) * DROP_LEVELS)
         mask = self._drops[level]
         if round(weather.sun_azimuth) % 2:

@@ -1,4 +1,4 @@
-"""Random scenes for the base training set: spawn anyone anywhere in any weather, as section 5.4 of the thesis does, some people rarely."""
+"""Random scenes for the base training set: random spawn and weather (thesis section 5.4); some people appear rarely."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PEDESTRIAN_SHARE = 0.88
 BESIDE_VEHICLE_SHARE = 0.35
 TURNING_SHARE = 0.4
 RARE = 0.15
-"""How often a child or somebody crouching is seen, relative to anybody else (docs/decisions/0016-long-tailed-base-set.md)."""
+"""Frequency of children and of crouching people, relative to others (docs/decisions/0016-long-tailed-base-set.md)."""
 NEAREST_M, FARTHEST_M = 2.8, 46.0
 OUT_OF_SIGHT = Pose(-500, 0, 0)
 FLEET: tuple[VehicleKind, ...] = ("bus", "hatchback", "saloon", "van", "hatchback", "saloon", "hatchback")
@@ -43,7 +43,7 @@ class Scene:
 def scenes(shard: int, count: int, seed: int, settings: CameraSettings, held_out: Mapping[str, Town] | None = None) -> Iterator[Scene]:
     """Yield `count` random scenes in one random urban town; a shard depends on (seed, shard) alone.
 
-    Only the urban style is shown: the suburban town of the held-out scenarios stays unseen. held_out: scenario -> its town; InputError if
+    All towns are urban: the suburban style is reserved for the held-out scenarios. held_out: scenario -> its town; InputError if
     the random one is among them.
     """
     rng = np.random.default_rng([seed, shard])
@@ -103,7 +103,7 @@ def _drawn(values: Sequence[str], rare: Collection[str], rng: np.random.Generato
 
 
 def _ego(town: Town, rng: np.random.Generator) -> Pose:
-    """Somewhere in a lane ahead or on the way round a corner, a little off its middle."""
+    """A pose in a lane ahead or on the way round a corner, slightly off its centre."""
     lane = -LANE_WIDTH / 2 + LANE_WIDTH * int(rng.integers(town.lanes_ahead))
     turning, place = rng.random() < TURNING_SHARE, rng.random()
     if town.junction and turning:
@@ -152,7 +152,7 @@ def _lane(street: Street, kind: VehicleKind, ego: Pose, rng: np.random.Generator
 
 
 def _spot(ego: Pose, vehicles: list[Rectangle], rng: np.random.Generator) -> tuple[float, float]:
-    """Where the pedestrian stands: anywhere in view, or often close behind or in front of a vehicle, half hidden."""
+    """The pedestrian's position: anywhere in view, often half hidden close behind or in front of a vehicle."""
     c, s = np.cos(ego.heading), np.sin(ego.heading)
     for _ in range(50):
         if vehicles and rng.random() < BESIDE_VEHICLE_SHARE:

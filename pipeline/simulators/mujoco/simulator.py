@@ -1,4 +1,4 @@
-"""The closed loop: render, detect, brake, move on, until the outcome is decided (thesis sections 5.3 to 5.5)."""
+"""The closed loop: render, detect, brake and advance until the outcome is decided (thesis sections 5.3 to 5.5)."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class MujocoSimulator:
 
 @dataclass(frozen=True)
 class _State:
-    """Where everyone is. Metres, seconds, world frame."""
+    """Positions of all road users. Metres, seconds, world frame."""
 
     time_s: float
     travelled: float
@@ -113,7 +113,7 @@ class _Loop:
         return Episode(signals, tuple(kept))
 
     def _place(self) -> _State:
-        """Put the pedestrian and the other road users where they are at the present time."""
+        """Place the pedestrian and the other road users at the current time."""
         state = self._state()
         scenario, travelled = self._scenario, self._time * self._speed
         phase = gait.phase(travelled, self._speed)
@@ -154,7 +154,7 @@ class _Loop:
         return bool(abs(self._across) < ALONG)
 
     def _conflict_distance(self, state: _State) -> float:
-        """Metres from the ego's front to the conflict point; a pedestrian who walks along the path is where the conflict is."""
+        """Metres from the ego's front to the conflict point; for a pedestrian who walks along the path, this is the pedestrian."""
         conflict = self._route.project(state.pedestrian_x, state.pedestrian_y)[0] if self._along else self._conflict
         return max(0.0, conflict - state.travelled - EGO_HALF_LENGTH_M)
 
@@ -190,6 +190,6 @@ class _Loop:
 
 
 def _seed(concrete: Mapping[str, Value]) -> int:
-    """A seed that depends on the concrete scenario alone, so that a replay sees the same rain."""
+    """A seed that depends on the concrete scenario alone, so that a replay has the same rain."""
     text = json.dumps(dict(concrete), sort_keys=True)
     return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "little")

@@ -1,4 +1,4 @@
-"""Single snapshots of the front-car domain (Cheng et al., section 5): what a point names is as it says, everything else is drawn by lot."""
+"""Single snapshots of the front-car domain (Cheng et al., section 5): a point fixes its conditions, everything else is random."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MATERIALS = {
     "road": "road", "marking": "lane marking", "pavement": "pavement", "kerb": "pavement", "grass": "terrain", "gravel": "terrain",
     "leaves": "vegetation", "hedge": "vegetation", "wall": "building", "ground": "building", "roof": "building", "window_light": "building",
 }  # fmt: skip
-"""Class of a surface by the beginning of its material's name; whatever else stands in a street is street furniture."""
+"""Class of a surface by the prefix of its material's name; all other surfaces are street furniture."""
 FLEET: tuple[VehicleKind, ...] = ("hatchback", "saloon", "estate", "suv", "van", "hatchback", "saloon", "estate")
 FORWARD_M, ONCOMING_M = (6.0, 42.0), (8.0, 55.0)
 """Distance from the ego's middle to theirs, less half of each."""
@@ -40,7 +40,7 @@ RADII_M = (70.0, 180.0)
 LAY_BY = (0.0, 60.0)
 BESIDE_SHARE, PEDESTRIAN_SHARE = 0.6, 0.4
 MIN_PIXELS = 40
-"""A vehicle of which fewer pixels show is not there for anyone."""
+"""A vehicle with fewer visible pixels counts as absent."""
 DRAWS = 40
 AWAY = Pose(-500, 0, 0)
 Point = Mapping[str, str]
@@ -95,7 +95,7 @@ class _Photographer:
         self._root = model.body_rootid[model.geom_bodyid]
 
     def shoot(self, point: Point, rng: np.random.Generator) -> Snapshot:
-        """Arrange the point until each vehicle that it names can be seen."""
+        """Draw arrangements of the point until each vehicle that it names is visible."""
         weather = _weather(point["weather"], rng)
         for _ in range(DRAWS):
             self._stage.reset(weather, str(rng.choice(NAMES)))
@@ -128,7 +128,7 @@ class _Photographer:
         return forward, oncoming
 
     def _others(self, names: list[str], point: Point, u: float, rng: np.random.Generator) -> None:
-        """Who is neither: a car in the other lane ahead, cars in the lay-by, someone on the pavement."""
+        """Other road users: a car in the other lane ahead, cars in the lay-by, a pedestrian on the pavement."""
         stage, street = self._stage, self._street
         if point["lanes"] == "2" and rng.random() < BESIDE_SHARE:
             beside = LANE_WIDTH / 2 if point["current_lane"] == "1" else -LANE_WIDTH / 2

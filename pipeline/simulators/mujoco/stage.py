@@ -1,4 +1,4 @@
-"""A compiled world with its camera, on which episodes and random scenes place the ego, the pedestrian and the other road users."""
+"""A compiled world with its camera; episodes and random scenes place the road users on it."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Stage:
         self.camera.set_weather(weather)
 
     def launch(self, travelled_m: float, speed_mps: float) -> None:
-        """Set the ego's mass moving, so many metres along its route."""
+        """Start the ego at a speed, at a distance in metres along its route."""
         self.data.qpos[self._travelled.qposadr[0]] = travelled_m
         self.data.qvel[self._travelled.dofadr[0]] = speed_mps
 
@@ -55,7 +55,7 @@ class Stage:
         return float(self.data.qvel[self._travelled.dofadr[0]])
 
     def step(self, brake: float) -> None:
-        """Advance the ego by one timestep under a brake demand in [0, 1]; it stops, it does not roll back."""
+        """Advance the ego by one timestep under a brake demand in [0, 1]; it stops and does not roll back."""
         self.data.ctrl[0] = brake
         mujoco.mj_step(self.model, self.data)
         dof = self._travelled.dofadr[0]

@@ -1,4 +1,4 @@
-"""What makes a town look like itself: urban for the search and the training, suburban for what is held out."""
+"""The look of a town: urban for search and training, suburban for held-out scenarios."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from . import textures
 
 @dataclass(frozen=True)
 class Style:
-    """What makes a town look like itself."""
+    """The look of a town."""
 
     walls: tuple[textures.Colour, ...]
     brick: tuple[bool, ...]

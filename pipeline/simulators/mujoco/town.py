@@ -1,7 +1,7 @@
 """Builds the streets of a town: ground, kerbs and markings here; houses, trees and furniture in the files of those names.
 
 Each street is a body of the model and everything is placed in its frame: u along the street, v to its left, z up, metres. A curved
-street is built straight and bent at last.
+street is built straight and then bent.
 """
 
 from __future__ import annotations
@@ -170,7 +170,7 @@ def _markings(spec: mujoco.MjSpec, body: mujoco.MjsBody, town: Town, street: Str
     for side in (-1, 1):
         for u0, u1 in _between(start, street.end, [(g.start, g.end) for g in street.gaps if g.side == side and g.mouth]):
             solid(side * ((street.right if side < 0 else street.left) - 0.31), u0, u1)
-    if street.name == "side":  # Give way: short bars across the lane that comes out.
+    if street.name == "side":  # Give way: short bars across the lane that leaves the side street.
         for v in np.arange(0.35, LANE_WIDTH - 0.4, 0.75):
             lines.quad((0.4, v, LINE_Z), (0.4, 0, 0), (0, 0.45, 0), (0, 0, 1, 1))
     crosswalks = [crosswalk.at_m for crosswalk in town.crosswalks if crosswalk.street == street.name]

@@ -1,4 +1,4 @@
-"""Sun, sky, lamps and wet roads: what weather and time of day do to the model before it is rendered."""
+"""Sun, sky, lamps and wet roads: the model in a weather and at a time of day, before rendering."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Weather:
 
     @property
     def night(self) -> bool:
-        """Whether street lamps and headlights are on. The one condition for everything that depends on them."""
+        """Whether street lamps and headlights are on; everything that depends on them uses this condition."""
         return self.sun_altitude < LAMPS_ON_BELOW_DEG
 
     @property
@@ -83,7 +83,7 @@ class Weather:
 
 
 class WeatherControl:
-    """Applies a weather to a compiled model; everything is set anew each time, so that no episode leaves a trace in the next."""
+    """Applies a weather to a compiled model; everything is set again each time, so that no episode affects the next."""
 
     def __init__(self, model: mujoco.MjModel, lamps: Floats) -> None:
         self._model, self._lamps = model, lamps
@@ -122,7 +122,7 @@ class WeatherControl:
         model.mat_specular[road], model.mat_shininess[road] = 0.1 + 0.6 * wet, 0.3 + 0.4 * wet
 
     def follow(self, place: Floats, ahead: Floats, weather: Weather) -> None:
-        """Move the shadow box of the sun, and the few lights that MuJoCo allows, along with the ego; place, ahead: (2,) metres."""
+        """Move the sun's shadow box and the few lights that MuJoCo allows with the ego; place, ahead: (2,) metres."""
         model = self._model
         model.light_pos[self._sun] = np.array([*(place + 20 * ahead), 0]) + 45 * weather.sun_direction
         nearest = np.argsort(np.hypot(*(self._lamps[:, :2] - place - 14 * ahead).T), kind="stable")[: len(self._street)]

@@ -65,7 +65,7 @@ def _lights(spec: mujoco.MjSpec) -> None:
 
 
 def _ego(spec: mujoco.MjSpec, fovy_deg: float) -> None:
-    """The ego: a mass that travels along its route, braked by a motor behind a first-order lag, and a body that is put where it is.
+    """The ego: a mass that travels along its route, braked by a motor behind a first-order lag, and a body that follows the mass.
 
     The mass has one degree of freedom, the metres travelled. The body carries the camera and the headlights.
     """

@@ -1,0 +1,92 @@
+"""Figures of data and training: frames at the border of the filter, reliability, single-image metrics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pipeline.artefacts.model_card import ModelCard
+from pipeline.core.lineage import Version
+from pipeline.report.border import Case
+from pipeline.report.style import INK, UNASSIGNED, legend_below, panels, series_colours, styled
+
+KEPT, REJECTED = "#2a9d78", "#c9372c"
+LABELLED = 5
+"""With more bars side by side, their numbers would overlap."""
+FEWEST = 10
+"""Bins of a reliability diagram with fewer detections are left out: they show chance, not reliability."""
+
+
+def border_sheet(cases: Sequence[Case], columns: int = 8) -> Figure:
+    """Crops of frames at the filter's border, in a green frame if kept and in a red one if rejected."""
+    lines = -(-len(cases) // columns)
+    with styled():
+        figure, axes = panels(max(1, lines), columns, width=1.2, height=1.4)
+        for axis in (axis for line in axes for axis in line):
+            axis.set_axis_off()
+        for position, case in enumerate(cases):
+            axis = axes[position // columns][position % columns]
+            axis.set_axis_on()
+            axis.imshow(case.crop, interpolation="bicubic")
+            axis.set(xticks=[], yticks=[])
+            axis.grid(False)
+            for spine in axis.spines.values():
+                spine.set(visible=True, color=KEPT if case.kept else REJECTED, linewidth=2.5)
+            axis.set_title(f"{case.visible_pixels} px, {case.contrast:.0f} grey", fontsize=7.5, fontweight="normal", loc="center")
+    return figure
+
+
+def reliability_diagrams(cards: Sequence[ModelCard]) -> Figure:
+    """Share of right detections over their confidence: the first version before and after calibration, all versions after it.
+
+    Versions that differ only by their seed share a colour.
+    """
+    groups = [Version.named(card.version).group for card in cards]
+    colours = series_colours(list(dict.fromkeys(groups)))
+    with styled():
+        figure, axes = panels(1, 2, width=4.0, height=3.4)
+        shown: list[tuple[Axes, ModelCard, str, str, str]] = [
+            (axes[0][0], cards[0], groups[0], name, name) for name in cards[0].reliability
+        ]
+        labels = [group if group not in groups[:rank] else "" for rank, group in enumerate(groups)]
+        shown += [(axes[0][1], card, group, "calibrated", label) for card, group, label in zip(cards, groups, labels, strict=True)]
+        for axis, card, group, name, label in shown:
+            bins = np.array([one for one in card.reliability.get(name, ()) if one[2] >= FEWEST]).reshape(-1, 3)
+            scores, right, counts = bins.T
+            colour, style = (UNASSIGNED, "--") if name == "uncalibrated" else (colours[group], "-")
+            axis.plot(scores, right, color=colour, linestyle=style, linewidth=1.4, label=label)
+            axis.scatter(scores, right, s=6 + 60 * counts / counts.max(initial=1), color=colour, zorder=3)
+        for axis, title in zip(axes[0], (f"{cards[0].version}, before and after calibration", "all versions, calibrated"), strict=True):
+            axis.plot([0, 1], [0, 1], color=INK, linewidth=0.8, zorder=1)
+            axis.set(title=title, xlabel="confidence", xlim=(0, 1), ylim=(0, 1))
+            axis.legend(loc="upper left", fontsize=8)
+        axes[0][0].set_ylabel("share of right detections")
+    return figure
+
+
+def detection_bars(metrics: Mapping[str, Mapping[str, float]], names: Mapping[str, str]) -> Figure:
+    """Detection metrics in [0, 1] of each version on the validation images.
+
+    metrics: version -> metric -> value. names: metric -> its printed name, in the order to draw. Versions that differ only
+    by their seed share a colour.
+    """
+    groups = {version: Version.named(version).group for version in metrics}
+    colours = series_colours(list(dict.fromkeys(groups.values())))
+    width = 0.8 / max(1, len(metrics))
+    with styled():
+        figure, axes = panels(1, 1, width=9.2, height=2.9)
+        axis = axes[0][0]
+        for rank, (version, values) in enumerate(metrics.items()):
+            positions = np.arange(len(names)) + (rank - (len(metrics) - 1) / 2) * width
+            heights = [values.get(name, float("nan")) for name in names]
+            bars = axis.bar(positions, heights, width * 0.9, color=colours[groups[version]], label=groups[version])
+            if len(metrics) <= LABELLED:
+                axis.bar_label(bars, fmt="%.2f", fontsize=7, padding=1)
+        axis.set_xticks(range(len(names)), list(names.values()))
+        axis.set_ylim(0, 1.08)
+        axis.grid(False, axis="x")
+        legend_below(figure, [axis])
+    return figure

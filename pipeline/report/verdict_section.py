@@ -1,0 +1,151 @@
+"""The report's headline and its verdict section: the model versions compared. Every number comes from an artefact."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pandas as pd
+
+from pipeline.artefacts.comparison_results import Comparison, VersionResult
+from pipeline.artefacts.results import Estimate
+from pipeline.core.statistics import wilson_interval
+from pipeline.report import texts
+from pipeline.report.formats import mean_text, percent, signed
+from pipeline.report.page import Drawing, Film, Part, Section, Table
+from pipeline.report.verdict import HEADERS, group_headers, group_rows, verdict_rows, verdict_sentences
+
+CHANGES = 20
+"""Rows shown of changes.csv."""
+
+
+def headline(comparison: Comparison) -> str:
+    """The result in words: failures of base, then the other versions by verdict; versions that differ by their seed alone are one."""
+    base = comparison.groups[0]
+    *most, last = comparison.scenarios.values()
+    where = f"scenarios {', '.join(most)} and {last}" if most else f"scenario {last}"
+    tests = comparison.versions[0].tests
+    parts = [f"On the held-out {where}, {base.group} fails {mean_text(base.failures.value)} of {tests} tests.", *_against_base(comparison)]
+    seeds = max(len(group.versions) for group in comparison.groups)
+    if seeds > 1:
+        parts.append(f"Numbers in brackets: mean failures over {seeds} seeds of retraining.")
+    return " ".join(parts)
+
+
+def _against_base(comparison: Comparison) -> list[str]:
+    """A sentence for each verdict on groups that some group has."""
+    failures = {group.group: f"{group.group} ({mean_text(group.failures.value)})" for group in comparison.groups}
+    pairs = [pair for pair in comparison.group_pairs if pair.against == comparison.groups[0].group]
+    shown = [pair for pair in pairs if pair.shown(comparison.alpha)]
+    by_verdict = {
+        "Fewer failures": [pair for pair in shown if pair.difference.value < 0],
+        "More failures": [pair for pair in shown if pair.difference.value > 0],
+        "No difference shown": [pair for pair in pairs if pair not in shown],
+    }
+    return [f"{verdict}: {', '.join(failures[pair.group] for pair in chosen)}." for verdict, chosen in by_verdict.items() if chosen]
+
+
+def verdict_section(
+    comparison: Comparison,
+    changes: pd.DataFrame,
+    plots: Sequence[Drawing],
+    rounds: Part | None,
+    replays: Sequence[Film],
+) -> Section:
+    """The comparison of the model versions. changes: rows of changes.csv. rounds: `rounds_part`, if there are several."""
+    parts = [
+        Part(table=Table(HEADERS, tuple(verdict_rows(comparison)), numbers=(1, 2, 3)), notes=tuple(verdict_sentences(comparison))),
+        Part("By scenario", texts.TABLE, Table(group_headers(comparison), tuple(group_rows(comparison)))),
+        _modes(comparison.versions, plots),
+        *_every_pair(comparison),
+    ]
+    if rounds is not None:
+        parts.insert(2, rounds)
+    if comparison.regions:
+        parts.append(Part("Failure regions of base", texts.HELD_OUT_REGIONS, _regions(comparison)))
+    if len(changes):
+        parts.append(_changes(changes, comparison))
+    if replays:
+        parts.append(Part("Replays of changed tests", texts.PAIR, replays=tuple(replays)))
+    return Section("Verdict", _introduction(comparison), tuple(parts))
+
+
+def _introduction(comparison: Comparison) -> tuple[str, ...]:
+    with_control = any(group.group.partition("-")[0] == "control" for group in comparison.groups)
+    return (f"{texts.VERDICT} {texts.CONTROL}" if with_control else texts.VERDICT,)
+
+
+def rounds_part(searched: pd.DataFrame, confidence: float, plots: Sequence[Drawing]) -> Part:
+    """Failures after each round, and what its searches found. searched: rows of all campaigns that versions learn from."""
+    valid, rows = searched[searched["status"] == "ok"], []
+    for (version, strategy), tests in valid.groupby(["version", "strategy"], sort=False):
+        failures = int(tests["failure"].sum())
+        low, high = wilson_interval(failures, len(tests), confidence)
+        rate = percent(Estimate(value=failures / len(tests), low=low, high=high))
+        rows.append((str(version), str(strategy), f"{failures} / {len(tests)}", rate))
+    table = Table(("searched version", "strategy", "failures / tests", "failure rate"), tuple(rows), numbers=(2, 3))
+    return Part("Round by round", texts.ROUNDS, table, tuple(plots))
+
+
+def _modes(versions: Sequence[VersionResult], plots: Sequence[Drawing]) -> Part:
+    headers = ("version", "failures", "contact", "too late", "by TTC alone", "false positives alone", "failure rate", "errors")
+    return Part("Failure modes", texts.MODES, Table(headers, tuple(map(_modes_row, versions)), numbers=(6,)), tuple(plots))
+
+
+def _modes_row(result: VersionResult) -> tuple[str, ...]:
+    modes = result.modes
+    counts = (modes.total, modes.contact, modes.late, modes.by_ttc, modes.false_positives)
+    return result.version, *(str(count) for count in counts), percent(result.rate), str(result.errors)
+
+
+def _every_pair(comparison: Comparison) -> list[Part]:
+    """All against all; with several seeds the groups, and the single versions folded away."""
+    if len(comparison.groups) == len(comparison.versions):
+        return [Part("All pairs of versions", texts.PAIRS, _pairs(comparison))]
+    rows = tuple((pair.group, pair.against, signed(pair.difference), f"{pair.p_value:.2g}") for pair in comparison.group_pairs)
+    groups = Table(("versions", "against", "difference in failures", "p"), rows, numbers=(2,))
+    return [
+        Part("All pairs of versions, seeds together", texts.GROUP_PAIRS.format(alpha=comparison.alpha), groups),
+        Part("", texts.PAIRS, _pairs(comparison), folded=f"All pairs of single versions ({len(comparison.pairs)})"),
+    ]
+
+
+def _pairs(comparison: Comparison) -> Table:
+    rows = tuple(
+        (pair.version, pair.against, str(len(pair.fixes)), str(len(pair.regressions)), f"{pair.p_value:.2g}") for pair in comparison.pairs
+    )
+    return Table(("version", "against", "fixes", "regressions", "p"), rows)
+
+
+def _regions(comparison: Comparison) -> Table:
+    groups = comparison.groups
+    rows = tuple(
+        (r.name, r.rule, str(r.tests), *(mean_text(sum(r.failures[name] for name in g.versions) / len(g.versions)) for g in groups))
+        for r in comparison.regions
+    )
+    return Table(("region", "rule", "tests inside", *(group.group for group in groups)), rows, codes=(1,))
+
+
+def _changes(changes: pd.DataFrame, comparison: Comparison) -> Part:
+    """Of the champion, if it is a retrained version: its regressions come first, because someone must check them before a release."""
+    released = comparison.champion != comparison.versions[0].version
+    chosen = changes[changes["version"] == comparison.champion] if released else changes
+    ranked = chosen.assign(rank=chosen["change"] != "regression")
+    shown = ranked.sort_values(["rank", "version"], kind="stable").head(CHANGES)
+    table = Table(
+        ("test", "version", "change", "adj. TTC", "failure mode", "false positives"),
+        tuple(_change_row(row) for _, row in shown.iterrows()),
+        numbers=(3,),
+    )
+    of = f"the champion {comparison.champion}" if released else "a retrained version"
+    return Part("Fixes and regressions", texts.CHANGES.format(of=of, shown=len(shown), all=len(changes)), table)
+
+
+def _change_row(row: pd.Series) -> tuple[str, ...]:
+    return (
+        f"{row['scenario']}-{row['index']:05d}",
+        row["version"],
+        row["change"],
+        f"{row['adj_ttc_s_before']:.2f} to {row['adj_ttc_s_after']:.2f} s",
+        f"{row['failure_mode_before']} to {row['failure_mode_after']}".replace("_", " "),
+        f"{row['false_positives_before']} to {row['false_positives_after']}",
+    )

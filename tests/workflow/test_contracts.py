@@ -1,0 +1,144 @@
+"""Every step keeps its contract: it reads and writes what it declares and nothing else, and it needs all that it declares.
+
+A small study of each kind is run job by job, in this process, under an audit hook that sees every file that is opened.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import chdir, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from pipeline.config import schema
+from pipeline.config.composing import compose
+from pipeline.contract import order_of, perform, step_of
+from pipeline.workflow import Plan, flat, step_names
+from tests.studies import ROOT, StudyFolder
+
+SMALL = {
+    "smoke": [
+        *("search=[F1]", "campaign.tests=4", "samplers.neural.batch_size=2", "comparison.tests=4", "base_set.images=40"),
+        *("retraining.iterations=1", "retraining.added_frames=8", "retraining.batch_size=4", "regions.min_failures=2", "report.replays=2"),
+        *("campaign.transfer=[neural]", "samplers.random.batch_size=2"),
+    ],
+    "front_car": ["front_car.images=33", "front_car.test_images=1", "front_car.iterations=1", "front_car.batch_size=4"],
+}
+
+
+@dataclass
+class Watch:
+    """What was opened under a folder, and which keys of the config were read, while it is on."""
+
+    root: Path
+    on: bool = False
+    read: set[str] = field(default_factory=set)
+    written: set[str] = field(default_factory=set)
+    keys: set[tuple[str, str]] = field(default_factory=set)
+
+    def hook(self, event: str, arguments: tuple[Any, ...]) -> None:
+        if self.on and event == "open" and isinstance(arguments[0], str | os.PathLike):
+            path = Path(os.path.abspath(arguments[0]))
+            if path.is_relative_to(self.root / "data") or path.is_relative_to(ROOT / "models"):
+                writes = bool(arguments[2] & (os.O_WRONLY | os.O_RDWR | os.O_CREAT)) if isinstance(arguments[2], int) else False
+                (self.written if writes else self.read).add(os.path.relpath(path, self.root))
+
+    @contextmanager
+    def watching(self) -> Iterator[None]:
+        self.read, self.written, self.keys, self.on = set(), set(), set(), True
+        try:
+            yield
+        finally:
+            self.on = False
+
+
+def covers(declared: list[str], path: str) -> bool:
+    """Whether a path is declared, or lies in a declared folder."""
+    return any(path == one or (one.endswith("/") and path.startswith(one)) for one in declared)
+
+
+@pytest.fixture
+def watch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Watch:
+    watch = Watch(tmp_path)
+    sys.addaudithook(watch.hook)
+
+    def looked_up(section: Any, name: str) -> Any:
+        if watch.on and name in type(section).model_fields:
+            watch.keys.add((type(section).__name__, name))
+        return object.__getattribute__(section, name)
+
+    monkeypatch.setattr(schema._Section, "__getattribute__", looked_up)
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    return watch
+
+
+@pytest.mark.parametrize("study", SMALL)
+def test_every_step_reads_and_writes_what_it_declares(study: str, tmp_path: Path, watch: Watch) -> None:
+    folder = StudyFolder.composed(tmp_path, study, SMALL[study])
+    plan = Plan(compose(study, [f"base.weights={ROOT / 'models' / 'base'}", *SMALL[study]]), step_names())
+    assert folder.study == plan.config.study
+    performed = set()
+    with chdir(tmp_path):
+        for target, outputs in plan.jobs(plan.folders.goals):
+            wildcards = dict(target.wildcards)
+            order = order_of(target.step, plan.config, wildcards, plan.stamp(target.step, wildcards), 2)
+            with watch.watching():
+                perform(order, plan.config)
+            inputs = [os.path.relpath(path) + "/" * path.endswith("/") for path in flat(order.reads)]
+            allowed = [*outputs, *ALSO.get(target.step, ()), f"data/{folder.study}/journal/"]
+            assert not [path for path in watch.read if not covers([*inputs, *allowed], path)], f"{target} reads undeclared files"
+            assert not [path for path in watch.written if not covers(allowed, finished(path))], f"{target} writes undeclared files"
+            unused = [path for path in inputs if not any(covers([path], read) for read in watch.read)]
+            assert not unused, f"{target} declares files that it does not read"
+            assert all(Path(path).exists() for path in outputs), f"{target} declares files that it does not write"
+            for key in plan.contracts[target.step].depends(plan.config, wildcards):
+                assert read_of(key) in watch.keys, f"{target} declares '{key}' and does not read it"
+            performed.add(target.step)
+    assert performed == {name for name in step_names() if name.startswith("front_car") == (study == "front_car")}
+
+
+ALSO = {"track": ("data/mlflow/",)}
+"""Where a step's results lie beside the study's folder."""
+
+
+def finished(path: str) -> str:
+    """The name that a temporary file is given once it is written."""
+    folder, name = os.path.split(path)
+    return os.path.join(folder, name[1:].rsplit(".", 2)[0]) if name.startswith(".") and name.endswith(".tmp") else path
+
+
+def read_of(key: str) -> tuple[str, str]:
+    """The attribute that is looked up when a key of the config is read."""
+    section, _, rest = key.partition(".")
+    annotation = schema.Config.model_fields[section].annotation
+    if rest and isinstance(annotation, type) and issubclass(annotation, schema.BaseModel):
+        return annotation.__name__, rest.split(".")[0]
+    return "Config", section
+
+
+def test_an_undeclared_key_cannot_be_read() -> None:
+    part = schema_part("comparison.alpha")
+    assert part.comparison.alpha == 0.05
+    with pytest.raises(AttributeError, match=r"^'tests' of Comparison is read but not declared; add it to the step's sections$"):
+        _ = part.comparison.tests
+    with pytest.raises(AttributeError, match=r"^'seeds' of Config is read but not declared; add it to the step's sections$"):
+        _ = part.seeds
+    with pytest.raises(KeyError):
+        schema_part("scenarios.F1").scenarios["F2"]
+
+
+def schema_part(*keys: str) -> schema.Config:
+    from pipeline.config.declared import declared
+
+    return declared(compose("default", []), keys)
+
+
+def test_the_profile_gives_threads_to_the_steps_that_take_them() -> None:
+    threads = yaml.safe_load((ROOT / "profiles/default/config.yaml").read_text())["set-threads"]
+    assert set(threads) == {name for name in step_names() if step_of(name).parallel}
