@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import os
 import shutil
@@ -39,6 +40,8 @@ def ready(checkout: Path) -> Path:
     """A checkout that is set up, with a stand-in for snakemake that says how it was called."""
     stamp = hashlib.sha256(b"".join((checkout / name).read_bytes() for name in SETUP[1:])).hexdigest()
     script(checkout / ".venv/bin/snakemake", 'echo "snakemake $*"; echo "HOME of caches: $XDG_CACHE_HOME"; exit "${CODE:-0}"')
+    script(checkout / ".venv/bin/python", 'echo "python $*"')
+    script(checkout / ".venv/bin/dvc", 'echo "dvc $*"')
     (checkout / ".venv/blindspot.stamp").write_text(f"{stamp}  - {checkout}\n")
     (checkout / ".cache/gl").mkdir(parents=True)
     (checkout / f".cache/gl/{os.uname().nodename}-auto").write_text("osmesa\n")
@@ -78,6 +81,31 @@ def test_a_ready_checkout_installs_nothing_and_hands_its_arguments_on(ready: Pat
     assert done.stdout.splitlines() == ["snakemake --cores 3 -n some/target", f"HOME of caches: {ready}/.cache"]
 
 
+def test_a_whole_run_ends_with_the_verdict_and_is_recorded_once(ready: Path) -> None:
+    stamp = ready / "data/tiny/tracking.json.stamp"
+    stamp.parent.mkdir(parents=True)
+    stamp.write_text("one")
+    (ready / ".dvc").mkdir()
+    (ready / "dvc.yaml").write_text("")
+    (ready / "params.yaml").write_text("study: tiny\ngoal: report\n")
+    last = [call(ready).stdout.splitlines()[2:] for _ in range(2)]
+    assert last == [["python -m pipeline verdict", "dvc commit --force --quiet"], ["python -m pipeline verdict"]]
+    stamp.write_text("another")
+    assert call(ready).stdout.splitlines()[-1] == "dvc commit --force --quiet"
+    (ready / "params.yaml").write_text("study: tiny\ngoal: base\n")
+    assert call(ready).stdout.splitlines()[-1] == "python -m pipeline verdict"
+
+
+def test_a_part_has_no_verdict(ready: Path) -> None:
+    assert [line.split()[0] for line in call(ready, "search").stdout.splitlines()] == ["snakemake", "HOME"]
+
+
+def test_a_dry_run_waits_for_nobody(ready: Path) -> None:
+    with (ready / ".cache/run.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        assert call(ready, "-n").returncode == 0
+
+
 def test_the_exit_code_is_that_of_snakemake(ready: Path) -> None:
     assert call(ready, CODE="7").returncode == 7
 
@@ -98,7 +126,7 @@ def test_a_second_run_waits_for_the_first(ready: Path) -> None:
         assert first.poll() is None
     second = subprocess.Popen([ready / "run"], env=environment, stderr=subprocess.PIPE, text=True)
     assert second.stderr is not None
-    assert "another run is active" in second.stderr.readline()
+    assert second.stderr.readline() == "blindspot: another run is at work in this folder; waiting for it to end\n"
     (ready / "go").write_text("")
     assert (first.wait(), second.wait()) == (0, 0)
     assert (ready / "calls").read_text().split() == ["begin", "end", "begin", "end"]
