@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from pipeline.artefacts.points import concrete, encode_tests
 from pipeline.artefacts.results import Estimate, FailureRegion, FailureRegions, Representative, Role
 from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.artefacts.tables import read_signals
+from pipeline.config.schema import Regions
 from pipeline.core.braking import solvable
 from pipeline.core.distance import mixed_distance
 from pipeline.core.growth import Tested, readable_regions
@@ -39,16 +41,25 @@ def not_solvable(table: pd.DataFrame, signals: Sequence[Path]) -> tuple[str, ...
     return tuple(str(test) for test, could in seen.items() if not could)
 
 
-def cluster(
-    info: ScenarioInfo, space: Space, tests: pd.DataFrame, chance_neighbours: float, min_failures: int, confidence: float
-) -> FailureRegions:
+@dataclass(frozen=True)
+class _Tested:
+    """Valid rows of one scenario, and their points (n, d) and failures (n,)."""
+
+    space: Space
+    rows: pd.DataFrame
+    points: Floats
+    failed: Bools
+
+
+def cluster(info: ScenarioInfo, space: Space, tests: pd.DataFrame, section: Regions, confidence: float) -> FailureRegions:
     """Density clusters of the failures over the mixed distance, each with its rule; tests: valid rows of one scenario."""
     points, failed = encode_tests(tests, space), tests["failure"].to_numpy(bool)
-    radius = chance_radius(space, int(failed.sum()), chance_neighbours)
-    labels = readable_regions(Tested(space, points, failed), radius, MIN_RULE_PRECISION, min_failures)
+    radius = chance_radius(space, int(failed.sum()), section.chance_neighbours)
+    labels = readable_regions(Tested(space, points, failed), radius, MIN_RULE_PRECISION, section.min_failures)
     connected = connected_failures(space, points[failed])
+    tested = _Tested(space, tests, points, failed)
     regions = [
-        _region(f"{info.label} region {label + 1}", space, tests, points, labels == label, confidence)
+        _region(f"{info.label} region {label + 1}", tested, labels == label, confidence)
         for label in range(int(labels.max(initial=NOISE)) + 1)
     ]
     return FailureRegions(
@@ -64,24 +75,23 @@ def cluster(
     )
 
 
-def _region(name: str, space: Space, tests: pd.DataFrame, points: Floats, members: Bools, confidence: float) -> FailureRegion:
-    failed = tests["failure"].to_numpy(bool)
-    rule = find_rule(space, points, failed, members)
-    inside = rule.holds(points)
-    support, hits = int(inside.sum()), int((inside & failed).sum())
+def _region(name: str, tested: _Tested, members: Bools, confidence: float) -> FailureRegion:
+    rule = find_rule(tested.space, tested.points, tested.failed, members)
+    inside = rule.holds(tested.points)
+    support, hits = int(inside.sum()), int((inside & tested.failed).sum())
     low, high = wilson_interval(hits, support, confidence)
-    rows = tests[members]
+    rows = tested.rows[members]
     return FailureRegion(
         name=name,
         members=tuple(rows["test_id"]),
         modes=count_modes(rows),
         strategies={str(key): int(count) for key, count in rows["strategy"].value_counts().sort_index().items()},
-        rule=rule.text(space),
+        rule=rule.text(tested.space),
         support=support,
         failures_inside=hits,
         precision=Estimate(value=hits / max(1, support), low=low, high=high),
         recall=float(inside[members].mean()),
-        representatives=_representatives(space, rows, points[members]),
+        representatives=_representatives(tested.space, rows, tested.points[members]),
     )
 
 

@@ -69,7 +69,8 @@ def _projection(space: Space, categories: Ints) -> float:
     return projection_coverage(categories, space.sizes, PROJECTION_K, weights=weights, combine="max").ratio
 
 
-def _by_strategy(campaigns: Sequence[CampaignMeasures]) -> list[list[CampaignMeasures]]:
+def by_strategy(campaigns: Sequence[CampaignMeasures]) -> list[list[CampaignMeasures]]:
+    """The campaigns that differ by their seed alone, together."""
     groups: dict[tuple[str, str, str], list[CampaignMeasures]] = {}
     for campaign in campaigns:
         groups.setdefault((campaign.scenario, campaign.strategy, campaign.version), []).append(campaign)
@@ -113,7 +114,7 @@ def summarise(group: Sequence[CampaignMeasures], confidence: float) -> StrategyM
 def theta_table(campaigns: Sequence[CampaignMeasures]) -> pd.DataFrame:
     """Failures found after 1, 2, ... tests: column `tests`, then the mean over seeds as `<scenario>-<strategy>`."""
     columns = {}
-    for group in _by_strategy(campaigns):
+    for group in by_strategy(campaigns):
         length = min(len(campaign.theta) for campaign in group)
         curves = np.array([campaign.theta[:length] for campaign in group])
         columns[f"{group[0].scenario}-{group[0].strategy}"] = pd.Series(curves.mean(axis=0))

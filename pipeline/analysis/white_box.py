@@ -22,7 +22,8 @@ FRAMES, PROFILED = 250, 600
 DRAW_SEED = 0
 
 
-def _profile(network: Yolo, images: NDArray[np.uint8]) -> Profile:
+def profile_of(network: Yolo, images: NDArray[np.uint8]) -> Profile:
+    """The range of every neuron over (n, height, width, 3) images."""
     profiles = [Profile.of(layers) for layers in activations(network, images)]
     joined = profiles[0]
     for profile in profiles[1:]:
@@ -30,12 +31,13 @@ def _profile(network: Yolo, images: NDArray[np.uint8]) -> Profile:
     return joined
 
 
-def _kept(paths: Sequence[Path]) -> list[bytes]:
+def kept_frames(paths: Sequence[Path]) -> list[bytes]:
     """The kept frames of some campaigns as JPEG bytes."""
     tables = [read_frames(path, ["test_id", "step", "image"]) for path in paths]
     images: list[bytes] = pd.concat(tables, ignore_index=True).sort_values(["test_id", "step"])["image"].to_list()
     return images
 
 
-def _drawn(many: int, count: int) -> Ints:
+def drawn(many: int, count: int) -> Ints:
+    """(count,) indices of `many`, rising, drawn evenly without replacement."""
     return np.sort(np.random.default_rng(DRAW_SEED).choice(many, count, replace=False))

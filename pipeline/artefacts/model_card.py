@@ -42,7 +42,7 @@ class ModelCard(BaseModel):
 
 
 @dataclass(frozen=True)
-class Look:
+class CurvePoint:
     """One line of a training's curve. losses: means since the line before; ap50: of the averaged weights on validation images."""
 
     iteration: int
@@ -52,24 +52,22 @@ class Look:
     ap50: float
 
 
-CURVE = tuple(Look.__annotations__)
+CURVE = tuple(CurvePoint.__annotations__)
 
 
-def write_curve(path: Path, curve: Sequence[Look]) -> None:
+def write_curve(path: Path, curve: Sequence[CurvePoint]) -> None:
     """Write curve.csv."""
-    table = pd.DataFrame([asdict(look) for look in curve], columns=list(CURVE))
+    table = pd.DataFrame([asdict(point) for point in curve], columns=list(CURVE))
     write_bytes(path, table.to_csv(index=False, lineterminator="\n", float_format="%.6g").encode())
 
 
-def read_curve(path: Path) -> list[Look]:
+def read_curve(path: Path) -> list[CurvePoint]:
     """Read curve.csv; InputError that names the file if it is no such table."""
     try:
-        table = pd.read_csv(io.BytesIO(read_bytes(path)))
-        return [
-            Look(int(row[0]), *(float(value) for value in row[1:])) for row in table[list(Look.__annotations__)].itertuples(index=False)
-        ]
+        table = pd.read_csv(io.BytesIO(read_bytes(path)))[list(CURVE)]
+        return [CurvePoint(int(row[0]), *(float(value) for value in row[1:])) for row in table.itertuples(index=False)]
     except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path}: expected a table with columns {','.join(Look.__annotations__)}, got {error}") from error
+        raise InputError(f"{path}: expected a table with columns {','.join(CURVE)}, got {error}") from error
 
 
 def write_card(path: Path, card: ModelCard) -> None:

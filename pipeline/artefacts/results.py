@@ -1,4 +1,4 @@
-"""The result files of a study: measures.json, regions/<scenario>.json, comparison.json and tracking.json.
+"""The result files of a study, and what its search found: measures.json, regions/<scenario>.json, white_box.json.
 
 Each file is one frozen model; `read` and `write` check it, so that a truncated, foreign or older file is refused by name.
 Numbers that do not exist (the F-measure of a campaign without failure) are null, never NaN.
@@ -14,9 +14,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from pipeline.artefacts.files import read_json, write_json
 from pipeline.errors import InputError
 
-Verdict = Literal["baseline", "better", "worse", "no difference shown"]
 Role = Literal["medoid", "worst", "furthest"]
-RunKind = Literal["study", "campaign", "comparison", "model"]
 ModelT = TypeVar("ModelT", bound="Result")
 
 
@@ -52,7 +50,7 @@ class Modes(Result):
 
 
 class CampaignMeasures(Result):
-    """Measures of one campaign; a test whose simulation broke counts as executed, never as a failure.
+    """Measures of one campaign; an error counts as executed, never as a failure.
 
     theta: cumulative failures after each test (Eq. 4.17). f_measure, f_n: tests until the first and until the n-th failure
     (Eq. 4.18, 4.19), n = failures that random testing found in the budget (1 if it found none). c_measure: Eq. 4.20, against the
@@ -149,7 +147,7 @@ class FailureRegions(Result):
     """Failure regions of one search scenario over all its campaigns; `unassigned` failures lie in no dense group.
 
     connected: number of connected failure sets on the categories (Def. 4.19). not_solvable: failures in which full braking from the first
-    frame on in which a person could see the pedestrian would have come too late: no detector could mend them with this camera.
+    frame on in which a person could see the pedestrian would have come too late: no detector could avoid them with this camera.
     """
 
     scenario: str
@@ -161,117 +159,6 @@ class FailureRegions(Result):
     regions: tuple[FailureRegion, ...]
     unassigned: tuple[str, ...]
     not_solvable: tuple[str, ...]
-
-
-class Paired(Result):
-    """Two versions on the same tests: how many only one of them fails, and the exact McNemar p-value."""
-
-    version: str
-    against: str
-    tests: int
-    fixes: tuple[str, ...]
-    regressions: tuple[str, ...]
-    p_value: float
-
-
-class ScenarioResult(Result):
-    """One model version on one held-out scenario; `paired` is against the base."""
-
-    tests: int
-    failures: int
-    rate: Estimate
-    paired: Paired | None
-
-
-class VersionResult(Result):
-    """One model version on the frozen held-out sequence.
-
-    group: what versions that differ by the seed of retraining alone share; round: of retraining, 0 for the base. tests: valid executions.
-    change: tests that newly fail minus those that are mended, of the tests valid for it and the base. scenarios: by scenario.
-    """
-
-    version: str
-    group: str
-    round: int
-    tests: int
-    errors: int
-    failures: int
-    modes: Modes
-    scenarios: dict[str, ScenarioResult]
-    rate: Estimate
-    change: int
-    paired: Paired | None
-    verdict: Verdict
-
-
-class GroupResult(Result):
-    """Versions that differ by the seed of retraining alone: mean failures, in all and by scenario, with Student's intervals over the seeds;
-    of a single version Wilson's over the tests.
-
-    against_base: ratio of its mean to the base's failures; null where the base fails nowhere.
-    """
-
-    group: str
-    round: int
-    versions: tuple[str, ...]
-    failures: Estimate
-    scenarios: dict[str, Estimate]
-    against_base: float | None
-
-
-class GroupPair(Result):
-    """Two groups on the `tests` that all of their versions executed.
-
-    difference: mean failures of `group` minus those of `against`, with Student's interval over the seeds, paired by seed. p_value: exact
-    sign-flip test of the tests' differences, summed over seeds: whether these versions differ on tests like these. With one seed it is the
-    exact McNemar test.
-    """
-
-    group: str
-    against: str
-    tests: int
-    difference: Estimate
-    p_value: float
-
-    def shown(self, alpha: float) -> bool:
-        """Whether the tests tell them apart (p at most alpha) and the trainings do so, too: one seed says nothing of these, of several the
-        interval must leave 0 out. By the tests alone the luck of three trainings would pass for an effect in up to a fifth of cases.
-        """
-        return self.p_value <= alpha and not self.difference.low <= 0 <= self.difference.high
-
-
-class RegionResult(Result):
-    """A failure region of the base on the held-out sequence, and how many of the tests inside its rule each version fails."""
-
-    scenario: str
-    name: str
-    rule: str
-    tests: int
-    failures: dict[str, int]
-
-
-class Comparison(Result):
-    """All versions on one frozen sequence. A fix or a regression is named `<scenario>-<index>`, five digits.
-
-    pairs: exact McNemar test of every pair of versions, `against` the earlier one; group_pairs: the same for groups.
-    """
-
-    strategy: str
-    scenarios: dict[str, str]
-    sequence_digest: str
-    confidence: float
-    alpha: float
-    versions: tuple[VersionResult, ...]
-    groups: tuple[GroupResult, ...]
-    group_pairs: tuple[GroupPair, ...]
-    pairs: tuple[Paired, ...]
-    regions: tuple[RegionResult, ...]
-    champion: str
-    gate: dict[str, str]
-
-    def pair(self, version: str, against: str) -> Paired | None:
-        """The test of a version against an earlier one; None if there are not both."""
-        return next((pair for pair in self.pairs if (pair.version, pair.against) == (version, against)), None)
 
 
 class WhiteBoxSet(Result):
@@ -293,24 +180,6 @@ class WhiteBoxMeasures(Result):
     neurons: int
     training_images: int
     sets: tuple[WhiteBoxSet, ...]
-
-
-class TrackedRun(Result):
-    """One MLflow run that the study's results stand behind; its name and the digest of what was logged."""
-
-    name: str
-    kind: RunKind
-    digest: str
-
-
-class Tracking(Result):
-    """What was tracked. Holds neither run ids nor times: the same study gives the same file on any store."""
-
-    experiment: str
-    model: str
-    runs: tuple[TrackedRun, ...]
-    failures: dict[str, int]
-    champion: str
 
 
 def write(path: Path, result: Result) -> None:

@@ -17,7 +17,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Print the table; for a study without a comparison, where its results are."""
-    from pipeline.artefacts.results import Comparison, read
+    from pipeline.artefacts.comparison_results import Comparison
+    from pipeline.artefacts.results import read
     from pipeline.report.verdict import verdict_table
 
     comparison: Path | None = options.comparison

@@ -15,7 +15,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Print a row for each version."""
-    from pipeline.tracking.store import registered
+    from pipeline.tracking.registry import registered
 
     rows = [COLUMNS, *(tuple(row.get(name, "") for name in COLUMNS) for row in registered(options.store))]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]

@@ -5,74 +5,28 @@ from __future__ import annotations
 from collections.abc import Collection
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from pipeline.artefacts.dataset import decode_jpeg
+from pipeline.analysis.frame_criteria import CRITERIA, shows
 from pipeline.artefacts.filter_table import COLUMNS
-from pipeline.artefacts.tables import SIDES
-from pipeline.config.schema import Config
-from pipeline.core.boxes import iou
+from pipeline.config.schema import Config, Filter
 from pipeline.core.identity import CampaignId
 from pipeline.errors import InputError
 
-MIN_VISIBLE_SHARE = 0.1
 
-THUMBNAIL = (40, 24)
-SAME_GREY, SAME_IOU = 3.0, 0.8
-"""Two frames of an episode show the same if their thumbnails differ by less on average, and the pedestrian's boxes overlap by more."""
+def judge(frames: pd.DataFrame, section: Filter) -> pd.DataFrame:
+    """Keep or reject each frame by `CRITERIA`; rows in the order given, columns of the filter table.
 
-
-def judge(frames: pd.DataFrame, min_visible_pixels: int, min_detectability: float) -> pd.DataFrame:
-    """Keep or reject each frame by what shows of the pedestrian; rows in the order given, columns of the filter table.
-
-    frames: columns of frames.parquet. min_detectability: of contrast in grey levels times the square root of the visible pixels, because
-    the eye finds a fainter thing if it is larger (Rose, The sensitivity performance of the human eye, 1948). Reasons: `negative` (kept:
-    nobody shows, which teaches what is no pedestrian), `visible` (kept), `few_pixels`, `barely_in_view` (under a tenth of the pedestrian
-    shows), `low_contrast`.
+    frames: columns of frames.parquet, each episode's in the order of time. A frame that no criterion rejects is `visible` or, if the
+    pedestrian does not show, `negative`.
     """
-    pixels, whole = frames["visible_pixels"].to_numpy(), frames["whole_pixels"].to_numpy()
-    conditions = [
-        pixels == 0,
-        pixels < min_visible_pixels,
-        pixels / np.maximum(whole, 1) < MIN_VISIBLE_SHARE,
-        frames["contrast"].to_numpy() * np.sqrt(pixels) < min_detectability,
-    ]
-    reasons = np.select(conditions, ["negative", "few_pixels", "barely_in_view", "low_contrast"], default="visible")
-    kept = np.isin(reasons, ["negative", "visible"])
+    kept, reasons = np.ones(len(frames), bool), np.where(shows(frames), "visible", "negative").astype(object)
+    for criterion in CRITERIA:
+        rejected = kept & criterion.rejects(frames, kept, section)
+        reasons[rejected] = criterion.reason
+        kept &= ~rejected
     return frames.assign(kept=kept, reason=reasons)[list(COLUMNS)]
-
-
-def near_duplicates(frames: pd.DataFrame, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(n,) whether a kept frame shows the same as the frame of its episode that was last kept: a car that stands, a wait for a gap.
-
-    frames: columns of frames.parquet, each episode's in the order of time.
-    """
-    repeats = np.zeros(len(frames), bool)
-    boxes = frames[[f"visible_{side}" for side in SIDES]].to_numpy(float)
-    last: tuple[str, NDArray[np.float64], NDArray[np.float64]] | None = None
-    for row, (test_id, image) in enumerate(zip(frames["test_id"], frames["image"], strict=True)):
-        if not kept[row]:
-            continue
-        shown = cv2.resize(decode_jpeg(image), THUMBNAIL, interpolation=cv2.INTER_AREA).mean(axis=2)
-        if last is not None and last[0] == test_id and _same(shown, boxes[row], *last[1:]):
-            repeats[row] = True
-        else:
-            last = (test_id, shown, boxes[row])
-    return repeats
-
-
-def _same(shown: NDArray[np.float64], box: NDArray[np.float64], before: NDArray[np.float64], box_before: NDArray[np.float64]) -> bool:
-    if np.abs(shown - before).mean() >= SAME_GREY or np.isnan(box).any() != np.isnan(box_before).any():
-        return False
-    return bool(np.isnan(box).any() or iou([box], [box_before])[0, 0] > SAME_IOU)
-
-
-def thin(judged: pd.DataFrame, repeats: NDArray[np.bool_]) -> pd.DataFrame:
-    """Reject the frames that repeat another; reason `near_duplicate`."""
-    return judged.assign(kept=judged["kept"] & ~repeats, reason=judged["reason"].where(~repeats, "near_duplicate"))
 
 
 def overrule(judged: pd.DataFrame, overrules: pd.DataFrame, elsewhere: Collection[str], path: Path) -> pd.DataFrame:

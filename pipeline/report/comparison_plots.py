@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from pipeline.artefacts.results import Comparison
+from pipeline.artefacts.comparison_results import Comparison
 from pipeline.report.style import INK, MODE_COLOURS, MODE_NAMES, legend_below, panels, series_colours, styled
 
 

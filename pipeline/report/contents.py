@@ -12,8 +12,9 @@ import pandas as pd
 from hydra.utils import instantiate
 from matplotlib.figure import Figure
 
+from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.model_card import ModelCard
-from pipeline.artefacts.results import Comparison, FailureRegions, Measures, WhiteBoxMeasures
+from pipeline.artefacts.results import FailureRegions, Measures, WhiteBoxMeasures
 from pipeline.config.schema import Config
 from pipeline.core.space import Space
 from pipeline.progress import OnProgress

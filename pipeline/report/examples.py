@@ -8,8 +8,10 @@ from itertools import zip_longest
 
 import pandas as pd
 
+from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.points import concrete
-from pipeline.artefacts.results import Comparison, FailureRegions
+from pipeline.artefacts.results import FailureRegions
+from pipeline.core.comparison import SequenceTest
 from pipeline.core.space import Space, Value
 
 ROLES = {"medoid": "most typical failure", "worst": "worst failure", "furthest": "most unusual failure"}
@@ -56,19 +58,18 @@ def choose_pairs(comparison: Comparison, table: pd.DataFrame, spaces: Mapping[st
         assert result.paired is not None
         if result.paired.fixes or result.paired.regressions:
             fixes, regressions = result.paired.fixes[:1], result.paired.regressions[:1]
-            named = [*((name, "fix") for name in fixes), *((name, "regression") for name in regressions)]
+            changes = [*((test, "fix") for test in fixes), *((test, "regression") for test in regressions)]
             versions = (result.paired.against, result.version)
-            return [test for name, change in named for test in _both(comparison, versions, (name, change), table, spaces)]
+            return [chosen for change in changes for chosen in _both(comparison, versions, change, table, spaces)]
     return []
 
 
 def _both(
-    comparison: Comparison, versions: tuple[str, str], named: tuple[str, str], table: pd.DataFrame, spaces: Mapping[str, Space]
+    comparison: Comparison, versions: tuple[str, str], changed: tuple[SequenceTest, str], table: pd.DataFrame, spaces: Mapping[str, Space]
 ) -> list[Chosen]:
-    """The named test with both versions. named: `<scenario>-<index>`, and which change it is."""
-    name, change = named
-    scenario, index = name.rsplit("-", 1)
-    rows = table[(table["scenario"] == scenario) & (table["index"] == int(index))].set_index("version")
-    heading = f"{comparison.scenarios[scenario]} · {comparison.strategy} · {index}"
+    """A test with both versions. changed: the test, and which change it is."""
+    (test, change), scenario = changed, changed[0].scenario
+    rows = table[(table["scenario"] == scenario) & (table["index"] == test.index)].set_index("version")
+    heading = f"{comparison.scenarios[scenario]} · {comparison.strategy} · {test.index:05d}"
     reason = f"A {change} of {versions[1]} on a held-out test."
     return [Chosen(scenario, v, f"{heading} · {v}", reason, concrete(rows.loc[v], spaces[scenario])) for v in versions]

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
+from pipeline.analysis.frame_criteria import MEANINGS
 from pipeline.artefacts.model_card import ModelCard
 from pipeline.artefacts.results import FailureRegion, FailureRegions, Measures, StrategyMeasures, WhiteBoxMeasures, WhiteBoxSet
 from pipeline.report import texts
@@ -13,14 +14,6 @@ from pipeline.report.formats import decimal, over_seeds, percent
 from pipeline.report.page import Drawing, Film, Part, Section, Table
 
 METRICS = {"precision": "precision", "recall": "recall", "ap50": "AP50", "ap50_95": "AP50-95"}
-REASONS = {
-    "visible": "pedestrian visible",
-    "negative": "no pedestrian in the image",
-    "few_pixels": "too few visible pixels",
-    "barely_in_view": "less than a tenth of the pedestrian in view",
-    "low_contrast": "too little contrast",
-    "near_duplicate": "nearly the same as the frame before",
-}
 
 
 def headline(found: Sequence[FailureRegions]) -> str:
@@ -121,9 +114,9 @@ def data_section(
 
 
 def _frames(filters: Mapping[str, pd.DataFrame], border: Sequence[Drawing]) -> Part:
-    reasons = list(dict.fromkeys([*REASONS, *(str(r) for table in filters.values() for r in table["reason"].unique())]))
+    reasons = list(dict.fromkeys([*MEANINGS, *(str(r) for table in filters.values() for r in table["reason"].unique())]))
     rows = [
-        (REASONS.get(reason, reason), *(_kept(table, reason) for table in filters.values()))
+        (MEANINGS.get(reason, reason), *(_kept(table, reason) for table in filters.values()))
         for reason in reasons
         if any((table["reason"] == reason).any() for table in filters.values())
     ]

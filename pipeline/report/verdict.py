@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from pipeline.artefacts.results import Comparison, GroupPair, Paired, VersionResult
+from pipeline.artefacts.comparison_results import Comparison, GroupPair, VersionPair, VersionResult
 from pipeline.core.lineage import Version
 from pipeline.report.formats import counted
 
@@ -35,7 +35,7 @@ def verdict_sentences(comparison: Comparison) -> list[str]:
         f"★ champion: {comparison.champion}. p: exact McNemar test against base on the same tests. "
         f"A difference is shown at p ≤ {alpha}, not corrected for several comparisons."
     ]
-    if (passing := sum(reason.startswith("passes") for reason in comparison.gate.values())) > 1:
+    if (passing := sum(map(comparison.passes, comparison.gate))) > 1:
         chosen = f"{comparison.champion} is the best of {passing} versions that pass, chosen on these tests"
         sentences.append(f"{chosen}: expect more failures on new tests.")
     sentences += [_group_sentence(comparison, pair) for pair in comparison.group_pairs if _rivals(pair)]
@@ -65,7 +65,7 @@ def _group_sentence(comparison: Comparison, pair: GroupPair) -> str:
     return f"{pair.group} against {pair.against}: {outcome}; {p_value}{seeds_differ}."
 
 
-def _outcomes(paired: Paired) -> str:
+def _outcomes(paired: VersionPair) -> str:
     fixes, regressions = len(paired.fixes), len(paired.regressions)
     return f"passes {fixes} tests that {paired.against} fails, fails {regressions} that {paired.against} passes"
 

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from pipeline.artefacts.results import Comparison, Estimate, VersionResult
+from pipeline.artefacts.comparison_results import Comparison, VersionResult
+from pipeline.artefacts.results import Estimate
 from pipeline.core.statistics import wilson_interval
 from pipeline.report import texts
 from pipeline.report.formats import mean_text, percent, signed

@@ -32,8 +32,7 @@ def run(job: Job) -> None:
     info, logical = read_space(job.input("space"))
     table = pd.concat([read_tests(path) for path in job.inputs("tests")], ignore_index=True)
     table = table[table["status"] == "ok"].drop_duplicates(list(logical.names), ignore_index=True)
-    section, confidence = job.config.regions, job.config.comparison.confidence
-    regions = cluster(info, logical, table, section.chance_neighbours, section.min_failures, confidence)
+    regions = cluster(info, logical, table, job.config.regions, job.config.comparison.confidence)
     regions = regions.model_copy(update={"not_solvable": not_solvable(table, job.inputs("signals"))})
     write(job.output("regions"), regions)
     job.progress(1, 1, f"{len(regions.regions)} regions of {regions.failures} failures in {regions.tests} tests")

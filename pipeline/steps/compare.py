@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import pandas as pd
-
 from pipeline.artefacts.files import write_bytes, write_json
 from pipeline.artefacts.model_card import read_card
 from pipeline.artefacts.results import Measures, read, write
 from pipeline.artefacts.scenario_space import read_space
-from pipeline.artefacts.tables import campaign_of, read_tests, write_tests
+from pipeline.artefacts.tables import write_tests
 from pipeline.contract import Job, Step
 
 STEP = Step(
@@ -37,35 +35,24 @@ def run(job: Job) -> None:
     Raises InputError if the versions were not executed on the same points in the same order, if one has no campaign, was judged at
     another threshold than the config's, or has learnt a held-out town.
     """
-    from pipeline.analysis.comparison import _check_threshold, changed_tests, check_sequences, compare, flat_metrics, held_out_regions
+    from pipeline.analysis.comparison import base_regions, changed_tests, compare, flat_metrics
+    from pipeline.analysis.held_out import read_held_out
     from pipeline.learning.leakage import refuse_learnt
 
-    config = job.config
-    infos = {info.name: (info, space) for info, space in map(read_space, job.inputs("spaces"))}
+    config, settings = job.config, job.config.comparison
+    known = {info.name: (info, space) for info, space in map(read_space, job.inputs("spaces"))}
+    labels = {name: info.label for name, (info, _) in known.items()}
     cards = [read_card(path) for path in job.inputs("models")]
-    refuse_learnt(cards, [info for info, _ in infos.values()])
-    tables = {}
-    for done, path in enumerate(job.inputs("tests"), 1):
-        rows = read_tests(path).sort_values("index", ignore_index=True)
-        campaign = campaign_of(rows, path)
-        _check_threshold(rows, config.campaign.failure_threshold_s, path)
-        tables[campaign.scenario, campaign.version] = rows
-        job.progress(done, len(job.inputs("tests")), f"{campaign.scenario}/{campaign.version}")
-    versions = [card.version for card in cards]
-    digest = check_sequences(tables, {name: space.names for name, (_, space) in infos.items()}, versions)
-    joined = pd.concat([tables[name, version] for name in infos for version in versions], ignore_index=True)
-    labels = {name: info.label for name, (info, _) in infos.items()}
-    regions = [
-        region
-        for name, (info, space) in infos.items()
-        for region in held_out_regions(info, space, {version: tables[name, version] for version in versions}, config)
-    ]
-    settings = config.comparison
-    result = compare(joined, labels, versions, digest, regions, alpha=settings.alpha, confidence=settings.confidence)
+    refuse_learnt(cards, [info for info, _ in known.values()])
+    versions, threshold = [card.version for card in cards], config.campaign.failure_threshold_s
+    held_out = read_held_out(job.inputs("tests"), versions, labels, threshold, job.progress)
+    digest = held_out.digest({name: space.names for name, (_, space) in known.items()})
+    regions = base_regions(held_out, known, config.regions, settings.confidence)
+    result = compare(held_out, digest, regions, settings.alpha, settings.confidence)
     write(job.output("comparison"), result)
-    first = next(space for _, space in infos.values())
-    write_tests(job.output("table"), joined, first)
-    changes = changed_tests(result, joined, first.names)
+    first = next(space for _, space in known.values())
+    write_tests(job.output("table"), held_out.joined, first)
+    changes = changed_tests(result, held_out.joined, first.names)
     write_bytes(job.output("changes"), changes.to_csv(index=False, lineterminator="\n", float_format="%.6g").encode())
     detection = {card.version: card.metrics for card in cards}
     write_json(job.output("metrics"), flat_metrics(result, read(job.input("measures"), Measures), detection))

@@ -37,13 +37,11 @@ def run(job: Job) -> None:
 
     Raises InputError, naming the row, if a person's table (`filter.overrules`) overrules a frame that does not exist.
     """
-    from pipeline.learning.frame_filter import judge, judged_elsewhere, near_duplicates, overrule, thin
+    from pipeline.learning.frame_filter import judge, judged_elsewhere, overrule
 
     config, tables, frames = job.config, [], job.inputs("frames")
     for done, path in enumerate(frames, 1):
-        rows = read_frames(path)
-        judged = judge(rows, config.filter.min_visible_pixels, config.filter.min_detectability)
-        tables.append(thin(judged, near_duplicates(rows, judged["kept"].to_numpy(bool))))
+        tables.append(judge(read_frames(path), config.filter))
         job.progress(done, len(frames), "/".join(path.parts[-5:-1]))
     table = pd.concat(tables, ignore_index=True)
     for path in job.inputs("overrules"):

@@ -24,7 +24,7 @@ def run(job: Job) -> None:
 
     Raises InputError for a campaign without its space or its baseline of the same seed.
     """
-    from pipeline.analysis.measures import PROJECTION_K, _by_strategy, measure_campaign, summarise, theta_table
+    from pipeline.analysis.measures import PROJECTION_K, by_strategy, measure_campaign, summarise, theta_table
 
     baseline, confidence = job.config.strategies[0], job.config.comparison.confidence
     spaces = {info.name: space for info, space in map(read_space, job.inputs("spaces"))}
@@ -36,7 +36,7 @@ def run(job: Job) -> None:
     for done, campaign in enumerate(tables, 1):
         measured.append(measure_campaign(campaign, tables, spaces, baseline))
         job.progress(done, len(tables), str(campaign))
-    groups = tuple(summarise(group, confidence) for group in _by_strategy(measured))
+    groups = tuple(summarise(group, confidence) for group in by_strategy(measured))
     measures = Measures(confidence=confidence, k=PROJECTION_K, baseline=baseline, campaigns=tuple(measured), strategies=groups)
     write(job.output("measures"), measures)
     write_bytes(job.output("theta"), theta_table(measured).to_csv(index=False, lineterminator="\n").encode())

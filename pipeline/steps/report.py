@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import pandas as pd
 
+from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.files import write_bytes
 from pipeline.artefacts.filter_table import read_filter
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.model_card import read_card
-from pipeline.artefacts.results import Comparison, FailureRegions, Measures, WhiteBoxMeasures, read
+from pipeline.artefacts.results import FailureRegions, Measures, WhiteBoxMeasures, read
 from pipeline.artefacts.scenario_space import read_space
 from pipeline.artefacts.tables import read_tests
 from pipeline.config.schema import Config

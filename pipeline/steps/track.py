@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.folders import Folders
-from pipeline.artefacts.results import Comparison, Measures, TrackedRun, Tracking, read, write
+from pipeline.artefacts.results import Measures, read, write
+from pipeline.artefacts.tracking_results import TrackedRun, TrackedStudy
 from pipeline.config.schema import Config
 from pipeline.contract import Files, Job, Step, Wildcards
 
@@ -45,13 +47,16 @@ def run(job: Job) -> None:
     from pipeline.artefacts.tables import campaign_of, read_tests
     from pipeline.core.identity import CampaignId
     from pipeline.report.verdict import verdict_table
-    from pipeline.tracking.contents import campaign_content, comparison_content, git_commit, point_champion, registration_of, study_content
-    from pipeline.tracking.store import Tracker
+    from pipeline.tracking.champion import point_champion
+    from pipeline.tracking.contents import campaign_content, comparison_content, git_commit, registration_of, study_content
+    from pipeline.tracking.registry import Registry
+    from pipeline.tracking.runs import Tracker
 
     config, campaigns, models, plots = job.config, job.inputs("campaigns"), job.inputs("models"), job.inputs("plots")
     measured, compared = read(job.input("measures"), Measures), read(job.input("comparison"), Comparison)
     by_campaign = {CampaignId(c.scenario, c.strategy, c.version, c.seed): c for c in measured.campaigns}
     tracker = Tracker(STORE, ARTIFACTS, config.tracking.experiment, {"mlflow.source.git.commit": git_commit()})
+    registry = Registry(tracker)
     study = study_content(config)
     parent = tracker.log(study)
     contents, steps = [study], 2 + len(campaigns) + len(models)
@@ -68,13 +73,13 @@ def run(job: Job) -> None:
     for done, path in enumerate(models, len(campaigns) + 2):
         card = read_card(path)
         registration = registration_of(config, card, path, compared, plots)
-        number, run_id = tracker.register(registration, parent)
-        tracker.link(registration.model, number, runs.get(card.version, {}))
+        number, run_id = registry.register(registration, parent)
+        registry.link(registration.model, number, runs.get(card.version, {}))
         numbers[card.version], weights[card.version] = number, card.weights_sha256
         contents.append(registration.content)
         versions.append(run_id)
         job.progress(done, steps, registration.content.name)
-    alias = point_champion(tracker, config.tracking.model_name, compared, numbers, weights)
+    alias = point_champion(registry, config.tracking.model_name, compared, numbers, weights)
     job.progress(steps, steps, alias)
     text = "\n".join(
         [f"{alias[0].upper()}{alias[1:]}.\n", "```", verdict_table(compared, job.input("comparison").with_name("report.html")), "```"]
@@ -86,5 +91,5 @@ def run(job: Job) -> None:
     name = config.tracking.model_name
     write(
         job.output("tracking"),
-        Tracking(experiment=config.tracking.experiment, model=name, runs=tracked, failures=failures, champion=compared.champion),
+        TrackedStudy(experiment=config.tracking.experiment, model=name, runs=tracked, failures=failures, champion=compared.champion),
     )

@@ -29,7 +29,7 @@ STEP = Step(
 
 def run(job: Job) -> None:
     """Write white_box.json; InputError if a strategy has no frames."""
-    from pipeline.analysis.white_box import FRAMES, PROFILED, _drawn, _kept, _profile
+    from pipeline.analysis.white_box import FRAMES, PROFILED, drawn, kept_frames, profile_of
     from pipeline.core.coverage.whitebox import WhiteBox
     from pipeline.detectors.yolo.activations import activations
     from pipeline.detectors.yolo.threads import use_threads
@@ -37,17 +37,17 @@ def run(job: Job) -> None:
 
     use_threads(job.threads)
     network = load_weights(job.input("weights"))
-    kept = {strategy: _kept(job.inputs(f"frames_{strategy}")) for strategy in job.config.strategies}
+    kept = {strategy: kept_frames(job.inputs(f"frames_{strategy}")) for strategy in job.config.strategies}
     count = min(FRAMES, *map(len, kept.values()))
     if count == 0:
         raise InputError("white-box coverage needs frames of every strategy; run the campaigns with campaign.keep_every above 0")
     training, validation = (read_dataset(job.input("truth").parent, split).images for split in ("train", "val"))
     total = 2 + len(kept)
-    training = training[_drawn(len(training), min(PROFILED, len(training)))]
-    profile = _profile(network, training)
+    training = training[drawn(len(training), min(PROFILED, len(training)))]
+    profile = profile_of(network, training)
     job.progress(1, total, "profile of the training images")
-    images = {"validation images": validation[_drawn(len(validation), min(count, len(validation)))]}
-    images |= {strategy: np.stack([decode_jpeg(every[i]) for i in _drawn(len(every), count)]) for strategy, every in kept.items()}
+    images = {"validation images": validation[drawn(len(validation), min(count, len(validation)))]}
+    images |= {strategy: np.stack([decode_jpeg(every[i]) for i in drawn(len(every), count)]) for strategy, every in kept.items()}
     sets = []
     for name, batch in images.items():
         measured = WhiteBox(profile)

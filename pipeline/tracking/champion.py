@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections.abc import Mapping
 
-from pipeline.artefacts.results import Comparison
-from pipeline.core.statistics import mcnemar_p_value
+from pipeline.artefacts.comparison_results import Comparison
+from pipeline.core.comparison import clearly_better
+from pipeline.tracking.contents import WEIGHTS
+from pipeline.tracking.registry import Registry
+
+CHAMPION = "champion"
 
 
 def successor(comparison: Comparison, holder: str | None) -> tuple[str | None, str]:
@@ -19,7 +23,7 @@ def successor(comparison: Comparison, holder: str | None) -> tuple[str | None, s
         return None, "champion stays with a version not executed on these tests; to compare with it, give its folder as base.weights"
     if holder == best:
         return None, f"champion stays with {holder}"
-    if holder != base and not comparison.gate[holder].startswith("passes"):
+    if holder != base and not comparison.passes(holder):
         return best, f"champion moves to {best}, as {holder} is {comparison.gate[holder]}"
     if better(comparison, best, holder):
         return best, f"champion moves from {holder} to {best}, which fails significantly less"
@@ -35,6 +39,22 @@ def better(comparison: Comparison, version: str, other: str) -> bool:
         fixes, regressions = pair.regressions, pair.fixes
     else:
         raise ValueError(f"expected both {version} and {other} in the comparison")
-    fewer, more = (Counter(name.rpartition("-")[0] for name in names) for names in (fixes, regressions))
-    worse = [s for s in more if more[s] > fewer[s] and mcnemar_p_value(fewer[s], more[s]) <= comparison.alpha]
-    return len(fixes) > len(regressions) and pair.p_value <= comparison.alpha and not worse
+    return clearly_better(fixes, regressions, pair.p_value, comparison.alpha)
+
+
+def point_champion(registry: Registry, model: str, compared: Comparison, numbers: Mapping[str, str], weights: Mapping[str, str]) -> str:
+    """Let the alias `champion` follow the comparison, and say what became of it.
+
+    numbers, weights: number of the registered version, and SHA-256 of the weights, of each version. A holder of another study is one of
+    these versions if it has the weights of one: the shipped detector is every study's base.
+    """
+    number = registry.aliases(model).get(CHAMPION)
+    if number is None:
+        registry.set_alias(model, CHAMPION, numbers[compared.champion])
+        return f"champion is {compared.champion}, the first"
+    own = registry.tags(model, number).get(WEIGHTS)
+    same = [version for version in weights if numbers[version] == number] or [v for v, digest in weights.items() if digest == own]
+    version, why = successor(compared, same[0] if same else None)
+    if version is not None:
+        registry.set_alias(model, CHAMPION, numbers[version])
+    return why

@@ -1,4 +1,4 @@
-"""A study in MLflow's terms: runs of campaigns and comparisons, and registered model versions."""
+"""What MLflow holds of a study: the content of each run, and of each registered version."""
 
 from __future__ import annotations
 
@@ -11,33 +11,17 @@ from typing import Any
 import pandas as pd
 
 from pipeline.analysis.measures import count_modes
+from pipeline.artefacts.comparison_results import Comparison, VersionResult
 from pipeline.artefacts.model_card import ModelCard, read_curve
-from pipeline.artefacts.results import CampaignMeasures, Comparison, VersionResult
+from pipeline.artefacts.results import CampaignMeasures
 from pipeline.artefacts.tables import campaign_of
 from pipeline.config.schema import Config
 from pipeline.core.measures import failure_sequence
-from pipeline.tracking.champion import successor
-from pipeline.tracking.store import Content, DataSet, Registration, Tracker
+from pipeline.tracking.registry import Registration
+from pipeline.tracking.runs import Content, DataSet
 
-CHAMPION, WEIGHTS = "champion", "weights_sha256"
-
-
-def point_champion(tracker: Tracker, model: str, compared: Comparison, numbers: Mapping[str, str], weights: Mapping[str, str]) -> str:
-    """Let the alias `champion` follow the comparison, and say what became of it.
-
-    numbers, weights: number of the registered version, and SHA-256 of the weights, of each version. A holder of another study is one of
-    these versions if it has the weights of one: the shipped detector is every study's base.
-    """
-    number = tracker.aliases(model).get(CHAMPION)
-    if number is None:
-        tracker.set_alias(model, CHAMPION, numbers[compared.champion])
-        return f"champion is {compared.champion}, the first"
-    own = tracker.tags(model, number).get(WEIGHTS)
-    same = [version for version in weights if numbers[version] == number] or [v for v, digest in weights.items() if digest == own]
-    version, why = successor(compared, same[0] if same else None)
-    if version is not None:
-        tracker.set_alias(model, CHAMPION, numbers[version])
-    return why
+WEIGHTS = "weights_sha256"
+"""Tag of a registered version."""
 
 
 def study_content(config: Config) -> Content:
@@ -121,11 +105,11 @@ def model_content(config: Config, card: ModelCard, result: VersionResult, path: 
     params |= {f"training.{name}": str(value) for name, value in card.training.items()}
     tags: Mapping[str, str] = {WEIGHTS: card.weights_sha256, **{f"data.{name}": digest for name, digest in card.data.items()}}
     curve = path.with_name("curve.csv")
-    looks = read_curve(curve) if curve.exists() else []
+    points = read_curve(curve) if curve.exists() else []
     series = {
-        f"training.{name}": [(look.iteration, getattr(look, name)) for look in looks]
+        f"training.{name}": [(point.iteration, getattr(point, name)) for point in points]
         for name in ("learning_rate", "loss_scores", "loss_boxes", "ap50")
-        if looks
+        if points
     }
     study, later = config.study, card.training.get("round", 0) not in (0, 1)
     shipped = card.parent is None and config.base.source == "shipped"

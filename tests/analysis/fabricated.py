@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from contextlib import chdir
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,20 +13,22 @@ import pandas as pd
 from onnx import TensorProto, helper, numpy_helper
 
 from pipeline.artefacts.dataset import encode_jpeg
-from pipeline.artefacts.model_card import Look, ModelCard, write_card, write_curve
+from pipeline.artefacts.folders import Folders
+from pipeline.artefacts.model_card import CurvePoint, ModelCard, write_card, write_curve
 from pipeline.artefacts.results import WhiteBoxMeasures, WhiteBoxSet, write
 from pipeline.artefacts.scenario_space import ScenarioInfo, write_space
 from pipeline.artefacts.tables import FRAMES, TESTS, write_frames, write_signals, write_tests
 from pipeline.config.composing import compose
 from pipeline.config.schema import Config
+from pipeline.contract import Files, order_of, perform
 from pipeline.core.identity import CampaignId
 from pipeline.core.samplers.pairwise import PairwiseSampler
 from pipeline.core.signals import SIGNALS
 from pipeline.core.space import Floats, Space
-from pipeline.steps import cluster, compare, filter, measure
 
 VERSIONS = ("base", "control", "random", "adaptive")
-OVERRIDES = ["simulator=analytic", "detector=oracle", "seeds=[0,1]", "campaign.tests=60", "comparison.tests=60"]
+OVERRIDES = ["simulator=analytic", "detector=oracle", "seeds=[0,1]", "campaign.tests=60", "comparison.tests=60", "comparison.seed=0"]
+OVERRIDES += ["retraining.rounds=1", "retraining.seeds=[0]"]
 # How large the region is in which a version fails: fog above this at night.
 FOG_FROM = {"base": 12.0, "control": 18.0, "random": 50.0, "adaptive": 88.0}
 
@@ -32,16 +36,12 @@ FOG_FROM = {"base": 12.0, "control": 18.0, "random": 50.0, "adaptive": 88.0}
 IMAGES = [encode_jpeg(np.random.default_rng(step).integers(0, 255, (48, 80, 3), dtype=np.uint8)) for step in range(5)]
 
 
-def silent(done: int, total: int, text: str) -> None:
-    """Progress that nobody watches."""
-
-
 def make_tests(space: Space, keys: dict[str, Any], points: Floats, fog_from: float = 45.0) -> pd.DataFrame:
-    """Rows of tests.parquet: a test fails at night in fog from `fog_from` on; one test's simulation breaks in each 50."""
+    """Rows of tests.parquet: a test fails at night in fog from `fog_from` on; one test in each 50 is an error."""
     fog, altitude = points[:, space.names.index("fog")], points[:, space.names.index("sun_altitude")]
     near = np.maximum((fog_from - fog) / 60, (altitude - 2) / 60)
     failed = near <= 0
-    broken = (np.arange(len(points)) % 50 == 49) & ~failed
+    error = (np.arange(len(points)) % 50 == 49) & ~failed
     adjusted = np.where(failed, 0.02 + 0.05 * (np.arange(len(points)) % 2), 0.12 + np.clip(near, 0, 1.5))
     modes = np.where(failed, np.array(["contact", "late", "false_positives"])[np.arange(len(points)) % 3], "none")
     columns: dict[str, Any] = {column.name: 0 for column in TESTS}
@@ -51,10 +51,10 @@ def make_tests(space: Space, keys: dict[str, Any], points: Floats, fog_from: flo
         test_id=[str(test) for test in CampaignId(**keys).tests(len(points))],
         index=np.arange(len(points)),
         batch=np.arange(len(points)) // 20,
-        status=np.where(broken, "error", "ok"),
-        reason=np.where(broken, "planted", ""),
-        adj_ttc_s=np.where(broken, np.nan, adjusted),
-        ttc_s=np.where(broken, np.nan, adjusted),
+        status=np.where(error, "error", "ok"),
+        reason=np.where(error, "planted", ""),
+        adj_ttc_s=np.where(error, np.nan, adjusted),
+        ttc_s=np.where(error, np.nan, adjusted),
         failure=failed,
         failure_mode=modes,
         contact=modes == "contact",
@@ -116,57 +116,51 @@ def make_onnx(score: float) -> bytes:
 
 
 @dataclass
-class Study:
-    """Paths of a fabricated study under `root`, made up to and including the campaigns."""
+class FabricatedStudy:
+    """A study in a folder of its own, laid out as a real one and made up to and including the campaigns and the model versions."""
 
-    root: Path
+    folder: Path
     config: Config = field(default_factory=lambda: compose("default", OVERRIDES))
 
     @property
-    def search_spaces(self) -> list[Path]:
-        return [self.root / "space" / f"{name}.json" for name in self.config.search]
+    def files(self) -> Folders:
+        return Folders(self.config)
 
     @property
-    def held_out_spaces(self) -> list[Path]:
-        return [self.root / "space" / f"{name}.json" for name in self.config.held_out]
+    def root(self) -> Path:
+        return self.folder / self.files.root
 
-    def campaign(self, scenario: str, strategy: str, version: str, seed: int) -> Path:
-        return self.root / "campaigns" / scenario / strategy / version / str(seed)
+    def paths(self, files: Sequence[str]) -> list[Path]:
+        return [self.folder / path for path in files]
 
     @property
     def search_tests(self) -> list[Path]:
-        keys = [(n, s, seed) for n in self.config.search for s in self.config.strategies for seed in self.config.seeds]
-        return [self.campaign(name, strategy, "base", seed) / "tests.parquet" for name, strategy, seed in keys]
+        return self.paths(self.files.search("tests.parquet"))
 
     @property
     def held_out_tests(self) -> list[Path]:
-        return [self.campaign(name, "pairwise", v, 0) / "tests.parquet" for name in self.config.held_out for v in VERSIONS]
+        return self.paths(self.files.held_out("tests.parquet"))
 
     @property
     def cards(self) -> list[Path]:
-        return [self.root / "models" / version / "model.json" for version in VERSIONS]
-
-    @property
-    def filters(self) -> list[Path]:
-        return [self.root / "filter" / f"{strategy}.csv" for strategy in self.config.strategies]
-
-    def frames(self, strategy: str) -> list[Path]:
-        return [p.with_name("frames.parquet") for p in self.search_tests if p.parts[-4] == strategy]
+        return self.paths(self.files.models("model.json"))
 
     @property
     def regions(self) -> list[Path]:
-        return [self.root / "regions" / f"{name}.json" for name in self.config.search]
+        return self.paths([self.files.regions("base", name) for name in self.config.search])
 
-    @property
-    def white_box(self) -> Path:
-        return self.root / "white_box.json"
+    def run(self, step: str, reads: Mapping[str, Files] | None = None, **wildcards: str) -> None:
+        """Perform a step. reads: files to be read in place of those of the study."""
+        with chdir(self.folder):
+            order = order_of(step, self.config, wildcards, "made")
+            perform(replace(order, reads={**order.reads, **(reads or {})}), self.config)
 
-    def make(self) -> Study:
+    def make(self) -> FabricatedStudy:
         """Write spaces, campaigns and model versions."""
         for name in (*self.config.search, *self.config.held_out):
             scenario = self.config.scenarios[name]
             info = ScenarioInfo(name, scenario.label, scenario.description, 8084, scenario.town.fingerprint)
-            write_space(self.root / "space" / f"{name}.json", info, self.config.space(name))
+            write_space(self.folder / self.files.space(name), info, self.config.space(name))
         for path in self.search_tests:
             self._search(path)
         for name in self.config.held_out:
@@ -176,36 +170,17 @@ class Study:
         sets = [
             WhiteBoxSet(name=name, images=9, neuron=1, multisection=0.5, strong=0.1, top=0.4, pairs=0.9) for name in self.config.strategies
         ]
-        write(self.white_box, WhiteBoxMeasures(layers=2, neurons=48, training_images=20, sets=tuple(sets)))
+        write(self.root / "white_box.json", WhiteBoxMeasures(layers=2, neurons=48, training_images=20, sets=tuple(sets)))
         return self
 
-    def analyse(self) -> Study:
+    def analyse(self) -> FabricatedStudy:
         """Run the steps from `measure` to `compare`."""
-        for name, path in zip(self.config.search, self.regions, strict=True):
-            tests = [p for p in self.search_tests if p.parts[-5] == name]
-            cluster.run(self.config, tests=tests, space=self.root / "space" / f"{name}.json", out=path, progress=silent)
-        for strategy, path in zip(self.config.strategies, self.filters, strict=True):
-            filter.run(self.config, frames=self.frames(strategy), out=path, progress=silent)
-        measure.run(
-            self.config,
-            tests=self.search_tests,
-            spaces=self.search_spaces,
-            out=self.root / "measures.json",
-            theta=self.root / "theta.csv",
-            progress=silent,
-        )
-        compare.run(
-            self.config,
-            tests=self.held_out_tests,
-            spaces=self.held_out_spaces,
-            models=self.cards,
-            measures=self.root / "measures.json",
-            out=self.root / "comparison.json",
-            table=self.root / "comparison.parquet",
-            changes=self.root / "changes.csv",
-            metrics=self.root / "metrics.json",
-            progress=silent,
-        )
+        for name in self.config.search:
+            self.run("cluster", version="base", scenario=name)
+        for strategy in self.config.strategies:
+            self.run("filter", kind="filter", strategy=strategy, version="base")
+        self.run("measure")
+        self.run("compare")
         return self
 
     def _search(self, path: Path) -> None:
@@ -223,10 +198,9 @@ class Study:
         space, count = self.config.space(name), self.config.comparison.tests
         sampler = PairwiseSampler(space, 0, batch_size=count)
         points = sampler.ask()
-        for version in VERSIONS:
-            keys = {"scenario": name, "strategy": "pairwise", "version": version, "seed": 0}
-            tests = make_tests(space, keys, points, FOG_FROM[version])
-            write_tests(self.campaign(name, "pairwise", version, 0) / "tests.parquet", tests, space)
+        for path in (path for path in self.held_out_tests if path.parts[-5] == name):
+            keys = {"scenario": name, "strategy": "pairwise", "version": path.parts[-3], "seed": 0}
+            write_tests(path, make_tests(space, keys, points, FOG_FROM[path.parts[-3]]), space)
 
     def _model(self, version: str, path: Path, rank: int) -> None:
         card = ModelCard(
@@ -247,4 +221,6 @@ class Study:
         write_card(path, card)
         path.with_name("weights.safetensors").write_bytes(f"weights {rank}".encode())
         path.with_name("model.onnx").write_bytes(make_onnx(rank / 10))
-        write_curve(path.with_name("curve.csv"), [Look(10, 3e-4, 1.5, 0.3, 0.8), Look(20, 1e-5, 1.2, 0.2, 0.85)] if rank else [])
+        write_curve(
+            path.with_name("curve.csv"), [CurvePoint(10, 3e-4, 1.5, 0.3, 0.8), CurvePoint(20, 1e-5, 1.2, 0.2, 0.85)] if rank else []
+        )

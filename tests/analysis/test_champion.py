@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import pandas as pd
 import pytest
 
+from pipeline.analysis.comparison import compare
 from pipeline.tracking.champion import better, successor
-from tests.analysis.test_compare import LABELS, compare, compared, table
+from tests.analysis.test_compare import compared, held_out, table
 
 BASE = "c" * 20 + "." * 20
 FEW = "c" * 8 + "." * 32
@@ -42,9 +44,7 @@ def test_successor(holder: str | None, versions: dict[str, str], taken: str | No
 def test_a_version_that_is_worse_on_one_scenario_is_not_better() -> None:
     first = {"base": "c" * 20, "random": "c" * 15 + "." * 5, "adaptive": "." * 20}
     second = {"base": "c" * 20, "random": "." * 20, "adaptive": "c" * 6 + "." * 14}
-    tests = [table(first), table(second).assign(scenario="F2star")]
-    result = compare.compare(
-        compare.pd.concat(tests), LABELS | {"F2star": "F2*"}, list(first), "digest", alpha=0.05, confidence=0.95
-    )  # fmt: skip
+    tests = pd.concat([table(first), table(second).assign(scenario="F2star")])
+    result = compare(held_out(tests), "digest", [], alpha=0.05, confidence=0.95)
     assert not better(result, "adaptive", "random") and not better(result, "random", "adaptive")
     assert better(result, "adaptive", "base")

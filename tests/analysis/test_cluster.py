@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
+from pipeline.analysis.failure_regions import cluster
 from pipeline.artefacts.results import FailureRegions, read
 from pipeline.artefacts.scenario_space import ScenarioInfo
+from pipeline.config.schema import Regions
 from pipeline.core.growth import Tested, grow_regions
 from pipeline.core.space import Space, Variable
-from pipeline.steps import cluster
-from tests.analysis.fabricated import Study, make_tests
+from tests.analysis.fabricated import FabricatedStudy, make_tests
 
 SPACE = Space((Variable("fog", "continuous", "%", 0, 100, 10), Variable("sun_altitude", "continuous", "deg", -20, 90, 10)))
 KEYS = {"scenario": "F", "strategy": "random", "version": "base", "seed": 0}
@@ -22,7 +23,7 @@ INFO = ScenarioInfo("F", "F", "", 1)
 def test_planted_region_is_found_with_its_rule() -> None:
     tests = make_tests(SPACE, KEYS, SPACE.sample(400, np.random.default_rng(0)), fog_from=60)
     tests = tests[tests["status"] == "ok"].reset_index(drop=True)
-    result = cluster.cluster(INFO, SPACE, tests, chance_neighbours=1, min_failures=4, confidence=0.95)
+    result = cluster(INFO, SPACE, tests, Regions(chance_neighbours=1, min_failures=4), confidence=0.95)
     assert len(result.regions) == 1
     region = result.regions[0]
     assert region.rule == "fog >= 60 % and sun_altitude <= 5 deg"
@@ -44,14 +45,14 @@ def test_two_corners_are_two_regions() -> None:
     tests["failure"] = np.arange(len(tests)) < 16
     tests["failure_mode"] = np.where(tests["failure"], "late", "none")
     tests["status"] = "ok"
-    result = cluster.cluster(INFO, SPACE, tests, chance_neighbours=0.5, min_failures=3, confidence=0.95)
+    result = cluster(INFO, SPACE, tests, Regions(chance_neighbours=0.5, min_failures=3), confidence=0.95)
     assert [len(region.members) for region in result.regions] == [8, 8]
     assert {region.support for region in result.regions} == {8}
 
 
 def test_no_failure_is_no_region() -> None:
     tests = make_tests(SPACE, KEYS, SPACE.sample(20, np.random.default_rng(0)), fog_from=1000)
-    result = cluster.cluster(INFO, SPACE, tests, chance_neighbours=0.5, min_failures=3, confidence=0.95)
+    result = cluster(INFO, SPACE, tests, Regions(chance_neighbours=0.5, min_failures=3), confidence=0.95)
     assert (result.failures, result.regions, result.unassigned, result.connected) == (0, (), (), 0)
 
 
@@ -76,18 +77,19 @@ def test_growing_keeps_away_from_loose_rules_and_drops_crumbs() -> None:
 
 
 def test_a_test_that_two_campaigns_executed_counts_once(tmp_path: Path) -> None:
-    study = Study(tmp_path / "study").make()
-    once, twice = (tmp_path / name for name in ("once.json", "twice.json"))
-    same = tmp_path / "same" / "tests.parquet"
-    campaign = study.search_tests[0]
+    study = FabricatedStudy(tmp_path / "study").make()
+    campaign, same = study.search_tests[0], tmp_path / "same" / "tests.parquet"
     shutil.copytree(campaign.parent, same.parent)
-    for out, tests in ((once, [campaign]), (twice, [campaign, same])):
-        cluster.run(study.config, tests=tests, space=study.search_spaces[0], out=out, progress=lambda *_: None)
-    assert once.read_bytes() == twice.read_bytes()
+    found = []
+    for tests in ([campaign], [campaign, same]):
+        signals = [str(path.with_name("signals.parquet")) for path in tests]
+        study.run("cluster", {"tests": list(map(str, tests)), "signals": signals}, version="base", scenario="F1")
+        found.append(study.regions[0].read_bytes())
+    assert found[0] == found[1]
 
 
 def test_step_on_files(tmp_path: Path) -> None:
-    study = Study(tmp_path).make().analyse()
+    study = FabricatedStudy(tmp_path).make().analyse()
     for path in study.regions:
         result = read(path, FailureRegions)
         members = [test for region in result.regions for test in region.members]

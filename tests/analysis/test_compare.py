@@ -9,22 +9,25 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pipeline.analysis.comparison import base_regions, changed_tests, compare
+from pipeline.analysis.held_out import HeldOut
+from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.files import read_json
-from pipeline.artefacts.results import Comparison, read
+from pipeline.artefacts.results import read, write
 from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.artefacts.tables import read_tests, write_tests
 from pipeline.config.composing import compose
+from pipeline.core.comparison import SequenceTest
 from pipeline.errors import InputError
 from pipeline.report.verdict import verdict_table
-from pipeline.steps import compare
-from tests.analysis.fabricated import Study
+from tests.analysis.fabricated import FabricatedStudy
 from tests.spaces import SMALL
 
 LABELS = {"F1star": "F1*"}
 
 
 def table(outcomes: Mapping[str, str]) -> pd.DataFrame:
-    """Tests of versions from strings: '.' passes, 'c' contact, 'l' late, 'f' by false positives alone, 'e' broken."""
+    """Tests of versions from strings: '.' passes, 'c' contact, 'l' late, 'f' by false positives alone, 'e' error."""
     modes = {".": "none", "c": "contact", "l": "late", "f": "false_positives", "e": "none"}
     return pd.DataFrame(
         [
@@ -44,8 +47,15 @@ def table(outcomes: Mapping[str, str]) -> pd.DataFrame:
     )
 
 
+def held_out(tests: pd.DataFrame) -> HeldOut:
+    """Tests as `HeldOut`, versions and scenarios in the order in which they come."""
+    tables = {key: rows.reset_index(drop=True) for key, rows in tests.groupby(["scenario", "version"], sort=False)}
+    labels = {name: name.replace("star", "*") for name in tests["scenario"].unique()}
+    return HeldOut(tuple(tests["version"].unique()), labels, tables)
+
+
 def compared(**outcomes: str) -> Comparison:
-    return compare.compare(table(outcomes), LABELS, list(outcomes), "digest", alpha=0.05, confidence=0.95)
+    return compare(held_out(table(outcomes)), "digest", [], alpha=0.05, confidence=0.95)
 
 
 def test_counts_pairs_and_exact_p_value() -> None:
@@ -53,8 +63,8 @@ def test_counts_pairs_and_exact_p_value() -> None:
     base, adaptive = result.versions
     assert (base.failures, base.modes.contact, base.modes.by_ttc, base.verdict) == (8, 6, 7, "baseline")
     assert adaptive.paired is not None
-    assert adaptive.paired.fixes == tuple(f"F1star-{i:05d}" for i in range(1, 8))
-    assert adaptive.paired.regressions == ("F1star-00008",)
+    assert adaptive.paired.fixes == tuple(SequenceTest("F1star", i) for i in range(1, 8))
+    assert adaptive.paired.regressions == (SequenceTest("F1star", 8),)
     # Eight discordant tests, one against seven: 2 * (1 + 8) / 2 ** 8.
     assert adaptive.paired.p_value == pytest.approx(18 / 256)
     assert (adaptive.change, adaptive.verdict) == (-6, "no difference shown")
@@ -67,12 +77,13 @@ def test_verdicts() -> None:
     assert [version.verdict for version in result.versions] == ["baseline", "better", "worse"]
 
 
-def test_broken_tests_do_not_count_in_pairs() -> None:
+def test_errors_do_not_count_in_pairs() -> None:
     result = compared(base="cc.e", adaptive="e.c.")
     adaptive = result.versions[1]
     assert (adaptive.tests, adaptive.errors, adaptive.failures) == (3, 1, 1)
     assert adaptive.paired is not None
-    assert (adaptive.paired.tests, adaptive.paired.fixes, adaptive.paired.regressions) == (2, ("F1star-00001",), ("F1star-00002",))
+    assert adaptive.paired.tests == 2
+    assert (adaptive.paired.fixes, adaptive.paired.regressions) == ((SequenceTest("F1star", 1),), (SequenceTest("F1star", 2),))
 
 
 EIGHT, NONE = "c" * 8 + "." * 8, "." * 16
@@ -90,13 +101,13 @@ EIGHT, NONE = "c" * 8 + "." * 8, "." * 16
 def test_champion(outcomes: dict[str, str], champion: str) -> None:
     result = compared(**outcomes)
     assert result.champion == champion
-    assert result.gate[champion].startswith("the reference" if champion == "base" else "passes")
+    assert result.gate["base"] == "the reference" and result.passes(champion) == (champion != "base")
 
 
 def test_a_version_that_is_worse_somewhere_is_held_back() -> None:
     first, second = table({"base": "c" * 20 + "." * 10, "adaptive": "." * 30}), table({"base": "." * 9, "adaptive": "c" * 7 + ".."})
     tests = pd.concat([first, second.assign(scenario="F2star")], ignore_index=True)
-    result = compare.compare(tests, {**LABELS, "F2star": "F2*"}, ["base", "adaptive"], "digest", alpha=0.05, confidence=0.95)
+    result = compare(held_out(tests), "digest", [], alpha=0.05, confidence=0.95)
     assert result.versions[1].verdict == "better" and result.champion == "base"
     assert result.gate["adaptive"] == "held back: significantly more failures than base on F2*"
 
@@ -104,13 +115,13 @@ def test_a_version_that_is_worse_somewhere_is_held_back() -> None:
 def test_the_gate_names_a_scenario_with_more_failures_that_are_not_significant() -> None:
     first, second = table({"base": "c" * 20 + "." * 10, "adaptive": "." * 30}), table({"base": "." * 9, "adaptive": "ccc......"})
     tests = pd.concat([first, second.assign(scenario="F2star")], ignore_index=True)
-    result = compare.compare(tests, {**LABELS, "F2star": "F2*"}, ["base", "adaptive"], "digest", alpha=0.05, confidence=0.95)
+    result = compare(held_out(tests), "digest", [], alpha=0.05, confidence=0.95)
     assert result.champion == "adaptive" and result.gate["adaptive"].endswith("more on F2* but not significantly")
 
 
-def test_a_version_that_breaks_more_tests_is_held_back() -> None:
+def test_a_version_with_more_errors_is_held_back() -> None:
     result = compared(base="c" * 8 + "." * 92, control="cc" + "." * 98, adaptive="." * 8 + "e" * 92)
-    assert result.gate["adaptive"] == "held back: 92 tests broke, 0 with base"
+    assert result.gate["adaptive"] == "held back: 92 errors, 0 with base"
     assert result.champion == "control"
 
 
@@ -146,7 +157,7 @@ def test_groups_are_compared_over_all_seeds() -> None:
         **{"base": "cccccc..", "random": "ccc...e.", "random-s1": "cc......", "adaptive": "c.......", "adaptive-s1": "......c."}
     )
     pair = next(pair for pair in result.group_pairs if (pair.group, pair.against) == ("adaptive", "random"))
-    # The broken test counts for nobody. By test, seeds summed: -1, -2, -1, 0 ...: of the 8 signs 2 reach so far.
+    # The error counts for nobody. By test, seeds summed: -1, -2, -1, 0 ...: of the 8 signs 2 reach so far.
     assert (pair.tests, pair.difference.value, pair.p_value) == (7, -2, 0.25)
     assert (pair.difference.low, pair.difference.high) == (-2, -2)
     base = next(pair for pair in result.group_pairs if (pair.group, pair.against) == ("adaptive", "base"))
@@ -165,13 +176,13 @@ def test_one_seed_leaves_mcnemar() -> None:
 
 def test_changed_tests_are_listed_with_what_they_were_and_are() -> None:
     tests = table({"base": "cc.", "adaptive": "c.f"}).assign(adj_ttc_s=0.5, false_positives=1, first_detection_m=9.0, fog=[10, 20, 30] * 2)
-    result = compare.compare(tests, LABELS, ["base", "adaptive"], "digest", alpha=0.05, confidence=0.95)
-    changes = compare.changed_tests(result, tests, ["fog"])
+    result = compare(held_out(tests), "digest", [], alpha=0.05, confidence=0.95)
+    changes = changed_tests(result, tests, ["fog"])
     assert changes[["version", "change", "index", "failure_mode_before", "failure_mode_after", "fog"]].to_numpy().tolist() == [
         ["adaptive", "regression", 2, "none", "false_positives", 30],
-        ["adaptive", "repair", 1, "contact", "none", 20],
+        ["adaptive", "fix", 1, "contact", "none", 20],
     ]
-    assert len(compare.changed_tests(compared(base="..."), tests, ["fog"])) == 0
+    assert len(changed_tests(compared(base="..."), tests, ["fog"])) == 0
 
 
 def test_failures_are_counted_in_the_regions_of_the_base() -> None:
@@ -184,25 +195,27 @@ def test_failures_are_counted_in_the_regions_of_the_base() -> None:
         modes = np.where(failed, "contact", "none")
         ids = [f"F1star-pairwise-{version}-0-{i:05d}" for i in range(200)]
         tests[version] = rows.assign(test_id=ids, failure=failed, failure_mode=modes, adj_ttc_s=np.where(failed, 0.0, 1.0))
-    (region,) = compare.held_out_regions(ScenarioInfo("F1star", "F1*", "", 100), SMALL, tests, compose("default", []))
+    sequence = HeldOut(("base", "adaptive"), LABELS, {("F1star", version): found for version, found in tests.items()})
+    spaces = {"F1star": (ScenarioInfo("F1star", "F1*", "", 100), SMALL)}
+    (region,) = base_regions(sequence, spaces, compose("default", []).regions, confidence=0.95)
     assert (region.scenario, region.name) == ("F1star", "F1* region 1")
     assert region.failures == {"base": 30, "adaptive": 2} and 30 <= region.tests < 60
 
 
 def test_step_on_files(tmp_path: Path) -> None:
-    study = Study(tmp_path).make().analyse()
-    result = read(tmp_path / "comparison.json", Comparison)
+    study = FabricatedStudy(tmp_path).make().analyse()
+    result = read(study.root / "comparison.json", Comparison)
     assert [version.version for version in result.versions] == ["base", "control", "random", "adaptive"]
     assert result.champion == "adaptive"
-    assert len(read_tests(tmp_path / "comparison.parquet")) == 4 * study.config.comparison.tests
+    assert len(read_tests(study.root / "comparison.parquet")) == 4 * study.config.comparison.tests
     assert result.versions[3].scenarios["F1star"].failures == result.versions[3].failures
-    changes = pd.read_csv(tmp_path / "changes.csv")
+    changes = pd.read_csv(study.root / "changes.csv")
     assert (changes["version"] == "adaptive").sum() == -result.versions[3].change
-    metrics = read_json(tmp_path / "metrics.json")
+    metrics = read_json(study.root / "metrics.json")
     assert metrics["adaptive"]["failures"] == result.versions[3].failures
     assert metrics["base"]["ap50"] == 0.88
     assert "c_measure" in metrics["F1-neural"]
-    text = verdict_table(result, tmp_path / "report.html")
+    text = verdict_table(result, study.root / "report.html")
     assert "adaptive ★" in text
     assert "F1*" in text
     assert text.splitlines()[-1].startswith("Next: open ")
@@ -210,8 +223,19 @@ def test_step_on_files(tmp_path: Path) -> None:
     assert "./run ui" in text
 
 
+def test_a_fix_that_names_no_test_is_refused_on_reading(tmp_path: Path) -> None:
+    path, result = tmp_path / "comparison.json", compared(base="ccc", adaptive="...")
+    write(path, result)
+    assert read(path, Comparison) == result and "F1star-00002" in path.read_text()
+    path.write_text(path.read_text().replace("F1star-00002", "F1star"))
+    wrong = "versions.1.scenarios.F1star.paired.fixes.2: Value error, expected the name of a test, as F1star-00042, got 'F1star'"
+    with pytest.raises(InputError) as caught:
+        read(path, Comparison)
+    assert str(caught.value) == f"{path} is not a Comparison file: {wrong}; make it again"
+
+
 def test_another_sequence_is_refused_with_the_first_difference(tmp_path: Path) -> None:
-    study = Study(tmp_path).make()
+    study = FabricatedStudy(tmp_path).make()
     path = study.held_out_tests[2]
     tests = read_tests(path)
     tests.loc[7, "fog"] = 41.0
@@ -224,7 +248,7 @@ def test_another_sequence_is_refused_with_the_first_difference(tmp_path: Path) -
 
 
 def test_tests_that_were_judged_at_another_threshold_are_refused(tmp_path: Path) -> None:
-    study = Study(tmp_path).make()
+    study = FabricatedStudy(tmp_path).make()
     campaign = study.config.campaign.model_copy(update={"failure_threshold_s": 0.9})
     study.config = study.config.model_copy(update={"campaign": campaign})
     with pytest.raises(InputError, match=r"tests\.parquet, test \d+: expected a failure at an adjusted TTC of 0\.9 s or below"):
@@ -234,4 +258,4 @@ def test_tests_that_were_judged_at_another_threshold_are_refused(tmp_path: Path)
 def test_a_version_without_campaign_is_named() -> None:
     tests = {("F1star", "base"): table({"base": ".."})}
     with pytest.raises(InputError, match="expected a campaign of version 'control' on held-out scenario 'F1star'"):
-        compare.check_sequences(tests, {"F1star": []}, ["base", "control"])
+        HeldOut(("base", "control"), LABELS, tests).digest({"F1star": []})

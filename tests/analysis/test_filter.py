@@ -8,40 +8,63 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pipeline.analysis.frame_criteria import CRITERIA, KEPT, MEANINGS, SIDES, Criterion
 from pipeline.artefacts.dataset import encode_jpeg
 from pipeline.artefacts.filter_table import read_filter, read_overrules
+from pipeline.config.schema import Filter
 from pipeline.errors import InputError
-from pipeline.steps import filter
-from tests.analysis.fabricated import Study, silent
+from pipeline.learning import frame_filter
+from pipeline.learning.frame_filter import judge
+from tests.analysis.fabricated import FabricatedStudy
 
+SECTION = Filter(min_visible_pixels=20, min_detectability=60, overrules=None)
+IMAGE = encode_jpeg(np.zeros((48, 80, 3), np.uint8))
 FRAMES = pd.DataFrame(
     {
-        "test_id": "F-random-base-0-00000",
+        "test_id": [f"F-random-base-0-{i:05d}" for i in range(7)],
         "step": range(7),
+        "image": [IMAGE] * 7,
         "visible_pixels": [0, 0, 19, 25, 25, 90, 900],
         "whole_pixels": [0, 500, 19, 25, 25, 901, 900],
         "contrast": [0.0, 0.0, 50.0, 11.9, 12.0, 50.0, 2.0],
         "confidence": 0.0,
+        **{f"visible_{side}": 0.0 for side in SIDES},
     }
 )
 
 
 def test_reasons_at_their_limits() -> None:
-    judged = filter.judge(FRAMES, min_visible_pixels=20, min_detectability=60)
+    judged = judge(FRAMES, SECTION)
     assert judged["reason"].tolist() == ["negative", "negative", "few_pixels", "low_contrast", "visible", "barely_in_view", "visible"]
     assert judged["kept"].tolist() == [True, True, False, False, True, False, True]
 
 
-def run(study: Study, overrules: Path) -> pd.DataFrame:
+def test_the_first_criterion_gives_the_reason() -> None:
+    # Few, barely in view and faint; barely in view and faint.
+    frames = FRAMES.head(2).assign(visible_pixels=[10, 30], whole_pixels=1000, contrast=1.0)
+    assert judge(frames, SECTION)["reason"].tolist() == ["few_pixels", "barely_in_view"]
+
+
+def test_every_reason_has_a_meaning() -> None:
+    assert set(judge(FRAMES, SECTION)["reason"]) <= set(MEANINGS)
+    assert len(MEANINGS) == len(KEPT) + len(CRITERIA) and len(set(MEANINGS.values())) == len(MEANINGS)
+
+
+def test_a_new_criterion_judges_by_its_declaration_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    unsure = Criterion("unsure", "the detector hardly sees it", lambda frames, kept, _: kept & (frames["confidence"] < 0.1).to_numpy())
+    monkeypatch.setattr(frame_filter, "CRITERIA", (unsure, *CRITERIA))
+    assert set(judge(FRAMES, SECTION)["reason"]) == {"unsure"}
+
+
+def run(study: FabricatedStudy, overrules: Path) -> pd.DataFrame:
     section = study.config.filter.model_copy(update={"overrules": str(overrules)})
-    out = study.root / "filter.csv"
-    config = study.config.model_copy(update={"filter": section})
-    filter.run(config, frames=study.frames("random"), out=out, progress=silent)
-    return read_filter(out).set_index(["test_id", "step"])
+    study.config = study.config.model_copy(update={"filter": section})
+    study.run("filter", kind="filter", strategy="random", version="base")
+    return read_filter(study.folder / study.files.filter("random")).set_index(["test_id", "step"])
 
 
 def test_a_person_overrules(tmp_path: Path) -> None:
-    study, path = Study(tmp_path).make(), tmp_path / "overrules.csv"
+    study, path = FabricatedStudy(tmp_path).make(), tmp_path / "overrules.csv"
     path.write_text("test_id,step,keep\nF1-random-base-0-00001,1,true\nF1-random-base-0-00001,4,no\nF1-neural-base-0-00001,1,true\n")
     table = run(study, path)
     assert len(table) == 4 * 6 * 5
@@ -71,7 +94,7 @@ def test_a_person_overrules(tmp_path: Path) -> None:
     ],
 )
 def test_wrong_rows_are_named(tmp_path: Path, row: str, message: str) -> None:
-    study, path = Study(tmp_path).make(), tmp_path / "overrules.csv"
+    study, path = FabricatedStudy(tmp_path).make(), tmp_path / "overrules.csv"
     path.write_text(f"test_id,step,keep\n{row}\n")
     with pytest.raises(InputError) as caught:
         run(study, path)
@@ -95,10 +118,12 @@ def test_what_an_episode_shows_twice_is_kept_once() -> None:
     # Episode a: the same twice, another place of the pedestrian, nobody; twice another view. Episode b: the first view again.
     rows = [("a", 0, 0), ("a", 0, 1), ("a", 0, 2), ("a", 0, 3), ("a", 1, 3), ("a", 1, 3), ("b", 0, 0)]
     frames = pd.DataFrame({"test_id": [test for test, _, _ in rows], "image": [encode_jpeg(views[view]) for _, view, _ in rows]})
-    for position, side in enumerate(("left", "top", "right", "bottom")):
+    frames = frames.assign(step=range(7), visible_pixels=500, whole_pixels=500, contrast=50.0, confidence=0.0)
+    for position, side in enumerate(SIDES):
         frames[f"visible_{side}"] = [boxes[box][position] for _, _, box in rows]
-    assert filter.near_duplicates(frames, np.ones(7, bool)).tolist() == [False, True, False, False, False, True, False]
+    assert judge(frames, SECTION)["kept"].tolist() == [True, False, True, True, True, False, True]
     # What was rejected for another reason is nothing to compare with.
-    assert filter.near_duplicates(frames, np.array([False, *[True] * 6])).tolist() == [False, False, False, False, False, True, False]
-    judged = pd.DataFrame({"kept": [True, True, False], "reason": ["visible", "visible", "few_pixels"]})
-    assert filter.thin(judged, np.array([False, True, False]))["reason"].tolist() == ["visible", "near_duplicate", "few_pixels"]
+    judged = judge(frames.assign(visible_pixels=[5, *[500] * 6]), SECTION)
+    assert judged["reason"].tolist() == ["few_pixels", "visible", "visible", "visible", "visible", "near_duplicate", "visible"]
+    # An empty frame is kept once, too.
+    assert judge(frames.assign(visible_pixels=0), SECTION)["reason"].tolist()[:3] == ["negative", "near_duplicate", "negative"]

@@ -15,14 +15,13 @@ from pipeline.artefacts.results import CampaignMeasures, Measures, read
 from pipeline.core.identity import CampaignId
 from pipeline.core.space import Space, Variable
 from pipeline.errors import InputError
-from pipeline.steps import measure
-from tests.analysis.fabricated import Study, make_tests, silent
+from tests.analysis.fabricated import FabricatedStudy, make_tests
 
 SPACE = Space((Variable("fog", "continuous", "%", 0, 100, 50), Variable("gait", "categorical", values=("walk", "run"))))
 
 
 def rows(strategy: str, failures: Sequence[int], errors: Sequence[int] = ()) -> pd.DataFrame:
-    """Five tests at fog 0 walking, of which the given ones fail (counted from 1) or break."""
+    """Five tests at fog 0 walking, of which the given ones fail (counted from 1) or are errors."""
     order = range(1, 6)
     failed = [i in failures for i in order]
     return pd.DataFrame(
@@ -65,7 +64,7 @@ def test_too_few_failures_leave_c_undefined() -> None:
     assert (result.c_measure, result.f_n, result.f_measure) == (None, None, 1)
 
 
-def test_broken_simulations_are_paid_for_but_cover_nothing() -> None:
+def test_errors_are_paid_for_but_cover_nothing() -> None:
     result = measured(own=[5], baseline=[5], errors=[1, 2, 3, 4])
     assert (result.tests, result.errors, result.f_measure) == (5, 4, 5)
     # One pair of the 3 x 2 pairs of categories; three tests wanted of each.
@@ -107,14 +106,13 @@ def test_theta_table_holds_means_over_seeds() -> None:
 
 
 def test_step_writes_readable_measures_twice_alike(tmp_path: Path) -> None:
-    study = Study(tmp_path).make()
+    study = FabricatedStudy(tmp_path).make()
     contents = []
-    for name in ("a", "b"):
-        out, theta = tmp_path / f"{name}.json", tmp_path / f"{name}.csv"
-        measure.run(study.config, tests=study.search_tests, spaces=study.search_spaces, out=out, theta=theta, progress=silent)
-        contents.append((out.read_bytes(), theta.read_bytes()))
+    for _ in range(2):
+        study.run("measure")
+        contents.append([(study.root / name).read_bytes() for name in ("measures.json", "theta.csv")])
     assert contents[0] == contents[1]
-    result = read(tmp_path / "a.json", Measures)
+    result = read(study.root / "measures.json", Measures)
     assert len(result.campaigns) == 8
     for campaign in result.campaigns:
         assert campaign.theta[-1] == campaign.failures == campaign.modes.total

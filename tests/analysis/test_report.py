@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import pandas as pd
 import pytest
 
-from pipeline.artefacts.results import Comparison, Estimate, FailureRegions, Measures, read
+from pipeline.artefacts.comparison_results import Comparison
+from pipeline.artefacts.results import Estimate, FailureRegions, Measures, read
 from pipeline.artefacts.tables import read_tests
 from pipeline.report import texts
 from pipeline.report.border import nearest
@@ -16,8 +18,7 @@ from pipeline.report.comparison_plots import failures_by_round, kpi_histogram
 from pipeline.report.contents import ReportData, draw_figures, make_page
 from pipeline.report.examples import choose_pairs, choose_regions
 from pipeline.report.verdict_section import headline, rounds_part, verdict_section
-from pipeline.steps import report
-from tests.analysis.fabricated import Study, silent
+from tests.analysis.fabricated import FabricatedStudy
 
 LOADING = {"src", "href", "poster", "xlink:href", "data", "srcset", "action"}
 
@@ -35,36 +36,19 @@ class Loads(HTMLParser):
         assert tag not in {"script", "iframe", "link", "base", "object", "embed"}
 
 
-def make(study: Study, replays: int) -> str:
-    config = study.config.model_copy(update={"report": study.config.report.model_copy(update={"replays": replays})})
-    report.run(
-        config,
-        measures=study.root / "measures.json",
-        white_box=study.white_box,
-        comparison=study.root / "comparison.json",
-        table=study.root / "comparison.parquet",
-        changes=study.root / "changes.csv",
-        regions=study.regions,
-        tests=study.search_tests,
-        later_tests=[],
-        spaces=study.search_spaces,
-        filters=study.filters,
-        models=study.cards,
-        detectors=[path.with_name("model.onnx") for path in study.cards],
-        out=study.root / "report.html",
-        plots=study.root / "plots",
-        progress=silent,
-    )
+def make(study: FabricatedStudy, replays: int) -> str:
+    section = study.config.report.model_copy(update={"replays": replays})
+    replace(study, config=study.config.model_copy(update={"report": section})).run("report")
     return (study.root / "report.html").read_text()
 
 
 @pytest.fixture(scope="module")
-def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
-    return Study(tmp_path_factory.mktemp("study")).make().analyse()
+def study(tmp_path_factory: pytest.TempPathFactory) -> FabricatedStudy:
+    return FabricatedStudy(tmp_path_factory.mktemp("study")).make().analyse()
 
 
 @pytest.fixture(scope="module")
-def page(study: Study) -> str:
+def page(study: FabricatedStudy) -> str:
     return make(study, replays=3)
 
 
@@ -76,7 +60,7 @@ def test_page_loads_nothing(page: str) -> None:
     assert "@import" not in page
 
 
-def test_page_says_what_the_artefacts_say(study: Study, page: str) -> None:
+def test_page_says_what_the_artefacts_say(study: FabricatedStudy, page: str) -> None:
     comparison = read(study.root / "comparison.json", Comparison)
     for result in comparison.versions:
         assert f">{result.failures} / {result.tests}<" in page
@@ -88,11 +72,11 @@ def test_page_says_what_the_artefacts_say(study: Study, page: str) -> None:
     assert "nan" not in re.sub(r"data:[^\"]*|<svg.*?</svg>", "", page, flags=re.DOTALL)
 
 
-def test_same_study_gives_the_same_page(study: Study, page: str) -> None:
+def test_same_study_gives_the_same_page(study: FabricatedStudy, page: str) -> None:
     assert make(study, replays=3) == page
 
 
-def test_plots_are_written(study: Study, page: str) -> None:
+def test_plots_are_written(study: FabricatedStudy, page: str) -> None:
     assert page
     names = {path.name for path in (study.root / "plots").iterdir()}
     kinds = {"comparison", "histogram", "reliability", "border", "theta", "coverage", "detection"}
@@ -100,7 +84,7 @@ def test_plots_are_written(study: Study, page: str) -> None:
     assert names == {f"{kind}.png" for kind in kinds}
 
 
-def test_replays_are_shared_out(study: Study) -> None:
+def test_replays_are_shared_out(study: FabricatedStudy) -> None:
     found = [read(path, FailureRegions) for path in study.regions]
     chosen = choose_regions(found, "base", 4)
     assert [test.scenario for test in chosen] == ["F1", "F2", "F1", "F2"]
@@ -108,7 +92,7 @@ def test_replays_are_shared_out(study: Study) -> None:
     assert choose_regions(found, "base", 0) == []
 
 
-def test_pairs_are_a_fix_and_a_regression_of_the_champion(study: Study) -> None:
+def test_pairs_are_a_fix_and_a_regression_of_the_champion(study: FabricatedStudy) -> None:
     comparison = read(study.root / "comparison.json", Comparison)
     table, spaces = read_tests(study.root / "comparison.parquet"), {"F1star": study.config.space("F1star")}
     before, after = choose_pairs(comparison, table, spaces)
@@ -140,7 +124,7 @@ def test_border_cases_are_nearest_to_the_thresholds_half_of_them_kept() -> None:
     assert chosen["step"].tolist() == [2, 0, 4, 5]
 
 
-def test_not_solvable_failures_are_counted(study: Study, page: str) -> None:
+def test_not_solvable_failures_are_counted(study: FabricatedStudy, page: str) -> None:
     found = [read(path, FailureRegions) for path in study.regions]
     assert all(int(test[-5:]) % 2 == 1 for regions in found for test in regions.not_solvable)
     assert all(f"Not solvable with this camera: {len(regions.not_solvable)}." in page for regions in found)
@@ -163,7 +147,7 @@ def test_table_of_rounds_lists_each_search() -> None:
     assert part.table.rows[1][3].startswith("50.0 % (9.5 to 90.5)")
 
 
-def test_headline_speaks_of_groups_and_names_what_is_shown(study: Study) -> None:
+def test_headline_speaks_of_groups_and_names_what_is_shown(study: FabricatedStudy) -> None:
     comparison = read(study.root / "comparison.json", Comparison)
     base, *others = comparison.versions
     text = headline(comparison)
@@ -179,7 +163,7 @@ def test_headline_speaks_of_groups_and_names_what_is_shown(study: Study) -> None
     assert "adaptive (0.3)" in headline(comparison.model_copy(update={"groups": (*comparison.groups[:-1], half)}))
 
 
-def test_histogram_counts_each_test_once_however_many_seeds(study: Study) -> None:
+def test_histogram_counts_each_test_once_however_many_seeds(study: FabricatedStudy) -> None:
     comparison = read(study.root / "comparison.json", Comparison)
     table = read_tests(study.root / "comparison.parquet")
     figure = kpi_histogram(table, seeds_of_two(comparison), 0.1)
@@ -188,7 +172,7 @@ def test_histogram_counts_each_test_once_however_many_seeds(study: Study) -> Non
     assert heights == pytest.approx([comparison.versions[0].tests] * 3)
 
 
-def test_regressions_shown_are_the_champions(study: Study, page: str) -> None:
+def test_regressions_shown_are_the_champions(study: FabricatedStudy, page: str) -> None:
     comparison = read(study.root / "comparison.json", Comparison)
     shown = page.partition("Fixes and regressions</h3>")[2].partition("<table>")[2].partition("</table>")[0]
     changed = pd.read_csv(study.root / "changes.csv")
@@ -197,7 +181,7 @@ def test_regressions_shown_are_the_champions(study: Study, page: str) -> None:
     assert f">{comparison.champion}<" in shown
 
 
-def test_regressions_come_first(study: Study) -> None:
+def test_regressions_come_first(study: FabricatedStudy) -> None:
     comparison = read(study.root / "comparison.json", Comparison)
     rows = (
         pd.read_csv(study.root / "changes.csv").query("version == @comparison.champion").head(3).assign(change=["fix", "regression", "fix"])
@@ -207,7 +191,7 @@ def test_regressions_come_first(study: Study) -> None:
     assert table is not None and [row[2] for row in table.rows] == ["regression", "fix", "fix"]
 
 
-def test_sections_without_data_are_left_out(study: Study) -> None:
+def test_sections_without_data_are_left_out(study: FabricatedStudy) -> None:
     measures, regions = read(study.root / "measures.json", Measures), tuple(read(path, FailureRegions) for path in study.regions)
     rows = pd.concat([read_tests(path) for path in study.search_tests], ignore_index=True)
     data = ReportData(
@@ -227,7 +211,7 @@ def test_sections_without_data_are_left_out(study: Study) -> None:
     figures = draw_figures(data, study.config.strategies, 0.1)
     assert set(figures) == {"theta", "coverage", "kpi_F1", "kpi_F2", "failures_F1", "failures_F2"}
     config = study.config.model_copy(update={"report": study.config.report.model_copy(update={"replays": 1})})
-    page = make_page(config, data, figures, silent)
+    page = make_page(config, data, figures, lambda *_: None)
     assert [section.title for section in page.sections] == ["Failure regions", "Search"]
     assert [part.title for part in page.sections[1].parts] == ["Failures found", "Coverage of the scenario space"]
     assert (page.title, page.headline.count("tests fail")) == ("Where does the detector fail?", 2)
@@ -243,7 +227,7 @@ def test_no_sentence_is_long() -> None:
     assert [sentence for sentence in sentences() if len(sentence.split()) > 30] == []
 
 
-def test_failures_by_round_are_drawn_from_the_base_on(study: Study) -> None:
+def test_failures_by_round_are_drawn_from_the_base_on(study: FabricatedStudy) -> None:
     comparison = read(study.root / "comparison.json", Comparison)
     adaptive = comparison.groups[-1]
     second = adaptive.model_copy(update={"group": "adaptive-r2", "round": 2, "failures": Estimate(value=1, low=0, high=2)})

@@ -10,40 +10,31 @@ import numpy as np
 import pytest
 
 from pipeline.__main__ import main
+from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.files import read_json
 from pipeline.artefacts.model_card import read_card, write_card
-from pipeline.artefacts.results import Comparison, Tracking, read, write
+from pipeline.artefacts.results import read, write
+from pipeline.artefacts.tracking_results import TrackedStudy
 from pipeline.errors import InputError
-from pipeline.steps import track
-from pipeline.tracking.store import Content, Registration, Tracker
-from tests.analysis.fabricated import VERSIONS, Study, silent
+from pipeline.tracking.registry import Registration, Registry
+from pipeline.tracking.runs import Content, Tracker
+from tests.analysis.fabricated import VERSIONS, FabricatedStudy
 
 
-def run(study: Study, drawn: bytes = b"a plot") -> None:
+def run(study: FabricatedStudy, drawn: bytes = b"a plot") -> None:
     plot = study.root / "theta.png"
     plot.write_bytes(drawn)
-    track.run(
-        study.config,
-        models=study.cards,
-        measures=study.root / "measures.json",
-        comparison=study.root / "comparison.json",
-        campaigns=[*study.search_tests, *study.held_out_tests],
-        plots=[plot],
-        store=study.root / "mlflow" / "mlflow.db",
-        artifacts=study.root / "mlflow" / "artifacts",
-        out=study.root / "tracking.json",
-        progress=silent,
-    )
+    study.run("track", {"plots": [str(plot)]})
 
 
 @pytest.fixture(scope="module")
-def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
-    made = Study(tmp_path_factory.mktemp("study")).make().analyse()
+def study(tmp_path_factory: pytest.TempPathFactory) -> FabricatedStudy:
+    made = FabricatedStudy(tmp_path_factory.mktemp("study")).make().analyse()
     run(made)
     return made
 
 
-def client(study: Study) -> Any:
+def client(study: FabricatedStudy) -> Any:
     from mlflow import MlflowClient
 
     assert os.environ["MLFLOW_DISABLE_TELEMETRY"] == "true"
@@ -51,18 +42,18 @@ def client(study: Study) -> Any:
     return MlflowClient(tracking_uri=uri, registry_uri=uri)
 
 
-def everything(study: Study) -> tuple[int, int, int]:
+def everything(study: FabricatedStudy) -> tuple[int, int, int]:
     store = client(study)
     experiment = store.get_experiment_by_name("blindspot/default")
     runs = store.search_runs([experiment.experiment_id], max_results=500)
     return len(runs), len(store.search_model_versions("name='detector'")), len(store.search_logged_models([experiment.experiment_id]))
 
 
-def test_a_run_per_campaign_comparison_and_version(study: Study) -> None:
+def test_a_run_per_campaign_comparison_and_version(study: FabricatedStudy) -> None:
     assert everything(study) == (1 + 8 + 4 + 1 + 4, 4, 4)
 
 
-def test_registered_versions_carry_failures_and_lineage(study: Study) -> None:
+def test_registered_versions_carry_failures_and_lineage(study: FabricatedStudy) -> None:
     comparison, store = read(study.root / "comparison.json", Comparison), client(study)
     versions = {v.tags["version"]: v for v in store.search_model_versions("name='detector'")}
     assert set(versions) == set(VERSIONS)
@@ -82,14 +73,14 @@ def test_registered_versions_carry_failures_and_lineage(study: Study) -> None:
     assert champion.tags["version"] == comparison.champion
 
 
-def test_logged_models_can_be_ordered_by_failures(study: Study) -> None:
+def test_logged_models_can_be_ordered_by_failures(study: FabricatedStudy) -> None:
     store = client(study)
     experiment = store.get_experiment_by_name("blindspot/default").experiment_id
     ordered = store.search_logged_models([experiment], order_by=[{"field_name": "metrics.failures", "ascending": True}])
     assert ordered[0].name == "default-adaptive"
 
 
-def test_theta_is_a_series(study: Study) -> None:
+def test_theta_is_a_series(study: FabricatedStudy) -> None:
     store = client(study)
     experiment = store.get_experiment_by_name("blindspot/default").experiment_id
     (campaign,) = store.search_runs([experiment], "attributes.run_name = 'default/F1/neural/base/0'")
@@ -99,7 +90,7 @@ def test_theta_is_a_series(study: Study) -> None:
     assert [point.value for point in sorted(points, key=lambda p: p.step)] == theta["theta"]
 
 
-def test_again_changes_nothing_and_something_new_adds_one(study: Study) -> None:
+def test_again_changes_nothing_and_something_new_adds_one(study: FabricatedStudy) -> None:
     before, written = everything(study), (study.root / "tracking.json").read_bytes()
     run(study)
     assert everything(study) == before
@@ -108,10 +99,10 @@ def test_again_changes_nothing_and_something_new_adds_one(study: Study) -> None:
     write_card(study.cards[1], card.model_copy(update={"training": {"iterations": 7.0}}))
     run(study)
     assert everything(study) == (before[0] + 1, before[1] + 1, before[2] + 1)
-    assert read(study.root / "tracking.json", Tracking).champion == "adaptive"
+    assert read(study.root / "tracking.json", TrackedStudy).champion == "adaptive"
 
 
-def test_the_same_results_drawn_anew_are_the_same_version_with_the_new_picture(study: Study) -> None:
+def test_the_same_results_drawn_anew_are_the_same_version_with_the_new_picture(study: FabricatedStudy) -> None:
     before, store = everything(study), client(study)
     run(study, b"the plot in other colours")
     assert everything(study) == before
@@ -120,7 +111,7 @@ def test_the_same_results_drawn_anew_are_the_same_version_with_the_new_picture(s
             assert Path(store.download_artifacts(version.run_id, "theta.png")).read_bytes() == b"the plot in other colours"
 
 
-def test_a_later_comparison_moves_the_alias_and_registers_nothing_again(study: Study) -> None:
+def test_a_later_comparison_moves_the_alias_and_registers_nothing_again(study: FabricatedStudy) -> None:
     path, store = study.root / "comparison.json", client(study)
     before, counted = path.read_bytes(), everything(study)
     comparison = read(path, Comparison)
@@ -149,23 +140,24 @@ def test_a_later_comparison_moves_the_alias_and_registers_nothing_again(study: S
     assert store.get_run(held.run_id).data.metrics["failures"] == next(v.failures for v in comparison.versions if v.version == "adaptive")
 
 
-def test_a_champion_that_was_not_compared_keeps_the_alias(study: Study) -> None:
-    tracker = Tracker(study.root / "mlflow" / "mlflow.db", study.root / "mlflow" / "artifacts", "elsewhere", {})
+def test_a_champion_that_was_not_compared_keeps_the_alias(study: FabricatedStudy) -> None:
+    tracker = Tracker(study.folder / "data" / "mlflow" / "mlflow.db", study.folder / "data" / "mlflow" / "artifacts", "elsewhere", {})
     file = study.root / "other.json"
     file.write_text("{}")
     other = Registration("detector", Content("elsewhere/adaptive", "model"), [file], {"version": "adaptive", "weights_sha256": "cd"}, "")
-    number, _ = tracker.register(other)
+    registry = Registry(tracker)
+    number, _ = registry.register(other)
     held = client(study).get_model_version_by_alias("detector", "champion").version
-    tracker.set_alias("detector", "champion", number)
+    registry.set_alias("detector", "champion", number)
     run(study)
     assert client(study).get_model_version_by_alias("detector", "champion").version == int(number)
-    tracker.set_alias("detector", "champion", held)
+    registry.set_alias("detector", "champion", held)
     client(study).delete_model_version("detector", number)
 
 
 def test_a_deleted_experiment_is_named(tmp_path: Path) -> None:
     tracker = Tracker(tmp_path / "m.db", tmp_path / "artifacts", "e", {})
-    tracker._client.delete_experiment(tracker._experiment)
+    tracker.client.delete_experiment(tracker.experiment)
     with pytest.raises(InputError, match="MLflow's experiment 'e' is deleted"):
         Tracker(tmp_path / "m.db", tmp_path / "artifacts", "e", {})
 
@@ -174,16 +166,16 @@ def test_a_run_that_was_cut_off_is_logged_again(tmp_path: Path) -> None:
     tracker = Tracker(tmp_path / "m.db", tmp_path / "artifacts", "e", {})
     content = Content("one", "campaign", metrics={"failures": 3.0})
     first = tracker.log(content)
-    tracker._client.update_run(first, status="RUNNING")
+    tracker.client.update_run(first, status="RUNNING")
     second = tracker.log(content)
     assert first != second
     assert tracker.log(content) == second
-    assert tracker._client.get_run(first).info.lifecycle_stage == "deleted"
+    assert tracker.client.get_run(first).info.lifecycle_stage == "deleted"
 
 
-def test_versions_prints_the_failures_of_every_version(study: Study, capsys: pytest.CaptureFixture[str]) -> None:
+def test_versions_prints_the_failures_of_every_version(study: FabricatedStudy, capsys: pytest.CaptureFixture[str]) -> None:
     comparison = read(study.root / "comparison.json", Comparison)
-    assert main(["versions", "--store", str(study.root / "mlflow" / "mlflow.db")]) == 0
+    assert main(["versions", "--store", str(study.folder / "data" / "mlflow" / "mlflow.db")]) == 0
     head, *rows = (line.split() for line in capsys.readouterr().out.splitlines())
     assert head[:5] == ["model", "number", "version", "study", "failures"]
     shown = {row[2]: int(row[4]) for row in rows}
@@ -193,7 +185,7 @@ def test_versions_prints_the_failures_of_every_version(study: Study, capsys: pyt
     assert "nowhere.db: expected MLflow's database, found no file" in capsys.readouterr().err
 
 
-def test_runs_are_nested_under_the_study(study: Study) -> None:
+def test_runs_are_nested_under_the_study(study: FabricatedStudy) -> None:
     store = client(study)
     experiment = store.get_experiment_by_name("blindspot/default").experiment_id
     (parent,) = store.search_runs([experiment], "attributes.run_name = 'default'")
@@ -207,11 +199,11 @@ def test_a_description_that_is_too_long_is_cut_at_a_line(tmp_path: Path) -> None
     tracker = Tracker(tmp_path / "m.db", tmp_path / "artifacts", "e", {})
     run_id = tracker.log(Content("one", "study"))
     tracker.describe(run_id, "\n".join(["```", *["a version passes"] * 1000, "```"]))
-    text = tracker._client.get_run(run_id).data.tags["mlflow.note.content"]
+    text = tracker.client.get_run(run_id).data.tags["mlflow.note.content"]
     assert 7800 < len(text) <= 8000 and text.endswith("a version passes\n```\n\nThe rest is in the report.")
 
 
-def test_curves_have_their_iterations_and_runs_their_data(study: Study) -> None:
+def test_curves_have_their_iterations_and_runs_their_data(study: FabricatedStudy) -> None:
     store = client(study)
     versions = {v.tags["version"]: v for v in store.search_model_versions("name='detector'")}
     run_id = versions["adaptive"].run_id
@@ -225,7 +217,7 @@ def test_curves_have_their_iterations_and_runs_their_data(study: Study) -> None:
     assert (data.dataset.name, data.dataset.digest, data.tags[0].value) == ("held_out", digest[:32], "evaluation")
 
 
-def test_versions_and_campaigns_name_each_other(study: Study) -> None:
+def test_versions_and_campaigns_name_each_other(study: FabricatedStudy) -> None:
     store = client(study)
     versions = {v.tags["version"]: v for v in store.search_model_versions("name='detector'")}
     base, adaptive = versions["base"], versions["adaptive"]
@@ -235,7 +227,7 @@ def test_versions_and_campaigns_name_each_other(study: Study) -> None:
         assert store.get_run(run_id).data.tags["model_version"] == f"detector/{base.version}"
 
 
-def test_a_registered_version_loads_and_detects(study: Study) -> None:
+def test_a_registered_version_loads_and_detects(study: FabricatedStudy) -> None:
     import mlflow
 
     store = client(study)
@@ -248,19 +240,20 @@ def test_a_registered_version_loads_and_detects(study: Study) -> None:
 
 def test_a_registration_that_was_cut_off_leaves_one_model_and_one_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tracker, file = Tracker(tmp_path / "m.db", tmp_path / "artifacts", "e", {}), tmp_path / "model.json"
+    registry = Registry(tracker)
     file.write_text("{}")
     registration = Registration("detector", Content("s/base", "model", metrics={"failures": 3.0}), [file], {"version": "base"}, "text")
     for method in ("log_model_artifact", "finalize_logged_model", "create_model_version"):
         with monkeypatch.context() as patch:
-            patch.setattr(tracker._client, method, lambda *_, **__: (_ for _ in ()).throw(KeyboardInterrupt))
+            patch.setattr(tracker.client, method, lambda *_, **__: (_ for _ in ()).throw(KeyboardInterrupt))
             with pytest.raises(KeyboardInterrupt):
-                tracker.register(registration)
-    first = tracker.register(registration)
-    assert tracker.register(registration) == first
-    store = tracker._client
+                registry.register(registration)
+    first = registry.register(registration)
+    assert registry.register(registration) == first
+    store = tracker.client
     assert len(store.search_model_versions("name='detector'")) == 1
-    assert len(store.search_logged_models([tracker._experiment])) == 1
-    assert len(store.search_runs([tracker._experiment])) == 1
+    assert len(store.search_logged_models([tracker.experiment])) == 1
+    assert len(store.search_runs([tracker.experiment])) == 1
 
 
 def test_a_server_that_is_not_there_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

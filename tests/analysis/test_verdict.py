@@ -4,21 +4,23 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.artefacts.results import Comparison, Estimate, GroupPair, GroupResult, Modes, Paired, ScenarioResult, Verdict, VersionResult
+from pipeline.artefacts.comparison_results import Comparison, GroupPair, GroupResult, ScenarioResult, VersionPair, VersionResult
+from pipeline.artefacts.results import Estimate, Modes
+from pipeline.core.comparison import SequenceTest, Verdict
 from pipeline.report.verdict import HEADERS, group_headers, group_rows, verdict_rows, verdict_sentences, verdict_table
 
 
-def paired(version: str, against: str, fixes: int, regressions: int, p_value: float) -> Paired:
-    names = [f"F1star-{index:05d}" for index in range(fixes + regressions)]
-    return Paired(
-        version=version, against=against, tests=150, fixes=tuple(names[:fixes]), regressions=tuple(names[fixes:]), p_value=p_value
+def paired(version: str, against: str, fixes: int, regressions: int, p_value: float) -> VersionPair:
+    tests = [SequenceTest("F1star", index) for index in range(fixes + regressions)]
+    return VersionPair(
+        version=version, against=against, tests=150, fixes=tuple(tests[:fixes]), regressions=tuple(tests[fixes:]), p_value=p_value
     )
 
 
 RATE = Estimate(value=0.1, low=0.0, high=1.0)
 
 
-def result(version: str, failures: int, verdict: Verdict, pair: Paired | None = None, errors: int = 0) -> VersionResult:
+def result(version: str, failures: int, verdict: Verdict, pair: VersionPair | None = None, errors: int = 0) -> VersionResult:
     return VersionResult(
         version=version,
         tests=150 - errors,

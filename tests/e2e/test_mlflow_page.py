@@ -18,7 +18,8 @@ from urllib.error import URLError
 import pytest
 from playwright.sync_api import Page, expect, sync_playwright
 
-from pipeline.tracking.store import Content, Registration, Tracker
+from pipeline.tracking.registry import Registration, Registry
+from pipeline.tracking.runs import Content, Tracker
 
 SHOTS = Path("data/test-artefacts")
 FAILURES = {"base": 21, "control": 20, "random": 11, "adaptive": 6}
@@ -35,16 +36,17 @@ def register(root: Path) -> Path:
     """A store with four versions of the detector, and a study whose description compares them."""
     store, model = root / "mlflow.db", root / "model.json"
     tracker = Tracker(store, root / "artifacts", "blindspot/default", {})
+    registry = Registry(tracker)
     runs = []
     for version, failures in FAILURES.items():
         model.write_text(version)
         metrics = {"failures": float(failures), "failures.F1star": float(failures), "ap50": 0.88}
         content = Content(f"default/{version}", "model", params={"version": version}, metrics=metrics)
         tags = {"version": version, "failures": str(failures)}
-        number, run = tracker.register(Registration("detector", content, [model], tags, version))
+        number, run = registry.register(Registration("detector", content, [model], tags, version))
         runs.append(run)
     tracker.describe(tracker.log(Content("default", "study")), "The verdict.", runs)
-    tracker.set_alias("detector", "champion", number)
+    registry.set_alias("detector", "champion", number)
     return store
 
 

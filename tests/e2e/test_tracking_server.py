@@ -19,7 +19,8 @@ from urllib.error import URLError
 import pytest
 
 from pipeline.__main__ import main
-from pipeline.tracking.store import Content, DataSet, Registration, Tracker
+from pipeline.tracking.registry import Registration, Registry
+from pipeline.tracking.runs import Content, DataSet, Tracker
 
 
 def free_port() -> int:
@@ -88,16 +89,17 @@ def test_a_server_takes_runs_and_versions_once(server: str, tmp_path: Path, caps
     weights = tmp_path / "model.json"
     weights.write_text("{}")
     tracker = Tracker(tmp_path / "none.db", tmp_path / "none", "blindspot/remote", {})
+    registry = Registry(tracker)
     study = tracker.log(Content("remote", "study", params={f"key{i}": "value" for i in range(150)}))
     data = DataSet("base_set", "ab" * 32, "data/remote/base_set", "training")
     series = {"training.ap50": [(step, step / 2000) for step in range(1000)]}
     content = Content("remote/base", "model", {"version": "base"}, {"failures": 7.0}, series, files=[weights], data=[data])
     registration = Registration("detector", content, [weights], {"version": "base", "failures": "7"}, "base of remote")
-    number, run_id = tracker.register(registration, study)
-    assert (number, run_id) == tracker.register(registration, study)
+    number, run_id = registry.register(registration, study)
+    assert (number, run_id) == registry.register(registration, study)
     campaign = tracker.log(Content("remote/F1", "campaign"), study)
-    tracker.link("detector", number, {campaign: "remote/F1"})
-    tracker.set_alias("detector", "champion", number)
+    registry.link("detector", number, {campaign: "remote/F1"})
+    registry.set_alias("detector", "champion", number)
     tracker.describe(study, "text", [run_id])
 
     client = mlflow.MlflowClient(server)

@@ -12,7 +12,7 @@ import torch
 from pipeline.artefacts.filter_table import read_filter
 from pipeline.artefacts.model_card import read_card
 from pipeline.detectors.yolo.weights import load_weights
-from tests.analysis.fabricated import Study
+from tests.analysis.fabricated import FabricatedStudy
 
 TRAIN = """
 import sys
@@ -50,16 +50,18 @@ filter.run(compose("default", []), frames=frames, out=out, progress=lambda *_: N
 REGISTER = """
 import sys
 from pathlib import Path
-from pipeline.tracking.store import Content, Registration, Tracker
+from pipeline.tracking.registry import Registration, Registry
+from pipeline.tracking.runs import Content, Tracker
 root = Path(sys.argv[1])
 tracker = Tracker(root / "m.db", root / "artifacts", "e", {})
+registry = Registry(tracker)
 print("ready", flush=True)
 for version in ("base", "control", "random"):
     file = root / f"{version}.json"
     file.write_text(version)
     content = Content(f"s/{version}", "model", metrics={f"m{i}": float(i) for i in range(50)}, files=[file])
-    number, _ = tracker.register(Registration("detector", content, [file], {"version": version}, version))
-    tracker.set_alias("detector", "champion", number)
+    number, _ = registry.register(Registration("detector", content, [file], {"version": version}, version))
+    registry.set_alias("detector", "champion", number)
 """
 
 
@@ -99,7 +101,7 @@ def test_in_training(tmp_path: Path) -> None:
 
 
 def test_in_filtering(tmp_path: Path) -> None:
-    study = Study(tmp_path / "study").make()
+    study = FabricatedStudy(tmp_path / "study").make()
     frames, whole, cut = study.frames("random"), tmp_path / "whole.csv", tmp_path / "cut.csv"
     finish(FILTER, whole, *frames)
     at_work = []

@@ -17,7 +17,7 @@ from pipeline.commands.simulate import concrete_scenario
 from pipeline.config.composing import compose, dump, functional_scenario
 from pipeline.core.paths import Pose
 from pipeline.core.space import Space
-from tests.analysis.fabricated import Study
+from tests.analysis.fabricated import FabricatedStudy
 
 FOUND = ["fog=80", "rain=20", "pedestrian_speed=2", "pedestrian_shift=0.3", "sun_azimuth=0", "blueprint=M 03"]
 
@@ -148,7 +148,7 @@ def _after(start: Pose, length: float, curvature: float) -> Pose:
 
 
 def test_frames_leave_as_yolo_coco_and_openlabel(tmp_path: Path) -> None:
-    frames = read_frames(Study(tmp_path / "study").make().frames("random")[0])
+    frames = read_frames(FabricatedStudy(tmp_path / "study").make().search_tests[0].with_name("frames.parquet"))
     frames["image"] = encode_jpeg(np.full((192, 320, 3), 90, np.uint8))
     write_frames(tmp_path / "frames.parquet", frames)
     out = tmp_path / "out"

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from pipeline.artefacts.files import write_bytes
-from pipeline.artefacts.model_card import Look
+from pipeline.artefacts.model_card import CurvePoint
 from pipeline.detectors.yolo.loss import Loss, detection_loss
 from pipeline.detectors.yolo.network import Yolo, cells, decode
 from pipeline.detectors.yolo.threads import use_threads
@@ -124,7 +124,7 @@ class Fitted:
     """The result of a training: the network on the CPU in evaluation mode, and its curve, empty without a validation."""
 
     model: Yolo
-    curve: tuple[Look, ...]
+    curve: tuple[CurvePoint, ...]
 
 
 @dataclass
@@ -137,7 +137,7 @@ class State:
     optimiser: torch.optim.AdamW
     best: dict[str, Tensor]
     sums: Tensor
-    curve: list[Look]
+    curve: list[CurvePoint]
 
     def exhausted(self, patience: int) -> bool:
         """Whether the last `patience` evaluations brought no new best."""
@@ -197,7 +197,7 @@ def _look(state: State, schedule: Schedule, validation: Validation) -> None:
     ap50 = validation.ap50(state.average)
     if all(ap50 > look.ap50 for look in state.curve):
         state.best = {name: value.detach().clone() for name, value in state.average.state_dict().items()}
-    state.curve.append(Look(state.iteration, schedule.rate(state.iteration - 1), scores, boxes, ap50))
+    state.curve.append(CurvePoint(state.iteration, schedule.rate(state.iteration - 1), scores, boxes, ap50))
     state.sums.zero_()
 
 
@@ -276,7 +276,7 @@ def _code() -> str:
 def _save(path: Path, identity: str, state: State) -> None:
     buffer = io.BytesIO()
     parts = {"model": state.model.state_dict(), "average": state.average.state_dict(), "optimiser": state.optimiser.state_dict()}
-    looks = {"best": state.best, "sums": state.sums, "curve": [asdict(look) for look in state.curve]}
+    looks = {"best": state.best, "sums": state.sums, "curve": [asdict(point) for point in state.curve]}
     torch.save({"identity": identity, "iteration": state.iteration, **parts, **looks}, buffer)
     write_bytes(path, buffer.getvalue())
 
@@ -292,11 +292,11 @@ def _resume(path: Path, identity: str, state: State, device: torch.device) -> No
     state.model.load_state_dict(found["model"])
     state.average.load_state_dict(found["average"])
     state.optimiser.load_state_dict(found["optimiser"])
-    state.best, state.sums, state.curve = found["best"], found["sums"], [Look(**look) for look in found["curve"]]
+    state.best, state.sums, state.curve = found["best"], found["sums"], [CurvePoint(**point) for point in found["curve"]]
     state.iteration = int(found["iteration"])
 
 
-def _text(crops: bool, losses: deque[Loss], curve: list[Look]) -> str:
+def _text(crops: bool, losses: deque[Loss], curve: list[CurvePoint]) -> str:
     scores = sum(float(loss.scores) for loss in losses) / len(losses)
     boxes = sum(float(loss.boxes) for loss in losses) / len(losses)
     validated = f", AP50 {curve[-1].ap50:.3f}" if curve else ""

@@ -1,0 +1,97 @@
+"""Why a campaign frame is unfit for training (thesis section 7.2): each criterion is one entry of `CRITERIA`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from pipeline.artefacts.dataset import decode_jpeg
+from pipeline.config.schema import Filter
+from pipeline.core.boxes import iou
+
+Bools = NDArray[np.bool_]
+KEPT = {"visible": "pedestrian visible", "negative": "no pedestrian in the image"}
+"""Reasons for which a frame is kept, with their meaning: an empty one teaches what is no pedestrian."""
+MIN_VISIBLE_SHARE = 0.1
+THUMBNAIL = (40, 24)
+SAME_GREY, SAME_IOU = 3.0, 0.8
+"""Two frames of an episode show the same if their thumbnails differ by less on average, and the pedestrian's boxes overlap by more."""
+SIDES = ("left", "top", "right", "bottom")
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """One reason for which frames are rejected.
+
+    reason: as the filter table names it. meaning: as the report says it. rejects: takes the frames (columns of frames.parquet), which of
+    them all criteria before keep, (n,) bool, and the section `filter`, and gives (n,) bool.
+    """
+
+    reason: str
+    meaning: str
+    rejects: Callable[[pd.DataFrame, Bools, Filter], Bools]
+
+
+def shows(frames: pd.DataFrame) -> Bools:
+    """(n,) whether a frame shows the pedestrian at all."""
+    return _column(frames, "visible_pixels") > 0
+
+
+def _column(frames: pd.DataFrame, name: str) -> NDArray[np.float64]:
+    values: NDArray[np.float64] = frames[name].to_numpy(np.float64)
+    return values
+
+
+def _few_pixels(frames: pd.DataFrame, _: Bools, section: Filter) -> Bools:
+    return shows(frames) & (_column(frames, "visible_pixels") < section.min_visible_pixels)
+
+
+def _barely_in_view(frames: pd.DataFrame, _: Bools, __: Filter) -> Bools:
+    pixels, whole = _column(frames, "visible_pixels"), _column(frames, "whole_pixels")
+    return shows(frames) & (pixels / np.maximum(whole, 1) < MIN_VISIBLE_SHARE)
+
+
+def _low_contrast(frames: pd.DataFrame, _: Bools, section: Filter) -> Bools:
+    """Contrast in grey levels times the square root of the visible pixels, because the eye finds a fainter thing if it is larger (Rose,
+    The sensitivity performance of the human eye, 1948).
+    """
+    detectability = _column(frames, "contrast") * np.sqrt(_column(frames, "visible_pixels"))
+    return shows(frames) & (detectability < section.min_detectability)
+
+
+def _near_duplicate(frames: pd.DataFrame, kept: Bools, _: Filter) -> Bools:
+    """A car that stands, a wait for a gap: the same as the frame of the episode that was last kept. Frames come in the order of time."""
+    repeats = np.zeros(len(frames), bool)
+    boxes = frames[[f"visible_{side}" for side in SIDES]].to_numpy(float)
+    last: tuple[str, NDArray[np.float64], NDArray[np.float64]] | None = None
+    for row, (test_id, image) in enumerate(zip(frames["test_id"], frames["image"], strict=True)):
+        if not kept[row]:
+            continue
+        shown = cv2.resize(decode_jpeg(image), THUMBNAIL, interpolation=cv2.INTER_AREA).mean(axis=2)
+        if last is not None and last[0] == test_id and _same(shown, boxes[row], *last[1:]):
+            repeats[row] = True
+        else:
+            last = (test_id, shown, boxes[row])
+    return repeats
+
+
+def _same(shown: NDArray[np.float64], box: NDArray[np.float64], before: NDArray[np.float64], box_before: NDArray[np.float64]) -> bool:
+    if np.abs(shown - before).mean() >= SAME_GREY or np.isnan(box).any() != np.isnan(box_before).any():
+        return False
+    return bool(np.isnan(box).any() or iou([box], [box_before])[0, 0] > SAME_IOU)
+
+
+CRITERIA = (
+    Criterion("few_pixels", "too few visible pixels", _few_pixels),
+    Criterion("barely_in_view", "less than a tenth of the pedestrian in view", _barely_in_view),
+    Criterion("low_contrast", "too little contrast", _low_contrast),
+    Criterion("near_duplicate", "nearly the same as the frame before", _near_duplicate),
+)
+"""In the order in which they judge: the first that rejects a frame gives the reason."""
+MEANINGS = KEPT | {criterion.reason: criterion.meaning for criterion in CRITERIA}
+"""Every reason of a filter table but a person's, with its meaning."""

@@ -1,0 +1,111 @@
+"""The held-out sequence as every model version executed it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pipeline.artefacts.tables import campaign_of, read_tests
+from pipeline.core.comparison import Bools, SequenceOutcomes, SequenceTest
+from pipeline.errors import InputError
+from pipeline.progress import OnProgress
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """The tests of all versions on all held-out scenarios.
+
+    versions: names, the base first. labels: scenario -> printed name. tables: (scenario, version) -> rows of tests.parquet by index.
+    """
+
+    versions: Sequence[str]
+    labels: Mapping[str, str]
+    tables: Mapping[tuple[str, str], pd.DataFrame]
+
+    @cached_property
+    def joined(self) -> pd.DataFrame:
+        """All rows: scenario by scenario, and version by version in each."""
+        return pd.concat([self.tables[name, version] for name in self.labels for version in self.versions], ignore_index=True)
+
+    @cached_property
+    def tests(self) -> list[SequenceTest]:
+        """The tests of the sequence in its order, scenario by scenario."""
+        base = self.versions[0]
+        return [SequenceTest(name, int(index)) for name in self.labels for index in self.tables[name, base]["index"]]
+
+    @cached_property
+    def scenarios(self) -> dict[str, Bools]:
+        """Scenario -> (n,) bool, which tests of the sequence are its own."""
+        names = np.array([test.scenario for test in self.tests])
+        return {name: names == name for name in self.labels}
+
+    def rows(self, version: str) -> pd.DataFrame:
+        """The rows of one version in the order of the sequence."""
+        return pd.concat([self.tables[name, version] for name in self.labels], ignore_index=True)
+
+    def outcomes(self, version: str) -> SequenceOutcomes:
+        """What became of the tests of the sequence with one version."""
+        rows = self.rows(version)
+        valid, failed = (rows["status"] == "ok").to_numpy(), rows["failure"].to_numpy(bool)
+        return SequenceOutcomes(valid, valid & failed, valid & failed & (rows["failure_mode"] != "false_positives").to_numpy())
+
+    def digest(self, variables: Mapping[str, Sequence[str]]) -> str:
+        """SHA-256 of the sequence. variables: scenario -> names of its variables.
+
+        Raises InputError, naming the first difference, unless all versions executed the same points in the same order.
+        """
+        digest = hashlib.sha256()
+        for scenario, names in variables.items():
+            for version in self.versions:
+                if (scenario, version) not in self.tables:
+                    raise InputError(f"expected a campaign of version '{version}' on held-out scenario '{scenario}', got none")
+                _check_same(self.tables[scenario, self.versions[0]], self.tables[scenario, version], names)
+            sequence = self.tables[scenario, self.versions[0]][["index", *names]].to_csv(index=False, float_format="%.17g")
+            digest.update(f"{scenario}\n{sequence}".encode())
+        return digest.hexdigest()
+
+
+def read_held_out(
+    paths: Sequence[Path], versions: Sequence[str], labels: Mapping[str, str], threshold: float, progress: OnProgress
+) -> HeldOut:
+    """Read tests.parquet of every scenario and version. threshold: of the adjusted TTC, seconds.
+
+    Raises InputError if another threshold decided on a failure.
+    """
+    tables = {}
+    for done, path in enumerate(paths, 1):
+        rows = read_tests(path).sort_values("index", ignore_index=True)
+        campaign = campaign_of(rows, path)
+        _check_threshold(rows, threshold, path)
+        tables[campaign.scenario, campaign.version] = rows
+        progress(done, len(paths), f"{campaign.scenario}/{campaign.version}")
+    return HeldOut(tuple(versions), labels, tables)
+
+
+def _check_threshold(rows: pd.DataFrame, threshold: float, path: Path) -> None:
+    judged = rows[rows["status"] == "ok"]
+    different = judged[judged["failure"] != (judged["adj_ttc_s"] <= threshold)]
+    if len(different):
+        row = different.iloc[0]
+        raise InputError(
+            f"{path}, test {row['index']}: expected a failure at an adjusted TTC of {threshold:g} s or below "
+            f"(campaign.failure_threshold_s), got {row['adj_ttc_s']:.3g} s and failure {bool(row['failure'])}; execute it again"
+        )
+
+
+def _check_same(first: pd.DataFrame, other: pd.DataFrame, names: Sequence[str]) -> None:
+    who = f"version '{other['version'].iloc[0]}' on scenario '{other['scenario'].iloc[0]}'"
+    if len(first) != len(other):
+        raise InputError(f"{who}: expected {len(first)} tests as version '{first['version'].iloc[0]}' has, got {len(other)}")
+    for name in ("strategy", "seed", "index", *names):
+        different = (first[name] != other[name]).to_numpy()
+        if different.any():
+            row = int(different.argmax())
+            expected, got = first[name].tolist()[row], other[name].tolist()[row]
+            raise InputError(f"{who}, test {other['index'].iloc[row]}: {name} must be {expected!r} as for the base, got {got!r}")

@@ -1,0 +1,196 @@
+"""Model versions on the same tests: test by test, group by group, and which of them is champion (thesis section 7.3)."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.core.statistics import mcnemar, mcnemar_p_value, mean_interval, sign_flip, wilson_interval
+
+Bools = NDArray[np.bool_]
+Verdict = Literal["baseline", "better", "worse", "no difference shown"]
+
+
+@dataclass(frozen=True, order=True)
+class SequenceTest:
+    """One test of a held-out sequence, the same for every version: its scenario and its place in the sequence, from 0."""
+
+    scenario: str
+    index: int
+
+    def __str__(self) -> str:
+        """Its name: `F1star-00042`."""
+        return f"{self.scenario}-{self.index:05d}"
+
+    @staticmethod
+    def named(name: str) -> SequenceTest:
+        """The test of a name; ValueError if it is none."""
+        scenario, _, index = name.rpartition("-")
+        if not scenario or not index.isdecimal():
+            raise ValueError(f"expected the name of a test, as F1star-00042, got '{name}'")
+        return SequenceTest(scenario, int(index))
+
+
+@dataclass(frozen=True)
+class SequenceOutcomes:
+    """What became of the tests of a sequence with one version, each (n,) bool in the order of the sequence.
+
+    valid: the simulation ended without an error. failed: the test fails; never true where it is not valid. by_ttc: it fails by TTC alone.
+    """
+
+    valid: Bools
+    failed: Bools
+    by_ttc: Bools
+
+    @property
+    def tests(self) -> int:
+        """Number of valid tests."""
+        return int(self.valid.sum())
+
+    @property
+    def errors(self) -> int:
+        return len(self.valid) - self.tests
+
+    @property
+    def failures(self) -> int:
+        return int(self.failed.sum())
+
+    def at(self, rows: Bools) -> SequenceOutcomes:
+        """The outcomes of some of the tests; rows: (n,) bool."""
+        return SequenceOutcomes(self.valid[rows], self.failed[rows], self.by_ttc[rows])
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A value and the limits of its confidence interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class VersionDifference:
+    """Two versions on the tests that are valid for both.
+
+    fixed, regressed: (n,) bool, the tests that only the first and only the second fails. p_value: of the exact McNemar test.
+    """
+
+    fixed: Bools
+    regressed: Bools
+    tests: int
+    p_value: float
+
+    def verdict(self, alpha: float) -> Verdict:
+        """Of the second version; see `judge`."""
+        return judge(int(self.fixed.sum()), int(self.regressed.sum()), self.p_value, alpha)
+
+
+@dataclass(frozen=True)
+class GroupDifference:
+    """Two groups on the tests that are valid for all of their versions.
+
+    difference: failures of the second minus those of the first, the mean over seeds. p_value: of the exact sign-flip test over the tests,
+    seeds summed.
+    """
+
+    tests: int
+    difference: Interval
+    p_value: float
+
+
+@dataclass(frozen=True)
+class Gate:
+    """What the gate finds of a version against the base. more, worse: scenarios on which it fails more, and significantly more."""
+
+    more_errors: bool
+    better: bool
+    more: tuple[str, ...]
+    worse: tuple[str, ...]
+
+    @property
+    def passes(self) -> bool:
+        return self.better and not self.more_errors and not self.worse
+
+
+def judge(fixes: int, regressions: int, p_value: float, alpha: float) -> Verdict:
+    """The verdict on a version against another: a difference counts if its exact p-value is at most alpha; several are not corrected for.
+
+    fixes, regressions: number of tests that only the other, and only this version fails.
+    """
+    if p_value > alpha:
+        return "no difference shown"
+    return "better" if fixes > regressions else "worse"
+
+
+def pair(before: SequenceOutcomes, after: SequenceOutcomes) -> VersionDifference:
+    """Compare two versions test by test."""
+    valid = before.valid & after.valid
+    outcome = mcnemar(before.failed[valid], after.failed[valid])
+    return VersionDifference(valid & before.failed & ~after.failed, valid & ~before.failed & after.failed, outcome.tests, outcome.p_value)
+
+
+def pair_groups(before: Sequence[SequenceOutcomes], after: Sequence[SequenceOutcomes], confidence: float) -> GroupDifference:
+    """Compare two groups of versions, one version a seed, paired by seed; a single version, as the base is, stands beside each seed."""
+    valid = np.all([outcomes.valid for outcomes in (*before, *after)], axis=0)
+    first, second = (np.array([outcomes.failed[valid] for outcomes in group], dtype=np.int64) for group in (before, after))
+    differences = second.sum(axis=1) - first.sum(axis=1)
+    return GroupDifference(
+        tests=int(valid.sum()),
+        difference=_mean(differences.tolist(), confidence, least=-np.inf),
+        p_value=sign_flip((second - first).sum(axis=0)),
+    )
+
+
+def failure_rate(outcomes: SequenceOutcomes, confidence: float) -> Interval:
+    """Failures a valid test, in [0, 1], with Wilson's interval."""
+    low, high = wilson_interval(outcomes.failures, outcomes.tests, confidence)
+    return Interval(outcomes.failures / max(1, outcomes.tests), low, high)
+
+
+def group_failures(versions: Sequence[SequenceOutcomes], confidence: float) -> Interval:
+    """Failures of a group: the mean over its versions with Student's interval; of a single version the count with Wilson's."""
+    if len(versions) > 1:
+        return _mean([outcomes.failures for outcomes in versions], confidence)
+    (single,) = versions
+    rate = failure_rate(single, confidence)
+    return Interval(float(single.failures), rate.low * single.tests, rate.high * single.tests)
+
+
+def _mean(counts: Sequence[int], confidence: float, least: float = 0) -> Interval:
+    return Interval(float(np.mean(counts)), *mean_interval(counts, confidence, limits=(least, np.inf)))
+
+
+def gate(base: SequenceOutcomes, version: SequenceOutcomes, scenarios: Mapping[str, Bools], alpha: float) -> Gate:
+    """Whether a version may be champion: no more errors than the base, significantly fewer failures, significantly more on no scenario.
+
+    scenarios: name -> (n,) bool, the tests of that scenario.
+    """
+    parts = {name: (base.at(rows), version.at(rows)) for name, rows in scenarios.items()}
+    more = tuple(name for name, (before, after) in parts.items() if after.failures > before.failures)
+    worse = tuple(name for name in more if pair(*parts[name]).verdict(alpha) == "worse")
+    return Gate(version.errors > base.errors, pair(base, version).verdict(alpha) == "better", more, worse)
+
+
+def champion(outcomes: Mapping[str, SequenceOutcomes], passing: Collection[str]) -> str:
+    """Of the versions that pass the gate, the one with the fewest failures, then the fewest by TTC alone, on the tests that are valid for
+    every version; if none passes the first one, the base.
+    """
+    valid = np.all([found.valid for found in outcomes.values()], axis=0)
+    counts = {name: (int(outcomes[name].failed[valid].sum()), int(outcomes[name].by_ttc[valid].sum())) for name in outcomes}
+    return min((name for name in outcomes if name in passing), key=counts.__getitem__, default=next(iter(outcomes)))
+
+
+def clearly_better(fixes: Sequence[SequenceTest], regressions: Sequence[SequenceTest], p_value: float, alpha: float) -> bool:
+    """Whether a version fails significantly less than another on the whole, and significantly more on no scenario.
+
+    fixes, regressions: tests that only the other, and only this version fails. p_value: of them all, by the exact McNemar test.
+    """
+    fewer, more = (Counter(test.scenario for test in tests) for tests in (fixes, regressions))
+    worse = any(judge(fewer[name], more[name], mcnemar_p_value(fewer[name], more[name]), alpha) == "worse" for name in more)
+    return judge(len(fixes), len(regressions), p_value, alpha) == "better" and not worse

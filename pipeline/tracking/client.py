@@ -1,0 +1,39 @@
+"""The connection to MLflow: the server that MLFLOW_TRACKING_URI names, else an SQLite file of the project."""
+
+from __future__ import annotations
+
+import logging
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pipeline.errors import InputError
+
+if TYPE_CHECKING:
+    from mlflow import MlflowClient
+    from mlflow.exceptions import MlflowException
+
+
+def server() -> str | None:
+    """The address of the server, None if there is none."""
+    return os.environ.get("MLFLOW_TRACKING_URI")
+
+
+def connect(store: Path) -> MlflowClient:
+    """A client of the server or, without one, of the SQLite file `store`."""
+    os.environ["MLFLOW_DISABLE_TELEMETRY"] = "true"
+    os.environ.setdefault("MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR", "false")
+    os.environ.setdefault("MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT", "true")
+    # A server that does not answer is an error after seconds, not after MLflow's minutes.
+    os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "3")
+    from mlflow import MlflowClient
+
+    # The store's migrations tell about themselves, a hundred lines on first use.
+    logging.getLogger("alembic").setLevel(logging.WARNING)
+    uri = server() or f"sqlite:///{store.resolve()}"
+    return MlflowClient(tracking_uri=uri, registry_uri=uri)
+
+
+def unusable(store: Path, error: MlflowException) -> InputError:
+    """What to raise when MLflow refuses to work."""
+    return InputError(f"MLflow at {server() or store} cannot be used: {str(error).splitlines()[0]}")

@@ -1,0 +1,165 @@
+"""The registered detector in MLflow: its versions, each with the logged model and the run behind it, and their aliases.
+
+A version is registered under the digest of its content, so that registering it twice leaves one version.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline.artefacts.files import sha256
+from pipeline.errors import InputError
+from pipeline.tracking.client import connect, server, unusable
+from pipeline.tracking.onnx_model import save_onnx
+from pipeline.tracking.runs import DIGEST, Content, Tracker
+
+if TYPE_CHECKING:
+    from mlflow.entities import LoggedModel
+    from mlflow.entities.model_registry import ModelVersion
+
+
+@dataclass(frozen=True)
+class Registration:
+    """A model version: its registered name, the run behind it, its own files (an ONNX file makes it loadable by MLflow), tags and text."""
+
+    model: str
+    content: Content
+    files: Sequence[Path]
+    tags: Mapping[str, str]
+    description: str
+
+    @property
+    def digest(self) -> str:
+        return hashlib.sha256(json.dumps([self.content.digest, [sha256(path) for path in self.files]]).encode()).hexdigest()
+
+
+class Registry:
+    """The registered models of a tracker's store."""
+
+    def __init__(self, tracker: Tracker) -> None:
+        self._tracker = tracker
+        self._client = tracker.client
+
+    def register(self, registration: Registration, parent: str | None = None) -> tuple[str, str]:
+        """Register a model version behind a run, unless the same is registered; returns its number and the run's id."""
+        run_id = self._tracker.log(registration.content, parent)
+        model, digest = registration.model, registration.digest
+        if (known := self._version(model, digest)) is not None:
+            # What a comparison says of it, its gate or its level, is no part of what it is, and may have changed.
+            for name, value in registration.tags.items():
+                self._client.set_model_version_tag(model, known.version, name, value)
+            self._client.update_model_version(model, known.version, registration.description)
+            for logged in self._logged_models(digest):
+                newest = {metric.key: metric.value for metric in sorted(logged.metrics or [], key=lambda metric: metric.timestamp)}
+                self._tracker.log_results(run_id, registration.content, newest, logged.model_id)
+            return str(known.version), run_id
+        if not self._client.search_registered_models(f"name = '{model}'"):
+            self._client.create_registered_model(model, description="Pedestrian detectors, tested in closed loop by Blindspot.")
+        logged = self._logged_model(registration, run_id)
+        version = self._client.create_model_version(
+            model,
+            logged.artifact_location,
+            run_id,
+            tags={**registration.tags, DIGEST: digest},
+            description=registration.description,
+            model_id=logged.model_id,
+        )
+        return str(version.version), run_id
+
+    def aliases(self, model: str) -> dict[str, str]:
+        """The aliases of a registered model, each with the number of its version."""
+        return {name: str(number) for name, number in self._client.get_registered_model(model).aliases.items()}
+
+    def tags(self, model: str, version: str) -> dict[str, str]:
+        """The tags of a registered version."""
+        return dict(self._client.get_model_version(model, version).tags)
+
+    def set_alias(self, model: str, alias: str, version: str) -> None:
+        """Point an alias of the registered model at a version."""
+        self._client.set_registered_model_alias(model, alias, version)
+
+    def link(self, model: str, version: str, runs: Mapping[str, str]) -> None:
+        """Tie a model version to the runs of its campaigns, in both directions. runs: id -> name."""
+        self._client.set_model_version_tag(model, version, "campaigns", " ".join(sorted(runs.values())))
+        self._client.set_model_version_tag(model, version, "campaign_runs", " ".join(sorted(runs)))
+        for run_id in runs:
+            self._client.set_tag(run_id, "model_version", f"{model}/{version}")
+
+    def _logged_model(self, registration: Registration, run_id: str) -> Any:
+        """The logged model of a registration; one whose making was cut off is deleted."""
+        from mlflow.entities import LoggedModelStatus, Metric
+
+        content, digest = registration.content, registration.digest
+        for found in self._logged_models(digest):
+            if found.status == LoggedModelStatus.READY:
+                return found
+            self._client.delete_logged_model(found.model_id)
+        logged = self._client.create_logged_model(
+            self._tracker.experiment,
+            name=content.name.replace("/", "-"),
+            source_run_id=run_id,
+            params=dict(content.params),
+            tags={DIGEST: digest},
+            model_type="detector",
+        )
+        with tempfile.TemporaryDirectory() as folder:
+            for path in registration.files:
+                if path.suffix == ".onnx":
+                    save_onnx(path, Path(folder) / "model")
+                    self._client.log_model_artifacts(logged.model_id, str(Path(folder) / "model"))
+            for path in registration.files:
+                if path.suffix != ".onnx":
+                    self._client.log_model_artifact(logged.model_id, str(path))
+        points = {**content.metrics, **content.results}.items()
+        self._client.log_batch(run_id, metrics=[Metric(*point, 1, 0, model_id=logged.model_id) for point in points])
+        return self._client.finalize_logged_model(logged.model_id, "READY")
+
+    def _logged_models(self, digest: str) -> Sequence[LoggedModel]:
+        found: Sequence[LoggedModel] = self._client.search_logged_models([self._tracker.experiment], f"tags.`{DIGEST}` = '{digest}'")
+        return found
+
+    def _version(self, model: str, digest: str) -> ModelVersion | None:
+        found = self._client.search_model_versions(f"name = '{model}' and tags.`{DIGEST}` = '{digest}'")
+        return found[0] if found else None
+
+
+def _pages(search: Callable[..., Any], **wanted: str) -> list[Any]:
+    """Everything that one of MLflow's searches finds; it gives a page at a time."""
+    found, token = [], None
+    while True:
+        page = search(**wanted, page_token=token)
+        found += page
+        if not (token := page.token):
+            return found
+
+
+def registered(store: Path) -> list[dict[str, str]]:
+    """The model versions of a store that `register` made, newest last: model, number, aliases, and the tags that it gave.
+
+    Raises InputError if there is no store.
+    """
+    from mlflow.exceptions import MlflowException
+
+    if server() is None and not store.is_file():
+        raise InputError(f"{store}: expected MLflow's database, found no file; it is made by the step track")
+    client = connect(store)
+    rows = []
+    try:
+        models = _pages(client.search_registered_models)
+    except MlflowException as error:
+        raise unusable(store, error) from error
+    for model in models:
+        aliases: dict[str, list[str]] = {}
+        for alias, number in model.aliases.items():
+            aliases.setdefault(str(number), []).append(alias)
+        found = [v for v in _pages(client.search_model_versions, filter_string=f"name = '{model.name}'") if DIGEST in v.tags]
+        for version in sorted(found, key=lambda one: int(one.version)):
+            number = str(version.version)
+            rows.append({"model": model.name, "number": number, "alias": ", ".join(aliases.get(number, [])), **version.tags})
+    return rows

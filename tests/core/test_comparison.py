@@ -1,0 +1,104 @@
+"""The comparison of versions on boolean vectors, by hand-computed cases."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from pipeline.core.comparison import (
+    SequenceOutcomes,
+    SequenceTest,
+    champion,
+    clearly_better,
+    failure_rate,
+    gate,
+    group_failures,
+    judge,
+    pair,
+    pair_groups,
+)
+
+
+def outcomes(signs: str) -> SequenceOutcomes:
+    """From a string: '.' passes, 'c' fails by TTC alone, 'f' by false positives, 'e' is an error."""
+    found = np.array(list(signs))
+    return SequenceOutcomes(found != "e", (found == "c") | (found == "f"), found == "c")
+
+
+def test_the_name_of_a_test_is_read_back() -> None:
+    test = SequenceTest("F-2-star", 42)
+    assert str(test) == "F-2-star-00042" and SequenceTest.named(str(test)) == test
+    assert str(SequenceTest("F", 123456)) == "F-123456"
+
+
+@pytest.mark.parametrize("name", ["", "F1star", "F1star-", "-00001", "F1star-1.5", "F1star-x"])
+def test_what_names_no_test_is_refused(name: str) -> None:
+    message = f"expected the name of a test, as F1star-00042, got '{name}'"
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
+        SequenceTest.named(name)
+
+
+def test_errors_count_for_neither_version_of_a_pair() -> None:
+    found = pair(outcomes("ccc.e"), outcomes("c.ec."))
+    assert (found.fixed.tolist(), found.regressed.tolist()) == ([False, True, *[False] * 3], [*[False] * 3, True, False])
+    assert (found.tests, found.p_value) == (3, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("fixes", "regressions", "p_value", "verdict"),
+    [(6, 0, 0.03125, "better"), (0, 6, 0.03125, "worse"), (5, 0, 0.0625, "no difference shown"), (3, 1, 0.05, "better")],
+)
+def test_a_difference_counts_up_to_alpha(fixes: int, regressions: int, p_value: float, verdict: str) -> None:
+    assert judge(fixes, regressions, p_value, 0.05) == verdict
+
+
+def test_rate_and_group_failures() -> None:
+    rate = failure_rate(outcomes("cf......ee"), 0.95)
+    # Wilson's interval of 2 of 8.
+    assert (rate.value, rate.low, rate.high) == pytest.approx((0.25, 0.0715, 0.5907), abs=1e-4)
+    single = group_failures([outcomes("cf......ee")], 0.95)
+    assert (single.value, single.low, single.high) == pytest.approx((2, 8 * 0.0715, 8 * 0.5907), abs=1e-3)
+    mean = group_failures([outcomes("cc.."), outcomes("cccc")], 0.95)
+    # t(0.975, 1) = 12.706; no count is below 0.
+    assert (mean.value, mean.low, mean.high) == pytest.approx((3, 0, 15.706), abs=1e-3)
+    assert failure_rate(outcomes("ee"), 0.95).value == 0
+
+
+def test_groups_are_paired_by_seed_and_one_version_stands_beside_each() -> None:
+    found = pair_groups([outcomes("cccc.e")], [outcomes("....cc"), outcomes("c....c")], 0.95)
+    # The last test is an error of one version. Differences by seed: -3 and -3; by test, summed: -1, -2, -2, -2, 1.
+    assert (found.tests, found.difference.value) == (5, -3)
+    # Sums of the 32 signs as far as 6: +-8 twice, +-6 by turning one of the two ones round, four times.
+    assert found.p_value == 6 / 32
+
+
+def test_the_gate_looks_at_errors_the_whole_and_each_scenario() -> None:
+    scenarios = {"a": np.arange(30) < 20, "b": np.arange(30) >= 20}
+    base = outcomes("c" * 20 + "." * 10)
+    assert gate(base, outcomes("." * 30), scenarios, 0.05).passes
+    assert not gate(base, outcomes("e" + "." * 29), scenarios, 0.05).passes
+    assert not gate(base, base, scenarios, 0.05).better
+    some = gate(base, outcomes("." * 20 + "ccc" + "." * 7), scenarios, 0.05)
+    assert (some.more, some.worse, some.passes) == (("b",), (), True)
+    many = gate(base, outcomes("." * 20 + "c" * 7 + "..."), scenarios, 0.05)
+    assert (many.more, many.worse, many.better, many.passes) == (("b",), ("b",), True, False)
+
+
+def test_the_champion_fails_least_on_the_tests_that_all_executed() -> None:
+    versions = {"base": outcomes("cccc"), "one": outcomes("c..e"), "two": outcomes("f..c"), "three": outcomes("cc..")}
+    # The last test counts for nobody: one and two fail once each, two by false positives.
+    assert champion(versions, ["one", "two", "three"]) == "two"
+    assert champion(versions, ["one", "three"]) == "one"
+    assert champion(versions, []) == "base"
+
+
+def test_clearly_better_is_worse_nowhere() -> None:
+    def tests(scenario: str, count: int) -> list[SequenceTest]:
+        return [SequenceTest(scenario, index) for index in range(count)]
+
+    assert clearly_better(tests("a", 20), tests("b", 3), 0.0005, 0.05)
+    assert not clearly_better(tests("a", 20), tests("b", 6), 0.009, 0.05)
+    assert not clearly_better(tests("a", 20), [], 0.06, 0.05)
+    assert not clearly_better([], tests("a", 20), 0.001, 0.05)
