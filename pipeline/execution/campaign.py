@@ -103,9 +103,8 @@ def search(plan: CampaignPlan, sampler: Sampler, log: Journal, workers: Workers,
             points = sampler.ask()[: plan.tests - len(done)]
         seconds = (time.perf_counter() - started) / len(points)
         first = len(done)
-        jobs = [
-            Execution(first + i, log.path(first + i), plan.space.decode(point)) for i, point in enumerate(points) if first + i not in log
-        ]
+        asked = [Execution(index, log.path(index), plan.space.decode(point)) for index, point in enumerate(points, first)]
+        jobs = [execution for execution in asked if execution.index not in log]
         finished, found = first + len(points) - len(jobs), f"{_failures(done)} failures"
         progress(finished, plan.tests, found)
         for count, _ in enumerate(workers.execute(jobs), finished + 1):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import chdir, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,9 +16,12 @@ from typing import Any
 import pytest
 import yaml
 
+from pipeline.artefacts import tables
 from pipeline.config import schema
 from pipeline.config.composing import compose
 from pipeline.contract import order_of, perform, step_of
+from pipeline.detectors import onnx
+from pipeline.detectors.yolo import weights
 from pipeline.workflow import Plan, flat, step_names
 from tests.studies import ROOT, StudyFolder
 
@@ -41,6 +44,10 @@ class Watch:
     read: set[str] = field(default_factory=set)
     written: set[str] = field(default_factory=set)
     keys: set[tuple[str, str]] = field(default_factory=set)
+
+    def opened(self, path: Any) -> None:
+        """Note a file that a library opens beyond Python's sight."""
+        self.hook("open", (path, "r", os.O_RDONLY))
 
     def hook(self, event: str, arguments: tuple[Any, ...]) -> None:
         if self.on and event == "open" and isinstance(arguments[0], str | os.PathLike):
@@ -74,8 +81,18 @@ def watch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Watch:
         return object.__getattribute__(section, name)
 
     monkeypatch.setattr(schema._Section, "__getattribute__", looked_up)
+    for module, name in ((tables.pq, "ParquetFile"), (onnx, "_session"), (weights, "safe_open")):
+        monkeypatch.setattr(module, name, noting(watch, getattr(module, name)))
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
     return watch
+
+
+def noting(watch: Watch, opens: Callable[..., Any]) -> Callable[..., Any]:
+    def noted(path: Any, *rest: Any, **named: Any) -> Any:
+        watch.opened(path)
+        return opens(path, *rest, **named)
+
+    return noted
 
 
 @pytest.mark.parametrize("study", SMALL)
