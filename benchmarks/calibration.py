@@ -46,7 +46,7 @@ def main() -> None:
         for scenario in options.scenario:
             described = functional_scenario(scenario)
             space = Space.from_dict(described.space)
-            simulator = MujocoSimulator(scenario=described.model_dump())
+            simulator = MujocoSimulator(described)
             for point in space.sample(options.tests, np.random.default_rng(sampler_seed(scenario, 0))):
                 for name, detector in detectors.items():
                     episode = simulator.execute(space.decode(point), detector)

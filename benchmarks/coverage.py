@@ -19,7 +19,7 @@ import numpy as np
 
 from pipeline.artefacts.space_file import read_space_file
 from pipeline.core.constraints import Constraints, Literal
-from pipeline.core.coverage.arrays import covering_array
+from pipeline.core.coverage.arrays import Effort, covering_array
 from pipeline.core.coverage.counting import CellCounts
 from pipeline.core.coverage.proposals import Proposer
 from pipeline.core.coverage.verification import verify
@@ -53,12 +53,12 @@ def arrays(seconds: float, models: Path | None) -> None:
     problems = [(name, Constraints(sizes), strength, others, best) for name, (sizes, strength, others, best) in SPACES.items()]
     for path in sorted(models.glob("*.yaml")) if models else []:
         problems.append((path.stem, read_space_file(path).constraints, 2, *PUBLISHED.get(path.stem, (0, 0))))
-    covering_array((2, 2, 2), 2, effort="polish", seconds=0.1)  # Compiles.
+    covering_array(Constraints((2, 2, 2)), 2, effort=Effort(0.1))  # Compiles.
     for name, limits, strength, others, best in problems:
         begun = time.perf_counter()
-        quick = covering_array(limits.sizes, strength, constraints=limits)
+        quick = covering_array(limits, strength)
         taken = time.perf_counter() - begun
-        polished = covering_array(limits.sizes, strength, constraints=limits, effort="polish", seconds=seconds)
+        polished = covering_array(limits, strength, effort=Effort(seconds))
         if polished.cells <= CHECKED_CELLS:
             assert verify(polished.rows, limits, strength).valid and verify(quick.rows, limits, strength).valid
         ratio = f"{polished.size / best:.2f}" if best else ""
@@ -94,8 +94,8 @@ def cells() -> None:
 
 def proposals() -> None:
     """A proposal at n = 50, k = 2 against the exact solver's after 20 s; the paper's domain by batches."""
-    proposer = Proposer(Constraints((4,) * 50), 2)
-    rows = covering_array((4,) * 50).rows
+    limits = Constraints((4,) * 50)
+    proposer, rows = Proposer(limits, 2), covering_array(limits).rows
     proposer.propose(rows[:5])  # Compiles.
     for known in (0, 10, 25):
         begun = time.perf_counter()

@@ -24,7 +24,7 @@ from pipeline.core.statistics import mcnemar
 from pipeline.detectors.yolo.export import onnx_of
 from pipeline.execution import journal
 from pipeline.execution.campaign import sampler_seed
-from pipeline.execution.workers import Workers
+from pipeline.execution.workers import Job, Setup, Workers
 from pipeline.progress import Progress
 
 TOWN = {"style": "suburban", "seed": 987_654}
@@ -43,9 +43,9 @@ def main() -> None:
         for i, version in enumerate(options.version):
             own = Path(folder) / str(i)
             own.mkdir()
-            detector = {**config.detector, "model": str(onnx_of(version, own))}
+            model = onnx_of(version, own)
             for scenario in options.scenario:
-                failed[version] += _failures(config, scenario, detector, options.tests, options.workers, own)
+                failed[version] += _failures(config, scenario, model, options.tests, options.workers, own)
                 done = i * len(options.scenario) * options.tests + len(failed[version])
                 progress(done, len(options.version) * len(options.scenario) * options.tests, f"{version}: {sum(failed[version])} failures")
     print(f"{'failures':>8}  {'by scenario':<{4 * len(options.scenario)}}{'fixes':>7}{'regressions':>13}{'McNemar p':>11}  version")
@@ -56,23 +56,23 @@ def main() -> None:
         print(f"{sum(found):>8}  {parts}{paired.mended:>7}{paired.regressions:>13}{paired.p_value:>11.2g}  {version}")
 
 
-def _failures(config: Config, scenario: str, detector: dict[str, Any], tests: int, workers: int, folder: Path) -> list[bool]:
+def _failures(config: Config, scenario: str, model: Path, tests: int, workers: int, folder: Path) -> list[bool]:
     """Whether each test fails, in the order of the pair-wise sequence."""
-    body = config.scenarios[scenario].model_dump()
-    body["town"] |= TOWN
+    described = config.scenarios[scenario]
+    moved = described.model_copy(update={"town": described.town.model_copy(update=TOWN)})
     space = config.space(scenario)
     sampler = instantiate(config.samplers["pairwise"], _partial_=True, _convert_="all")(space=space, seed=sampler_seed(scenario, 3))
     points = np.concatenate([_asked(sampler) for _ in range(-(-tests // config.samplers["pairwise"]["batch_size"]))])[:tests]
     log = journal.Journal(folder / scenario, scenario)
-    pool = Workers(workers, config.simulator, body, detector, keep_every=0)
+    pool = Workers(workers, Setup(config.simulator, moved, config.detector, model))
     try:
-        for _ in pool.execute([(i, log.path(i), space.decode(point)) for i, point in enumerate(points)]):
+        for _ in pool.execute([Job(i, log.path(i), space.decode(point)) for i, point in enumerate(points)]):
             pass
     finally:
         pool.close()
     outcomes = [log.read(i) for i in range(tests)]
-    if broken := [outcome.reason for outcome in outcomes if outcome.broken]:
-        raise SystemExit(f"{scenario}: {len(broken)} tests ended in an error: {broken[0]}")
+    if errors := [outcome.reason for outcome in outcomes if outcome.is_error]:
+        raise SystemExit(f"{scenario}: {len(errors)} tests ended in an error: {errors[0]}")
     return [kpi.evaluate(outcome.signals, config.campaign.failure_threshold_s).failure for outcome in outcomes]
 
 

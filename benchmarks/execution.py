@@ -61,7 +61,7 @@ def measure(name: str, tests: int, detector: OnnxDetector) -> None:
     """Time one scenario."""
     described = functional_scenario(name)
     space = Space.from_dict(described.space)
-    simulator = MujocoSimulator(described.model_dump())
+    simulator = MujocoSimulator(described)
     simulator.execute(space.decode(space.sample(1, np.random.default_rng(0))[0]), detector)  # Warm up.
     SPENT.clear()
     whole, frames = [], 0

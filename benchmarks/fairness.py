@@ -43,7 +43,7 @@ def main() -> None:
         detector = detector_named(options.detector, Path(folder))
         for name in options.scenario:
             described = functional_scenario(name)
-            space, simulator = Space.from_dict(described.space), MujocoSimulator(described.model_dump())
+            space, simulator = Space.from_dict(described.space), MujocoSimulator(described)
             points = space.sample(options.tests, np.random.default_rng(sampler_seed(name, 5)))
             modes: Counter[str] = Counter()
             for point in tqdm(points, desc=name, unit="test", mininterval=2):

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pipeline.artefacts.dataset import decode_jpeg
 from pipeline.artefacts.tables import read_frames
 from pipeline.config.composing import compose
-from pipeline.core.kpi import MIN_VISIBLE_PIXELS
+from pipeline.core.visibility import MIN_VISIBLE_PIXELS
 from pipeline.report.border import SIDES
 
 FOLDER = Path(__file__).resolve().parents[1] / "docs" / "filter-sheet"

@@ -25,6 +25,7 @@ from pipeline.config.composing import compose
 from pipeline.detectors.yolo.data import usable
 from pipeline.detectors.yolo.network import STRIDES, Yolo
 from pipeline.detectors.yolo.recipe import CROP_SIZE, train_from_scratch
+from pipeline.detectors.yolo.training import Run
 
 
 class Mosaic(Yolo):
@@ -74,15 +75,8 @@ def trained(images: ImageSet, validation: ImageSet, size: str, share: float, thr
     section["validate_every"] = max(1, round((section["crop_iterations"] + section["frame_iterations"]) / 12))
     stamps: list[tuple[int, float]] = []
     started = time.monotonic()
-    fitted = train_from_scratch(
-        images,
-        usable(images),
-        validation,
-        section,
-        checkpoint=None,
-        threads=threads,
-        progress=lambda done, _total, _text: stamps.append((done, time.monotonic() - started)),
-    )
+    run = Run(threads=threads, progress=lambda done, _total, _text: stamps.append((done, time.monotonic() - started)))
+    fitted = train_from_scratch(images, usable(images), validation, section, run)
     done, seconds = (np.array(column) for column in zip(*stamps, strict=True))
     minutes = [float(np.interp(look.iteration, done, seconds)) / 60 for look in fitted.curve]
     return [

@@ -19,7 +19,7 @@ from pipeline.config.composing import compose, functional_scenario
 from pipeline.core.space import Space
 from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.yolo.export import onnx_of
-from pipeline.execution.workers import Workers
+from pipeline.execution.workers import Job, Setup, Workers
 from pipeline.simulators.mujoco.simulator import MujocoSimulator
 
 
@@ -36,13 +36,13 @@ def main() -> None:
         onnx = onnx_of(Path("models/base"), Path(folder))
         if options.memory:
             detector = OnnxDetector(onnx, threshold=study.detector["threshold"])
-            watch(MujocoSimulator(scenario.model_dump()), detector, space, options.memory)
+            watch(MujocoSimulator(scenario), detector, space, options.memory)
             return
         seconds = {}
         for count in (1, 2):
-            workers = Workers(count, study.simulator, scenario.model_dump(), {**study.detector, "model": str(onnx)}, 0)
+            workers = Workers(count, Setup(study.simulator, scenario, study.detector, onnx))
             points = space.sample(options.tests + 2 * count, np.random.default_rng(1))
-            jobs = [(i, Path(folder) / f"{count}-{i}.npz", space.decode(point)) for i, point in enumerate(points)]
+            jobs = [Job(i, Path(folder) / f"{count}-{i}.npz", space.decode(point)) for i, point in enumerate(points)]
             list(workers.execute(jobs[: 2 * count]))  # Each worker compiles its world.
             start = time.perf_counter()
             list(workers.execute(jobs[2 * count :]))

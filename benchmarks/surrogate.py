@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -60,10 +61,10 @@ class Surrogate:
         return np.column_stack(columns)
 
 
-def search(config: Config, world: Surrogate, name: str, strategy: Target, transfer: bool, seeds: int) -> tuple[Counter[str], Counter[str]]:
+def search(config: Config, world: Surrogate, strategy: Target, transfer: bool, seeds: Iterable[int]) -> tuple[Counter[str], Counter[str]]:
     """Tests and failures by group, of campaigns on every scenario; with `transfer` each learns from those before it."""
     space, tests, failures = config.space(config.search[0]), Counter[str](), Counter[str]()
-    for seed in tqdm(range(seeds), desc=name, unit="seed"):
+    for seed in seeds:
         earlier: list[tuple[Floats, Floats]] = []
         for scenario, searched in enumerate(config.search):
             history = {"earlier": earlier} if transfer else {}
@@ -104,7 +105,7 @@ def main() -> None:
         for name, transfer in (("alone", False), ("transfer", True)):
             settings[f"neural, {kinds} kinds, {name}"] = ({**config.samplers["neural"], "kinds": kinds}, transfer)
     for name, (strategy, transfer) in settings.items():
-        tests, failures = search(config, world, name, strategy, transfer, options.seeds)
+        tests, failures = search(config, world, strategy, transfer, tqdm(range(options.seeds), desc=name, unit="seed"))
         cells = [f"{tests[name] / options.seeds:.0f}, {failures[name] / options.seeds:.0f} fail" for name in GROUPS]
         cells.append(f"{tests.total() / options.seeds:.0f}, {failures.total() / options.seeds:.0f} fail")
         print(f"{name:<30}" + "".join(f"{cell:>30}" for cell in cells))

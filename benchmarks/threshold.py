@@ -40,7 +40,7 @@ def main() -> None:
         for order, scenario in enumerate(options.scenario):
             described = functional_scenario(scenario)
             space = Space.from_dict(described.space)
-            simulator = MujocoSimulator(scenario=described.model_dump())
+            simulator = MujocoSimulator(described)
             points = space.sample(options.tests, np.random.default_rng(sampler_seed(scenario, 0)))
             for done, point in enumerate(points, start=order * options.tests + 1):
                 for threshold, detector in detectors.items():

@@ -11,7 +11,7 @@ from pipeline.artefacts.dataset import ImageSet, image_set
 from pipeline.core.truth import Truth
 from pipeline.detectors.yolo.data import batch
 from pipeline.detectors.yolo.recipe import CROP_SIZE
-from pipeline.detectors.yolo.training import Batch, Schedule, fit, initial_model
+from pipeline.detectors.yolo.training import Batch, Feed, Lesson, Run, Schedule, fit, initial_model
 
 FRAME_SIZE = (320, 192)
 WARM_UP = 3
@@ -23,12 +23,16 @@ def main() -> None:
     parser.add_argument("--batch", type=int, default=32)
     parser.add_argument("--seconds", type=float, default=20.0, help="approximate seconds per phase")
     options = parser.parse_args()
-    images = people(200)
+    images, run = people(200), Run(threads=options.threads)
     for name, size, frozen in (("crops", CROP_SIZE, False), ("full frames", FRAME_SIZE, False), ("retraining", FRAME_SIZE, True)):
         made = augmentation(images, size, options.batch)
-        shown = training(images, size, frozen, options.batch, options.threads, options.seconds)
+
+        def shown(iteration: int, size: tuple[int, int] = size) -> Batch:
+            return batch(images, np.arange(options.batch) % len(images), size, (iteration,))
+
+        trained = options.batch * training(shown, frozen, options.seconds, run)
         width, height = size
-        print(f"{name:12} {width}x{height}  {shown:6.0f} images/s trained, {made:6.0f} images/s augmented on one core")
+        print(f"{name:12} {width}x{height}  {trained:6.0f} images/s trained, {made:6.0f} images/s augmented on one core")
 
 
 def people(count: int) -> ImageSet:
@@ -46,19 +50,19 @@ def augmentation(images: ImageSet, size: tuple[int, int], count: int) -> float:
     return 10 * count / (time.perf_counter() - start)
 
 
-def training(images: ImageSet, size: tuple[int, int], frozen: bool, count: int, threads: int, seconds: float) -> float:
-    """Images per second after a warm-up, batches and optimiser included. frozen: freeze the normalisation's statistics."""
+def training(shown: Feed, frozen: bool, seconds: float, run: Run) -> float:
+    """Iterations per second after a warm-up, batches and optimiser included. frozen: freeze the normalisation's statistics."""
 
     def feed(iteration: int) -> Batch:
         times.append(time.perf_counter())
-        return batch(images, np.arange(count) % len(images), size, (iteration,))
+        return shown(iteration)
 
     times: list[float] = []
-    fit(initial_model(0), Schedule(0, WARM_UP + 2, 1e-3, frozen_statistics=frozen), feed, threads=threads)
+    fit(initial_model(0), Lesson(Schedule(0, WARM_UP + 2, 1e-3, frozen_statistics=frozen), feed), run)
     iterations = WARM_UP + max(2, round(seconds / (times[-1] - times[-2])))
     times.clear()
-    fit(initial_model(0), Schedule(0, iterations, 1e-3, frozen_statistics=frozen), feed, threads=threads)
-    return (iterations - WARM_UP) * count / (time.perf_counter() - times[WARM_UP])
+    fit(initial_model(0), Lesson(Schedule(0, iterations, 1e-3, frozen_statistics=frozen), feed), run)
+    return (iterations - WARM_UP) / (time.perf_counter() - times[WARM_UP])
 
 
 if __name__ == "__main__":

@@ -16,7 +16,6 @@ import numpy as np
 from tqdm import tqdm
 
 from pipeline.config.composing import CONF, functional_scenario
-from pipeline.core import kpi
 from pipeline.core.episode import Frame
 from pipeline.core.space import Space
 from pipeline.core.statistics import wilson_interval
@@ -44,13 +43,13 @@ class Seen(NamedTuple):
     @property
     def answerable(self) -> bool:
         """The same limits as in the metrics."""
-        return not kpi.barely_visible(self.frame.truth.visible_pixels, self.contrast)
+        return not self.frame.truth.barely_visible
 
 
 def frames(name: str, tests: int) -> list[Seen]:
     """The frames of a scenario that count."""
     described = functional_scenario(name)
-    space, simulator = Space.from_dict(described.space), MujocoSimulator(described.model_dump())
+    space, simulator = Space.from_dict(described.space), MujocoSimulator(described)
     found = []
     try:
         for point in tqdm(space.sample(tests, np.random.default_rng(sampler_seed(name, 17))), desc=name, unit="test", mininterval=2):

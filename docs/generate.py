@@ -1,4 +1,4 @@
-"""Writes docs/reference/configuration.md from the schema, or with --check compares them.
+"""Writes the pages of docs/reference that the code determines, configuration.md and columns.md, or with --check compares them.
 
 python docs/generate.py [--check]
 """
@@ -14,11 +14,13 @@ import yaml
 from hydra.utils import get_class
 from pydantic import BaseModel
 
+from pipeline.artefacts.tables import TABLES
 from pipeline.config.composing import compose
 from pipeline.config.schema import Config
+from pipeline.core.columns import Column
 from pipeline.simulators.mujoco.lens import CameraSettings
 
-PATH = Path(__file__).parent / "reference" / "configuration.md"
+FOLDER = Path(__file__).parent / "reference"
 CONF = Path(__file__).parents[1] / "conf"
 GROUPS = {"sampler": "samplers.{}.", "detector": "detector.", "simulator": "simulator."}
 """Folders of conf/ whose files each name a class, and the keys that its parameters have."""
@@ -31,6 +33,19 @@ Made by `python docs/generate.py` from `pipeline/config.py` and `conf/`. The val
 | key | value | range | meaning |
 |---|---|---|---|
 """
+
+COLUMNS_HEAD = """# Columns of a campaign's tables
+
+Made by `python docs/generate.py`. A column's unit is in the Parquet field's metadata, too. Only floats can be without a value.
+
+"""
+TABLE_TEXTS = {
+    "tests": "A row a test execution. A column for each variable of the scenario follows. A test with status `error` has no KPI: false, 0, "
+    "`none` or no value.",
+    "signals": "A row a time step, in the world frame. The last row of a test is its end, without a frame. All KPIs follow from it.",
+    "frames": "A row for each `campaign.keep_every`-th frame.",
+    "timings": "A row a test: wall clock, which no other table has.",
+}
 
 
 CHOICES = """## Strategies, detectors and simulators
@@ -79,17 +94,37 @@ def limits(metadata: list[Any]) -> str:
     return ", ".join(f"{sign} {getattr(m, key):g}" for m in metadata for key, sign in signs.items() if getattr(m, key, None) is not None)
 
 
-def main() -> int:
-    """Write or check the page."""
+def configuration() -> str:
+    """The page of all keys."""
     parts = [line for group, prefix in GROUPS.items() for line in choices(group, prefix)]
-    text = HEAD + "\n".join([*rows(Config, compose("default", [])), "", CHOICES, *parts])
+    return HEAD + "\n".join([*rows(Config, compose("default", [])), "", CHOICES, *parts])
+
+
+def columns() -> str:
+    """The page of all columns of a campaign's tables."""
+    parts = [line for name, table in TABLES.items() for line in (f"## {name}.parquet", "", TABLE_TEXTS[name], "", *described(table), "")]
+    return COLUMNS_HEAD + "\n".join(parts)
+
+
+def described(table: tuple[Column, ...]) -> list[str]:
+    """A Markdown table with a row for each column."""
+    head = ["| column | type | unit | meaning |", "|---|---|---|---|"]
+    return head + [f"| `{c.name}` | {' / '.join(c.allowed) or c.kind.__name__} | {c.unit} | {c.meaning} |" for c in table]
+
+
+PAGES = {"configuration.md": configuration, "columns.md": columns}
+
+
+def main() -> int:
+    """Write or check the pages."""
+    made = {FOLDER / name: page() for name, page in PAGES.items()}
+    stale = [path for path, text in made.items() if not path.exists() or path.read_text() != text]
     if "--check" in sys.argv:
-        if not PATH.exists() or PATH.read_text() != text:
-            print(f"{PATH}: out of date; run python docs/generate.py", file=sys.stderr)
-            return 1
-        return 0
-    PATH.parent.mkdir(parents=True, exist_ok=True)
-    PATH.write_text(text)
+        for path in stale:
+            print(f"{path}: out of date; run python docs/generate.py", file=sys.stderr)
+        return 1 if stale else 0
+    for path in stale:
+        path.write_text(made[path])
     return 0
 
 

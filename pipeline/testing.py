@@ -10,6 +10,7 @@ import numpy as np
 from pipeline.core import kpi
 from pipeline.core.detections import Detections
 from pipeline.core.episode import Episode, Frame
+from pipeline.core.matching import match
 from pipeline.core.space import Space
 from pipeline.core.truth import Truth
 from pipeline.protocols import Detector, Sampler, Simulator
@@ -73,6 +74,7 @@ def _check_episode(episode: Episode) -> None:
     )
     for kept in episode.frames:
         image = kept.frame.image
+        assert kept.matching == match(kept.detections, kept.frame.truth), f"frame {kept.step} must carry the matching of its detections"
         assert image.dtype == np.uint8 and image.ndim == 3 and image.shape[2] == 3, "images must be (h, w, 3) uint8"
 
 
@@ -89,7 +91,7 @@ def check_detector(detector: Detector, width: int, height: int) -> None:
     for image in (np.zeros_like(noise), noise, figure):
         before = image.copy()
         found, again = (detector.detect(Frame(image, truth)) for _ in range(2))
-        assert isinstance(found, Detections), f"detect must return pipeline.protocols.Detections, got {type(found).__name__}"
+        assert isinstance(found, Detections), f"detect must return pipeline.core.detections.Detections, got {type(found).__name__}"
         assert np.array_equal(image, before), "detect must not change the image"
         assert np.array_equal(found.boxes, again.boxes) and np.array_equal(found.scores, again.scores), "detect must be deterministic"
         left, top, right, bottom = found.boxes.T

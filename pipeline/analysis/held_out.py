@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.analysis.measures import campaign_key
-from pipeline.artefacts.tables import read_tests
+from pipeline.artefacts.tables import campaign_of, read_tests
 from pipeline.core.comparison import Bools, SequenceOutcomes, SequenceTest
 from pipeline.errors import InputError
 from pipeline.progress import OnProgress
@@ -82,10 +81,10 @@ def read_held_out(
     tables = {}
     for done, path in enumerate(paths, 1):
         rows = read_tests(path).sort_values("index", ignore_index=True)
-        scenario, _, version, _ = campaign_key(rows, path)
+        campaign = campaign_of(rows, path)
         _check_threshold(rows, threshold, path)
-        tables[scenario, version] = rows
-        progress(done, len(paths), f"{scenario}/{version}")
+        tables[campaign.scenario, campaign.version] = rows
+        progress(done, len(paths), f"{campaign.scenario}/{campaign.version}")
     return HeldOut(tuple(versions), labels, tables)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
+from dataclasses import asdict, replace
 
 import numpy as np
 import pandas as pd
@@ -11,6 +11,7 @@ import pandas as pd
 from pipeline.artefacts.points import encode_tests
 from pipeline.artefacts.results import CampaignMeasures, Estimate, Modes, StrategyMeasures
 from pipeline.core.coverage.projection import projection_coverage
+from pipeline.core.identity import CampaignId
 from pipeline.core.measures import c_measure, f_measure, failure_sequence, pair_coverage
 from pipeline.core.space import Ints, Space
 from pipeline.core.statistics import mean_interval, wilson_interval
@@ -23,38 +24,23 @@ TESTS_WANTED = 3
 """Tests that the projection coverage asks of every pair of categories; pair coverage asks for one."""
 
 
-Key = tuple[str, str, str, int]
-"""Scenario, strategy, version, seed."""
-
-
-def campaign_key(tests: pd.DataFrame, path: Path) -> Key:
-    """Which campaign a table holds; InputError if it holds none or several."""
-    keys = tests[["scenario", "strategy", "version", "seed"]].drop_duplicates()
-    if len(keys) != 1:
-        raise InputError(f"{path}: expected the tests of one campaign, got {len(keys)} campaigns; make it again")
-    scenario, strategy, version, seed = keys.iloc[0]
-    return str(scenario), str(strategy), str(version), int(seed)
-
-
-def measure_campaign(key: Key, tables: Mapping[Key, pd.DataFrame], spaces: Mapping[str, Space], baseline: str) -> CampaignMeasures:
+def measure_campaign(
+    campaign: CampaignId, tables: Mapping[CampaignId, pd.DataFrame], spaces: Mapping[str, Space], baseline: str
+) -> CampaignMeasures:
     """Every measure of one campaign; see CampaignMeasures for their definitions."""
-    scenario, strategy, version, seed = key
-    tests = tables[key]
-    reference = tables.get((scenario, baseline, version, seed))
-    if scenario not in spaces:
-        raise InputError(f"campaign {'/'.join(map(str, key))}: expected the space of scenario '{scenario}', got {sorted(spaces)}")
+    tests = tables[campaign]
+    reference = tables.get(replace(campaign, strategy=baseline))
+    if campaign.scenario not in spaces:
+        raise InputError(f"campaign {campaign}: expected the space of scenario '{campaign.scenario}', got {sorted(spaces)}")
     if reference is None:
-        raise InputError(f"campaign {'/'.join(map(str, key))}: expected a '{baseline}' campaign of seed {seed} beside it, got none")
-    space, failed = spaces[scenario], tests["failure"].to_numpy(bool)
+        raise InputError(f"campaign {campaign}: expected a '{baseline}' campaign of seed {campaign.seed} beside it, got none")
+    space, failed = spaces[campaign.scenario], tests["failure"].to_numpy(bool)
     sequence, other = failure_sequence(failed), failure_sequence(reference["failure"].to_numpy(bool))
     n, saved = c_measure(sequence, other)
     valid = (tests["status"] == "ok").to_numpy()
     points = encode_tests(tests, space)
     return CampaignMeasures(
-        scenario=scenario,
-        strategy=strategy,
-        version=version,
-        seed=seed,
+        **asdict(campaign),
         tests=len(tests),
         errors=int((~valid).sum()),
         failures=int(failed.sum()),
@@ -63,8 +49,8 @@ def measure_campaign(key: Key, tables: Mapping[Key, pd.DataFrame], spaces: Mappi
         f_measure=f_measure(sequence),
         n=n,
         f_n=f_measure(sequence, n),
-        c_measure=None if strategy == baseline else saved,
-        c_measure_assumed=strategy != baseline and int(other[-1]) == 0,
+        c_measure=None if campaign.strategy == baseline else saved,
+        c_measure_assumed=campaign.strategy != baseline and int(other[-1]) == 0,
         pair_coverage_tests=pair_coverage(space, points[valid]),
         pair_coverage_failures=pair_coverage(space, points[failed]),
         projection_coverage=_projection(space, space.categorise(points[valid])),

@@ -28,6 +28,7 @@ class Folders:
     def goals(self) -> list[str]:
         """What the whole study is run for."""
         made = {"report": ["report.html", "tracking.json"], "base": ["models/base/model.json"], "front_car": ["front_car.html"]}
+        made["detectors"] = [f"reports/{name}.html" for name in self.config.tested]
         return [f"{self.root}/{name}" for name in made[self.config.goal]]
 
     @property
@@ -82,8 +83,12 @@ class Folders:
         """
         config = self.config
         scenarios, strategies = [scenario] if scenario else config.search, [strategy] if strategy else config.strategies
-        root = f"{self.root}/campaigns" if version == "base" else f"{self.root}/retrained/campaigns"
+        root = f"{self.root}/{'retrained/' if Version.named(version).round else ''}campaigns"
         return [f"{root}/{a}/{b}/{version}/{seed}/{name}" for a in scenarios for b in strategies for seed in config.seeds]
+
+    def searches(self, name: str) -> list[str]:
+        """The file `name` of the search campaigns against every version that is not retrained."""
+        return [path for v in self.config.versions if not v.round for path in self.search(name, version=str(v))]
 
     def earlier(self, kind: str, scenario: str, strategy: str, version: str, seed: str) -> list[str]:
         """The tests of the campaigns that a campaign knows: of the same version and seed, on the scenarios before its own."""
@@ -117,11 +122,15 @@ class Folders:
 
     def filter(self, strategy: str, version: str = "base") -> str:
         """The filter table of a strategy's campaigns against a version."""
-        return f"{self.root}/{'' if version == 'base' else 'retrained/'}filter/{strategy}/{version}.csv"
+        return f"{self.root}/{'retrained/' if Version.named(version).round else ''}filter/{strategy}/{version}.csv"
 
     def model(self, version: str, name: str) -> str:
         """The file `name` of a model version."""
-        return f"{self.root}/{'' if version == 'base' else 'retrained/'}models/{version}/{name}"
+        return f"{self.root}/{'retrained/' if Version.named(version).round else ''}models/{version}/{name}"
+
+    def detector(self, version: str) -> str:
+        """The file that a version is tested as."""
+        return self.config.tested[version] if self.config.goal == "detectors" else self.model(version, "model.onnx")
 
     def parent(self, version: str, name: str) -> str:
         """The file `name` of the version that a version is retrained from."""

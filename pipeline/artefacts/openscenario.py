@@ -7,6 +7,7 @@ pedestrian's looks and animation, and the braking, which is the detector's.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree as Xml
 
@@ -87,7 +88,7 @@ def open_drive(town: Town) -> Xml.Element:
     }
     for number, (incoming, outgoing, through) in links.items():
         lanes = ahead if number == "11" else 1
-        _connecting(root, number, incoming, outgoing, through, lanes)
+        _connecting(root, _Turn(number, incoming, outgoing, through), lanes)
         connection = _add(junction, "connection", id=number, incomingRoad=incoming, connectingRoad=number, contactPoint="start")
         for lane in range(1, lanes + 1):
             _add(connection, "laneLink", from_=-lane * _turned(incoming), to=-lane)
@@ -112,12 +113,23 @@ def _road(root: Xml.Element, number: str, line: paths.Piece, ahead: int, street:
     return road
 
 
-def _connecting(root: Xml.Element, number: str, incoming: str, outgoing: str, through: Sequence[paths.Point], ahead: int) -> None:
+@dataclass(frozen=True)
+class _Turn:
+    """A connecting road: its number, the roads that it joins, and the points that it passes through."""
+
+    number: str
+    incoming: str
+    outgoing: str
+    through: Sequence[paths.Point]
+
+
+def _connecting(root: Xml.Element, turn: _Turn, ahead: int) -> None:
+    incoming, through = turn.incoming, turn.through
     path = paths.Path(through, radius=6.0) if len(through) > 2 else paths.Path(through)
-    road = _add(root, "road", name="", length=path.length, id=number, junction=JUNCTION_ID)
+    road = _add(root, "road", name="", length=path.length, id=turn.number, junction=JUNCTION_ID)
     link = _add(road, "link")
     _add(link, "predecessor", elementType="road", elementId=incoming, contactPoint="start" if incoming == "3" else "end")
-    _add(link, "successor", elementType="road", elementId=outgoing, contactPoint="start")
+    _add(link, "successor", elementType="road", elementId=turn.outgoing, contactPoint="start")
     view, s = _add(road, "planView"), 0.0
     for piece in path.pieces:
         if piece.length < 1e-6:

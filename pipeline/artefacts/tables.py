@@ -8,6 +8,7 @@ from __future__ import annotations
 import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,114 +16,122 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.artefacts.files import write_bytes
-from pipeline.core.episode import SIGNALS
+from pipeline.core.boxes import Box
+from pipeline.core.columns import Column, columns
+from pipeline.core.episode import KeptFrame
+from pipeline.core.identity import CampaignId
+from pipeline.core.kpi import KPIS
+from pipeline.core.signals import SIGNALS
 from pipeline.core.space import Space, Variable
+from pipeline.core.truth import Truth
 from pipeline.errors import InputError
 
 FORMAT = "1"
-Column = tuple[str, type, str]
-"""Name, type and unit."""
-ALLOWED = {"status": {"ok", "error"}, "failure_mode": {"none", "contact", "late", "false_positives"}}
 TYPES = {int: pa.int64(), float: pa.float64(), bool: pa.bool_(), str: pa.string(), bytes: pa.binary()}
-TESTS: tuple[Column, ...] = (
-    ("test_id", str, ""),
-    ("scenario", str, ""),
-    ("strategy", str, ""),
-    ("version", str, ""),
-    ("seed", int, ""),
-    ("index", int, ""),
-    ("batch", int, ""),
-    ("status", str, ""),
-    ("reason", str, ""),
-    ("adj_ttc_s", float, "s"),
-    ("ttc_s", float, "s"),
-    ("failure", bool, ""),
-    ("failure_mode", str, ""),
-    ("contact", bool, ""),
-    ("impact_speed_mps", float, "m/s"),
-    ("smallest_gap_m", float, "m"),
-    ("post_encroachment_s", float, "s"),
-    ("first_detection_s", float, "s"),
-    ("first_detection_m", float, "m"),
-    ("missed_frames", int, ""),
-    ("false_positives", int, ""),
-    ("false_positives_far", int, ""),
-    ("false_positives_localisation", int, ""),
-    ("false_positives_duplicate", int, ""),
+TEST_ID = Column("test_id", str, "scenario, strategy, version, seed and index in one name")
+SIDES = ("left", "top", "right", "bottom")
+BOXES = {"visible": "box around what shows of the pedestrian", "whole": "box around what would show of it without occluders"}
+TESTS = (
+    TEST_ID,
+    *columns(CampaignId),
+    Column("index", int, "number of the test in its campaign, from 0"),
+    Column("batch", int, "number of the batch that the strategy asked for"),
+    Column("status", str, "whether the simulation broke", allowed=("ok", "error")),
+    Column("reason", str, "why the simulation broke, else empty"),
+    *KPIS,
 )
-"""Columns of tests.parquet before the scenario variables. A test with status `error` has a reason, failure false, failure_mode
-none, counts of 0 and no value for any other KPI."""
-SIGNAL_TYPES: Mapping[type, type] = {np.float64: float, np.int64: int, np.bool_: bool}
-SIGNAL_UNITS = {"_mps": "m/s", "_s": "s", "_m": "m", "_pixels": "px"}
-
-
-def _unit(name: str) -> str:
-    return next((unit for suffix, unit in SIGNAL_UNITS.items() if name.endswith(suffix)), "")
-
-
-SIGNAL_TABLE: tuple[Column, ...] = (
-    ("test_id", str, ""),
-    ("step", int, ""),
-    *((name, SIGNAL_TYPES[kind], _unit(name)) for name, kind in SIGNALS.items()),
+"""Columns of tests.parquet before the scenario variables. A test with status `error` has a reason and `NO_KPI`."""
+SIGNAL_TABLE = (TEST_ID, Column("step", int, "number of the time step, from 0"), *SIGNALS)
+FRAMES = (
+    TEST_ID,
+    Column("step", int, "number of the time step"),
+    Column("image", bytes, "the frame as JPEG"),
+    *(Column(f"{box}_{side}", float, f"{meaning}; no value where there is none", "px") for box, meaning in BOXES.items() for side in SIDES),
+    Column("visible_pixels", int, "pixels in which the pedestrian shows", "px"),
+    Column("whole_pixels", int, "pixels in which it would show without occluders", "px"),
+    Column("contrast", float, "mean difference in grey levels between the pedestrian's visible pixels and their surroundings"),
+    Column("false_positives", int, "false positives of the detector in this frame"),
+    Column("confidence", float, "score of its best detection on the pedestrian, 0 if there is none"),
 )
-SIGNAL_COLUMNS = tuple(name for name, _, _ in SIGNAL_TABLE)
-FRAMES: tuple[Column, ...] = (
-    ("test_id", str, ""),
-    ("step", int, ""),
-    ("image", bytes, ""),
-    *((f"{box}_{side}", float, "px") for box in ("visible", "whole") for side in ("left", "top", "right", "bottom")),
-    ("visible_pixels", int, "px"),
-    ("whole_pixels", int, "px"),
-    ("contrast", float, ""),
-    ("false_positives", int, ""),
-    ("confidence", float, ""),
+TIMINGS = (
+    TEST_ID,
+    Column("sampler_s", float, "the test's share of the time that the strategy took for its batch", "s"),
+    Column("simulate_s", float, "time that executing the test took", "s"),
 )
-"""Columns of frames.parquet: a JPEG, the pedestrian's boxes (no value where nothing shows) and what the detector said."""
-TIMINGS: tuple[Column, ...] = (("test_id", str, ""), ("sampler_s", float, "s"), ("simulate_s", float, "s"))
+TABLES: Mapping[str, tuple[Column, ...]] = {"tests": TESTS, "signals": SIGNAL_TABLE, "frames": FRAMES, "timings": TIMINGS}
 
 
 def write_tests(path: Path, tests: pd.DataFrame, space: Space) -> None:
     """Write one row a test, in the order given: `TESTS`, then one column a scenario variable (categories by name)."""
-    _write(path, tests, pa.schema([*_fields(TESTS), *map(_variable_field, space.variables)]))
+    _write(path, tests, TESTS, space.variables)
 
 
 def read_tests(path: Path, columns: Sequence[str] | None = None) -> pd.DataFrame:
     """Read tests.parquet, or some of its columns; InputError that names the file if it is truncated or another table."""
-    return _read(path, TESTS, columns, variables=True)
+    return _read(path, "tests", columns)
 
 
 def write_signals(path: Path, signals: pd.DataFrame) -> None:
-    """Write one row a time step: test_id, step, then `pipeline.protocols.SIGNALS`."""
-    _write(path, signals, pa.schema(_fields(SIGNAL_TABLE)))
+    """Write one row a time step: test_id, step, then `pipeline.core.signals.SIGNALS`."""
+    _write(path, signals, SIGNAL_TABLE)
 
 
 def read_signals(path: Path, columns: Sequence[str] | None = None) -> pd.DataFrame:
     """Read signals.parquet; InputError that names the file if it is truncated or another table."""
-    return _read(path, SIGNAL_TABLE, columns)
+    return _read(path, "signals", columns)
 
 
 def write_frames(path: Path, frames: pd.DataFrame) -> None:
     """Write one row a kept frame: `FRAMES`."""
-    _write(path, frames, pa.schema(_fields(FRAMES)))
+    _write(path, frames, FRAMES)
 
 
 def read_frames(path: Path, columns: Sequence[str] | None = None) -> pd.DataFrame:
     """Read frames.parquet, or some of its columns (without `image` it is small); InputError if it is truncated or foreign."""
-    return _read(path, FRAMES, columns)
+    return _read(path, "frames", columns)
 
 
 def write_timings(path: Path, timings: pd.DataFrame) -> None:
     """Write one row a test: seconds of wall clock that choosing it and executing it took."""
-    _write(path, timings, pa.schema(_fields(TIMINGS)))
+    _write(path, timings, TIMINGS)
 
 
 def read_timings(path: Path) -> pd.DataFrame:
     """Read timings.parquet; InputError that names the file if it is truncated or another table."""
-    return _read(path, TIMINGS, None)
+    return _read(path, "timings", None)
 
 
-def _fields(columns: Sequence[Column]) -> list[pa.Field]:
-    return [pa.field(name, TYPES[kind], kind is float, {"unit": unit} if unit else None) for name, kind, unit in columns]
+def campaign_of(tests: pd.DataFrame, path: Path) -> CampaignId:
+    """The campaign of the rows of tests.parquet; InputError that names the file if they are of none or of several."""
+    found = tests[[column.name for column in columns(CampaignId)]].drop_duplicates()
+    if len(found) != 1:
+        raise InputError(f"{path}: expected the tests of one campaign, got {len(found)} campaigns; make it again")
+    scenario, strategy, version, seed = found.iloc[0]
+    return CampaignId(str(scenario), str(strategy), str(version), int(seed))
+
+
+def frame_row(kept: KeptFrame) -> dict[str, Any]:
+    """The row of frames.parquet of a kept frame, without test and image."""
+    truth = kept.frame.truth
+    row: dict[str, Any] = {"step": kept.step}
+    for kind, box in (("visible", truth.visible_box), ("whole", truth.whole_box)):
+        row |= {f"{kind}_{side}": value for side, value in zip(SIDES, box or (np.nan,) * 4, strict=True)}
+    row |= {name: getattr(truth, name) for name in ("visible_pixels", "whole_pixels", "contrast")}
+    return row | {"false_positives": kept.matching.false_positives, "confidence": kept.matching.confidence}
+
+
+def frame_truth(row: pd.Series) -> Truth:
+    """The ground truth in a row of frames.parquet."""
+    return Truth(_box(row, "visible"), _box(row, "whole"), int(row["visible_pixels"]), int(row["whole_pixels"]), float(row["contrast"]))
+
+
+def _box(row: pd.Series, kind: str) -> Box | None:
+    left, top, right, bottom = (float(row[f"{kind}_{side}"]) for side in SIDES)
+    return None if np.isnan(left) else (left, top, right, bottom)
+
+
+def _field(column: Column) -> pa.Field:
+    return pa.field(column.name, TYPES[column.kind], column.kind is float, {"unit": column.unit} if column.unit else None)
 
 
 def _variable_field(variable: Variable) -> pa.Field:
@@ -130,13 +139,14 @@ def _variable_field(variable: Variable) -> pa.Field:
     return pa.field(variable.name, kind, nullable=False, metadata={"unit": variable.unit} if variable.unit else None)
 
 
-def _write(path: Path, frame: pd.DataFrame, schema: pa.Schema) -> None:
+def _write(path: Path, frame: pd.DataFrame, expected: Sequence[Column], variables: Sequence[Variable] = ()) -> None:
+    schema = pa.schema([*map(_field, expected), *map(_variable_field, variables)])
     missing, unknown = set(schema.names) - set(frame.columns), set(frame.columns) - set(schema.names)
     if missing or unknown:
         raise ValueError(f"{path.name} must have columns {schema.names}; missing {sorted(missing)}, unknown {sorted(unknown)}")
     arrays = [pa.array(frame[field.name], field.type, from_pandas=True) for field in schema]
     table = pa.table(arrays, schema=schema.with_metadata({"blindspot": FORMAT}))
-    problem = _problem(table)
+    problem = _problem(table, expected)
     if problem:
         raise ValueError(f"{path.name}: {problem}")
     buffer = io.BytesIO()
@@ -144,28 +154,25 @@ def _write(path: Path, frame: pd.DataFrame, schema: pa.Schema) -> None:
     write_bytes(path, buffer.getvalue())
 
 
-def _read(path: Path, expected: Sequence[Column], columns: Sequence[str] | None, variables: bool = False) -> pd.DataFrame:
-    schema = _schema(path)
-    wanted = {field.name: field.type for field in _fields(expected)}
-    found = {field.name: field.type for field in schema}
-    if variables and any(kind in (pa.string(), pa.float64()) for name, kind in found.items() if name not in wanted):
-        found = {name: kind for name, kind in found.items() if name in wanted}
+def _read(path: Path, name: str, columns: Sequence[str] | None) -> pd.DataFrame:
+    expected = TABLES[name]
+    wanted = {column.name: TYPES[column.kind] for column in expected}
+    found = {field.name: field.type for field in _schema(path)}
+    variables = {kind for other, kind in found.items() if other not in wanted}
+    if name == "tests" and variables & {pa.string(), pa.float64()}:
+        found = {known: kind for known, kind in found.items() if known in wanted}
     if found != wanted:
-        wrong = sorted({name for name in {*wanted, *found} if wanted.get(name) != found.get(name)})
-        raise InputError(f"{path}: expected a {_table_name(expected)} table, its columns {wrong} differ; make it again")
+        wrong = sorted({column for column in {*wanted, *found} if wanted.get(column) != found.get(column)})
+        raise InputError(f"{path}: expected a {name} table, its columns {wrong} differ; make it again")
     try:
         table = pq.ParquetFile(path).read(columns=list(columns) if columns is not None else None)
     except (pa.ArrowException, OSError) as error:
         raise InputError(f"{path}: expected a Parquet file, it is damaged ({error}); delete it and make it again") from error
-    problem = _problem(table)
+    problem = _problem(table, expected)
     if problem:
         raise InputError(f"{path}: {problem}; delete it and make it again")
     frame: pd.DataFrame = table.to_pandas()
     return frame if columns is None else frame[list(columns)]
-
-
-def _table_name(expected: Sequence[Column]) -> str:
-    return {len(TESTS): "tests", len(SIGNAL_TABLE): "signals", len(FRAMES): "frames"}.get(len(expected), "timings")
 
 
 def _schema(path: Path) -> pa.Schema:
@@ -177,13 +184,14 @@ def _schema(path: Path) -> pa.Schema:
         raise InputError(f"{path}: expected a Parquet file, it is truncated or foreign ({error}); delete it and make it again") from error
 
 
-def _problem(table: pa.Table) -> str:
+def _problem(table: pa.Table, expected: Sequence[Column]) -> str:
     """What is wrong with the rows; empty if nothing is."""
+    allowed = {column.name: set(column.allowed) for column in expected if column.allowed}
     for field in table.schema:
         column = table.column(field.name)
         if not field.nullable and column.null_count:
             return f"column {field.name} must have no empty rows, got {column.null_count}"
-        foreign = set(column.unique().to_pylist()) - ALLOWED[field.name] if field.name in ALLOWED else set()
+        foreign = set(column.unique().to_pylist()) - allowed[field.name] if field.name in allowed else set()
         if foreign:
-            return f"column {field.name} must hold {sorted(ALLOWED[field.name])}, got {sorted(foreign)}"
+            return f"column {field.name} must hold {sorted(allowed[field.name])}, got {sorted(foreign)}"
     return ""

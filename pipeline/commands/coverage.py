@@ -130,7 +130,7 @@ def propose(
 
 
 def plan(
-    *, space: Path, strength: int, effort: Effort, seconds: float, seed: int, include: Path | None, output: Path | None, progress: Progress
+    *, space: Path, strength: int, effort: str, seconds: float, seed: int, include: Path | None, output: Path | None, progress: Progress
 ) -> tuple[Found, str]:
     """A covering array: few points in which every combination of categories of any `strength` conditions occurs."""
     known = read_space_file(space)
@@ -142,9 +142,8 @@ def plan(
     def told(share: float, size: int, bound: int) -> None:
         progress(min(999, int(1000 * share)), 1000, f"{size} points, at least {bound} needed")
 
-    array = covering_array(
-        known.sizes, strength, constraints=known.constraints, seeds=seeds, effort=effort, seconds=seconds, seed=seed, progress=told
-    )
+    search = Effort(seconds if effort == "polish" else None, told)
+    array = covering_array(known.constraints, strength, seeds=seeds, seed=seed, effort=search)
     progress(1000, 1000, f"{array.size} points")
     if output:
         write_points(output, known, array.rows)

@@ -48,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
     study = compose("default", [])
     with tempfile.TemporaryDirectory() as folder:
         onnx = onnx_of(options.model, Path(folder))
-        simulator = instantiate(study.simulator, scenario=described.model_dump(), _convert_="all")
+        simulator = instantiate(study.simulator, _partial_=True, _convert_="all")(scenario=described)
         detector: Detector = instantiate(study.detector, model=onnx, _convert_="all")
         episode = simulator.execute(concrete, detector, keep_every=1)
         simulator.close()

@@ -22,6 +22,9 @@ Seed = Annotated[int, Field(ge=0)]
 Share = Annotated[float, Field(gt=0, lt=1)]
 
 
+DetectorName = Annotated[str, Field(pattern=r"^[A-Za-z0-9]\w*$")]
+
+
 def _has_target(section: dict[str, Any]) -> dict[str, Any]:
     if not isinstance(section.get("_target_"), str) or "." not in section["_target_"]:
         raise ValueError("needs '_target_', the dotted name of a class")
@@ -181,8 +184,11 @@ class Config(_Section):
 
     study: str = Field(pattern=r"^[a-z0-9_-]+$")
     """Its name; results lie in data/<study>."""
-    goal: Literal["report", "base", "front_car"]
-    """`report` runs the loop, `base` stops at the trained base detector, `front_car` runs the front-car study."""
+    goal: Literal["report", "base", "front_car", "detectors"]
+    """`report` runs the loop, `base` stops at the trained base detector, `front_car` runs the front-car study, `detectors` tests the
+    detectors in `tested` and retrains none."""
+    tested: dict[DetectorName, str]
+    """The detectors that goal `detectors` tests: name and file; the first is the one that the others are compared with."""
     seeds: tuple[Seed, ...] = Field(min_length=1)
     """Seeds of the search campaigns; with the same one each scenario has tests of its own."""
     search: tuple[str, ...] = Field(min_length=1)
@@ -246,6 +252,8 @@ class Config(_Section):
                     raise ValueError(
                         f"held_out: {unseen} has the town of {searched} (style and seed), which is searched, so detectors would learn it"
                     )
+        if self.goal == "detectors" and not self.tested:
+            raise ValueError("tested: goal 'detectors' needs at least one detector, as in tested={mine: best.onnx}")
         if self.adaptive == self.strategies[0]:
             raise ValueError(f"adaptive must differ from the baseline, the first of strategies, got '{self.adaptive}' for both")
         return self
@@ -270,6 +278,8 @@ class Config(_Section):
     @property
     def versions(self) -> tuple[Version, ...]:
         """The model versions of the study."""
+        if self.goal == "detectors":
+            return tuple(map(Version, self.tested))
         return versions(self.retraining.rounds, self.retraining.seeds)
 
     def space(self, scenario: str) -> Space:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.core.kpi import MIN_CONTRAST, MIN_VISIBLE_PIXELS
+from pipeline.core.visibility import visible
 
 FULL_BRAKE_MPS2 = 8.0
 BRAKE_LAG_S = 0.1
@@ -24,10 +24,10 @@ def stopping_distance(speed_mps: ArrayLike) -> NDArray[np.float64]:
 def solvable(signals: Mapping[str, NDArray[Any]]) -> bool:
     """Whether there was a time step at which a person could see the pedestrian and full braking would still have ended before it.
 
-    signals: columns of a test execution, (t,) each. A person sees what is not `kpi.barely_visible`. Where the answer is no, no detector
-    that judges single images as well as a person does could have mended the test with this camera: it is a limit of sensor and sight
-    line. That a pedestrian may clear the way by itself is left out of account.
+    signals: columns of a test execution, (t,) each. A person sees what is `visible`. Where the answer is no, no detector that judges
+    single images as well as a person does could have passed the test with this camera: it is a limit of sensor and sight line. That a
+    pedestrian may clear the way by itself is left out of account.
     """
-    visible = (np.asarray(signals["visible_pixels"]) >= MIN_VISIBLE_PIXELS) & (np.asarray(signals["contrast"]) >= MIN_CONTRAST)
+    seen = visible(signals["visible_pixels"], signals["contrast"])
     in_time = np.asarray(signals["conflict_distance_m"]) > stopping_distance(signals["ego_speed_mps"])
-    return bool((visible & in_time).any())
+    return bool((seen & in_time).any())

@@ -2,38 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.core import kpi
 from pipeline.core.detections import Detections
+from pipeline.core.matching import Matching
+from pipeline.core.signals import SIGNALS, TimeStep, signals_of
 from pipeline.core.truth import Truth
-
-SIGNALS: Mapping[str, type] = {
-    "time_s": np.float64,
-    "ego_x_m": np.float64,
-    "ego_y_m": np.float64,
-    "ego_heading_deg": np.float64,
-    "ego_speed_mps": np.float64,
-    "pedestrian_x_m": np.float64,
-    "pedestrian_y_m": np.float64,
-    "conflict_distance_m": np.float64,
-    "gap_m": np.float64,
-    "on_collision_path": np.bool_,
-    "contact": np.bool_,
-    "brake": np.float64,
-    "confidence": np.float64,
-    "ttc_s": np.float64,
-    "false_positives": np.int64,
-    "false_positives_far": np.int64,
-    "false_positives_localisation": np.int64,
-    "false_positives_duplicate": np.int64,
-    "visible_pixels": np.int64,
-    "contrast": np.float64,
-}
-"""Columns of `Episode.signals`, one value a time step; every KPI can be computed from them again."""
 
 
 @dataclass(frozen=True)
@@ -50,11 +29,12 @@ class Frame:
 
 @dataclass(frozen=True)
 class KeptFrame:
-    """A frame of a test execution that was kept for training, with what the detector said of it."""
+    """A frame of a test execution that was kept for training, with the detections in it and how they match its truth."""
 
     step: int
     frame: Frame
     detections: Detections
+    matching: Matching
 
 
 @dataclass(frozen=True)
@@ -65,8 +45,15 @@ class Episode:
     frames: tuple[KeptFrame, ...] = field(default=())
 
     def __post_init__(self) -> None:
-        if set(self.signals) != set(SIGNALS):
-            raise ValueError(f"signals must be {sorted(SIGNALS)}, got {sorted(self.signals)}")
+        expected = {signal.name for signal in SIGNALS}
+        if set(self.signals) != expected:
+            raise ValueError(f"signals must be {sorted(expected)}, got {sorted(self.signals)}")
         lengths = {name: len(column) for name, column in self.signals.items()}
         if len(set(lengths.values())) != 1 or lengths["time_s"] == 0:
             raise ValueError(f"signals must have one equal length of at least 1, got {lengths}")
+
+    @staticmethod
+    def of(steps: Sequence[TimeStep], frames: Iterable[KeptFrame] = ()) -> Episode:
+        """The episode of these time steps; their TTC follows from their other signals (Eq. 5.2)."""
+        signals = signals_of(steps)
+        return Episode(signals | {"ttc_s": kpi.ttc(signals)}, tuple(frames))

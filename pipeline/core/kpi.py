@@ -7,102 +7,42 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from pipeline.core.boxes import Box, iou
+from pipeline.core.columns import column, columns
+from pipeline.core.visibility import visible
 
 Floats = NDArray[np.float64]
 FailureMode = Literal["none", "contact", "late", "false_positives"]
-Outcome = Literal["true_positive", "duplicate", "localisation", "far", "ignored"]
-MATCH_IOU = 0.5
-TOUCH_IOU = 0.1
 MIN_SPEED_MPS = 0.05
-MIN_VISIBLE_PIXELS = 30
-MIN_CONTRAST = 8.0
 
 
 @dataclass(frozen=True)
 class Kpi:
-    """The KPIs of one test execution, named as the columns of `tests.parquet`.
+    """The KPIs of one test execution, each a column of tests.parquet. `adj_ttc_s` and `ttc_s` are always finite."""
 
-    Seconds, metres and metres per second; NaN where a thing never happened, but `adj_ttc_s` and `ttc_s` are always finite.
-    """
-
-    adj_ttc_s: float
-    ttc_s: float
-    failure: bool
-    failure_mode: FailureMode
-    contact: bool
-    impact_speed_mps: float
-    smallest_gap_m: float
-    post_encroachment_s: float
-    first_detection_s: float
-    first_detection_m: float
-    missed_frames: int
-    false_positives: int
-    false_positives_far: int
-    false_positives_localisation: int
-    false_positives_duplicate: int
-
-
-@dataclass(frozen=True)
-class Matching:
-    """What became of the detections of one frame.
-
-    outcomes: one a detection, in the order given. confidence: in [0, 1], score of the best detection that lies on the
-    pedestrian (IoU > 0.5), 0 if there is none; it is the brake demand.
-    """
-
-    outcomes: tuple[Outcome, ...]
-    confidence: float
-
-    @property
-    def far(self) -> int:
-        return self.outcomes.count("far")
-
-    @property
-    def localisation(self) -> int:
-        return self.outcomes.count("localisation")
-
-    @property
-    def duplicate(self) -> int:
-        return self.outcomes.count("duplicate")
-
-    @property
-    def false_positives(self) -> int:
-        """What Eq. 5.3 counts."""
-        return self.far + self.localisation + self.duplicate
+    adj_ttc_s: float = column("adjusted time-to-collision (Eq. 5.3): the smallest TTC over one plus the false positives", "s")
+    ttc_s: float = column("smallest time-to-collision (Eq. 5.2)", "s")
+    failure: bool = column("whether the adjusted TTC is at or below the threshold (Def. 4.10)")
+    failure_mode: FailureMode = column("why it failed: by a contact, too late, or by false positives alone")
+    contact: bool = column("whether the ego touched the pedestrian")
+    impact_speed_mps: float = column("speed of the ego at the contact, 0 without one", "m/s")
+    smallest_gap_m: float = column("smallest distance between the footprints of ego and pedestrian", "m")
+    post_encroachment_s: float = column(
+        "from the pedestrian leaving the corridor to the ego reaching the conflict point; no value unless in this order", "s"
+    )
+    first_detection_s: float = column("time of the first detection of the pedestrian; no value if never", "s")
+    first_detection_m: float = column("distance from the ego's front to the conflict point at the first detection; no value if never", "m")
+    missed_frames: int = column("frames in which a person could see the pedestrian and no detection lies on it")
+    false_positives: int = column("false positives of all kinds in all frames")
+    false_positives_far: int = column("false positives away from the pedestrian, IoU at most 0.1")
+    false_positives_localisation: int = column("false positives that fit the pedestrian badly, IoU above 0.1 and at most 0.5")
+    false_positives_duplicate: int = column("false positives on the pedestrian beside a better detection")
 
 
-def barely_visible(visible_pixels: int, contrast: float) -> bool:
-    """Whether a person could hardly see the pedestrian: under 30 visible pixels or under 8 grey levels of contrast."""
-    return visible_pixels < MIN_VISIBLE_PIXELS or contrast < MIN_CONTRAST
-
-
-def match(
-    boxes: ArrayLike,
-    scores: ArrayLike,
-    visible_box: Box | None,
-    whole_box: Box | None,
-    visible_pixels: int,
-    contrast: float,
-) -> Matching:
-    """Sort the detections of a frame with one pedestrian into true and false positives.
-
-    boxes: (n, 4) pixels. scores: (n,) in [0, 1]. By IoU with `visible_box`: above 0.5 the best score is the true positive and
-    the others are duplicates, in (0.1, 0.5] it is a localisation error, below it is far. Around a pedestrian that is barely
-    visible (see `barely_visible`) a detection with IoU > 0.1 with either box is ignored, as COCO ignores crowds: it brakes,
-    but is no false positive.
-    """
-    found = np.asarray(boxes, dtype=float).reshape(-1, 4)
-    weights = np.asarray(scores, dtype=float)
-    visible, whole = _overlap(found, visible_box), _overlap(found, whole_box)
-    matching = np.flatnonzero(visible > MATCH_IOU)
-    best = int(matching[np.argmax(weights[matching])]) if len(matching) else -1
-    confidence = float(weights[best]) if len(matching) else 0.0
-    hardly = barely_visible(visible_pixels, contrast)
-    outcomes = [_outcome(i == best, visible[i], hardly and max(visible[i], whole[i]) > TOUCH_IOU) for i in range(len(found))]
-    return Matching(tuple(outcomes), confidence)
+KPIS = columns(Kpi)
+NO_KPI = Kpi(**{described.name: described.nothing for described in KPIS})
+"""Of a test whose simulation broke."""
 
 
 def ttc(signals: Mapping[str, NDArray[Any]]) -> Floats:
@@ -120,7 +60,7 @@ def ttc(signals: Mapping[str, NDArray[Any]]) -> Floats:
 
 
 def evaluate(signals: Mapping[str, NDArray[Any]], failure_threshold_s: float) -> Kpi:
-    """Compute every KPI of one test execution from its signals (columns of `pipeline.protocols.SIGNALS`, (t,) each).
+    """Compute every KPI of one test execution from its signals (`pipeline.core.signals.SIGNALS`, (t,) each).
 
     failure_threshold_s: at or below it the adjusted TTC (Eq. 5.3) is a failure (Def. 4.10).
 
@@ -150,20 +90,6 @@ def evaluate(signals: Mapping[str, NDArray[Any]], failure_threshold_s: float) ->
         false_positives_localisation=int(np.sum(signals["false_positives_localisation"])),
         false_positives_duplicate=int(np.sum(signals["false_positives_duplicate"])),
     )
-
-
-def _overlap(boxes: Floats, box: Box | None) -> Floats:
-    return np.zeros(len(boxes)) if box is None else iou(boxes, [box])[:, 0]
-
-
-def _outcome(best: bool, overlap: float, ignored: bool) -> Outcome:
-    if ignored:
-        return "ignored"
-    if best:
-        return "true_positive"
-    if overlap > MATCH_IOU:
-        return "duplicate"
-    return "localisation" if overlap > TOUCH_IOU else "far"
 
 
 def _shortest_ttc(signals: Mapping[str, NDArray[Any]]) -> float:
@@ -203,6 +129,5 @@ def _first_detection(signals: Mapping[str, NDArray[Any]]) -> tuple[float, float]
 
 
 def _missed_frames(signals: Mapping[str, NDArray[Any]]) -> int:
-    pixels, contrast = np.asarray(signals["visible_pixels"]), np.asarray(signals["contrast"])
-    seen_by_a_person = (pixels >= MIN_VISIBLE_PIXELS) & (contrast >= MIN_CONTRAST)
-    return int(np.sum(seen_by_a_person & (np.asarray(signals["confidence"]) == 0)))
+    undetected = np.asarray(signals["confidence"]) == 0
+    return int(np.sum(visible(signals["visible_pixels"], signals["contrast"]) & undetected))

@@ -9,24 +9,20 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
-from pipeline.errors import InputError
-
-Kind = Literal["base", "control", "random", "adaptive"]
-RETRAINED: tuple[Kind, Kind, Kind] = ("control", "random", "adaptive")
+RETRAINED = ("control", "random", "adaptive")
 PATTERN = r"base|(?:control|random|adaptive)(?:-r(?:[2-9]|[1-9]\d+))?(?:-s\d+)?"
 """Of every version's name, as a regular expression."""
 NAME = re.compile(r"(control|random|adaptive)(?:-r([2-9]|[1-9]\d+))?(?:-s(\d+))?")
 
-TEST = re.compile(rf"(.+)-([^-]+)-({PATTERN})-\d+-\d+")
-
 
 @dataclass(frozen=True)
 class Version:
-    """A model version. round: 0 for the base, else from 1. seed: of retraining; None for the first one of the study's."""
+    """A model version. kind: `base`, one of `RETRAINED`, or the name of a detector that a study only tests. round: 0 for what is not
+    retrained, else from 1. seed: of retraining; None for the first one of the study's.
+    """
 
-    kind: Kind = "base"
+    kind: str = "base"
     round: int = 0
     seed: int | None = None
 
@@ -36,19 +32,17 @@ class Version:
 
     @staticmethod
     def named(name: str) -> Version:
-        """The version of a name; InputError if it is none."""
-        if name == "base":
-            return Version()
+        """The version of a name."""
         found = NAME.fullmatch(name)
         if found is None:
-            raise InputError(f"expected the name of a version, as base or adaptive-r2-s1, got '{name}'")
+            return Version(name)
         kind, number, seed = found.groups()
-        return Version(kind, int(number or 1), None if seed is None else int(seed))  # type: ignore[arg-type]
+        return Version(kind, int(number or 1), None if seed is None else int(seed))
 
     @property
     def parent(self) -> Version | None:
         """What it was retrained from."""
-        if self.kind == "base":
+        if not self.round:
             return None
         return Version() if self.round == 1 else replace(self, round=self.round - 1)
 
@@ -67,9 +61,3 @@ def versions(rounds: int, seeds: Sequence[int]) -> tuple[Version, ...]:
     """All versions of a study: the base, then round by round and kind by kind one for each seed of retraining."""
     suffixes = [None, *seeds[1:]]
     return (Version(), *(Version(kind, number, seed) for number in range(1, rounds + 1) for kind in RETRAINED for seed in suffixes))
-
-
-def campaign_of(test_id: str) -> tuple[str, str, str]:
-    """Scenario, strategy and version in the name of a test; empty ones if it is no such name."""
-    found = TEST.fullmatch(test_id)
-    return (found[1], found[2], found[3]) if found else ("", "", "")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pipeline.core.boxes import Box
+from pipeline.core.visibility import visible
 
 
 @dataclass(frozen=True)
@@ -20,3 +21,8 @@ class Truth:
     visible_pixels: int = 0
     whole_pixels: int = 0
     contrast: float = 0.0
+
+    @property
+    def barely_visible(self) -> bool:
+        """Whether a person could hardly see the pedestrian; see `pipeline.core.visibility.visible`."""
+        return not visible(self.visible_pixels, self.contrast)

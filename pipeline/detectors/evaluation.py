@@ -10,10 +10,11 @@ from faster_coco_eval import COCO, COCOeval_faster
 from numpy.typing import NDArray
 
 from pipeline.artefacts.dataset import ImageSet
-from pipeline.core import kpi
 from pipeline.core.boxes import Box
 from pipeline.core.detections import Detections
+from pipeline.core.matching import Matching, match
 from pipeline.core.reliability import Calibration, platt
+from pipeline.core.truth import Truth
 
 KINDS = ("far", "localisation", "duplicate")
 
@@ -26,11 +27,12 @@ def evaluate(found: Sequence[Detections], images: ImageSet, threshold: float) ->
 
     found: (n,) the detections in each image at a threshold near 0. threshold: the score that the detector is used with, in [0, 1].
     Returns ap50 and ap50_95 (COCO), and at the threshold precision and recall in [0, 1] and false_positives_an_image, all and by
-    kind. All count visible pedestrians alone (`kpi.barely_visible`); the others are ignored, as COCO ignores crowds.
+    kind. All count visible pedestrians alone (`Truth.barely_visible`); the others are ignored, as COCO ignores crowds.
     """
     ap50_95, ap50 = _average_precision(found, images)
-    visible = [_visible(images, index) for index in range(len(images))]
-    matchings = [matching_of(detections, images, index, threshold) for index, detections in enumerate(found)]
+    truths = truths_of(images)
+    visible = [not truth.barely_visible for truth in truths]
+    matchings = [matching_at(threshold, detections, truth) for detections, truth in zip(found, truths, strict=True)]
     hits = sum(seen and matching.confidence > 0 for seen, matching in zip(visible, matchings, strict=True))
     false = {kind: sum(getattr(matching, kind) for matching in matchings) for kind in KINDS}
     total, count = sum(false.values()), max(1, len(found))
@@ -44,21 +46,17 @@ def evaluate(found: Sequence[Detections], images: ImageSet, threshold: float) ->
     }
 
 
-def _visible(images: ImageSet, index: int) -> bool:
-    return not kpi.barely_visible(int(images.visible_pixels[index]), float(images.contrast[index]))
+def truths_of(images: ImageSet) -> list[Truth]:
+    """The labels of the images; they do not say how many pixels would show without occluders."""
+    seen, whole = (map(_box, boxes) for boxes in (images.boxes, images.whole_boxes))
+    shown = zip(seen, whole, images.visible_pixels, images.contrast, strict=True)
+    return [Truth(box, whole_box, visible_pixels=int(pixels), contrast=float(contrast)) for box, whole_box, pixels, contrast in shown]
 
 
-def matching_of(detections: Detections, images: ImageSet, index: int, threshold: float) -> kpi.Matching:
-    """How the detections of image `index` at or above the threshold match its truth."""
+def matching_at(threshold: float, detections: Detections, truth: Truth) -> Matching:
+    """What becomes of the detections whose score is at least the threshold, in [0, 1]."""
     used = detections.scores >= threshold
-    return kpi.match(
-        detections.boxes[used],
-        detections.scores[used],
-        _box(images.boxes[index]),
-        _box(images.whole_boxes[index]),
-        int(images.visible_pixels[index]),
-        float(images.contrast[index]),
-    )
+    return match(Detections(detections.boxes[used], detections.scores[used]), truth)
 
 
 def _box(row: NDArray[np.float32]) -> Box | None:
@@ -69,9 +67,9 @@ def _box(row: NDArray[np.float32]) -> Box | None:
 def _average_precision(found: Sequence[Detections], images: ImageSet) -> tuple[float, float]:
     """AP at IoU .5 to .95, and at .5; 0 without labelled or detected pedestrians."""
     annotations = [
-        {"id": index + 1, "image_id": index, "category_id": 1, "iscrowd": int(not _visible(images, index)), **_shape(box)}
-        for index, box in enumerate(images.boxes)
-        if box[2] > box[0]
+        {"id": index + 1, "image_id": index, "category_id": 1, "iscrowd": int(truth.barely_visible), **_shape(truth.visible_box)}
+        for index, truth in enumerate(truths_of(images))
+        if truth.visible_box is not None
     ]
     results = [
         {"image_id": index, "category_id": 1, "score": float(score), **_shape(box)}
@@ -89,7 +87,7 @@ def _average_precision(found: Sequence[Detections], images: ImageSet) -> tuple[f
     return float(evaluation.stats[0]), float(evaluation.stats[1])
 
 
-def _shape(box: NDArray[np.float32]) -> dict[str, Any]:
+def _shape(box: Box | NDArray[np.float32]) -> dict[str, Any]:
     left, top, right, bottom = (float(value) for value in box)
     return {"bbox": [left, top, right - left, bottom - top], "area": (right - left) * (bottom - top)}
 
@@ -100,10 +98,8 @@ def judged_scores(found: Sequence[Detections], images: ImageSet) -> tuple[NDArra
     """
     scores: list[float] = []
     right: list[bool] = []
-    for i, detections in enumerate(found):
-        boxes = _box(images.boxes[i]), _box(images.whole_boxes[i])
-        matching = kpi.match(detections.boxes, detections.scores, *boxes, int(images.visible_pixels[i]), float(images.contrast[i]))
-        for score, outcome in zip(detections.scores, matching.outcomes, strict=True):
+    for detections, truth in zip(found, truths_of(images), strict=True):
+        for score, outcome in zip(detections.scores, match(detections, truth).outcomes, strict=True):
             if outcome != "ignored" and score >= CALIBRATED_FROM:
                 scores.append(float(score))
                 right.append(outcome == "true_positive")

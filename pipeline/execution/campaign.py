@@ -3,35 +3,69 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import time
-from dataclasses import asdict
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from hydra.utils import instantiate
 from threadpoolctl import threadpool_limits
 
 from pipeline.artefacts import tables
+from pipeline.artefacts.files import program_sha256, sha256
 from pipeline.artefacts.points import encode_tests
-from pipeline.config.schema import Config
-from pipeline.core import kpi
+from pipeline.core.columns import Column
+from pipeline.core.identity import CampaignId
+from pipeline.core.kpi import NO_KPI, Kpi, evaluate
+from pipeline.core.signals import SIGNALS
 from pipeline.core.space import Floats, Space
 from pipeline.execution.journal import Journal, Outcome
-from pipeline.execution.workers import Workers
+from pipeline.execution.workers import Job, Setup, Workers
 from pipeline.progress import Progress
 from pipeline.protocols import Sampler
 
-NUMBERS = ("adj_ttc_s", "ttc_s", "impact_speed_mps", "smallest_gap_m", "post_encroachment_s", "first_detection_s", "first_detection_m")
+
+@dataclass(frozen=True)
+class Plan:
+    """What a campaign does. strategy: for Hydra to instantiate. earlier: tests.parquet of the campaigns that its strategy knows."""
+
+    campaign: CampaignId
+    space: Space
+    tests: int
+    failure_threshold_s: float
+    strategy: Mapping[str, Any]
+    strategy_seed: int
+    setup: Setup
+    earlier: Sequence[Path] = ()
+
+    @property
+    def identity(self) -> str:
+        """A digest of everything that its tests depend on."""
+        setup, strategy = self.setup, (self.strategy, self.strategy_seed, self.tests)
+        settings = [setup.simulator, setup.scenario.model_dump(), setup.detector, *strategy, setup.keep_every]
+        files = [sha256(setup.model), [sha256(path) for path in self.earlier], program_sha256()]
+        return hashlib.sha256(json.dumps([settings, *files], sort_keys=True).encode()).hexdigest()
+
+    def sampler(self) -> Sampler:
+        """Its strategy before the first test."""
+        history = {"earlier": [_history(path, self.space) for path in self.earlier]} if self.earlier else {}
+        # Partial, because Hydra would turn the space, a dataclass, into a config.
+        made: Sampler = instantiate(self.strategy, _partial_=True, _convert_="all")(space=self.space, seed=self.strategy_seed, **history)
+        return made
 
 
-NO_KPI: dict[str, Any] = {
-    **dict.fromkeys(kpi.Kpi.__annotations__, 0),
-    **dict.fromkeys(NUMBERS, np.nan),
-    "failure": False,
-    "failure_mode": "none",
-    "contact": False,
-}
+@dataclass(frozen=True)
+class Executed:
+    """One test of a campaign: its point in the space, what came of it, and the seconds that choosing it took."""
+
+    point: Floats
+    outcome: Outcome
+    kpi: Kpi
+    sampler_s: float
 
 
 def sampler_seed(scenario: str, seed: int, version: str = "base") -> int:
@@ -42,78 +76,86 @@ def sampler_seed(scenario: str, seed: int, version: str = "base") -> int:
     return int.from_bytes(hashlib.sha256(f"{name} {seed}".encode()).digest()[:4], "big") >> 1
 
 
+def run_campaign(plan: Plan, out: Path, journal: Path, threads: int, progress: Progress) -> None:
+    """Execute a campaign and write tests, signals, frames and timings.parquet beside `out`, which is tests.parquet.
+
+    journal: folder of the finished tests while the campaign is under way; the same plan resumes from it. threads: worker processes;
+    they change no table but the timings.
+    """
+    log = Journal(journal, plan.identity)
+    if log.discarded:
+        progress.note("the journal belonged to another configuration, model or code and was discarded")
+    sampler, workers = plan.sampler(), Workers(threads, plan.setup)
+    try:
+        done = search(plan, sampler, log, workers, progress)
+    finally:
+        workers.close()
+    write(plan, done, out)
+    log.remove()
+
+
+def search(plan: Plan, sampler: Sampler, log: Journal, workers: Workers, progress: Progress) -> list[Executed]:
+    """Ask, execute what the journal does not hold, tell, until the budget is spent."""
+    done: list[Executed] = []
+    while len(done) < plan.tests:
+        started = time.perf_counter()
+        with threadpool_limits(1):  # Sums of several threads depend on their number.
+            points = sampler.ask()[: plan.tests - len(done)]
+        seconds = (time.perf_counter() - started) / len(points)
+        first = len(done)
+        jobs = [Job(first + i, log.path(first + i), plan.space.decode(point)) for i, point in enumerate(points) if first + i not in log]
+        finished, found = first + len(points) - len(jobs), f"{_failures(done)} failures"
+        progress(finished, plan.tests, found)
+        for count, _ in enumerate(workers.execute(jobs), finished + 1):
+            progress(count, plan.tests, found)
+        batch = [_judged(point, log.read(first + i), seconds, plan.failure_threshold_s) for i, point in enumerate(points)]
+        sampler.tell(points, np.array([test.kpi.adj_ttc_s for test in batch]))
+        done += batch
+    progress(plan.tests, plan.tests, f"{_failures(done)} failures")
+    return done
+
+
+def write(plan: Plan, done: Sequence[Executed], out: Path) -> None:
+    """Write the four tables of a campaign; `out` is tests.parquet."""
+    ids = [str(test) for test in plan.campaign.tests(len(done))]
+    named = list(zip(ids, done, strict=True))
+    signals = [_signal_rows(name, test.outcome) for name, test in named if not test.outcome.is_error]
+    frames = [{"test_id": name, **row} for name, test in named for row in test.outcome.frames]
+    timings = [{"test_id": name, "sampler_s": test.sampler_s, "simulate_s": test.outcome.simulate_s} for name, test in named]
+    tests = [{"test_id": name, **_test_row(plan, i, test)} for i, (name, test) in enumerate(named)]
+    tables.write_signals(out.with_name("signals.parquet"), pd.concat(signals) if signals else _empty(tables.SIGNAL_TABLE))
+    tables.write_frames(out.with_name("frames.parquet"), pd.DataFrame(frames) if frames else _empty(tables.FRAMES))
+    tables.write_timings(out.with_name("timings.parquet"), pd.DataFrame(timings))
+    tables.write_tests(out, pd.DataFrame(tests), plan.space)
+
+
 def _history(path: Path, space: Space) -> tuple[Floats, Floats]:
     """The points and KPIs of a campaign's tests, as its sampler was told them."""
     tests = tables.read_tests(path)
     return encode_tests(tests, space), tests["adj_ttc_s"].to_numpy(float)
 
 
-def _search(
-    sampler: Sampler, space: Space, tests: int, log: Journal, workers: Workers, threshold: float, progress: Progress
-) -> tuple[list[Outcome], Floats, list[float]]:
-    """Ask, execute what the journal does not hold, tell, until the budget is spent."""
-    results: list[Outcome] = []
-    asked: list[Floats] = []
-    seconds: list[float] = []
-    failures = 0
-    while len(results) < tests:
-        started = time.perf_counter()
-        with threadpool_limits(1):  # Sums of several threads depend on their number.
-            points = sampler.ask()[: tests - len(results)]
-        seconds += [(time.perf_counter() - started) / len(points)] * len(points)
-        first = len(results)
-        jobs = [(first + i, log.path(first + i), space.decode(point)) for i, point in enumerate(points) if first + i not in log]
-        done = first + len(points) - len(jobs)
-        progress(done, tests, f"{failures} failures")
-        for _ in workers.execute(jobs):
-            done += 1
-            progress(done, tests, f"{failures} failures")
-        batch = [log.read(first + i) for i in range(len(points))]
-        values = np.array([np.nan if o.broken else kpi.evaluate(o.signals, threshold).adj_ttc_s for o in batch])
-        failures += int(np.sum(values <= threshold))
-        sampler.tell(points, values)
-        results += batch
-        asked.append(points)
-    progress(tests, tests, f"{failures} failures")
-    return results, np.concatenate(asked), seconds
+def _judged(point: Floats, outcome: Outcome, sampler_s: float, threshold_s: float) -> Executed:
+    judged = NO_KPI if outcome.is_error else evaluate(outcome.signals, threshold_s)
+    return Executed(point, outcome, judged, sampler_s)
 
 
-def _write(
-    out: Path, keys: dict[str, Any], space: Space, points: Floats, results: list[Outcome], sampler_s: list[float], config: Config
-) -> None:
-    batch = int(config.samplers[keys["strategy"]].get("batch_size", 20))
-    ids = [f"{keys['scenario']}-{keys['strategy']}-{keys['version']}-{keys['seed']}-{i:05d}" for i in range(len(results))]
-    rows = []
-    for i, result in enumerate(results):
-        values = NO_KPI if result.broken else asdict(kpi.evaluate(result.signals, config.campaign.failure_threshold_s))
-        status = {"status": "error" if result.broken else "ok", "reason": result.reason}
-        rows.append({"test_id": ids[i], **keys, "index": i, "batch": i // batch, **status, **values, **space.decode(points[i])})
-    columns = [name for name, _, _ in tables.TESTS] + list(space.names)
-    signals = [_signal_rows(name, result) for name, result in zip(ids, results, strict=True) if not result.broken]
-    frames = [
-        _frame_row(name, plain, image)
-        for name, r in zip(ids, results, strict=True)
-        for plain, image in zip(r.frames, r.images, strict=True)
-    ]
-    timings = {"test_id": ids, "sampler_s": sampler_s, "simulate_s": [result.simulate_s for result in results]}
-    tables.write_signals(out.with_name("signals.parquet"), pd.concat(signals) if signals else pd.DataFrame(columns=tables.SIGNAL_COLUMNS))
-    tables.write_frames(out.with_name("frames.parquet"), pd.DataFrame(frames, columns=[name for name, _, _ in tables.FRAMES]))
-    tables.write_timings(out.with_name("timings.parquet"), pd.DataFrame(timings))
-    tables.write_tests(out, pd.DataFrame(rows)[columns], space)
+def _failures(done: Sequence[Executed]) -> int:
+    return sum(test.kpi.failure for test in done)
 
 
-def _signal_rows(test_id: str, result: Outcome) -> pd.DataFrame:
-    table = pd.DataFrame({name: result.signals[name] for name in tables.SIGNAL_COLUMNS[2:]})
+def _empty(expected: Sequence[Column]) -> pd.DataFrame:
+    return pd.DataFrame(columns=[column.name for column in expected])
+
+
+def _test_row(plan: Plan, index: int, test: Executed) -> dict[str, Any]:
+    place = {"index": index, "batch": index // int(plan.strategy.get("batch_size", 20))}
+    status = {"status": "error" if test.outcome.is_error else "ok", "reason": test.outcome.reason}
+    return {**asdict(plan.campaign), **place, **status, **asdict(test.kpi), **plan.space.decode(test.point)}
+
+
+def _signal_rows(test_id: str, outcome: Outcome) -> pd.DataFrame:
+    table = pd.DataFrame({signal.name: outcome.signals[signal.name] for signal in SIGNALS})
     table.insert(0, "test_id", test_id)
     table.insert(1, "step", range(len(table)))
     return table
-
-
-def _frame_row(test_id: str, plain: dict[str, Any], image: bytes) -> dict[str, Any]:
-    truth = plain["truth"]
-    row: dict[str, Any] = {"test_id": test_id, "step": plain["step"], "image": image}
-    for kind in ("visible", "whole"):
-        box = truth[f"{kind}_box"] or (np.nan,) * 4
-        row |= {f"{kind}_{side}": value for side, value in zip(("left", "top", "right", "bottom"), box, strict=True)}
-    row |= {name: truth[name] for name in ("visible_pixels", "whole_pixels", "contrast")}
-    return {**row, "false_positives": plain["false_positives"], "confidence": plain["confidence"]}

@@ -6,7 +6,7 @@ import io
 import json
 import shutil
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,39 +15,38 @@ from numpy.typing import NDArray
 
 from pipeline.artefacts.dataset import encode_jpeg
 from pipeline.artefacts.files import read_json, write_bytes, write_json
-from pipeline.core import kpi
-from pipeline.core.episode import Episode, KeptFrame
+from pipeline.artefacts.tables import frame_row
+from pipeline.core.episode import Episode
 
 Signals = Mapping[str, NDArray[Any]]
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one test execution left: signals and kept frames, or the reason why the simulation broke."""
+    """What one test execution left behind.
 
-    signals: dict[str, NDArray[Any]]
-    frames: list[dict[str, Any]]
-    images: list[bytes]
+    signals: none if the simulation broke; then there is a reason. frames: rows of frames.parquet without test_id.
+    """
+
+    signals: Signals
+    frames: tuple[Mapping[str, Any], ...]
     simulate_s: float
     reason: str = ""
 
+    @staticmethod
+    def of(episode: Episode, simulate_s: float) -> Outcome:
+        """The outcome of a finished episode; frames are kept as JPEG."""
+        frames = tuple(frame_row(kept) | {"image": encode_jpeg(kept.frame.image)} for kept in episode.frames)
+        return Outcome(episode.signals, frames, simulate_s)
+
+    @staticmethod
+    def error(reason: str, simulate_s: float = 0.0) -> Outcome:
+        """The outcome of a simulation that broke."""
+        return Outcome({}, (), simulate_s, reason)
+
     @property
-    def broken(self) -> bool:
+    def is_error(self) -> bool:
         return not self.signals
-
-
-def outcome(episode: Episode, simulate_s: float) -> Outcome:
-    """The outcome of a finished episode; frames are kept as JPEG."""
-    images = [encode_jpeg(kept.frame.image) for kept in episode.frames]
-    return Outcome(dict(episode.signals), [_frame(kept) for kept in episode.frames], images, simulate_s)
-
-
-def _frame(kept: KeptFrame) -> dict[str, Any]:
-    truth = kept.frame.truth
-    matching = kpi.match(
-        kept.detections.boxes, kept.detections.scores, truth.visible_box, truth.whole_box, truth.visible_pixels, truth.contrast
-    )
-    return {"step": kept.step, "truth": asdict(truth), "false_positives": matching.false_positives, "confidence": matching.confidence}
 
 
 class Journal:
@@ -76,19 +75,20 @@ class Journal:
         with np.load(self.path(index), allow_pickle=False) as stored:
             about = json.loads(str(stored["about"]))
             signals = {name.removeprefix("signal_"): stored[name] for name in stored.files if name.startswith("signal_")}
-            images = [stored[f"image_{i}"].tobytes() for i in range(len(about["frames"]))]
-        return Outcome(signals, about["frames"], images, about["simulate_s"], about["reason"])
+            frames = tuple(row | {"image": stored[f"image_{i}"].tobytes()} for i, row in enumerate(about["frames"]))
+        return Outcome(signals, frames, about["simulate_s"], about["reason"])
 
     def remove(self) -> None:
         """Delete the journal: the campaign's files are written."""
         shutil.rmtree(self._folder)
 
 
-def write(path: Path, result: Outcome) -> None:
+def write(path: Path, outcome: Outcome) -> None:
     """Write an outcome atomically."""
-    about = json.dumps({"frames": result.frames, "simulate_s": result.simulate_s, "reason": result.reason})
-    arrays: dict[str, NDArray[Any]] = {f"signal_{name}": column for name, column in result.signals.items()}
-    arrays |= {f"image_{i}": np.frombuffer(image, np.uint8) for i, image in enumerate(result.images)}
+    rows = [{name: value for name, value in row.items() if name != "image"} for row in outcome.frames]
+    about = json.dumps({"frames": rows, "simulate_s": outcome.simulate_s, "reason": outcome.reason})
+    arrays: dict[str, NDArray[Any]] = {f"signal_{name}": column for name, column in outcome.signals.items()}
+    arrays |= {f"image_{i}": np.frombuffer(row["image"], np.uint8) for i, row in enumerate(outcome.frames)}
     buffer = io.BytesIO()
     np.savez(buffer, about=np.array(about), **arrays)  # type: ignore[arg-type]
     write_bytes(path, buffer.getvalue())

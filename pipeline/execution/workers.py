@@ -9,6 +9,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -21,13 +22,33 @@ from pipeline.core.episode import Frame
 from pipeline.core.space import Value
 from pipeline.errors import InputError, SimulationError
 from pipeline.execution import journal
+from pipeline.execution.journal import Outcome
 from pipeline.protocols import Detector, Simulator
+from pipeline.scenarios.functional import FunctionalScenario
 
-Job = tuple[int, Path, Mapping[str, Value]]
-"""Index of the test, where its outcome goes, and the concrete scenario."""
 
-Setup = tuple[dict[str, Any], dict[str, Any], dict[str, Any], int]
-"""Config of the simulator, body of the scenario, config of the detector, and keep_every."""
+@dataclass(frozen=True)
+class Job:
+    """One test to execute: its index, where its outcome goes, and the concrete scenario."""
+
+    index: int
+    path: Path
+    concrete: Mapping[str, Value]
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What every process executes tests with.
+
+    simulator, detector: for Hydra to instantiate. model: the detector's file. keep_every: see `Simulator.execute`.
+    """
+
+    simulator: Mapping[str, Any]
+    scenario: FunctionalScenario
+    detector: Mapping[str, Any]
+    model: Path
+    keep_every: int = 0
+
 
 _setup: Setup
 
@@ -35,11 +56,8 @@ _setup: Setup
 class Workers:
     """A pool of processes, each with its own simulator and detector."""
 
-    def __init__(
-        self, count: int, simulator: Mapping[str, Any], scenario: Mapping[str, Any], detector: Mapping[str, Any], keep_every: int
-    ) -> None:
-        self._count = count
-        self._setup: Setup = (dict(simulator), dict(scenario), dict(detector), keep_every)
+    def __init__(self, count: int, setup: Setup) -> None:
+        self._count, self._setup = count, setup
         self._pool: ProcessPoolExecutor | None = None
 
     def execute(self, jobs: Sequence[Job]) -> Iterator[int]:
@@ -53,13 +71,13 @@ class Workers:
             futures = {self._started(self._count).submit(_execute, job): job for job in jobs}
             for future in as_completed(futures):
                 future.result()
-                yield futures[future][0]
+                yield futures[future].index
         except BrokenProcessPool:
             self.close()
-            for index, path, concrete in jobs:
-                if not path.exists():
-                    self._alone((index, path, concrete))
-                    yield index
+            for job in jobs:
+                if not job.path.exists():
+                    self._alone(job)
+                    yield job.index
             self.close()
 
     def _alone(self, job: Job) -> None:
@@ -67,7 +85,7 @@ class Workers:
             self._started(1).submit(_execute, job).result()
         except BrokenProcessPool:
             self.close()
-            journal.write(job[1], journal.Outcome({}, [], [], 0.0, "the process of the simulation died"))
+            journal.write(job.path, Outcome.error("the process of the simulation died"))
 
     def _started(self, count: int) -> ProcessPoolExecutor:
         if self._pool is None:
@@ -95,11 +113,9 @@ def _prepare(parent: int, setup: Setup) -> None:
 @cache
 def _built() -> tuple[Simulator, Detector]:
     """This process's simulator and detector; built by the first test, so that their errors reach the campaign."""
-    simulator, scenario, detector, _ = _setup
-    return (
-        instantiate(simulator, _partial_=True, _convert_="all")(scenario=scenario),
-        Guarded(instantiate(detector, _partial_=True, _convert_="all")()),
-    )
+    # Partial, because Hydra would turn the scenario into a config.
+    simulator = instantiate(_setup.simulator, _partial_=True, _convert_="all")(scenario=_setup.scenario)
+    return simulator, Guarded(instantiate(_setup.detector, model=str(_setup.model), _convert_="all"))
 
 
 def _end_with(parent: int) -> None:
@@ -126,11 +142,10 @@ class Guarded:
 
 
 def _execute(job: Job) -> None:
-    _, path, concrete = job
     simulator, detector = _built()
     started = time.perf_counter()
     try:
-        result = journal.outcome(simulator.execute(concrete, detector, _setup[3]), time.perf_counter() - started)
+        outcome = Outcome.of(simulator.execute(job.concrete, detector, _setup.keep_every), time.perf_counter() - started)
     except SimulationError as error:
-        result = journal.Outcome({}, [], [], time.perf_counter() - started, str(error))
-    journal.write(path, result)
+        outcome = Outcome.error(str(error), time.perf_counter() - started)
+    journal.write(job.path, outcome)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +10,8 @@ import pandas as pd
 
 from pipeline.analysis.frame_criteria import CRITERIA, shows
 from pipeline.artefacts.filter_table import COLUMNS
-from pipeline.config.schema import Filter
-from pipeline.core.lineage import campaign_of
+from pipeline.config.schema import Config, Filter
+from pipeline.core.identity import CampaignId
 from pipeline.errors import InputError
 
 
@@ -29,17 +29,14 @@ def judge(frames: pd.DataFrame, section: Filter) -> pd.DataFrame:
     return frames.assign(kept=kept, reason=reasons)[list(COLUMNS)]
 
 
-def overrule(
-    judged: pd.DataFrame, overrules: pd.DataFrame, scenarios: Sequence[str], searched: Collection[tuple[str, str]], path: Path
-) -> pd.DataFrame:
+def overrule(judged: pd.DataFrame, overrules: pd.DataFrame, elsewhere: Collection[str], path: Path) -> pd.DataFrame:
     """Let a person's rows decide; the reason then reads `overruled (was <reason>)`.
 
-    scenarios, searched: of the search, strategy and version. Rows about another strategy or version are for the table of that one.
+    elsewhere: names of the tests that the study's other filter tables judge; rows about them are left to those. path: of `overrules`.
 
     InputError for a row whose frame does not exist, and for one given twice.
     """
     rows = {frame: row for row, frame in enumerate(zip(judged["test_id"], judged["step"], strict=True))}
-    here = {campaign_of(test_id)[1:] for test_id in judged["test_id"].unique()}
     kept, reasons = judged["kept"].to_list(), judged["reason"].to_list()
     seen: set[tuple[str, int]] = set()
     for line, (test_id, step, keep) in enumerate(overrules.itertuples(index=False), 2):
@@ -50,8 +47,13 @@ def overrule(
             row = rows[(test_id, step)]
             reasons[row] = f"overruled (was {judged['reason'].iloc[row]})"
             kept[row] = bool(keep)
-            continue
-        scenario, *campaign = campaign_of(test_id)
-        if tuple(campaign) in here or scenario not in scenarios or tuple(campaign) not in searched:
+        elif test_id not in elsewhere:
             raise InputError(f"{path}, line {line}: expected a kept frame of this study, got frame {step} of test {test_id!r}")
     return judged.assign(kept=kept, reason=reasons)
+
+
+def judged_elsewhere(config: Config, strategy: str, version: str) -> set[str]:
+    """Names of the study's search tests but those of one strategy against one version, which one filter table judges."""
+    others = config.searched - {(strategy, version)}
+    campaigns = (CampaignId(scenario, *other, seed) for scenario in config.search for other in others for seed in config.seeds)
+    return {str(test) for campaign in campaigns for test in campaign.tests(config.campaign.tests)}

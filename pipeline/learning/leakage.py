@@ -6,11 +6,12 @@ import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 
+import pandas as pd
+
 from pipeline.artefacts.dataset import ImageSet, read_towns
 from pipeline.artefacts.model_card import ModelCard, read_card
 from pipeline.artefacts.scenario_space import ScenarioInfo, read_space
 from pipeline.config.schema import Config
-from pipeline.core.lineage import campaign_of
 from pipeline.errors import InputError
 
 
@@ -43,14 +44,14 @@ def refuse_learnt(cards: Sequence[ModelCard], held_out: Sequence[ScenarioInfo]) 
                 )
 
 
-def refuse_frames(held_out: Sequence[str], tests: Sequence[str], added: ImageSet, validation: ImageSet) -> None:
+def refuse_frames(held_out: Sequence[str], chosen: pd.DataFrame, added: ImageSet, validation: ImageSet) -> None:
     """No frame of a held-out scenario and no image that validates may be learnt; InputError that names the tests.
 
-    tests: (n,) of which test each of the added frames is.
+    chosen: test_id and scenario of each added frame.
     """
-    if leaked := sorted({test for test in tests if campaign_of(test)[0] in held_out}):
+    if leaked := sorted(set(chosen.loc[chosen["scenario"].isin(held_out), "test_id"])):
         raise InputError(f"frames of held-out scenarios must not be learnt: {', '.join(leaked[:5])}; make the filter tables again")
     known = {hashlib.sha256(image.tobytes()).digest() for image in validation.images}
-    for test, image in zip(tests, added.images, strict=True):
+    for test, image in zip(chosen["test_id"], added.images, strict=True):
         if hashlib.sha256(image.tobytes()).digest() in known:
             raise InputError(f"a frame of {test} is an image that validates, so it must not be learnt")

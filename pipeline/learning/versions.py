@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -26,19 +26,23 @@ LOWEST_SCORE = 0.0005
 """Average precision needs the detections that nobody would act on, too."""
 
 
-def write_version(
-    config: Config,
-    fitted: Fitted,
-    validation: ImageSet,
-    out: Path,
-    *,
-    version: str,
-    parent: str | None,
-    data: dict[str, str],
-    training: dict[str, Any],
-    seed: int,
-    towns: tuple[str, ...],
-) -> None:
+@dataclass(frozen=True)
+class Origin:
+    """Where a version comes from.
+
+    version: its name. parent: the version that it goes on from, None for a base. data: digests of what it learned from and of the weights
+    that it began with. training: the settings taken. towns: digests of the towns that it has seen.
+    """
+
+    version: str
+    parent: str | None
+    data: dict[str, str]
+    training: dict[str, Any]
+    seed: int
+    towns: tuple[str, ...]
+
+
+def write_version(config: Config, fitted: Fitted, validation: ImageSet, origin: Origin, out: Path) -> None:
     """Save a model version and its training's curve beside `out`, calibrate its scores, measure it as it is used, and write its card.
 
     All versions of a study, a shipped base included, are calibrated on the same images: otherwise the confidence at which they brake would
@@ -60,19 +64,19 @@ def write_version(
     errors = {f"calibration_error_{name}": calibration_error(diagram) for name, diagram in diagrams.items()}
     architecture = {"widths": list(model.architecture.widths), "head": model.architecture.head}
     card = ModelCard(
-        version=version,
-        parent=parent,
+        version=origin.version,
+        parent=origin.parent,
         architecture=architecture,
         parameters=count_parameters(model),
         input_size=validation.size,
-        seed=seed,
-        data=data,
-        training={key: value if isinstance(value, str) else float(value) for key, value in training.items()},
+        seed=origin.seed,
+        data=origin.data,
+        training={key: value if isinstance(value, str) else float(value) for key, value in origin.training.items()},
         metrics=evaluate(found, validation, float(config.detector.get("threshold", 0.5))) | errors,
         calibration=asdict(calibration),
         reliability={name: tuple((b.score, b.right, b.count) for b in diagram) for name, diagram in diagrams.items()},
         weights_sha256=sha256(weights),
-        towns=towns,
+        towns=origin.towns,
     )
     write_card(out, card)
 

@@ -6,7 +6,6 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import cv2
 import pandas as pd
@@ -161,8 +160,9 @@ def film_all(
     with tempfile.TemporaryDirectory() as folder:
         for done, test in enumerate(tests, 1):
             if test.scenario not in simulators:
-                body: dict[str, Any] = config.scenarios[test.scenario].model_dump()
-                simulators[test.scenario] = instantiate(config.simulator, scenario=body, _convert_="all")
+                # Partial, because Hydra would turn the scenario into a config.
+                made = instantiate(config.simulator, _partial_=True, _convert_="all")
+                simulators[test.scenario] = made(scenario=config.scenarios[test.scenario])
             if test.version not in loaded:
                 model = str(detectors[test.version])
                 loaded[test.version] = instantiate(config.detector, model=model, _convert_="all")

@@ -6,7 +6,7 @@ For tests of strategies and campaigns (are the regions found? does a campaign re
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,16 +14,23 @@ from numpy.typing import NDArray
 
 from pipeline.core import kpi
 from pipeline.core.detections import Detections
-from pipeline.core.episode import SIGNALS, Episode, Frame, KeptFrame
+from pipeline.core.episode import Episode, Frame, KeptFrame
+from pipeline.core.matching import match
+from pipeline.core.signals import SIGNALS, TimeStep
 from pipeline.core.space import Floats, Space, Value
 from pipeline.core.truth import Truth
 from pipeline.protocols import Detector
+from pipeline.scenarios.functional import FunctionalScenario
 
 WIDTH, HEIGHT = 64, 64
 SPEED_MPS, HORIZON_S, STEP_S, BRAKE_MPS2 = 10.0, 3.0, 0.1, 8.0
 SAFE_DETECTION_M = 24.0
 MARGIN = 0.25
 """Width of the margin around a region, in its half widths, in which detection is late: a gradient for the search."""
+
+_ZEROS: dict[str, Any] = dict.fromkeys((signal.name for signal in SIGNALS), 0)
+NOTHING = TimeStep(**_ZEROS)
+"""A time step at which every signal is 0."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +52,8 @@ PLANTED = (
 class AnalyticSimulator:
     """Executes concrete scenarios by formula. The detector gets a small image, but the outcome depends on the point alone."""
 
-    def __init__(self, scenario: Mapping[str, Any]) -> None:
-        self._space = Space.from_dict(scenario["space"])
+    def __init__(self, scenario: FunctionalScenario) -> None:
+        self._space = Space.from_dict(scenario.space)
 
     def planted(self, points: Floats) -> NDArray[np.int64]:
         """Index in `PLANTED` of the region that each point (n, d) lies in, -1 for none, as (n,)."""
@@ -59,25 +66,22 @@ class AnalyticSimulator:
         depth = max(_depth(region, concrete) for region in PLANTED)
         # Across the margin, the detection distance falls from safe to too short.
         sees_at = 0.0 if depth >= 1 else SAFE_DETECTION_M - 13 * max(0.0, depth)
-        rows: list[dict[str, Any]] = []
+        steps: list[TimeStep] = []
         kept: list[KeptFrame] = []
         distance, speed, time = SPEED_MPS * HORIZON_S, SPEED_MPS, 0.0
         while True:
             frame = _frame(distance, time)
-            detections = detector.detect(frame) if distance <= sees_at else Detections.none()
             braking = distance <= sees_at
-            contact = distance <= 0
-            rows.append(_row(time, distance, speed, braking, contact, float(concrete["pedestrian_speed"])))
-            if keep_every and (len(rows) - 1) % keep_every == 0:
-                kept.append(KeptFrame(len(rows) - 1, frame, detections))
-            if contact or speed <= kpi.MIN_SPEED_MPS:
-                break
+            detections = detector.detect(frame) if braking else Detections.none()
+            if keep_every and len(steps) % keep_every == 0:
+                kept.append(KeptFrame(len(steps), frame, detections, match(detections, frame.truth)))
+            walked = (time - HORIZON_S) * float(concrete["pedestrian_speed"])
+            steps.append(_step(frame, distance, speed, braking, walked))
+            if distance <= 0 or speed <= kpi.MIN_SPEED_MPS:
+                return Episode.of(steps, kept)
             distance = max(0.0, distance - speed * STEP_S)
             speed = max(0.0, speed - (BRAKE_MPS2 * STEP_S if braking else 0.0))
             time = round(time + STEP_S, 9)
-        signals: dict[str, NDArray[Any]] = {name: np.array([row[name] for row in rows], dtype=kind) for name, kind in SIGNALS.items()}
-        signals["ttc_s"] = kpi.ttc(signals)
-        return Episode(signals, tuple(kept))
 
 
 def _depth(region: Planted, concrete: Mapping[str, Value]) -> float:
@@ -101,22 +105,21 @@ def _frame(distance: float, time: float) -> Frame:
     return Frame(image, Truth(box, box, 2 * half * half, 2 * half * half, 120.0), time)
 
 
-def _row(time: float, distance: float, speed: float, braking: bool, contact: bool, walking: float) -> dict[str, Any]:
-    truth = _frame(distance, time).truth
-    return {
-        **dict.fromkeys(SIGNALS, 0),
-        "time_s": time,
-        "ego_x_m": -distance - 2.5,
-        "ego_y_m": -1.75,
-        "ego_heading_deg": 0.0,
-        "ego_speed_mps": speed,
-        "pedestrian_y_m": -1.75 + (time - HORIZON_S) * walking,
-        "conflict_distance_m": distance,
-        "gap_m": 0.0 if contact else distance + 0.1,
-        "on_collision_path": True,
-        "contact": contact,
-        "brake": float(braking),
-        "confidence": float(braking),
-        "visible_pixels": truth.visible_pixels,
-        "contrast": truth.contrast,
-    }
+def _step(frame: Frame, distance: float, speed: float, braking: bool, walked: float) -> TimeStep:
+    """distance: metres to the conflict point. walked: metres of the pedestrian past it."""
+    return replace(
+        NOTHING,
+        time_s=frame.time_s,
+        ego_x_m=-distance - 2.5,
+        ego_y_m=-1.75,
+        ego_speed_mps=speed,
+        pedestrian_y_m=-1.75 + walked,
+        conflict_distance_m=distance,
+        gap_m=0.0 if distance <= 0 else distance + 0.1,
+        on_collision_path=True,
+        contact=distance <= 0,
+        brake=float(braking),
+        confidence=float(braking),
+        visible_pixels=frame.truth.visible_pixels,
+        contrast=frame.truth.contrast,
+    )

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-
-from pipeline.artefacts.files import program_sha256, sha256
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.scenario_space import read_space
 from pipeline.config.schema import Config
 from pipeline.contract import Files, Job, Step, Wildcards
+from pipeline.core.identity import CampaignId
 from pipeline.errors import InputError
 
 TABLES = ("tests", "signals", "frames", "timings")
@@ -48,37 +45,28 @@ def run(job: Job) -> None:
 
     The tables but the timings depend on the config, the model and `earlier` alone: not on the threads, nor on how often the run was killed.
     """
-    from hydra.utils import instantiate
+    from pipeline.execution.campaign import Plan, run_campaign, sampler_seed
+    from pipeline.execution.workers import Setup
 
-    from pipeline.execution.campaign import _history, _search, _write, sampler_seed
-    from pipeline.execution.journal import Journal
-    from pipeline.execution.workers import Workers
-
-    config, model = job.config, job.input("model")
-    scenario, strategy, version, seed = (job.wildcards[name] for name in ("scenario", "strategy", "version", "seed"))
+    config, model, wildcards = job.config, job.input("model"), job.wildcards
+    campaign = CampaignId(wildcards["scenario"], wildcards["strategy"], wildcards["version"], int(wildcards["seed"]))
     if not model.exists():
-        raise InputError(f"{model}: expected the detector of version '{version}', found none; train it first")
-    info, logical = read_space(job.input("space"))
-    held_out = job.wildcards["kind"] == HELD_OUT
-    tests = config.comparison.tests if held_out else config.campaign.tests
-    detector = {**config.detector, "model": str(model)}
-    body = config.scenarios[scenario].model_dump()
-    keep_every = 0 if held_out else config.campaign.keep_every
-    earlier = job.inputs("earlier")
-    own_seed = sampler_seed(scenario, int(seed), "base" if held_out else version)
-    settings = [config.simulator, body, config.detector, config.samplers[strategy], own_seed, tests, keep_every]
-    depends = json.dumps([settings, sha256(model), [sha256(path) for path in earlier], program_sha256()], sort_keys=True)
-    log = Journal(job.scratch, hashlib.sha256(depends.encode()).hexdigest())
-    if log.discarded:
-        job.progress.note("the journal belonged to another configuration, model or code and was discarded")
-    # Partial, because Hydra would turn the space, a dataclass, into a config.
-    history = {"earlier": [_history(path, logical) for path in earlier]} if earlier else {}
-    sampler = instantiate(config.samplers[strategy], _partial_=True, _convert_="all")(space=logical, seed=own_seed, **history)
-    workers = Workers(job.threads, config.simulator, body, detector, keep_every)
-    try:
-        results, points, sampler_s = _search(sampler, logical, tests, log, workers, config.campaign.failure_threshold_s, job.progress)
-    finally:
-        workers.close()
-    keys = {"scenario": info.name, "strategy": strategy, "version": version, "seed": int(seed)}
-    _write(job.output("tests"), keys, logical, points, results, sampler_s, config)
-    log.remove()
+        raise InputError(f"{model}: expected the detector of version '{campaign.version}', found none; train it first")
+    held_out = wildcards["kind"] == HELD_OUT
+    plan = Plan(
+        campaign=campaign,
+        space=read_space(job.input("space"))[1],
+        tests=config.comparison.tests if held_out else config.campaign.tests,
+        failure_threshold_s=config.campaign.failure_threshold_s,
+        strategy=config.samplers[campaign.strategy],
+        strategy_seed=sampler_seed(campaign.scenario, campaign.seed, "base" if held_out else campaign.version),
+        earlier=job.inputs("earlier"),
+        setup=Setup(
+            simulator=config.simulator,
+            scenario=config.scenarios[campaign.scenario],
+            detector=config.detector,
+            model=model,
+            keep_every=0 if held_out else config.campaign.keep_every,
+        ),
+    )
+    run_campaign(plan, job.output("tests"), job.scratch, job.threads, job.progress)

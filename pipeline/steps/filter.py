@@ -16,8 +16,8 @@ from pipeline.contract import Job, Step, Wildcards
 
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
     """Which campaigns there are matters only to a person's table, which may name frames of any of them."""
-    known = ("search", "strategies", "adaptive", "retraining.rounds", "retraining.seeds") if config.filter.overrules else ()
-    return ("filter", *known)
+    known = ("search", "seeds", "strategies", "adaptive", "campaign.tests", "retraining.rounds", "retraining.seeds")
+    return ("filter", *(known if config.filter.overrules else ()))
 
 
 STEP = Step(
@@ -37,7 +37,7 @@ def run(job: Job) -> None:
 
     Raises InputError, naming the row, if a person's table (`filter.overrules`) overrules a frame that does not exist.
     """
-    from pipeline.learning.frame_filter import judge, overrule
+    from pipeline.learning.frame_filter import judge, judged_elsewhere, overrule
 
     config, tables, frames = job.config, [], job.inputs("frames")
     for done, path in enumerate(frames, 1):
@@ -45,5 +45,6 @@ def run(job: Job) -> None:
         job.progress(done, len(frames), "/".join(path.parts[-5:-1]))
     table = pd.concat(tables, ignore_index=True)
     for path in job.inputs("overrules"):
-        table = overrule(table, read_overrules(path), config.search, config.searched, path)
+        elsewhere = judged_elsewhere(config, job.wildcards["strategy"], job.wildcards["version"])
+        table = overrule(table, read_overrules(path), elsewhere, path)
     write_filter(job.output("table"), table)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from pipeline.artefacts.dataset import ImageSet, read_dataset
+from pipeline.artefacts.dataset import read_dataset
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.front_car_results import DetectorResult, Evaluation, Judged, Points
 from pipeline.artefacts.model_card import read_card
 from pipeline.artefacts.results import read, write
 from pipeline.contract import Files, Job, Step, Wildcards
-from pipeline.core import kpi
 from pipeline.core.detections import Detections
+from pipeline.core.truth import Truth
 
 VERSIONS = ("existing", "covered")
 
@@ -35,7 +35,7 @@ STEP = Step(
 def run(job: Job) -> None:
     """Write evaluation.json."""
     from pipeline.core.statistics import mcnemar
-    from pipeline.detectors.evaluation import evaluate
+    from pipeline.detectors.evaluation import evaluate, truths_of
     from pipeline.learning.versions import detect_all
 
     threshold = float(job.config.detector.get("threshold", 0.5))
@@ -46,7 +46,7 @@ def run(job: Job) -> None:
     for done, (path, model) in enumerate(models, 1):
         card = read_card(path)
         found = detect_all(model, images)
-        right = [_right(detections, images, index, threshold) for index, detections in enumerate(found)]
+        right = [_right(detections, truth, threshold) for detections, truth in zip(found, truths_of(images), strict=True)]
         judged = []
         for i, row in enumerate(job.config.front_car.space.feasible_points()):
             values = {name: str(value) for name, value in space.decode(row.astype(float)).items()}
@@ -63,12 +63,10 @@ def run(job: Job) -> None:
     write(job.output("evaluation"), Evaluation(threshold=threshold, p_value=mcnemar(*wrong).p_value, detectors=tuple(results)))
 
 
-def _right(detections: Detections, images: ImageSet, index: int, threshold: float) -> bool:
+def _right(detections: Detections, truth: Truth, threshold: float) -> bool:
     """Whether the forward vehicle is found if it is there, and nothing else is."""
-    from pipeline.detectors.evaluation import matching_of
+    from pipeline.detectors.evaluation import matching_at
 
-    matching = matching_of(detections, images, index, threshold)
-    box = images.boxes[index]
-    there = box[2] > box[0] and not kpi.barely_visible(int(images.visible_pixels[index]), float(images.contrast[index]))
-    found = matching.confidence > 0 or not there
-    return bool(found and matching.far + matching.localisation + matching.duplicate == 0)
+    matching = matching_at(threshold, detections, truth)
+    there = truth.visible_box is not None and not truth.barely_visible
+    return (matching.confidence > 0 or not there) and matching.false_positives == 0

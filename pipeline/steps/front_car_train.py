@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-
 from pipeline.artefacts.dataset import read_dataset
 from pipeline.artefacts.files import sha256
 from pipeline.artefacts.folders import Folders
@@ -33,40 +30,19 @@ STEP = Step(
 
 def run(job: Job) -> None:
     """Write the weights, the ONNX file, the training's curve and the card of the version."""
-    import torch
-
-    from pipeline.detectors.yolo.retraining import retrain
+    from pipeline.detectors.yolo.retraining import ImageSets, Plan, retrain
+    from pipeline.detectors.yolo.training import Run
     from pipeline.detectors.yolo.weights import load_weights
-    from pipeline.learning.versions import write_version
+    from pipeline.learning.versions import Origin, write_version
 
-    torch.set_num_threads(job.threads)
     settings, weights, root = job.config.front_car, job.input("weights"), job.input("truth").parent
     images, validation = (read_dataset(root, split) for split in ("train", "val"))
     data = {"snapshots": images.digest, "parent": sha256(weights)}
     training = settings.model_dump(include={"iterations", "batch_size", "learning_rate", "seed"})
     checkpoint = job.scratch / "checkpoint.pt"
-    fitted = retrain(
-        load_weights(weights),
-        images,
-        None,
-        validation,
-        **training | {"seed": (settings.seed,)},
-        added_share=0.0,
-        identity=hashlib.sha256(json.dumps([training, data]).encode()).hexdigest(),
-        checkpoint=checkpoint,
-        threads=job.threads,
-        progress=job.progress,
-    )
-    write_version(
-        job.config,
-        fitted,
-        validation,
-        job.output("card"),
-        version=job.wildcards["version"],
-        parent="base",
-        data=data,
-        training=training | {"images": len(images)},
-        seed=settings.seed,
-        towns=read_card(job.input("card")).towns,
-    )
+    plan = Plan(settings.iterations, settings.batch_size, settings.learning_rate, added_share=0.0, seed=(settings.seed,))
+    fitted = retrain(load_weights(weights), ImageSets(images, None, validation), plan, Run(checkpoint, job.threads, job.progress))
+    towns = read_card(job.input("card")).towns
+    origin = Origin(job.wildcards["version"], "base", data, training | {"images": len(images)}, settings.seed, towns)
+    write_version(job.config, fitted, validation, origin, job.output("card"))
     checkpoint.unlink(missing_ok=True)

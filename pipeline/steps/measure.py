@@ -5,7 +5,7 @@ from __future__ import annotations
 from pipeline.artefacts.files import write_bytes
 from pipeline.artefacts.results import Measures, write
 from pipeline.artefacts.scenario_space import read_space
-from pipeline.artefacts.tables import read_tests
+from pipeline.artefacts.tables import campaign_of, read_tests
 from pipeline.contract import Job, Step
 
 STEP = Step(
@@ -24,18 +24,18 @@ def run(job: Job) -> None:
 
     Raises InputError for a campaign without its space or its baseline of the same seed.
     """
-    from pipeline.analysis.measures import PROJECTION_K, by_strategy, campaign_key, measure_campaign, summarise, theta_table
+    from pipeline.analysis.measures import PROJECTION_K, by_strategy, measure_campaign, summarise, theta_table
 
     baseline, confidence = job.config.strategies[0], job.config.comparison.confidence
     spaces = {info.name: space for info, space in map(read_space, job.inputs("spaces"))}
     tables = {}
     for path in job.inputs("tests"):
         table = read_tests(path).sort_values("index")
-        tables[campaign_key(table, path)] = table
+        tables[campaign_of(table, path)] = table
     measured = []
-    for done, key in enumerate(tables, 1):
-        measured.append(measure_campaign(key, tables, spaces, baseline))
-        job.progress(done, len(tables), "/".join(map(str, key)))
+    for done, campaign in enumerate(tables, 1):
+        measured.append(measure_campaign(campaign, tables, spaces, baseline))
+        job.progress(done, len(tables), str(campaign))
     groups = tuple(summarise(group, confidence) for group in by_strategy(measured))
     measures = Measures(confidence=confidence, k=PROJECTION_K, baseline=baseline, campaigns=tuple(measured), strategies=groups)
     write(job.output("measures"), measures)

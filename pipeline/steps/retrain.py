@@ -47,13 +47,13 @@ def run(job: Job) -> None:
     Both sources are read, because both versions get the same number of added frames; a control gets none. A training that was killed
     resumes from its checkpoint.
     """
-    import torch
-
+    from pipeline.detectors.yolo.retraining import ImageSets
+    from pipeline.detectors.yolo.training import Run
     from pipeline.learning import leakage
-    from pipeline.learning.added_frames import Source, _fit, _taken, choose, read_added
-    from pipeline.learning.versions import write_version
+    from pipeline.learning.added_frames import Source, choose, read_added
+    from pipeline.learning.fitting import fit_version, settings_taken
+    from pipeline.learning.versions import Origin, write_version
 
-    torch.set_num_threads(job.threads)
     config, described = job.config, Version.named(job.wildcards["version"])
     seed = config.retraining.seeds[0] if described.seed is None else described.seed
     truth, weights, checkpoint = job.input("truth"), job.input("weights"), job.scratch / "checkpoint.pt"
@@ -66,22 +66,13 @@ def run(job: Job) -> None:
         }
         chosen = choose(config, sources, described, job.inputs("spaces"), seed)
         added = read_added(chosen, sources[described.kind].frames)
-        leakage.refuse_frames(config.held_out, chosen["test_id"].tolist(), added, validation)
+        leakage.refuse_frames(config.held_out, chosen, added, validation)
     data = {"base_set": base.digest, "parent": sha256(weights)} | ({} if added is None else {"added": added.digest})
     # The same batches once more would teach a second round nothing new.
     stream = (seed,) if described.round == 1 else (seed, described.round)
-    fitted = _fit(config, weights, base, added, validation, stream, data, checkpoint, job.threads, job.progress)
-    training = _taken(config) | {"seed": seed, "round": described.round, "base_images": len(base)}
-    write_version(
-        config,
-        fitted,
-        validation,
-        job.output("card"),
-        version=str(described),
-        parent=str(described.parent),
-        data=data,
-        training=training | {"added_frames": 0 if added is None else len(added)},
-        seed=seed,
-        towns=towns,
-    )
+    fitted = fit_version(config, weights, ImageSets(base, added, validation), stream, Run(checkpoint, job.threads, job.progress))
+    training = settings_taken(config) | {"seed": seed, "round": described.round, "base_images": len(base)}
+    training |= {"added_frames": 0 if added is None else len(added)}
+    origin = Origin(str(described), str(described.parent), data, training, seed, towns)
+    write_version(config, fitted, validation, origin, job.output("card"))
     checkpoint.unlink(missing_ok=True)

@@ -43,9 +43,9 @@ STEP = Step(
 
 def run(job: Job) -> None:
     """Log the study and write tracking.json; logging it again changes nothing."""
-    from pipeline.analysis.measures import campaign_key
     from pipeline.artefacts.model_card import read_card
-    from pipeline.artefacts.tables import read_tests
+    from pipeline.artefacts.tables import campaign_of, read_tests
+    from pipeline.core.identity import CampaignId
     from pipeline.report.verdict import verdict_table
     from pipeline.tracking.champion import point_champion
     from pipeline.tracking.contents import campaign_content, comparison_content, git_commit, registration_of, study_content
@@ -54,7 +54,7 @@ def run(job: Job) -> None:
 
     config, campaigns, models, plots = job.config, job.inputs("campaigns"), job.inputs("models"), job.inputs("plots")
     measured, compared = read(job.input("measures"), Measures), read(job.input("comparison"), Comparison)
-    by_campaign = {(c.scenario, c.strategy, c.version, c.seed): c for c in measured.campaigns}
+    by_campaign = {CampaignId(c.scenario, c.strategy, c.version, c.seed): c for c in measured.campaigns}
     tracker = Tracker(STORE, ARTIFACTS, config.tracking.experiment, {"mlflow.source.git.commit": git_commit()})
     registry = Registry(tracker)
     study = study_content(config)
@@ -63,9 +63,9 @@ def run(job: Job) -> None:
     runs: dict[str, dict[str, str]] = {}
     for done, path in enumerate(campaigns, 1):
         tests = read_tests(path)
-        key = campaign_key(tests, path)
-        contents.append(campaign_content(config.study, tests, by_campaign.get(key), path))
-        runs.setdefault(key[2], {})[tracker.log(contents[-1], parent)] = contents[-1].name
+        campaign = campaign_of(tests, path)
+        contents.append(campaign_content(config.study, tests, by_campaign.get(campaign), path))
+        runs.setdefault(campaign.version, {})[tracker.log(contents[-1], parent)] = contents[-1].name
         job.progress(done, steps, contents[-1].name)
     contents.append(comparison_content(config.study, compared, job.input("comparison"), plots))
     compared_run = tracker.log(contents[-1], parent)

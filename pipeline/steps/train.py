@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from pipeline.artefacts.dataset import read_dataset
 from pipeline.artefacts.model_card import read_card, read_curve
 from pipeline.config.schema import Config, held_out_towns
@@ -30,31 +28,28 @@ def run(job: Job) -> None:
 
     The validation images of the base set give the metrics. A training that was killed resumes from its checkpoint.
     """
-    import torch
-
     from pipeline.detectors.yolo.data import usable
     from pipeline.detectors.yolo.recipe import train_from_scratch
-    from pipeline.detectors.yolo.training import Fitted
+    from pipeline.detectors.yolo.threads import use_threads
+    from pipeline.detectors.yolo.training import Fitted, Run
     from pipeline.detectors.yolo.weights import load_weights
     from pipeline.learning import leakage
-    from pipeline.learning.versions import write_version
+    from pipeline.learning.versions import Origin, write_version
 
-    torch.set_num_threads(job.threads)
+    use_threads(job.threads)
     config, truth, checkpoint = job.config, job.input("truth"), job.scratch / "checkpoint.pt"
     validation = read_dataset(truth.parent, "val")
     if config.base.source == "shipped":
         fitted = Fitted(load_weights(job.input("shipped_weights")), tuple(read_curve(job.input("shipped_curve"))))
         card = read_card(job.input("shipped_card"))
         leakage.refuse_towns(config, truth, [], job.input("shipped_card"))
-        history: dict[str, Any] = {"data": card.data, "training": card.training, "seed": card.seed, "towns": card.towns}
+        origin = Origin("base", None, card.data, dict(card.training), card.seed, card.towns)
     else:
         images, towns = read_dataset(truth.parent, "train"), leakage.refuse_towns(config, truth, [])
         settings = config.training.model_dump()
-        fitted = train_from_scratch(
-            images, usable(images), validation, settings, checkpoint=checkpoint, threads=job.threads, progress=job.progress
-        )
+        fitted = train_from_scratch(images, usable(images), validation, settings, Run(checkpoint, job.threads, job.progress))
         taken = {"images": len(images), **settings}
-        history = {"data": {"base_set": images.digest}, "training": taken, "seed": config.training.seed, "towns": towns}
-    write_version(config, fitted, validation, job.output("card"), version="base", parent=None, **history)
+        origin = Origin("base", None, {"base_set": images.digest}, taken, config.training.seed, towns)
+    write_version(config, fitted, validation, origin, job.output("card"))
     checkpoint.unlink(missing_ok=True)
     job.progress(1, 1, "evaluated")

@@ -29,14 +29,13 @@ STEP = Step(
 
 def run(job: Job) -> None:
     """Write white_box.json; InputError if a strategy has no frames."""
-    import torch
-
     from pipeline.analysis.white_box import FRAMES, PROFILED, drawn, kept_frames, profile_of
     from pipeline.core.coverage.whitebox import WhiteBox
     from pipeline.detectors.yolo.activations import activations
+    from pipeline.detectors.yolo.threads import use_threads
     from pipeline.detectors.yolo.weights import load_weights
 
-    torch.set_num_threads(job.threads)
+    use_threads(job.threads)
     network = load_weights(job.input("weights"))
     kept = {strategy: kept_frames(job.inputs(f"frames_{strategy}")) for strategy in job.config.strategies}
     count = min(FRAMES, *map(len, kept.values()))

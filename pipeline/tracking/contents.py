@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import subprocess
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, astuple
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from pipeline.analysis.measures import campaign_key, count_modes
+from pipeline.analysis.measures import count_modes
 from pipeline.artefacts.comparison_results import Comparison, VersionResult
 from pipeline.artefacts.model_card import ModelCard, read_curve
 from pipeline.artefacts.results import CampaignMeasures
+from pipeline.artefacts.tables import campaign_of
 from pipeline.config.schema import Config
 from pipeline.core.measures import failure_sequence
 from pipeline.tracking.registry import Registration
@@ -38,7 +40,7 @@ def _flat(plain: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str
 
 def campaign_content(study: str, tests: pd.DataFrame, measured: CampaignMeasures | None, path: Path) -> Content:
     """One campaign as a run: failures by mode, Θ as a series, the measures if it was a search, the table itself."""
-    scenario, strategy, version, seed = campaign_key(tests, path)
+    campaign = campaign_of(tests, path)
     theta = failure_sequence(tests.sort_values("index")["failure"].to_numpy(bool))
     modes = count_modes(tests)
     metrics = {"tests": len(tests), "errors": int((tests["status"] != "ok").sum()), "failures": modes.total}
@@ -47,9 +49,9 @@ def campaign_content(study: str, tests: pd.DataFrame, measured: CampaignMeasures
         names = ("f_measure", "f_n", "c_measure", "pair_coverage_tests", "pair_coverage_failures", "projection_coverage")
         metrics |= {name: value for name in names if (value := getattr(measured, name)) is not None}
     return Content(
-        name=f"{study}/{scenario}/{strategy}/{version}/{seed}",
+        name="/".join(map(str, (study, *astuple(campaign)))),
         kind="campaign",
-        params={"study": study, "scenario": scenario, "strategy": strategy, "version": version, "seed": str(seed)},
+        params={"study": study, **{name: str(value) for name, value in asdict(campaign).items()}},
         metrics={name: float(value) for name, value in metrics.items()},
         series={"failures_found": [(position, float(count)) for position, count in enumerate(theta, 1)]},
         files=[path],

@@ -17,12 +17,13 @@ from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.model_card import CurvePoint, ModelCard, write_card, write_curve
 from pipeline.artefacts.results import WhiteBoxMeasures, WhiteBoxSet, write
 from pipeline.artefacts.scenario_space import ScenarioInfo, write_space
-from pipeline.artefacts.tables import FRAMES, SIGNAL_COLUMNS, TESTS, write_frames, write_signals, write_tests
+from pipeline.artefacts.tables import FRAMES, TESTS, write_frames, write_signals, write_tests
 from pipeline.config.composing import compose
 from pipeline.config.schema import Config
 from pipeline.contract import Files, order_of, perform
-from pipeline.core.episode import SIGNALS
+from pipeline.core.identity import CampaignId
 from pipeline.core.samplers.pairwise import PairwiseSampler
+from pipeline.core.signals import SIGNALS
 from pipeline.core.space import Floats, Space
 
 VERSIONS = ("base", "control", "random", "adaptive")
@@ -43,11 +44,11 @@ def make_tests(space: Space, keys: dict[str, Any], points: Floats, fog_from: flo
     error = (np.arange(len(points)) % 50 == 49) & ~failed
     adjusted = np.where(failed, 0.02 + 0.05 * (np.arange(len(points)) % 2), 0.12 + np.clip(near, 0, 1.5))
     modes = np.where(failed, np.array(["contact", "late", "false_positives"])[np.arange(len(points)) % 3], "none")
-    columns: dict[str, Any] = {name: 0 for name, _, _ in TESTS}
+    columns: dict[str, Any] = {column.name: 0 for column in TESTS}
     table = pd.DataFrame(columns, index=range(len(points)))
     table = table.assign(
         **keys,
-        test_id=[f"{keys['scenario']}-{keys['strategy']}-{keys['version']}-{keys['seed']}-{i:05d}" for i in range(len(points))],
+        test_id=[str(test) for test in CampaignId(**keys).tests(len(points))],
         index=np.arange(len(points)),
         batch=np.arange(len(points)) // 20,
         status=np.where(error, "error", "ok"),
@@ -81,17 +82,17 @@ def make_frames(tests: pd.DataFrame) -> pd.DataFrame:
         for step in range(5)
     ]
     frames = pd.DataFrame(rows)
-    for name, kind, _ in FRAMES:
-        if name not in frames:
-            frames[name] = [IMAGES[step] for step in frames["step"]] if name == "image" else (0 if str(kind) == "int64" else 0.0)
-    return frames[[name for name, _, _ in FRAMES]]
+    for column in FRAMES:
+        if column.name not in frames:
+            frames[column.name] = [IMAGES[step] for step in frames["step"]] if column.name == "image" else 0
+    return frames[[column.name for column in FRAMES]]
 
 
 def make_signals(tests: pd.DataFrame) -> pd.DataFrame:
     """Rows of signals.parquet: two steps a test; the pedestrian shows at the first, 20 m away in even tests and 2 m away in odd ones."""
     rows = pd.DataFrame({"test_id": np.repeat(tests["test_id"], 2), "step": [0, 1] * len(tests)})
-    for name in SIGNAL_COLUMNS[2:]:
-        rows[name] = SIGNALS[name](0)
+    for signal in SIGNALS:
+        rows[signal.name] = signal.kind(0)
     first = rows["step"] == 0
     near = np.repeat(tests["index"].to_numpy() % 2 == 1, 2)
     return rows.assign(

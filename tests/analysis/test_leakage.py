@@ -5,17 +5,24 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from pipeline.artefacts.dataset import TRUTH_FILE, ImageSet, Record, image_set, write_truth
+from pipeline.artefacts.filter_table import COLUMNS, write_filter
 from pipeline.artefacts.model_card import read_card, write_card
 from pipeline.artefacts.scenario_space import ScenarioInfo, write_space
+from pipeline.artefacts.tables import read_frames
 from pipeline.config.composing import compose
+from pipeline.core.lineage import Version
 from pipeline.core.truth import Truth
 from pipeline.errors import InputError
+from pipeline.learning.added_frames import Source, choose
+from pipeline.learning.frame_filter import judge
 from pipeline.learning.leakage import refuse_frames, refuse_towns
 from pipeline.simulators.mujoco import random_scenes
 from pipeline.simulators.mujoco.lens import CameraSettings
+from tests.analysis.fabricated import Study
 from tests.core.test_model_card import CARD
 from tests.spaces import SMALL
 
@@ -26,13 +33,43 @@ def noise(count: int, seed: int) -> ImageSet:
 
 
 def test_frames_of_a_held_out_scenario_are_refused_by_name() -> None:
-    tests = ["F1-random-base-0-00000", "F1star-pairwise-base-0-00003"]
-    with pytest.raises(InputError, match="frames of held-out scenarios must not be learnt: F1star-pairwise-base-0-00003"):
-        refuse_frames(("F1star",), tests, noise(2, 0), noise(2, 1))
+    chosen = pd.DataFrame({"test_id": ["F1-random-base-0-00000", "F1star-pairwise-base-0-00003"], "scenario": ["F1", "F1star"]})
+    message = "frames of held-out scenarios must not be learnt: F1star-pairwise-base-0-00003; make the filter tables again"
+    with pytest.raises(InputError, match=f"^{message}$"):
+        refuse_frames(("F1star",), chosen, noise(2, 0), noise(2, 1))
+
+
+def test_a_filter_table_with_a_test_of_another_campaign_is_refused_by_name(tmp_path: Path) -> None:
+    """However much its name looks like that of a held-out scenario's test: what is in no campaign is of none."""
+    study = Study(tmp_path).make()
+    table = tmp_path / "random.csv"
+    judged = pd.DataFrame([["F1star-pairwise-base-0-00003", 0, True, "visible", 90, 20.0, 0.0]], columns=list(COLUMNS))
+    write_filter(table, judged)
+    with pytest.raises(InputError) as caught:
+        source(study, "random", table).read()
+    message = "expected frames of the campaigns' tests, got one of test 'F1star-pairwise-base-0-00003'; run filter again"
+    assert str(caught.value) == f"{table}: {message}"
+
+
+def test_frames_know_the_scenario_of_their_campaign(tmp_path: Path) -> None:
+    study = Study(tmp_path).make()
+    sources = {}
+    for kind, strategy in study.config.sources.items():
+        table = tmp_path / f"{strategy}.csv"
+        write_filter(table, pd.concat([judge(read_frames(path), 20, 60) for path in study.frames(strategy)]))
+        sources[kind] = source(study, strategy, table)
+    chosen = choose(study.config, sources, Version("random", 1), study.search_spaces, seed=0)
+    assert len(chosen) and (chosen["scenario"] == chosen["test_id"].str.split("-").str[0]).all()
+    refuse_frames(study.config.held_out, chosen, noise(len(chosen), 0), noise(1, 1))
+
+
+def source(study: Study, strategy: str, table: Path) -> Source:
+    frames = study.frames(strategy)
+    return Source([table], frames, [path.with_name("tests.parquet") for path in frames])
 
 
 def test_frames_that_validate_are_refused_by_name() -> None:
-    tests = ["F1-random-base-0-00000", "F1-random-base-0-00003"]
+    tests = pd.DataFrame({"test_id": ["F1-random-base-0-00000", "F1-random-base-0-00003"], "scenario": "F1"})
     refuse_frames(("F1star",), tests, noise(2, 0), noise(2, 1))
     validation = noise(3, 1)
     added = image_set([(noise(1, 0).images[0], Truth()), (validation.images[2], Truth())])

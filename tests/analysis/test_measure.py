@@ -12,6 +12,7 @@ import pytest
 from pipeline.analysis.measures import measure_campaign, summarise, theta_table
 from pipeline.artefacts.points import encode_tests
 from pipeline.artefacts.results import CampaignMeasures, Measures, read
+from pipeline.core.identity import CampaignId
 from pipeline.core.space import Space, Variable
 from pipeline.errors import InputError
 from tests.analysis.fabricated import FabricatedStudy, make_tests
@@ -37,8 +38,11 @@ def rows(strategy: str, failures: Sequence[int], errors: Sequence[int] = ()) -> 
 
 
 def measured(own: Sequence[int], baseline: Sequence[int], errors: Sequence[int] = ()) -> CampaignMeasures:
-    tables = {("F", "random", "base", 0): rows("random", baseline), ("F", "neural", "base", 0): rows("neural", own, errors)}
-    return measure_campaign(("F", "neural", "base", 0), tables, {"F": SPACE}, "random")
+    tables = {
+        CampaignId("F", "random", "base", 0): rows("random", baseline),
+        CampaignId("F", "neural", "base", 0): rows("neural", own, errors),
+    }
+    return measure_campaign(CampaignId("F", "neural", "base", 0), tables, {"F": SPACE}, "random")
 
 
 def test_f_and_c_measure_by_hand() -> None:
@@ -69,16 +73,16 @@ def test_errors_are_paid_for_but_cover_nothing() -> None:
 
 
 def test_baseline_has_no_c_of_its_own() -> None:
-    tables = {("F", "random", "base", 0): rows("random", [1])}
-    assert measure_campaign(("F", "random", "base", 0), tables, {"F": SPACE}, "random").c_measure is None
+    tables = {CampaignId("F", "random", "base", 0): rows("random", [1])}
+    assert measure_campaign(CampaignId("F", "random", "base", 0), tables, {"F": SPACE}, "random").c_measure is None
 
 
 def test_missing_baseline_and_space_are_named() -> None:
-    tables = {("F", "neural", "base", 3): rows("neural", [1])}
-    with pytest.raises(InputError, match="expected a 'random' campaign of seed 3"):
-        measure_campaign(("F", "neural", "base", 3), tables, {"F": SPACE}, "random")
-    with pytest.raises(InputError, match="expected the space of scenario 'F'"):
-        measure_campaign(("F", "neural", "base", 3), tables, {}, "random")
+    tables = {CampaignId("F", "neural", "base", 3): rows("neural", [1])}
+    with pytest.raises(InputError, match="^campaign F-neural-base-3: expected a 'random' campaign of seed 3 beside it, got none$"):
+        measure_campaign(CampaignId("F", "neural", "base", 3), tables, {"F": SPACE}, "random")
+    with pytest.raises(InputError, match=r"^campaign F-neural-base-3: expected the space of scenario 'F', got \[\]$"):
+        measure_campaign(CampaignId("F", "neural", "base", 3), tables, {}, "random")
 
 
 def test_summary_over_seeds() -> None:

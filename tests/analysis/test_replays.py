@@ -24,7 +24,7 @@ def space() -> Space:
 
 @pytest.fixture(scope="module")
 def episode(space: Space) -> Episode:
-    simulator = AnalyticSimulator({"space": space.to_dict()})
+    simulator = AnalyticSimulator(compose("default", []).scenarios["F1"])
     concrete = {**space.decode(space.sample(1, np.random.default_rng(0))[0]), "fog": 90.0, "sun_altitude": -15.0}
     return simulator.execute(concrete, VisiblePixelOracle(), keep_every=1)
 

@@ -10,9 +10,10 @@ from pipeline.detectors.scripted import BlindDetector, VisiblePixelOracle
 from pipeline.protocols import Detector, Simulator
 from pipeline.simulators.analytic import PLANTED, AnalyticSimulator
 from pipeline.testing import check_simulator
+from tests.scenarios import scenario_with
 from tests.spaces import SMALL, THESIS
 
-SCENARIO = {"space": THESIS.to_dict()}
+SCENARIO = scenario_with(THESIS)
 DETECTORS = [VisiblePixelOracle(), BlindDetector()]
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pipeline.core.paths import Pose
 from pipeline.scenarios.streets import Town
-from pipeline.simulators.mujoco import pedestrian, textures, world
+from pipeline.simulators.mujoco import gait, pedestrian, textures, world
 from pipeline.simulators.mujoco.blueprints import NAMES
 from pipeline.simulators.mujoco.camera import Camera
 from pipeline.simulators.mujoco.furniture import lamp_positions
@@ -109,7 +109,7 @@ def stage() -> Iterator[Stage]:
 def shot(stage: Stage, weather: Weather, name: str = "W 07", x: float = 10.0, y: float = -1.75) -> tuple[np.ndarray, Any]:
     stage.reset(weather, name)
     stage.put("ego", Pose(0, -1.75, 0))
-    stage.place_pedestrian(x, y, 90, "walking", 1.0, 1.4)
+    stage.place_pedestrian(Pose(x, y, np.pi / 2), gait.pose("walking", 1.0, 1.4))
     return stage.shoot(np.random.default_rng(0))
 
 

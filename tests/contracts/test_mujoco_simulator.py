@@ -14,6 +14,7 @@ import yaml
 
 from pipeline.core import kpi
 from pipeline.core.space import Space
+from pipeline.core.visibility import MIN_VISIBLE_PIXELS
 from pipeline.detectors.scripted import BlindDetector, VisiblePixelOracle
 from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, FunctionalScenario
 from pipeline.simulators.mujoco.simulator import MujocoSimulator
@@ -23,16 +24,17 @@ CONF = Path(__file__).resolve().parents[2] / "conf" / "scenario"
 NAMES = sorted(path.stem for path in CONF.glob("F*.yaml"))
 
 
-def body(name: str) -> dict[str, Any]:
+def described(name: str) -> FunctionalScenario:
     plain = {**yaml.safe_load((CONF / "_space.yaml").read_text()), **yaml.safe_load((CONF / f"{name}.yaml").read_text())}
     del plain["defaults"]
-    return plain
+    return FunctionalScenario.model_validate(plain)
 
 
 @pytest.fixture(scope="module", params=NAMES)
 def world(request: pytest.FixtureRequest) -> Any:
-    simulator = MujocoSimulator(body(request.param))
-    yield simulator, Space.from_dict(body(request.param)["space"]), FunctionalScenario.model_validate(body(request.param))
+    scenario = described(request.param)
+    simulator = MujocoSimulator(scenario)
+    yield simulator, Space.from_dict(scenario.space), scenario
     simulator.close()
 
 
@@ -129,22 +131,22 @@ def test_occluded_scenarios_show_the_pedestrian_later_than_open_ones() -> None:
     """A running pedestrian by day: behind the bus and round the corner it shows late, on the open road from the start."""
     seen = {}
     for name in ("F1", "F1star", "F6", "F7", "F3", "F4", "F3star", "F4star"):
-        simulator = MujocoSimulator(body(name))
+        simulator = MujocoSimulator(described(name))
         concrete = {
             "rain": 0.0, "fog": 0.0, "sun_azimuth": 120.0, "sun_altitude": 45.0, "pedestrian_shift": 0.0, "pedestrian_speed": 2.5,
             "animation": "walking", "blueprint": "M 03",
         }  # fmt: skip
         signals = simulator.execute(concrete, BlindDetector()).signals
         simulator.close()
-        hidden = np.flatnonzero(signals["visible_pixels"][:-1] < kpi.MIN_VISIBLE_PIXELS)
+        hidden = np.flatnonzero(signals["visible_pixels"][:-1] < MIN_VISIBLE_PIXELS)
         seen[name] = float(signals["time_s"][hidden[-1] + 1]) if len(hidden) else 0.0
         assert signals["visible_pixels"][-2] > 500
     assert min(seen[name] for name in ("F1", "F1star", "F6", "F7")) > max(seen[name] for name in ("F3", "F4", "F3star", "F4star")) + 0.5
 
 
 def test_a_replay_in_another_process_gives_the_same_bits(tmp_path: Path) -> None:
-    scenario = body("F2")
-    space = Space.from_dict(scenario["space"])
+    scenario = described("F2")
+    space = Space.from_dict(scenario.space)
     points = space.sample(3, np.random.default_rng(6))
     # Night, dusk and rain in this order leave their traces in the lamps, if in anything.
     concretes = [
@@ -155,13 +157,13 @@ def test_a_replay_in_another_process_gives_the_same_bits(tmp_path: Path) -> None
     simulator.close()
     program = (
         "import json, sys; sys.path.insert(0, sys.argv[1])\n"
-        "from tests.contracts.test_mujoco_simulator import MujocoSimulator, _signature\n"
-        "scenario, concretes = json.load(sys.stdin); simulator = MujocoSimulator(scenario)\n"
+        "from tests.contracts.test_mujoco_simulator import MujocoSimulator, _signature, described\n"
+        "concretes = json.load(sys.stdin); simulator = MujocoSimulator(described('F2'))\n"
         "print(json.dumps([_signature(simulator, c) for c in reversed(concretes)]))"
     )
     root = str(Path(__file__).resolve().parents[2])
     done = subprocess.run(
-        [sys.executable, "-c", program, root], input=json.dumps([scenario, concretes]), text=True, capture_output=True, check=True, cwd=root
+        [sys.executable, "-c", program, root], input=json.dumps(concretes), text=True, capture_output=True, check=True, cwd=root
     )
     assert json.loads(done.stdout.splitlines()[-1]) == here[::-1]
 

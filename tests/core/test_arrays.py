@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.core.constraints import Constraints, Literal
-from pipeline.core.coverage.arrays import covering_array, lower_bound, order_by_new_pairs
+from pipeline.core.coverage.arrays import Effort, covering_array, lower_bound, order_by_new_pairs
 from pipeline.core.coverage.projection import projection_coverage
 from pipeline.core.coverage.verification import verify
 from tests.spaces import THESIS
@@ -15,7 +15,7 @@ LINKED = Constraints((3, 4, 2, 3), ((Literal(0, 0, False), Literal(1, 2)), (Lite
 
 
 def test_the_thesis_space_takes_exactly_962_tests() -> None:
-    array = covering_array(THESIS.sizes)
+    array = covering_array(Constraints(THESIS.sizes))
     assert array.rows.shape == (962, 8) and array.lower_bound == 962 and array.cells == 8084
     assert projection_coverage(array.rows, THESIS.sizes, 2).ratio == 1
 
@@ -29,14 +29,14 @@ def test_the_thesis_space_takes_exactly_962_tests() -> None:
     ],
 )  # fmt: skip
 def test_arrays_cover_with_few_rows(sizes: tuple[int, ...], strength: int, limit: int) -> None:
-    array = covering_array(sizes, strength)
+    array = covering_array(Constraints(sizes), strength)
     assert verify(array.rows, Constraints(sizes), strength).valid
     assert array.lower_bound <= array.size <= limit
 
 
 @pytest.mark.parametrize("strength", [1, 2, 3, 4])
 def test_constrained_arrays_hold_every_feasible_cell_and_no_other(strength: int) -> None:
-    array = covering_array(LINKED.sizes, strength, constraints=LINKED)
+    array = covering_array(LINKED, strength)
     checked = verify(array.rows, LINKED, strength)
     assert checked.valid and checked.cells == array.cells and array.lower_bound <= array.size
     assert projection_coverage(array.rows, LINKED.sizes, strength, constraints=LINKED).ratio == 1
@@ -44,32 +44,33 @@ def test_constrained_arrays_hold_every_feasible_cell_and_no_other(strength: int)
 
 def test_seed_rows_come_first_and_stay() -> None:
     seeds = np.array([[0, 2, 0, 1], [1, 1, 1, 0], [1, 1, 1, 0]])
-    for effort in ("quick", "polish"):
-        array = covering_array(LINKED.sizes, 2, constraints=LINKED, seeds=seeds, effort=effort, seconds=0.3)  # type: ignore[arg-type]
+    for effort in (Effort(), Effort(polish_s=0.3)):
+        array = covering_array(LINKED, 2, seeds=seeds, effort=effort)
         assert np.array_equal(array.rows[:3], seeds) and verify(array.rows, LINKED, 2).valid
         assert array.lower_bound <= array.size
     # The two seeds share a category of the largest column: of its 5 categories 4 are left.
-    array = covering_array((5, 4, 3), 1, seeds=np.array([[0, 1, 2], [0, 2, 1]]))
+    array = covering_array(Constraints((5, 4, 3)), 1, seeds=np.array([[0, 1, 2], [0, 2, 1]]))
     assert array.size == array.lower_bound == 6
 
 
 def test_polishing_never_makes_it_larger_and_tells_how_far_it_is() -> None:
     told: list[tuple[float, int, int]] = []
-    quick = covering_array((4,) * 10)
-    polished = covering_array((4,) * 10, effort="polish", seconds=1.5, progress=lambda *now: told.append(now))
-    assert polished.size <= quick.size + 1 and verify(polished.rows, Constraints((4,) * 10), 2).valid
+    free = Constraints((4,) * 10)
+    quick = covering_array(free)
+    polished = covering_array(free, effort=Effort(1.5, lambda *now: told.append(now)))
+    assert polished.size <= quick.size + 1 and verify(polished.rows, free, 2).valid
     assert all(0 <= share <= 1 and bound == 16 for share, _, bound in told)
     assert told[0][1] == 0 and told[-1][1] >= polished.size
 
 
 def test_the_seed_alone_decides() -> None:
-    first, second, other = (covering_array((3, 4, 5, 2), seed=seed).rows for seed in (5, 5, 6))
+    first, second, other = (covering_array(Constraints((3, 4, 5, 2)), seed=seed).rows for seed in (5, 5, 6))
     assert np.array_equal(first, second) and not np.array_equal(first, other)
     # Also where a solver has a part in it, and was asked other things before.
     asked = Constraints(LINKED.sizes, LINKED.clauses)
-    before = covering_array(asked.sizes, constraints=asked).rows
+    before = covering_array(asked).rows
     asked.complete({0: 1}, np.random.default_rng(3))
-    assert np.array_equal(before, covering_array(asked.sizes, constraints=asked).rows)
+    assert np.array_equal(before, covering_array(asked).rows)
 
 
 @pytest.mark.parametrize(
@@ -87,15 +88,17 @@ def test_the_bound_counts_feasible_cells_alone() -> None:
 
 def test_what_cannot_be_is_said() -> None:
     with pytest.raises(ValueError, match="clauses 0, 2 contradict each other"):
-        covering_array((2, 2), constraints=Constraints((2, 2), ((Literal(0, 0),), (Literal(1, 0),), (Literal(0, 1),))))
+        covering_array(Constraints((2, 2), ((Literal(0, 0),), (Literal(1, 0),), (Literal(0, 1),))))
     with pytest.raises(ValueError, match="seed row 1 breaks clause 0"):
-        covering_array((2, 2), constraints=Constraints((2, 2), ((Literal(0, 0),),)), seeds=np.array([[0, 0], [1, 0]]))
+        covering_array(Constraints((2, 2), ((Literal(0, 0),),)), seeds=np.array([[0, 0], [1, 0]]))
     with pytest.raises(ValueError, match=r"strength must be in \[1, 2\], got 3"):
-        covering_array((2, 2), 3)
+        covering_array(Constraints((2, 2)), 3)
+    with pytest.raises(ValueError, match="polish_s must be positive, got 0"):
+        Effort(polish_s=0)
 
 
 def test_the_verifier_finds_what_is_missing_and_what_is_broken() -> None:
-    rows = covering_array(LINKED.sizes, 2, constraints=LINKED).rows
+    rows = covering_array(LINKED, 2).rows
     shorter = verify(rows[1:], LINKED, 2)
     assert not shorter.valid and shorter.missing and not shorter.broken
     wrong = rows.copy()
@@ -104,7 +107,7 @@ def test_the_verifier_finds_what_is_missing_and_what_is_broken() -> None:
 
 
 def test_the_order_takes_the_row_with_most_new_pairs_each_time() -> None:
-    rows = covering_array((4, 3, 3, 2)).rows
+    rows = covering_array(Constraints((4, 3, 3, 2))).rows
     order = order_by_new_pairs(rows)
     assert sorted(order.tolist()) == list(range(len(rows)))
     covered: set[tuple[int, int, int, int]] = set()

@@ -3,6 +3,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
@@ -10,14 +11,19 @@ import pytest
 from pipeline.artefacts import files
 from pipeline.artefacts import scenario_space as space
 from pipeline.artefacts import tables as campaign
+from pipeline.core.detections import Detections
+from pipeline.core.episode import Frame, KeptFrame
+from pipeline.core.identity import CampaignId
+from pipeline.core.matching import Matching
 from pipeline.core.space import Space, Variable
+from pipeline.core.truth import Truth
 from pipeline.errors import InputError
 
 SPACE = Space((Variable("fog", "continuous", "%", 0, 100, 10), Variable("animation", "categorical", values=("walking", "drunk"))))
 
 
 def row(index: int = 0, **changed: Any) -> dict[str, Any]:
-    values: dict[str, Any] = {name: {str: "x", int: 1, float: 0.5, bool: True}[kind] for name, kind, _ in campaign.TESTS}
+    values: dict[str, Any] = {column.name: {str: "x", int: 1, float: 0.5, bool: True}[column.kind] for column in campaign.TESTS}
     values |= {"test_id": f"F1-random-base-0-{index:05d}", "index": index, "status": "ok", "failure_mode": "late"}
     return values | {"fog": 12.5, "animation": "drunk"} | changed
 
@@ -40,7 +46,7 @@ def test_the_same_rows_give_the_same_bytes(tmp_path: Path) -> None:
 
 def test_tables_without_rows_can_be_read(tmp_path: Path) -> None:
     path = tmp_path / "frames.parquet"
-    campaign.write_frames(path, pd.DataFrame(columns=[name for name, _, _ in campaign.FRAMES]))
+    campaign.write_frames(path, pd.DataFrame(columns=[column.name for column in campaign.FRAMES]))
     assert campaign.read_frames(path, ["test_id", "step"]).empty
 
 
@@ -97,6 +103,23 @@ def test_a_failed_write_leaves_the_old_file_alone(tmp_path: Path) -> None:
 
 
 def test_every_column_is_explained() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "reference" / "system-under-test.md").read_text()
-    tables = (campaign.TESTS, campaign.SIGNAL_TABLE, campaign.FRAMES, campaign.TIMINGS)
-    assert [name for table in tables for name, _, _ in table if f"`{name}`" not in page] == []
+    page = (Path(__file__).parents[2] / "docs" / "reference" / "columns.md").read_text()
+    for name, table in campaign.TABLES.items():
+        section = page.partition(f"## {name}.parquet")[2].partition("\n## ")[0]
+        rows = [line.split(" | ") for line in section.splitlines() if line.startswith("| `")]
+        assert [(row[0], row[2], row[3]) for row in rows] == [(f"| `{c.name}`", c.unit, f"{c.meaning} |") for c in table]
+
+
+def test_a_table_of_several_campaigns_is_refused(tmp_path: Path) -> None:
+    rows = pd.DataFrame([row(0), row(1)])
+    assert campaign.campaign_of(rows, tmp_path) == CampaignId("x", "x", "x", 1)
+    with pytest.raises(InputError, match=r"^tests\.parquet: expected the tests of one campaign, got 2 campaigns; make it again$"):
+        campaign.campaign_of(rows.assign(seed=[0, 1]), Path("tests.parquet"))
+
+
+@pytest.mark.parametrize("truth", [Truth(), Truth((1.0, 2.0, 3.0, 4.0), (0.0, 1.5, 3.0, 5.0), 7, 9, 12.5)])
+def test_a_frames_truth_survives_a_round_trip(truth: Truth) -> None:
+    kept = KeptFrame(3, Frame(np.zeros((8, 8, 3), np.uint8), truth), Detections.none(), Matching())
+    row = campaign.frame_row(kept)
+    assert {"test_id", "image", *row} == {column.name for column in campaign.FRAMES}
+    assert campaign.frame_truth(pd.Series(row)) == truth

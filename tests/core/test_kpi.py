@@ -8,23 +8,23 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pipeline.core.episode import SIGNALS
-from pipeline.core.kpi import Kpi, evaluate, match, ttc
+from pipeline.core.kpi import KPIS, NO_KPI, Kpi, evaluate, ttc
+from pipeline.core.signals import SIGNALS
 
 Signals = dict[str, NDArray[Any]]
-BOX = (10.0, 10.0, 20.0, 30.0)
+KINDS = {signal.name: signal.kind for signal in SIGNALS}
 
 
 def signals(**columns: list[float]) -> Signals:
     """An approach at 10 m/s from 4 m, with `columns` in place of its own."""
     rows = len(next(iter(columns.values()))) if columns else 4
-    table: Signals = {name: np.zeros(rows, dtype=kind) for name, kind in SIGNALS.items()}
+    table: Signals = {name: np.zeros(rows, dtype=kind) for name, kind in KINDS.items()}
     table["time_s"] = np.arange(rows) / 10
     table["ego_speed_mps"] = np.full(rows, 10.0)
     table["conflict_distance_m"] = np.linspace(4, 1, rows)
     table["on_collision_path"] = np.ones(rows, dtype=bool)
     for name, column in columns.items():
-        table[name] = np.array(column, dtype=SIGNALS[name])
+        table[name] = np.array(column, dtype=KINDS[name])
     table["ttc_s"] = ttc(table)
     return table
 
@@ -98,27 +98,6 @@ def test_post_encroachment_needs_both_in_order_and_no_contact() -> None:
     assert np.isnan(kpi(on_collision_path=[1, 1, 1, 0], conflict_distance_m=[1, 0, 0, 0]).post_encroachment_s)
 
 
-def test_match_sorts_detections_into_kinds() -> None:
-    boxes = [BOX, (10, 10, 20, 29), (10, 10, 20, 18), (100, 10, 110, 30)]
-    result = match(boxes, [0.6, 0.9, 0.8, 0.7], BOX, BOX, 200, 50.0)
-    assert result.outcomes == ("duplicate", "true_positive", "localisation", "far")
-    assert (result.confidence, result.false_positives) == (0.9, 3)
-
-
-def test_match_ignores_what_lies_on_a_barely_visible_pedestrian_but_lets_it_brake() -> None:
-    boxes = [BOX, (10, 10, 20, 18), (100, 10, 110, 30)]
-    for pixels, contrast in ((29, 50.0), (200, 7.9)):
-        result = match(boxes, [0.9, 0.8, 0.7], BOX, BOX, pixels, contrast)
-        assert result.outcomes == ("ignored", "ignored", "far")
-        assert result.confidence == 0.9
-
-
-def test_match_without_a_pedestrian_or_without_detections() -> None:
-    assert match([BOX], [0.9], None, None, 0, 0.0).outcomes == ("far",)
-    hidden = match([BOX], [0.9], None, BOX, 0, 0.0)
-    assert (hidden.outcomes, hidden.confidence) == (("ignored",), 0)
-    assert match([], [], BOX, BOX, 200, 50.0).confidence == 0
-
-
-def test_an_iou_of_exactly_a_half_is_a_localisation_error() -> None:
-    assert match([(10, 10, 20, 20)], [0.9], BOX, BOX, 200, 50.0).outcomes == ("localisation",)
+def test_a_test_without_kpi_has_no_failure_no_count_and_no_number() -> None:
+    assert (NO_KPI.failure, NO_KPI.failure_mode, NO_KPI.contact, NO_KPI.false_positives) == (False, "none", False, 0)
+    assert all(np.isnan(getattr(NO_KPI, column.name)) for column in KPIS if column.kind is float)

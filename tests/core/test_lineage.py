@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from pipeline.core.lineage import PATTERN, Version, campaign_of, versions
+from pipeline.core.lineage import PATTERN, Version, versions
 
 
 def test_versions_by_round_kind_and_seed() -> None:
@@ -27,9 +27,3 @@ def test_parents_groups_and_what_was_tested_for_it() -> None:
 def test_other_names_are_refused(name: str) -> None:
     with pytest.raises(ValueError, match="expected the name of a version"):
         Version.named(name)
-
-
-def test_the_campaign_in_a_tests_name() -> None:
-    assert campaign_of("F1-random-base-0-00012") == ("F1", "random", "base")
-    assert campaign_of("left-turn-neural-adaptive-r2-s1-3-00000") == ("left-turn", "neural", "adaptive-r2-s1")
-    assert campaign_of("F1-random") == ("", "", "")

@@ -15,12 +15,13 @@ from pipeline.detectors.yolo import recipe, retraining, training
 from pipeline.detectors.yolo.data import batch
 from pipeline.detectors.yolo.network import Architecture, Yolo, cells, decode
 from pipeline.detectors.yolo.recipe import train_from_scratch
-from pipeline.detectors.yolo.retraining import mixed_feed, retrain
-from pipeline.detectors.yolo.training import Batch, Fitted, Schedule, Validation, fit, initial_model
+from pipeline.detectors.yolo.retraining import ImageSets, Plan, mixed_feed, retrain
+from pipeline.detectors.yolo.training import Batch, Fitted, Lesson, Run, Schedule, Validation, fit, initial_model
 from pipeline.errors import InputError
 
 SIZE = (96, 64)
 MEAN = "stage4.0.1.running_mean"
+ALONE = Run(threads=1)
 
 
 def small() -> Yolo:
@@ -55,7 +56,7 @@ def test_it_learns_a_few_images_by_heart() -> None:
     def feed(iteration: int) -> Batch:
         return images.images, images.boxes
 
-    model = fit(small(), Schedule(0, 230, 4e-3, warm_up=10, averaging=0.95), feed, threads=1).model
+    model = fit(small(), Lesson(Schedule(0, 230, 4e-3, warm_up=10, averaging=0.95), feed), ALONE).model
     scaled = torch.from_numpy(images.images).permute(0, 3, 1, 2).float() / 255
     with torch.inference_mode():
         boxes, logits = decode(model(scaled), *cells(*SIZE))
@@ -82,22 +83,23 @@ def test_a_killed_training_goes_on_to_the_same_weights(tmp_path: Path, monkeypat
             raise KeyboardInterrupt
         return feed(iteration)
 
-    uninterrupted = fit(small(), schedule, feed, threads=1).model
+    uninterrupted = fit(small(), Lesson(schedule, feed), ALONE).model
     with pytest.raises(KeyboardInterrupt):
-        fit(small(), schedule, feed_until_killed, identity="a", checkpoint=checkpoint, threads=1)
+        fit(small(), Lesson(schedule, feed_until_killed, "a"), Run(checkpoint, threads=1))
     done: list[int] = []
-    resumed = fit(small(), schedule, feed, identity="a", checkpoint=checkpoint, threads=1, progress=lambda now, *_: done.append(now)).model
+    told = Run(checkpoint, 1, lambda now, *_: done.append(now))
+    resumed = fit(small(), Lesson(schedule, feed, "a"), told).model
     assert same(uninterrupted, resumed)
     assert done == [7]
-    other = fit(small(), schedule, feed, identity="b", checkpoint=checkpoint, threads=1).model
+    other = fit(small(), Lesson(schedule, feed, "b"), Run(checkpoint, threads=1)).model
     assert same(uninterrupted, other)
     monkeypatch.setattr(training, "_code", lambda: "another")
     done.clear()
-    fit(small(), schedule, feed, identity="b", checkpoint=checkpoint, threads=1, progress=lambda now, *_: done.append(now))
+    fit(small(), Lesson(schedule, feed, "b"), told)
     assert done == [7] and torch.load(checkpoint, weights_only=True)["identity"] == "banother"
     for damaged in (b"damaged", b"", b"\x80", b"q\xff\x01.", b"K\x01."):
         checkpoint.write_bytes(damaged)
-        assert same(uninterrupted, fit(small(), schedule, feed, identity="a", checkpoint=checkpoint, threads=1).model)
+        assert same(uninterrupted, fit(small(), Lesson(schedule, feed, "a"), Run(checkpoint, threads=1)).model)
 
 
 def test_schedule_warms_up_and_falls() -> None:
@@ -121,7 +123,7 @@ def test_frozen_statistics_stay() -> None:
     before = model.state_dict()[MEAN].clone()
     images = people(4, 2)
     schedule = Schedule(0, 2, 1e-3, frozen_statistics=True)
-    after = fit(model, schedule, lambda _: (images.images, images.boxes), threads=1).model
+    after = fit(model, Lesson(schedule, lambda _: (images.images, images.boxes)), ALONE).model
     assert torch.equal(before, after.state_dict()[MEAN])
 
 
@@ -138,23 +140,31 @@ def test_retraining_mixes_and_the_control_does_not() -> None:
 
 def test_both_recipes_run_and_repeat(tmp_path: Path) -> None:
     images = people(8, 6)
-    settings = {
-        "iterations": 2,
-        "batch_size": 4,
-        "learning_rate": 1e-4,
-        "added_share": 0.5,
-        "seed": (0,),
-        "identity": "x",
-        "threads": 1,
-    }
-    parent = small()
-    versions = [
-        retrain(copy.deepcopy(parent), images, people(4, 7), people(4, 9), checkpoint=tmp_path / name, **settings)  # type: ignore[arg-type]
-        for name in "ab"
-    ]
+    parent, sets, plan = small(), ImageSets(images, people(4, 7), people(4, 9)), Plan(2, 4, 1e-4, 0.5, (0,))
+    versions = [retrain(copy.deepcopy(parent), sets, plan, Run(tmp_path / name, threads=1)) for name in "ab"]
     assert same(versions[0].model, versions[1].model) and versions[0].curve == versions[1].curve
     assert [look.iteration for look in versions[0].curve] == [1, 2]
     assert not same(parent, versions[0].model)
+
+
+def test_a_checkpoint_of_other_images_or_weights_is_ignored(tmp_path: Path) -> None:
+    images, plan, run = people(8, 6), Plan(2, 4, 1e-3, 0.5, (0,)), Run(tmp_path / "c", threads=1)
+    other_weights = initial_model(1, lambda: Yolo(Architecture((8, 16, 16, 24, 32), 16)))
+    for parent, added in ((small(), people(4, 7)), (small(), people(4, 8)), (other_weights, people(4, 8))):
+        sets = ImageSets(images, added, images)
+        assert same(retrain(copy.deepcopy(parent), sets, plan, run).model, retrain(copy.deepcopy(parent), sets, plan, ALONE).model)
+
+
+@pytest.mark.parametrize(
+    ("plan", "message"),
+    [
+        ((1, 0, 1e-3, 0.5, (0,)), "batch_size must be at least 1, got 0"),
+        ((1, 4, 1e-3, 1.5, (0,)), r"added_share must be in \[0, 1\], got 1.5"),
+    ],
+)
+def test_a_plan_checks_its_ranges(plan: tuple[int, int, float, float, tuple[int]], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Plan(*plan)
 
 
 @pytest.mark.parametrize("iterations", [1, 3, 5])
@@ -165,8 +175,8 @@ def test_every_version_takes_all_its_steps(iterations: int, tmp_path: Path, monk
 
     monkeypatch.setattr(retraining, "watching", falling)
     images = people(8, 6)
-    settings = {"batch_size": 4, "learning_rate": 1e-3, "added_share": 0.5, "seed": (0,), "identity": "x", "threads": 1}
-    fitted = retrain(small(), images, None, images, iterations=iterations, checkpoint=tmp_path / "c", **settings)  # type: ignore[arg-type]
+    plan = Plan(iterations, 4, 1e-3, 0.5, (0,))
+    fitted = retrain(small(), ImageSets(images, None, images), plan, Run(tmp_path / "c", threads=1))
     kept = small()
     kept.load_state_dict(torch.load(tmp_path / "c", weights_only=True)["average"])
     assert fitted.curve[-1].iteration == iterations and same(fitted.model, kept)
@@ -207,12 +217,12 @@ def test_training_from_scratch_resumes_in_every_phase(tmp_path: Path, monkeypatc
             raise KeyboardInterrupt
         return batch(images, indices, size, seed)
 
-    uninterrupted = train_from_scratch(streets(), EVERY, streets(), SCRATCH, checkpoint=None, threads=1)
+    uninterrupted = train_from_scratch(streets(), EVERY, streets(), SCRATCH, ALONE)
     monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
     monkeypatch.setattr(recipe, "batch", counted)
     with pytest.raises(KeyboardInterrupt):
-        train_from_scratch(streets(), EVERY, streets(), SCRATCH, checkpoint=tmp_path / "c.pt", threads=1)
-    resumed = train_from_scratch(streets(), EVERY, streets(), SCRATCH, checkpoint=tmp_path / "c.pt", threads=1)
+        train_from_scratch(streets(), EVERY, streets(), SCRATCH, Run(tmp_path / "c.pt", threads=1))
+    resumed = train_from_scratch(streets(), EVERY, streets(), SCRATCH, Run(tmp_path / "c.pt", threads=1))
     assert same(uninterrupted.model, resumed.model) and uninterrupted.curve == resumed.curve
     assert [look.iteration for look in resumed.curve] == [2, 4]
     assert sizes == [(160, 96), (320, 192), (320, 192), (320, 192), (320, 192)]  # The fourth is the one that was cut off.
@@ -235,7 +245,7 @@ def test_a_training_killed_while_it_looks_takes_that_look_again(tmp_path: Path, 
             return images.images, images.boxes
 
         watch = Validation(ap50, every=2, patience=2)
-        return fit(small(), Schedule(0, 10, 1e-3, warm_up=3), feed, checkpoint=checkpoint, validation=watch, threads=1)
+        return fit(small(), Lesson(Schedule(0, 10, 1e-3, warm_up=3), feed, validation=watch), Run(checkpoint, threads=1))
 
     with pytest.raises(KeyboardInterrupt):
         fitted(tmp_path / "c", killed_at=4)
@@ -254,7 +264,7 @@ def test_a_loss_that_is_no_number_ends_the_training_before_its_weights_are_kept(
         return images.images, boxes
 
     with pytest.raises(InputError, match="the loss is not finite at iteration 8: lower learning_rate, now 0.001, or check the labels"):
-        fit(small(), Schedule(0, 20, 1e-3, warm_up=3), feed, checkpoint=checkpoint, threads=1)
+        fit(small(), Lesson(Schedule(0, 20, 1e-3, warm_up=3), feed), Run(checkpoint, threads=1))
     kept = torch.load(checkpoint, weights_only=True)
     assert kept["iteration"] == 7 and all(torch.isfinite(value.float()).all() for value in kept["model"].values())
 
@@ -269,8 +279,9 @@ def test_a_training_that_no_longer_improves_ends_early_with_its_best_weights(tmp
 
     watch = Validation(ap50, every=2, patience=2)
     schedule, checkpoint = Schedule(0, 20, 1e-3, warm_up=3), tmp_path / "checkpoint.pt"
-    fitted = fit(small(), schedule, lambda _: (images.images, images.boxes), checkpoint=checkpoint, validation=watch, threads=1)
+    lesson = Lesson(schedule, lambda _: (images.images, images.boxes), validation=watch)
+    fitted = fit(small(), lesson, Run(checkpoint, threads=1))
     assert [(look.iteration, look.ap50) for look in fitted.curve] == [(2, 0.3), (4, 0.7), (6, 0.6), (8, 0.65)]
     assert same(fitted.model, seen[1])
-    again = fit(small(), schedule, lambda _: (images.images, images.boxes), checkpoint=checkpoint, validation=watch, threads=1)
+    again = fit(small(), lesson, Run(checkpoint, threads=1))
     assert len(seen) == 4 and same(again.model, fitted.model)

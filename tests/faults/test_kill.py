@@ -22,9 +22,9 @@ from pipeline.artefacts.dataset import image_set
 from pipeline.config.composing import compose
 from pipeline.detectors.yolo import training
 from pipeline.detectors.yolo.network import Architecture, Yolo
-from pipeline.detectors.yolo.training import Schedule, fit, initial_model
+from pipeline.detectors.yolo.training import Lesson, Run, Schedule, fit, initial_model
 from pipeline.core.truth import Truth
-from pipeline.learning.versions import write_version
+from pipeline.learning.versions import Origin, write_version
 
 training.CHECKPOINT_SECONDS = 0.2
 out, rng = Path(sys.argv[1]), np.random.default_rng(0)
@@ -33,9 +33,8 @@ images = image_set([(rng.integers(0, 255, (64, 96, 3), dtype=np.uint8), Truth(bo
 model = initial_model(0, lambda: Yolo(Architecture((8, 8, 8, 8, 8), 8)))
 feed = lambda iteration: (np.roll(images.images, iteration, axis=2), images.boxes)
 print("ready", flush=True)
-fitted = fit(model, Schedule(0, 120, 1e-3), feed, identity="x", checkpoint=out / "checkpoint.pt", threads=1)
-card = dict(version="base", parent=None, data={}, training={}, seed=0, towns=())
-write_version(compose("base", []), fitted, images, out / "model.json", **card)
+fitted = fit(model, Lesson(Schedule(0, 120, 1e-3), feed, "x"), Run(out / "checkpoint.pt", threads=1))
+write_version(compose("base", []), fitted, images, Origin("base", None, {}, {}, 0, ()), out / "model.json")
 """
 
 FILTER = """

@@ -13,10 +13,12 @@ from pipeline.core.constraints import Constraints, Literal
 from pipeline.core.coverage.arrays import covering_array
 from pipeline.core.coverage.projection import projection_coverage
 from pipeline.core.coverage.verification import verify
+from pipeline.core.detections import Detections
 from pipeline.core.distance import mixed_distance
-from pipeline.core.kpi import match
+from pipeline.core.matching import match
 from pipeline.core.measures import f_measure, failure_sequence
 from pipeline.core.statistics import mcnemar, wilson_interval
+from pipeline.core.truth import Truth
 from tests.spaces import SMALL
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -53,7 +55,8 @@ def test_each_frame_has_at_most_one_true_positive_and_every_detection_an_outcome
     rng = np.random.default_rng(seed)
     box = (20.0, 20.0, 40.0, 60.0)
     boxes = np.array(box) + rng.normal(0, 8, (count, 4))
-    result = match(boxes, rng.random(count), box, box, int(rng.integers(0, 60)), float(rng.uniform(0, 16)))
+    found = Detections(boxes.astype(np.float32), np.sort(rng.random(count).astype(np.float32))[::-1])
+    result = match(found, Truth(box, box, int(rng.integers(0, 60)), 800, float(rng.uniform(0, 16))))
     outcomes = result.outcomes
     assert len(outcomes) == count and outcomes.count("true_positive") <= 1
     assert result.false_positives + outcomes.count("true_positive") + outcomes.count("ignored") == count
@@ -124,7 +127,7 @@ def test_constrained_arrays_are_what_the_verifier_says(constraints: Constraints,
     strength = min(strength, len(constraints.sizes))
     if constraints.contradiction():
         return
-    array = covering_array(constraints.sizes, strength, constraints=constraints, seed=seed)
+    array = covering_array(constraints, strength, seed=seed)
     checked = verify(array.rows, constraints, strength)
     assert checked.valid and checked.cells == array.cells and array.lower_bound <= array.size
 
@@ -132,7 +135,7 @@ def test_constrained_arrays_are_what_the_verifier_says(constraints: Constraints,
 @given(SEEDS, SIZES)
 @settings(max_examples=40, deadline=None)
 def test_covering_arrays_cover(seed: int, sizes: list[int]) -> None:
-    rows = covering_array(sizes, seed=seed).rows
+    rows = covering_array(Constraints(tuple(sizes)), seed=seed).rows
     assert projection_coverage(rows, sizes, 2).ratio == 1
     first, second = sorted(sizes)[-2:]
     assert len(rows) >= first * second

@@ -8,17 +8,15 @@ from dataclasses import dataclass
 from heapq import heapify, heappop, heappush
 from itertools import combinations
 from math import comb, prod
-from typing import Literal
 
 import numpy as np
 
 from pipeline.core.constraints import Bools, Constraints
-from pipeline.core.coverage import annealing
-from pipeline.core.coverage.annealing import Int32s, Problem
+from pipeline.core.coverage.annealing import Int32s
 from pipeline.core.coverage.constructions import FREE, cyclic, factorial, orthogonal
+from pipeline.core.coverage.problem import Problem, feasible_row, lay_out
 from pipeline.core.space import Ints
 
-Effort = Literal["quick", "polish"]
 Progress = Callable[[float, int, int], None]
 """Called with the share that is done (of the cells; when polishing, of the time), the size so far and the lower bound."""
 CANDIDATES = 16
@@ -37,6 +35,25 @@ LONGEST = 15
 
 
 @dataclass(frozen=True)
+class Effort:
+    """How long to search for a small array.
+
+    polish_s: seconds, positive, that the search goes on for unless the lower bound is reached before; None for a fixed number of steps, so
+    that the array depends on the other arguments alone.
+    """
+
+    polish_s: float | None = None
+    progress: Progress | None = None
+
+    def __post_init__(self) -> None:
+        if self.polish_s is not None and not self.polish_s > 0:
+            raise ValueError(f"polish_s must be positive, got {self.polish_s}")
+
+
+QUICK = Effort()
+
+
+@dataclass(frozen=True)
 class CoveringArray:
     """rows: (n, d) category indices. cells: feasible cells that they cover, all of them. lower_bound: no array has fewer rows."""
 
@@ -51,25 +68,17 @@ class CoveringArray:
 
 
 def covering_array(
-    sizes: Sequence[int],
-    strength: int = 2,
-    *,
-    constraints: Constraints | None = None,
-    seeds: Ints | None = None,
-    effort: Effort = "quick",
-    seconds: float = 30.0,
-    seed: int = 0,
-    progress: Progress | None = None,
+    constraints: Constraints, strength: int = 2, *, seeds: Ints | None = None, seed: int = 0, effort: Effort = QUICK
 ) -> CoveringArray:
-    """A covering array over variables with `sizes` categories each.
+    """A covering array over the variables of `constraints`.
 
-    strength: t, 1 to 6. seeds: (m, d) rows that must be in it, its first ones. effort: `quick` spends a fixed number of steps, so that the
-    result depends on the arguments alone; `polish` goes on for `seconds`, or until the lower bound is reached.
+    strength: t, 1 to 6. seeds: (m, d) rows that must be in it, its first ones.
 
     Raises ValueError for contradictory constraints, an infeasible seed row and a strength out of range.
     """
     # A copy: a SAT solver remembers what it was asked, and the same arguments must give the same rows.
-    limits = Constraints(tuple(sizes), constraints.clauses if constraints else ())
+    limits = Constraints(constraints.sizes, constraints.clauses)
+    sizes = limits.sizes
     if not 1 <= strength <= min(6, len(sizes)):
         raise ValueError(f"strength must be in [1, {min(6, len(sizes))}], got {strength}")
     if not limits.satisfiable({}):
@@ -81,18 +90,18 @@ def covering_array(
     bound = lower_bound(sizes, strength, limits)
 
     def covering(share: float, size: int) -> None:
-        if progress is not None:
-            progress(share if effort == "quick" else 0.0, size, bound)
+        if effort.progress is not None:
+            effort.progress(share if effort.polish_s is None else 0.0, size, bound)
 
-    search = _Search(annealing.lay_out(sizes, strength, limits), limits, given, np.random.default_rng(seed), covering)
+    search = _Search(lay_out(limits, strength), limits, given, np.random.default_rng(seed), covering)
     # Beside the rows that must be in it, as many are needed as the emptiest plane still has uncovered cells.
     left = np.add.reduceat(search.problem.counts(given) == 0, search.problem.first, dtype=np.int64)
     bound = max(bound, len(given) + int(left.max()))
     rows = search.start()
-    if effort == "quick":
+    if effort.polish_s is None:
         rows = search.shorten(rows, bound, operations=QUICK_OPERATIONS)
     else:
-        rows = search.polish(rows, bound, started, seconds, progress)
+        rows = search.polish(rows, bound, started, effort.polish_s, effort.progress)
     return CoveringArray(rows.astype(np.int64), strength, int(search.problem.feasible.sum()), min(bound, len(rows)))
 
 
@@ -174,7 +183,7 @@ class _Search:
     def _row_with(self, cell: int) -> Int32s:
         """A random feasible row in a cell."""
         columns, categories = self.problem.cell(cell)
-        return annealing.feasible_row(self._constraints, columns, categories, self._rng)
+        return feasible_row(self._constraints, columns, categories, self._rng)
 
     def shorten(self, rows: Int32s, bound: int, operations: float) -> Int32s:
         """Take rows away, several at a time while that succeeds, until the steps are spent."""
@@ -230,9 +239,9 @@ class _Search:
     def _annealed(self, rows: Int32s, operations: float, temperatures: tuple[float, float]) -> Int32s | None:
         """The rows, changed until they cover every cell; None if they do not come to that."""
         problem = self.problem
-        step = 3.0 * problem.base.shape[1] * problem.strength + 0.2 * len(rows) * (problem.strength + problem.literals_a_column)
+        step = 3.0 * problem.grid.lines.base.shape[1] * problem.strength + 0.2 * len(rows) * (problem.strength + problem.literals_a_column)
         seed, iterations = int(self._rng.integers(2**31)), max(1000, int(operations / step))
-        left = problem.anneal(rows, problem.counts(rows), iterations, temperatures, seed, first_free=len(self._given))
+        left = problem.anneal(rows[len(self._given) :], problem.counts(rows), iterations, temperatures, seed)
         return rows if left == 0 else None
 
     def _balanced(self, count: int) -> Int32s:

@@ -78,7 +78,7 @@ def _cyclic_starter(columns: int, categories: int, steps: int, seed: int) -> Int
     seen = np.zeros((half, last + 2), np.int32)
     for d in range(half):
         for i in range(columns):
-            _count(seen, d, row[i], row[(i + d + 1) % columns], last, 1)
+            _count(seen, d, row[i], row[(i + d + 1) % columns], 1)
     missing = (seen == 0).sum()
     for step in range(steps):
         if missing == 0:
@@ -89,28 +89,30 @@ def _cyclic_starter(columns: int, categories: int, steps: int, seed: int) -> Int
         if value == old:
             continue
         before = missing
-        missing += _exchange(seen, row, at, value, columns, last, half)
+        missing += _exchange(seen, row, at, value)
         if missing > before and np.random.random() >= np.exp((before - missing) / temperature):
-            missing += _exchange(seen, row, at, old, columns, last, half)
+            missing += _exchange(seen, row, at, old)
     return np.full(columns, -1, np.int32) if missing else row
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def _exchange(seen: Int32s, row: Int32s, at: int, value: int, columns: int, last: int, half: int) -> int:
+def _exchange(seen: Int32s, row: Int32s, at: int, value: int) -> int:
     """Put a value into the row; returns by how many classes more are unseen."""
-    change = 0
+    change, half, columns = 0, len(seen), len(row)
     for d in range(half):
         after, before = (at + d + 1) % columns, (at - d - 1) % columns
-        change += _count(seen, d, row[at], row[after], last, -1) + _count(seen, d, row[before], row[at], last, -1)
+        change += _count(seen, d, row[at], row[after], -1) + _count(seen, d, row[before], row[at], -1)
     row[at] = value
     for d in range(half):
         after, before = (at + d + 1) % columns, (at - d - 1) % columns
-        change += _count(seen, d, row[at], row[after], last, 1) + _count(seen, d, row[before], row[at], last, 1)
+        change += _count(seen, d, row[at], row[after], 1) + _count(seen, d, row[before], row[at], 1)
     return change
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def _count(seen: Int32s, d: int, a: int, b: int, last: int, by: int) -> int:
+def _count(seen: Int32s, d: int, a: int, b: int, by: int) -> int:
+    """Count a pair of categories at distance d + 1; returns by how many classes more are unseen."""
+    last = seen.shape[1] - 2
     if a == last and b == last:
         return 0
     kind = last if a == last else last + 1 if b == last else (b - a) % last

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from llvmlite import ir
@@ -24,6 +24,27 @@ BLOCK_WORDS = 512
 SMALL_CELLS = 200
 """A plane of more cells than this is counted by a histogram."""
 FEW_POINTS = 2048
+
+
+class _Bits(NamedTuple):
+    """Points as bit sets. words: (sets, words) bit p of word w is point 64 w + p. first: the first set of each condition, which has one for
+    each category but the last. sizes: (d,) categories of each condition.
+    """
+
+    words: Words
+    first: Ints
+    sizes: Ints
+    points: int
+
+
+class _Cells(NamedTuple):
+    """Counts of the cells of all pairs or triples of conditions, in the order of `combinations`. start: first cell of each. wanted: those
+    that are counted.
+    """
+
+    start: Ints
+    wanted: NDArray[np.bool_]
+    counts: Ints
 
 
 class CellCounts:
@@ -61,15 +82,17 @@ class CellCounts:
         used = np.zeros(len(sizes), dtype=np.bool_)
         used[np.unique(self.planes[by_bits])] = True
         first = np.concatenate([[0], np.cumsum(np.where(used, sizes - 1, 0))]).astype(np.int64)
-        bits = _bit_sets(rows, sizes, used, first)
+        bits = _Bits(_bit_sets(rows, sizes, used, first), first, sizes, len(rows))
+        cells = _Cells(self._start[:-1], by_bits, self._counts)
         if self.k == 2:
-            _pairs(bits, len(rows), first, sizes, self._start[:-1], by_bits, self._counts)
+            _pairs(bits, cells)
             return
         pairs_of = list(combinations(range(len(sizes)), 2))
         pair_start = np.concatenate([[0], np.cumsum([self.sizes[i] * self.sizes[j] for i, j in pairs_of])]).astype(np.int64)
-        pairs = np.zeros(int(pair_start[-1]), dtype=np.int64)
-        _pairs(bits, len(rows), first, sizes, pair_start[:-1], np.array([used[i] and used[j] for i, j in pairs_of]), pairs)
-        _triples(bits, first, sizes, pairs, pair_start[:-1], self._start[:-1], by_bits, self._counts)
+        wanted = np.array([used[i] and used[j] for i, j in pairs_of])
+        pairs = _Cells(pair_start[:-1], wanted, np.zeros(int(pair_start[-1]), dtype=np.int64))
+        _pairs(bits, pairs)
+        _triples(bits, pairs, cells)
 
     @property
     def flat(self) -> Ints:
@@ -120,8 +143,10 @@ def _bit_sets(rows: Ints, sizes: Ints, used: NDArray[np.bool_], first: Ints) -> 
 
 
 @njit(cache=True, boundscheck=False, fastmath=True)  # type: ignore[untyped-decorator]
-def _pairs(bits: Words, points: int, first: Ints, sizes: Ints, start: Ints, wanted: NDArray[np.bool_], counts: Ints) -> None:
-    """Add the counts of every wanted pair of conditions, in the order of `combinations`."""
+def _pairs(points: _Bits, cells: _Cells) -> None:
+    """Add the counts of every wanted pair of conditions."""
+    bits, first, sizes, all_points = points
+    start, wanted, counts = cells
     words, plane = bits.shape[1], -1
     singles = np.zeros(len(bits), np.int64)
     for category in range(len(bits)):
@@ -137,7 +162,7 @@ def _pairs(bits: Words, points: int, first: Ints, sizes: Ints, start: Ints, want
             at, columns = start[plane], sizes[j]
             last_i, last_j = sizes[i] - 1, sizes[j] - 1
             rest = singles[first[j] : first[j] + last_j].copy()
-            corner = points
+            corner = all_points
             for b in range(last_j):
                 corner -= rest[b]
             for a in range(last_i):
@@ -157,22 +182,14 @@ def _pairs(bits: Words, points: int, first: Ints, sizes: Ints, start: Ints, want
 
 
 @njit(cache=True, boundscheck=False, fastmath=True)  # type: ignore[untyped-decorator]
-def _triples(
-    bits: Words, first: Ints, sizes: Ints, pairs: Ints, pair_start: Ints, start: Ints, wanted: NDArray[np.bool_], counts: Ints
-) -> None:
-    """Add the counts of every wanted triple of conditions, in the order of `combinations`."""
+def _triples(points: _Bits, pairs: _Cells, cells: _Cells) -> None:
+    """Add the counts of every wanted triple of conditions; pairs: the counts of every pair of the triples."""
+    bits, first, sizes, _ = points
+    wanted = cells.wanted
     n, words = len(sizes), bits.shape[1]
     most = sizes.max()
     both = np.zeros((most * most, BLOCK_WORDS), np.uint64)
-    inner_start = np.zeros(len(start) + 1, np.int64)
-    plane = 0
-    for i in range(n):
-        for j in range(i + 1, n):
-            for k in range(j + 1, n):
-                inner_start[plane + 1] = inner_start[plane]
-                if wanted[plane]:
-                    inner_start[plane + 1] += (sizes[i] - 1) * (sizes[j] - 1) * (sizes[k] - 1)
-                plane += 1
+    inner_start = _inner_start(sizes, wanted)
     inner = np.zeros(inner_start[-1], np.int64)
     for low in range(0, words, BLOCK_WORDS):
         length, plane = min(BLOCK_WORDS, words - low), -1
@@ -199,14 +216,30 @@ def _triples(
                             for w in range(length):
                                 total += _popcount(row[w] & third[w])
                             inner[at + ab * vk + c] += np.int64(total)
-    _fill_triples(sizes, inner, inner_start, pairs, pair_start, start, wanted, counts)
+    _fill_triples(sizes, _Cells(inner_start, wanted, inner), pairs, cells)
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _inner_start(sizes: Ints, wanted: NDArray[np.bool_]) -> Ints:
+    """First cell of each triple, and their number, if last categories have none and neither have triples that are not wanted."""
+    n, plane = len(sizes), 0
+    start = np.zeros(len(wanted) + 1, np.int64)
+    for i in range(n):
+        for j in range(i + 1, n):
+            for k in range(j + 1, n):
+                start[plane + 1] = start[plane]
+                if wanted[plane]:
+                    start[plane + 1] += (sizes[i] - 1) * (sizes[j] - 1) * (sizes[k] - 1)
+                plane += 1
+    return start
 
 
 @njit(cache=True, boundscheck=False)  # type: ignore[untyped-decorator]
-def _fill_triples(
-    sizes: Ints, inner: Ints, inner_start: Ints, pairs: Ints, pair_start: Ints, start: Ints, wanted: NDArray[np.bool_], counts: Ints
-) -> None:
+def _fill_triples(sizes: Ints, inner_cells: _Cells, pair_cells: _Cells, cells: _Cells) -> None:
     """From the counts without last categories and those of pairs to all counts."""
+    inner_start, _, inner = inner_cells
+    pair_start, _, pairs = pair_cells
+    start, wanted, counts = cells
     n, plane = len(sizes), -1
     for i in range(n):
         for j in range(i + 1, n):

@@ -11,10 +11,10 @@ from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import csr_array
 
 from pipeline.core.constraints import Constraints
-from pipeline.core.coverage import annealing
-from pipeline.core.coverage.annealing import Int32s, Problem
+from pipeline.core.coverage.annealing import Int32s
 from pipeline.core.coverage.arrays import covering_array
 from pipeline.core.coverage.counting import CellCounts
+from pipeline.core.coverage.problem import INFEASIBLE, Problem, feasible_row, lay_out
 from pipeline.core.coverage.projection import Combine, check_points, planes
 from pipeline.core.space import Ints
 
@@ -60,7 +60,7 @@ class Proposer:
         # A copy: a SAT solver remembers what it was asked, and the same arguments must give the same points.
         constraints = Constraints(constraints.sizes, constraints.clauses)
         self._constraints, self._k = constraints, k
-        self._problem: Problem = annealing.lay_out(constraints.sizes, k, constraints)
+        self._problem = lay_out(constraints, k)
         nothing = CellCounts(constraints.sizes, k)
         wanted = [plane.wanted.ravel() for plane in planes(nothing, weights=weights, combine=combine, constraints=constraints)]
         self._wanted = np.concatenate(wanted)
@@ -131,7 +131,7 @@ class Proposer:
             return self._each_condition_alone(self.missing(points))
         if self._wanted.max() <= 1 and self._wanted[self._problem.feasible].all():
             seed = int(self._rng.integers(2**31))
-            array = covering_array(self._constraints.sizes, self._k, constraints=self._constraints, seeds=points, seed=seed)
+            array = covering_array(self._constraints, self._k, seeds=points, seed=seed)
             return array.rows[len(points) :]
         return np.vstack([np.zeros((0, points.shape[1]), np.int64), *(proposal.categories for proposal in self.complete(points))])
 
@@ -156,12 +156,12 @@ class Proposer:
 
     def _row_with(self, cell: int) -> Int32s:
         columns, categories = self._problem.cell(cell)
-        return annealing.feasible_row(self._constraints, columns, categories, self._rng)
+        return feasible_row(self._constraints, columns, categories, self._rng)
 
     def _changed_together(self, missing: Ints, rows: Int32s) -> Int32s:
         problem, changed = self._problem, rows.copy()
         # What is covered already may be left and entered as one likes.
-        counts = np.where(missing > 0, np.int32(0), annealing.INFEASIBLE)
+        counts = np.where(missing > 0, np.int32(0), INFEASIBLE)
         problem.count(changed, counts)
         problem.anneal(changed, counts, ANNEALING_STEPS, TEMPERATURES, int(self._rng.integers(2**31)))
         return changed

@@ -20,7 +20,7 @@ class PairwiseSampler(BatchSampler):
     @cached_property
     def plan(self) -> Floats:
         """The covering array, (rows, d) points at the representatives of their categories, in the order of execution."""
-        rows = covering_array(self.space.sizes, min(2, len(self.space)), constraints=self.constraints, seed=self.seed).rows
+        rows = covering_array(self.constraints, min(2, len(self.space)), seed=self.seed).rows
         return self.space.representatives(rows[order_by_new_pairs(rows)])
 
     def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,25 +13,15 @@ from numpy.typing import NDArray
 from pipeline.artefacts.dataset import ImageSet
 from pipeline.detectors.yolo.data import Boxes, Images, Stream, batch, hardness
 from pipeline.detectors.yolo.network import SIZES, Yolo
-from pipeline.detectors.yolo.training import Fitted, Schedule, fit, initial_model
+from pipeline.detectors.yolo.training import Fitted, Lesson, Run, Schedule, fit, initial_model
 from pipeline.detectors.yolo.validation import watching
-from pipeline.progress import OnProgress
 
 CROP_SIZE = (160, 96)
 CROP_PHASE, FRAME_PHASE = 0, 1
 
 
-def train_from_scratch(
-    images: ImageSet,
-    indices: NDArray[np.int64],
-    validation: ImageSet,
-    config: Mapping[str, Any],
-    *,
-    checkpoint: Path | None,
-    threads: int,
-    progress: OnProgress | None = None,
-) -> Fitted:
-    """Train a detector on a set with section `training` of the config; resumes from `checkpoint`.
+def train_from_scratch(images: ImageSet, indices: NDArray[np.int64], validation: ImageSet, config: Mapping[str, Any], run: Run) -> Fitted:
+    """Train a detector on a set with section `training` of the config; resumes from the run's checkpoint.
 
     indices: of the training images. validation: gives the curve and stops the training early if it no longer rises.
     """
@@ -49,13 +38,4 @@ def train_from_scratch(
 
     identity = hashlib.sha256(json.dumps([dict(config), images.digest], sort_keys=True).encode()).hexdigest()
     watch = watching(validation, int(config["validate_every"]), int(config["patience"]))
-    return fit(
-        initial_model(seed, lambda: Yolo(SIZES[config["size"]])),
-        schedule,
-        feed,
-        identity=identity,
-        checkpoint=checkpoint,
-        validation=watch,
-        threads=threads,
-        progress=progress,
-    )
+    return fit(initial_model(seed, lambda: Yolo(SIZES[config["size"]])), Lesson(schedule, feed, identity, watch), run)

@@ -2,53 +2,75 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
+import hashlib
+import json
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
 from pipeline.artefacts.dataset import ImageSet
-from pipeline.detectors.yolo.data import Boxes, Images, Stream, batch, usable
+from pipeline.detectors.yolo.data import Stream, batch, usable
 from pipeline.detectors.yolo.network import Yolo
-from pipeline.detectors.yolo.training import Fitted, Schedule, fit
+from pipeline.detectors.yolo.training import Batch, Feed, Fitted, Lesson, Run, Schedule, fit
 from pipeline.detectors.yolo.validation import watching
-from pipeline.progress import OnProgress
 
 BASE_STREAM, ADDED_STREAM = 10, 11
 LOOKS = 2
 """For the curve only: stopping early would give one version fewer steps than another."""
 
 
-def retrain(
-    model: Yolo,
-    base: ImageSet,
-    added: ImageSet | None,
-    validation: ImageSet,
-    *,
-    iterations: int,
-    batch_size: int,
-    learning_rate: float,
-    added_share: float,
-    seed: tuple[int, ...],
-    identity: str,
-    checkpoint: Path,
-    threads: int,
-    progress: OnProgress | None = None,
-) -> Fitted:
-    """Continue training `model`; with `added` None this is the control: the same steps on the base set alone.
+@dataclass(frozen=True)
+class ImageSets:
+    """The images of a retraining. added: None for a control. validation: gives the curve."""
+
+    base: ImageSet
+    added: ImageSet | None
+    validation: ImageSet
+
+    @property
+    def digests(self) -> tuple[str, ...]:
+        return tuple("" if images is None else images.digest for images in (self.base, self.added, self.validation))
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The steps of a retraining.
+
+    learning_rate: its peak, in (0, 1). added_share: of the added frames in a batch, in [0, 1]. seed: of order and augmentation.
+    """
+
+    iterations: int
+    batch_size: int
+    learning_rate: float
+    added_share: float
+    seed: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        if self.batch_size < 1:
+            raise ValueError(f"batch_size must be at least 1, got {self.batch_size}")
+        if not 0 <= self.added_share <= 1:
+            raise ValueError(f"added_share must be in [0, 1], got {self.added_share}")
+
+
+def retrain(model: Yolo, images: ImageSets, plan: Plan, run: Run) -> Fitted:
+    """Continue training `model`; without added images this is the control: the same steps on the base set alone.
 
     Short restarts with a high rate, on crops or without empty frames raise false positives even without new data;
-    hence the low rate, full frames alone and frozen normalisation statistics. validation: gives the curve. seed: of order and augmentation.
+    hence the low rate, full frames alone and frozen normalisation statistics.
     """
-    schedule = Schedule(0, iterations, learning_rate, warm_up=iterations // 10, averaging=0.97, frozen_statistics=True)
-    feed = mixed_feed(base, added, batch_size, added_share, seed)
-    watch = watching(validation, -(-iterations // LOOKS), patience=LOOKS)
-    return fit(model, schedule, feed, identity=identity, checkpoint=checkpoint, validation=watch, threads=threads, progress=progress)
+    steps = plan.iterations
+    schedule = Schedule(0, steps, plan.learning_rate, warm_up=steps // 10, averaging=0.97, frozen_statistics=True)
+    feed = mixed_feed(images.base, images.added, plan.batch_size, plan.added_share, plan.seed)
+    identity = hashlib.sha256(json.dumps([asdict(plan), images.digests]).encode() + _weights(model)).hexdigest()
+    return fit(model, Lesson(schedule, feed, identity, watching(images.validation, -(-steps // LOOKS), patience=LOOKS)), run)
 
 
-def mixed_feed(
-    base: ImageSet, added: ImageSet | None, batch_size: int, added_share: float, seed: tuple[int, ...]
-) -> Callable[[int], tuple[Images, Boxes]]:
+def _weights(model: Yolo) -> bytes:
+    """Digest of the weights that training goes on from."""
+    return hashlib.sha256(b"".join(value.cpu().numpy().tobytes() for value in model.state_dict().values())).digest()
+
+
+def mixed_feed(base: ImageSet, added: ImageSet | None, batch_size: int, added_share: float, seed: tuple[int, ...]) -> Feed:
     """Batches whose last `added_share` comes from the added frames; every version sees the base images in the same order."""
     fresh = 0 if added is None else max(1, round(batch_size * added_share))
     old = usable(base)
@@ -57,7 +79,7 @@ def mixed_feed(
         everything = np.arange(len(added))
         parts.append((added, Stream(everything, np.ones(len(added), np.int64), (*seed, ADDED_STREAM)), fresh, ADDED_STREAM))
 
-    def feed(iteration: int) -> tuple[Images, Boxes]:
+    def feed(iteration: int) -> Batch:
         made = [batch(part, stream.take(iteration * n, n), part.size, (*seed, name, iteration)) for part, stream, n, name in parts]
         return np.concatenate([images for images, _ in made]), np.concatenate([boxes for _, boxes in made])
 

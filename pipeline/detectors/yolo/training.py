@@ -27,6 +27,7 @@ from pipeline.artefacts.files import write_bytes
 from pipeline.artefacts.model_card import CurvePoint
 from pipeline.detectors.yolo.loss import Loss, detection_loss
 from pipeline.detectors.yolo.network import Yolo, cells, decode
+from pipeline.detectors.yolo.threads import use_threads
 from pipeline.errors import InputError
 from pipeline.progress import OnProgress
 
@@ -92,6 +93,33 @@ class Validation:
 
 
 @dataclass(frozen=True)
+class Lesson:
+    """What a network learns.
+
+    feed: iteration to (n, h, w, 3) uint8 RGB images and (n, 4) boxes in pixels, zeros where there is no pedestrian. identity: digest of all
+    that the batches are made from. validation: None for a training without looks.
+    """
+
+    schedule: Schedule
+    feed: Feed
+    identity: str = ""
+    validation: Validation | None = None
+
+
+@dataclass(frozen=True)
+class Run:
+    """How a training is executed.
+
+    checkpoint: file that is written every 45 s and at the end, and read first; ignored if it belongs to another lesson or to other code of
+    this package. threads: of PyTorch; None leaves OMP_NUM_THREADS in force. progress: called with iterations done, all of them and a text.
+    """
+
+    checkpoint: Path | None = None
+    threads: int | None = None
+    progress: OnProgress | None = None
+
+
+@dataclass(frozen=True)
 class Fitted:
     """The result of a training: the network on the CPU in evaluation mode, and its curve, empty without a validation."""
 
@@ -124,36 +152,24 @@ def initial_model(seed: int, model: Callable[[], Yolo] = Yolo) -> Yolo:
         return model()
 
 
-def fit(
-    model: Yolo,
-    schedule: Schedule,
-    feed: Feed,
-    *,
-    identity: str = "",
-    checkpoint: Path | None = None,
-    validation: Validation | None = None,
-    threads: int | None = None,
-    progress: OnProgress | None = None,
-) -> Fitted:
-    """Train `model` and return the averaged weights: the last ones, or the best ones if `validation` stopped it early.
+def fit(model: Yolo, lesson: Lesson, run: Run) -> Fitted:
+    """Train `model` and return the averaged weights: the last ones, or the best ones if the validation stopped it early.
 
-    feed: iteration to (n, h, w, 3) uint8 RGB images and (n, 4) boxes in pixels, zeros where there is no pedestrian.
-    checkpoint: file that is written every 45 s and at the end, and read first; ignored if it belongs to another `identity` or to other
-    code of this package. threads: of PyTorch; None leaves OMP_NUM_THREADS in force. progress: called with iterations done, all of them
-    and a text.
+    InputError if the loss is no number any more.
     """
-    if threads is not None:
-        torch.set_num_threads(threads)
+    schedule, validation, checkpoint, progress = lesson.schedule, lesson.validation, run.checkpoint, run.progress
+    if run.threads is not None:
+        use_threads(run.threads)
     cv2.setNumThreads(1)
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     state = _start(model, schedule, device)
-    identity += _code()
+    identity = lesson.identity + _code()
     if checkpoint is not None:
         _resume(checkpoint, identity, state, device)
     saved, resumed = time.monotonic(), state.iteration
     losses: deque[Loss] = deque(maxlen=20)
     stop = schedule.iterations if validation is None or not state.exhausted(validation.patience) else state.iteration
-    for images, boxes in _batches(feed, state.iteration, stop, device):
+    for images, boxes in _batches(lesson.feed, state.iteration, stop, device):
         losses.append(_step(state, schedule, images, boxes, device))
         if state.iteration % FINITE_EVERY == 0 or state.iteration == schedule.iterations:
             _check_finite(losses, state.iteration, schedule)

@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
-import mujoco
+from dataclasses import dataclass
+
 import numpy as np
 
 from pipeline.scenarios.streets import CORNER_RADIUS, PAVEMENT_WIDTH, Street, Town
 
-from .mesh import Mesh, place
+from .mesh import Mesh, Site
 from .style import STYLES, Style
 
 HOUSE_DEPTH = 10.0
+
+
+@dataclass(frozen=True)
+class _House:
+    """us, vs: its extent along and across the street, metres. wall, roof: numbers of the style's. floors: above the ground floor."""
+
+    us: tuple[float, float]
+    vs: tuple[float, float]
+    wall: int
+    floors: int
+    roof: int
 
 
 def _front(town: Town, style: Style, street: Street, side: int) -> float:
@@ -18,7 +30,7 @@ def _front(town: Town, style: Style, street: Street, side: int) -> float:
     return street.edge(side) + PAVEMENT_WIDTH + style.setback + (2.5 if town.overgrown(side) else 0)
 
 
-def add(spec: mujoco.MjSpec, body: mujoco.MjsBody, town: Town, street: Street, side: int, rng: np.random.Generator) -> None:
+def add(site: Site, town: Town, street: Street, side: int, rng: np.random.Generator) -> None:
     """House fronts, gable ends and roofs, one mesh a surface; a cross row closes the street at its end."""
     style = STYLES[town.style]
     parts: dict[str, Mesh] = {}
@@ -36,7 +48,7 @@ def add(spec: mujoco.MjSpec, body: mujoco.MjsBody, town: Town, street: Street, s
             if u < gap.start:
                 width = gap.start - clear - u
         v = front + rng.uniform(0, 1.2)
-        _house(parts, style, (u, u + width), (side * v, side * (v + HOUSE_DEPTH)), wall, floors, int(rng.integers(len(style.roofs))))
+        _build(parts, _House((u, u + width), (side * v, side * (v + HOUSE_DEPTH)), wall, floors, int(rng.integers(len(style.roofs)))))
         for _ in range(floors):
             window = u + 0.9 + 3 * rng.integers(max(1, int(width / 3)))
             height = 3.5 + 3 * rng.integers(floors) + 0.75
@@ -46,16 +58,14 @@ def add(spec: mujoco.MjSpec, body: mujoco.MjsBody, town: Town, street: Street, s
     if side > 0:
         behind = street.end + (22 if street.name == "main" else 8)
         for k, v in enumerate((-26.0, -9.0, 8.0)):
-            _house(parts, style, (behind, behind + 12), (v, v + 16.5), k % len(style.walls), style.storeys[1], k % len(style.roofs))
+            _build(parts, _House((behind, behind + 12), (v, v + 16.5), k % len(style.walls), style.storeys[1], k % len(style.roofs)))
     for name, mesh in [*parts.items(), ("window_light", panes)]:
-        mesh.add_to(spec, f"{street.name}_{name}_{side}")
-        place(body, f"{street.name}_{name}_{side}", name)
+        site.put(f"{street.name}_{name}_{side}", mesh, name)
 
 
-def _house(
-    parts: dict[str, Mesh], style: Style, us: tuple[float, float], vs: tuple[float, float], wall: int, floors: int, roof: int
-) -> None:
-    (x0, x1), y0, y1 = us, min(vs), max(vs)
+def _build(parts: dict[str, Mesh], house: _House) -> None:
+    (x0, x1), y0, y1 = house.us, min(house.vs), max(house.vs)
+    wall, floors = house.wall, house.floors
     eaves = 3.5 + 3.0 * floors
     corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
     for (ax, ay), (bx, by) in zip(corners, corners[1:] + corners[:1], strict=True):
@@ -63,7 +73,7 @@ def _house(
         bays = max(1, round(length / 3)) / 2
         parts.setdefault(f"ground{wall}", Mesh()).quad((ax, ay, 0), edge, (0, 0, 3.5), (0, 1, bays * 6 / 14, 0))
         parts.setdefault(f"wall{wall}", Mesh()).quad((ax, ay, 3.5), edge, (0, 0, 3.0 * floors), (0, floors / 2, bays, 0))
-    surface = parts.setdefault(f"roof{roof}", Mesh())
+    surface = parts.setdefault(f"roof{house.roof}", Mesh())
     middle, ridge = (y0 + y1) / 2, eaves + 0.32 * (y1 - y0)
     span, slope = x1 - x0 + 0.8, np.hypot(middle - y0, ridge - eaves)
     surface.quad((x0 - 0.4, y0 - 0.4, eaves - 0.2), (span, 0, 0), (0, middle - y0 + 0.4, ridge - eaves + 0.2), (0, 0, span / 4, slope / 4))

@@ -12,7 +12,7 @@ from pipeline.core.boxes import Box
 from pipeline.core.truth import Truth
 from pipeline.errors import SimulationError
 
-from .lens import CameraSettings, Lens
+from .lens import CameraSettings, Lens, Sun
 from .pedestrian import GROUP
 from .weather import Weather, WeatherControl
 
@@ -73,8 +73,8 @@ class Camera:
         mujoco.mjr_readPixels(self._rgb, self._depth, self._rect, self.context)
         near, far = self._near, self._far
         distance = near * far / (near + self._depth[::-1] * (far - near))
-        sun = data.cam_xmat[self._view.fixedcamid].reshape(3, 3).T @ self._weather.sun_direction
-        image = self._lens.expose(np.ascontiguousarray(self._rgb[::-1]), distance, self._weather, sun, self._sun_hidden(), rng)
+        sun = Sun(data.cam_xmat[self._view.fixedcamid].reshape(3, 3).T @ self._weather.sun_direction, self._sun_hidden())
+        image = self._lens.expose(np.ascontiguousarray(self._rgb[::-1]), distance, self._weather, sun, rng)
         return image, self._truth(image)
 
     def segment(self, classes: NDArray[np.uint8]) -> NDArray[np.uint8]:

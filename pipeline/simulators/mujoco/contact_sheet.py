@@ -9,8 +9,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.core.paths import Pose
 from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, FunctionalScenario
 
+from . import gait
 from .blueprints import NAMES
 from .gait import ANIMATIONS
 from .lens import CameraSettings
@@ -50,7 +52,7 @@ def scenario_sheet(scenario: FunctionalScenario, camera: Mapping[str, Any], weat
                     stage.put(actor, described.route().at(described.travelled(time_s)))
                 pedestrian = scenario.pedestrian_pose(time_s, walking)
                 animation = ANIMATIONS[index % len(ANIMATIONS)]
-                stage.place_pedestrian(pedestrian.x, pedestrian.y, scenario.pedestrian.heading_deg, animation, 6 * time_s, walking)
+                stage.place_pedestrian(pedestrian, gait.pose(animation, 6 * time_s, walking))
                 metres = scenario.conflict_s() - scenario.start_s() - speed * time_s - EGO_HALF_LENGTH_M
                 tiles.append(_captioned(stage.shoot(rng)[0], f"{scenario.label}  {name}  {metres:.0f} m"))
             rows.append(np.hstack(tiles))
@@ -71,7 +73,8 @@ def crew_sheet(scenario: FunctionalScenario) -> Pixels:
                 stage.reset(WEATHERS["day"], name)
                 stage.put("ego", ego)
                 x, y = scenario.pedestrian.at
-                stage.place_pedestrian(x, y, (90, -60, 180, 30)[index % 4], animation, 0.8 * index + row, 1.3)
+                heading = float(np.radians((90, -60, 180, 30)[index % 4]))
+                stage.place_pedestrian(Pose(x, y, heading), gait.pose(animation, 0.8 * index + row, 1.3))
                 image, _ = stage.shoot(np.random.default_rng(0))
                 tiles.append(cv2.resize(image[70:370, 235:405], (68, 120), interpolation=cv2.INTER_AREA))
             rows += [np.hstack(tiles[i : i + CREW_COLUMNS]) for i in range(0, len(tiles), CREW_COLUMNS)]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +47,14 @@ class CameraSettings(BaseModel):
         return float(2 * np.degrees(np.arctan(np.tan(np.radians(self.hfov_deg / 2)) * self.height / self.width)))
 
 
+@dataclass(frozen=True)
+class Sun:
+    """direction: (3,) unit vector to the sun in the camera frame (x right, y up, -z ahead). hidden: whether something stands before it."""
+
+    direction: NDArray[np.float64]
+    hidden: bool
+
+
 Image = NDArray[np.uint8]
 Floats = NDArray[np.float32]
 NOISE_GREY_LEVELS = 2.2
@@ -83,16 +93,14 @@ class Lens:
         self._light = np.repeat(np.round(255 * light), 3, axis=2).astype(np.uint8)
         self._distortion = self._undistorted(u, v) if settings.distortion else None
 
-    def expose(
-        self, image: Image, distance: Floats, weather: Weather, sun: NDArray[np.float64], sun_hidden: bool, rng: np.random.Generator
-    ) -> Image:
+    def expose(self, image: Image, distance: Floats, weather: Weather, sun: Sun, rng: np.random.Generator) -> Image:
         """Apply the weather and the camera to a rendered image.
 
-        image: (h, w, 3). distance: (h, w) metres of depth. sun: (3,) unit vector to the sun in the camera frame (x right, y up, -z ahead).
+        image: (h, w, 3). distance: (h, w) metres of depth.
         """
         image = self._wet_ground(image, distance, weather)
         image = self._fog(image, distance, weather)
-        image = self._glare(image, weather, sun, sun_hidden)
+        image = self._glare(image, weather, sun)
         if weather.rain > 0:
             image = self._rain(image, weather, rng)
         return self._take(image, weather, rng)
@@ -158,12 +166,12 @@ class Lens:
         veil[:] = np.clip(255 * weather.grey, 0, 255)
         return np.asarray(cv2.blendLinear(image, veil, clear, 1 - clear), np.uint8)
 
-    def _glare(self, image: Image, weather: Weather, sun: NDArray[np.float64], hidden: bool) -> Image:
-        strength = 230 * weather.sunshine * (GLARE_HIDDEN if hidden else 1.0)
-        if strength < 1 or sun[2] > -0.05:
+    def _glare(self, image: Image, weather: Weather, sun: Sun) -> Image:
+        strength, (right, up, back) = 230 * weather.sunshine * (GLARE_HIDDEN if sun.hidden else 1.0), sun.direction
+        if strength < 1 or back > -0.05:
             return image
-        x = int(self._width / 2 - self._focal * sun[0] / sun[2])
-        y = int(self._height / 2 + self._focal * sun[1] / sun[2])
+        x = int(self._width / 2 - self._focal * right / back)
+        y = int(self._height / 2 + self._focal * up / back)
         left, top = self._width - x, self._height - y
         if not (0 <= left <= self._width and 0 <= top <= self._height):
             return image

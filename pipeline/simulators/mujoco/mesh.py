@@ -84,6 +84,19 @@ def loft(spec: mujoco.MjSpec, name: str, sections: ArrayLike) -> None:
     mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
 
 
+@dataclass(frozen=True)
+class Site:
+    """Where a street is built: the model that declares its meshes, and the body that they stand on."""
+
+    spec: mujoco.MjSpec
+    body: mujoco.MjsBody
+
+    def put(self, name: str, mesh: Mesh, material: str) -> None:
+        """Declare a mesh and put it onto the body as it was modelled."""
+        mesh.add_to(self.spec, name)
+        place(self.body, name, material)
+
+
 def place(body: mujoco.MjsBody, mesh: str, material: str, shadow: bool = False) -> None:
     """Put a mesh onto a body as it was modelled."""
     body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh, material=material, castshadow=shadow)

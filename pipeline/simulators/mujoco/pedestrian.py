@@ -32,9 +32,9 @@ def add(spec: mujoco.MjSpec) -> None:
     _ellipsoid(root, "skirt", (0.165, 0.2, 0.27), (0, 0, -0.17), "trousers")
     torso = root.add_body(name="pedestrian_torso", pos=(0, 0, 0.08))
     _hinge(torso, "waist", (0, 1, 0))
-    _capsule(torso, "abdomen", (0, -0.06, 0.08), (0, 0.06, 0.08), 0.12, "abdomen")
+    _capsule(torso, "abdomen", (0, -0.06, 0.08, 0, 0.06, 0.08), 0.12, "abdomen")
     _ellipsoid(torso, "chest", (0.13, 0.195, 0.23), (0, 0, 0.3), "chest")
-    _capsule(torso, "shoulders", (0, -0.15, 0.44), (0, 0.15, 0.44), 0.065, "top")
+    _capsule(torso, "shoulders", (0, -0.15, 0.44, 0, 0.15, 0.44), 0.065, "top")
     torso.add_geom(
         name="pedestrian_bag", type=GEOM.mjGEOM_BOX, size=(0.09, 0.14, 0.19), pos=(-0.2, 0, 0.3), material="pedestrian_shoes", group=GROUP
     )
@@ -48,7 +48,7 @@ def add(spec: mujoco.MjSpec) -> None:
 def _head(torso: mujoco.MjsBody) -> None:
     head = torso.add_body(name="pedestrian_head", pos=(0, 0, 0.54))
     _hinge(head, "neck", (0, 1, 0))
-    _capsule(head, "throat", (0, 0, -0.06), (0, 0, 0.04), 0.055, "skin")
+    _capsule(head, "throat", (0, 0, -0.06, 0, 0, 0.04), 0.055, "skin")
     _ellipsoid(head, "face", (0.098, 0.08, 0.122), (0.01, 0, 0.13), "skin")
     _ellipsoid(head, "scalp", (0.1, 0.09, 0.105), (-0.015, 0, 0.165), "hair")
     _ellipsoid(head, "mane", (0.06, 0.1, 0.16), (-0.06, 0, 0.06), "hair")
@@ -76,20 +76,20 @@ def _arm(torso: mujoco.MjsBody, side: str, sign: int) -> None:
     upper = torso.add_body(name=f"pedestrian_arm_{side}", pos=(0, 0.215 * sign, 0.43))
     _hinge(upper, f"shoulder_{side}", (0, 1, 0))
     _hinge(upper, f"spread_{side}", (1, 0, 0))
-    _capsule(upper, f"upper_arm_{side}", (0, 0, 0), (0, 0, -0.27), 0.052, "top")
+    _capsule(upper, f"upper_arm_{side}", (0, 0, 0, 0, 0, -0.27), 0.052, "top")
     lower = upper.add_body(name=f"pedestrian_forearm_{side}", pos=(0, 0, -0.29))
     _hinge(lower, f"elbow_{side}", (0, 1, 0))
-    _capsule(lower, f"forearm_{side}", (0, 0, 0), (0, 0, -0.22), 0.043, "top")
+    _capsule(lower, f"forearm_{side}", (0, 0, 0, 0, 0, -0.22), 0.043, "top")
     _ellipsoid(lower, f"hand_{side}", (0.04, 0.03, 0.075), (0, 0, -0.3), "skin")
 
 
 def _leg(root: mujoco.MjsBody, side: str, sign: int) -> None:
     thigh = root.add_body(name=f"pedestrian_thigh_{side}", pos=(0, 0.095 * sign, -0.02))
     _hinge(thigh, f"hip_{side}", (0, 1, 0))
-    _capsule(thigh, f"thigh_{side}", (0, 0, 0), (0, 0, -0.4), 0.08, "trousers")
+    _capsule(thigh, f"thigh_{side}", (0, 0, 0, 0, 0, -0.4), 0.08, "trousers")
     shin = thigh.add_body(name=f"pedestrian_shin_{side}", pos=(0, 0, -0.43))
     _hinge(shin, f"knee_{side}", (0, 1, 0))
-    _capsule(shin, f"shin_{side}", (0, 0, 0), (0, 0, -0.38), 0.058, "trousers")
+    _capsule(shin, f"shin_{side}", (0, 0, 0, 0, 0, -0.38), 0.058, "trousers")
     foot = shin.add_body(name=f"pedestrian_foot_{side}", pos=(0, 0, -0.42))
     _hinge(foot, f"ankle_{side}", (0, 1, 0))
     foot.add_geom(
@@ -106,11 +106,12 @@ def _hinge(body: mujoco.MjsBody, name: str, axis: tuple[int, int, int]) -> None:
     body.add_joint(name=f"pedestrian_{name}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis)
 
 
-def _capsule(body: mujoco.MjsBody, name: str, start: tuple[float, ...], end: tuple[float, ...], radius: float, material: str) -> None:
+def _capsule(body: mujoco.MjsBody, name: str, ends: tuple[float, ...], radius: float, material: str) -> None:
+    """Add a capsule; ends: x, y, z of one and of the other, metres."""
     body.add_geom(
         name=f"pedestrian_{name}",
         type=GEOM.mjGEOM_CAPSULE,
-        fromto=(*start, *end),
+        fromto=ends,
         size=(radius, 0, 0),
         material=f"pedestrian_{material}",
         group=GROUP,

@@ -16,6 +16,7 @@ from pipeline.errors import InputError
 from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M, HALF_LENGTHS_M, Actor, VehicleKind
 from pipeline.scenarios.streets import END_X, LANE_WIDTH, START_X, Junction, Street, Town, streets
 
+from . import gait
 from .blueprints import CHILDREN, NAMES
 from .gait import ANIMATIONS
 from .lens import CameraSettings
@@ -90,7 +91,8 @@ def _scene(stage: Stage, town: Town, rng: np.random.Generator) -> Scene:
     if rng.random() < PEDESTRIAN_SHARE:
         x, y = _spot(ego, vehicles, rng)
         heading, phase = float(rng.uniform(-180, 180)), float(rng.uniform(0, 40))
-        stage.place_pedestrian(x, y, heading, attributes["animation"], phase, attributes["pedestrian_speed"])
+        posture = gait.pose(attributes["animation"], phase, attributes["pedestrian_speed"])
+        stage.place_pedestrian(Pose(x, y, float(np.radians(heading))), posture)
     else:
         stage.pedestrian.hide()
     image, truth = stage.shoot(rng)

@@ -9,12 +9,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.core import kpi
-from pipeline.core.episode import SIGNALS, Episode, Frame, KeptFrame
+from pipeline.core.episode import Episode, Frame, KeptFrame
 from pipeline.core.footprints import Rectangle
+from pipeline.core.matching import Matching, match
 from pipeline.core.paths import Pose
+from pipeline.core.signals import TimeStep
 from pipeline.core.space import Space, Value
 from pipeline.core.truth import Truth
 from pipeline.errors import SimulationError
@@ -35,11 +36,11 @@ ALONG = np.sin(np.radians(15))
 class MujocoSimulator:
     """Executes concrete scenarios of one functional scenario in a rendered MuJoCo world."""
 
-    def __init__(self, scenario: Mapping[str, Any], camera: Mapping[str, Any] | None = None) -> None:
-        self._scenario = FunctionalScenario.model_validate(scenario)
+    def __init__(self, scenario: FunctionalScenario, camera: Mapping[str, Any] | None = None) -> None:
+        self._scenario = scenario
         self._settings = CameraSettings.model_validate(dict(camera or {}))
-        self._space = Space.from_dict(self._scenario.space)
-        self._stage = Stage(self._scenario.town, self._scenario.actors, self._settings)
+        self._space = Space.from_dict(scenario.space)
+        self._stage = Stage(scenario.town, scenario.actors, self._settings)
 
     def execute(self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0) -> Episode:
         """Execute one concrete scenario; see `pipeline.protocols.Simulator`."""
@@ -60,14 +61,13 @@ class _State:
     travelled: float
     ego: Pose
     ego_speed: float
-    pedestrian_x: float
-    pedestrian_y: float
+    pedestrian: Pose
 
     @property
     def gap(self) -> float:
         """Distance between the ego's rectangle and the pedestrian's disc, 0 at contact."""
         footprint = Rectangle(self.ego, EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M)
-        return max(0.0, footprint.distance(self.pedestrian_x, self.pedestrian_y) - PEDESTRIAN_RADIUS_M)
+        return max(0.0, footprint.distance(self.pedestrian.x, self.pedestrian.y) - PEDESTRIAN_RADIUS_M)
 
 
 class _Loop:
@@ -80,7 +80,6 @@ class _Loop:
         self._heading = np.radians(scenario.pedestrian.heading_deg)
         self._rng = np.random.default_rng(_seed(concrete))
         self._steps = round(1 / rate_hz / TIMESTEP_S)
-        self._rows: dict[str, list[Any]] = {name: [] for name in SIGNALS}
         self._time = 0.0
         self._route, self._conflict = scenario.ego.route(), scenario.conflict_s()
         self._routes = {name: actor.route() for name, actor in scenario.actors.items()}
@@ -90,35 +89,27 @@ class _Loop:
         stage.launch(scenario.start_s(), scenario.ego.speed_kmh / 3.6)
 
     def run(self, detector: Detector, keep_every: int) -> Episode:
+        steps: list[TimeStep] = []
         kept: list[KeptFrame] = []
-        index = 0
         while True:
             state = self._place()
             image, truth = self._stage.shoot(self._rng)
             frame = Frame(image, truth, self._time)
             detections = detector.detect(frame)
-            matching = kpi.match(
-                detections.boxes, detections.scores, truth.visible_box, truth.whole_box, truth.visible_pixels, truth.contrast
-            )
-            self._record(state, truth, matching)
-            if keep_every and index % keep_every == 0:
-                kept.append(KeptFrame(index, frame, detections))
+            matching = match(detections, truth)
+            if keep_every and len(steps) % keep_every == 0:
+                kept.append(KeptFrame(len(steps), frame, detections, matching))
+            steps.append(self._step(state, truth, matching))
             state = self._drive(matching.confidence)
-            index += 1
             if self._decided(state):
                 break
-        self._record(state, Truth(), kpi.Matching((), 0.0))
-        signals: dict[str, NDArray[Any]] = {name: np.array(column, dtype=SIGNALS[name]) for name, column in self._rows.items()}
-        signals["ttc_s"] = kpi.ttc(signals)
-        return Episode(signals, tuple(kept))
+        return Episode.of([*steps, self._step(state, Truth(), Matching())], kept)
 
     def _place(self) -> _State:
         """Place the pedestrian and the other road users at the current time."""
         state = self._state()
         scenario, travelled = self._scenario, self._time * self._speed
-        phase = gait.phase(travelled, self._speed)
-        heading = scenario.pedestrian.heading_deg
-        self._stage.place_pedestrian(state.pedestrian_x, state.pedestrian_y, heading, self._animation, phase, self._speed)
+        self._stage.place_pedestrian(state.pedestrian, gait.pose(self._animation, gait.phase(travelled, self._speed), self._speed))
         self._stage.put("ego", state.ego)
         for name, actor in scenario.actors.items():
             self._stage.put(name, self._routes[name].at(actor.travelled(self._time)))
@@ -129,7 +120,7 @@ class _Loop:
         travelled = self._stage.travelled
         if not np.isfinite(travelled):
             raise SimulationError(f"the ego's position became {travelled} at {self._time:.2f} s")
-        return _State(self._time, travelled, self._route.at(travelled), self._stage.ego_speed, pedestrian.x, pedestrian.y)
+        return _State(self._time, travelled, self._route.at(travelled), self._stage.ego_speed, pedestrian)
 
     def _drive(self, brake: float) -> _State:
         """Advance to the next camera frame, or to the contact."""
@@ -145,7 +136,7 @@ class _Loop:
         """Whether the pedestrian has not yet left the ego's swept corridor."""
         if self._along:
             return True
-        left = self._route.project(state.pedestrian_x, state.pedestrian_y)[1]
+        left = self._route.project(state.pedestrian.x, state.pedestrian.y)[1]
         return bool(np.sign(self._across) * left <= EGO_HALF_WIDTH_M + PEDESTRIAN_RADIUS_M)
 
     @property
@@ -154,39 +145,36 @@ class _Loop:
         return bool(abs(self._across) < ALONG)
 
     def _conflict_distance(self, state: _State) -> float:
-        """Metres from the ego's front to the conflict point; for a pedestrian who walks along the path, this is the pedestrian."""
-        conflict = self._route.project(state.pedestrian_x, state.pedestrian_y)[0] if self._along else self._conflict
+        """Metres from the ego's front to the conflict point; a pedestrian who walks along the path is where the conflict is."""
+        conflict = self._route.project(state.pedestrian.x, state.pedestrian.y)[0] if self._along else self._conflict
         return max(0.0, conflict - state.travelled - EGO_HALF_LENGTH_M)
 
     def _decided(self, state: _State) -> bool:
         stopped = state.ego_speed <= kpi.MIN_SPEED_MPS
         return state.gap <= 0 or stopped or not self._on_collision_path(state) or self._time >= TIME_LIMIT_S
 
-    def _record(self, state: _State, truth: Truth, matching: kpi.Matching) -> None:
-        row = {
-            "time_s": state.time_s,
-            "ego_x_m": state.ego.x,
-            "ego_y_m": state.ego.y,
-            "ego_heading_deg": float(np.degrees(state.ego.heading)),
-            "ego_speed_mps": state.ego_speed,
-            "pedestrian_x_m": state.pedestrian_x,
-            "pedestrian_y_m": state.pedestrian_y,
-            "conflict_distance_m": self._conflict_distance(state),
-            "gap_m": state.gap,
-            "on_collision_path": self._on_collision_path(state),
-            "contact": state.gap <= 0,
-            "brake": matching.confidence,
-            "confidence": matching.confidence,
-            "ttc_s": np.nan,
-            "false_positives": matching.false_positives,
-            "false_positives_far": matching.far,
-            "false_positives_localisation": matching.localisation,
-            "false_positives_duplicate": matching.duplicate,
-            "visible_pixels": truth.visible_pixels,
-            "contrast": truth.contrast,
-        }
-        for name, value in row.items():
-            self._rows[name].append(value)
+    def _step(self, state: _State, truth: Truth, matching: Matching) -> TimeStep:
+        return TimeStep(
+            time_s=state.time_s,
+            ego_x_m=state.ego.x,
+            ego_y_m=state.ego.y,
+            ego_heading_deg=float(np.degrees(state.ego.heading)),
+            ego_speed_mps=state.ego_speed,
+            pedestrian_x_m=state.pedestrian.x,
+            pedestrian_y_m=state.pedestrian.y,
+            conflict_distance_m=self._conflict_distance(state),
+            gap_m=state.gap,
+            on_collision_path=self._on_collision_path(state),
+            contact=state.gap <= 0,
+            brake=matching.confidence,
+            confidence=matching.confidence,
+            false_positives=matching.false_positives,
+            false_positives_far=matching.far,
+            false_positives_localisation=matching.localisation,
+            false_positives_duplicate=matching.duplicate,
+            visible_pixels=truth.visible_pixels,
+            contrast=truth.contrast,
+        )
 
 
 def _seed(concrete: Mapping[str, Value]) -> int:

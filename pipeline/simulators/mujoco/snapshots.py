@@ -15,8 +15,8 @@ from pipeline.errors import SimulationError
 from pipeline.scenarios.functional import HALF_LENGTHS_M, Actor, VehicleKind
 from pipeline.scenarios.streets import LANE_WIDTH, Street, Town, streets
 
+from . import gait
 from .blueprints import NAMES
-from .gait import ANIMATIONS
 from .lens import CameraSettings
 from .pedestrian import GROUP
 from .stage import Stage
@@ -140,9 +140,10 @@ class _Photographer:
                     stage.put(names.pop(), self._pose(float(place), -(street.right + 1.6), rng))
         if rng.random() < PEDESTRIAN_SHARE:
             side, ahead = int(rng.choice([-1, 1])), u + float(rng.uniform(8, 40))
-            pose = street.pose(ahead, side * (street.edge(side, ahead) + float(rng.uniform(0.6, 2.4))))
+            spot = street.pose(ahead, side * (street.edge(side, ahead) + float(rng.uniform(0.6, 2.4))))
             heading, phase = float(rng.uniform(-180, 180)), float(rng.uniform(0, 40))
-            stage.place_pedestrian(pose.x, pose.y, heading, str(rng.choice(ANIMATIONS)), phase, 1.2)
+            where = Pose(spot.x, spot.y, float(np.radians(heading)))
+            stage.place_pedestrian(where, gait.pose(str(rng.choice(gait.ANIMATIONS)), phase, 1.2))
         else:
             stage.pedestrian.hide()
 

@@ -68,8 +68,9 @@ class Stage:
         self.data.mocap_pos[i] = (pose.x, pose.y, 0)
         self.data.mocap_quat[i] = (np.cos(half), 0, 0, np.sin(half))
 
-    def place_pedestrian(self, x: float, y: float, heading_deg: float, animation: str, phase_rad: float, speed_mps: float) -> None:
-        self.pedestrian.place(x, y, float(np.radians(heading_deg)), gait.pose(animation, phase_rad, speed_mps))
+    def place_pedestrian(self, where: Pose, posture: gait.Pose) -> None:
+        """Put the pedestrian at a pose in the world, its joints as the gait says."""
+        self.pedestrian.place(where.x, where.y, where.heading, posture)
 
     def shoot(self, rng: np.random.Generator) -> tuple[NDArray[np.uint8], Truth]:
         """Render the present state; see `Camera.shoot`."""

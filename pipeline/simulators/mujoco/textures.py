@@ -82,11 +82,13 @@ def storeys(wall: Colour, brick: bool, rng: np.random.Generator, size: int = 256
     for row in range(2):
         for column in range(2):
             left, top = column * bay + int(bay * 0.29), row * bay + int(bay * 0.24)
-            _window(image, left, top, int(bay * 0.42), int(bay * 0.52), rng)
+            _window(image, (left, top), (int(bay * 0.42), int(bay * 0.52)), rng)
     return image
 
 
-def _window(image: Image, left: int, top: int, width: int, height: int, rng: np.random.Generator) -> None:
+def _window(image: Image, corner: tuple[int, int], size: tuple[int, int], rng: np.random.Generator) -> None:
+    """Draw a window; corner: left and top of the glass, size: its width and height, pixels."""
+    (left, top), (width, height) = corner, size
     frame = (228, 226, 220) if image.mean() < 190 else (120, 110, 100)
     cv2.rectangle(image, (left - 4, top - 4), (left + width + 4, top + height + 4), frame, -1)
     cv2.rectangle(image, (left - 7, top + height + 4), (left + width + 7, top + height + 8), (150, 146, 140), -1)
@@ -117,7 +119,7 @@ def ground_floor(wall: Colour, shops: bool, rng: np.random.Generator, height: in
             cv2.rectangle(image, (left + span // 2 - 18, 40), (left + span // 2 + 18, height), (86, 60, 42), -1)
             cv2.rectangle(image, (left + span // 2 - 12, 48), (left + span // 2 + 12, 74), (120, 130, 132), -1)
         else:
-            _window(image, left + span // 2 - 26, 42, 52, 48, rng)
+            _window(image, (left + span // 2 - 26, 42), (52, 48), rng)
     return image
 
 

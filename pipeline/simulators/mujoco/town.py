@@ -7,6 +7,7 @@ street is built straight and then bent.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import mujoco
@@ -15,9 +16,11 @@ import numpy as np
 from pipeline.scenarios.streets import CORNER_RADIUS, END_X, LANE_WIDTH, PAVEMENT_WIDTH, START_X, Street, Town, streets
 
 from . import bending, buildings, furniture, textures, vegetation
-from .mesh import Mesh, place
+from .mesh import Mesh, Site, place
 from .style import STYLES, Style
 
+Strip = tuple[float, float, float]
+"""From u, to u, distance of the kerb from the axis."""
 KERB_HEIGHT = 0.12
 LAWN_Z, ROAD_Z, LINE_Z = -0.06, 0.0, 0.006
 
@@ -33,11 +36,12 @@ def add(spec: mujoco.MjSpec, town: Town) -> None:
         body = spec.worldbody.add_body(
             name=f"street_{street.name}", pos=(*street.origin, 0), quat=(np.cos(street.angle / 2), 0, 0, np.sin(street.angle / 2))
         )
-        _ground(spec, body, street)
-        _markings(spec, body, town, street, rng)
+        site = Site(spec, body)
+        _ground(site, street)
+        _markings(site, town, street, rng)
         for side in (-1, 1):
-            buildings.add(spec, body, town, street, side, rng)
-            vegetation.add(spec, body, town, street, side, rng)
+            buildings.add(site, town, street, side, rng)
+            vegetation.add(site, town, street, side, rng)
         furniture.add(body, town, street, rng)
         if street.curvature:
             bending.bend(spec, body, street)
@@ -75,25 +79,32 @@ def _lawn(spec: mujoco.MjSpec) -> None:
     place(spec.worldbody, "lawn", "grass")
 
 
-def _ground(spec: mujoco.MjSpec, body: mujoco.MjsBody, street: Street) -> None:
+@dataclass(frozen=True)
+class _Surfaces:
+    """The meshes of a street's ground."""
+
+    road: Mesh = field(default_factory=Mesh)
+    pavement: Mesh = field(default_factory=Mesh)
+    kerb: Mesh = field(default_factory=Mesh)
+
+
+def _ground(site: Site, street: Street) -> None:
     length, right, left = street.end - street.start, street.edge(-1), street.left
-    road, pavement, kerb = Mesh(), Mesh(), Mesh()
+    surfaces = _Surfaces()
     window = (0, 0, length / 5, (right + left) / 5)
-    road.quad((street.start, -right, ROAD_Z), (length, 0, 0), (0, right + left, 0), window, cell=1.6)
+    surfaces.road.quad((street.start, -right, ROAD_Z), (length, 0, 0), (0, right + left, 0), window, cell=1.6)
     for side in (-1, 1):
-        for u0, u1, edge in _pavement_strips(street, side):
-            _kerbed(pavement, kerb, side, u0, u1, edge, cell=1.6 if street.curvature else 4.0)
+        for strip in _pavement_strips(street, side):
+            _kerbed(surfaces, side, strip, cell=1.6 if street.curvature else 4.0)
         for gap in street.gaps:
             if gap.side == side and gap.mouth:
                 for corner, inwards in ((gap.start, 1), (gap.end, -1)):
-                    _corner(road, pavement, kerb, corner, side * street.edge(side), inwards, side)
-    for name, mesh, material in (("road", road, "road"), ("pavement", pavement, "pavement"), ("kerb", kerb, "kerb")):
-        mesh.add_to(spec, f"{street.name}_{name}")
-        place(body, f"{street.name}_{name}", material)
+                    _corner(surfaces, corner, side * street.edge(side), inwards, side)
+    for name, mesh in (("road", surfaces.road), ("pavement", surfaces.pavement), ("kerb", surfaces.kerb)):
+        site.put(f"{street.name}_{name}", mesh, name)
 
 
-def _pavement_strips(street: Street, side: int) -> Iterator[tuple[float, float, float]]:
-    """From u, to u, distance of the kerb from the axis."""
+def _pavement_strips(street: Street, side: int) -> Iterator[Strip]:
     start = street.start if street.name == "main" else CORNER_RADIUS
     cuts = sorted((gap.start, gap.end) for gap in street.gaps if gap.side == side)
     if side < 0 and street.bay:
@@ -116,8 +127,9 @@ def _between(start: float, end: float, cuts: list[tuple[float, float]]) -> Itera
         yield start, end
 
 
-def _kerbed(pavement: Mesh, kerb: Mesh, side: int, u0: float, u1: float, edge: float, cell: float) -> None:
+def _kerbed(surfaces: _Surfaces, side: int, strip: Strip, cell: float) -> None:
     """A strip of pavement with its kerbstone and the upright faces, in cells of `cell` metres, towards the road and at both ends."""
+    pavement, kerb, (u0, u1, edge) = surfaces.pavement, surfaces.kerb, strip
     inner, outer = side * edge, side * (edge + PAVEMENT_WIDTH)
     low, high = min(inner, outer), max(inner, outer)
     pavement.quad((u0, low, KERB_HEIGHT), (u1 - u0, 0, 0), (0, high - low, 0), (0, 0, (u1 - u0) / 2, (high - low) / 2), cell=1.6)
@@ -128,11 +140,12 @@ def _kerbed(pavement: Mesh, kerb: Mesh, side: int, u0: float, u1: float, edge: f
     kerb.quad((u1, low, -0.05), (0, high - low, 0), up, (0, 0, 1, 1))
 
 
-def _corner(road: Mesh, pavement: Mesh, kerb: Mesh, u: float, v: float, inwards: int, side: int) -> None:
+def _corner(surfaces: _Surfaces, u: float, v: float, inwards: int, side: int) -> None:
     """The rounded corner where a side street begins: asphalt in the square, pavement in the quarter disc around its far corner.
 
     u, v: where the kerb of this street ends. inwards: 1 if the mouth lies at larger u. side: of the side street.
     """
+    road, pavement, kerb = surfaces.road, surfaces.pavement, surfaces.kerb
     low_u, low_v = min(u, u + inwards * CORNER_RADIUS), min(v, v + side * CORNER_RADIUS)
     road.quad((low_u, low_v, ROAD_Z), (CORNER_RADIUS, 0, 0), (0, CORNER_RADIUS, 0), (0, 0, 1.2, 1.2), cell=1.6)
     centre = np.array([u, v + side * CORNER_RADIUS, KERB_HEIGHT])
@@ -149,7 +162,7 @@ def _corner(road: Mesh, pavement: Mesh, kerb: Mesh, u: float, v: float, inwards:
         kerb.triangle([inner_a, second + lift, inner_b], np.zeros((3, 2)))
 
 
-def _markings(spec: mujoco.MjSpec, body: mujoco.MjsBody, town: Town, street: Street, rng: np.random.Generator) -> None:
+def _markings(site: Site, town: Town, street: Street, rng: np.random.Generator) -> None:
     lines = Mesh()
     start = street.start + 2 if street.name == "main" else CORNER_RADIUS
 
@@ -179,5 +192,4 @@ def _markings(spec: mujoco.MjSpec, body: mujoco.MjsBody, town: Town, street: Str
     for at in crosswalks:
         for v in np.arange(-street.right + 0.5, street.left - 0.6, 1.0):
             lines.quad((at - 1.5, v, LINE_Z + 0.001), (3.0, 0, 0), (0, 0.5, 0), (0, 0, 1, 1), cell=1.5)
-    lines.add_to(spec, f"{street.name}_markings")
-    place(body, f"{street.name}_markings", "marking")
+    site.put(f"{street.name}_markings", lines, "marking")

@@ -7,20 +7,20 @@ import numpy as np
 
 from pipeline.scenarios.streets import CORNER_RADIUS, PAVEMENT_WIDTH, Street, Town
 
-from .mesh import Mesh, loft, place
+from .mesh import Mesh, Site, loft
 from .style import Style
 
 GEOM = mujoco.mjtGeom
 
 
-def add(spec: mujoco.MjSpec, body: mujoco.MjsBody, town: Town, street: Street, side: int, rng: np.random.Generator) -> None:
+def add(site: Site, town: Town, street: Street, side: int, rng: np.random.Generator) -> None:
     dense = town.overgrown(side)
     v = side * (street.edge(side) + PAVEMENT_WIDTH + (1.2 if dense else -0.6))
     spacing = 7.5 if dense else 19.0
     start = street.start if street.name == "main" else CORNER_RADIUS + 4
     for i, u in enumerate(np.arange(start + rng.uniform(0, spacing), street.end, spacing)):
         if not street.open(side, float(u), margin=2):
-            add_tree(body, float(u), v + rng.uniform(-0.4, 0.4), i, rng)
+            add_tree(site.body, float(u), v + rng.uniform(-0.4, 0.4), i, rng)
     if not dense:
         return
     hedge = Mesh()
@@ -33,8 +33,7 @@ def add(spec: mujoco.MjSpec, body: mujoco.MjsBody, town: Town, street: Street, s
         face = (u, inner, 0) if side > 0 else (u + 8.2, inner, 0)
         hedge.quad(face, (side * 8.2, 0, 0), (0, 0, top), (0, 1, 4, 0.3), cell=2)
         hedge.quad((u, high, 0), (0, low - high, 0), (0, 0, top), (0, 1, 0.7, 0.3))
-    hedge.add_to(spec, f"{street.name}_hedge_{side}")
-    place(body, f"{street.name}_hedge_{side}", "hedge")
+    site.put(f"{street.name}_hedge_{side}", hedge, "hedge")
 
 
 def add_tree(body: mujoco.MjsBody, u: float, v: float, i: int, rng: np.random.Generator) -> None:

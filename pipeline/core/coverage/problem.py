@@ -1,0 +1,137 @@
+"""What a covering array must cover, laid out once for the kernels of the search."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from pipeline.core.constraints import Bools, Constraints
+from pipeline.core.coverage import annealing
+from pipeline.core.coverage.annealing import Clauses, Cooling, Grid, Int32s, Lines
+from pipeline.core.space import Ints
+
+INFEASIBLE = np.int32(1 << 30)
+"""Count of a cell that no feasible point reaches: never uncovered."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What must be covered. grid: the cells of all planes. feasible: (cells,) whether some row reaches each."""
+
+    grid: Grid
+    feasible: Bools
+
+    @property
+    def sizes(self) -> Int32s:
+        """(n,) categories of each column."""
+        return self.grid.sizes
+
+    @property
+    def strength(self) -> int:
+        """t, the columns of a plane."""
+        return int(self.grid.planes.shape[1])
+
+    @property
+    def first(self) -> Ints:
+        """(planes,) first cell of each plane."""
+        return self.grid.first
+
+    @property
+    def literals_a_column(self) -> float:
+        """How many literals must be looked at, on average, to change a category."""
+        clauses = self.grid.clauses
+        return float(np.diff(clauses.literal_start)[clauses.of].sum()) / len(self.sizes) if len(clauses.of) else 0.0
+
+    def counts(self, rows: Int32s) -> Int32s:
+        """(cells,) how many rows lie in each cell; `INFEASIBLE` where none can."""
+        counts = np.where(self.feasible, np.int32(0), INFEASIBLE)
+        self.count(rows, counts)
+        return counts
+
+    def count(self, rows: Int32s, counts: Int32s) -> None:
+        """Add the cells of (m, n) rows to (cells,) counts."""
+        annealing.add_rows(self.grid, rows, counts)
+
+    def unique_cells(self, rows: Int32s) -> Ints:
+        """(rows,) how many cells each row alone covers."""
+        return np.asarray(annealing.unique_cells(self.grid, rows, self.counts(rows)), np.int64)
+
+    def best_row(self, starts: Int32s, worth: Int32s, held: Bools, sweeps: int, seed: int) -> Int32s:
+        """The row of most worth among those that coordinate ascent reaches from each start; (n,).
+
+        starts: (m, n) feasible rows. worth: (cells,) of a row in each cell; the row's is the sum over its cells. held: (n,) columns that
+        keep the start's category. Ties go to a random category, so that a plateau is walked, not stood on.
+        """
+        annealing.seed_kernels(seed)
+        return np.asarray(annealing.best_row(self.grid, starts, worth, held, sweeps), np.int32)
+
+    def anneal(self, rows: Int32s, counts: Int32s, iterations: int, temperatures: tuple[float, float], seed: int) -> int:
+        """Change single categories of `rows`, in place, until no cell is uncovered; returns how many still are.
+
+        A move takes an uncovered cell and the row that comes nearest to it, and gives the row one of the categories that it lacks. The rows
+        stay feasible. counts: of `rows` and of others that stay as they are; kept. temperatures: first and last, in cells.
+        """
+        annealing.seed_kernels(seed)
+        return int(annealing.anneal(self.grid, rows, counts, Cooling(iterations, *temperatures)))
+
+    def cell(self, number: int) -> tuple[Int32s, Int32s]:
+        """Columns and categories of a cell."""
+        plane = int(np.searchsorted(self.first, number, side="right")) - 1
+        rest, categories = number - int(self.first[plane]), np.empty(self.strength, np.int32)
+        for position in range(self.strength):
+            categories[position], rest = divmod(rest, int(self.grid.stride[plane, position]))
+        return self.grid.planes[plane], categories
+
+
+def lay_out(constraints: Constraints, strength: int) -> Problem:
+    """Lay a problem out for the kernels."""
+    n = len(constraints.sizes)
+    size = np.array(constraints.sizes, np.int32)
+    planes = np.array(list(combinations(range(n), strength)), np.int32).reshape(-1, strength)
+    shape = size[planes]
+    stride = np.ones_like(shape)
+    for position in range(strength - 2, -1, -1):
+        stride[:, position] = stride[:, position + 1] * shape[:, position + 1]
+    first = np.concatenate([[0], np.cumsum(np.prod(shape, axis=1, dtype=np.int64))])
+    feasible = np.ones(int(first[-1]), bool)
+    if constraints.clauses:
+        for index, plane in enumerate(planes.tolist()):
+            if not constraints.named.isdisjoint(plane):
+                feasible[first[index] : first[index + 1]] = constraints.feasible_cells(plane).ravel()
+    of_column = [np.argwhere(planes == column) for column in range(n)]
+    others = [[position for position in range(strength) if position != own] for own in range(strength)]
+    base = np.array([first[found[:, 0]] for found in of_column], np.int32)
+    step = np.array([stride[found[:, 0], found[:, 1]] for found in of_column], np.int32)
+    other = np.array([[planes[plane, others[own]] for plane, own in found] for found in of_column], np.int32)
+    other_step = np.array([[stride[plane, others[own]] for plane, own in found] for found in of_column], np.int32)
+    grid = Grid(size, planes, first[:-1], stride, Lines(base, step, other, other_step), _clauses(n, constraints))
+    return Problem(grid, feasible)
+
+
+def feasible_row(constraints: Constraints, columns: Int32s, categories: Int32s, rng: np.random.Generator) -> Int32s:
+    """A random feasible row with these categories in these columns, which some feasible row has."""
+    if not constraints.clauses:
+        row: Int32s = rng.integers(0, constraints.sizes).astype(np.int32)
+        row[columns] = categories
+        return row
+    completed = constraints.complete(dict(zip(columns.tolist(), categories.tolist(), strict=True)), rng)
+    assert completed is not None, "a feasible cell has a feasible row"
+    return np.array(completed, np.int32)
+
+
+def _clauses(columns: int, constraints: Constraints) -> Clauses:
+    by_column: list[list[int]] = [[] for _ in range(columns)]
+    for index, clause in enumerate(constraints.clauses):
+        for column in {literal.variable for literal in clause}:
+            by_column[column].append(index)
+    literals = [literal for clause in constraints.clauses for literal in clause]
+    return Clauses(
+        np.cumsum([0, *map(len, by_column)]).astype(np.int32),
+        np.array([index for found in by_column for index in found], np.int32),
+        np.cumsum([0, *map(len, constraints.clauses)]).astype(np.int32),
+        np.array([literal.variable for literal in literals], np.int32),
+        np.array([literal.category for literal in literals], np.int32),
+        np.array([literal.equal for literal in literals], np.bool_),
+    )

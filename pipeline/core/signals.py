@@ -1,0 +1,48 @@
+"""The signals of a test execution: what is recorded at each time step, each declared once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.core.columns import column, columns
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimeStep:
+    """One time step: a row of signals.parquet. Positions are in the world frame; the last step is the end, without a frame.
+
+    Every KPI can be computed from the steps again.
+    """
+
+    time_s: float = column("time since the start", "s")
+    ego_x_m: float = column("middle of the ego", "m")
+    ego_y_m: float = column("middle of the ego", "m")
+    ego_heading_deg: float = column("heading of the ego in degrees, 0 along x, positive to the left")
+    ego_speed_mps: float = column("speed of the ego", "m/s")
+    pedestrian_x_m: float = column("middle of the pedestrian", "m")
+    pedestrian_y_m: float = column("middle of the pedestrian", "m")
+    conflict_distance_m: float = column("distance from the ego's front to the conflict point", "m")
+    gap_m: float = column("distance between the footprints of ego and pedestrian, 0 at a contact", "m")
+    on_collision_path: bool = column("whether the pedestrian has not yet left the corridor that the ego sweeps")
+    contact: bool = column("whether the footprints touch")
+    brake: float = column("brake demand, 0 to 1")
+    confidence: float = column("score of the best detection on the pedestrian, 0 if there is none")
+    ttc_s: float = column("time-to-collision (Eq. 5.2); no value where it does not count", "s", default=float("nan"))
+    false_positives: int = column("false positives of all kinds in this frame")
+    false_positives_far: int = column("false positives away from the pedestrian, IoU at most 0.1")
+    false_positives_localisation: int = column("false positives that fit the pedestrian badly, IoU above 0.1 and at most 0.5")
+    false_positives_duplicate: int = column("false positives on the pedestrian beside a better detection")
+    visible_pixels: int = column("pixels in which the pedestrian shows", "px")
+    contrast: float = column("mean difference in grey levels between the pedestrian's visible pixels and their surroundings")
+
+
+SIGNALS = columns(TimeStep)
+
+
+def signals_of(steps: Sequence[TimeStep]) -> dict[str, NDArray[np.generic]]:
+    """The steps as (t,) arrays, one a signal."""
+    return {signal.name: np.array([getattr(step, signal.name) for step in steps], dtype=signal.kind) for signal in SIGNALS}

@@ -1,0 +1,76 @@
+"""Step `detector_report`: the page of a detector that a study only tests: failures, regions, replays and, beside others, the comparison."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from pipeline.artefacts.files import write_bytes
+from pipeline.artefacts.folders import Folders
+from pipeline.artefacts.results import Comparison, FailureRegions, Measures, read
+from pipeline.artefacts.scenario_space import read_space
+from pipeline.artefacts.tables import read_tests
+from pipeline.config.schema import Config
+from pipeline.contract import Files, Job, Step, Wildcards
+
+
+def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
+    config, version = folders.config, wildcards["version"]
+    files: dict[str, Files] = {
+        "measures": f"{folders.root}/measures.json",
+        "regions": [folders.regions(version, scenario) for scenario in config.search],
+        "tests": folders.search("tests.parquet", version=version),
+        "spaces": folders.spaces(config.search),
+        "detectors": list(config.tested.values()),
+    }
+    if len(config.tested) > 1:
+        files |= {name: f"{folders.root}/{file}" for name, file in COMPARISON.items()}
+    return files
+
+
+COMPARISON = {"comparison": "comparison.json", "table": "comparison.parquet", "changes": "changes.csv"}
+
+
+def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
+    """Every scenario may be filmed."""
+    scenarios = tuple(f"scenarios.{name}" for name in (*config.search, *config.held_out))
+    own = ("study", "tested", "report", "simulator", "detector", "strategies", "held_out", "campaign.failure_threshold_s")
+    return (*own, *scenarios)
+
+
+STEP = Step(
+    "Write the page of a detector under test.",
+    reads=_reads,
+    writes=lambda folders: {"page": f"{folders.root}/reports/{{version}}.html"},
+    sections=_sections,
+)
+
+
+def run(job: Job) -> None:
+    """Write the page; the comparison is on every detector's page."""
+    from pipeline.report.contents import ComparedVersions, ReportData, draw_figures, make_page
+    from pipeline.report.page import render
+
+    config, version = job.config, job.wildcards["version"]
+    infos = {info.name: (info.label, space) for info, space in map(read_space, job.inputs("spaces"))}
+    rows = pd.concat([read_tests(path) for path in job.inputs("tests")], ignore_index=True)
+    files = dict(zip(config.tested, job.inputs("detectors"), strict=True))
+    compared = None
+    if "comparison" in job.reads:
+        comparison = read(job.input("comparison"), Comparison)
+        compared = ComparedVersions(comparison, tests=read_tests(job.input("table")), changes=pd.read_csv(job.input("changes")))
+    data = ReportData(
+        measures=read(job.input("measures"), Measures).of(version),
+        white_box=None,
+        compared=compared,
+        regions=tuple(read(path, FailureRegions) for path in job.inputs("regions")),
+        tests={name: rows[rows["scenario"] == name] for name in infos},
+        searched=rows,
+        spaces={name: space for name, (_, space) in infos.items()},
+        labels={name: label for name, (label, _) in infos.items()},
+        filters={},
+        cards=(),
+        detectors={version: files[version], **files},
+        border=(),
+    )
+    figures = draw_figures(data, list(config.strategies), config.campaign.failure_threshold_s)
+    write_bytes(job.output("page"), render(make_page(config, data, figures, job.progress)).encode())
