@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import pandas as pd
 
+from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.files import write_bytes
 from pipeline.artefacts.folders import Folders
-from pipeline.artefacts.results import Comparison, FailureRegions, Measures, read
+from pipeline.artefacts.results import FailureRegions, Measures, read
 from pipeline.artefacts.scenario_space import read_space
 from pipeline.artefacts.tables import read_tests
 from pipeline.config.schema import Config
