@@ -60,7 +60,7 @@ def main() -> None:
             f"{np.mean(contacts) if contacts else 0:.1f} m/s, mean TTC {np.mean([r.ttc_s for r in found]):.2f} s"
         )
     paired = mcnemar(*([r.failure for r in results[name]] for name in ("as trained", "calibrated")))
-    print(f"calibration: {paired.mended} fixes, {paired.regressions} regressions (exact McNemar p = {paired.p_value:.2g})")
+    print(f"calibration: {paired.fixes} fixes, {paired.regressions} regressions (exact McNemar p = {paired.p_value:.2g})")
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ from pipeline.core.statistics import mcnemar
 from pipeline.detectors.yolo.export import onnx_of
 from pipeline.execution import journal
 from pipeline.execution.campaign import sampler_seed
-from pipeline.execution.workers import Job, Setup, Workers
+from pipeline.execution.workers import Execution, Setup, Workers
 from pipeline.progress import Progress
 
 TOWN = {"style": "suburban", "seed": 987_654}
@@ -53,7 +53,7 @@ def main() -> None:
     for version, found in failed.items():
         paired = mcnemar(first, found)
         parts = "".join(f"{int(np.sum(part)):>4}" for part in np.split(np.array(found), len(options.scenario)))
-        print(f"{sum(found):>8}  {parts}{paired.mended:>7}{paired.regressions:>13}{paired.p_value:>11.2g}  {version}")
+        print(f"{sum(found):>8}  {parts}{paired.fixes:>7}{paired.regressions:>13}{paired.p_value:>11.2g}  {version}")
 
 
 def _failures(config: Config, scenario: str, model: Path, tests: int, workers: int, folder: Path) -> list[bool]:
@@ -66,7 +66,7 @@ def _failures(config: Config, scenario: str, model: Path, tests: int, workers: i
     log = journal.Journal(folder / scenario, scenario)
     pool = Workers(workers, Setup(config.simulator, moved, config.detector, model))
     try:
-        for _ in pool.execute([Job(i, log.path(i), space.decode(point)) for i, point in enumerate(points)]):
+        for _ in pool.execute([Execution(i, log.path(i), space.decode(point)) for i, point in enumerate(points)]):
             pass
     finally:
         pool.close()

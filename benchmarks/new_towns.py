@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import tempfile
+from contextlib import chdir
 from pathlib import Path
 
 import numpy as np
@@ -16,12 +17,11 @@ import numpy as np
 from pipeline.artefacts.dataset import ImageSet, joined, read_dataset, read_towns
 from pipeline.artefacts.model_card import read_card
 from pipeline.config.composing import compose
+from pipeline.contract import order_of, perform
 from pipeline.core.reliability import Calibration
 from pipeline.detectors.evaluation import evaluate, judged_scores
 from pipeline.detectors.yolo.export import onnx_of
 from pipeline.learning.versions import detect_all
-from pipeline.progress import Progress
-from pipeline.steps import render_base
 
 
 def main() -> None:
@@ -50,9 +50,10 @@ def main() -> None:
 def rendered(folder: Path, count: int, seed: int, workers: int) -> tuple[ImageSet, set[str]]:
     """The images and the fingerprints of their towns."""
     config = compose("base", [f"base_set.images={count}", f"base_set.seed={seed}"])
-    with Progress("new towns") as progress:
-        render_base.run(config, out=folder / "truth.coco.json", threads=workers, progress=progress)
-    return joined(read_dataset(folder, "train"), read_dataset(folder, "val")), set(read_towns(folder))
+    with chdir(folder):
+        perform(order_of("render_base", config, {}, stamp="benchmark", threads=workers), config)
+    root = folder / "data/base/base_set"
+    return joined(read_dataset(root, "train"), read_dataset(root, "val")), set(read_towns(root))
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ from pipeline.config.composing import compose, functional_scenario
 from pipeline.core.space import Space
 from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.yolo.export import onnx_of
-from pipeline.execution.workers import Job, Setup, Workers
+from pipeline.execution.workers import Execution, Setup, Workers
 from pipeline.simulators.mujoco.simulator import MujocoSimulator
 
 
@@ -42,7 +42,7 @@ def main() -> None:
         for count in (1, 2):
             workers = Workers(count, Setup(study.simulator, scenario, study.detector, onnx))
             points = space.sample(options.tests + 2 * count, np.random.default_rng(1))
-            jobs = [Job(i, Path(folder) / f"{count}-{i}.npz", space.decode(point)) for i, point in enumerate(points)]
+            jobs = [Execution(i, Path(folder) / f"{count}-{i}.npz", space.decode(point)) for i, point in enumerate(points)]
             list(workers.execute(jobs[: 2 * count]))  # Each worker compiles its world.
             start = time.perf_counter()
             list(workers.execute(jobs[2 * count :]))

@@ -22,7 +22,7 @@ from pipeline.analysis.failure_regions import not_solvable
 from pipeline.artefacts.points import encode_tests
 from pipeline.artefacts.scenario_space import read_space
 from pipeline.artefacts.tables import read_tests
-from pipeline.core.lineage import RETRAINED, Kind, Version
+from pipeline.core.lineage import RETRAINED, Version
 from pipeline.core.space import Floats, Space
 from pipeline.core.statistics import mean_interval, sign_flip
 
@@ -47,7 +47,7 @@ def read(study: Path, pattern: str) -> pd.DataFrame:
     for path in sorted(study.glob(pattern)):
         tests = read_tests(path)
         space = read_space(study / "space" / f"{tests['scenario'].iloc[0]}.json")[1]
-        limits = tests["test_id"].isin(not_solvable(tests, [path]))
+        limits = tests["test_id"].isin(not_solvable(tests, [path.with_name("signals.parquet")]))
         tables.append(tests.assign(group=groups(space, encode_tests(tests, space)), not_solvable=limits))
     if not tables:
         raise SystemExit(f"expected {study / pattern}, found none; run the study first")
@@ -112,7 +112,7 @@ def print_table(tests: pd.DataFrame) -> None:
     print(f"not solvable with this camera: {tests['not_solvable'].sum()} of the {tests['failure'].sum()} failures of all versions")
 
 
-def difference(versions: dict[str, dict[int, NDArray[np.int64]]], other: Kind, chosen: NDArray[np.bool_], number: int = 1) -> str:
+def difference(versions: dict[str, dict[int, NDArray[np.int64]]], other: str, chosen: NDArray[np.bool_], number: int = 1) -> str:
     """Adaptive minus another kind in a round, over their common seeds."""
     adaptive, rival = (versions.get(str(Version(kind, number)), {}) for kind in ("adaptive", other))
     if not (common := adaptive.keys() & rival.keys()):

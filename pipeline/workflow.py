@@ -77,7 +77,12 @@ class Plan:
     def constraints(self) -> dict[str, str]:
         """The values that wildcards can take in every rule."""
         config = self.config
-        return {"scenario": "|".join(config.scenarios), "strategy": "|".join(config.samplers), "version": PATTERN, "seed": r"\d+"}
+        return {
+            "scenario": "|".join(config.scenarios),
+            "strategy": "|".join(config.samplers),
+            "version": "|".join([PATTERN, *config.tested]),
+            "seed": r"\d+",
+        }
 
     def reads(self, name: str) -> Callable[[Any], dict[str, Any]]:
         """The input function of a step's rule.

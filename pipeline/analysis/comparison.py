@@ -12,7 +12,7 @@ import pandas as pd
 
 from pipeline.analysis.failure_regions import cluster
 from pipeline.analysis.held_out import HeldOut
-from pipeline.analysis.measures import count_modes
+from pipeline.analysis.measures import count_modes, series_name
 from pipeline.artefacts.comparison_results import (
     Comparison,
     GroupPair,
@@ -219,7 +219,7 @@ def flat_metrics(comparison: Comparison, measures: Measures, detection: Mapping[
         }
         row |= {name: round(value, 6) for name, value in detection.get(result.version, {}).items()}
     for strategy in measures.strategies:
-        row = plain[f"{strategy.scenario}-{strategy.strategy}"] = {"failures_per_campaign": strategy.failures_per_campaign.value}
+        row = plain[series_name(strategy)] = {"failures_per_campaign": strategy.failures_per_campaign.value}
         if strategy.f_measure is not None:
             row["f_measure"] = strategy.f_measure.value
         if strategy.c_measure is not None:

@@ -111,13 +111,19 @@ def summarise(group: Sequence[CampaignMeasures], confidence: float) -> StrategyM
     )
 
 
+def series_name(measured: CampaignMeasures | StrategyMeasures) -> str:
+    """The name of a scenario and strategy in plots and metrics; a version other than the base is part of it."""
+    own = f"{measured.scenario}-{measured.strategy}"
+    return own if measured.version == "base" else f"{own}-{measured.version}"
+
+
 def theta_table(campaigns: Sequence[CampaignMeasures]) -> pd.DataFrame:
-    """Failures found after 1, 2, ... tests: column `tests`, then the mean over seeds as `<scenario>-<strategy>`."""
+    """Failures found after 1, 2, ... tests: column `tests`, then the mean over seeds by `series_name`."""
     columns = {}
     for group in by_strategy(campaigns):
         length = min(len(campaign.theta) for campaign in group)
         curves = np.array([campaign.theta[:length] for campaign in group])
-        columns[f"{group[0].scenario}-{group[0].strategy}"] = pd.Series(curves.mean(axis=0))
+        columns[series_name(group[0])] = pd.Series(curves.mean(axis=0))
     table = pd.DataFrame(columns)
     table.insert(0, "tests", np.arange(1, len(table) + 1))
     return table

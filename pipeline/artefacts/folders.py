@@ -136,6 +136,11 @@ class Folders:
         """The file `name` of the version that a version is retrained from."""
         return self.model(str(Version.named(version).parent), name)
 
+    @property
+    def cards(self) -> list[str]:
+        """The cards of the model versions; detectors that are only tested have none."""
+        return [] if self.config.goal == "detectors" else self.models("model.json")
+
     def models(self, name: str) -> list[str]:
         """The file `name` of every model version."""
         return [self.model(str(version), name) for version in self.config.versions]

@@ -112,6 +112,12 @@ class Measures(Result):
     campaigns: tuple[CampaignMeasures, ...]
     strategies: tuple[StrategyMeasures, ...]
 
+    def of(self, version: str) -> Measures:
+        """The measures of the campaigns against one version."""
+        campaigns = tuple(measured for measured in self.campaigns if measured.version == version)
+        strategies = tuple(measured for measured in self.strategies if measured.version == version)
+        return self.model_copy(update={"campaigns": campaigns, "strategies": strategies})
+
 
 class Representative(Result):
     """A test that stands for a region: its medoid, its worst failure or the failure furthest from the medoid."""

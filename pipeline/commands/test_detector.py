@@ -1,92 +1,75 @@
-"""The command `test-detector`: the search campaigns of a study against any detector, without training anything."""
+"""Command `test-detector`: finds the failures of any detectors, and compares several; trains nothing."""
 
 from __future__ import annotations
 
+import argparse
 import hashlib
-from dataclasses import dataclass
+import re
+import subprocess
+import sys
+from collections.abc import Sequence
 from pathlib import Path
 
-from hydra.utils import instantiate
-
-from pipeline.artefacts.files import program_sha256, sha256, write_bytes
-from pipeline.artefacts.results import FailureRegions, Measures, read
-from pipeline.config.composing import dump
+from pipeline.artefacts.files import sha256, write_bytes
+from pipeline.artefacts.folders import Folders
+from pipeline.config.composing import compose, dump, validate
 from pipeline.config.schema import Config
 from pipeline.errors import InputError, SimulationError
-from pipeline.progress import Progress
-from pipeline.steps import campaign, cluster, define_space, measure
-from pipeline.testing import check_detector
 
-VERSION = "base"
-"""What the tables call the detector under test."""
+WORDS = """ONNX files (ours, YOLOv5, YOLOv8/11 or end to end), or what the study's detector takes; and Hydra overrides, such as
+campaign.tests=40 search=[F1,F5] detector=mine"""
+HELP = "Search for the failures of any detectors, and compare several; trains nothing."
 
 
-@dataclass(frozen=True)
-class Found:
-    """What the campaigns found."""
-
-    measures: Measures
-    regions: tuple[FailureRegions, ...]
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("words", nargs="+", metavar="FILE|key=value", help=WORDS)
+    parser.add_argument("--study", default="default", help="whose scenarios, strategies and budgets (default: %(default)s)")
+    parser.add_argument("--cores", type=int, help="cores to use (default: all)")
 
 
-def run(config: Config, *, model: Path, out: Path, threads: int) -> Found:
-    """Test a detector and write spaces, campaigns, measures.json and regions/ into `out`.
-
-    model: the detector's file. What an earlier call of the same program with the same settings and the same file finished is not executed
-    again; the campaign that was under way goes on from its journal. Delete `out` to begin anew.
-    """
-    settings = dump(config, f"python -m pipeline test-detector {model}")
-    write_bytes(out / "params.yaml", settings.encode())
-    stamp = hashlib.sha256((settings + sha256(model) + program_sha256()).encode()).hexdigest().encode()
-    spaces, tests = {}, {}
-    for name in config.search:
-        spaces[name] = out / "space" / f"{name}.json"
-        with Progress(f"space {name}") as progress:
-            define_space.run(config, scenario=name, out=spaces[name], progress=progress)
-    for name in config.search:
-        for strategy in config.strategies:
-            for seed in config.seeds:
-                where = f"{name}/{strategy}/{VERSION}/{seed}"
-                tests[name, strategy, seed] = path = out / "campaigns" / where / "tests.parquet"
-                done = path.with_name("stamp")
-                if path.is_file() and done.is_file() and done.read_bytes() == stamp:
-                    continue
-                done.unlink(missing_ok=True)  # A kill between the tables and their new stamp must not leave the old one beside them.
-                with Progress(f"campaign {name} {strategy} {seed}") as progress:
-                    campaign.run(
-                        config,
-                        scenario=name,
-                        strategy=strategy,
-                        version=VERSION,
-                        seed=seed,
-                        space=spaces[name],
-                        model=model,
-                        earlier=[tests[other, strategy, seed] for other in config.earlier(name, strategy)],
-                        out=path,
-                        journal=out / "journal" / where,
-                        threads=threads,
-                        progress=progress,
-                    )
-                write_bytes(done, stamp)
-    measures, regions = out / "measures.json", [out / "regions" / f"{name}.json" for name in config.search]
-    with Progress("measure") as progress:
-        measure.run(
-            config, tests=list(tests.values()), spaces=list(spaces.values()), out=measures, theta=out / "theta.csv", progress=progress
-        )
-    for name, path in zip(config.search, regions, strict=True):
-        with Progress(f"regions {name}") as progress:
-            mine = [tests[key] for key in tests if key[0] == name]
-            cluster.run(config, tests=mine, space=spaces[name], out=path, progress=progress)
-    return Found(read(measures, Measures), tuple(read(path, FailureRegions) for path in regions))
+def run(options: argparse.Namespace) -> int:
+    """Compose the study, check every detector on three images, and let Snakemake run it; a call again resumes it."""
+    files = [Path(word) for word in options.words if "=" not in word]
+    overrides = [word for word in options.words if "=" in word]
+    if not files:
+        raise InputError("name the file of a detector, as in `test-detector best.onnx`")
+    if options.cores is not None and options.cores < 1:
+        raise InputError(f"--cores must be at least 1, got {options.cores}")
+    config = study_of(files, options.study, overrides)
+    for path in files:
+        check(config, path)
+    folders = Folders(config)
+    params = Path(folders.root, "params.yaml")
+    write_bytes(params, dump(config, f"python -m pipeline test-detector {' '.join(options.words)}").encode())
+    cores = "all" if options.cores is None else str(options.cores)
+    done = subprocess.run([sys.executable, "-m", "snakemake", "--configfile", str(params), "--cores", cores], check=False)
+    if done.returncode:
+        return done.returncode
+    print(table(config))
+    print(f"Next: open {' '.join(folders.goals)}")
+    return 0
 
 
-def default_folder(model: Path) -> Path:
-    """Where a detector's results lie: named after it and, as many exports are called best.onnx, after its content."""
-    return Path("data/detectors") / f"{model.name.removesuffix('.onnx')}-{sha256(model)[:8]}"
+def study_of(files: Sequence[Path], study: str, overrides: Sequence[str]) -> Config:
+    """The study of some detectors, named after the first and the content of all: many exports are called best.onnx."""
+    plain = compose(study, overrides).model_dump(mode="json")
+    digests = [sha256(path) for path in files]
+    stems = [re.sub(r"\W", "_", path.name.removesuffix(".onnx")).lstrip("_") or "detector" for path in files]
+    names = [stem if stems.count(stem) == 1 else f"{stem}_{digest[:4]}" for stem, digest in zip(stems, digests, strict=True)]
+    if len(set(names)) < len(names):
+        raise InputError(f"expected different detectors, got {', '.join(map(str, files))} with the same content")
+    together = digests[0] if len(digests) == 1 else hashlib.sha256("".join(digests).encode()).hexdigest()
+    tested = dict(zip(names, map(str, files), strict=True))
+    named = {"study": f"{names[0].lower()}-{together[:8]}", "goal": "detectors", "tested": tested}
+    return validate({**plain, **named}, "conf/")
 
 
 def check(config: Config, model: Path) -> None:
-    """Show the detector three images; InputError if it breaks its contract, by the first rule that it breaks."""
+    """Show the detector three images; InputError if it violates its contract, by the first rule that it violates."""
+    from hydra.utils import instantiate
+
+    from pipeline.testing import check_detector
+
     camera = config.simulator.get("camera", {})
     width, height = int(camera.get("width", 320)), int(camera.get("height", 192))
     detector = instantiate(config.detector, _partial_=True, _convert_="all")(model=str(model))
@@ -98,21 +81,30 @@ def check(config: Config, model: Path) -> None:
         raise InputError(str(error)) from error
     except InputError:
         raise
-    except Exception as error:  # A stranger's class may raise anything.
+    except Exception as error:  # A foreign class may raise anything.
         raise InputError(f"{model}: detect failed: {type(error).__name__}: {error}") from error
 
 
-def table(found: Found) -> str:
-    """Failures by scenario and strategy, and the regions, as text. A broken test is in no rate."""
-    lines = [
-        f"{'scenario':10}{'strategy':12}{'tests':>6}{'broken':>8}{'fail':>6}{'contact':>9}{'late':>6}{'false positives':>17}   failure rate"
-    ]
-    for row in found.measures.strategies:
+def table(config: Config) -> str:
+    """Failures by detector, scenario and strategy, the regions and, for several detectors, the verdict. An errored test is in no rate."""
+    from pipeline.artefacts.comparison_results import Comparison
+    from pipeline.artefacts.results import FailureRegions, Measures, read
+    from pipeline.report.verdict import verdict_table
+
+    folders = Folders(config)
+    counted = f"{'tests':>6}{'errors':>8}{'fail':>6}{'contact':>9}{'late':>6}{'false positives':>17}"
+    width = 2 + max(8, *map(len, config.tested))
+    lines = [f"{'detector':{width}}{'scenario':10}{'strategy':12}{counted}   failure rate"]
+    for row in read(Path(folders.root, "measures.json"), Measures).strategies:
         rate = f"{100 * row.rate.value:.1f} % ({100 * row.rate.low:.1f} to {100 * row.rate.high:.1f})"
         counts = f"{row.tests:>6}{row.errors:>8}{row.failures:>6}{row.modes.contact:>9}{row.modes.late:>6}{row.modes.false_positives:>17}"
-        lines.append(f"{row.scenario:10}{row.strategy:12}{counts}   {rate}")
-    for regions in found.regions:
-        for region in regions.regions:
-            inside = f"{region.failures_inside} of {region.support} tests inside fail"
-            lines.append(f"{regions.scenario} {region.name}: {region.rule} ({inside})")
+        lines.append(f"{row.version:{width}}{row.scenario:10}{row.strategy:12}{counts}   {rate}")
+    for version in config.tested:
+        for scenario in config.search:
+            for region in read(Path(folders.regions(version, scenario)), FailureRegions).regions:
+                inside = f"{region.failures_inside} of {region.support} tests inside fail"
+                lines.append(f"{version} on {scenario}, {region.name}: {region.rule} ({inside})")
+    if len(config.tested) > 1:
+        comparison = Path(folders.root, "comparison.json")
+        lines += ["", verdict_table(read(comparison, Comparison), Path(folders.goals[0]))]
     return "\n".join(lines)

@@ -60,7 +60,7 @@ class Campaign(_Section):
     """Strategies whose campaigns know those on the scenarios before them in `search`; they run one after another then."""
 
 
-class Comparison(_Section):
+class HeldOutSequence(_Section):
     """The frozen held-out sequence on which all model versions are compared."""
 
     tests: int = Field(ge=1, le=100_000)
@@ -208,7 +208,7 @@ class Config(_Section):
     detector: Target
     """What is tested, from conf/detector."""
     campaign: Campaign
-    comparison: Comparison
+    comparison: HeldOutSequence
     base_set: BaseSet
     base: Base
     training: Training

@@ -13,24 +13,24 @@ from scipy import stats
 class Paired:
     """Failures of two model versions on the same tests, and the exact McNemar test of their difference.
 
-    both, regressions, mended, neither: number of tests that fail before and after, only after, only before, never.
+    both, regressions, fixes, neither: number of tests that fail before and after, only after, only before, never.
     p_value: two-sided, in [0, 1]; the probability of so lopsided a split of the discordant tests if both versions were equal.
     """
 
     both: int
     regressions: int
-    mended: int
+    fixes: int
     neither: int
     p_value: float
 
     @property
     def tests(self) -> int:
-        return self.both + self.regressions + self.mended + self.neither
+        return self.both + self.regressions + self.fixes + self.neither
 
     @property
     def change(self) -> int:
         """Failures after minus failures before."""
-        return self.regressions - self.mended
+        return self.regressions - self.fixes
 
 
 def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
@@ -72,14 +72,14 @@ def mcnemar(before: ArrayLike, after: ArrayLike) -> Paired:
     first, second = np.asarray(before, dtype=bool), np.asarray(after, dtype=bool)
     if first.shape != second.shape or first.ndim != 1:
         raise ValueError(f"before and after must be lists of equal length, got shapes {first.shape} and {second.shape}")
-    regressions, mended = int(np.sum(~first & second)), int(np.sum(first & ~second))
-    return Paired(int(np.sum(first & second)), regressions, mended, int(np.sum(~first & ~second)), mcnemar_p_value(mended, regressions))
+    regressions, fixes = int(np.sum(~first & second)), int(np.sum(first & ~second))
+    return Paired(int(np.sum(first & second)), regressions, fixes, int(np.sum(~first & ~second)), mcnemar_p_value(fixes, regressions))
 
 
-def mcnemar_p_value(mended: int, regressions: int) -> float:
+def mcnemar_p_value(fixes: int, regressions: int) -> float:
     """Of the exact McNemar test, two-sided, by how many tests only the one and only the other version fails."""
-    discordant = mended + regressions
-    return float(stats.binomtest(mended, discordant).pvalue) if discordant else 1.0
+    discordant = fixes + regressions
+    return float(stats.binomtest(fixes, discordant).pvalue) if discordant else 1.0
 
 
 def sign_flip(differences: ArrayLike) -> float:

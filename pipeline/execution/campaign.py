@@ -24,13 +24,13 @@ from pipeline.core.kpi import NO_KPI, Kpi, evaluate
 from pipeline.core.signals import SIGNALS
 from pipeline.core.space import Floats, Space
 from pipeline.execution.journal import Journal, Outcome
-from pipeline.execution.workers import Job, Setup, Workers
+from pipeline.execution.workers import Execution, Setup, Workers
 from pipeline.progress import Progress
 from pipeline.protocols import Sampler
 
 
 @dataclass(frozen=True)
-class Plan:
+class CampaignPlan:
     """What a campaign does. strategy: for Hydra to instantiate. earlier: tests.parquet of the campaigns that its strategy knows."""
 
     campaign: CampaignId
@@ -76,7 +76,7 @@ def sampler_seed(scenario: str, seed: int, version: str = "base") -> int:
     return int.from_bytes(hashlib.sha256(f"{name} {seed}".encode()).digest()[:4], "big") >> 1
 
 
-def run_campaign(plan: Plan, out: Path, journal: Path, threads: int, progress: Progress) -> None:
+def run_campaign(plan: CampaignPlan, out: Path, journal: Path, threads: int, progress: Progress) -> None:
     """Execute a campaign and write tests, signals, frames and timings.parquet beside `out`, which is tests.parquet.
 
     journal: folder of the finished tests while the campaign is under way; the same plan resumes from it. threads: worker processes;
@@ -94,7 +94,7 @@ def run_campaign(plan: Plan, out: Path, journal: Path, threads: int, progress: P
     log.remove()
 
 
-def search(plan: Plan, sampler: Sampler, log: Journal, workers: Workers, progress: Progress) -> list[Executed]:
+def search(plan: CampaignPlan, sampler: Sampler, log: Journal, workers: Workers, progress: Progress) -> list[Executed]:
     """Ask, execute what the journal does not hold, tell, until the budget is spent."""
     done: list[Executed] = []
     while len(done) < plan.tests:
@@ -103,7 +103,9 @@ def search(plan: Plan, sampler: Sampler, log: Journal, workers: Workers, progres
             points = sampler.ask()[: plan.tests - len(done)]
         seconds = (time.perf_counter() - started) / len(points)
         first = len(done)
-        jobs = [Job(first + i, log.path(first + i), plan.space.decode(point)) for i, point in enumerate(points) if first + i not in log]
+        jobs = [
+            Execution(first + i, log.path(first + i), plan.space.decode(point)) for i, point in enumerate(points) if first + i not in log
+        ]
         finished, found = first + len(points) - len(jobs), f"{_failures(done)} failures"
         progress(finished, plan.tests, found)
         for count, _ in enumerate(workers.execute(jobs), finished + 1):
@@ -115,7 +117,7 @@ def search(plan: Plan, sampler: Sampler, log: Journal, workers: Workers, progres
     return done
 
 
-def write(plan: Plan, done: Sequence[Executed], out: Path) -> None:
+def write(plan: CampaignPlan, done: Sequence[Executed], out: Path) -> None:
     """Write the four tables of a campaign; `out` is tests.parquet."""
     ids = [str(test) for test in plan.campaign.tests(len(done))]
     named = list(zip(ids, done, strict=True))
@@ -148,7 +150,7 @@ def _empty(expected: Sequence[Column]) -> pd.DataFrame:
     return pd.DataFrame(columns=[column.name for column in expected])
 
 
-def _test_row(plan: Plan, index: int, test: Executed) -> dict[str, Any]:
+def _test_row(plan: CampaignPlan, index: int, test: Executed) -> dict[str, Any]:
     place = {"index": index, "batch": index // int(plan.strategy.get("batch_size", 20))}
     status = {"status": "error" if test.outcome.is_error else "ok", "reason": test.outcome.reason}
     return {**asdict(plan.campaign), **place, **status, **asdict(test.kpi), **plan.space.decode(test.point)}

@@ -28,7 +28,7 @@ from pipeline.scenarios.functional import FunctionalScenario
 
 
 @dataclass(frozen=True)
-class Job:
+class Execution:
     """One test to execute: its index, where its outcome goes, and the concrete scenario."""
 
     index: int
@@ -60,13 +60,13 @@ class Workers:
         self._count, self._setup = count, setup
         self._pool: ProcessPoolExecutor | None = None
 
-    def execute(self, jobs: Sequence[Job]) -> Iterator[int]:
+    def execute(self, jobs: Sequence[Execution]) -> Iterator[int]:
         """Execute the jobs, in any order; yields the index of each when its outcome is written.
 
         A process that dies (out of memory, a crash in the driver) takes its neighbours' tests along. They are executed again, one at
         a time; the test that kills a process a second time is an outcome of its own.
         """
-        futures: dict[Future[None], Job] = {}
+        futures: dict[Future[None], Execution] = {}
         try:
             futures = {self._started(self._count).submit(_execute, job): job for job in jobs}
             for future in as_completed(futures):
@@ -80,7 +80,7 @@ class Workers:
                     yield job.index
             self.close()
 
-    def _alone(self, job: Job) -> None:
+    def _alone(self, job: Execution) -> None:
         try:
             self._started(1).submit(_execute, job).result()
         except BrokenProcessPool:
@@ -141,7 +141,7 @@ class Guarded:
             raise SimulationError(f"{type(self._detector).__name__}.detect failed: {type(error).__name__}: {error}") from error
 
 
-def _execute(job: Job) -> None:
+def _execute(job: Execution) -> None:
     simulator, detector = _built()
     started = time.perf_counter()
     try:

@@ -11,7 +11,7 @@ from pipeline.artefacts.dataset import joined
 from pipeline.config.schema import Config
 from pipeline.detectors.yolo.data import usable
 from pipeline.detectors.yolo.recipe import train_from_scratch
-from pipeline.detectors.yolo.retraining import ImageSets, Plan, retrain
+from pipeline.detectors.yolo.retraining import ImageSets, Refinement, retrain
 from pipeline.detectors.yolo.training import Fitted, Run
 from pipeline.detectors.yolo.weights import load_weights
 
@@ -25,7 +25,7 @@ def fit_version(config: Config, weights: Path, images: ImageSets, seed: tuple[in
         # All added frames: the filter has judged them, or a person has.
         indices = np.concatenate([usable(base), np.arange(len(base), len(everything))])
         return train_from_scratch(everything, indices, images.validation, _from_scratch(config) | {"seed": seed[0]}, run)
-    plan = Plan(**settings.model_dump(include={"iterations", "batch_size", "learning_rate", "added_share"}), seed=seed)
+    plan = Refinement(**settings.model_dump(include={"iterations", "batch_size", "learning_rate", "added_share"}), seed=seed)
     return retrain(load_weights(weights), images, plan, run)
 
 

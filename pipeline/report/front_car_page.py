@@ -16,7 +16,7 @@ from pipeline.artefacts.front_car_results import DetectorResult, Evaluation, Poi
 from pipeline.core.constraints import Constraints
 from pipeline.core.space import Ints, Space
 from pipeline.core.statistics import wilson_interval
-from pipeline.report.page import Drawing, Page, Part, Section, Table
+from pipeline.report.page import Drawing, Page, Passage, Section, Table
 from pipeline.report.style import GRID, INK, SERIES, panels, styled, svg
 
 NOT_COVERABLE = "×"
@@ -151,9 +151,9 @@ def _coverage(points: Points, figures: Mapping[str, Figure]) -> Section:
         "Coverage",
         (how,),
         (
-            Part(plots=(Drawing(svg(figures["growth"]), "Number of cells covered after each point."),)),
-            Part(title="Points", table=listed),
-            Part(title="Planes", plots=(Drawing(svg(figures["table"]), legend),)),
+            Passage(plots=(Drawing(svg(figures["growth"]), "Number of cells covered after each point."),)),
+            Passage(title="Points", table=listed),
+            Passage(title="Planes", plots=(Drawing(svg(figures["table"]), legend),)),
         ),
     )
 
@@ -161,7 +161,7 @@ def _coverage(points: Points, figures: Mapping[str, Figure]) -> Section:
 def _snapshots(figures: Mapping[str, Figure]) -> Section:
     drawing = Drawing(svg(figures["gallery"]), "The first snapshot of each point, above its segmentation. Yellow: the forward vehicle.")
     text = "A point fixes the conditions. Town, place, distances, vehicles, pedestrians and light are random."
-    return Section("Snapshots", (text,), (Part(plots=(drawing,)),))
+    return Section("Snapshots", (text,), (Passage(plots=(drawing,)),))
 
 
 def _detectors(evaluation: Evaluation, figures: Mapping[str, Figure], confidence: float) -> Section:
@@ -180,7 +180,7 @@ def _detectors(evaluation: Evaluation, figures: Mapping[str, Figure], confidence
         rows.append((f"{detector.learnt_points} points", f"{detector.images}", *(f"{detector.metrics[n]:.3f}" for n in names), share))
     headers = ("trained on", "images", "AP50", "AP50-95", "precision", "recall", "false positives per image", "right snapshots")
     plot = Drawing(svg(figures["by_condition"]), f"Share of right snapshots by condition, with {100 * confidence:.0f} % intervals.")
-    parts = (Part(table=Table(headers, tuple(rows), numbers=(7,))), Part(title="By operating condition", plots=(plot,)))
+    parts = (Passage(table=Table(headers, tuple(rows), numbers=(7,))), Passage(title="By operating condition", plots=(plot,)))
     return Section("Detectors", (how,), parts)
 
 

@@ -37,7 +37,7 @@ class Film:
 
 
 @dataclass(frozen=True)
-class Part:
+class Passage:
     """A titled part of a section; empty fields are left out. notes: a list below the table. folded: the label that opens the table."""
 
     title: str = ""
@@ -55,7 +55,7 @@ class Section:
 
     title: str
     texts: tuple[str, ...]
-    parts: tuple[Part, ...]
+    parts: tuple[Passage, ...]
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from pipeline.artefacts.model_card import ModelCard
 from pipeline.artefacts.results import FailureRegion, FailureRegions, Measures, StrategyMeasures, WhiteBoxMeasures, WhiteBoxSet
 from pipeline.report import texts
 from pipeline.report.formats import decimal, over_seeds, percent
-from pipeline.report.page import Drawing, Film, Part, Section, Table
+from pipeline.report.page import Drawing, Film, Passage, Section, Table
 
 METRICS = {"precision": "precision", "recall": "recall", "ap50": "AP50", "ap50_95": "AP50-95"}
 
@@ -35,10 +35,10 @@ def search_section(
     return Section("Search", (texts.SEARCH.format(confidence=100 * measures.confidence),), tuple(parts))
 
 
-def _failures_found(measures: Measures, labels: Mapping[str, str], plots: Sequence[Drawing]) -> Part:
+def _failures_found(measures: Measures, labels: Mapping[str, str], plots: Sequence[Drawing]) -> Passage:
     headers = ("scenario", "strategy", "failures / tests", "failure rate", "F", "C")
     rows = tuple(_search_row(row, labels[row.scenario], measures.baseline) for row in measures.strategies)
-    return Part("Failures found", texts.MEASURES.format(baseline=measures.baseline), Table(headers, rows, numbers=(2, 3)), tuple(plots))
+    return Passage("Failures found", texts.MEASURES.format(baseline=measures.baseline), Table(headers, rows, numbers=(2, 3)), tuple(plots))
 
 
 def _search_row(row: StrategyMeasures, label: str, baseline: str) -> tuple[str, ...]:
@@ -48,7 +48,7 @@ def _search_row(row: StrategyMeasures, label: str, baseline: str) -> tuple[str, 
     return label, row.strategy, f"{row.failures} / {row.tests - row.errors}", percent(row.rate), first, saved
 
 
-def _coverage(measures: Measures, labels: Mapping[str, str], plots: Sequence[Drawing]) -> Part:
+def _coverage(measures: Measures, labels: Mapping[str, str], plots: Sequence[Drawing]) -> Passage:
     headers = ("scenario", "strategy", "pairs in tests", "pairs in failures", f"{measures.k}-projection")
     rows = tuple(
         (
@@ -58,13 +58,13 @@ def _coverage(measures: Measures, labels: Mapping[str, str], plots: Sequence[Dra
         )
         for row in measures.strategies
     )
-    return Part("Coverage of the scenario space", texts.COVERAGE, Table(headers, rows, numbers=(2, 3, 4)), tuple(plots))
+    return Passage("Coverage of the scenario space", texts.COVERAGE, Table(headers, rows, numbers=(2, 3, 4)), tuple(plots))
 
 
-def _white_box(measures: WhiteBoxMeasures) -> Part:
+def _white_box(measures: WhiteBoxMeasures) -> Passage:
     headers = ("strategy", "images", "active neurons", "sections", "strongly active", "top", "pairs")
     how = texts.WHITE_BOX.format(neurons=measures.neurons, layers=measures.layers, images=measures.training_images)
-    return Part("Coverage of the detector's neurons", how, Table(headers, tuple(map(_white_box_row, measures.sets))))
+    return Passage("Coverage of the detector's neurons", how, Table(headers, tuple(map(_white_box_row, measures.sets))))
 
 
 def _white_box_row(shown: WhiteBoxSet) -> tuple[str, ...]:
@@ -78,7 +78,7 @@ def regions_section(found: Sequence[FailureRegions], plots: Mapping[str, Drawing
     return Section("Failure regions", (texts.REGIONS,), parts)
 
 
-def _scenario_regions(regions: FailureRegions, plots: Mapping[str, Drawing], replays: Sequence[Film]) -> Part:
+def _scenario_regions(regions: FailureRegions, plots: Mapping[str, Drawing], replays: Sequence[Film]) -> Passage:
     summary = (
         f"{regions.failures} of {regions.tests} tests fail ({100 * regions.base_rate:.1f} %). Regions: {len(regions.regions)}. "
         f"Failures in no region: {len(regions.unassigned)}. Connected sets of failures (Def. 4.19): {regions.connected}. "
@@ -89,7 +89,7 @@ def _scenario_regions(regions: FailureRegions, plots: Mapping[str, Drawing], rep
     table = Table(headers, rows, numbers=(4,), codes=(1,)) if rows else None
     drawings = (plots[regions.scenario],) if regions.failures else ()
     text = summary if regions.failures else f"{summary} {texts.NO_FAILURES}"
-    return Part(regions.label, text, table, drawings, tuple(replays))
+    return Passage(regions.label, text, table, drawings, tuple(replays))
 
 
 def _region_row(region: FailureRegion, not_solvable: set[str]) -> tuple[str, ...]:
@@ -113,7 +113,7 @@ def data_section(
     return Section("Data and training", (), tuple(parts)) if parts else None
 
 
-def _frames(filters: Mapping[str, pd.DataFrame], border: Sequence[Drawing]) -> Part:
+def _frames(filters: Mapping[str, pd.DataFrame], border: Sequence[Drawing]) -> Passage:
     reasons = list(dict.fromkeys([*MEANINGS, *(str(r) for table in filters.values() for r in table["reason"].unique())]))
     rows = [
         (MEANINGS.get(reason, reason), *(_kept(table, reason) for table in filters.values()))
@@ -122,7 +122,7 @@ def _frames(filters: Mapping[str, pd.DataFrame], border: Sequence[Drawing]) -> P
     ]
     rows.append(("all", *(f"{int(table['kept'].sum())} kept of {len(table)}" for table in filters.values())))
     table = Table(("frames", *filters), tuple(rows), numbers=tuple(range(1, len(filters) + 1)))
-    return Part("Frames from the search", texts.FRAMES, table, tuple(border))
+    return Passage("Frames from the search", texts.FRAMES, table, tuple(border))
 
 
 def _kept(table: pd.DataFrame, reason: str) -> str:
@@ -133,10 +133,10 @@ def _kept(table: pd.DataFrame, reason: str) -> str:
     return f"{len(rows)} rejected" if kept == 0 else f"{kept} kept, {len(rows) - kept} rejected"
 
 
-def _detection(cards: Sequence[ModelCard], plots: Sequence[Drawing]) -> Part:
+def _detection(cards: Sequence[ModelCard], plots: Sequence[Drawing]) -> Passage:
     headers = ("version", "parent", "parameters", *METRICS.values(), "false positives per image", "weights")
     table = Table(headers, tuple(map(_card_row, cards)), codes=(len(headers) - 1,))
-    return Part("Single-image detection", texts.DETECTION, table, tuple(plots))
+    return Passage("Single-image detection", texts.DETECTION, table, tuple(plots))
 
 
 def _card_row(card: ModelCard) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ from pipeline.artefacts.results import Estimate
 from pipeline.core.statistics import wilson_interval
 from pipeline.report import texts
 from pipeline.report.formats import mean_text, percent, signed
-from pipeline.report.page import Drawing, Film, Part, Section, Table
+from pipeline.report.page import Drawing, Film, Passage, Section, Table
 from pipeline.report.verdict import HEADERS, group_headers, group_rows, verdict_rows, verdict_sentences
 
 CHANGES = 20
@@ -48,24 +48,24 @@ def verdict_section(
     comparison: Comparison,
     changes: pd.DataFrame,
     plots: Sequence[Drawing],
-    rounds: Part | None,
+    rounds: Passage | None,
     replays: Sequence[Film],
 ) -> Section:
     """The comparison of the model versions. changes: rows of changes.csv. rounds: `rounds_part`, if there are several."""
     parts = [
-        Part(table=Table(HEADERS, tuple(verdict_rows(comparison)), numbers=(1, 2, 3)), notes=tuple(verdict_sentences(comparison))),
-        Part("By scenario", texts.TABLE, Table(group_headers(comparison), tuple(group_rows(comparison)))),
+        Passage(table=Table(HEADERS, tuple(verdict_rows(comparison)), numbers=(1, 2, 3)), notes=tuple(verdict_sentences(comparison))),
+        Passage("By scenario", texts.TABLE, Table(group_headers(comparison), tuple(group_rows(comparison)))),
         _modes(comparison.versions, plots),
         *_every_pair(comparison),
     ]
     if rounds is not None:
         parts.insert(2, rounds)
     if comparison.regions:
-        parts.append(Part("Failure regions of base", texts.HELD_OUT_REGIONS, _regions(comparison)))
+        parts.append(Passage("Failure regions of base", texts.HELD_OUT_REGIONS, _regions(comparison)))
     if len(changes):
         parts.append(_changes(changes, comparison))
     if replays:
-        parts.append(Part("Replays of changed tests", texts.PAIR, replays=tuple(replays)))
+        parts.append(Passage("Replays of changed tests", texts.PAIR, replays=tuple(replays)))
     return Section("Verdict", _introduction(comparison), tuple(parts))
 
 
@@ -74,7 +74,7 @@ def _introduction(comparison: Comparison) -> tuple[str, ...]:
     return (f"{texts.VERDICT} {texts.CONTROL}" if with_control else texts.VERDICT,)
 
 
-def rounds_part(searched: pd.DataFrame, confidence: float, plots: Sequence[Drawing]) -> Part:
+def rounds_part(searched: pd.DataFrame, confidence: float, plots: Sequence[Drawing]) -> Passage:
     """Failures after each round, and what its searches found. searched: rows of all campaigns that versions learn from."""
     valid, rows = searched[searched["status"] == "ok"], []
     for (version, strategy), tests in valid.groupby(["version", "strategy"], sort=False):
@@ -83,12 +83,12 @@ def rounds_part(searched: pd.DataFrame, confidence: float, plots: Sequence[Drawi
         rate = percent(Estimate(value=failures / len(tests), low=low, high=high))
         rows.append((str(version), str(strategy), f"{failures} / {len(tests)}", rate))
     table = Table(("searched version", "strategy", "failures / tests", "failure rate"), tuple(rows), numbers=(2, 3))
-    return Part("Round by round", texts.ROUNDS, table, tuple(plots))
+    return Passage("Round by round", texts.ROUNDS, table, tuple(plots))
 
 
-def _modes(versions: Sequence[VersionResult], plots: Sequence[Drawing]) -> Part:
+def _modes(versions: Sequence[VersionResult], plots: Sequence[Drawing]) -> Passage:
     headers = ("version", "failures", "contact", "too late", "by TTC alone", "false positives alone", "failure rate", "errors")
-    return Part("Failure modes", texts.MODES, Table(headers, tuple(map(_modes_row, versions)), numbers=(6,)), tuple(plots))
+    return Passage("Failure modes", texts.MODES, Table(headers, tuple(map(_modes_row, versions)), numbers=(6,)), tuple(plots))
 
 
 def _modes_row(result: VersionResult) -> tuple[str, ...]:
@@ -97,15 +97,15 @@ def _modes_row(result: VersionResult) -> tuple[str, ...]:
     return result.version, *(str(count) for count in counts), percent(result.rate), str(result.errors)
 
 
-def _every_pair(comparison: Comparison) -> list[Part]:
+def _every_pair(comparison: Comparison) -> list[Passage]:
     """All against all; with several seeds the groups, and the single versions folded away."""
     if len(comparison.groups) == len(comparison.versions):
-        return [Part("All pairs of versions", texts.PAIRS, _pairs(comparison))]
+        return [Passage("All pairs of versions", texts.PAIRS, _pairs(comparison))]
     rows = tuple((pair.group, pair.against, signed(pair.difference), f"{pair.p_value:.2g}") for pair in comparison.group_pairs)
     groups = Table(("versions", "against", "difference in failures", "p"), rows, numbers=(2,))
     return [
-        Part("All pairs of versions, seeds together", texts.GROUP_PAIRS.format(alpha=comparison.alpha), groups),
-        Part("", texts.PAIRS, _pairs(comparison), folded=f"All pairs of single versions ({len(comparison.pairs)})"),
+        Passage("All pairs of versions, seeds together", texts.GROUP_PAIRS.format(alpha=comparison.alpha), groups),
+        Passage("", texts.PAIRS, _pairs(comparison), folded=f"All pairs of single versions ({len(comparison.pairs)})"),
     ]
 
 
@@ -125,7 +125,7 @@ def _regions(comparison: Comparison) -> Table:
     return Table(("region", "rule", "tests inside", *(group.group for group in groups)), rows, codes=(1,))
 
 
-def _changes(changes: pd.DataFrame, comparison: Comparison) -> Part:
+def _changes(changes: pd.DataFrame, comparison: Comparison) -> Passage:
     """Of the champion, if it is a retrained version: its regressions come first, because someone must check them before a release."""
     released = comparison.champion != comparison.versions[0].version
     chosen = changes[changes["version"] == comparison.champion] if released else changes
@@ -137,7 +137,7 @@ def _changes(changes: pd.DataFrame, comparison: Comparison) -> Part:
         numbers=(3,),
     )
     of = f"the champion {comparison.champion}" if released else "a retrained version"
-    return Part("Fixes and regressions", texts.CHANGES.format(of=of, shown=len(shown), all=len(changes)), table)
+    return Passage("Fixes and regressions", texts.CHANGES.format(of=of, shown=len(shown), all=len(changes)), table)
 
 
 def _change_row(row: pd.Series) -> tuple[str, ...]:

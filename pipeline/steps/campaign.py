@@ -16,7 +16,7 @@ HELD_OUT = "held_out"
 def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
     return {
         "space": folders.space(wildcards["scenario"]),
-        "model": folders.model(wildcards["version"], "model.onnx"),
+        "model": folders.detector(wildcards["version"]),
         "earlier": folders.earlier(**wildcards),
     }
 
@@ -45,7 +45,7 @@ def run(job: Job) -> None:
 
     The tables but the timings depend on the config, the model and `earlier` alone: not on the threads, nor on how often the run was killed.
     """
-    from pipeline.execution.campaign import Plan, run_campaign, sampler_seed
+    from pipeline.execution.campaign import CampaignPlan, run_campaign, sampler_seed
     from pipeline.execution.workers import Setup
 
     config, model, wildcards = job.config, job.input("model"), job.wildcards
@@ -53,7 +53,7 @@ def run(job: Job) -> None:
     if not model.exists():
         raise InputError(f"{model}: expected the detector of version '{campaign.version}', found none; train it first")
     held_out = wildcards["kind"] == HELD_OUT
-    plan = Plan(
+    plan = CampaignPlan(
         campaign=campaign,
         space=read_space(job.input("space"))[1],
         tests=config.comparison.tests if held_out else config.campaign.tests,

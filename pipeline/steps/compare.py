@@ -14,7 +14,7 @@ STEP = Step(
     reads=lambda folders, wildcards: {
         "spaces": folders.spaces(folders.config.held_out),
         "tests": folders.held_out("tests.parquet"),
-        "models": folders.models("model.json"),
+        "models": folders.cards,
         "measures": f"{folders.root}/measures.json",
     },
     writes=lambda folders: {
@@ -23,14 +23,14 @@ STEP = Step(
         "changes": f"{folders.root}/changes.csv",
         "metrics": f"{folders.root}/metrics.json",
     },
-    sections=("comparison.alpha", "comparison.confidence", "regions", "campaign.failure_threshold_s"),
+    sections=("comparison.alpha", "comparison.confidence", "regions", "campaign.failure_threshold_s", "tested"),
 )
 
 
 def run(job: Job) -> None:
     """Compare the versions and write the comparison, all their tests, those that changed, and the metrics that DVC shows.
 
-    The order of the models is the order of the versions.
+    The order of the cards, or of detectors that are only tested, is the order of the versions.
 
     Raises InputError if the versions were not executed on the same points in the same order, if one has no campaign, was judged at
     another threshold than the config's, or has learnt a held-out town.
@@ -44,7 +44,7 @@ def run(job: Job) -> None:
     labels = {name: info.label for name, (info, _) in known.items()}
     cards = [read_card(path) for path in job.inputs("models")]
     refuse_learnt(cards, [info for info, _ in known.values()])
-    versions, threshold = [card.version for card in cards], config.campaign.failure_threshold_s
+    versions, threshold = [card.version for card in cards] or list(config.tested), config.campaign.failure_threshold_s
     held_out = read_held_out(job.inputs("tests"), versions, labels, threshold, job.progress)
     digest = held_out.digest({name: space.names for name, (_, space) in known.items()})
     regions = base_regions(held_out, known, config.regions, settings.confidence)

@@ -30,7 +30,7 @@ STEP = Step(
 
 def run(job: Job) -> None:
     """Write the weights, the ONNX file, the training's curve and the card of the version."""
-    from pipeline.detectors.yolo.retraining import ImageSets, Plan, retrain
+    from pipeline.detectors.yolo.retraining import ImageSets, Refinement, retrain
     from pipeline.detectors.yolo.training import Run
     from pipeline.detectors.yolo.weights import load_weights
     from pipeline.learning.versions import Origin, write_version
@@ -40,7 +40,7 @@ def run(job: Job) -> None:
     data = {"snapshots": images.digest, "parent": sha256(weights)}
     training = settings.model_dump(include={"iterations", "batch_size", "learning_rate", "seed"})
     checkpoint = job.scratch / "checkpoint.pt"
-    plan = Plan(settings.iterations, settings.batch_size, settings.learning_rate, added_share=0.0, seed=(settings.seed,))
+    plan = Refinement(settings.iterations, settings.batch_size, settings.learning_rate, added_share=0.0, seed=(settings.seed,))
     fitted = retrain(load_weights(weights), ImageSets(images, None, validation), plan, Run(checkpoint, job.threads, job.progress))
     towns = read_card(job.input("card")).towns
     origin = Origin(job.wildcards["version"], "base", data, training | {"images": len(images)}, settings.seed, towns)

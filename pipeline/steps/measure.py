@@ -12,7 +12,7 @@ STEP = Step(
     "Measure the search campaigns.",
     reads=lambda folders, wildcards: {
         "spaces": folders.spaces(folders.config.search),
-        "tests": folders.search("tests.parquet"),
+        "tests": folders.searches("tests.parquet"),
     },
     writes=lambda folders: {"measures": f"{folders.root}/measures.json", "theta": f"{folders.root}/theta.csv"},
     sections=("strategies", "comparison.confidence"),

@@ -15,7 +15,7 @@ from pipeline.detectors.yolo import recipe, retraining, training
 from pipeline.detectors.yolo.data import batch
 from pipeline.detectors.yolo.network import Architecture, Yolo, cells, decode
 from pipeline.detectors.yolo.recipe import train_from_scratch
-from pipeline.detectors.yolo.retraining import ImageSets, Plan, mixed_feed, retrain
+from pipeline.detectors.yolo.retraining import ImageSets, Refinement, mixed_feed, retrain
 from pipeline.detectors.yolo.training import Batch, Fitted, Lesson, Run, Schedule, Validation, fit, initial_model
 from pipeline.errors import InputError
 
@@ -140,7 +140,7 @@ def test_retraining_mixes_and_the_control_does_not() -> None:
 
 def test_both_recipes_run_and_repeat(tmp_path: Path) -> None:
     images = people(8, 6)
-    parent, sets, plan = small(), ImageSets(images, people(4, 7), people(4, 9)), Plan(2, 4, 1e-4, 0.5, (0,))
+    parent, sets, plan = small(), ImageSets(images, people(4, 7), people(4, 9)), Refinement(2, 4, 1e-4, 0.5, (0,))
     versions = [retrain(copy.deepcopy(parent), sets, plan, Run(tmp_path / name, threads=1)) for name in "ab"]
     assert same(versions[0].model, versions[1].model) and versions[0].curve == versions[1].curve
     assert [look.iteration for look in versions[0].curve] == [1, 2]
@@ -148,7 +148,7 @@ def test_both_recipes_run_and_repeat(tmp_path: Path) -> None:
 
 
 def test_a_checkpoint_of_other_images_or_weights_is_ignored(tmp_path: Path) -> None:
-    images, plan, run = people(8, 6), Plan(2, 4, 1e-3, 0.5, (0,)), Run(tmp_path / "c", threads=1)
+    images, plan, run = people(8, 6), Refinement(2, 4, 1e-3, 0.5, (0,)), Run(tmp_path / "c", threads=1)
     other_weights = initial_model(1, lambda: Yolo(Architecture((8, 16, 16, 24, 32), 16)))
     for parent, added in ((small(), people(4, 7)), (small(), people(4, 8)), (other_weights, people(4, 8))):
         sets = ImageSets(images, added, images)
@@ -164,7 +164,7 @@ def test_a_checkpoint_of_other_images_or_weights_is_ignored(tmp_path: Path) -> N
 )
 def test_a_plan_checks_its_ranges(plan: tuple[int, int, float, float, tuple[int]], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        Plan(*plan)
+        Refinement(*plan)
 
 
 @pytest.mark.parametrize("iterations", [1, 3, 5])
@@ -175,7 +175,7 @@ def test_every_version_takes_all_its_steps(iterations: int, tmp_path: Path, monk
 
     monkeypatch.setattr(retraining, "watching", falling)
     images = people(8, 6)
-    plan = Plan(iterations, 4, 1e-3, 0.5, (0,))
+    plan = Refinement(iterations, 4, 1e-3, 0.5, (0,))
     fitted = retrain(small(), ImageSets(images, None, images), plan, Run(tmp_path / "c", threads=1))
     kept = small()
     kept.load_state_dict(torch.load(tmp_path / "c", weights_only=True)["average"])

@@ -33,7 +33,7 @@ class ImageSets:
 
 
 @dataclass(frozen=True)
-class Plan:
+class Refinement:
     """The steps of a retraining.
 
     learning_rate: its peak, in (0, 1). added_share: of the added frames in a batch, in [0, 1]. seed: of order and augmentation.
@@ -52,7 +52,7 @@ class Plan:
             raise ValueError(f"added_share must be in [0, 1], got {self.added_share}")
 
 
-def retrain(model: Yolo, images: ImageSets, plan: Plan, run: Run) -> Fitted:
+def retrain(model: Yolo, images: ImageSets, plan: Refinement, run: Run) -> Fitted:
     """Continue training `model`; without added images this is the control: the same steps on the base set alone.
 
     Short restarts with a high rate, on crops or without empty frames raise false positives even without new data;

@@ -18,7 +18,7 @@ STANDING_BELOW_MPS = 0.2
 
 
 @dataclass(frozen=True)
-class Pose:
+class Posture:
     """Joint angles in radians, and how far the hips drop in metres at the reference height."""
 
     angles: dict[str, float]
@@ -38,13 +38,13 @@ def stride(speed_mps: float) -> float:
     return STRIDE_AT_REST_M + STRIDE_PER_SPEED_S * speed_mps
 
 
-def pose(animation: str, phase_rad: float, speed_mps: float) -> Pose:
-    """Pose of an animation at a phase of the gait cycle; the swing of the legs fits the stride, so the foot on the ground stays put."""
+def pose(animation: str, phase_rad: float, speed_mps: float) -> Posture:
+    """Posture of an animation at a phase of the gait cycle; the swing of the legs fits the stride, so the foot on the ground stays put."""
     swing = min(1.0, speed_mps / STANDING_BELOW_MPS)
     angles = dict.fromkeys(JOINTS, 0.0)
     drop = _legs(angles, phase_rad, swing, stride(speed_mps))
     drop += _CHARACTERS[animation](angles, phase_rad, min(1.0, speed_mps / 1.6))
-    return Pose(angles, drop)
+    return Posture(angles, drop)
 
 
 def _legs(a: dict[str, float], p: float, swing: float, stride_m: float) -> float:

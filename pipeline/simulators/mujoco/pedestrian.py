@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from .blueprints import Blueprint
-from .gait import Pose
+from .gait import Posture
 
 GEOM = mujoco.mjtGeom
 GROUP = 2
@@ -156,7 +156,7 @@ class Pedestrian:
                 model.geom_size[i] = 0.01
                 model.geom_pos[i] = 0
 
-    def place(self, x: float, y: float, yaw: float, pose: Pose) -> None:
+    def place(self, x: float, y: float, yaw: float, pose: Posture) -> None:
         """Stand at (x, y) metres, facing `yaw` radians, in a pose."""
         self._set("x", x)
         self._set("y", y)

@@ -68,7 +68,7 @@ class Stage:
         self.data.mocap_pos[i] = (pose.x, pose.y, 0)
         self.data.mocap_quat[i] = (np.cos(half), 0, 0, np.sin(half))
 
-    def place_pedestrian(self, where: Pose, posture: gait.Pose) -> None:
+    def place_pedestrian(self, where: Pose, posture: gait.Posture) -> None:
         """Put the pedestrian at a pose in the world, its joints as the gait says."""
         self.pedestrian.place(where.x, where.y, where.heading, posture)
 
