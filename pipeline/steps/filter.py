@@ -16,7 +16,7 @@ from pipeline.contract import Job, Step, Wildcards
 
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
     """Which campaigns there are matters only to a person's table, which may name frames of any of them."""
-    known = ("search", "seeds", "strategies", "adaptive", "campaign.tests", "retraining.rounds", "retraining.seeds")
+    known = ("goal", "search", "seeds", "strategies", "adaptive", "campaign.tests", "retraining.rounds", "retraining.seeds")
     return ("filter", *(known if config.filter.overrules else ()))
 
 

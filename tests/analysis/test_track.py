@@ -38,7 +38,7 @@ def client(study: FabricatedStudy) -> Any:
     from mlflow import MlflowClient
 
     assert os.environ["MLFLOW_DISABLE_TELEMETRY"] == "true"
-    uri = f"sqlite:///{study.root / 'mlflow' / 'mlflow.db'}"
+    uri = f"sqlite:///{study.folder / 'data' / 'mlflow' / 'mlflow.db'}"
     return MlflowClient(tracking_uri=uri, registry_uri=uri)
 
 
