@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Literal
 
 from pipeline.config.schema import Config
 from pipeline.core.lineage import Version
@@ -106,17 +105,17 @@ class Folders:
         root = f"{self.root}/held_out"
         return [f"{root}/{a}/{chosen.strategy}/{version}/{chosen.seed}/{name}" for a in config.held_out for version in config.versions]
 
-    def feeding(self, version: str, source: Literal["random", "adaptive"]) -> list[Version]:
+    def feeding(self, version: str, source: str) -> list[Version]:
         """The versions whose campaigns by the random or the adaptive strategy feed a version; none for a control."""
         described = Version.named(version)
         return [] if described.kind == "control" else [replace(v, kind=source) if v.round else v for v in described.tested]
 
-    def added(self, version: str, source: Literal["random", "adaptive"], name: str) -> list[str]:
+    def added(self, version: str, source: str, name: str) -> list[str]:
         """The file `name` of the campaigns of a source that feed a version."""
         strategy = self.config.sources[source]
         return [path for v in self.feeding(version, source) for path in self.search(name, strategy=strategy, version=str(v))]
 
-    def added_filters(self, version: str, source: Literal["random", "adaptive"]) -> list[str]:
+    def added_filters(self, version: str, source: str) -> list[str]:
         """The filter tables of the campaigns of a source that feed a version."""
         return [self.filter(self.config.sources[source], str(v)) for v in self.feeding(version, source)]
 

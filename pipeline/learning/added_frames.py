@@ -21,10 +21,9 @@ from pipeline.learning import selection
 
 @dataclass(frozen=True)
 class Source:
-    """Where added frames come from: the filter tables, frames and tests of one strategy's campaigns."""
+    """Where added frames come from: the filter tables and the tests of one strategy's campaigns."""
 
     filters: Sequence[Path]
-    frames: Sequence[Path]
     tests: Sequence[Path]
 
     def read(self) -> tuple[pd.DataFrame, pd.DataFrame]:

@@ -20,7 +20,9 @@ def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
     }
     for source in ("random", "adaptive"):
         files[f"{source}_filters"] = folders.added_filters(version, source)
-        files |= {f"{source}_{name}": folders.added(version, source, f"{name}.parquet") for name in ("frames", "tests")}
+        files[f"{source}_tests"] = folders.added(version, source, "tests.parquet")
+    if (kind := Version.named(version).kind) in folders.config.sources:
+        files["frames"] = folders.added(version, kind, "frames.parquet")
     return files
 
 
@@ -61,11 +63,9 @@ def run(job: Job) -> None:
     base, validation = (read_dataset(truth.parent, split) for split in ("train", "val"))
     added = None
     if described.kind != "control":
-        sources = {
-            name: Source(*(job.inputs(f"{name}_{kind}") for kind in ("filters", "frames", "tests"))) for name in ("random", "adaptive")
-        }
+        sources = {name: Source(job.inputs(f"{name}_filters"), job.inputs(f"{name}_tests")) for name in ("random", "adaptive")}
         chosen = choose(config, sources, described, job.inputs("spaces"), seed)
-        added = read_added(chosen, sources[described.kind].frames)
+        added = read_added(chosen, job.inputs("frames"))
         leakage.refuse_frames(config.held_out, chosen, added, validation)
     data = {"base_set": base.digest, "parent": sha256(weights)} | ({} if added is None else {"added": added.digest})
     # The same batches once more would teach a second round nothing new.
