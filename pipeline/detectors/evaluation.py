@@ -54,7 +54,7 @@ def truths_of(images: ImageSet) -> list[Truth]:
 
 
 def matching_at(threshold: float, detections: Detections, truth: Truth) -> Matching:
-    """What becomes of the detections whose score is at least the threshold, in [0, 1]."""
+    """How the detections at or above the threshold, in [0, 1], match the truth."""
     used = detections.scores >= threshold
     return match(Detections(detections.boxes[used], detections.scores[used]), truth)
 

@@ -22,7 +22,7 @@ from pipeline.learning.frame_filter import judge
 from pipeline.learning.leakage import refuse_frames, refuse_towns
 from pipeline.simulators.mujoco import random_scenes
 from pipeline.simulators.mujoco.lens import CameraSettings
-from tests.analysis.fabricated import Study
+from tests.analysis.fabricated import FabricatedStudy
 from tests.core.test_model_card import CARD
 from tests.spaces import SMALL
 
@@ -41,7 +41,7 @@ def test_frames_of_a_held_out_scenario_are_refused_by_name() -> None:
 
 def test_a_filter_table_with_a_test_of_another_campaign_is_refused_by_name(tmp_path: Path) -> None:
     """However much its name looks like that of a held-out scenario's test: what is in no campaign is of none."""
-    study = Study(tmp_path).make()
+    study = FabricatedStudy(tmp_path).make()
     table = tmp_path / "random.csv"
     judged = pd.DataFrame([["F1star-pairwise-base-0-00003", 0, True, "visible", 90, 20.0, 0.0]], columns=list(COLUMNS))
     write_filter(table, judged)
@@ -52,20 +52,21 @@ def test_a_filter_table_with_a_test_of_another_campaign_is_refused_by_name(tmp_p
 
 
 def test_frames_know_the_scenario_of_their_campaign(tmp_path: Path) -> None:
-    study = Study(tmp_path).make()
+    study = FabricatedStudy(tmp_path).make()
     sources = {}
     for kind, strategy in study.config.sources.items():
         table = tmp_path / f"{strategy}.csv"
-        write_filter(table, pd.concat([judge(read_frames(path), 20, 60) for path in study.frames(strategy)]))
+        frames = study.paths(study.files.search("frames.parquet", strategy=strategy))
+        write_filter(table, pd.concat([judge(read_frames(path), study.config.filter) for path in frames]))
         sources[kind] = source(study, strategy, table)
-    chosen = choose(study.config, sources, Version("random", 1), study.search_spaces, seed=0)
+    chosen = choose(study.config, sources, Version("random", 1), study.paths(study.files.spaces(study.config.search)), seed=0)
     assert len(chosen) and (chosen["scenario"] == chosen["test_id"].str.split("-").str[0]).all()
     refuse_frames(study.config.held_out, chosen, noise(len(chosen), 0), noise(1, 1))
 
 
-def source(study: Study, strategy: str, table: Path) -> Source:
-    frames = study.frames(strategy)
-    return Source([table], frames, [path.with_name("tests.parquet") for path in frames])
+def source(study: FabricatedStudy, strategy: str, table: Path) -> Source:
+    frames, tests = (study.paths(study.files.search(f"{name}.parquet", strategy=strategy)) for name in ("frames", "tests"))
+    return Source([table], frames, tests)
 
 
 def test_frames_that_validate_are_refused_by_name() -> None:

@@ -145,7 +145,7 @@ class _Loop:
         return bool(abs(self._across) < ALONG)
 
     def _conflict_distance(self, state: _State) -> float:
-        """Metres from the ego's front to the conflict point; a pedestrian who walks along the path is where the conflict is."""
+        """Metres from the ego's front to the conflict point; for a pedestrian who walks along the path, this is the pedestrian."""
         conflict = self._route.project(state.pedestrian.x, state.pedestrian.y)[0] if self._along else self._conflict
         return max(0.0, conflict - state.travelled - EGO_HALF_LENGTH_M)
 
