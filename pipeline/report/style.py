@@ -13,6 +13,8 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from pipeline.artefacts.files import write_bytes
+
 INK = "#39424e"
 GRID = "#8f98a3"
 MODE_COLOURS: Mapping[str, str] = {"contact": "#c9372c", "late": "#e8912d", "false_positives": "#8f6bc9", "none": "#7f93ab"}
@@ -106,11 +108,10 @@ def svg(figure: Figure) -> str:
 
 def save_png(figure: Figure, path: Path) -> None:
     """Write the figure as a PNG on white, atomically, without a date in it."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_suffix(".partial")
+    buffer = io.BytesIO()
     with styled():
-        figure.savefig(partial, format="png", dpi=130, facecolor="white", metadata={"Software": None})
-    partial.replace(path)
+        figure.savefig(buffer, format="png", dpi=130, facecolor="white", metadata={"Software": None})
+    write_bytes(path, buffer.getvalue())
 
 
 def data_uri(path: Path, media_type: str) -> str:
