@@ -66,7 +66,7 @@ def test_cells_lie_in_the_middle_of_their_squares() -> None:
 
 @pytest.mark.parametrize("size", [(0, 32), (48, 32), (64, -32)])
 def test_cells_refuse_other_sizes(size: tuple[int, int]) -> None:
-    with pytest.raises(ValueError, match="multiples of 32"):
+    with pytest.raises(ValueError, match=f"^image sides must be positive multiples of 32, got {size[0]}x{size[1]}$"):
         cells(*size)
 
 
@@ -80,7 +80,7 @@ def test_decode_by_hand() -> None:
 
 @pytest.mark.parametrize("widths", [(8, 8, 8, 8), (8, 8, 8, 8, 7), (0, 8, 8, 8, 8)])
 def test_widths_are_checked(widths: tuple[int, ...]) -> None:
-    with pytest.raises(ValueError, match="widths"):
+    with pytest.raises(ValueError, match="^widths must be five multiples of 4, got"):
         Architecture(widths)  # type: ignore[arg-type]
 
 
@@ -99,20 +99,21 @@ def test_shipped_size_is_below_three_megabytes(tmp_path: Path) -> None:
 
 def test_wrong_weight_files_are_named(tmp_path: Path) -> None:
     path = tmp_path / "w.safetensors"
-    with pytest.raises(InputError, match="found no file"):
+    with pytest.raises(InputError, match=r"w\.safetensors: expected the weights of a detector \(weights\.safetensors\), found no file"):
         load_weights(path)
     save_weights(path, small())
     whole = path.read_bytes()
     plain = json.dumps({"widths": SMALL.widths, "head": SMALL.head})
+    foreign, one = r"w\.safetensors holds no detector of ours", {"x": torch.zeros(1)}
     wrong = [
-        b"",
-        b"text",
-        whole[:-100],
-        save({"x": torch.zeros(1)}),
-        save({"x": torch.zeros(1)}, {"architecture": plain}),
-        save({"x": torch.zeros(1)}, {"architecture": "[]"}),
+        (b"", foreign),
+        (b"text", foreign),
+        (whole[:-100], foreign),
+        (save(one), foreign),
+        (save(one, {"architecture": "[]"}), foreign),
+        (save(one, {"architecture": plain}), r"w\.safetensors: expected the \d+ tensors of our network; '.+' is missing or too many"),
     ]
-    for data in wrong:
+    for data, message in wrong:
         path.write_bytes(data)
-        with pytest.raises(InputError, match=r"w\.safetensors"):
+        with pytest.raises(InputError, match=message):
             load_weights(path)

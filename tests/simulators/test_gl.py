@@ -48,6 +48,13 @@ def test_a_backend_that_was_asked_for_is_the_only_one_tried(tried: list[str], mo
     assert tried == ["egl"]
 
 
+def test_a_missing_mujoco_is_not_taken_for_a_missing_library(tried: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(gl, "works", lambda _: False)
+    monkeypatch.setattr(gl, "find_spec", lambda _: None)
+    with pytest.raises(ModuleNotFoundError, match=r"^No module named 'mujoco'$"):
+        gl.choose_backend()
+
+
 def test_a_misspelt_backend_is_named(tried: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MUJOCO_GL", "nonsense")
     with pytest.raises(InputError, match=r"egl or osmesa.*'nonsense'"):

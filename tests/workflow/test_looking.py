@@ -125,9 +125,13 @@ def test_the_roads_of_a_find_are_connected(name: str, tmp_path: Path) -> None:
         first = next(road.iter("geometry")).attrib
         ends[number] = ((float(first["x"]), float(first["y"])), (pose.x, pose.y))
     if town.junction:
-        assert ends["11"] == (pytest.approx(ends["1"][1], abs=1e-3), pytest.approx(ends["2"][0], abs=1e-3))
-        assert ends["12"] == (pytest.approx(ends["1"][1], abs=1e-3), pytest.approx(ends["3"][0], abs=1e-3))
-        assert ends["13"] == (pytest.approx(ends["3"][0], abs=1e-3), pytest.approx(ends["2"][0], abs=1e-3))
+        for inner, before, after in (
+            ("11", ends["1"][1], ends["2"][0]),
+            ("12", ends["1"][1], ends["3"][0]),
+            ("13", ends["3"][0], ends["2"][0]),
+        ):
+            assert ends[inner][0] == pytest.approx(before, abs=1e-3)
+            assert ends[inner][1] == pytest.approx(after, abs=1e-3)
         # The side street runs away from the junction: whoever comes from it drives on the left of its line.
         lanes = {c.attrib["id"]: [tuple(link.attrib.values()) for link in c.iter("laneLink")] for c in network.iter("connection")}
         assert lanes == {"11": [("-1", "-1")], "12": [("-1", "-1")], "13": [("1", "-1")]}
