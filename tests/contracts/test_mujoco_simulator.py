@@ -138,7 +138,7 @@ def test_occluded_scenarios_show_the_pedestrian_later_than_open_ones() -> None:
         }  # fmt: skip
         signals = simulator.execute(concrete, BlindDetector()).signals
         simulator.close()
-        hidden = np.flatnonzero(signals["visible_pixels"][:-1] < MIN_VISIBLE_PIXELS)
+        hidden = np.flatnonzero(np.asarray(signals["visible_pixels"][:-1], int) < MIN_VISIBLE_PIXELS)
         seen[name] = float(signals["time_s"][hidden[-1] + 1]) if len(hidden) else 0.0
         assert signals["visible_pixels"][-2] > 500
     assert min(seen[name] for name in ("F1", "F1star", "F6", "F7")) > max(seen[name] for name in ("F3", "F4", "F3star", "F4star")) + 0.5

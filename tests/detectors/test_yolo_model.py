@@ -36,17 +36,19 @@ def test_initial_weights_depend_on_the_seed_alone() -> None:
 def test_frozen_normalisation_inside_the_kernel_gives_the_same_output_and_gradients() -> None:
     unit = ConvUnit(6, 8, 3, 2, groups=2).double()
     generator = torch.Generator().manual_seed(0)
-    for values in (unit[1].weight, unit[1].bias, unit[1].running_mean, unit[1].running_var):
+    norm = unit[1]
+    assert isinstance(norm, torch.nn.BatchNorm2d) and norm.running_mean is not None and norm.running_var is not None
+    for values in (norm.weight, norm.bias, norm.running_mean, norm.running_var):
         values.data.uniform_(0.1, 2.0, generator=generator)
     images = torch.rand(4, 6, 10, 8, dtype=torch.float64, generator=generator)
 
     def shown(frozen: bool) -> tuple[torch.Tensor, ...]:
         unit.train(frozen)
-        unit[1].eval()
+        norm.eval()
         unit.zero_grad()
         output = unit(images)
         output.square().sum().backward()
-        return output.detach(), *(parameter.grad.clone() for parameter in unit.parameters())
+        return output.detach(), *(parameter.grad.clone() for parameter in unit.parameters() if parameter.grad is not None)
 
     inside, apart = shown(frozen=True), shown(frozen=False)
     assert len(inside) == 4

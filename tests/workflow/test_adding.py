@@ -44,7 +44,7 @@ def changed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     model.write_bytes(b"the oracle needs none")
     run(root, "-m", "pipeline", *arguments("define-space", scenario="F1"))
     run(root, "-m", "pipeline", *arguments("campaign", kind="campaigns", scenario="F1", strategy="random", version="base", seed=0))
-    run(root, "docs/generate.py")
+    run(root, "-m", "pipeline", "reference")
     return root
 
 
