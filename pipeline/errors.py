@@ -18,13 +18,12 @@ DISTRIBUTIONS = {"PIL": "pillow", "cv2": "opencv-python-headless", "hydra": "hyd
 """Imported name -> distribution, where the two differ by more than a dash."""
 
 
-def missing_extra(error: ModuleNotFoundError) -> InputError | None:
-    """The error of a command whose extra is not installed, with the line to type; None for a module that no extra brings."""
-    if not error.name:
-        return None
-    module = error.name.partition(".")[0]
+def missing_extra(error: ModuleNotFoundError) -> InputError:
+    """What to tell a user who lacks an extra; raises the error itself for a module that no extra brings."""
+    module = (error.name or "").partition(".")[0]
     distribution = DISTRIBUTIONS.get(module, module.replace("_", "-"))
-    for requirement in requires("blindspot") or ():
-        if found := re.fullmatch(rf"{re.escape(distribution)}\b(?!-).*; extra == [\"'](.+)[\"']", requirement):
-            return InputError(f"needs {module}, which is not installed; type: pip install 'blindspot[{found[1]}]'")
-    return None
+    pattern = re.compile(rf"{re.escape(distribution)}\b(?!-).*; extra == [\"'](.+)[\"']")
+    found = [match[1] for requirement in requires("blindspot") or () if module and (match := pattern.fullmatch(requirement))]
+    if not found:
+        raise error
+    return InputError(f"needs {module}, which is not installed; type: pip install 'blindspot[{found[0]}]'")

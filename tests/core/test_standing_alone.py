@@ -77,4 +77,13 @@ def test_a_module_that_is_missing_is_answered_with_its_extra(module: str, extra:
 
 @pytest.mark.parametrize("module", ["numpy", "onn", "pipeline.nowhere", None])
 def test_a_module_that_no_extra_brings_is_another_error(module: str | None) -> None:
-    assert missing_extra(ModuleNotFoundError(name=module)) is None
+    with pytest.raises(ModuleNotFoundError, match="^as it was$"):
+        missing_extra(ModuleNotFoundError("as it was", name=module))
+
+
+@pytest.mark.parametrize(("command", "module", "extra"), [("simulate", "hydra", "simulation"), ("stages", "grimp", "workflow")])
+def test_a_command_without_its_extra_ends_with_one_line(command: str, module: str, extra: str, tmp_path: Path) -> None:
+    words = [command, *(["F1"] if command == "simulate" else [])]
+    done = python(f"from pipeline.__main__ import main; sys.exit(main({words}))", tmp_path)
+    assert done.returncode == 2
+    assert done.stderr == f"blindspot {command}: needs {module}, which is not installed; type: pip install 'blindspot[{extra}]'\n"

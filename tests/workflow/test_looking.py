@@ -52,8 +52,8 @@ def test_simulate_films_one_test(tmp_path: Path, capsys: pytest.CaptureFixture[s
             "base.weights: expected the folder of a detector, found no file nope/weights.safetensors",
         ),
         (["contact-sheet", "F1", "--out", "sheet.tiff"], "a contact sheet is a .png or a .jpg, got sheet.tiff"),
-        (["export-scenario", "F1", "fog=-1"], "fog"),
-        (["export-frames", "nowhere.parquet"], "nowhere.parquet"),
+        (["export-scenario", "F1", "fog=-1"], "fog must be in [0, 100] %, got -1.0"),
+        (["export-frames", "nowhere.parquet"], "nowhere.parquet: expected a readable file, got No such file"),
     ],
 )
 def test_wrong_words_are_named(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
