@@ -78,7 +78,7 @@ def test_a_folder_that_cannot_be_written_to_is_no_error(tried: list[str], tmp_pa
 )
 def test_the_command_line_ends_with_one_message(settings: dict[str, str], message: str, tmp_path: Path) -> None:
     for name in ("pipeline", "conf"):  # a copy remembers nothing
-        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(ROOT / name, tmp_path / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "params.yaml", tmp_path)
     command = [sys.executable, "-m", "pipeline", "render-base", "--out", "base/truth.coco.json", "--threads", "1"]
     environment = {**os.environ, "PYTHONPATH": str(tmp_path), **settings}

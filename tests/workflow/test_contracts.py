@@ -15,6 +15,7 @@ from typing import Any
 
 import pytest
 import yaml
+from pydantic import BaseModel
 
 from pipeline.artefacts import tables
 from pipeline.config import schema
@@ -134,7 +135,7 @@ def read_of(key: str) -> tuple[str, str]:
     """The attribute that is looked up when a key of the config is read."""
     section, _, rest = key.partition(".")
     annotation = schema.Config.model_fields[section].annotation
-    if rest and isinstance(annotation, type) and issubclass(annotation, schema.BaseModel):
+    if rest and isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation.__name__, rest.split(".")[0]
     return "Config", section
 
