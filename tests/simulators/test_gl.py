@@ -80,7 +80,7 @@ def test_the_command_line_ends_with_one_message(settings: dict[str, str], messag
     for name in ("pipeline", "conf"):  # a copy remembers nothing
         shutil.copytree(ROOT / name, tmp_path / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "params.yaml", tmp_path)
-    command = [sys.executable, "-m", "pipeline", "render-base", "--out", "base/truth.coco.json", "--threads", "1"]
+    command = [sys.executable, "-m", "pipeline", "render-base"]
     environment = {**os.environ, "PYTHONPATH": str(tmp_path), **settings}
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
     assert done.returncode == 2, done.stderr
