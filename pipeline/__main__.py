@@ -11,7 +11,7 @@ from pkgutil import iter_modules
 from typing import Any
 
 from pipeline import commands, steps
-from pipeline.errors import InputError
+from pipeline.errors import InputError, missing_extra
 
 PROGRAM = "python -m pipeline"
 PARAMS = Path("params.yaml")
@@ -30,13 +30,27 @@ def parser(only: str = "") -> argparse.ArgumentParser:
     words = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     known = names(commands)
     for word, name in known.items() if only not in known else [(only, known[only])]:
-        command = import_module(f"pipeline.commands.{name}")
+        try:
+            command = import_module(f"pipeline.commands.{name}")
+        except ModuleNotFoundError as error:
+            if only == word:
+                raise
+            words.add_parser(word, help=str(missing_extra(error)))
+            continue
         added = words.add_parser(word, help=command.HELP, description=command.HELP)
         command.arguments(added)
         added.set_defaults(run=command.run)
     for word, name in names(steps).items() if only not in known else ():
-        words.add_parser(word, help=import_module(f"pipeline.steps.{name}").STEP.help, add_help=False)
+        words.add_parser(word, help=step_help(name), add_help=False)
     return top
+
+
+def step_help(name: str) -> str:
+    """What a step does, or which extra it needs and lacks."""
+    try:
+        return str(import_module(f"pipeline.steps.{name}").STEP.help)
+    except ModuleNotFoundError as error:
+        return str(missing_extra(error))
 
 
 def run_step(name: str, arguments: Sequence[str]) -> int:
@@ -68,8 +82,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return run_step(names(steps)[first], words[1:])
         options = parser(first).parse_args(words)
         code: int = options.run(options)
-    except InputError as error:
-        print(f"blindspot {first}: {error}", file=sys.stderr)
+    except (InputError, ModuleNotFoundError) as error:
+        said = missing_extra(error) if isinstance(error, ModuleNotFoundError) else error
+        print(f"blindspot {first}: {said}", file=sys.stderr)
         return 2
     return code
 

@@ -16,7 +16,7 @@ from pipeline.core.names import nearest
 from pipeline.errors import InputError
 from pipeline.scenarios.functional import FunctionalScenario
 
-CONF = Path(__file__).resolve().parents[2] / "conf"
+CONF = Path(__file__).resolve().parents[1] / "conf"
 PARAMS = Path("params.yaml")
 
 

@@ -7,6 +7,7 @@ import os
 import platform
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 from pipeline.errors import InputError
@@ -33,6 +34,8 @@ def choose_backend() -> str:
         candidates = (wanted,) if wanted else BACKENDS
         chosen = next((backend for backend in candidates if works(backend)), "")
         if not chosen:
+            if find_spec("mujoco") is None:
+                raise ModuleNotFoundError("No module named 'mujoco'", name="mujoco")
             raise InputError(f"no OpenGL library works on this machine (tried {', '.join(candidates)}); type: {INSTALL}")
         for name in (remembered.name, f"{platform.node()}-{chosen}"):
             _remember(CACHE / name, chosen)

@@ -11,7 +11,7 @@ from PIL import Image, ImageSequence
 
 from pipeline.config.composing import compose
 from pipeline.core.episode import Episode
-from pipeline.core.space import Space
+from pipeline.core.space import Space, Value
 from pipeline.detectors.scripted import VisiblePixelOracle
 from pipeline.report.replays import Replay, draw_replay, most_telling_frame, render_replay
 from pipeline.simulators.analytic import AnalyticSimulator
@@ -29,7 +29,7 @@ def episode(space: Space) -> Episode:
     return simulator.execute(concrete, VisiblePixelOracle(), keep_every=1)
 
 
-CONCRETE = {"fog": 90.0, "animation": "walking"}
+CONCRETE: dict[str, Value] = {"fog": 90.0, "animation": "walking"}
 
 
 def test_film_has_every_frame_and_plays_anywhere(tmp_path: Path, episode: Episode) -> None:

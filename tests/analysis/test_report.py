@@ -8,6 +8,7 @@ from html.parser import HTMLParser
 
 import pandas as pd
 import pytest
+from matplotlib.container import ErrorbarContainer
 
 from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.results import Estimate, FailureRegions, Measures, read
@@ -232,7 +233,7 @@ def test_failures_by_round_are_drawn_from_the_base_on(study: FabricatedStudy) ->
     adaptive = comparison.groups[-1]
     second = adaptive.model_copy(update={"group": "adaptive-r2", "round": 2, "failures": Estimate(value=1, low=0, high=2)})
     figure = failures_by_round(comparison.model_copy(update={"groups": (*comparison.groups, second)}))
-    lines = {line.get_label(): line for line in figure.axes[0].containers}
+    lines = {line.get_label(): line for line in figure.axes[0].containers if isinstance(line, ErrorbarContainer)}
     assert [round(x) for x in lines["adaptive"].lines[0].get_xdata()] == [0, 1, 2]
     assert list(lines["adaptive"].lines[0].get_ydata()) == [comparison.groups[0].failures.value, adaptive.failures.value, 1]
     assert [round(x) for x in lines["control"].lines[0].get_xdata()] == [0, 1]

@@ -47,5 +47,5 @@ def test_frames_are_kept_as_asked() -> None:
 
 
 def test_a_scenario_of_another_space_is_refused() -> None:
-    with pytest.raises(ValueError, match="missing"):
+    with pytest.raises(ValueError, match=r"^variables must be \[.+\]; missing \[.+\], unknown \[.+\]$"):
         AnalyticSimulator(SCENARIO).execute(SMALL.decode(SMALL.sample(1, np.random.default_rng(0))[0]), BlindDetector())

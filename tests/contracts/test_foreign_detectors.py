@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -126,7 +127,15 @@ def test_a_threshold_that_would_report_all_or_nothing_is_refused(threshold: floa
         FunctionDetector(f"{__name__}.bright", threshold=threshold)
 
 
-@pytest.mark.parametrize("name", ["nowhere.detect", f"{__name__}.missing", "detect", f"{__name__}.IMAGE"])
-def test_no_function_is_an_input_error(name: str) -> None:
-    with pytest.raises(InputError, match=r"detector\.function"):
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("nowhere.detect", "there is no 'nowhere.detect' (No module named 'nowhere')"),
+        (f"{__name__}.missing", f"there is no '{__name__}.missing' (module '{__name__}' has no attribute 'missing')"),
+        ("detect", "there is no 'detect' (Empty module name)"),
+        (f"{__name__}.IMAGE", f"expected a function, got {__name__}.IMAGE of type ndarray"),
+    ],
+)
+def test_no_function_is_an_input_error(name: str, message: str) -> None:
+    with pytest.raises(InputError, match=f"^{re.escape(f'detector.function: {message}')}$"):
         FunctionDetector(name)

@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 from pipeline.core import kpi
-from pipeline.core.space import Space
+from pipeline.core.space import Space, Value
 from pipeline.core.visibility import MIN_VISIBLE_PIXELS
 from pipeline.detectors.scripted import BlindDetector, VisiblePixelOracle
 from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, FunctionalScenario
@@ -92,7 +92,7 @@ def test_speed_and_shift_move_the_pedestrian_as_far_as_they_say(world: Any) -> N
 def test_the_oracle_avoids_failure_in_plain_weather_and_in_fog(world: Any) -> None:
     simulator, _, _ = world
     for fog in (0.0, 95.0):
-        concrete = {
+        concrete: dict[str, Value] = {
             "rain": 0.0, "fog": fog, "sun_azimuth": 120.0, "sun_altitude": 45.0, "pedestrian_shift": 0.0, "pedestrian_speed": 1.5,
             "animation": "walking", "blueprint": "M 03",
         }  # fmt: skip
@@ -132,13 +132,13 @@ def test_occluded_scenarios_show_the_pedestrian_later_than_open_ones() -> None:
     seen = {}
     for name in ("F1", "F1star", "F6", "F7", "F3", "F4", "F3star", "F4star"):
         simulator = MujocoSimulator(described(name))
-        concrete = {
+        concrete: dict[str, Value] = {
             "rain": 0.0, "fog": 0.0, "sun_azimuth": 120.0, "sun_altitude": 45.0, "pedestrian_shift": 0.0, "pedestrian_speed": 2.5,
             "animation": "walking", "blueprint": "M 03",
         }  # fmt: skip
         signals = simulator.execute(concrete, BlindDetector()).signals
         simulator.close()
-        hidden = np.flatnonzero(signals["visible_pixels"][:-1] < MIN_VISIBLE_PIXELS)
+        hidden = np.flatnonzero(np.asarray(signals["visible_pixels"][:-1], int) < MIN_VISIBLE_PIXELS)
         seen[name] = float(signals["time_s"][hidden[-1] + 1]) if len(hidden) else 0.0
         assert signals["visible_pixels"][-2] > 500
     assert min(seen[name] for name in ("F1", "F1star", "F6", "F7")) > max(seen[name] for name in ("F3", "F4", "F3star", "F4star")) + 0.5

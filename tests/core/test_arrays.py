@@ -34,6 +34,7 @@ def test_arrays_cover_with_few_rows(sizes: tuple[int, ...], strength: int, limit
     assert array.lower_bound <= array.size <= limit
 
 
+@pytest.mark.usefixtures("short_annealing")
 @pytest.mark.parametrize("strength", [1, 2, 3, 4])
 def test_constrained_arrays_hold_every_feasible_cell_and_no_other(strength: int) -> None:
     array = covering_array(LINKED, strength)
@@ -42,6 +43,7 @@ def test_constrained_arrays_hold_every_feasible_cell_and_no_other(strength: int)
     assert projection_coverage(array.rows, LINKED.sizes, strength, constraints=LINKED).ratio == 1
 
 
+@pytest.mark.usefixtures("short_annealing")
 def test_seed_rows_come_first_and_stay() -> None:
     seeds = np.array([[0, 2, 0, 1], [1, 1, 1, 0], [1, 1, 1, 0]])
     for effort in (Effort(), Effort(polish_s=0.3)):
@@ -63,6 +65,7 @@ def test_polishing_never_makes_it_larger_and_tells_how_far_it_is() -> None:
     assert told[0][1] == 0 and told[-1][1] >= polished.size
 
 
+@pytest.mark.usefixtures("short_annealing")
 def test_the_seed_alone_decides() -> None:
     first, second, other = (covering_array(Constraints((3, 4, 5, 2)), seed=seed).rows for seed in (5, 5, 6))
     assert np.array_equal(first, second) and not np.array_equal(first, other)
@@ -97,6 +100,7 @@ def test_what_cannot_be_is_said() -> None:
         Effort(polish_s=0)
 
 
+@pytest.mark.usefixtures("short_annealing")
 def test_the_verifier_finds_what_is_missing_and_what_is_broken() -> None:
     rows = covering_array(LINKED, 2).rows
     shorter = verify(rows[1:], LINKED, 2)

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import pytest
 
-from pipeline import progress as module
 from pipeline.progress import Progress
 
 
 def test_a_log_gets_a_line_a_second_and_the_last(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     clock = iter([0.0] + [i * 0.3 for i in range(1, 11)])
-    monkeypatch.setattr(module.time, "monotonic", lambda: next(clock))
+    monkeypatch.setattr(time, "monotonic", lambda: next(clock))
     log = tmp_path / "deep" / "step.log"
     with Progress("campaign", log) as progress:
         for done in range(1, 11):

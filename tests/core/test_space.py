@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.config.composing import compose
 from pipeline.core.space import Space, Variable
-from pipeline.simulators.mujoco.blueprints import BLUEPRINTS
 from tests.spaces import SMALL, THESIS
 
 
@@ -35,17 +33,6 @@ def test_plain_data_round_trip() -> None:
     people = Space((Variable("who", "categorical", values=("a", "b"), attributes=(("height_m", (1.2, 1.8)),)),))
     assert Space.from_dict(people.to_dict()) == people
     assert people.to_dict()["who"]["attributes"] == {"height_m": [1.2, 1.8]}
-
-
-def test_the_attributes_of_the_blueprints_are_those_that_are_drawn() -> None:
-    variable = compose("default", []).space("F1").variables[-1]
-    drawn = [BLUEPRINTS[name] for name in variable.values]
-    known = dict(variable.attributes)
-    for name in ("umbrella", "bag", "hat", "skirt"):
-        assert list(known[name]) == [getattr(blueprint, name) for blueprint in drawn]
-    assert list(known["height_m"]) == [blueprint.height for blueprint in drawn]
-    for part in ("top", "trousers"):
-        assert known[f"{part}_brightness"] == pytest.approx([np.mean(getattr(blueprint, part)) for blueprint in drawn], abs=5e-4)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import onnx
@@ -18,7 +19,7 @@ from pipeline.detectors.yolo.network import Architecture, Yolo
 from pipeline.detectors.yolo.training import initial_model
 from pipeline.errors import InputError
 from pipeline.protocols import Detector
-from tests.core.test_quantisation import telling
+from tests.detectors.test_quantisation import telling
 
 SIZE = (96, 64)
 
@@ -91,19 +92,27 @@ def test_another_image_size_is_refused(file: Path) -> None:
         OnnxDetector(file).detect_images(images(1)[:, :32])
 
 
-@pytest.mark.parametrize("wrong", [{"threshold": 0}, {"threshold": 1.5}, {"iou": 1}, {"threads": 0}])
-def test_wrong_settings_are_named(file: Path, wrong: dict[str, float]) -> None:
-    with pytest.raises(InputError, match=f"detector.{next(iter(wrong))} must be"):
-        OnnxDetector(file, **wrong)  # type: ignore[arg-type]
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"threshold": 0}, r"^detector\.threshold must be in \(0, 1\), got 0$"),
+        ({"threshold": 1.5}, r"^detector\.threshold must be in \(0, 1\), got 1\.5$"),
+        ({"iou": 1}, r"^detector\.iou must be in \(0, 1\), got 1$"),
+        ({"threads": 0}, r"^detector\.threads must be at least 1, got 0$"),
+    ],
+)
+def test_wrong_settings_are_named(file: Path, wrong: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        OnnxDetector(file, **wrong)
 
 
 def test_missing_and_broken_files_are_named(file: Path, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="found no file"):
+    with pytest.raises(InputError, match=r"none\.onnx: expected the ONNX file of a detector, found no file"):
         OnnxDetector(tmp_path / "none.onnx")
     broken = tmp_path / "broken.onnx"
     for data in (b"", b"no model", file.read_bytes()[:2000]):
         broken.write_bytes(data)
-        with pytest.raises(InputError, match=r"broken\.onnx"):
+        with pytest.raises(InputError, match=r"broken\.onnx is no ONNX file that ONNX Runtime can load"):
             OnnxDetector(broken)
 
 

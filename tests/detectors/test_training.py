@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import copy
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -112,10 +113,19 @@ def test_schedule_warms_up_and_falls() -> None:
     assert rates[400] == pytest.approx(1e-2 * (0.01 + 0.99 * 0.5), rel=0.01)  # Half of the pixels are shown.
 
 
-@pytest.mark.parametrize("wrong", [{"frame_iterations": 0}, {"crop_iterations": -1}, {"learning_rate": 0.0}, {"averaging": 1.0}])
-def test_schedule_checks_its_ranges(wrong: dict[str, float]) -> None:
-    with pytest.raises(ValueError, match="must be"):
-        Schedule(**({"crop_iterations": 0, "frame_iterations": 5, "learning_rate": 0.1} | wrong))  # type: ignore[arg-type]
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"frame_iterations": 0}, "iterations must be at least 1 in all, got 0 and 0"),
+        ({"crop_iterations": -1}, "iterations must be at least 1 in all, got -1 and 5"),
+        ({"learning_rate": 0.0}, r"learning_rate must be in \(0, 1\), got 0\.0"),
+        ({"averaging": 1.0}, r"averaging must be in \[0, 1\), got 1\.0"),
+    ],
+)
+def test_schedule_checks_its_ranges(wrong: dict[str, Any], message: str) -> None:
+    right: dict[str, Any] = {"crop_iterations": 0, "frame_iterations": 5, "learning_rate": 0.1}
+    with pytest.raises(ValueError, match=f"^{message}$"):
+        Schedule(**(right | wrong))
 
 
 def test_frozen_statistics_stay() -> None:

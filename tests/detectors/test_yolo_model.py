@@ -36,17 +36,19 @@ def test_initial_weights_depend_on_the_seed_alone() -> None:
 def test_frozen_normalisation_inside_the_kernel_gives_the_same_output_and_gradients() -> None:
     unit = ConvUnit(6, 8, 3, 2, groups=2).double()
     generator = torch.Generator().manual_seed(0)
-    for values in (unit[1].weight, unit[1].bias, unit[1].running_mean, unit[1].running_var):
+    norm = unit[1]
+    assert isinstance(norm, torch.nn.BatchNorm2d) and norm.running_mean is not None and norm.running_var is not None
+    for values in (norm.weight, norm.bias, norm.running_mean, norm.running_var):
         values.data.uniform_(0.1, 2.0, generator=generator)
     images = torch.rand(4, 6, 10, 8, dtype=torch.float64, generator=generator)
 
     def shown(frozen: bool) -> tuple[torch.Tensor, ...]:
         unit.train(frozen)
-        unit[1].eval()
+        norm.eval()
         unit.zero_grad()
         output = unit(images)
         output.square().sum().backward()
-        return output.detach(), *(parameter.grad.clone() for parameter in unit.parameters())
+        return output.detach(), *(parameter.grad.clone() for parameter in unit.parameters() if parameter.grad is not None)
 
     inside, apart = shown(frozen=True), shown(frozen=False)
     assert len(inside) == 4
@@ -66,7 +68,7 @@ def test_cells_lie_in_the_middle_of_their_squares() -> None:
 
 @pytest.mark.parametrize("size", [(0, 32), (48, 32), (64, -32)])
 def test_cells_refuse_other_sizes(size: tuple[int, int]) -> None:
-    with pytest.raises(ValueError, match="multiples of 32"):
+    with pytest.raises(ValueError, match=f"^image sides must be positive multiples of 32, got {size[0]}x{size[1]}$"):
         cells(*size)
 
 
@@ -80,7 +82,7 @@ def test_decode_by_hand() -> None:
 
 @pytest.mark.parametrize("widths", [(8, 8, 8, 8), (8, 8, 8, 8, 7), (0, 8, 8, 8, 8)])
 def test_widths_are_checked(widths: tuple[int, ...]) -> None:
-    with pytest.raises(ValueError, match="widths"):
+    with pytest.raises(ValueError, match="^widths must be five multiples of 4, got"):
         Architecture(widths)  # type: ignore[arg-type]
 
 
@@ -99,20 +101,21 @@ def test_shipped_size_is_below_three_megabytes(tmp_path: Path) -> None:
 
 def test_wrong_weight_files_are_named(tmp_path: Path) -> None:
     path = tmp_path / "w.safetensors"
-    with pytest.raises(InputError, match="found no file"):
+    with pytest.raises(InputError, match=r"w\.safetensors: expected the weights of a detector \(weights\.safetensors\), found no file"):
         load_weights(path)
     save_weights(path, small())
     whole = path.read_bytes()
     plain = json.dumps({"widths": SMALL.widths, "head": SMALL.head})
+    foreign, one = r"w\.safetensors holds no detector of ours", {"x": torch.zeros(1)}
     wrong = [
-        b"",
-        b"text",
-        whole[:-100],
-        save({"x": torch.zeros(1)}),
-        save({"x": torch.zeros(1)}, {"architecture": plain}),
-        save({"x": torch.zeros(1)}, {"architecture": "[]"}),
+        (b"", foreign),
+        (b"text", foreign),
+        (whole[:-100], foreign),
+        (save(one), foreign),
+        (save(one, {"architecture": "[]"}), foreign),
+        (save(one, {"architecture": plain}), r"w\.safetensors: expected the \d+ tensors of our network; '.+' is missing or too many"),
     ]
-    for data in wrong:
+    for data, message in wrong:
         path.write_bytes(data)
-        with pytest.raises(InputError, match=r"w\.safetensors"):
+        with pytest.raises(InputError, match=message):
             load_weights(path)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import combinations, product
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -20,6 +21,8 @@ from pipeline.core.measures import f_measure, failure_sequence
 from pipeline.core.statistics import mcnemar, wilson_interval
 from pipeline.core.truth import Truth
 from tests.spaces import SMALL
+
+pytestmark = pytest.mark.usefixtures("short_annealing")
 
 SEEDS = st.integers(0, 2**32 - 1)
 SIZES = st.lists(st.integers(1, 5), min_size=2, max_size=5)

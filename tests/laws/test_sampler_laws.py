@@ -18,6 +18,8 @@ from pipeline.core.samplers.random import RandomSampler
 from pipeline.core.space import Floats, Space
 from tests.spaces import SMALL
 
+pytestmark = pytest.mark.usefixtures("short_annealing")
+
 BATCH = 6
 
 

@@ -48,6 +48,13 @@ def test_a_backend_that_was_asked_for_is_the_only_one_tried(tried: list[str], mo
     assert tried == ["egl"]
 
 
+def test_a_missing_mujoco_is_not_taken_for_a_missing_library(tried: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(gl, "works", lambda _: False)
+    monkeypatch.setattr(gl, "find_spec", lambda _: None)
+    with pytest.raises(ModuleNotFoundError, match=r"^No module named 'mujoco'$"):
+        gl.choose_backend()
+
+
 def test_a_misspelt_backend_is_named(tried: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MUJOCO_GL", "nonsense")
     with pytest.raises(InputError, match=r"egl or osmesa.*'nonsense'"):
@@ -71,9 +78,9 @@ def test_a_folder_that_cannot_be_written_to_is_no_error(tried: list[str], tmp_pa
 )
 def test_the_command_line_ends_with_one_message(settings: dict[str, str], message: str, tmp_path: Path) -> None:
     for name in ("pipeline", "conf"):  # a copy remembers nothing
-        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(ROOT / name, tmp_path / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "params.yaml", tmp_path)
-    command = [sys.executable, "-m", "pipeline", "render-base", "--out", "base/truth.coco.json", "--threads", "1"]
+    command = [sys.executable, "-m", "pipeline", "render-base"]
     environment = {**os.environ, "PYTHONPATH": str(tmp_path), **settings}
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
     assert done.returncode == 2, done.stderr

@@ -31,7 +31,7 @@ def changed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A copy of the program with one KPI and one signal more, and a campaign of it on the analytic simulator."""
     root = tmp_path_factory.mktemp("changed")
     for folder in ("pipeline", "conf", "docs", "models"):
-        shutil.copytree(ROOT / folder, root / folder, ignore=shutil.ignore_patterns("__pycache__", "images"))
+        shutil.copytree(ROOT / folder, root / folder, symlinks=True, ignore=shutil.ignore_patterns("__pycache__", "images"))
     for name, edits in (KPI | SIGNAL).items():
         text = (root / name).read_text()
         for old, new in edits.items():
@@ -44,7 +44,7 @@ def changed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     model.write_bytes(b"the oracle needs none")
     run(root, "-m", "pipeline", *arguments("define-space", scenario="F1"))
     run(root, "-m", "pipeline", *arguments("campaign", kind="campaigns", scenario="F1", strategy="random", version="base", seed=0))
-    run(root, "docs/generate.py")
+    run(root, "-m", "pipeline", "reference")
     return root
 
 

@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -39,7 +40,7 @@ def analytic_study(root: Path, *overrides: str) -> StudyFolder:
     return study
 
 
-def key(strategy: str = "neural", scenario: str = "F1", kind: str = "campaigns") -> dict[str, object]:
+def key(strategy: str = "neural", scenario: str = "F1", kind: str = "campaigns") -> dict[str, Any]:
     return {"kind": kind, "scenario": scenario, "strategy": strategy, "version": "base", "seed": 3}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -69,9 +70,8 @@ def test_every_choice_of_a_group_composes(group: str) -> None:
     ],
 )
 def test_wrong_input_is_named(override: str, message: str) -> None:
-    with pytest.raises(InputError, match=".*") as caught:
+    with pytest.raises(InputError, match=re.escape(message)):
         compose("default", [override])
-    assert message in str(caught.value)
 
 
 def test_a_town_with_other_streets_is_still_the_same_town() -> None:

@@ -13,10 +13,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import pyarrow.parquet as pq
 import pytest
 import yaml
+from pydantic import BaseModel
 
-from pipeline.artefacts import tables
 from pipeline.config import schema
 from pipeline.config.composing import compose
 from pipeline.contract import order_of, perform, step_of
@@ -81,7 +82,7 @@ def watch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Watch:
         return object.__getattribute__(section, name)
 
     monkeypatch.setattr(schema._Section, "__getattribute__", looked_up)
-    for module, name in ((tables.pq, "ParquetFile"), (onnx, "_session"), (weights, "safe_open")):
+    for module, name in ((pq, "ParquetFile"), (onnx, "_session"), (weights, "safe_open")):
         monkeypatch.setattr(module, name, noting(watch, getattr(module, name)))
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
     return watch
@@ -134,7 +135,7 @@ def read_of(key: str) -> tuple[str, str]:
     """The attribute that is looked up when a key of the config is read."""
     section, _, rest = key.partition(".")
     annotation = schema.Config.model_fields[section].annotation
-    if rest and isinstance(annotation, type) and issubclass(annotation, schema.BaseModel):
+    if rest and isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation.__name__, rest.split(".")[0]
     return "Config", section
 

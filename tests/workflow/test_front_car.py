@@ -18,6 +18,7 @@ from pipeline.artefacts.model_card import read_card
 from pipeline.artefacts.results import read
 from pipeline.config.composing import compose, dump
 from pipeline.config.schema import Config
+from pipeline.core.coverage.proposals import Proposer
 from pipeline.report.front_car_page import first_covering
 
 SMALL = [
@@ -85,9 +86,9 @@ def test_each_set_has_what_it_should(study: Path, config: Config) -> None:
             assert len(images) == train
         else:
             assert [sum(path.parts[0] == split for path in images) for split in ("train", "val")] == [train, val]
-    images = read_dataset(study / "snapshots" / "test", "val")
+    tested = read_dataset(study / "snapshots" / "test", "val")
     present = [point[4] for point in config.front_car.space.feasible_points()]
-    assert [bool(box[2] > box[0]) for box in images.boxes] == [bool(value) for value in present]
+    assert [bool(box[2] > box[0]) for box in tested.boxes] == [bool(value) for value in present]
 
 
 def test_existing_and_covered_share_the_snapshots_of_the_random_points(study: Path) -> None:
@@ -136,3 +137,17 @@ def test_too_many_random_points_are_refused(study: Path, capsys: pytest.CaptureF
     params.write_text(dump(compose("front_car", ["front_car.existing=73"]), "test"))
     assert main(["front-car-points", "--out", str(study / "many.json"), "--params", str(params)]) == 2
     assert "front_car.existing must be at most 72" in capsys.readouterr().err
+
+
+def test_the_papers_example_is_completed_by_a_batch_of_five_and_needs_seven_from_nothing() -> None:
+    """Section 5. E1 to E5 as Table 1 tells them: all rainy and in the first lane; of E5 no more is told, so it is taken to be like E3."""
+    domain = compose("front_car", []).front_car.space
+    known = np.array([[2, 0, 1, 0, 1, 0], [2, 1, 1, 0, 1, 0], [2, 1, 0, 0, 0, 1], [2, 1, 1, 0, 1, 1], [2, 1, 0, 0, 0, 1]])
+    proposer = Proposer(domain.clauses(), 2)
+    for points, needed in ((known, 5), (known[:0], 7)):
+        missing = int(proposer.missing(points).sum())
+        fewer, enough = proposer.propose(points, needed - 1), proposer.propose(points, needed)
+        assert fewer is not None and enough is not None
+        assert fewer.gain < enough.gain == missing
+    exact = proposer.propose_exact(known)
+    assert exact is not None and exact.optimal

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from snakemake.settings.types import DAGSettings
 
-from pipeline import sources, workflow
+from pipeline import sources
 from pipeline.config.composing import CONF, compose, dump
 from pipeline.config.schema import Config
 from pipeline.errors import InputError
@@ -26,7 +26,7 @@ CAMPAIGN = {"kind": "campaigns", "scenario": "F1", "strategy": "random", "versio
 def copy(folder: Path, config: Config) -> Path:
     """A copy of what the workflow needs, with a study's params.yaml."""
     for name in ("pipeline", "conf", "profiles", "models"):
-        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(ROOT / name, folder / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "Snakefile", folder)
     (folder / "params.yaml").write_text(dump(config, "test"))
     return folder
@@ -167,7 +167,7 @@ def test_a_step_depends_on_what_its_inputs_were_made_from() -> None:
 def test_only_a_whole_run_prints_its_verdict(monkeypatch: pytest.MonkeyPatch) -> None:
     study = plan()
     told: list[list[str]] = []
-    monkeypatch.setattr(workflow.subprocess, "run", lambda command, **_: told.append(command))
+    monkeypatch.setattr(subprocess, "run", lambda command, **_: told.append(command))
     for part in ({"targets": {"search"}}, {"targets": {study.folders.goals[0]}}, {"until": {"compare"}}, {"omit_from": {"report"}}):
         study.finish(DAGSettings(**{name: frozenset(values) for name, values in part.items()}))
     assert not told

@@ -6,23 +6,21 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.artefacts.dataset import TRUTH_FILE, read_dataset
+from pipeline.artefacts.dataset import read_dataset
 from pipeline.artefacts.model_card import read_card
-from pipeline.config.composing import compose
 from pipeline.detectors.evaluation import calibrate
 from pipeline.detectors.yolo.export import export_onnx
 from pipeline.detectors.yolo.weights import load_weights
-from pipeline.steps import render_base, train
+from pipeline.learning.versions import detect_all
+from tests.studies import ROOT, StudyFolder
 
 
 def test_a_shipped_base_is_calibrated_on_the_images_that_calibrate_the_versions_it_is_compared_with(tmp_path: Path) -> None:
-    config = compose("smoke", ["base_set.images=80", "base_set.validation_share=0.75"])
-    base_set, card = tmp_path / "base_set" / TRUTH_FILE, tmp_path / "base" / "model.json"
-    render_base.run(config, out=base_set, threads=1, progress=lambda *_: None)
-    train.run(config, base_set=base_set, out=card, checkpoint=card.with_name("c.pt"), threads=1, progress=lambda *_: None)
-    validation = read_dataset(base_set.parent, "val")
-    export_onnx(tmp_path / "plain.onnx", load_weights(card.with_name("weights.safetensors")), validation.size)
-    expected, found = calibrate(train.detect_all(tmp_path / "plain.onnx", validation), validation), read_card(card)
+    study = StudyFolder.composed(tmp_path, "smoke", ["base_set.images=80", "base_set.validation_share=0.75"])
+    assert study.run("render-base") == 0 and study.run("train") == 0
+    validation, made, shipped = read_dataset(study / "base_set", "val"), study / "models/base", ROOT / "models/base"
+    export_onnx(tmp_path / "plain.onnx", load_weights(made / "weights.safetensors"), validation.size)
+    expected, found = calibrate(detect_all(tmp_path / "plain.onnx", validation), validation), read_card(made / "model.json")
     assert found.calibration == pytest.approx({"slope": expected.slope, "offset": expected.offset})
-    assert found.calibration != read_card(Path(config.base.weights) / "model.json").calibration
-    assert found.weights_sha256 == read_card(Path(config.base.weights) / "model.json").weights_sha256
+    assert found.calibration != read_card(shipped / "model.json").calibration
+    assert found.weights_sha256 == read_card(shipped / "model.json").weights_sha256

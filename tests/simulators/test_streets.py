@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -39,7 +39,8 @@ def test_a_scenario_is_what_its_table_says(name: str) -> None:
 
 
 def test_the_street_frames_agree_with_the_world() -> None:
-    for side, sign in (("left", 1), ("right", -1)):
+    sides: tuple[tuple[Literal["left", "right"], int], ...] = (("left", 1), ("right", -1))
+    for side, sign in sides:
         town = Town(seed=0, junction=Junction(x_m=10, side=side))
         main, street = streets(town)
         assert street.world(*street.local(3.3, 4.4)) == pytest.approx((3.3, 4.4))

@@ -1,42 +1,37 @@
-"""Writes the pages of docs/reference that the code determines, configuration.md and columns.md, or with --check compares them.
-
-python docs/generate.py [--check]
-"""
+"""Command `reference`: the pages of docs/reference that the code determines, configuration.md and columns.md."""
 
 from __future__ import annotations
 
+import argparse
 import inspect
 import sys
 from pathlib import Path
 from typing import Any
 
 import yaml
-from hydra.utils import get_class
 from pydantic import BaseModel
 
 from pipeline.artefacts.tables import TABLES
-from pipeline.config.composing import compose
+from pipeline.config.composing import CONF, compose
 from pipeline.config.schema import Config
 from pipeline.core.columns import Column
-from pipeline.simulators.mujoco.lens import CameraSettings
 
-FOLDER = Path(__file__).parent / "reference"
-CONF = Path(__file__).parents[1] / "conf"
+HELP = "Write the pages of docs/reference that the code determines."
+FOLDER = Path("docs/reference")
 GROUPS = {"sampler": "samplers.{}.", "detector": "detector.", "simulator": "simulator."}
 """Folders of conf/ whose files each name a class, and the keys that its parameters have."""
 PASSED = ("space", "seed", "constraints", "model", "scenario", "camera")
 """Parameters that a study's other keys give."""
 HEAD = """# Configuration
 
-Made by `python docs/generate.py` from `pipeline/config.py` and `conf/`. The value is that of `study=default`.
+Made by `python -m pipeline reference` from `pipeline/config/schema.py` and `conf/`. The value is that of `study=default`.
 
 | key | value | range | meaning |
 |---|---|---|---|
 """
-
 COLUMNS_HEAD = """# Columns of a campaign's tables
 
-Made by `python docs/generate.py`. A column's unit is in the Parquet field's metadata, too. Only floats can be without a value.
+Made by `python -m pipeline reference`. A column's unit is in the Parquet field's metadata, too. Only floats can be without a value.
 
 """
 TABLE_TEXTS = {
@@ -46,13 +41,29 @@ TABLE_TEXTS = {
     "frames": "A row for each `campaign.keep_every`-th frame.",
     "timings": "A row a test: wall clock, which no other table has.",
 }
-
-
 CHOICES = """## Strategies, detectors and simulators
 
 Each is a file of `conf/` that names a class, with the values of its parameters. One that the file does not name is set with a plus:
 `+samplers.neural.explore=0.3`.
 """
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--check", action="store_true", help="write nothing; exit code 1 if a page is out of date")
+    parser.add_argument("--out", type=Path, default=FOLDER, help="folder (default: %(default)s)")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the pages, or compare them."""
+    made = {options.out / name: page() for name, page in PAGES.items()}
+    stale = [path for path, text in made.items() if not path.exists() or path.read_text() != text]
+    for path in stale:
+        if options.check:
+            print(f"{path}: out of date; run python -m pipeline reference", file=sys.stderr)
+        else:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(made[path])
+    return 1 if stale and options.check else 0
 
 
 def rows(model: type[BaseModel], values: Any, prefix: str = "") -> list[str]:
@@ -71,6 +82,10 @@ def rows(model: type[BaseModel], values: Any, prefix: str = "") -> list[str]:
 
 def choices(group: str, prefix: str) -> list[str]:
     """A section for each file of a folder of conf/: what its class says of itself, and its parameters with their values."""
+    from hydra.utils import get_class
+
+    from pipeline.simulators.mujoco.lens import CameraSettings
+
     lines = []
     for path in sorted((CONF / group).glob("*.yaml")):
         body = yaml.safe_load(path.read_text())
@@ -113,20 +128,3 @@ def described(table: tuple[Column, ...]) -> list[str]:
 
 
 PAGES = {"configuration.md": configuration, "columns.md": columns}
-
-
-def main() -> int:
-    """Write or check the pages."""
-    made = {FOLDER / name: page() for name, page in PAGES.items()}
-    stale = [path for path, text in made.items() if not path.exists() or path.read_text() != text]
-    if "--check" in sys.argv:
-        for path in stale:
-            print(f"{path}: out of date; run python docs/generate.py", file=sys.stderr)
-        return 1 if stale else 0
-    for path in stale:
-        path.write_text(made[path])
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -13,6 +13,8 @@ from PIL import Image
 
 from pipeline.__main__ import main
 
+pytestmark = pytest.mark.usefixtures("short_annealing")
+
 SPACE = """
 variables:
   weather: {values: [sunny, cloudy, rainy]}
