@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from pipeline.report.page import Drawing, Film, Page, Part, Section, Table, render
+from pipeline.report.page import Drawing, Film, Page, Passage, Section, Table, render
 
 SVG = '<svg viewBox="0 0 1 1"><path d="M0 0"/></svg>'
 
 
-def page(*parts: Part, headline: str = "headline", texts: tuple[str, ...] = ()) -> str:
+def page(*parts: Passage, headline: str = "headline", texts: tuple[str, ...] = ()) -> str:
     return render(Page("smoke", headline, (Section("Verdict", texts, parts),)))
 
 
 def test_texts_and_cells_are_escaped_and_figures_are_not() -> None:
     table = Table(("rule",), (("fog >= 40 & sun < 0",),))
-    text = page(Part("<t>", "<p>", table, (Drawing(SVG, "<how>"),)), headline="<b>", texts=("<i>",))
+    text = page(Passage("<t>", "<p>", table, (Drawing(SVG, "<how>"),)), headline="<b>", texts=("<i>",))
     assert "fog &gt;= 40 &amp; sun &lt; 0" in text
     assert SVG in text
     for raw in ("<t>", "<how>", '<p class="lead"><b>', "<i>"):
@@ -23,7 +23,7 @@ def test_texts_and_cells_are_escaped_and_figures_are_not() -> None:
 
 def test_verdict_cells_and_columns_are_marked() -> None:
     rows = (("adaptive", "8 / 150", "better"), ("random", "23 / 150", "worse"))
-    text = page(Part(table=Table(("version", "failures", "verdict"), rows, numbers=(1,), codes=(0,))))
+    text = page(Passage(table=Table(("version", "failures", "verdict"), rows, numbers=(1,), codes=(0,))))
     assert '<td class=" better">better</td>' in text
     assert '<td class=" worse">worse</td>' in text
     assert '<td class="number ">8 / 150</td>' in text
@@ -31,7 +31,7 @@ def test_verdict_cells_and_columns_are_marked() -> None:
 
 
 def test_what_is_empty_is_left_out() -> None:
-    body = page(Part(text="only this")).partition("<main>")[2]
+    body = page(Passage(text="only this")).partition("<main>")[2]
     assert "only this" in body
     for tag in ("<h3", "<table", "<figure", "<video", 'class="films"', "<details", "<ul"):
         assert tag not in body
@@ -39,7 +39,7 @@ def test_what_is_empty_is_left_out() -> None:
 
 def test_folded_table_opens_by_a_click_and_notes_stand_below_it() -> None:
     table = Table(("version",), (("adaptive",),))
-    body = page(Part(table=table, folded="Every <pair>", notes=("first", "<second>"))).partition("<main>")[2]
+    body = page(Passage(table=table, folded="Every <pair>", notes=("first", "<second>"))).partition("<main>")[2]
     inside, _, after = body.partition("</details>")
     assert "<summary>Every &lt;pair&gt;</summary>" in inside and "<table>" in inside
     assert "<li>first</li><li>&lt;second&gt;</li>" in after
@@ -47,7 +47,7 @@ def test_folded_table_opens_by_a_click_and_notes_stand_below_it() -> None:
 
 def test_film_keeps_its_data_addresses() -> None:
     film = Film("F1 · random", "R1, most typical failure.", "data:video/mp4;base64,AAAA+/=", "data:image/jpeg;base64,BBBB")
-    text = page(Part("replays", replays=(film,)))
+    text = page(Passage("replays", replays=(film,)))
     assert 'src="data:video/mp4;base64,AAAA+/="' in text
     assert 'poster="data:image/jpeg;base64,BBBB"' in text
     assert "<strong>F1 · random</strong><br>R1, most typical failure." in text
