@@ -235,7 +235,7 @@ def test_failures_by_round_are_drawn_from_the_base_on(study: FabricatedStudy) ->
     second = adaptive.model_copy(update={"group": "adaptive-r2", "round": 2, "failures": Estimate(value=1, low=0, high=2)})
     figure = failures_by_round(comparison.model_copy(update={"groups": (*comparison.groups, second)}))
     bars = [bar for bar in figure.axes[0].containers if isinstance(bar, ErrorbarContainer)]
-    drawn = {bar.get_label(): np.asarray(bar.lines[0].get_data()) for bar in bars}
+    drawn = {bar.get_label(): np.asarray(bar.lines[0].get_data(), float) for bar in bars}
     assert drawn["adaptive"].round().tolist()[0] == [0, 1, 2]
     assert drawn["adaptive"][1].tolist() == [comparison.groups[0].failures.value, adaptive.failures.value, 1]
     assert drawn["control"].round().tolist()[0] == [0, 1]
