@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 from html.parser import HTMLParser
 
+import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.container import ErrorbarContainer
@@ -233,7 +234,8 @@ def test_failures_by_round_are_drawn_from_the_base_on(study: FabricatedStudy) ->
     adaptive = comparison.groups[-1]
     second = adaptive.model_copy(update={"group": "adaptive-r2", "round": 2, "failures": Estimate(value=1, low=0, high=2)})
     figure = failures_by_round(comparison.model_copy(update={"groups": (*comparison.groups, second)}))
-    lines = {line.get_label(): line for line in figure.axes[0].containers if isinstance(line, ErrorbarContainer)}
-    assert [round(x) for x in lines["adaptive"].lines[0].get_xdata()] == [0, 1, 2]
-    assert list(lines["adaptive"].lines[0].get_ydata()) == [comparison.groups[0].failures.value, adaptive.failures.value, 1]
-    assert [round(x) for x in lines["control"].lines[0].get_xdata()] == [0, 1]
+    bars = [bar for bar in figure.axes[0].containers if isinstance(bar, ErrorbarContainer)]
+    drawn = {bar.get_label(): np.asarray(bar.lines[0].get_data(), float) for bar in bars}
+    assert drawn["adaptive"].round().tolist()[0] == [0, 1, 2]
+    assert drawn["adaptive"][1].tolist() == [comparison.groups[0].failures.value, adaptive.failures.value, 1]
+    assert drawn["control"].round().tolist()[0] == [0, 1]
