@@ -36,6 +36,16 @@ SMALL = {
 }
 
 
+SEARCH = {"define_space", "campaign", "measure", "cluster", "compare"}
+FRONT_CAR = {name for name in step_names() if name.startswith("front_car")}
+STEPS = {
+    "smoke": set(step_names()) - FRONT_CAR - {"detector_report"},
+    "detectors": SEARCH | {"detector_report"},
+    "front_car": FRONT_CAR,
+}
+UNREAD: dict[str, set[tuple[str, str]]] = {"smoke": set(), "detectors": set(), "front_car": set()}
+
+
 @dataclass
 class Watch:
     """What was opened under a folder, and which keys of the config were read, while it is on."""
