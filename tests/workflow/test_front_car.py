@@ -64,15 +64,15 @@ def study(tmp_path_factory: pytest.TempPathFactory, config: Config) -> Path:
 
 def test_five_random_points_and_proposals_cover_every_pair(study: Path, config: Config) -> None:
     points = read(study / "points.json", Points)
-    space, constraints = config.front_car.space.space(), config.front_car.space.clauses()
+    space = config.front_car.space.space()
     categories = space.categorise(np.array([space.encode(dict(point.values)) for point in points.points]))
     assert [point.name for point in points.points[:6]] == ["E1", "E2", "E3", "E4", "E5", "G1"] and len(points.points) <= 11
     assert points.points[-1].covered == points.required == 69
-    assert constraints.holds(categories).all()
+    assert space.constraints.holds(categories).all()
     names = [point.name for point in points.points]
     for chosen in combinations(range(len(space)), 2):
         cells = np.array(first_covering(categories, names, space.sizes, chosen))
-        assert ((cells != "") == constraints.feasible_cells(chosen)).all()
+        assert ((cells != "") == space.constraints.feasible_cells(chosen)).all()
 
 
 def test_each_set_has_what_it_should(study: Path, config: Config) -> None:
