@@ -17,7 +17,7 @@ from pipeline.core.detections import Detections
 from pipeline.core.episode import Episode, Frame, KeptFrame
 from pipeline.core.matching import match
 from pipeline.core.signals import SIGNALS, TimeStep
-from pipeline.core.space import Floats, Space, Value
+from pipeline.core.space import Floats, Value
 from pipeline.core.truth import Truth
 from pipeline.protocols import Detector
 from pipeline.scenarios.functional import FunctionalScenario

@@ -20,6 +20,7 @@ from pipeline.config import composing
 from pipeline.config.composing import compose
 from pipeline.config.schema import Config
 from pipeline.core import kpi
+from pipeline.core.identity import CampaignId
 from pipeline.core.measures import pair_coverage
 from pipeline.detectors.scripted import BlindDetector
 from pipeline.errors import InputError
@@ -110,7 +111,7 @@ def test_the_constraints_travel_with_the_space(study: StudyFolder, config: Confi
 
 def test_a_full_pairwise_plan_covers_every_feasible_pair_and_breaks_no_clause(tests: pd.DataFrame, config: Config) -> None:
     space = config.space("G1")
-    key = ("G1", "pairwise", "base", 0)
+    key = CampaignId("G1", "pairwise", "base", 0)
     measured = measure_campaign(key, {key: tests}, {"G1": space}, "pairwise")
     assert measured.pair_coverage_tests == 1 == pair_coverage(space, encode_tests(tests, space))
     assert not ((tests["animation"] == "crouching") & (tests["pedestrian_speed"] >= 0.75)).any()
@@ -118,7 +119,7 @@ def test_a_full_pairwise_plan_covers_every_feasible_pair_and_breaks_no_clause(te
 
 
 def test_every_strategy_tests_what_the_constraints_allow(config: Config) -> None:
-    space, simulator = config.space("G1"), AnalyticSimulator(config.scenarios["G1"].model_dump())
+    space, simulator = config.space("G1"), AnalyticSimulator(config.scenarios["G1"])
     assert "centred" in config.samplers
     for name in config.samplers:
         sampler = instantiate(config.samplers[name], _partial_=True, _convert_="all")(space=space, seed=1)

@@ -14,7 +14,7 @@ from pipeline.core.constraints import Constraints
 from pipeline.core.coverage.annealing import Int32s
 from pipeline.core.coverage.arrays import covering_array
 from pipeline.core.coverage.counting import CellCounts
-from pipeline.core.coverage.problem import INFEASIBLE, Problem, feasible_row, lay_out
+from pipeline.core.coverage.problem import INFEASIBLE, feasible_row, lay_out
 from pipeline.core.coverage.projection import Demand, check_points, planes
 from pipeline.core.variable import Ints
 
