@@ -22,8 +22,6 @@ from pipeline.core.coverage.verification import verify as verify_rows
 from pipeline.core.space import Ints, Space
 from pipeline.errors import InputError
 from pipeline.progress import Progress
-from pipeline.report import coverage_plots as plots
-from pipeline.report.style import save_png
 
 MOST_CELLS = 200_000_000
 SHOWN = 12
@@ -184,6 +182,9 @@ def _total(path: Path, every: Iterable[Plane]) -> Coverage:
 
 
 def _draw(folder: Path, space: Space, rows: Ints, demand: Demand) -> list[Path]:
+    from pipeline.report import coverage_plots as plots
+    from pipeline.report.style import save_png
+
     paths = [folder / "growth.png"]
     save_png(plots.growth(growth(rows, demand), demand.k), paths[0])
     if len(space) >= 2:

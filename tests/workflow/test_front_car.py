@@ -18,6 +18,7 @@ from pipeline.artefacts.model_card import read_card
 from pipeline.artefacts.results import read
 from pipeline.config.composing import compose, dump
 from pipeline.config.schema import Config
+from pipeline.core.coverage.projection import Demand
 from pipeline.core.coverage.proposals import Proposer
 from pipeline.report.front_car_page import first_covering
 
@@ -143,7 +144,7 @@ def test_the_papers_example_is_completed_by_a_batch_of_five_and_needs_seven_from
     """Section 5. E1 to E5 as Table 1 tells them: all rainy and in the first lane; of E5 no more is told, so it is taken to be like E3."""
     domain = compose("front_car", []).front_car.space
     known = np.array([[2, 0, 1, 0, 1, 0], [2, 1, 1, 0, 1, 0], [2, 1, 0, 0, 0, 1], [2, 1, 1, 0, 1, 1], [2, 1, 0, 0, 0, 1]])
-    proposer = Proposer(domain.clauses(), 2)
+    proposer = Proposer(Demand(domain.space().constraints, 2))
     for points, needed in ((known, 5), (known[:0], 7)):
         missing = int(proposer.missing(points).sum())
         fewer, enough = proposer.propose(points, needed - 1), proposer.propose(points, needed)
