@@ -51,7 +51,7 @@ def test_values_fall_into_their_intervals() -> None:
 
 def test_values_of_a_grid_belong_to_the_nearest_category() -> None:
     speed = Variable("speed", "continuous", "m/s", 0, 3, 0.5)
-    assert categories_of(speed, np.array([0.0, 0.2, 0.3, 2.9])).tolist() == [0, 0, 1, 6]
+    assert categories_of(speed, [0.0, 0.2, 0.3, 2.9]).tolist() == [0, 0, 1, 6]
     assert categories_of(speed, ["0.2", "1.5"]).tolist() == [0, 3]
 
 
