@@ -17,7 +17,6 @@ from pipeline.artefacts.model_card import read_card
 from pipeline.config.composing import compose, functional_scenario
 from pipeline.core import kpi
 from pipeline.core.reliability import Calibration
-from pipeline.core.space import Space
 from pipeline.core.statistics import mcnemar
 from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.yolo.export import export_onnx
@@ -45,7 +44,7 @@ def main() -> None:
             detectors[name] = OnnxDetector(Path(folder) / f"{name}.onnx", threshold=threshold)
         for scenario in options.scenario:
             described = functional_scenario(scenario)
-            space = Space.from_dict(described.space)
+            space = described.logical_space()
             simulator = MujocoSimulator(described)
             for point in space.sample(options.tests, np.random.default_rng(sampler_seed(scenario, 0))):
                 for name, detector in detectors.items():

@@ -21,6 +21,7 @@ from pipeline.artefacts.space_file import read_space_file
 from pipeline.core.constraints import Constraints, Literal
 from pipeline.core.coverage.arrays import Effort, covering_array
 from pipeline.core.coverage.counting import CellCounts
+from pipeline.core.coverage.projection import Demand
 from pipeline.core.coverage.proposals import Proposer
 from pipeline.core.coverage.verification import verify
 
@@ -95,7 +96,7 @@ def cells() -> None:
 def proposals() -> None:
     """A proposal at n = 50, k = 2 against the exact solver's after 20 s; the paper's domain by batches."""
     limits = Constraints((4,) * 50)
-    proposer, rows = Proposer(limits, 2), covering_array(limits).rows
+    proposer, rows = Proposer(Demand(limits, 2)), covering_array(limits).rows
     proposer.propose(rows[:5])  # Compiles.
     for known in (0, 10, 25):
         begun = time.perf_counter()
@@ -108,7 +109,7 @@ def proposals() -> None:
     from pipeline.config.composing import compose
 
     domain = compose("front_car", []).front_car.space
-    every, front = domain.feasible_points(), Proposer(domain.clauses(), 2)
+    every, front = domain.feasible_points(), Proposer(Demand(domain.space().constraints, 2))
     batches, single, slowest = [], [], 0.0
     for seed in range(20):
         points = every[np.random.default_rng(seed).choice(len(every), 5, replace=False)]

@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 
 from pipeline.config.composing import compose, functional_scenario
-from pipeline.core.space import Space
 from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.yolo.export import onnx_of
 from pipeline.simulators.mujoco import camera, lens
@@ -60,7 +59,7 @@ def main() -> None:
 def measure(name: str, tests: int, detector: OnnxDetector) -> None:
     """Time one scenario."""
     described = functional_scenario(name)
-    space = Space.from_dict(described.space)
+    space = described.logical_space()
     simulator = MujocoSimulator(described)
     simulator.execute(space.decode(space.sample(1, np.random.default_rng(0))[0]), detector)  # Warm up.
     SPENT.clear()

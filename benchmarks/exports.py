@@ -23,13 +23,12 @@ def export(folder: Path, frames: Path | None) -> None:
     from pipeline.artefacts.openscenario import open_drive, write_openscenario, xml_bytes
     from pipeline.commands.simulate import concrete_scenario
     from pipeline.config.composing import CONF, functional_scenario
-    from pipeline.core.space import Space
     from pipeline.scenarios.streets import Town
 
     for path in sorted((CONF / "scenario").glob("[!_]*.yaml")):
         scenario = functional_scenario(path.stem)
         words = ["fog=30", "rain=40", "pedestrian_shift=0.2"]
-        write_openscenario(scenario, concrete_scenario(Space.from_dict(scenario.space), words), folder / path.stem)
+        write_openscenario(scenario, concrete_scenario(scenario.logical_space(), words), folder / path.stem)
     (folder / "curved.xodr").write_bytes(xml_bytes(open_drive(Town(seed=0, lanes_ahead=2, curvature_1pm=-0.01))))
     if frames:
         export_frames(frames, folder / "frames", 60.0, 0.0)

@@ -15,7 +15,6 @@ from tqdm import tqdm
 
 from pipeline.config.composing import compose, functional_scenario
 from pipeline.core import kpi
-from pipeline.core.space import Space
 from pipeline.core.statistics import wilson_interval
 from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.scripted import VisiblePixelOracle
@@ -43,7 +42,7 @@ def main() -> None:
         detector = detector_named(options.detector, Path(folder))
         for name in options.scenario:
             described = functional_scenario(name)
-            space, simulator = Space.from_dict(described.space), MujocoSimulator(described)
+            space, simulator = described.logical_space(), MujocoSimulator(described)
             points = space.sample(options.tests, np.random.default_rng(sampler_seed(name, 5)))
             modes: Counter[str] = Counter()
             for point in tqdm(points, desc=name, unit="test", mininterval=2):

@@ -31,7 +31,7 @@ def main() -> None:
     parser.add_argument("--memory", type=int, default=0, metavar="N", help="instead, watch the memory over N executions in one process")
     options = parser.parse_args()
     scenario, study = functional_scenario(options.scenario), compose("default", [])
-    space = Space.from_dict(scenario.space)
+    space = scenario.logical_space()
     with tempfile.TemporaryDirectory() as folder:
         onnx = onnx_of(Path("models/base"), Path(folder))
         if options.memory:

@@ -15,7 +15,6 @@ import numpy as np
 
 from pipeline.config.composing import compose, functional_scenario
 from pipeline.core import kpi
-from pipeline.core.space import Space
 from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.yolo.export import onnx_of
 from pipeline.execution.campaign import sampler_seed
@@ -39,7 +38,7 @@ def main() -> None:
         detectors = {threshold: OnnxDetector(onnx, threshold=threshold) for threshold in options.threshold}
         for order, scenario in enumerate(options.scenario):
             described = functional_scenario(scenario)
-            space = Space.from_dict(described.space)
+            space = described.logical_space()
             simulator = MujocoSimulator(described)
             points = space.sample(options.tests, np.random.default_rng(sampler_seed(scenario, 0)))
             for done, point in enumerate(points, start=order * options.tests + 1):

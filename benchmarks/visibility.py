@@ -17,7 +17,6 @@ from tqdm import tqdm
 
 from pipeline.config.composing import CONF, functional_scenario
 from pipeline.core.episode import Frame
-from pipeline.core.space import Space
 from pipeline.core.statistics import wilson_interval
 from pipeline.detectors.scripted import BlindDetector
 from pipeline.execution.campaign import sampler_seed
@@ -49,7 +48,7 @@ class Seen(NamedTuple):
 def frames(name: str, tests: int) -> list[Seen]:
     """The frames of a scenario that count."""
     described = functional_scenario(name)
-    space, simulator = Space.from_dict(described.space), MujocoSimulator(described)
+    space, simulator = described.logical_space(), MujocoSimulator(described)
     found = []
     try:
         for point in tqdm(space.sample(tests, np.random.default_rng(sampler_seed(name, 17))), desc=name, unit="test", mininterval=2):

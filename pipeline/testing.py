@@ -29,6 +29,7 @@ def check_sampler(factory: Callable[[], Sampler], space: Space, batches: int = 4
         assert points.ndim == 2 and points.shape[1] == len(space), f"ask must return (b, {len(space)}), got {points.shape}"
         assert len(points) > 0, "ask must return at least one point"
         assert np.isfinite(points).all() and (points >= low).all() and (points <= high).all(), "ask must stay within the space"
+        assert space.violation(points) is None, "ask must keep the constraints"
         assert np.array_equal(points, first.ask()), "ask twice without tell must give the same points"
         # A made-up KPI with a failure region and a broken simulation.
         values = np.where(points[:, 0] > (low[0] + high[0]) / 2, 0.05, 1.0)

@@ -29,3 +29,17 @@ SMALL = Space(
         Variable("kind", "categorical", values=("a", "b", "c")),
     )
 )
+
+CONSTRAINED = Space(SMALL.variables, (("kind != a", "count = 1"), ("x != 10",)))
+"""Of kind a only with count 1, and without the highest x."""
+
+CUT = Space(
+    (
+        Variable("fog", "continuous", "%", 0, 100, cuts=(20, 50)),
+        Variable("azimuth", "continuous", "deg", 0, 360, cyclic=True, cuts=(45, 135, 225, 315)),
+        Variable("lit", "categorical", values=("no", "yes")),
+        Variable("speed", "continuous", "m/s", 0, 3, 0.5),
+    ),
+    (("fog = [0, 20)", "lit = yes"), ("azimuth != [315, 45)", "lit = no")),
+)
+"""Parts between cuts as categories, one of them over the ends of a circle."""

@@ -10,7 +10,7 @@ import pandas as pd
 
 from pipeline.artefacts.points import encode_tests
 from pipeline.artefacts.results import CampaignMeasures, Estimate, Modes, StrategyMeasures
-from pipeline.core.coverage.projection import projection_coverage
+from pipeline.core.coverage.projection import Demand, projection_coverage
 from pipeline.core.identity import CampaignId
 from pipeline.core.measures import c_measure, f_measure, failure_sequence, pair_coverage
 from pipeline.core.space import Ints, Space
@@ -66,7 +66,7 @@ def count_modes(tests: pd.DataFrame) -> Modes:
 def _projection(space: Space, categories: Ints) -> float:
     """Coverage in which every cell asks for `TESTS_WANTED` tests, so that it still tells campaigns apart that cover all pairs."""
     weights = [np.full(size, TESTS_WANTED) for size in space.sizes]
-    return projection_coverage(categories, space.sizes, PROJECTION_K, weights=weights, combine="max").ratio
+    return projection_coverage(categories, Demand(space.constraints, PROJECTION_K, weights, "max")).ratio
 
 
 def by_strategy(campaigns: Sequence[CampaignMeasures]) -> list[list[CampaignMeasures]]:

@@ -10,7 +10,7 @@ from pipeline.errors import InputError
 
 
 def encode_tests(tests: pd.DataFrame, space: Space) -> Floats:
-    """(n, d) points of the rows of tests.parquet; InputError that names the row whose value does not fit the space."""
+    """(n, d) points of the rows of tests.parquet; InputError that names the test that does not fit the space or breaks its constraints."""
     points = np.empty((len(tests), len(space)))
     for column, variable in enumerate(space.variables):
         if variable.name not in tests:
@@ -20,6 +20,8 @@ def encode_tests(tests: pd.DataFrame, space: Space) -> Floats:
                 points[row, column] = variable.encode(value)
             except ValueError as error:
                 raise InputError(f"test {tests['test_id'].iloc[row]}: {error}; make the campaign again") from error
+    if broken := space.violation(points):
+        raise InputError(f"test {tests['test_id'].iloc[broken[0]]} {broken[1]}; make the campaign again")
     return points
 
 

@@ -39,6 +39,7 @@ def write_space(path: Path, info: ScenarioInfo, space: Space) -> None:
             "town": info.town,
             "sizes": dict(zip(space.names, space.sizes, strict=True)),
             "variables": space.to_dict(),
+            **({"constraints": [list(clause) for clause in space.clauses]} if space.clauses else {}),
         },
     )
 
@@ -50,6 +51,6 @@ def read_space(path: Path) -> tuple[ScenarioInfo, Space]:
         if plain["format"] != FORMAT:
             raise ValueError(f"format must be {FORMAT}, got {plain['format']!r}")
         info = ScenarioInfo(plain["scenario"], plain["label"], plain["description"], plain["pairs"], plain["town"])
-        return info, Space.from_dict(plain["variables"])
+        return info, Space.from_dict(plain["variables"], plain.get("constraints", ()))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(f"{path}: expected a scenario space, got {error!r}; make it again with define-space") from error

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from pipeline.commands.simulate import concrete_scenario
 from pipeline.config.composing import functional_scenario
-from pipeline.core.space import Space
 
 HELP = "Write one concrete scenario as OpenSCENARIO and OpenDRIVE."
 
@@ -23,7 +22,7 @@ def run(options: argparse.Namespace) -> int:
     from pipeline.artefacts.openscenario import write_openscenario
 
     described = functional_scenario(options.scenario)
-    concrete = concrete_scenario(Space.from_dict(described.space), options.assignments)
+    concrete = concrete_scenario(described.logical_space(), options.assignments)
     for path in write_openscenario(described, concrete, options.out):
         print(path)
     return 0

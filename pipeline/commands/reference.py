@@ -20,7 +20,7 @@ HELP = "Write the pages of docs/reference that the code determines."
 FOLDER = Path("docs/reference")
 GROUPS = {"sampler": "samplers.{}.", "detector": "detector.", "simulator": "simulator."}
 """Folders of conf/ whose files each name a class, and the keys that its parameters have."""
-PASSED = ("space", "seed", "constraints", "model", "scenario", "camera")
+PASSED = ("space", "seed", "model", "scenario", "camera")
 """Parameters that a study's other keys give."""
 HEAD = """# Configuration
 

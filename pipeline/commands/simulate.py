@@ -43,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
     if options.out.suffix not in (".mp4", ".gif"):
         raise InputError(f"--out: a replay is an .mp4 or a .gif, got {options.out.name}")
     described = functional_scenario(options.scenario)
-    space = Space.from_dict(described.space)
+    space = described.logical_space()
     concrete = concrete_scenario(space, options.assignments)
     study = compose("default", [])
     with tempfile.TemporaryDirectory() as folder:

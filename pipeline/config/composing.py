@@ -28,13 +28,14 @@ def compose(study: str, overrides: Sequence[str]) -> Config:
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
 
-    studies = [path.stem for path in (CONF / "study").glob("*.yaml")]
-    if study not in studies:
+    if study not in (studies := _choices("study")):
         raise InputError(f"there is no study '{study}'{nearest(study, studies)}")
+    # The study comes after the strategies, whose parameters it may change.
+    first = [*(f"+sampler@samplers.{name}={name}" for name in _choices("sampler")), f"+study={study}"]
     with initialize_config_dir(str(CONF), version_base="1.3"):
 
         def composed(words: Sequence[str]) -> Any:
-            return OmegaConf.to_container(hydra_compose("config", overrides=[f"study={study}", *words]), resolve=True)
+            return OmegaConf.to_container(hydra_compose("config", overrides=[*first, *words]), resolve=True)
 
         plain = composed([])
         try:
@@ -51,9 +52,14 @@ def compose(study: str, overrides: Sequence[str]) -> Config:
     return config
 
 
+def _choices(group: str) -> list[str]:
+    """The files of a folder of conf/ by name, without those that others include."""
+    return sorted(path.stem for path in (CONF / group).glob("[!_]*.yaml"))
+
+
 def _scenarios(plain: Any) -> list[str]:
     """Overrides that load the scenarios of the lists `search` and `held_out` from conf/scenario."""
-    files = [path.stem for path in (CONF / "scenario").glob("[!_]*.yaml")]
+    files = _choices("scenario")
     words = []
     for key in ("search", "held_out"):
         for name in plain[key] if isinstance(plain[key], list) else []:
@@ -102,15 +108,12 @@ def load(path: Path = PARAMS) -> Config:
 def validate(plain: Any, source: str) -> Config:
     """Check plain data against the schema; InputError that names the source and the first wrong key."""
     try:
-        config = Config.model_validate(plain)
+        return Config.model_validate(plain)
     except ValidationError as error:
         message = _message(error)
         if source == "conf/" and (scenario := re.match(r"scenarios\.(\w+)", message)):
             source = f"conf/scenario/{scenario[1]}.yaml"
         raise InputError(f"{source}: {message}") from error
-    for name in config.scenarios:
-        config.space(name)
-    return config
 
 
 def _message(error: ValidationError) -> str:

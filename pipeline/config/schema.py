@@ -14,7 +14,6 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 from pipeline.core.lineage import Version, versions
 from pipeline.core.names import nearest
 from pipeline.core.space import Space
-from pipeline.errors import InputError
 from pipeline.scenarios.front_car import FrontCar
 from pipeline.scenarios.functional import FunctionalScenario
 
@@ -229,7 +228,7 @@ class Config(_Section):
         for name in self.campaign.transfer:
             _known("campaign.transfer", name, self.strategies)
         for other in self.search[1:] if self.campaign.transfer else ():
-            if self.scenarios[other].space != self.scenarios[self.search[0]].space:
+            if self.space(other) != self.space(self.search[0]):
                 raise ValueError(
                     f"campaign.transfer: {other} has another space than {self.search[0]}, but what is known of tests needs one space"
                 )
@@ -245,7 +244,7 @@ class Config(_Section):
             raise ValueError(f"held_out must not be searched: {', '.join(sorted(both))} is in both lists")
         for unseen in self.held_out:
             first = self.held_out[0]
-            if self.scenarios[unseen].space != self.scenarios[first].space:
+            if self.space(unseen) != self.space(first):
                 raise ValueError(f"held_out: {unseen} has another space than {first}; scenarios that are compared together share one")
             for searched in self.search:
                 if self.scenarios[unseen].town.fingerprint == self.scenarios[searched].town.fingerprint:
@@ -283,11 +282,8 @@ class Config(_Section):
         return versions(self.retraining.rounds, self.retraining.seeds)
 
     def space(self, scenario: str) -> Space:
-        """The logical scenario space of a scenario; InputError that names the variable that is wrong."""
-        try:
-            return Space.from_dict(self.scenarios[scenario].space)
-        except (TypeError, ValueError) as error:
-            raise InputError(f"scenarios.{scenario}.space: {error}") from error
+        """The logical scenario space of a scenario."""
+        return self.scenarios[scenario].logical_space()
 
 
 def _known(key: str, name: str, known: Iterable[str]) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pysat.solvers import Solver
 
-from pipeline.core.space import Ints, Space
+from pipeline.core.variable import Ints
 
 Bools = NDArray[np.bool_]
 SOLVER = "minisat22"
@@ -244,15 +244,6 @@ class _Encoding:
         self._found += 1
 
 
-def parse_constraints(space: Space, clauses: Sequence[Sequence[str]]) -> Constraints:
-    """Constraints from text: each clause a list of `name = category` or `name != category`, of which one must hold.
-
-    Raises ValueError that names the literal, what was expected and what came.
-    """
-    labels = {variable.name: variable.labels for variable in space.variables}
-    return Constraints(space.sizes, tuple(tuple(parse_literal(text, labels) for text in clause) for clause in clauses))
-
-
 def parse_literal(text: str, labels: Mapping[str, Sequence[str]]) -> Literal:
     """One literal. labels: of the categories of each variable, in order."""
     equal = "!=" not in text
@@ -262,11 +253,21 @@ def parse_literal(text: str, labels: Mapping[str, Sequence[str]]) -> Literal:
     if name not in labels:
         raise ValueError(f"constraint {text!r}: variable must be one of {_some(labels, name)}; got {name!r}")
     if category not in labels[name]:
-        raise ValueError(f"constraint {text!r}: category must be one of {_some(labels[name], category)}; got {category!r}")
+        nearest = _nearest(labels[name], category, 1)
+        meant = f"; did you mean '{nearest[0]}'?" if nearest else ""
+        raise ValueError(f"constraint {text!r}: category must be one of {_some(labels[name], category)}; got {category!r}{meant}")
     return Literal(list(labels).index(name), list(labels[name]).index(category), equal)
 
 
 def _some(names: Sequence[str] | Mapping[str, Any], wrong: str) -> str:
     """The names, or where they are many, those most like a wrong one."""
     known = list(names)
-    return ", ".join(known if len(known) <= 12 else [*difflib.get_close_matches(wrong, known, n=3, cutoff=0), "…"])
+    return ", ".join(known if len(known) <= 12 else [*_nearest(known, wrong, 3, cutoff=0), "…"])
+
+
+def _nearest(names: Sequence[str], wrong: str, count: int, cutoff: float = 0.5) -> list[str]:
+    """The names most like a wrong one: by value if all are numbers, else by spelling."""
+    try:
+        return sorted(names, key=lambda name: abs(float(name) - float(wrong)))[:count]
+    except ValueError:
+        return difflib.get_close_matches(wrong, names, n=count, cutoff=cutoff)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from pipeline.core.constraints import Constraints
-from pipeline.core.coverage.projection import projection_coverage
-from pipeline.core.space import Floats, Space
-
-Ints = NDArray[np.int64]
+from pipeline.core.coverage.projection import Demand, projection_coverage
+from pipeline.core.space import Floats, Ints, Space
 
 
 def failure_sequence(failures: ArrayLike) -> Ints:
@@ -43,9 +42,14 @@ def c_measure(theta: Ints, baseline: Ints) -> tuple[int, float | None]:
     return n, None if needed is None else 1 - needed / reference
 
 
-def pair_coverage(space: Space, points: Floats, constraints: Constraints | None = None) -> float:
+def feasible_pairs(space: Space) -> int:
+    """Number of pairs of categories of different variables that a feasible point has."""
+    return sum(int(space.constraints.feasible_cells(pair).sum()) for pair in combinations(range(len(space)), 2))
+
+
+def pair_coverage(space: Space, points: Floats) -> float:
     """Share of the feasible pairs of categories that the points (n, d) cover, in [0, 1] (thesis section 6.1)."""
-    return projection_coverage(space.categorise(points), space.sizes, 2, constraints=constraints).ratio
+    return projection_coverage(space.categorise(points), Demand(space.constraints, 2)).ratio
 
 
 def coverage_curve(space: Space, points: Floats) -> Ints:

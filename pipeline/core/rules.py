@@ -102,7 +102,7 @@ def _condition(index: int, variable: Variable, members: Floats) -> Condition | N
 
 def _outward(variable: Variable, low: float, high: float) -> tuple[float, float]:
     """Round the bounds outwards to half a step, so that a rule reads like a person's, and keep them in the range."""
-    unit = variable.step / 2
+    unit = variable.rounding
     down, up = np.floor((low - variable.low) / unit) * unit, np.ceil((high - variable.low) / unit) * unit
     return max(variable.low, variable.low + float(down)), min(variable.high, variable.low + float(up))
 
@@ -115,7 +115,7 @@ def _arc(index: int, variable: Variable, column: Floats) -> Condition | None:
     widest = int(np.argmax(gaps))
     if gaps[widest] < 0.25 * period:
         return None
-    unit = variable.step / 2
+    unit = variable.rounding
     low = float(np.floor((ordered[(widest + 1) % len(ordered)] - variable.low) / unit) * unit + variable.low)
     high = float(np.ceil((ordered[widest] - variable.low) / unit) * unit + variable.low)
     return Condition(index, low, min(high, variable.high))

@@ -1,138 +1,39 @@
-"""The logical scenario space S = S1 x ... x Sn (thesis Def. 4.2) and its encoding as arrays."""
+"""A space S = S1 x ... x Sn of variables with constraints (thesis Def. 4.2; Cheng et al., Def. 1) and its encoding as arrays."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from functools import cached_property
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Value = float | str
-"""A scenario variable's value: a number in the variable's unit, or the name of a category."""
-Kind = Literal["continuous", "integer", "categorical"]
-TOLERANCE = 1e-9
+from pipeline.core.constraints import Constraints, parse_literal
+from pipeline.core.variable import Floats, Ints, Kind, Value, Variable
 
-
-@dataclass(frozen=True)
-class Variable:
-    """One scenario variable.
-
-    A continuous or integer one has bounds `low` to `high` in `unit`, and a `step`: its categories, which coverage counts, are
-    the grid values low, low + step, ... (a value belongs to the nearest one). A cyclic one identifies `high` with `low`.
-    A categorical one has `values` and is encoded by its index. `attributes` are numbers that are known of each of its values, such as
-    the height of a pedestrian; they say which values are alike, to those who learn from results.
-    """
-
-    name: str
-    kind: Kind
-    unit: str = ""
-    low: float = 0.0
-    high: float = 0.0
-    step: float = 0.0
-    cyclic: bool = False
-    values: tuple[str, ...] = ()
-    attributes: tuple[tuple[str, tuple[float, ...]], ...] = ()
-
-    def __post_init__(self) -> None:
-        if self.kind == "categorical":
-            if not self.values or len(set(self.values)) != len(self.values):
-                raise ValueError(f"variable '{self.name}': values must be distinct and not empty, got {self.values}")
-            for name, numbers in self.attributes:
-                if len(numbers) != len(self.values):
-                    raise ValueError(
-                        f"variable '{self.name}': attribute '{name}' must have {len(self.values)} numbers, one a value, got {len(numbers)}"
-                    )
-        elif self.attributes:
-            raise ValueError(f"variable '{self.name}': only the values of a categorical variable have attributes")
-        elif not self.low < self.high:
-            raise ValueError(f"variable '{self.name}': low must be below high, got {self.low} to {self.high}")
-        elif not 0 < self.step <= self.high - self.low:
-            raise ValueError(f"variable '{self.name}': step must be in (0, {self.high - self.low}], got {self.step}")
-        elif self.cyclic and abs((self.high - self.low) / self.step - self.size) > TOLERANCE:
-            raise ValueError(f"variable '{self.name}': step must divide the circle of {self.high - self.low:g}, got {self.step}")
-
-    @property
-    def size(self) -> int:
-        """Number of categories."""
-        if self.kind == "categorical":
-            return len(self.values)
-        return int(np.floor((self.high - self.low) / self.step + TOLERANCE)) + (0 if self.cyclic else 1)
-
-    @property
-    def grid(self) -> Floats:
-        """(size,) the representative of each category, encoded."""
-        if self.kind == "categorical":
-            return np.arange(self.size, dtype=float)
-        return np.minimum(self.low + self.step * np.arange(self.size, dtype=np.float64), self.high)  # 3 * 0.2 is more than 0.6.
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """(size,) the name of each category."""
-        return self.values or tuple(f"{value:g}" for value in self.grid)
-
-    def categorise(self, values: Floats) -> Ints:
-        """(n,) encoded values to (n,) category indices."""
-        if self.kind == "categorical":
-            return values.astype(np.int64)
-        index = np.floor((values - self.low) / self.step + 0.5).astype(np.int64)
-        return index % self.size if self.cyclic else np.clip(index, 0, self.size - 1)
-
-    def scale(self, unit: Floats) -> Floats:
-        """(n,) uniform numbers in [0, 1) to encoded values."""
-        if self.kind == "categorical":
-            return np.minimum(np.floor(unit * self.size), self.size - 1)
-        if self.kind == "integer":
-            count = self.high - self.low + 1
-            return np.minimum(self.low + np.floor(unit * count), self.high)
-        return self.low + unit * (self.high - self.low)
-
-    def within(self, categories: Ints, unit: Floats) -> Floats:
-        """(n,) category indices to encoded values that lie as far inside their categories as (n,) numbers in [0, 1) say."""
-        values = self.grid[categories]
-        if self.kind == "categorical":
-            return values
-        if self.kind == "integer":
-            first, last = np.ceil(values - self.step / 2), np.ceil(values + self.step / 2) - 1
-            first, last = np.maximum(first, self.low), self._ends(categories, last)
-            return np.asarray(np.minimum(first + np.floor(unit * (last - first + 1)), last))
-        first, last = values - self.step / 2, values + self.step / 2
-        if self.cyclic:
-            return np.asarray(self.low + (first + self.step * unit - self.low) % (self.high - self.low))
-        first, last = np.maximum(first, self.low), self._ends(categories, last)
-        return np.asarray(first + unit * (last - first))
-
-    def _ends(self, categories: Ints, last: Floats) -> Floats:
-        """Where categories end: the last one has what the steps leave over, too."""
-        return np.where(categories == self.size - 1, self.high, np.minimum(last, self.high))
-
-    def encode(self, value: float | str) -> float:
-        """One value to its number; ValueError that names the variable, what was expected and what came."""
-        if self.kind == "categorical":
-            if value not in self.values:
-                raise ValueError(f"{self.name} must be one of {', '.join(self.values)}; got {value!r}")
-            return float(self.values.index(str(value)))
-        if isinstance(value, str) or not np.isfinite(value) or not self.low <= value <= self.high:
-            raise ValueError(f"{self.name} must be in [{self.low:g}, {self.high:g}] {self.unit}, got {value!r}")
-        return float(value)
-
-    def decode(self, number: float) -> float | str:
-        """Inverse of `encode`."""
-        return self.values[int(number)] if self.kind == "categorical" else float(number)
+__all__ = ["Floats", "Ints", "Kind", "Space", "Value", "Variable"]
+MAX_DRAWS = 1000
 
 
 @dataclass(frozen=True)
 class Space:
-    """A logical scenario space. Points are (n, d) float64 arrays, columns in the order of `variables`."""
+    """Variables, and clauses that every point must satisfy. Points are (n, d) float64 arrays, columns in the order of `variables`.
+
+    clauses: each holds where one of its literals `variable = category` or `variable != category` does.
+
+    Raises ValueError for a name that two variables have, a wrong literal, and clauses that no point satisfies together.
+    """
 
     variables: tuple[Variable, ...]
+    clauses: tuple[tuple[str, ...], ...] = ()
 
     def __post_init__(self) -> None:
         if not self.variables or len(set(self.names)) != len(self.names):
             raise ValueError(f"a space needs variables with distinct names, got {self.names}")
+        if core := self.constraints.contradiction() if self.clauses else ():
+            listed = "; ".join(f"[{', '.join(self.clauses[i])}]" for i in core)
+            raise ValueError(f"constraints: these contradict each other, so that no point is left: {listed}")
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -143,12 +44,31 @@ class Space:
         """Number of categories of each variable."""
         return tuple(variable.size for variable in self.variables)
 
+    @property
+    def weights(self) -> list[tuple[int, ...]]:
+        """Points that are wanted of each category of each variable."""
+        return [variable.weights or (1,) * variable.size for variable in self.variables]
+
+    @cached_property
+    def constraints(self) -> Constraints:
+        """The clauses by the indices of variables and categories."""
+        labels = {variable.name: variable.labels for variable in self.variables}
+        return Constraints(self.sizes, tuple(tuple(parse_literal(text, labels) for text in clause) for clause in self.clauses))
+
     def __len__(self) -> int:
         return len(self.variables)
 
     def sample(self, count: int, rng: np.random.Generator) -> Floats:
-        """(count, d) points, each variable independent and uniform (thesis Table 6.1, row 1)."""
-        return self.scale(rng.random((count, len(self))))
+        """(count, d) feasible points, independent and uniform (thesis Table 6.1, row 1)."""
+        points = self.scale(rng.random((count, len(self))))
+        if not self.clauses:
+            return points
+        for _ in range(MAX_DRAWS):
+            broken = ~self.constraints.holds(self.categorise(points))
+            if not broken.any():
+                return points
+            points[broken] = self.scale(rng.random((int(broken.sum()), len(self))))
+        raise ValueError(f"no feasible point in {MAX_DRAWS} draws: the constraints leave next to nothing of the space")
 
     def scale(self, unit: Floats) -> Floats:
         """(n, d) numbers in [0, 1) to points."""
@@ -167,36 +87,47 @@ class Space:
         unit = rng.random(categories.shape)
         return np.column_stack([v.within(categories[:, j], unit[:, j]) for j, v in enumerate(self.variables)])
 
-    def encode(self, concrete: Mapping[str, float | str]) -> Floats:
-        """One concrete scenario to a (d,) point; ValueError for a missing, unknown or out-of-range variable."""
+    def clause(self, index: int) -> str:
+        """A clause in words."""
+        return " or ".join(self.clauses[index])
+
+    def violation(self, points: Floats) -> tuple[int, str] | None:
+        """The first of (n, d) points that breaks a clause, and which one with which values, in words; None if none does."""
+        broken = self.constraints.first_broken(self.categorise(points)) if self.clauses else None
+        if broken is None:
+            return None
+        row, index = broken
+        concrete, named = self.decode(points[row]), {literal.variable for literal in self.constraints.clauses[index]}
+        values = ", ".join(f"{self.names[v]} = {_shown(concrete[self.names[v]])}" for v in sorted(named))
+        return row, f"breaks the constraint '{self.clause(index)}': {values}"
+
+    def encode(self, concrete: Mapping[str, Value]) -> Floats:
+        """One concrete scenario to a (d,) point; ValueError for a missing, unknown or out-of-range variable and a broken constraint."""
         if set(concrete) != set(self.names):
             missing, unknown = set(self.names) - set(concrete), set(concrete) - set(self.names)
             raise ValueError(f"variables must be {list(self.names)}; missing {sorted(missing)}, unknown {sorted(unknown)}")
-        return np.array([v.encode(concrete[v.name]) for v in self.variables])
+        point = np.array([v.encode(concrete[v.name]) for v in self.variables])
+        if broken := self.violation(point[None]):
+            raise ValueError(f"the scenario {broken[1]}")
+        return point
 
-    def decode(self, point: Floats) -> dict[str, float | str]:
+    def decode(self, point: Floats) -> dict[str, Value]:
         """One (d,) point to a concrete scenario."""
         return {v.name: v.decode(point[j]) for j, v in enumerate(self.variables)}
 
+    def names_of(self, categories: Ints) -> list[dict[str, str]]:
+        """(n, d) category indices to the names of the categories, by variable."""
+        return [{v.name: v.labels[int(c)] for v, c in zip(self.variables, row, strict=True)} for row in categories]
+
     def to_dict(self) -> dict[str, dict[str, Any]]:
-        """Plain data, `name: {kind, unit, ...}`, in order; `from_dict` reads it back."""
-        return {v.name: _plain(v) for v in self.variables}
+        """The variables as plain data, `name: {kind, unit, ...}`, in order; `from_dict` reads it back."""
+        return {v.name: v.to_dict() for v in self.variables}
 
     @staticmethod
-    def from_dict(plain: Mapping[str, Mapping[str, Any]]) -> Space:
-        return Space(tuple(_variable(name, body) for name, body in plain.items()))
+    def from_dict(variables: Mapping[str, Mapping[str, Any]], clauses: Sequence[Sequence[str]] = ()) -> Space:
+        """A space of variables as `to_dict` writes them, with constraints."""
+        return Space(tuple(Variable.from_dict(name, body) for name, body in variables.items()), tuple(tuple(c) for c in clauses))
 
 
-def _plain(variable: Variable) -> dict[str, Any]:
-    if variable.kind == "categorical":
-        known = {"attributes": {name: list(numbers) for name, numbers in variable.attributes}} if variable.attributes else {}
-        return {"kind": variable.kind, "values": list(variable.values), **known}
-    keys: Sequence[str] = ("kind", "unit", "low", "high", "step", "cyclic")
-    return {key: getattr(variable, key) for key in keys}
-
-
-def _variable(name: str, body: Mapping[str, Any]) -> Variable:
-    values: dict[str, Any] = {key: tuple(value) if key == "values" else value for key, value in body.items()}
-    if "attributes" in values:
-        values["attributes"] = tuple((key, tuple(float(number) for number in numbers)) for key, numbers in values["attributes"].items())
-    return Variable(name=name, **values)
+def _shown(value: Value) -> str:
+    return value if isinstance(value, str) else f"{value:g}"

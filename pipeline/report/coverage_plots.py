@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
-from pipeline.core.coverage.conditions import OperatingSpace
 from pipeline.core.coverage.projection import Plane
+from pipeline.core.space import Space
 from pipeline.report.style import INK, SERIES, panels, styled
 
 COLUMNS = 5
@@ -18,7 +18,7 @@ MOST_LABELS = 16
 SHADES = LinearSegmentedColormap.from_list("coverage", ["#e9927f", "#f6e3ac", "#b5dcc0"])
 
 
-def heat_maps(planes: Sequence[Plane], space: OperatingSpace) -> Figure:
+def heat_maps(planes: Sequence[Plane], space: Space) -> Figure:
     """Coverage of each cell of each plane of two conditions, least covered planes first; grey: no feasible point, or none required."""
     shown = sorted(planes, key=lambda plane: plane.coverage.ratio if plane.coverage else 2)[:MOST_PLANES]
     columns = min(COLUMNS, len(shown))
@@ -31,11 +31,11 @@ def heat_maps(planes: Sequence[Plane], space: OperatingSpace) -> Figure:
             share = np.where(plane.wanted > 0, np.minimum(plane.counts, plane.wanted) / np.maximum(plane.wanted, 1), np.nan)
             axis.set_facecolor("#c8ccd2")
             axis.imshow(np.ma.masked_invalid(share), cmap=SHADES, vmin=0, vmax=1, aspect="auto", interpolation="nearest")
-            first, second = (space.conditions[c] for c in plane.conditions)
+            first, second = (space.variables[v] for v in plane.variables)
             axis.set_title(f"{first.name} × {second.name}")
-            for ticks, condition in ((axis.set_yticks, first), (axis.set_xticks, second)):
-                if condition.size <= MOST_LABELS:
-                    ticks(range(condition.size), condition.labels)
+            for ticks, variable in ((axis.set_yticks, first), (axis.set_xticks, second)):
+                if variable.size <= MOST_LABELS:
+                    ticks(range(variable.size), variable.labels)
                 else:
                     ticks([])
             axis.tick_params(axis="x", rotation=45 if max(map(len, second.labels)) > 8 else 0)

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from pipeline.artefacts.dataset import SEGMENT_COLOURS
 from pipeline.artefacts.front_car_results import DetectorResult, Evaluation, Points
-from pipeline.core.constraints import Constraints
 from pipeline.core.space import Ints, Space
 from pipeline.core.statistics import wilson_interval
 from pipeline.report.page import Drawing, Page, Passage, Section, Table
@@ -33,7 +32,7 @@ def first_covering(categories: Ints, names: Sequence[str], sizes: Sequence[int],
     return cells
 
 
-def table(points: Points, categories: Ints, space: Space, constraints: Constraints) -> Figure:
+def table(points: Points, categories: Ints, space: Space) -> Figure:
     """A small table per plane of two conditions: the first point in each cell, or that the cell is infeasible (the paper's Table 1)."""
     planes = list(combinations(range(len(space)), 2))
     names = [point.name for point in points.points]
@@ -45,7 +44,7 @@ def table(points: Points, categories: Ints, space: Space, constraints: Constrain
                 continue
             chosen = planes[index]
             cells = first_covering(categories, names, space.sizes, chosen)
-            _small_table(axis, cells, constraints.feasible_cells(chosen), [space.variables[v].labels for v in chosen])
+            _small_table(axis, cells, space.constraints.feasible_cells(chosen), [space.variables[v].labels for v in chosen])
             axis.set_title(f"({chr(97 + index)}) " + " × ".join(space.names[v].replace("_", " ") for v in chosen))
     return figure
 

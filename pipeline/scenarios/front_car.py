@@ -7,7 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from pipeline.core.constraints import Constraints, parse_constraints
 from pipeline.core.space import Ints, Space, Variable
 
 CONDITIONS: Mapping[str, tuple[str, ...]] = {
@@ -46,29 +45,23 @@ class SnapshotSpace(BaseModel):
         for name, values in self.variables.items():
             if unknown := set(values) - set(CONDITIONS[name]):
                 raise ValueError(f"variables.{name} must be among {', '.join(CONDITIONS[name])}; got {', '.join(sorted(unknown))}")
-        clauses = self.clauses()
-        if not clauses.satisfiable({}):
-            raise ValueError("constraints: no point satisfies them all")
-        lanes, current = self.space().names.index("lanes"), self.space().names.index("current_lane")
+        space = self.space()
+        lanes, current = space.names.index("lanes"), space.names.index("current_lane")
         if {"1"} <= set(self.variables["lanes"]) and {"2"} <= set(self.variables["current_lane"]):
             fixed = {lanes: self.variables["lanes"].index("1"), current: self.variables["current_lane"].index("2")}
-            if clauses.satisfiable(fixed):
+            if space.constraints.satisfiable(fixed):
                 raise ValueError("constraints must exclude the second of one lane: add [lanes = 2, current_lane != 2]")
         return self
 
     def space(self) -> Space:
-        """The scenario space; ValueError for a condition without values or with one twice."""
-        return Space(tuple(Variable(name, "categorical", values=values) for name, values in self.variables.items()))
-
-    def clauses(self) -> Constraints:
-        """The constraints over it; ValueError that names a wrong literal."""
-        return parse_constraints(self.space(), self.constraints)
+        """The space; ValueError for a condition without values or with one twice, a wrong literal and contradictory constraints."""
+        return Space(tuple(Variable(name, "categorical", values=values) for name, values in self.variables.items()), self.constraints)
 
     def feasible_points(self) -> Ints:
         """(m, d) category indices of all points that the constraints allow, in their order."""
-        sizes = self.space().sizes
-        every = np.indices(sizes).reshape(len(sizes), -1).T
-        return np.asarray(every[self.clauses().holds(every)], np.int64)
+        space = self.space()
+        every = np.indices(space.sizes).reshape(len(space), -1).T
+        return np.asarray(every[space.constraints.holds(every)], np.int64)
 
 
 class FrontCar(BaseModel):

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from pipeline.core.footprints import Rectangle
 from pipeline.core.paths import Path, Pose
+from pipeline.core.space import Space
 from pipeline.scenarios.streets import Part, Town, on_asphalt
 
 VehicleKind = Literal["hatchback", "saloon", "van", "bus", "estate", "suv"]
@@ -72,7 +73,11 @@ class Actor(Part):
 
 
 class FunctionalScenario(Part):
-    """One functional scenario with its logical scenario space."""
+    """One functional scenario with its logical scenario space.
+
+    constraints: clauses that every test satisfies; a clause holds where one of its literals `variable = category` or
+    `variable != category` does.
+    """
 
     label: str
     description: str
@@ -81,6 +86,11 @@ class FunctionalScenario(Part):
     pedestrian: Crossing
     actors: dict[str, Actor] = Field(default_factory=dict)
     space: dict[str, dict[str, Any]]
+    constraints: tuple[tuple[str, ...], ...] = ()
+
+    def logical_space(self) -> Space:
+        """The scenario's variables with its constraints."""
+        return Space.from_dict(self.space, self.constraints)
 
     def conflict_s(self) -> float:
         """Where on the ego's route the conflict point lies, metres."""
@@ -95,6 +105,20 @@ class FunctionalScenario(Part):
         along, heading = (time_s - self.ego.horizon_s) * speed_mps + shift_m, float(np.radians(self.pedestrian.heading_deg))
         x, y = self.pedestrian.at
         return Pose(float(x + along * np.cos(heading)), float(y + along * np.sin(heading)), heading)
+
+    @field_validator("space")
+    @classmethod
+    def _variables(cls, plain: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+        try:
+            Space.from_dict(plain)
+        except TypeError as error:
+            raise ValueError(str(error)) from error
+        return plain
+
+    @model_validator(mode="after")
+    def _can_be_tested(self) -> FunctionalScenario:
+        self.logical_space()
+        return self
 
     @model_validator(mode="after")
     def _can_be_driven(self) -> FunctionalScenario:

@@ -17,7 +17,7 @@ from pipeline.core.detections import Detections
 from pipeline.core.episode import Episode, Frame, KeptFrame
 from pipeline.core.matching import match
 from pipeline.core.signals import SIGNALS, TimeStep
-from pipeline.core.space import Floats, Space, Value
+from pipeline.core.space import Floats, Value
 from pipeline.core.truth import Truth
 from pipeline.protocols import Detector
 from pipeline.scenarios.functional import FunctionalScenario
@@ -53,7 +53,7 @@ class AnalyticSimulator:
     """Executes concrete scenarios by formula. The detector gets a small image, but the outcome depends on the point alone."""
 
     def __init__(self, scenario: FunctionalScenario) -> None:
-        self._space = Space.from_dict(scenario.space)
+        self._space = scenario.logical_space()
 
     def planted(self, points: Floats) -> NDArray[np.int64]:
         """Index in `PLANTED` of the region that each point (n, d) lies in, -1 for none, as (n,)."""

@@ -14,9 +14,10 @@ STEP = Step(
 
 def run(job: Job) -> None:
     """Write the space of the scenario with its number of pairs of categories."""
+    from pipeline.core.measures import feasible_pairs
+
     name = job.wildcards["scenario"]
     body, space = job.config.scenarios[name], job.config.space(name)
-    sizes = space.sizes
-    pairs = sum(a * b for i, a in enumerate(sizes) for b in sizes[i + 1 :])
+    pairs = feasible_pairs(space)
     write_space(job.output("space"), ScenarioInfo(name, body.label, body.description, pairs, body.town.fingerprint), space)
     job.progress(1, 1, f"{len(space)} variables, {pairs} pairs")

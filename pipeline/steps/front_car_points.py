@@ -18,20 +18,21 @@ STEP = Step(
 
 def run(job: Job) -> None:
     """Write points.json: E1, E2, ... drawn without replacement, then G1, G2, ... proposed."""
-    from pipeline.core.coverage.projection import projection_coverage
+    from pipeline.core.coverage.projection import Demand, projection_coverage
     from pipeline.core.coverage.proposals import Proposer
 
     settings = job.config.front_car
-    space, constraints, feasible = settings.space.space(), settings.space.clauses(), settings.space.feasible_points()
+    space, feasible = settings.space.space(), settings.space.feasible_points()
     if settings.existing > len(feasible):
         raise InputError(f"front_car.existing must be at most {len(feasible)}, the number of feasible points; got {settings.existing}")
     drawn = np.random.default_rng(settings.seed).choice(len(feasible), settings.existing, replace=False)
     points = feasible[drawn]
-    for proposal in Proposer(constraints, settings.k).complete(points, exact=True):
+    demand = Demand(space.constraints, settings.k)
+    for proposal in Proposer(demand).complete(points, exact=True):
         points = np.vstack([points, proposal.categories])
     named, required = [], 0
     for i in range(len(points)):
-        coverage = projection_coverage(points[: i + 1], space.sizes, settings.k, constraints=constraints)
+        coverage = projection_coverage(points[: i + 1], demand)
         required = coverage.required
         values = {name: str(value) for name, value in space.decode(space.representatives(points[i : i + 1])[0]).items()}
         name = f"E{i + 1}" if i < settings.existing else f"G{i + 1 - settings.existing}"

@@ -37,14 +37,14 @@ def run(job: Job) -> None:
 
     root, plots = job.input("images").parent, {path.stem: path for path in job.outputs("plots")}
     known, result = read(job.input("points"), Points), read(job.input("evaluation"), Evaluation)
-    space, constraints = job.config.front_car.space.space(), job.config.front_car.space.clauses()
+    space = job.config.front_car.space.space()
     categories = space.categorise(np.array([space.encode(dict(point.values)) for point in known.points]))
     each, more = divmod(job.config.front_car.images, len(known.points))
     first = [i * each + min(i, more) for i in range(len(known.points))]
     images = [decode_jpeg(read_bytes(image_path(root, "train", index))) for index in first]
     classes = [np.asarray(Image.open(segments_path(root, "train", index))) for index in first]
     figures = {
-        "table": draw.table(known, categories, space, constraints),
+        "table": draw.table(known, categories, space),
         "growth": draw.growth(known),
         "gallery": draw.gallery([point.name for point in known.points], images, classes),
         "by_condition": draw.by_condition(result, space, job.config.comparison.confidence),

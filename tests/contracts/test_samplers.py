@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from pipeline.core.samplers.batches import BatchSampler
-from pipeline.core.samplers.coverage import CoverageSampler
-from pipeline.core.samplers.neural import NeuralSampler
-from pipeline.core.samplers.pairwise import PairwiseSampler
 from pipeline.core.samplers.random import RandomSampler
 from pipeline.core.space import Floats, Space
 from pipeline.protocols import Sampler
 from pipeline.testing import check_sampler
-from tests.spaces import SMALL, THESIS
+from tests.spaces import CONSTRAINED, SMALL, THESIS
+from tests.strategies import Strategy, strategies
 
 
-@pytest.mark.parametrize("space", [SMALL, THESIS], ids=["small", "thesis"])
-@pytest.mark.parametrize("make", [RandomSampler, NeuralSampler, PairwiseSampler, CoverageSampler])
-def test_samplers_keep_the_contract(make: type[BatchSampler], space: Space) -> None:
+@pytest.mark.parametrize("space", [SMALL, THESIS, CONSTRAINED], ids=["small", "thesis", "constrained"])
+@pytest.mark.parametrize("make", strategies().values(), ids=strategies().keys())
+def test_samplers_keep_the_contract(make: Strategy, space: Space) -> None:
     assert isinstance(make(space, 0), Sampler)
     check_sampler(lambda: make(space, 5), space)
 
@@ -38,7 +37,16 @@ class Outside(RandomSampler):
         return super().ask() + 1e6
 
 
-@pytest.mark.parametrize(("make", "message"), [(Forgetful, "ask twice"), (Outside, "within the space")])
+class Heedless(RandomSampler):
+    """Knows no constraints."""
+
+    def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
+        return self.space.scale(rng.random((self.batch_size, len(self.space))))
+
+
+@pytest.mark.parametrize(
+    ("make", "message"), [(Forgetful, "ask twice"), (Outside, "within the space"), (Heedless, "ask must keep the constraints")]
+)
 def test_the_checker_finds_broken_samplers(make: type[BatchSampler], message: str) -> None:
     with pytest.raises(AssertionError, match=message):
-        check_sampler(lambda: make(SMALL, 0), SMALL)
+        check_sampler(lambda: make(CONSTRAINED, 0), CONSTRAINED)

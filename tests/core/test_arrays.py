@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.core.constraints import Constraints, Literal
 from pipeline.core.coverage.arrays import Effort, covering_array, lower_bound, order_by_new_pairs
-from pipeline.core.coverage.projection import projection_coverage
+from pipeline.core.coverage.projection import Demand, projection_coverage
 from pipeline.core.coverage.verification import verify
 from tests.spaces import THESIS
 
@@ -17,7 +17,7 @@ LINKED = Constraints((3, 4, 2, 3), ((Literal(0, 0, False), Literal(1, 2)), (Lite
 def test_the_thesis_space_takes_exactly_962_tests() -> None:
     array = covering_array(Constraints(THESIS.sizes))
     assert array.rows.shape == (962, 8) and array.lower_bound == 962 and array.cells == 8084
-    assert projection_coverage(array.rows, THESIS.sizes, 2).ratio == 1
+    assert projection_coverage(array.rows, Demand(THESIS.constraints, 2)).ratio == 1
 
 
 @pytest.mark.parametrize(
@@ -40,7 +40,7 @@ def test_constrained_arrays_hold_every_feasible_cell_and_no_other(strength: int)
     array = covering_array(LINKED, strength)
     checked = verify(array.rows, LINKED, strength)
     assert checked.valid and checked.cells == array.cells and array.lower_bound <= array.size
-    assert projection_coverage(array.rows, LINKED.sizes, strength, constraints=LINKED).ratio == 1
+    assert projection_coverage(array.rows, Demand(LINKED, strength)).ratio == 1
 
 
 @pytest.mark.usefixtures("short_annealing")

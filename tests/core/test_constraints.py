@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from itertools import product
 
 import numpy as np
 import pytest
 
-from pipeline.core.constraints import Constraints, Literal, parse_constraints
-from tests.spaces import SMALL
+from pipeline.core.constraints import Constraints, Literal
+from pipeline.core.space import Space
+from tests.spaces import SMALL, THESIS
 
 SIZES = (3, 2, 3, 2)
 
@@ -34,7 +36,7 @@ def test_feasible_cells_agree_with_brute_force() -> None:
 
 
 def test_complete_gives_a_feasible_row_that_agrees() -> None:
-    constraints = parse_constraints(SMALL, [["kind != a", "x = 3"], ["kind = a"]])
+    constraints = Space(SMALL.variables, (("kind != a", "x = 3"), ("kind = a",))).constraints
     row = constraints.complete({2: 4})
     assert row is not None and row[2] == 4 and constraints.holds(np.array([row])).all()
     assert constraints.complete({0: 2}) is None
@@ -46,11 +48,23 @@ def test_an_empty_clause_leaves_nothing() -> None:
 
 @pytest.mark.parametrize(
     ("text", "message"),
-    [("kind", "must read"), ("fog = 3", "variable must be one of x, angle"), ("kind = d", "category must be one of a, b, c; got 'd'")],
+    [
+        ("kind", "a constraint must read 'variable = category' or 'variable != category', got 'kind'"),
+        ("fog = 3", "constraint 'fog = 3': variable must be one of x, angle, count, kind; got 'fog'"),
+        ("kind = d", "constraint 'kind = d': category must be one of a, b, c; got 'd'"),
+        ("count = 1.4", "constraint 'count = 1.4': category must be one of 1, 2, 3, 4, 5; got '1.4'; did you mean '1'?"),
+        ("angle = 100", "category must be one of 0, 30, 60, 90, 120, 150, 180, 210, 240, 270, 300, 330; got '100'; did you mean '90'?"),
+    ],
 )
 def test_a_wrong_literal_is_named(text: str, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        parse_constraints(SMALL, [[text]])
+    with pytest.raises(ValueError, match=re.escape(message) + "$"):
+        Space(SMALL.variables, ((text,),))
+
+
+def test_a_wrong_name_is_corrected_by_its_spelling() -> None:
+    blueprints = THESIS.variables[-1:]
+    with pytest.raises(ValueError, match=r"category must be one of .*M 33.*, …; got 'M33'; did you mean 'M 33'\?$"):
+        Space(blueprints, (("blueprint != M33",),))
 
 
 def test_indices_out_of_range_are_refused() -> None:

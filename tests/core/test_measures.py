@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.core.measures import c_measure, coverage_curve, f_measure, failure_sequence, pair_coverage
+from pipeline.core.measures import c_measure, coverage_curve, f_measure, failure_sequence, feasible_pairs, pair_coverage
+from pipeline.core.space import Space, Variable
 from tests.spaces import SMALL, THESIS
 
 
@@ -37,8 +38,16 @@ def test_c_measure_against_a_baseline_without_failures() -> None:
 
 def test_the_thesis_space_has_8084_pairs() -> None:
     sizes = np.array(THESIS.sizes)
-    assert (sizes.sum() ** 2 - (sizes**2).sum()) // 2 == 8084
+    assert (sizes.sum() ** 2 - (sizes**2).sum()) // 2 == 8084 == feasible_pairs(THESIS)
     assert pair_coverage(THESIS, THESIS.sample(1, np.random.default_rng(0))) == pytest.approx(28 / 8084)
+
+
+def test_infeasible_pairs_are_not_asked_for() -> None:
+    space = Space((Variable("a", "categorical", values=("x", "y")), Variable("b", "categorical", values=("x", "y"))), (("a = x", "b = x"),))
+    assert feasible_pairs(space) == 3
+    assert pair_coverage(space, np.array([[0.0, 0], [0, 1], [1, 0]])) == 1
+    with pytest.raises(ValueError, match="1 points break a constraint, the first is point 1, which breaks clause 0"):
+        pair_coverage(space, np.array([[0.0, 0], [1, 1]]))
 
 
 def test_the_coverage_curve_ends_at_the_pair_coverage() -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from pipeline.core.constraints import Constraints, Literal
-from pipeline.core.coverage.projection import Combine, projection_coverage
+from pipeline.core.coverage.projection import Combine, Demand, projection_coverage
 
 # Figure 1: d2 = d5 = d6 in cell (2, 0, 2), d1 = d4 in (1, 1, 1), d3 in (0, 2, 0).
 FIGURE_1 = np.array([(1, 1, 1), (2, 0, 2), (0, 2, 0), (1, 1, 1), (2, 0, 2), (2, 0, 2)])
@@ -19,28 +19,28 @@ CUBE = (3, 3, 3)
 
 
 def test_example_1_without_and_with_a_constraint() -> None:
-    assert projection_coverage(FIGURE_1, CUBE, 3).ratio == pytest.approx(3 / 27)
+    assert projection_coverage(FIGURE_1, Demand(Constraints(CUBE), 3)).ratio == pytest.approx(3 / 27)
     constraints = Constraints(CUBE, ((Literal(0, 0, False), Literal(1, 2)),))
-    assert projection_coverage(FIGURE_1, CUBE, 3, constraints=constraints).ratio == pytest.approx(3 / 21)
+    assert projection_coverage(FIGURE_1, Demand(constraints, 3)).ratio == pytest.approx(3 / 21)
 
 
 def test_example_1_with_weights_by_the_definition() -> None:
     """Five of 75: (1, 1, 1) and (0, 2, 0) want one point each, (2, 0, 2) nine and gets three."""
-    coverage = projection_coverage(FIGURE_1, CUBE, 3, weights=[[1, 1, 3], [1, 1, 1], [1, 1, 3]])
+    coverage = projection_coverage(FIGURE_1, Demand(Constraints(CUBE), 3, [[1, 1, 3], [1, 1, 1], [1, 1, 3]]))
     assert (coverage.covered, coverage.required) == (5, 75)
 
 
 @pytest.mark.parametrize(("k", "expected"), [(1, 15 / 18), (2, 18 / 108)])
 def test_example_of_definition_4(k: int, expected: float) -> None:
-    assert projection_coverage(FIGURE_1, CUBE, k, weights=[[2, 2, 2]] * 3).ratio == pytest.approx(expected)
+    assert projection_coverage(FIGURE_1, Demand(Constraints(CUBE), k, [[2, 2, 2]] * 3)).ratio == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(("size", "pairs", "triples"), [(3, 1710, 30780), (4, 3040, 72960)])
 def test_example_2_by_the_definition(size: int, pairs: int, triples: int) -> None:
     """Twenty conditions: the printed 1710 goes with three values each, with which there are 30780 triples, not the printed 10260."""
     nothing = np.zeros((0, 20), dtype=np.int64)
-    assert projection_coverage(nothing, (size,) * 20, 2).required == pairs
-    assert projection_coverage(nothing, (size,) * 20, 3).required == triples
+    assert projection_coverage(nothing, Demand(Constraints((size,) * 20), 2)).required == pairs
+    assert projection_coverage(nothing, Demand(Constraints((size,) * 20), 3)).required == triples
 
 
 @pytest.mark.parametrize("combine", ["product", "sum", "max"])
@@ -60,19 +60,19 @@ def test_coverage_agrees_with_brute_force(combine: Combine) -> None:
             for cell in set(map(tuple, feasible[:, chosen].tolist())):
                 weight = folds[combine]([int(weights[v][c]) for v, c in zip(chosen, cell, strict=True)])
                 covered, required = covered + min(counts[cell], weight), required + weight
-        result = projection_coverage(points, sizes, k, weights=weights, combine=combine, constraints=constraints)
+        result = projection_coverage(points, Demand(constraints, k, weights, combine))
         assert (result.covered, result.required) == (covered, required)
 
 
 def test_what_cannot_be_counted_is_an_error() -> None:
     constraints = Constraints(CUBE, ((Literal(0, 2, False),),))
     with pytest.raises(ValueError, match="3 points break a constraint, the first is point 1"):
-        projection_coverage(FIGURE_1, CUBE, 2, constraints=constraints)
+        projection_coverage(FIGURE_1, Demand(constraints, 2))
     with pytest.raises(ValueError, match="coverage is undefined"):
-        projection_coverage(FIGURE_1, CUBE, 2, weights=[[0, 0, 0]] * 3)
+        projection_coverage(FIGURE_1, Demand(Constraints(CUBE), 2, [[0, 0, 0]] * 3))
     with pytest.raises(ValueError, match=r"k must be in \[1, 3\], got 4"):
-        projection_coverage(FIGURE_1, CUBE, 4)
+        projection_coverage(FIGURE_1, Demand(Constraints(CUBE), 4))
     with pytest.raises(ValueError, match=r"point 1: category of variable 0 must be in \[0, 2\), got 2"):
-        projection_coverage(FIGURE_1, (2, 3, 3), 2)
+        projection_coverage(FIGURE_1, Demand(Constraints((2, 3, 3)), 2))
     with pytest.raises(ValueError, match="whole numbers from 0"):
-        projection_coverage(FIGURE_1, CUBE, 2, weights=[[1, 1, -1]] * 3)
+        projection_coverage(FIGURE_1, Demand(Constraints(CUBE), 2, [[1, 1, -1]] * 3))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.core.constraints import Constraints, Literal
-from pipeline.core.coverage.projection import projection_coverage
+from pipeline.core.coverage.projection import Demand, projection_coverage
 from pipeline.core.coverage.proposals import Proposer
 
 pytestmark = pytest.mark.usefixtures("short_annealing")
@@ -25,10 +25,10 @@ def test_no_point_gains_more(constraints: Constraints, k: int, seed: int) -> Non
     points = every[np.random.default_rng(seed).choice(len(every), seed, replace=False)]
 
     def covered(rows: np.ndarray) -> int:
-        return projection_coverage(rows, constraints.sizes, k, constraints=constraints).covered
+        return projection_coverage(rows, Demand(constraints, k)).covered
 
     gains = [covered(np.vstack([points, point])) - covered(points) for point in every]
-    proposal = Proposer(constraints, k).propose_exact(points)
+    proposal = Proposer(Demand(constraints, k)).propose_exact(points)
     if max(gains) == 0:
         assert proposal is None
         return
@@ -39,16 +39,16 @@ def test_no_point_gains_more(constraints: Constraints, k: int, seed: int) -> Non
 @pytest.mark.parametrize("k", [1, 2, 3, 4])
 def test_completion_covers_every_feasible_cell(k: int) -> None:
     start = np.array([[2, 0, 0, 0]])
-    points = np.vstack([start, *(proposal.categories for proposal in Proposer(CONSTRAINED, k).complete(start))])
-    assert projection_coverage(points, CONSTRAINED.sizes, k, constraints=CONSTRAINED).ratio == 1
-    assert Proposer(CONSTRAINED, k).propose(points) is None
+    points = np.vstack([start, *(proposal.categories for proposal in Proposer(Demand(CONSTRAINED, k)).complete(start))])
+    assert projection_coverage(points, Demand(CONSTRAINED, k)).ratio == 1
+    assert Proposer(Demand(CONSTRAINED, k)).propose(points) is None
 
 
 def test_heavy_classes_come_first_where_one_asks_for_them() -> None:
     free = Constraints((3, 3, 3))
     weights = [[1, 1, 5], [1, 1, 1], [1, 1, 1]]
     # Nothing is heavier than category 2 of the first condition; of what is new, any point gives as much.
-    heavy = Proposer(free, 2, weights=weights, combine="max", heavy_first=True).propose(np.zeros((0, 3), int), 3)
+    heavy = Proposer(Demand(free, 2, weights, "max"), heavy_first=True).propose(np.zeros((0, 3), int), 3)
     assert heavy is not None and (heavy.categories[:, 0] == 2).all()
 
 
@@ -56,7 +56,7 @@ def test_heavy_classes_come_first_where_one_asks_for_them() -> None:
 def test_the_heaviest_points_are_proved_in_the_unit_that_they_are_chosen_by(seed: int) -> None:
     rng = np.random.default_rng(seed)
     weights = [rng.integers(1, 6, size) for size in (3, 2, 3)]
-    proposer = Proposer(Constraints((3, 2, 3)), 2, weights=weights, heavy_first=True)
+    proposer = Proposer(Demand(Constraints((3, 2, 3)), 2, weights), heavy_first=True)
     points = rng.integers(0, 2, (4, 3))
     missing = proposer.missing(points)
     every = product(range(3), range(2), range(3))
@@ -68,7 +68,7 @@ def test_the_heaviest_points_are_proved_in_the_unit_that_they_are_chosen_by(seed
 @pytest.mark.parametrize("count", [1, 2, 3])
 def test_a_batch_gains_at_least_what_single_points_gain_and_no_more_than_its_bound(count: int) -> None:
     start = np.array([[2, 0, 0, 0], [0, 1, 1, 1]])
-    proposer = Proposer(CONSTRAINED, 2)
+    proposer = Proposer(Demand(CONSTRAINED, 2))
     exact = proposer.propose_exact(start, count)
     assert exact is not None and exact.optimal
     single = start
@@ -77,7 +77,7 @@ def test_a_batch_gains_at_least_what_single_points_gain_and_no_more_than_its_bou
         single = single if found is None else np.vstack([single, found.categories])
 
     def covered(rows: np.ndarray) -> int:
-        return projection_coverage(rows, CONSTRAINED.sizes, 2, constraints=CONSTRAINED).covered
+        return projection_coverage(rows, Demand(CONSTRAINED, 2)).covered
 
     assert exact.gain == covered(np.vstack([start, exact.categories])) - covered(start)
     assert exact.gain >= covered(single) - covered(start)
@@ -87,21 +87,21 @@ def test_one_projection_is_completed_by_the_fewest_points() -> None:
     """Algorithm 1 on the data of Equation 1, and with weights: as many points as the condition that lacks most."""
     free = Constraints((2, 2, 2, 2))
     data = np.array([[0, 0, 1, 1], [1, 0, 0, 0], [1, 0, 0, 1]])
-    assert Proposer(free, 1).completion(data)[:, 1].tolist() == [1]
+    assert Proposer(Demand(free, 1)).completion(data)[:, 1].tolist() == [1]
     weights = [[2, 1], [1, 4], [1, 1], [2, 2]]
-    proposer = Proposer(free, 1, weights=weights)
+    proposer = Proposer(Demand(free, 1, weights))
     added = proposer.completion(data)
     assert len(added) == proposer.fewest(data) == 4
     both = np.vstack([data, added])
-    assert projection_coverage(both, free.sizes, 1, weights=weights).ratio == 1
+    assert projection_coverage(both, Demand(free, 1, weights)).ratio == 1
 
 
 @pytest.mark.parametrize("weights", [None, [[1, 2, 1], [1, 1], [3, 1], [1, 1]]])
 @pytest.mark.parametrize("k", [1, 2, 3])
 def test_a_completion_leaves_nothing_missing_and_respects_its_bound(k: int, weights: list[list[int]] | None) -> None:
     start = np.array([[2, 0, 0, 0]])
-    proposer = Proposer(CONSTRAINED, k, weights=weights, combine="max")
+    proposer = Proposer(Demand(CONSTRAINED, k, weights, "max"))
     added = proposer.completion(start)
     both = np.vstack([start, added])
-    assert projection_coverage(both, CONSTRAINED.sizes, k, weights=weights, combine="max", constraints=CONSTRAINED).ratio == 1
+    assert projection_coverage(both, Demand(CONSTRAINED, k, weights, "max")).ratio == 1
     assert len(added) >= proposer.fewest(start) > 0 and proposer.fewest(both) == 0

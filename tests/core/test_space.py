@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 from pipeline.core.space import Space, Variable
-from tests.spaces import SMALL, THESIS
+from tests.spaces import CONSTRAINED, CUT, SMALL, THESIS
 
 
 def test_sizes_of_the_thesis_space() -> None:
@@ -33,6 +35,53 @@ def test_plain_data_round_trip() -> None:
     people = Space((Variable("who", "categorical", values=("a", "b"), attributes=(("height_m", (1.2, 1.8)),)),))
     assert Space.from_dict(people.to_dict()) == people
     assert people.to_dict()["who"]["attributes"] == {"height_m": [1.2, 1.8]}
+    assert Space.from_dict(CUT.to_dict(), CUT.clauses) == CUT
+    assert "weights" not in CUT.to_dict()["fog"] and CUT.to_dict()["fog"]["cuts"] == [20, 50]
+    weighted = Space((Variable("x", "integer", "", 0, 2, 1, weights=(1, 5, 0)),))
+    assert Space.from_dict(weighted.to_dict()).weights == weighted.weights == [(1, 5, 0)]
+
+
+def test_cuts_divide_a_range_and_a_circle() -> None:
+    fog, azimuth, _, speed = CUT.variables
+    assert fog.labels == ("[0, 20)", "[20, 50)", "[50, 100]")
+    assert fog.grid.tolist() == [10, 35, 75]
+    assert fog.categorise(np.array([0, 19.9, 20, 50, 100])).tolist() == [0, 0, 1, 2, 2]
+    assert fog.within(np.array([0, 2, 2]), np.array([0.5, 0.0, 0.5])).tolist() == [10, 50, 75]
+    assert azimuth.labels == ("[45, 135)", "[135, 225)", "[225, 315)", "[315, 45)")
+    assert azimuth.grid.tolist() == [90, 180, 270, 360]
+    assert azimuth.within(np.array([3, 3]), np.array([0.25, 0.75])).tolist() == [337.5, 22.5]
+    assert azimuth.categorise(np.array([0, 44, 45, 315, 360])).tolist() == [3, 3, 0, 3, 3]
+    assert (fog.rounding, speed.rounding) == (1, 0.25)
+
+
+def test_samples_keep_the_constraints_and_are_else_as_without_them() -> None:
+    free, kept = (space.sample(200, np.random.default_rng(3)) for space in (SMALL, CONSTRAINED))
+    allowed = CONSTRAINED.constraints.holds(SMALL.categorise(free))
+    assert 0 < allowed.sum() < 200 and np.array_equal(free[allowed], kept[allowed])
+    assert CONSTRAINED.violation(kept) is None
+
+
+def test_a_space_of_next_to_nothing_is_refused() -> None:
+    grains = tuple(Variable(name, "integer", "", 0, 1000, 1) for name in "abc")
+    space = Space(grains, tuple((f"{name} = 7",) for name in "abc"))
+    with pytest.raises(ValueError, match="no feasible point in 1000 draws: the constraints leave next to nothing of the space"):
+        space.sample(1, np.random.default_rng(0))
+
+
+def test_a_scenario_that_breaks_a_constraint_is_named_with_the_values_of_its_clause() -> None:
+    right: dict[str, float | str] = {"x": 1.0, "angle": 0.0, "count": 1.0, "kind": "a"}
+    assert CONSTRAINED.encode(right).tolist() == [1, 0, 1, 0]
+    with pytest.raises(ValueError, match="^the scenario breaks the constraint 'kind != a or count = 1': count = 3, kind = a$"):
+        CONSTRAINED.encode(right | {"count": 3.0})
+    points = np.array([[1, 0, 1, 0], [9.7, 0, 2, 1]])
+    assert CONSTRAINED.violation(points) == (1, "breaks the constraint 'x != 10': x = 9.7")
+    assert CONSTRAINED.violation(points[:1]) is None
+
+
+def test_contradictory_constraints_are_refused_with_as_few_clauses_as_contradict() -> None:
+    text = "constraints: these contradict each other, so that no point is left: [kind = a]; [count = 2, kind != a]; [count != 2]"
+    with pytest.raises(ValueError, match=f"^{re.escape(text)}$"):
+        Space(SMALL.variables, (("x != 3",), ("kind = a",), ("count = 2", "kind != a"), ("count != 2",)))
 
 
 @pytest.mark.parametrize(
@@ -61,3 +110,13 @@ def test_a_wrong_variable_is_named() -> None:
         Variable("v", "categorical", values=("a", "b"), attributes=(("height_m", (1.2,)),))
     with pytest.raises(ValueError, match="'v': only the values of a categorical variable have attributes"):
         Variable("v", "continuous", "", 0, 1, 1, attributes=(("height_m", (1.2,)),))
+    with pytest.raises(ValueError, match=r"'v': cuts must rise inside \(0, 1\), got \[0.5, 0.2\]"):
+        Variable("v", "continuous", "", 0, 1, cuts=(0.5, 0.2))
+    with pytest.raises(ValueError, match="'v': cuts are for a continuous variable without a step"):
+        Variable("v", "integer", "", 0, 9, cuts=(3,))
+    with pytest.raises(ValueError, match=r"'v': a cyclic variable needs no cut or at least two, got \[3\]"):
+        Variable("v", "continuous", "", 0, 9, cyclic=True, cuts=(3,))
+    with pytest.raises(ValueError, match="'v': weights must have 2 numbers, one a category, got 1"):
+        Variable("v", "categorical", values=("a", "b"), weights=(1,))
+    with pytest.raises(ValueError, match=r"'v': weights must be whole numbers from 0 to 1000, got \[1, -1\]"):
+        Variable("v", "categorical", values=("a", "b"), weights=(1, -1))

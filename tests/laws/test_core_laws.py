@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from pipeline.core.boxes import iou, nms
 from pipeline.core.constraints import Constraints, Literal
 from pipeline.core.coverage.arrays import covering_array
-from pipeline.core.coverage.projection import projection_coverage
+from pipeline.core.coverage.projection import Demand, projection_coverage
 from pipeline.core.coverage.verification import verify
 from pipeline.core.detections import Detections
 from pipeline.core.distance import mixed_distance
@@ -91,7 +91,7 @@ def test_a_representative_lies_in_its_category(seed: int) -> None:
 def test_coverage_grows_with_points_and_never_passes_one(seed: int, sizes: list[int]) -> None:
     rng = np.random.default_rng(seed)
     points = rng.integers(0, sizes, (30, len(sizes)))
-    covered = [projection_coverage(points[:n], sizes, 2).ratio for n in (0, 1, 10, 30)]
+    covered = [projection_coverage(points[:n], Demand(Constraints(tuple(sizes)), 2)).ratio for n in (0, 1, 10, 30)]
     assert covered[0] == 0 and covered == sorted(covered) and covered[-1] <= 1
 
 
@@ -139,7 +139,7 @@ def test_constrained_arrays_are_what_the_verifier_says(constraints: Constraints,
 @settings(max_examples=40, deadline=None)
 def test_covering_arrays_cover(seed: int, sizes: list[int]) -> None:
     rows = covering_array(Constraints(tuple(sizes)), seed=seed).rows
-    assert projection_coverage(rows, sizes, 2).ratio == 1
+    assert projection_coverage(rows, Demand(Constraints(tuple(sizes)), 2)).ratio == 1
     first, second = sorted(sizes)[-2:]
     assert len(rows) >= first * second
 

@@ -2,44 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import pytest
 
-from pipeline.core.constraints import parse_constraints
-from pipeline.core.coverage.projection import projection_coverage
+from pipeline.core.coverage.projection import Demand, projection_coverage
+from pipeline.core.measures import pair_coverage
 from pipeline.core.samplers.batches import BatchSampler
 from pipeline.core.samplers.coverage import CoverageSampler
 from pipeline.core.samplers.neural import NeuralSampler
 from pipeline.core.samplers.pairwise import PairwiseSampler
 from pipeline.core.samplers.random import RandomSampler
-from pipeline.core.space import Floats, Space
-from tests.spaces import SMALL
+from pipeline.core.space import Floats, Space, Variable
+from tests.spaces import CONSTRAINED, CUT, SMALL
+from tests.strategies import Strategy, kpi_of, strategies
 
 pytestmark = pytest.mark.usefixtures("short_annealing")
 
 BATCH = 6
-
-
-def kpi_of(points: Floats) -> Floats:
-    """Lower towards high x; one test in seven breaks the simulation."""
-    values = 1.05 - points[:, 0] / 10
-    return np.where(np.arange(len(points)) % 7 == 3, np.nan, values)
-
-
-def taught(space: Space, seed: int, **settings: Any) -> NeuralSampler:
-    """The neural strategy with tests of another scenario."""
-    points = space.sample(20, np.random.default_rng(7))
-    return NeuralSampler(space, seed, earlier=[(points, kpi_of(points))], **settings)
-
-
-SAMPLERS: list[Callable[..., BatchSampler]] = [RandomSampler, NeuralSampler, taught, PairwiseSampler, CoverageSampler]
+EVERY = pytest.mark.parametrize("make", strategies().values(), ids=strategies().keys())
 
 
 def run(sampler: BatchSampler, batches: int) -> tuple[Floats, Floats]:
-    points, kpi = np.zeros((0, len(SMALL))), np.zeros(0)
+    points, kpi = np.zeros((0, len(sampler.space))), np.zeros(0)
     for _ in range(batches):
         asked = sampler.ask()
         values = kpi_of(asked)
@@ -48,9 +32,9 @@ def run(sampler: BatchSampler, batches: int) -> tuple[Floats, Floats]:
     return points, kpi
 
 
-@pytest.mark.parametrize("make", SAMPLERS)
+@EVERY
 @pytest.mark.parametrize("portion", [1, 4, 13])
-def test_replay_in_portions_restores_the_sampler(make: Callable[..., BatchSampler], portion: int) -> None:
+def test_replay_in_portions_restores_the_sampler(make: Strategy, portion: int) -> None:
     points, kpi = run(make(SMALL, 3, batch_size=BATCH), 7)
     for told in (0, 2, BATCH, 3 * BATCH + 5, 6 * BATCH):
         restored = make(SMALL, 3, batch_size=BATCH)
@@ -62,21 +46,27 @@ def test_replay_in_portions_restores_the_sampler(make: Callable[..., BatchSample
         assert np.array_equal(restored.ask(), points[told:end])
 
 
-@pytest.mark.parametrize("make", SAMPLERS)
-def test_seeds_differ_and_the_same_seed_does_not(make: Callable[..., BatchSampler]) -> None:
+@EVERY
+def test_seeds_differ_and_the_same_seed_does_not(make: Strategy) -> None:
     first, same, other = (run(make(SMALL, seed, batch_size=BATCH), 3)[0] for seed in (1, 1, 2))
     assert np.array_equal(first, same) and not np.array_equal(first, other)
 
 
-@pytest.mark.parametrize("make", SAMPLERS)
-def test_constraints_are_kept(make: Callable[..., BatchSampler]) -> None:
-    constraints = parse_constraints(SMALL, [["kind != a", "count = 1"], ["x != 10"]])
-    points, _ = run(make(SMALL, 0, batch_size=BATCH, constraints=constraints), 5)
-    assert constraints.holds(SMALL.categorise(points)).all()
+@EVERY
+@pytest.mark.parametrize("seed", range(3))
+def test_constraints_are_kept(make: Strategy, seed: int) -> None:
+    points, _ = run(make(CONSTRAINED, seed, batch_size=BATCH), 5)
+    assert CONSTRAINED.violation(points) is None
 
 
-@pytest.mark.parametrize("make", SAMPLERS)
-def test_a_history_of_broken_simulations_is_survived(make: Callable[..., BatchSampler]) -> None:
+@EVERY
+def test_parts_between_cuts_are_sampled_like_a_grid(make: Strategy) -> None:
+    points, _ = run(make(CUT, 0, batch_size=BATCH), 5)
+    assert all(np.array_equal(CUT.encode(CUT.decode(point)), point) for point in points)  # `encode` refuses what is not in the space.
+
+
+@EVERY
+def test_a_history_of_broken_simulations_is_survived(make: Strategy) -> None:
     sampler = make(SMALL, 0, batch_size=BATCH)
     for _ in range(3):
         asked = sampler.ask()
@@ -85,7 +75,9 @@ def test_a_history_of_broken_simulations_is_survived(make: Callable[..., BatchSa
 
 
 def test_what_other_scenarios_have_shown_guides_the_first_batch() -> None:
-    first, blind = taught(SMALL, 0, batch_size=40).ask(), NeuralSampler(SMALL, 0, batch_size=40).ask()
+    told = SMALL.sample(20, np.random.default_rng(7))
+    taught = NeuralSampler(SMALL, 0, batch_size=40, earlier=[(told, kpi_of(told))])
+    first, blind = taught.ask(), NeuralSampler(SMALL, 0, batch_size=40).ask()
     assert first[:, 0].mean() > blind[:, 0].mean() + 1  # The KPI falls with x.
 
 
@@ -103,7 +95,7 @@ def test_coverage_covers_all_pairs_sooner_than_chance_and_then_all_of_them_twice
 
     def ratio(points: Floats, wanted: int) -> float:
         weights = [np.full(size, wanted) for size in SMALL.sizes]
-        return projection_coverage(SMALL.categorise(points), SMALL.sizes, 2, weights=weights, combine="max").ratio
+        return projection_coverage(SMALL.categorise(points), Demand(SMALL.constraints, 2, weights, "max")).ratio
 
     full = next(n for n in range(len(guided)) if ratio(guided[:n], 1) == 1)
     assert full <= 170 and ratio(drawn[:full], 1) < 0.9  # 11 x 12 rows are needed.
@@ -111,8 +103,24 @@ def test_coverage_covers_all_pairs_sooner_than_chance_and_then_all_of_them_twice
     assert len(np.unique(guided[:, 0])) == len(guided)  # Values are drawn inside their categories.
 
 
-@pytest.mark.parametrize("make", SAMPLERS)
-def test_wrong_arguments_are_named(make: Callable[..., BatchSampler]) -> None:
+@pytest.mark.parametrize("strategy", [PairwiseSampler, CoverageSampler])
+def test_a_full_plan_covers_every_feasible_pair(strategy: type[BatchSampler]) -> None:
+    points, _ = run(strategy(CONSTRAINED, 0, batch_size=40), 6)
+    assert pair_coverage(CONSTRAINED, points) == 1
+    assert pair_coverage(SMALL, points) < 1
+
+
+def test_coverage_returns_more_often_to_what_weighs_more() -> None:
+    heavy = Space((Variable("a", "categorical", values=("x", "y"), weights=(1, 3)), Variable("b", "categorical", values=("x", "y"))))
+    points, _ = run(CoverageSampler(heavy, 0, batch_size=8), 1)
+    assert [int(np.sum(points[:, 0] == category)) for category in (0, 1)] == [2, 6]
+    nothing = Space(tuple(Variable(name, "categorical", values=("x", "y"), weights=(0, 0)) for name in "ab"))
+    with pytest.raises(ValueError, match="coverage is undefined: the weights of all feasible cells sum to 0"):
+        CoverageSampler(nothing, 0)
+
+
+@EVERY
+def test_wrong_arguments_are_named(make: Strategy) -> None:
     with pytest.raises(ValueError, match="batch_size must be at least 1, got 0"):
         make(SMALL, 0, batch_size=0)
     with pytest.raises(ValueError, match="seed must be at least 0, got -1"):

@@ -47,6 +47,18 @@ def test_every_choice_of_a_group_composes(group: str) -> None:
         ("+sampler@samplers.my-neural=neural", "expected letters, digits and _ in a name, as tests are named after it, got 'my-neural'"),
         ("+detector.model=my.onnx", "detector.model is the version under test's; `python -m pipeline test-detector FILE` tests another"),
         ("scenarios.F1.space.fog.low=200", "scenarios.F1.space: variable 'fog': low must be below high, got 200"),
+        (
+            "+scenarios.F1.constraints=[['animation != crouchin']]",
+            "conf/scenario/F1.yaml: scenarios.F1: constraint 'animation != crouchin': category must be one of walking, texting, crouching, "
+            "limping, drunk, stumble; got 'crouchin'; did you mean 'crouching'?",
+        ),
+        ("+scenarios.F1.constraints=[['pedestrian_speed = 1.4']]", "got '1.4'; did you mean '1.5'?"),
+        (
+            "+scenarios.F1.constraints=[['rain = 0'],['rain = 10','fog = 0'],['fog != 0']]",
+            "conf/scenario/F1.yaml: scenarios.F1: constraints: these contradict each other, so that no point is left: "
+            "[rain = 0]; [rain = 10, fog = 0]; [fog != 0]",
+        ),
+        ("front_car.space.constraints=[['lanes = 1'],['lanes = 2']]", "these contradict each other, so that no point is left: [lanes = 1]"),
         ("scenarios.F1.ego.speed_kmh=-3", "scenarios.F1.ego.speed_kmh: Input should be greater than 0, got -3"),
         ("scenarios.F1.actors.bus.y_m=-9", "conf/scenario/F1.yaml: scenarios.F1: actors.bus: is off the road at (-8.5, -9.0) after 0 s"),
         ("scenarios.F1.actors.bus.x_m=-40", "actors.bus: is off the road at (-40.0, -5.2) after 0 s"),
@@ -82,6 +94,11 @@ def test_a_town_with_other_streets_is_still_the_same_town() -> None:
 def test_scenarios_that_are_compared_share_a_space() -> None:
     with pytest.raises(InputError, match="held_out: F2star has another space than F1star"):
         compose("default", ["held_out=[F1star,F2star]", "scenarios.F2star.space.fog.high=50"])
+
+
+def test_scenarios_that_are_compared_share_their_constraints() -> None:
+    with pytest.raises(InputError, match="held_out: F2star has another space than F1star"):
+        compose("default", ["held_out=[F1star,F2star]", "+scenarios.F2star.constraints=[['rain = 0','fog = 0']]"])
 
 
 def test_an_unknown_study_names_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,6 +18,7 @@ from pipeline.artefacts.model_card import read_card
 from pipeline.artefacts.results import read
 from pipeline.config.composing import compose, dump
 from pipeline.config.schema import Config
+from pipeline.core.coverage.projection import Demand
 from pipeline.core.coverage.proposals import Proposer
 from pipeline.report.front_car_page import first_covering
 
@@ -64,15 +65,15 @@ def study(tmp_path_factory: pytest.TempPathFactory, config: Config) -> Path:
 
 def test_five_random_points_and_proposals_cover_every_pair(study: Path, config: Config) -> None:
     points = read(study / "points.json", Points)
-    space, constraints = config.front_car.space.space(), config.front_car.space.clauses()
+    space = config.front_car.space.space()
     categories = space.categorise(np.array([space.encode(dict(point.values)) for point in points.points]))
     assert [point.name for point in points.points[:6]] == ["E1", "E2", "E3", "E4", "E5", "G1"] and len(points.points) <= 11
     assert points.points[-1].covered == points.required == 69
-    assert constraints.holds(categories).all()
+    assert space.constraints.holds(categories).all()
     names = [point.name for point in points.points]
     for chosen in combinations(range(len(space)), 2):
         cells = np.array(first_covering(categories, names, space.sizes, chosen))
-        assert ((cells != "") == constraints.feasible_cells(chosen)).all()
+        assert ((cells != "") == space.constraints.feasible_cells(chosen)).all()
 
 
 def test_each_set_has_what_it_should(study: Path, config: Config) -> None:
@@ -143,7 +144,7 @@ def test_the_papers_example_is_completed_by_a_batch_of_five_and_needs_seven_from
     """Section 5. E1 to E5 as Table 1 tells them: all rainy and in the first lane; of E5 no more is told, so it is taken to be like E3."""
     domain = compose("front_car", []).front_car.space
     known = np.array([[2, 0, 1, 0, 1, 0], [2, 1, 1, 0, 1, 0], [2, 1, 0, 0, 0, 1], [2, 1, 1, 0, 1, 1], [2, 1, 0, 0, 0, 1]])
-    proposer = Proposer(domain.clauses(), 2)
+    proposer = Proposer(Demand(domain.space().constraints, 2))
     for points, needed in ((known, 5), (known[:0], 7)):
         missing = int(proposer.missing(points).sum())
         fewer, enough = proposer.propose(points, needed - 1), proposer.propose(points, needed)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,9 +14,9 @@ from pipeline.core.constraints import Constraints
 from pipeline.core.coverage.annealing import Int32s
 from pipeline.core.coverage.arrays import covering_array
 from pipeline.core.coverage.counting import CellCounts
-from pipeline.core.coverage.problem import INFEASIBLE, Problem, feasible_row, lay_out
-from pipeline.core.coverage.projection import Combine, check_points, planes
-from pipeline.core.space import Ints
+from pipeline.core.coverage.problem import INFEASIBLE, feasible_row, lay_out
+from pipeline.core.coverage.projection import Demand, check_points, planes
+from pipeline.core.variable import Ints
 
 STARTS, SWEEPS = 64, 10
 ANNEALING_STEPS, TEMPERATURES = 400_000, (0.5, 0.05)
@@ -39,31 +39,19 @@ class Proposal:
 
 
 class Proposer:
-    """Proposes points for some operating conditions; laid out once, asked as often as one likes.
+    """Proposes points that meet a demand; laid out once, asked as often as one likes.
 
-    weights, combine: as for `projection_coverage`. heavy_first: a cell that still wants points is worth its weight, not 1, so that heavy
-    classes come first where full coverage is out of reach (the paper's first extension).
+    heavy_first: a cell that still wants points is worth its weight, not 1, so that heavy classes come first where full coverage is out of
+    reach (the paper's first extension).
     """
 
-    def __init__(
-        self,
-        constraints: Constraints,
-        k: int,
-        *,
-        weights: Sequence[ArrayLike] | None = None,
-        combine: Combine = "product",
-        heavy_first: bool = False,
-        seed: int = 0,
-    ) -> None:
-        if not 1 <= k <= len(constraints.sizes):
-            raise ValueError(f"k must be in [1, {len(constraints.sizes)}], got {k}")
+    def __init__(self, demand: Demand, *, heavy_first: bool = False, seed: int = 0) -> None:
         # A copy: a SAT solver remembers what it was asked, and the same arguments must give the same points.
-        constraints = Constraints(constraints.sizes, constraints.clauses)
-        self._constraints, self._k = constraints, k
-        self._problem = lay_out(constraints, k)
-        nothing = CellCounts(constraints.sizes, k)
-        wanted = [plane.wanted.ravel() for plane in planes(nothing, weights=weights, combine=combine, constraints=constraints)]
-        self._wanted = np.concatenate(wanted)
+        constraints = Constraints(demand.sizes, demand.constraints.clauses)
+        self._constraints, self._k = constraints, demand.k
+        self._problem = lay_out(constraints, demand.k)
+        nothing = CellCounts(constraints.sizes, demand.k)
+        self._wanted = np.concatenate([plane.wanted.ravel() for plane in planes(nothing, replace(demand, constraints=constraints))])
         self._heavy_first, self._rng = heavy_first, np.random.default_rng(seed)
 
     def missing(self, points: Ints) -> Ints:
@@ -77,7 +65,7 @@ class Proposer:
 
         points: (n, d) those there are, n may be 0. Milliseconds; `gain` is seldom below the optimum, `bound` says how far at most.
         """
-        check_points(points, self._constraints.sizes, self._constraints)
+        check_points(points, self._constraints)
         missing = self.missing(points)
         return self._proposed(missing, count) if missing.any() else None
 
@@ -98,14 +86,14 @@ class Proposer:
 
     def propose_exact(self, points: Ints, count: int = 1, time_limit_s: float = TIME_LIMIT_S) -> Proposal | None:
         """`count` points together by 0-1 programming with HiGHS: the optimum, or after the time limit the best found and a bound."""
-        check_points(points, self._constraints.sizes, self._constraints)
+        check_points(points, self._constraints)
         missing = self.missing(points)
         if not missing.any():
             return None
         quick = self._proposed(missing, count)
         if quick.optimal:
             return quick
-        found, bound = _solve(self._problem, self._constraints, missing, self._worth(missing), count, time_limit_s)
+        found, bound = _solve(self._wanting(missing), self._constraints, count, time_limit_s)
         best = min(quick.bound, bound)
         if found is not None and (gain := self._gain(missing, found)) > quick.gain:
             return Proposal(found.astype(np.int64), gain, max(gain, best))
@@ -126,7 +114,7 @@ class Proposer:
 
         For k = 1 without constraints they are the fewest there are (Algorithm 1, Proposition 6), since each condition may go its own way.
         """
-        check_points(points, self._constraints.sizes, self._constraints)
+        check_points(points, self._constraints)
         if self._k == 1 and not self._constraints.clauses:
             return self._each_condition_alone(self.missing(points))
         if self._wanted.max() <= 1 and self._wanted[self._problem.feasible].all():
@@ -142,6 +130,14 @@ class Proposer:
         for condition, wanted in enumerate(lists):
             rows[: int(wanted.sum()), condition] = np.repeat(np.arange(len(wanted)), wanted)
         return rows
+
+    def _wanting(self, missing: Ints) -> _Wanting:
+        cells, places = np.flatnonzero(missing), []
+        for cell in cells:
+            columns, categories = self._problem.cell(int(cell))
+            plane = int(np.searchsorted(self._problem.first, cell, side="right"))
+            places.append((plane, columns.tolist(), categories.tolist()))
+        return _Wanting(places, missing[cells], self._worth(missing)[cells])
 
     def _worth(self, missing: Ints) -> Int32s:
         return np.where(missing > 0, self._wanted if self._heavy_first else 1, 0).astype(np.int32)
@@ -181,51 +177,65 @@ class Proposer:
         return int(np.minimum(count * np.maximum.reduceat(worth, first), np.add.reduceat(missing * worth, first)).sum())
 
 
-def _solve(
-    problem: Problem, constraints: Constraints, missing: Ints, worth: Int32s, count: int, time_limit_s: float
-) -> tuple[Int32s | None, int]:
-    """Points by 0-1 programming, None if there was no time for any, and an upper bound of their worth.
+@dataclass(frozen=True)
+class _Wanting:
+    """The cells that a programme may fill. places: the plane of each, and its columns and categories. missing, worth: (cells,)."""
+
+    places: list[tuple[int, list[int], list[int]]]
+    missing: Ints
+    worth: Int32s
+
+
+def _solve(wanted: _Wanting, constraints: Constraints, count: int, time_limit_s: float) -> tuple[Int32s | None, int]:
+    """`count` points by 0-1 programming, None if there was no time for any, and an upper bound of their worth.
 
     Not the encoding of Algorithm 2, whose relaxation is loose: the cells of a plane in one line of it exclude each other, so together
     they need no more than the category of that line.
     """
-    first = np.concatenate([[0], np.cumsum(problem.sizes)]).astype(int)
+    sizes = constraints.sizes
+    first = np.concatenate([[0], np.cumsum(sizes)]).astype(int)
     programme = _Programme()
     for _ in range(count):
-        begin = programme.columns(int(first[-1]), whole=True)
-        for variable in range(len(problem.sizes)):
-            programme.row({begin + c: 1.0 for c in range(first[variable], first[variable + 1])}, 1, 1)
-        for clause in constraints.clauses:
-            row: dict[int, float] = {}
-            low = 1.0
-            for literal in clause:
-                column = begin + int(first[literal.variable]) + literal.category
-                row[column] = row.get(column, 0.0) + (1.0 if literal.equal else -1.0)
-                low -= not literal.equal
-            programme.row(row, low, np.inf)
-    cells = np.flatnonzero(missing)
-    placed = [problem.cell(int(cell)) for cell in cells]
-    reached: list[dict[int, float]] = [{} for _ in cells]
+        _add_point(programme, first, constraints)
+    reached: list[dict[int, float]] = [{} for _ in wanted.places]
     for point in range(count):
-        begin = point * int(first[-1])
-        occupied = programme.columns(len(cells))
-        lines: dict[tuple[int, int, int], dict[int, float]] = {}
-        for i, (columns, categories) in enumerate(placed):
-            reached[i][occupied + i] = -1.0
-            plane = int(np.searchsorted(problem.first, cells[i], side="right"))
-            for column, category in zip(columns.tolist(), categories.tolist(), strict=True):
-                lines.setdefault((plane, column, category), {})[occupied + i] = 1.0
-        for (_, column, category), line in lines.items():
-            programme.row({**line, begin + int(first[column]) + category: -1.0}, -np.inf, 0)
-    gains = programme.columns(len(cells), upper=missing[cells], value=worth[cells])
+        _add_occupied(programme, wanted, first, point * int(first[-1]), reached)
+    gains = programme.columns(len(wanted.places), upper=wanted.missing, value=wanted.worth)
     for i, row in enumerate(reached):
         programme.row({**row, gains + i: 1.0}, -np.inf, 0)
     solution, bound = programme.solve(time_limit_s)
     if solution is None:
         return None, bound
     chosen = solution[: count * int(first[-1])].reshape(count, -1)
-    rows = [[int(np.argmax(point[first[v] : first[v + 1]])) for v in range(len(problem.sizes))] for point in chosen]
+    rows = [[int(np.argmax(point[first[v] : first[v + 1]])) for v in range(len(sizes))] for point in chosen]
     return np.array(rows, np.int32), bound
+
+
+def _add_point(programme: _Programme, first: Ints, constraints: Constraints) -> None:
+    """A column for each category of each variable, of which a feasible point has one each. first: a variable's first column."""
+    begin = programme.columns(int(first[-1]), whole=True)
+    for variable in range(len(constraints.sizes)):
+        programme.row({begin + c: 1.0 for c in range(first[variable], first[variable + 1])}, 1, 1)
+    for clause in constraints.clauses:
+        row: dict[int, float] = {}
+        low = 1.0
+        for literal in clause:
+            column = begin + int(first[literal.variable]) + literal.category
+            row[column] = row.get(column, 0.0) + (1.0 if literal.equal else -1.0)
+            low -= not literal.equal
+        programme.row(row, low, np.inf)
+
+
+def _add_occupied(programme: _Programme, wanted: _Wanting, first: Ints, begin: int, reached: list[dict[int, float]]) -> None:
+    """A column for each cell that the point whose categories begin at column `begin` may lie in; `reached` notes it by cell."""
+    occupied = programme.columns(len(wanted.places))
+    lines: dict[tuple[int, int, int], dict[int, float]] = {}
+    for i, (plane, columns, categories) in enumerate(wanted.places):
+        reached[i][occupied + i] = -1.0
+        for column, category in zip(columns, categories, strict=True):
+            lines.setdefault((plane, column, category), {})[occupied + i] = 1.0
+    for (_, column, category), line in lines.items():
+        programme.row({**line, begin + int(first[column]) + category: -1.0}, -np.inf, 0)
 
 
 class _Programme:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import combinations, product
 
 from pipeline.core.constraints import Clause, Constraints, Literal
-from pipeline.core.space import Ints
+from pipeline.core.variable import Ints
 
 
 @dataclass(frozen=True)

@@ -3,34 +3,35 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 
-from pipeline.core.constraints import Constraints
 from pipeline.core.space import Floats, Space
 
-MAX_DRAWS = 1000
 
-
+@dataclass(eq=False, repr=False)
 class BatchSampler(ABC):
-    """A strategy that chooses tests in batches (thesis Def. 4.14), by ask and tell.
+    """A strategy that chooses tests in batches (thesis Def. 4.14), by ask and tell; its fields are its parameters.
 
     The i-th batch depends on the seed, on i and on the history before it, on nothing else. So telling the rows of a journal again,
     in the order they were asked and in portions of any length, restores the sampler, and asking twice gives the same points.
     In the middle of a batch `ask` returns the rest of it.
+
+    space: what to sample; no point breaks its constraints. seed: from 0. batch_size: tests a batch, at least 1.
     """
 
-    def __init__(self, space: Space, seed: int, *, batch_size: int = 20, constraints: Constraints | None = None) -> None:
-        """space: what to sample. seed: from 0. batch_size: tests a batch, at least 1. constraints: points to leave out."""
-        if batch_size < 1:
-            raise ValueError(f"batch_size must be at least 1, got {batch_size}")
-        if seed < 0:
-            raise ValueError(f"seed must be at least 0, got {seed}")
-        self.space = space
-        self.seed = seed
-        self.batch_size = batch_size
-        self.constraints = constraints or Constraints(space.sizes)
-        self._points: Floats = np.zeros((0, len(space)))
+    space: Space
+    seed: int
+    _: KW_ONLY
+    batch_size: int = 20
+
+    def __post_init__(self) -> None:
+        if self.batch_size < 1:
+            raise ValueError(f"batch_size must be at least 1, got {self.batch_size}")
+        if self.seed < 0:
+            raise ValueError(f"seed must be at least 0, got {self.seed}")
+        self._points: Floats = np.zeros((0, len(self.space)))
         self._kpi: Floats = np.zeros(0)
         self._batch: tuple[int, Floats] | None = None
 
@@ -53,13 +54,3 @@ class BatchSampler(ABC):
     @abstractmethod
     def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
         """The `index`-th batch, (batch_size, d), given all tests (n, d) and KPIs (n,) before it."""
-
-    def _uniform(self, count: int, rng: np.random.Generator) -> Floats:
-        """(count, d) feasible points, independent and uniform."""
-        points = self.space.sample(count, rng)
-        for _ in range(MAX_DRAWS):
-            broken = ~self.constraints.holds(self.space.categorise(points))
-            if not broken.any():
-                return points
-            points[broken] = self.space.sample(int(broken.sum()), rng)
-        raise ValueError(f"no feasible point in {MAX_DRAWS} draws: the constraints leave next to nothing of the space")

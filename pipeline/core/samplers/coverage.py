@@ -2,29 +2,36 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from pipeline.core.constraints import Constraints
+from pipeline.core.coverage.projection import Demand
 from pipeline.core.coverage.proposals import Proposer
 from pipeline.core.samplers.batches import BatchSampler
-from pipeline.core.space import Floats, Space
+from pipeline.core.space import Floats
 
 
+@dataclass(eq=False, repr=False, kw_only=True)
 class CoverageSampler(BatchSampler):
     """Proposes categories that raise k-projection coverage most, and draws a value inside each; learns nothing from results.
 
-    Once every feasible k-tuple has been tested, each is wanted once more, and so on.
+    Once every feasible k-tuple has been tested as often as its weight says, each is wanted as often once more, and so on.
+
+    k: categories that are looked at together, 1 to the number of variables.
     """
 
-    def __init__(self, space: Space, seed: int, *, batch_size: int = 20, k: int = 2, constraints: Constraints | None = None) -> None:
-        """k: categories that are looked at together, 1 to the number of variables."""
-        super().__init__(space, seed, batch_size=batch_size, constraints=constraints)
-        self._k = k
-        self._proposer(1, 0)  # Refuses a wrong k at once.
+    k: int = 2
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        nothing = np.zeros((0, len(self.space)), dtype=np.int64)
+        if not self._proposer(1, 0).missing(nothing).any():
+            raise ValueError("coverage is undefined: the weights of all feasible cells sum to 0")
 
     def _proposer(self, wanted: int, seed: int) -> Proposer:
-        weights = [np.full(size, wanted) for size in self.space.sizes]
-        return Proposer(self.constraints, self._k, weights=weights, combine="max", seed=seed)
+        weights = [wanted * np.asarray(weights) for weights in self.space.weights]
+        return Proposer(Demand(self.space.constraints, self.k, weights, "max"), seed=seed)
 
     def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
         categories, old, wanted = self.space.categorise(points), len(points), 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +13,9 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.neural_network import MLPRegressor
 from sklearn.tree import DecisionTreeRegressor
 
-from pipeline.core.constraints import Constraints
 from pipeline.core.distance import mixed_distance, relevance
 from pipeline.core.samplers.batches import BatchSampler
-from pipeline.core.space import Floats, Space
+from pipeline.core.space import Floats
 
 GRID: tuple[tuple[tuple[int, ...], float], ...] = (((16,), 1e-2), ((32,), 1e-2), ((16, 16), 1e-1), ((32, 16), 1e-2))
 """Hyperparameters: hidden layers and L2 penalty."""
@@ -27,6 +27,7 @@ MIN_LEAF = 4
 """Tests that make a kind of their own."""
 
 
+@dataclass(eq=False, repr=False, kw_only=True)
 class NeuralSampler(BatchSampler):
     """Fits a network to the KPI and tests where it predicts the lowest values, with a share of random exploration.
 
@@ -44,57 +45,48 @@ class NeuralSampler(BatchSampler):
     earlier: points (m, d) and KPI (m,) of each campaign that is known; relevance (Def. 4.20) counts the own tests alone.
     """
 
-    def __init__(
-        self,
-        space: Space,
-        seed: int,
-        *,
-        batch_size: int = 20,
-        constraints: Constraints | None = None,
-        candidates: int = 1000,
-        mutants: float = 0.4,
-        explore: float = 0.2,
-        failure_threshold_s: float = 0.1,
-        epsilon: float = 0.1,
-        omega_threshold: int = -5,
-        spread: float = 0.05,
-        kinds: int = 1,
-        earlier: Sequence[tuple[Floats, Floats]] = (),
-    ) -> None:
-        super().__init__(space, seed, batch_size=batch_size, constraints=constraints)
-        if candidates < batch_size:
-            raise ValueError(f"candidates must be at least batch_size, {batch_size}, got {candidates}")
-        if not 0 <= mutants < 1 or not 0 <= explore <= 1:
-            raise ValueError(f"mutants must be in [0, 1) and explore in [0, 1], got {mutants} and {explore}")
-        if omega_threshold >= 0:
-            raise ValueError(f"omega_threshold must be negative, got {omega_threshold}")
-        if kinds < 1:
-            raise ValueError(f"kinds must be at least 1, got {kinds}")
-        self._candidates, self._mutants, self._explore, self._kinds = candidates, mutants, explore, kinds
-        self._threshold, self._epsilon, self._omega, self._spread = failure_threshold_s, epsilon, omega_threshold, spread
-        self._earlier = tuple(earlier)
+    candidates: int = 1000
+    mutants: float = 0.4
+    explore: float = 0.2
+    failure_threshold_s: float = 0.1
+    epsilon: float = 0.1
+    omega_threshold: int = -5
+    spread: float = 0.05
+    kinds: int = 1
+    earlier: Sequence[tuple[Floats, Floats]] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.candidates < self.batch_size:
+            raise ValueError(f"candidates must be at least batch_size, {self.batch_size}, got {self.candidates}")
+        if not 0 <= self.mutants < 1 or not 0 <= self.explore <= 1:
+            raise ValueError(f"mutants must be in [0, 1) and explore in [0, 1], got {self.mutants} and {self.explore}")
+        if self.omega_threshold >= 0:
+            raise ValueError(f"omega_threshold must be negative, got {self.omega_threshold}")
+        if self.kinds < 1:
+            raise ValueError(f"kinds must be at least 1, got {self.kinds}")
 
     def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
         valid = np.isfinite(kpi)
         seen, values, campaign = self._known(points, kpi)
         if len(values) < 8:
-            return self._uniform(self.batch_size, rng)
+            return self.space.sample(self.batch_size, rng)
         candidates = self._candidate_set(seen, values, rng)
-        omega = relevance(self.space, candidates, points[valid], kpi[valid] <= self._threshold, self._epsilon)
-        relevant = np.flatnonzero(omega > self._omega)
-        predicted = self._predict(index, self._inputs(seen, campaign), values, self._inputs(candidates, len(self._earlier)))
-        random_count = round(self._explore * self.batch_size)
+        omega = relevance(self.space, candidates, points[valid], kpi[valid] <= self.failure_threshold_s, self.epsilon)
+        relevant = np.flatnonzero(omega > self.omega_threshold)
+        predicted = self._predict(index, self._inputs(seen, campaign), values, self._inputs(candidates, len(self.earlier)))
+        random_count = round(self.explore * self.batch_size)
         order = relevant[np.argsort(predicted[relevant], kind="stable")]
         chosen = self._spread_out(candidates, order, self._kinds_of(index, seen, values, candidates), self.batch_size - random_count)
         others = np.setdiff1d(relevant, chosen)
         explored = rng.permutation(others)[:random_count]
         picked = candidates[np.concatenate([chosen, explored]).astype(np.int64)]
         # Where hardly anything is relevant any more, the rest of the batch is random testing.
-        return np.concatenate([picked, self._uniform(self.batch_size - len(picked), rng)])
+        return np.concatenate([picked, self.space.sample(self.batch_size - len(picked), rng)])
 
     def _known(self, points: Floats, kpi: Floats) -> tuple[Floats, Floats, NDArray[np.int64]]:
         """The valid tests, those of earlier campaigns first: points (n, d), KPI (n,), and the position of each test's campaign (n,)."""
-        campaigns = [*self._earlier, (points, kpi)]
+        campaigns = [*self.earlier, (points, kpi)]
         campaign = np.repeat(np.arange(len(campaigns)), [len(values) for _, values in campaigns])
         points, kpi = (np.concatenate(parts) for parts in zip(*campaigns, strict=True))
         valid = np.isfinite(kpi)
@@ -102,34 +94,34 @@ class NeuralSampler(BatchSampler):
 
     def _candidate_set(self, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
         """Uniform points, and mutations of the tests with the lowest KPI."""
-        count = round(self._mutants * self._candidates)
-        uniform = self._uniform(self._candidates - count, rng)
+        count = round(self.mutants * self.candidates)
+        uniform = self.space.sample(self.candidates - count, rng)
         parents = points[np.argsort(kpi, kind="stable")[:PARENTS]]
         children = parents[rng.integers(len(parents), size=count)]
-        fresh = self._uniform(count, rng)
+        fresh = self.space.sample(count, rng)
         changed = rng.random(children.shape).argsort(axis=1) < rng.integers(1, 4, size=(count, 1))
         children = np.where(changed, fresh, children)
-        feasible = self.constraints.holds(self.space.categorise(children))
+        feasible = self.space.constraints.holds(self.space.categorise(children))
         return np.concatenate([uniform, np.where(feasible[:, None], children, fresh)])
 
     def _kinds_of(self, index: int, points: Floats, kpi: Floats, candidates: Floats) -> NDArray[np.int64]:
         """The kind of each candidate: which leaf of a tree it falls into that tells the KPI of the tests apart."""
-        if self._kinds == 1:
+        if self.kinds == 1:
             return np.zeros(len(candidates), dtype=np.int64)
-        tree = DecisionTreeRegressor(max_leaf_nodes=self._kinds, min_samples_leaf=MIN_LEAF, random_state=self.seed + index)
+        tree = DecisionTreeRegressor(max_leaf_nodes=self.kinds, min_samples_leaf=MIN_LEAF, random_state=self.seed + index)
         leaves = tree.fit(self._features(points), kpi).apply(self._features(candidates))
         return np.asarray(leaves, dtype=np.int64)
 
     def _spread_out(self, candidates: Floats, order: NDArray[np.int64], kinds: NDArray[np.int64], count: int) -> NDArray[np.int64]:
         """The first `count` of `order` that keep `spread` from those chosen before and take no more of a kind than its equal share."""
         chosen: list[int] = []
-        share, taken = -(-count // self._kinds), Counter[int]()
+        share, taken = -(-count // self.kinds), Counter[int]()
         for i in order:
             if len(chosen) == count:
                 break
             if taken[kinds[i]] == share:
                 continue
-            if not chosen or mixed_distance(self.space, candidates[[i]], candidates[chosen]).min() >= self._spread:
+            if not chosen or mixed_distance(self.space, candidates[[i]], candidates[chosen]).min() >= self.spread:
                 chosen.append(int(i))
                 taken[kinds[i]] += 1
         return np.array(chosen, dtype=np.int64)
@@ -156,10 +148,10 @@ class NeuralSampler(BatchSampler):
     def _inputs(self, points: Floats, campaign: NDArray[np.int64] | int) -> Floats:
         """The network's inputs: the features and, where earlier campaigns are known, the campaign one-hot."""
         features = self._features(points)
-        if not self._earlier:
+        if not self.earlier:
             return features
         positions = np.broadcast_to(campaign, len(points))
-        return np.column_stack([features, positions[:, None] == np.arange(len(self._earlier) + 1)])
+        return np.column_stack([features, positions[:, None] == np.arange(len(self.earlier) + 1)])
 
     def _features(self, points: Floats) -> Floats:
         """(n, d) points to (n, f) inputs: standardised numbers, cyclic ones as sine and cosine, categories one-hot and by attributes."""

@@ -14,15 +14,15 @@ from pipeline.core.space import Floats
 class PairwiseSampler(BatchSampler):
     """Goes through a covering array in the order that covers new pairs soonest, then draws at random, whatever was told.
 
-    The sequence is a function of space, constraints and seed: model versions that are compared run the very same tests.
+    The sequence is a function of space and seed: model versions that are compared run the very same tests.
     """
 
     @cached_property
     def plan(self) -> Floats:
         """The covering array, (rows, d) points at the representatives of their categories, in the order of execution."""
-        rows = covering_array(self.constraints, min(2, len(self.space)), seed=self.seed).rows
+        rows = covering_array(self.space.constraints, min(2, len(self.space)), seed=self.seed).rows
         return self.space.representatives(rows[order_by_new_pairs(rows)])
 
     def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
         planned = self.plan[index * self.batch_size : (index + 1) * self.batch_size]
-        return np.concatenate([planned, self._uniform(self.batch_size - len(planned), rng)])
+        return np.concatenate([planned, self.space.sample(self.batch_size - len(planned), rng)])

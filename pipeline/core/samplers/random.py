@@ -12,4 +12,4 @@ class RandomSampler(BatchSampler):
     """Draws every variable independently and uniformly, whatever was told."""
 
     def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
-        return self._uniform(self.batch_size, rng)
+        return self.space.sample(self.batch_size, rng)

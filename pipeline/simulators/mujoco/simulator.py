@@ -16,7 +16,7 @@ from pipeline.core.footprints import Rectangle
 from pipeline.core.matching import Matching, match
 from pipeline.core.paths import Pose
 from pipeline.core.signals import TimeStep
-from pipeline.core.space import Space, Value
+from pipeline.core.space import Value
 from pipeline.core.truth import Truth
 from pipeline.errors import SimulationError
 from pipeline.protocols import Detector
@@ -39,7 +39,7 @@ class MujocoSimulator:
     def __init__(self, scenario: FunctionalScenario, camera: Mapping[str, Any] | None = None) -> None:
         self._scenario = scenario
         self._settings = CameraSettings.model_validate(dict(camera or {}))
-        self._space = Space.from_dict(scenario.space)
+        self._space = scenario.logical_space()
         self._stage = Stage(scenario.town, scenario.actors, self._settings)
 
     def execute(self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0) -> Episode:

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.artefacts.space_file import read_points, read_space_file
-from pipeline.core.coverage.conditions import Condition, OperatingSpace
+from pipeline.artefacts.point_table import categories_of, read_points
+from pipeline.artefacts.space_file import read_space_file
+from pipeline.core.space import Space, Variable
 from pipeline.errors import InputError
 
 GOOD = """
@@ -25,7 +26,7 @@ constraints:
 """
 
 
-def space_of(tmp_path: Path, text: str = GOOD) -> OperatingSpace:
+def space_of(tmp_path: Path, text: str = GOOD) -> Space:
     path = tmp_path / "space.yaml"
     path.write_text(text)
     return read_space_file(path)
@@ -34,24 +35,30 @@ def space_of(tmp_path: Path, text: str = GOOD) -> OperatingSpace:
 def test_a_space_file_says_what_it_says(tmp_path: Path) -> None:
     space = space_of(tmp_path)
     assert space.sizes == (3, 4, 4, 2, 2, 2)
-    assert space.conditions[0].weights == (1, 1, 3) and space.conditions[5].labels == ("false", "true")
-    assert space.conditions[1].labels == ("[0, 20)", "[20, 50)", "[50, 80)", "[80, 100]")
-    assert space.conditions[2].labels == ("[45, 135)", "[135, 225)", "[225, 315)", "[315, 45)")
+    assert space.variables[0].weights == (1, 1, 3) and space.variables[5].labels == ("false", "true")
+    assert space.variables[1].labels == ("[0, 20)", "[20, 50)", "[50, 80)", "[80, 100]")
+    assert space.variables[2].labels == ("[45, 135)", "[135, 225)", "[225, 315)", "[315, 45)")
     assert space.constraints.feasible_cells([3, 4]).tolist() == [[True, False], [True, True]]
 
 
 def test_values_fall_into_their_intervals() -> None:
-    fog = Condition("fog", interval=(0, 100), cuts=(20, 50, 80))
-    assert fog.categorise([0, 19.99, 20, "79", 80, 100.0, "[20, 50)"]).tolist() == [0, 0, 1, 2, 3, 3, 1]
-    azimuth = Condition("azimuth", interval=(0, 360), cuts=(45, 135, 225, 315), cyclic=True)
-    assert azimuth.categorise([0, 44, 45, 314, 315, 360]).tolist() == [3, 3, 0, 2, 3, 3]
-    assert Condition("x", interval=(0, 1)).categorise([0, 0.5, 1]).tolist() == [0, 0, 0]
+    fog = Variable("fog", "continuous", low=0, high=100, cuts=(20, 50, 80))
+    assert categories_of(fog, [0, 19.99, 20, "79", 80, 100.0, "[20, 50)"]).tolist() == [0, 0, 1, 2, 3, 3, 1]
+    azimuth = Variable("azimuth", "continuous", low=0, high=360, cuts=(45, 135, 225, 315), cyclic=True)
+    assert categories_of(azimuth, [0, 44, 45, 314, 315, 360]).tolist() == [3, 3, 0, 2, 3, 3]
+    assert categories_of(Variable("x", "continuous", low=0, high=1, cuts=()), [0, 0.5, 1]).tolist() == [0, 0, 0]
+
+
+def test_values_of_a_grid_belong_to_the_nearest_category() -> None:
+    speed = Variable("speed", "continuous", "m/s", 0, 3, 0.5)
+    assert categories_of(speed, [0.0, 0.2, 0.3, 2.9]).tolist() == [0, 0, 1, 6]
+    assert categories_of(speed, ["0.2", "1.5"]).tolist() == [0, 3]
 
 
 def test_tables_may_spell_numbers_and_truth_in_their_own_way() -> None:
-    lanes, night = Condition("lanes", values=("1", "2")), Condition("night", values=("false", "true"))
-    assert lanes.categorise([1, "2", 2.0, "1.0", np.int64(2)]).tolist() == [0, 1, 1, 0, 1]
-    assert night.categorise([True, "False", "true", np.bool_(False)]).tolist() == [1, 0, 1, 0]
+    lanes, night = Variable("lanes", "categorical", values=("1", "2")), Variable("night", "categorical", values=("false", "true"))
+    assert categories_of(lanes, [1, "2", 2.0, "1.0", np.int64(2)]).tolist() == [0, 1, 1, 0, 1]
+    assert categories_of(night, [True, "False", "true", np.bool_(False)]).tolist() == [1, 0, 1, 0]
 
 
 @pytest.mark.parametrize(
@@ -124,4 +131,4 @@ def test_a_wrong_table_is_named(table: str, message: str, tmp_path: Path) -> Non
 def test_a_column_of_many_different_values_is_explained() -> None:
     column: list[Any] = [f"frame {i}" for i in range(100_000)]
     with pytest.raises(ValueError, match="100,000 different values, as an identifier or a measurement has"):
-        Condition("weather", values=("sunny", "rainy")).categorise(column)
+        categories_of(Variable("weather", "categorical", values=("sunny", "rainy")), column)

@@ -1,0 +1,92 @@
+"""How far a table of points covers a space, plane by plane and cell by cell, as plain data (Cheng et al., section 3)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from itertools import islice
+from typing import Any
+
+import numpy as np
+
+from pipeline.core.constraints import Bools
+from pipeline.core.coverage.counting import CellCounts
+from pipeline.core.coverage.projection import Coverage, Demand, Plane, planes, total
+from pipeline.core.coverage.proposals import Proposer
+from pipeline.core.space import Ints, Space
+
+Found = dict[str, Any]
+LISTED = 1000
+"""Planes and cells that are listed at most; their number is always whole."""
+NEXT_POINTS = 5
+GROWTH_STEPS = 60
+
+
+def planes_of(rows: Ints, demand: Demand) -> list[Plane]:
+    """Every plane with the counts of (n, d) category indices."""
+    counts = CellCounts(demand.sizes, demand.k)
+    counts.add(rows)
+    return list(planes(counts, demand))
+
+
+def fraction(coverage: Coverage) -> Found:
+    """Numerator, denominator and ratio."""
+    return {"numerator": coverage.covered, "denominator": coverage.required, "coverage": coverage.ratio}
+
+
+def details(space: Space, every: Sequence[Plane]) -> Found:
+    """The planes' coverage, and the cells that want points or that no feasible point reaches."""
+    return {
+        "planes": [_plane(space, plane) for plane in every[:LISTED]],
+        "uncovered_cells": sum(int(_wanting(plane).sum()) for plane in every),
+        "uncovered": list(islice(_cells(space, every, _wanting), LISTED)),
+        "infeasible_cells": sum(int(_infeasible(plane).sum()) for plane in every),
+        "infeasible": list(islice(_cells(space, every, _infeasible), LISTED)),
+    }
+
+
+def next_points(space: Space, rows: Ints, demand: Demand) -> list[dict[str, str]]:
+    """The few points that raise the coverage of (n, d) category indices most, by the names of their categories."""
+    found = Proposer(demand).propose(rows, NEXT_POINTS)
+    return [] if found is None else space.names_of(found.categories)
+
+
+def growth(rows: Ints, demand: Demand) -> list[tuple[int, float]]:
+    """Coverage after so many of (n, d) category indices."""
+    ends = np.unique(np.linspace(1, len(rows), min(len(rows), GROWTH_STEPS)).astype(int))
+    return [(int(end), total(planes_of(rows[:end], demand)).ratio) for end in ends]
+
+
+def pair_planes(rows: Ints, demand: Demand) -> list[Plane]:
+    """The planes of any two variables, whatever the demand's k."""
+    return planes_of(rows, replace(demand, k=2))
+
+
+def _wanting(plane: Plane) -> Bools:
+    return np.asarray(plane.counts < plane.wanted)
+
+
+def _infeasible(plane: Plane) -> Bools:
+    return ~plane.feasible
+
+
+def _cells(space: Space, every: Iterable[Plane], which: Callable[[Plane], Bools]) -> Iterator[dict[str, str]]:
+    """The cells of all planes that `which` marks, by names."""
+    for plane in every:
+        for cell in np.argwhere(which(plane)):
+            yield cell_names(space, plane.variables, cell)
+
+
+def cell_names(space: Space, variables: Iterable[int], cell: Iterable[int]) -> dict[str, str]:
+    """A cell of some variables by names."""
+    return {space.names[v]: space.variables[v].labels[int(c)] for v, c in zip(variables, cell, strict=True)}
+
+
+def _plane(space: Space, plane: Plane) -> Found:
+    own = plane.coverage
+    return {
+        "conditions": [space.names[v] for v in plane.variables],
+        **({"numerator": 0, "denominator": 0, "coverage": None} if own is None else fraction(own)),
+        "uncovered_cells": int(_wanting(plane).sum()),
+        "infeasible_cells": int(_infeasible(plane).sum()),
+    }

@@ -1,0 +1,214 @@
+"""One variable of a space: its values, and the categories that coverage counts (thesis Def. 4.2; Cheng et al., Def. 1)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Value = float | str
+"""A variable's value: a number in the variable's unit, or the name of a category."""
+Kind = Literal["continuous", "integer", "categorical"]
+TOLERANCE = 1e-9
+HEAVIEST = 1000
+"""Largest weight of a category: products over six variables are still exact."""
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One variable of a space.
+
+    A categorical one has `values` and is encoded by its index. `attributes` are numbers that are known of each of its values, such as
+    the height of a pedestrian; they say which values are alike, to those who learn from results.
+
+    A continuous or integer one has bounds `low` to `high` in `unit`, and a `step`: its categories are the grid values low, low + step,
+    ... (a value belongs to the nearest one). A continuous one may have `cuts` instead: its categories are the parts between them; a part
+    holds its lower end, the last one also its upper end. A cyclic one identifies `high` with `low`, so with cuts its first and last
+    parts are one category.
+
+    weights: whole numbers of points that are wanted of each category; not given, 1 each.
+    """
+
+    name: str
+    kind: Kind
+    unit: str = ""
+    low: float = 0.0
+    high: float = 0.0
+    step: float = 0.0
+    cyclic: bool = False
+    values: tuple[str, ...] = ()
+    attributes: tuple[tuple[str, tuple[float, ...]], ...] = ()
+    cuts: tuple[float, ...] | None = None
+    weights: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        problem = self._wrong_values() if self.kind == "categorical" else self._wrong_range()
+        if problem := problem or self._wrong_weights():
+            raise ValueError(f"variable '{self.name}': {problem}")
+
+    def _wrong_values(self) -> str:
+        if not self.values or len(set(self.values)) != len(self.values):
+            return f"values must be distinct and not empty, got {self.values}"
+        for name, numbers in self.attributes:
+            if len(numbers) != len(self.values):
+                return f"attribute '{name}' must have {len(self.values)} numbers, one a value, got {len(numbers)}"
+        return ""
+
+    def _wrong_range(self) -> str:
+        if self.attributes:
+            return "only the values of a categorical variable have attributes"
+        if not self.low < self.high:
+            return f"low must be below high, got {self.low} to {self.high}"
+        if self.cuts is not None:
+            return self._wrong_cuts()
+        if not 0 < self.step <= self.high - self.low:
+            return f"step must be in (0, {self.high - self.low}], got {self.step}"
+        if self.cyclic and abs((self.high - self.low) / self.step - self.size) > TOLERANCE:
+            return f"step must divide the circle of {self.high - self.low:g}, got {self.step}"
+        return ""
+
+    def _wrong_cuts(self) -> str:
+        assert self.cuts is not None
+        if self.kind == "integer" or self.step:
+            return "cuts are for a continuous variable without a step"
+        if any(a >= b for a, b in pairwise((self.low, *self.cuts, self.high))):
+            return f"cuts must rise inside ({self.low:g}, {self.high:g}), got {list(self.cuts)}"
+        if self.cyclic and len(self.cuts) == 1:
+            return f"a cyclic variable needs no cut or at least two, got {list(self.cuts)}"
+        return ""
+
+    def _wrong_weights(self) -> str:
+        if self.weights and len(self.weights) != self.size:
+            return f"weights must have {self.size} numbers, one a category, got {len(self.weights)}"
+        if any(weight != int(weight) or not 0 <= weight <= HEAVIEST for weight in self.weights):
+            return f"weights must be whole numbers from 0 to {HEAVIEST}, got {list(self.weights)}"
+        return ""
+
+    @property
+    def size(self) -> int:
+        """Number of categories."""
+        if self.kind == "categorical":
+            return len(self.values)
+        if self.cuts is not None:
+            return len(self._parts)
+        return int(np.floor((self.high - self.low) / self.step + TOLERANCE)) + (0 if self.cyclic else 1)
+
+    @cached_property
+    def _parts(self) -> tuple[tuple[float, float], ...]:
+        """Start and end of each part between the cuts; that which holds the ends of a cyclic variable comes last."""
+        parts = list(pairwise((self.low, *(self.cuts or ()), self.high)))
+        return tuple([*parts[1:-1], (parts[-1][0], parts[0][1])] if self._wraps else parts)
+
+    @property
+    def _wraps(self) -> bool:
+        return self.cyclic and bool(self.cuts)
+
+    @property
+    def grid(self) -> Floats:
+        """(size,) the representative of each category, encoded: its grid value, or the middle of its part."""
+        if self.kind == "categorical":
+            return np.arange(self.size, dtype=float)
+        if self.cuts is not None:
+            return self._inside_parts(np.arange(self.size), np.full(self.size, 0.5))
+        return np.minimum(self.low + self.step * np.arange(self.size, dtype=np.float64), self.high)  # 3 * 0.2 is more than 0.6.
+
+    @cached_property
+    def labels(self) -> tuple[str, ...]:
+        """(size,) the name of each category."""
+        if self.cuts is None:
+            return self.values or tuple(f"{value:g}" for value in self.grid)
+        ends = [")"] * (self.size - 1) + [")" if self._wraps else "]"]
+        return tuple(f"[{low:g}, {high:g}{end}" for (low, high), end in zip(self._parts, ends, strict=True))
+
+    @property
+    def rounding(self) -> float:
+        """To what a readable bound is rounded: half a step, or a hundredth of a range without steps."""
+        return self.step / 2 if self.cuts is None else (self.high - self.low) / 100
+
+    def categorise(self, values: Floats) -> Ints:
+        """(n,) encoded values to (n,) category indices."""
+        if self.kind == "categorical":
+            return values.astype(np.int64)
+        if self.cuts is not None:
+            part = np.searchsorted(self.cuts, values, side="right").astype(np.int64)
+            return np.where(part == 0, self.size, part) - 1 if self._wraps else part
+        index = np.floor((values - self.low) / self.step + 0.5).astype(np.int64)
+        return index % self.size if self.cyclic else np.clip(index, 0, self.size - 1)
+
+    def scale(self, unit: Floats) -> Floats:
+        """(n,) uniform numbers in [0, 1) to encoded values."""
+        if self.kind == "categorical":
+            return np.minimum(np.floor(unit * self.size), self.size - 1)
+        if self.kind == "integer":
+            count = self.high - self.low + 1
+            return np.minimum(self.low + np.floor(unit * count), self.high)
+        return self.low + unit * (self.high - self.low)
+
+    def within(self, categories: Ints, unit: Floats) -> Floats:
+        """(n,) category indices to encoded values that lie as far inside their categories as (n,) numbers in [0, 1) say."""
+        if self.cuts is not None:
+            return self._inside_parts(categories, unit)
+        values = self.grid[categories]
+        if self.kind == "categorical":
+            return values
+        if self.kind == "integer":
+            first, last = np.ceil(values - self.step / 2), np.ceil(values + self.step / 2) - 1
+            first, last = np.maximum(first, self.low), self._ends(categories, last)
+            return np.asarray(np.minimum(first + np.floor(unit * (last - first + 1)), last))
+        first, last = values - self.step / 2, values + self.step / 2
+        if self.cyclic:
+            return np.asarray(self.low + (first + self.step * unit - self.low) % (self.high - self.low))
+        first, last = np.maximum(first, self.low), self._ends(categories, last)
+        return np.asarray(first + unit * (last - first))
+
+    def _inside_parts(self, categories: Ints, unit: Floats) -> Floats:
+        span = self.high - self.low
+        first, last = np.array(self._parts).T
+        last = np.where(last > first, last, last + span)  # The part of a cyclic variable that holds its ends.
+        values = first[categories] + unit * (last - first)[categories]
+        return np.asarray(np.where(values > self.high, values - span, values))
+
+    def _ends(self, categories: Ints, last: Floats) -> Floats:
+        """Where categories end: the last one has what the steps leave over, too."""
+        return np.where(categories == self.size - 1, self.high, np.minimum(last, self.high))
+
+    def encode(self, value: Value) -> float:
+        """One value to its number; ValueError that names the variable, what was expected and what came."""
+        if self.kind == "categorical":
+            if value not in self.values:
+                raise ValueError(f"{self.name} must be one of {', '.join(self.values)}; got {value!r}")
+            return float(self.values.index(str(value)))
+        if isinstance(value, str) or not np.isfinite(value) or not self.low <= value <= self.high:
+            raise ValueError(f"{self.name} must be in [{self.low:g}, {self.high:g}] {self.unit}, got {value!r}")
+        return float(value)
+
+    def decode(self, number: float) -> Value:
+        """Inverse of `encode`."""
+        return self.values[int(number)] if self.kind == "categorical" else float(number)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data without the name; `from_dict` reads it back."""
+        known: dict[str, Any] = {"kind": self.kind}
+        if self.kind == "categorical":
+            known["values"] = list(self.values)
+            if self.attributes:
+                known["attributes"] = {name: list(numbers) for name, numbers in self.attributes}
+        else:
+            categories = {"step": self.step} if self.cuts is None else {"cuts": list(self.cuts)}
+            known |= {"unit": self.unit, "low": self.low, "high": self.high, **categories, "cyclic": self.cyclic}
+        return {**known, "weights": list(self.weights)} if self.weights else known
+
+    @staticmethod
+    def from_dict(name: str, plain: Mapping[str, Any]) -> Variable:
+        """TypeError for an unknown key, ValueError for what `Variable` refuses."""
+        values: dict[str, Any] = {key: tuple(value) if key in ("values", "cuts", "weights") else value for key, value in plain.items()}
+        if "attributes" in values:
+            values["attributes"] = tuple((key, tuple(float(number) for number in numbers)) for key, numbers in values["attributes"].items())
+        return Variable(name=name, **values)

@@ -1,0 +1,241 @@
+"""What `coverage score`, `propose`, `plan` and `verify` answer: as a mapping for --json, and as text."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Iterable, Mapping
+from math import comb
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.analysis.data_coverage import LISTED, Found, cell_names, details, fraction, growth, next_points, pair_planes, planes_of
+from pipeline.artefacts.point_table import read_points, write_points
+from pipeline.artefacts.space_file import read_space_file
+from pipeline.core.coverage import arrays, counting
+from pipeline.core.coverage.arrays import Effort, covering_array
+from pipeline.core.coverage.projection import Coverage, Demand, Plane, total
+from pipeline.core.coverage.proposals import Proposal, Proposer
+from pipeline.core.coverage.verification import verify as verify_rows
+from pipeline.core.space import Ints, Space
+from pipeline.errors import InputError
+from pipeline.progress import Progress
+
+MOST_CELLS = 200_000_000
+SHOWN = 12
+
+
+def score(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
+    """Coverage of a table of points."""
+    space = _read_space(options, "k")
+    rows = read_points(options.points, space, metadata=options.metadata)
+    _announce_compilation()
+    by_k = {}
+    for k in range(1, options.k + 1):
+        demand = Demand(space.constraints, k, space.weights, options.operator)
+        every = planes_of(rows, demand)
+        coverage = by_k[k] = _total(options.space, every)
+        progress(k, options.k, f"k = {k}")
+    found: Found = {
+        **fraction(coverage),
+        "k": options.k,
+        "operator": options.operator,
+        "points": len(rows),
+        "by_k": [{"k": k, **fraction(value)} for k, value in by_k.items()],
+        **details(space, every),
+        "next": next_points(space, rows, demand) if coverage.covered < coverage.required else [],
+    }
+    if options.figures:
+        found["figures"] = [str(path) for path in _draw(options.figures, space, rows, demand)]
+    return found, _score_text(found, space)
+
+
+def propose(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
+    """The next points that raise coverage most, or all that complete it."""
+    space = _read_space(options, "k")
+    if options.count < 1:
+        raise InputError(f"--count must be at least 1, got {options.count}")
+    rows = np.zeros((0, len(space)), np.int64)
+    if options.points is not None:
+        rows = read_points(options.points, space, metadata=options.metadata, empty=True)
+    demand = Demand(space.constraints, options.k, space.weights, options.operator)
+    before = _total(options.space, planes_of(rows, demand))
+    _announce_compilation()
+    proposer = Proposer(demand, heavy_first=options.heavy_first, seed=options.seed)
+    progress(0, 1, f"{before.covered} of {before.required} covered")
+    needed = proposer.fewest(rows)
+    found = _proposal(proposer, rows, options)
+    after = _total(options.space, planes_of(np.vstack([rows, found.categories]), demand))
+    progress(1, 1, f"{after.covered} of {after.required} covered")
+    if options.output:
+        write_points(options.output, space, found.categories)
+    result: Found = {
+        "count": len(found.categories),
+        "needed_at_least": needed,
+        "k": options.k,
+        "operator": options.operator,
+        "gain": found.gain,
+        "bound": found.bound,
+        "gap": found.bound - found.gain,
+        "optimal": len(found.categories) == needed if options.complete else found.optimal,
+        "before": fraction(before),
+        "after": fraction(after),
+        "points": space.names_of(found.categories),
+    }
+    return result, _propose_text(result, options, before, after)
+
+
+def _proposal(proposer: Proposer, rows: Ints, options: argparse.Namespace) -> Proposal:
+    """What the options ask for; no points if nothing is missing."""
+    if options.complete:
+        added = proposer.completion(rows)
+        gain = int((proposer.missing(rows) - proposer.missing(np.vstack([rows, added]))).sum())
+        return Proposal(added, gain, gain)
+    found = proposer.propose_exact(rows, options.count, options.seconds) if options.exact else proposer.propose(rows, options.count)
+    return Proposal(rows[:0], 0, 0) if found is None else found
+
+
+def _propose_text(found: Found, options: argparse.Namespace, before: Coverage, after: Coverage) -> str:
+    if not found["count"]:
+        return f"{options.k}-projection coverage is {_percent(before)}: nothing to propose"
+    lines = [f"{options.k}-projection coverage {_percent(before)}, with {found['count']} more points {_percent(after)}"]
+    if options.complete:
+        needed = found["needed_at_least"]
+        lines.append("No fewer points complete it." if found["optimal"] else f"No fewer than {needed} points could.")
+    elif found["optimal"]:
+        lines.append("No other points are worth more." if options.heavy_first else "No other points gain more.")
+    elif options.heavy_first:
+        lines.append(f"The cells that they fill weigh {found['gain']}; none can weigh more than {found['bound']}.")
+    else:
+        lines.append(f"They gain {found['gain']}; no points can gain more than {found['bound']}.")
+    return "\n".join([*lines, "", *_points_table(found["points"])])
+
+
+def plan(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
+    """A covering array: few points in which every combination of categories of any `strength` conditions occurs."""
+    space = _read_space(options, "strength")
+    seeds = None if options.include is None else read_points(options.include, space)
+    started = time.monotonic()
+    _announce_compilation()
+
+    def told(share: float, size: int, bound: int) -> None:
+        progress(min(999, int(1000 * share)), 1000, f"{size} points, at least {bound} needed")
+
+    effort = Effort((options.seconds or None) if options.effort == "polish" else None, told)
+    array = covering_array(space.constraints, options.strength, seeds=seeds, seed=options.seed, effort=effort)
+    progress(1000, 1000, f"{array.size} points")
+    if options.output:
+        write_points(options.output, space, array.rows)
+    found: Found = {
+        "size": array.size,
+        "lower_bound": array.lower_bound,
+        "gap": array.size - array.lower_bound,
+        "optimal": array.size == array.lower_bound,
+        "cells": array.cells,
+        "strength": options.strength,
+        "effort": options.effort,
+        "seconds": round(time.monotonic() - started, 3),
+    }
+    sure = "no plan has fewer" if found["optimal"] else f"no plan has fewer than {array.lower_bound}"
+    return found, f"{array.size} points cover all {array.cells:,} feasible combinations of {options.strength} conditions; {sure}."
+
+
+def verify(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
+    """Check a plan by other means than those that made it."""
+    space = _read_space(options, "strength")
+    rows = read_points(options.points, space)
+    checked = verify_rows(rows, space.constraints, options.strength, progress)
+    missing = [cell_names(space, plane, cell) for plane, cell in checked.missing[:LISTED]]
+    found: Found = {
+        "valid": checked.valid,
+        "size": checked.rows,
+        "strength": options.strength,
+        "cells": checked.cells,
+        "infeasible_cells": checked.infeasible,
+        "missing_cells": len(checked.missing),
+        "missing": missing,
+    }
+    if checked.valid:
+        return found, f"valid: {checked.rows} points cover all {checked.cells:,} feasible combinations of {options.strength} conditions"
+    listed = "\n".join(f"  {_cell_text(cell)}" for cell in missing[:SHOWN])
+    return found, f"not valid: {len(checked.missing):,} of {checked.cells:,} feasible combinations are missing, among them\n{listed}"
+
+
+def _read_space(options: argparse.Namespace, option: str) -> Space:
+    """The space of --space; InputError if --k or --strength does not fit it."""
+    space, k = read_space_file(options.space), getattr(options, option)
+    if not 1 <= k <= len(space):
+        raise InputError(f"--{option} must be in [1, {len(space)}], the number of conditions; got {k}")
+    cells = comb(len(space), k) * float(np.exp(k * np.mean(np.log(np.sort(space.sizes)[::-1].astype(float)))))
+    if cells > MOST_CELLS:
+        raise InputError(f"--{option} = {k}: about {cells:.2g} cells are more than the {MOST_CELLS:.0e} that fit; choose a smaller one")
+    return space
+
+
+def _total(path: Path, every: Iterable[Plane]) -> Coverage:
+    try:
+        return total(every)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def _draw(folder: Path, space: Space, rows: Ints, demand: Demand) -> list[Path]:
+    from pipeline.report import coverage_plots as plots
+    from pipeline.report.style import save_png
+
+    paths = [folder / "growth.png"]
+    save_png(plots.growth(growth(rows, demand), demand.k), paths[0])
+    if len(space) >= 2:
+        paths.append(folder / "planes.png")
+        save_png(plots.heat_maps(pair_planes(rows, demand), space), paths[1])
+    return paths
+
+
+def _percent(coverage: Coverage) -> str:
+    return f"{coverage.covered:,}/{coverage.required:,} = {100 * coverage.ratio:.2f} %"
+
+
+def _cell_text(cell: Mapping[str, str]) -> str:
+    return ", ".join(f"{name} = {label}" for name, label in cell.items())
+
+
+def _points_table(points: list[dict[str, str]]) -> list[str]:
+    return _table([list(points[0]), *(list(point.values()) for point in points)])
+
+
+def _score_text(found: Found, space: Space) -> str:
+    lines = [f"{found['points']:,} points, {len(space)} conditions, weights combined by {found['operator']}", ""]
+    lines += _table(
+        [["k", "covered", "wanted", "coverage"]]
+        + [[str(x["k"]), f"{x['numerator']:,}", f"{x['denominator']:,}", f"{100 * x['coverage']:.2f} %"] for x in found["by_k"]]
+    )
+    least = sorted((p for p in found["planes"] if p["coverage"] is not None), key=lambda p: p["coverage"])[:SHOWN]
+    lines += ["", f"Least covered of {len(found['planes'])} planes"]
+    lines += _table(
+        [["plane", "covered", "wanted", "coverage"]]
+        + [[" × ".join(p["conditions"]), f"{p['numerator']:,}", f"{p['denominator']:,}", f"{100 * p['coverage']:.1f} %"] for p in least]
+    )
+    for title, cells in (("uncovered", found["uncovered"]), ("provably infeasible", found["infeasible"])):
+        number = found[f"{title.split()[-1]}_cells"]
+        lines += ["", f"{number:,} cells are {title}{', among them' if number > SHOWN else ':' if number else '.'}"]
+        lines += [f"  {_cell_text(cell)}" for cell in cells[:SHOWN]]
+    if found["next"]:
+        lines += ["", "What to collect next, most useful first"]
+        lines += _points_table(found["next"])
+    lines += [f"drawn: {path}" for path in found.get("figures", ())]
+    return "\n".join(lines)
+
+
+def _table(rows: list[list[str]]) -> list[str]:
+    """Rows as aligned text, the first as the head."""
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    return ["  " + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+
+
+def _announce_compilation() -> None:
+    """Say why the first call on a machine takes longer."""
+    cached = Path(arrays.__file__).parent / "__pycache__"
+    if not any(cached.glob("annealing.*.nbi")) or not any(cached.glob("counting.*.nbi")):
+        print(f"compiling the kernels of {counting.__package__}, once on this machine …", file=sys.stderr, flush=True)

@@ -1,0 +1,50 @@
+"""Every strategy of conf/sampler, for the laws and contracts that all of them keep."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from pipeline.config.composing import CONF
+from pipeline.core.samplers.batches import BatchSampler
+from pipeline.core.space import Floats, Space
+
+Strategy = Callable[..., BatchSampler]
+
+
+def kpi_of(points: Floats) -> Floats:
+    """Lower towards high values of the first variable; one test in seven breaks the simulation."""
+    values = 1.05 - points[:, 0] / 10
+    return np.where(np.arange(len(points)) % 7 == 3, np.nan, values)
+
+
+def strategies(conf: Path = CONF) -> dict[str, Strategy]:
+    """By name, with the parameters of their files; those that take tests of earlier campaigns are there with such tests, too."""
+    found: dict[str, Strategy] = {}
+    for path in sorted((conf / "sampler").glob("*.yaml")):
+        section = yaml.safe_load(path.read_text())
+        module, _, name = section.pop("_target_").rpartition(".")
+        made = getattr(import_module(module), name)
+        # Values such as ${campaign.failure_threshold_s} are a study's.
+        found[path.stem] = _with(made, {key: value for key, value in section.items() if "${" not in str(value)})
+        if "earlier" in inspect.signature(made).parameters:
+            found[f"{path.stem}-taught"] = _taught(found[path.stem])
+    return found
+
+
+def _with(made: Strategy, values: dict[str, Any]) -> Strategy:
+    return lambda space, seed, **settings: made(space, seed, **{**values, **settings})
+
+
+def _taught(made: Strategy) -> Strategy:
+    def taught(space: Space, seed: int, **settings: Any) -> BatchSampler:
+        points = space.sample(20, np.random.default_rng(7))
+        return made(space, seed, earlier=[(points, kpi_of(points))], **settings)
+
+    return taught
