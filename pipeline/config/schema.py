@@ -252,7 +252,7 @@ class Config(_Section):
                         f"held_out: {unseen} has the town of {searched} (style and seed), which is searched, so detectors would learn it"
                     )
         if self.goal == "detectors" and not self.tested:
-            raise ValueError("tested: goal 'detectors' needs at least one detector, as in tested={mine: best.onnx}")
+            raise ValueError("tested: goal 'detectors' needs at least one detector, as in +tested.mine=best.onnx")
         if self.adaptive == self.strategies[0]:
             raise ValueError(f"adaptive must differ from the baseline, the first of strategies, got '{self.adaptive}' for both")
         return self

@@ -65,8 +65,7 @@ def test_frames_know_the_scenario_of_their_campaign(tmp_path: Path) -> None:
 
 
 def source(study: FabricatedStudy, strategy: str, table: Path) -> Source:
-    frames, tests = (study.paths(study.files.search(f"{name}.parquet", strategy=strategy)) for name in ("frames", "tests"))
-    return Source([table], frames, tests)
+    return Source([table], study.paths(study.files.search("tests.parquet", strategy=strategy)))
 
 
 def test_frames_that_validate_are_refused_by_name() -> None:
