@@ -10,6 +10,8 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from pipeline.errors import InputError
+
 RETRAINED = ("control", "random", "adaptive")
 PATTERN = r"base|(?:control|random|adaptive)(?:-r(?:[2-9]|[1-9]\d+))?(?:-s\d+)?"
 """Of every version's name, as a regular expression."""
@@ -32,9 +34,11 @@ class Version:
 
     @staticmethod
     def named(name: str) -> Version:
-        """The version of a name."""
+        """The version of a name; InputError if it is neither a version's nor a plain word, which names a detector."""
         found = NAME.fullmatch(name)
         if found is None:
+            if not re.fullmatch(r"\w+", name):
+                raise InputError(f"expected the name of a version, as base or adaptive-r2-s1, got '{name}'")
             return Version(name)
         kind, number, seed = found.groups()
         return Version(kind, int(number or 1), None if seed is None else int(seed))

@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import stats
+
+
+def _distributions() -> Any:
+    """SciPy's, imported late: that takes most of a second, and planning a study needs none of them."""
+    from scipy import stats
+
+    return stats
 
 
 @dataclass(frozen=True)
@@ -40,7 +47,7 @@ def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> tu
     _check_confidence(confidence)
     if trials == 0:
         return 0.0, 1.0
-    z2 = float(stats.norm.ppf((1 + confidence) / 2)) ** 2
+    z2 = float(_distributions().norm.ppf((1 + confidence) / 2)) ** 2
     share = successes / trials
     centre = (share + z2 / (2 * trials)) / (1 + z2 / trials)
     half = np.sqrt(z2 * (share * (1 - share) / trials + z2 / (4 * trials**2))) / (1 + z2 / trials)
@@ -63,7 +70,7 @@ def mean_interval(values: ArrayLike, confidence: float = 0.95, limits: tuple[flo
     mean = float(sample.mean())
     if len(sample) == 1:
         return mean, mean
-    half = float(stats.t.ppf((1 + confidence) / 2, len(sample) - 1) * sample.std(ddof=1) / np.sqrt(len(sample)))
+    half = float(_distributions().t.ppf((1 + confidence) / 2, len(sample) - 1) * sample.std(ddof=1) / np.sqrt(len(sample)))
     return max(mean - half, limits[0]), min(mean + half, limits[1])
 
 
@@ -79,7 +86,7 @@ def mcnemar(before: ArrayLike, after: ArrayLike) -> Paired:
 def mcnemar_p_value(fixes: int, regressions: int) -> float:
     """Of the exact McNemar test, two-sided, by how many tests only the one and only the other version fails."""
     discordant = fixes + regressions
-    return float(stats.binomtest(fixes, discordant).pvalue) if discordant else 1.0
+    return float(_distributions().binomtest(fixes, discordant).pvalue) if discordant else 1.0
 
 
 def sign_flip(differences: ArrayLike) -> float:

@@ -7,6 +7,7 @@ import re
 import pytest
 
 from pipeline.core.lineage import PATTERN, Version, versions
+from pipeline.errors import InputError
 
 
 def test_versions_by_round_kind_and_seed() -> None:
@@ -23,7 +24,11 @@ def test_parents_groups_and_what_was_tested_for_it() -> None:
     assert Version().parent is None and Version().tested == ()
 
 
-@pytest.mark.parametrize("name", ["bases", "base-r2", "adaptive-r", "adaptive_s1", "adaptive-r0", "adaptive-r1", ""])
+def test_a_plain_word_names_a_detector_that_is_only_tested() -> None:
+    assert (Version.named("yolo_v8"), Version.named("yolo_v8").parent) == (Version("yolo_v8"), None)
+
+
+@pytest.mark.parametrize("name", ["base-r2", "adaptive-r", "adaptive-r0", "adaptive-r1", ""])
 def test_other_names_are_refused(name: str) -> None:
-    with pytest.raises(ValueError, match="expected the name of a version"):
+    with pytest.raises(InputError, match=rf"^expected the name of a version, as base or adaptive-r2-s1, got '{name}'$"):
         Version.named(name)

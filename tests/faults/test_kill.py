@@ -40,11 +40,10 @@ write_version(compose("base", []), fitted, images, Origin("base", None, {}, {}, 
 FILTER = """
 import sys
 from pathlib import Path
-from pipeline.config.composing import compose
-from pipeline.steps import filter
-out, *frames = map(Path, sys.argv[1:])
+from tests.analysis.fabricated import FabricatedStudy
+study = FabricatedStudy(Path(sys.argv[1]))
 print("ready", flush=True)
-filter.run(compose("default", []), frames=frames, out=out, progress=lambda *_: None)
+study.run("filter", kind="filter", strategy="random", version="base")
 """
 
 REGISTER = """
@@ -101,17 +100,19 @@ def test_in_training(tmp_path: Path) -> None:
 
 
 def test_in_filtering(tmp_path: Path) -> None:
-    study = FabricatedStudy(tmp_path / "study").make()
-    frames, whole, cut = study.frames("random"), tmp_path / "whole.csv", tmp_path / "cut.csv"
-    finish(FILTER, whole, *frames)
+    study = FabricatedStudy(tmp_path).make()
+    table = study.root / "filter/random/base.csv"
+    finish(FILTER, tmp_path)
+    whole = table.read_bytes()
+    table.unlink()
     at_work = []
     for after_s in (0.0, 0.05, 0.2):
-        at_work.append(killed(FILTER, cut, *frames, after_s=after_s))
-        if cut.exists():
-            read_filter(cut)
+        at_work.append(killed(FILTER, tmp_path, after_s=after_s))
+        if table.exists():
+            read_filter(table)
     assert any(at_work)
-    finish(FILTER, cut, *frames)
-    assert cut.read_bytes() == whole.read_bytes()
+    finish(FILTER, tmp_path)
+    assert table.read_bytes() == whole
 
 
 def test_in_registration(tmp_path: Path) -> None:
