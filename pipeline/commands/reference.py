@@ -25,8 +25,8 @@ PASSED = ("space", "seed", "model", "scenario", "camera")
 """Parameters that a study's other keys give."""
 HEAD = """# Configuration
 
-Made by `python -m pipeline reference` from `pipeline/config/schema.py` and `conf/`. Each key has its value in `study=default`, in brackets
-its range, and its meaning.
+Made by `python -m pipeline reference` from `pipeline/config/schema.py` and `conf/`. Each line gives a key, its value in
+`study=default`, its range in brackets and its meaning.
 """
 COLUMNS_HEAD = """# Columns of a campaign's tables
 
@@ -34,17 +34,17 @@ Made by `python -m pipeline reference`. The metadata of a Parquet field has the 
 
 """
 TABLE_TEXTS = {
-    "tests": "One row for each test. A column for each variable of the scenario follows. A test with status `error` has no KPI: these columns "
-    "hold false, 0, `none` or no value.",
-    "signals": "One row for each time step, in the world frame. The last row of a test is its end, without a frame. All KPIs can be computed "
-    "from these columns.",
+    "tests": "One row for each test. A column for each variable of the scenario follows. A test with status `error` has no KPI: false, 0, "
+    "`none` or no value.",
+    "signals": "One row for each time step, in the world frame. The last row of a test is its end, without a frame. All KPIs follow from these "
+    "columns.",
     "frames": "One row for every n-th frame; n is `campaign.keep_every`.",
     "timings": "One row for each test, with times by the wall clock. No other table has times of the computer.",
 }
 CHOICES = """## Strategies, detectors and simulators
 
-Each is a file in `conf/` that names a class and sets its parameters. To set a parameter that the file does not name, put a plus before it:
-`+samplers.neural.explore=0.3`.
+Each is a file in `conf/` that names a class and sets its parameters. To set a parameter that the
+file does not name, put a plus before it: `+samplers.neural.explore=0.3`.
 """
 LINE = 120
 
@@ -94,12 +94,8 @@ def choices(group: str, prefix: str) -> list[str]:
         lines += [f"### {group}: {path.stem}", "", inspect.getdoc(described) or "", ""]
         if "camera" in body:
             lines += [inspect.getdoc(CameraSettings) or "", ""]
-            fields = CameraSettings.model_fields
-            keys += [
-                line
-                for name, value in body["camera"].items()
-                for line in item(f"{prefix}camera.{name}", value, limits(fields[name].metadata))
-            ]
+            for name, value in body["camera"].items():
+                keys += item(f"{prefix}camera.{name}", value, limits(CameraSettings.model_fields[name].metadata))
         lines += [*(keys or ["No parameters."]), ""]
     return lines
 
@@ -127,22 +123,20 @@ def shown(value: Any) -> str:
 def limits(metadata: list[Any]) -> str:
     """The range of a value, from pydantic's constraints."""
     signs = {"ge": "≥", "gt": ">", "le": "≤", "lt": "<"}
-    return ", ".join(f"{sign} {getattr(m, key):g}" for m in metadata for key, sign in signs.items() if getattr(m, key, None) is not None)
+    return ", ".join(f"{sign} {getattr(m, key):,}" for m in metadata for key, sign in signs.items() if getattr(m, key, None) is not None)
 
 
 def configuration() -> str:
     """The page of all keys."""
     parts = [line for group, prefix in GROUPS.items() for line in choices(group, prefix)]
-    return HEAD + "\n".join(["", *section(Config, compose("default", [])), CHOICES, *parts]).rstrip("\n") + "\n"
+    return HEAD + "\n".join(["", "## The study", "", *section(Config, compose("default", [])), CHOICES, *parts]).rstrip("\n") + "\n"
 
 
 def columns() -> str:
     """The page of all columns of a campaign's tables."""
-    parts = [
-        line
-        for name, table in TABLES.items()
-        for line in (f"## {name}.parquet", "", *wrapped(TABLE_TEXTS[name]), "", *described(table), "")
-    ]
+    parts: list[str] = []
+    for name, table in TABLES.items():
+        parts += [f"## {name}.parquet", "", *wrapped(TABLE_TEXTS[name]), "", *described(table), ""]
     return COLUMNS_HEAD + "\n".join(parts).rstrip("\n") + "\n"
 
 
