@@ -36,7 +36,8 @@ Made by `python -m pipeline reference`. The metadata of a Parquet field has the 
 TABLE_TEXTS = {
     "tests": "One row for each test. A column for each variable of the scenario follows. A test with status `error` has no KPI: false, 0, "
     "`none` or no value.",
-    "signals": "One row for each time step, in the world frame. The last row of a test is its end, without a frame. All KPIs follow.",
+    "signals": "One row for each time step, in the world frame. The last row of a test is its end, without a frame. "
+    "All KPIs are computed from these columns.",
     "frames": "One row for every n-th frame; n is `campaign.keep_every`.",
     "timings": "One row for each test, with times by the wall clock. No other table has times of the computer.",
 }
