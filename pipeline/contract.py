@@ -23,6 +23,8 @@ Files = str | Sequence[str]
 """One path, or several of a kind; one that ends with a slash is a folder."""
 Sections = tuple[str, ...] | Callable[[Config, Wildcards], tuple[str, ...]]
 STAMP = "stamp"
+VERDICT_FOLLOWS = "BLINDSPOT_VERDICT_FOLLOWS"
+"""Set by a caller of Snakemake that prints the verdict itself."""
 
 
 def _nothing(folders: Folders, wildcards: Wildcards) -> Mapping[str, Files]:

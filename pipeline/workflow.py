@@ -23,7 +23,7 @@ from pipeline.artefacts.folders import Folders
 from pipeline.config.composing import PARAMS, load, validate
 from pipeline.config.declared import value_at
 from pipeline.config.schema import Config
-from pipeline.contract import STAMP, Files, Step, Wildcards, step_of
+from pipeline.contract import STAMP, VERDICT_FOLLOWS, Files, Step, Wildcards, step_of
 from pipeline.core.lineage import PATTERN
 from pipeline.errors import InputError
 from pipeline.sources import code_digest
@@ -207,7 +207,7 @@ class Plan:
         """Print the verdict after a run of the whole study, or of its last step."""
         targets = set(asked.targets)
         part = targets and not targets & {"all", "track"} and not targets >= set(self.folders.goals)
-        if part or asked.until or asked.omit_from or asked.allowed_rules or asked.batch or "BLINDSPOT_VERDICT_FOLLOWS" in os.environ:
+        if part or asked.until or asked.omit_from or asked.allowed_rules or asked.batch or VERDICT_FOLLOWS in os.environ:
             return
         subprocess.run([sys.executable, "-m", "pipeline", "verdict"], check=False)
 

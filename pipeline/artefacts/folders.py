@@ -27,7 +27,8 @@ class Folders:
     def goals(self) -> list[str]:
         """What the whole study is run for."""
         made = {"report": ["report.html", "tracking.json"], "base": ["models/base/model.json"], "front_car": ["front_car.html"]}
-        made["detectors"] = [f"reports/{name}.html" for name in self.config.tested]
+        compared = ["comparison.json"] if len(self.config.tested) > 1 else []
+        made["detectors"] = [*(f"reports/{name}.html" for name in self.config.tested), "measures.json", *compared]
         return [f"{self.root}/{name}" for name in made[self.config.goal]]
 
     @property

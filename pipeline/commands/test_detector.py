@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import os
 import re
 import subprocess
 import sys
@@ -14,6 +15,7 @@ from pipeline.artefacts.files import sha256, write_bytes
 from pipeline.artefacts.folders import Folders
 from pipeline.config.composing import compose, dump, validate
 from pipeline.config.schema import Config
+from pipeline.contract import VERDICT_FOLLOWS
 from pipeline.errors import InputError, SimulationError
 
 WORDS = """ONNX files (ours, YOLOv5, YOLOv8/11 or end to end), or what the study's detector takes; and Hydra overrides, such as
@@ -42,11 +44,12 @@ def run(options: argparse.Namespace) -> int:
     params = Path(folders.root, "params.yaml")
     write_bytes(params, dump(config, f"python -m pipeline test-detector {' '.join(options.words)}").encode())
     cores = "all" if options.cores is None else str(options.cores)
-    done = subprocess.run([sys.executable, "-m", "snakemake", "--configfile", str(params), "--cores", cores], check=False)
+    environment = {**os.environ, VERDICT_FOLLOWS: "1"}
+    done = subprocess.run([sys.executable, "-m", "snakemake", "--configfile", str(params), "--cores", cores], env=environment, check=False)
     if done.returncode:
         return done.returncode
     print(table(config))
-    print(f"Next: open {' '.join(folders.goals)}")
+    print(f"Next: open {' '.join(goal for goal in folders.goals if goal.endswith('.html'))}")
     return 0
 
 
@@ -106,5 +109,5 @@ def table(config: Config) -> str:
                 lines.append(f"{version} on {scenario}, {region.name}: {region.rule} ({inside})")
     if len(config.tested) > 1:
         comparison = Path(folders.root, "comparison.json")
-        lines += ["", verdict_table(read(comparison, Comparison), Path(folders.goals[0]))]
+        lines += ["", verdict_table(read(comparison, Comparison))]
     return "\n".join(lines)

@@ -11,12 +11,12 @@ from pipeline.__main__ import main
 from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.results import Measures, read
 from pipeline.commands import test_detector
-from pipeline.detectors.yolo.export import onnx_of
 from pipeline.errors import InputError
 from tests.detectors.test_layouts import export, yolov8
 from tests.studies import ROOT
 
 SMALL = ["campaign.tests=6", "search=[F1]", "seeds=[0]", "comparison.tests=6", "samplers.neural.batch_size=3", "report.replays=2"]
+ANALYTIC = [*SMALL, "simulator=analytic", "detector.threshold=0.5"]
 
 
 @pytest.fixture(scope="module")
@@ -35,8 +35,10 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_two_detectors_are_tested_compared_and_shown(model: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    onnx_of(ROOT / "models" / "base", folder).rename(folder / "ours.onnx")
-    words = ["test-detector", "ours.onnx", str(model), *SMALL, "detector.threshold=0.5"]
+    output = yolov8()
+    output[0, 4:] /= 2
+    export(folder / "ours.onnx", output)
+    words = ["test-detector", "ours.onnx", str(model), *ANALYTIC]
     assert main(words) == 0
     text = capsys.readouterr().out
     (root,) = (folder / "data").iterdir()
@@ -70,16 +72,13 @@ def test_detectors_of_one_name_are_told_apart_by_content(tmp_path: Path) -> None
         test_detector.study_of([models[0], models[0]], "default", [])
 
 
-def test_a_model_that_gives_no_numbers_is_refused_before_any_test(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_model_that_gives_no_numbers_is_refused_before_any_test(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     output = yolov8()
     output[0, 4, 3] = np.nan
-    path = export(tmp_path / "broken.onnx", output)
-    monkeypatch.chdir(tmp_path)
+    path = export(folder / "broken.onnx", output)
     assert main(["test-detector", str(path), *SMALL]) == 2
     assert "broken.onnx returns values that are not finite" in capsys.readouterr().err
-    assert not (tmp_path / "data").exists()
+    assert not (folder / "data").exists()
 
 
 @pytest.mark.parametrize(
@@ -94,10 +93,7 @@ def test_a_model_that_gives_no_numbers_is_refused_before_any_test(
         (["mine.onnx", "detector.person=car2"], "expected a class called car2 among its 3 classes"),
     ],
 )
-def test_bad_input_is_named(
-    words: list[str], message: str, model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_bad_input_is_named(words: list[str], message: str, model: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     at = str(model) if words[0] == "mine.onnx" else words[0]
-    monkeypatch.chdir(tmp_path)
     assert main(["test-detector", at, *SMALL, *words[1:]]) == 2
     assert message in capsys.readouterr().err
