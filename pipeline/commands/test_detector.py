@@ -37,9 +37,10 @@ def run(options: argparse.Namespace) -> int:
         raise InputError("name the file of a detector, as in `test-detector best.onnx`")
     if options.cores is not None and options.cores < 1:
         raise InputError(f"--cores must be at least 1, got {options.cores}")
-    config = study_of(files, options.study, overrides)
+    chosen = compose(options.study, overrides)
     for path in files:
-        check(config, path)
+        check(chosen, path)
+    config = study_of(files, chosen)
     folders = Folders(config)
     params = Path(folders.root, "params.yaml")
     write_bytes(params, dump(config, f"python -m pipeline test-detector {' '.join(options.words)}").encode())
@@ -53,9 +54,11 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def study_of(files: Sequence[Path], study: str, overrides: Sequence[str]) -> Config:
-    """The study of some detectors, named after the first and the content of all: many exports are called best.onnx."""
-    plain = compose(study, overrides).model_dump(mode="json")
+def study_of(files: Sequence[Path], chosen: Config) -> Config:
+    """The study of some detectors, named after the first and the content of all: many exports are called best.onnx.
+
+    chosen: the study whose scenarios, strategies and budgets it takes.
+    """
     digests = [sha256(path) for path in files]
     stems = [re.sub(r"\W", "_", path.name.removesuffix(".onnx")).lstrip("_") or "detector" for path in files]
     names = [stem if stems.count(stem) == 1 else f"{stem}_{digest[:4]}" for stem, digest in zip(stems, digests, strict=True)]
@@ -64,7 +67,7 @@ def study_of(files: Sequence[Path], study: str, overrides: Sequence[str]) -> Con
     together = digests[0] if len(digests) == 1 else hashlib.sha256("".join(digests).encode()).hexdigest()
     tested = dict(zip(names, map(str, files), strict=True))
     named = {"study": f"{names[0].lower()}-{together[:8]}", "goal": "detectors", "tested": tested}
-    return validate({**plain, **named}, "conf/")
+    return validate({**chosen.model_dump(mode="json"), **named}, "conf/")
 
 
 def check(config: Config, model: Path) -> None:

@@ -11,6 +11,7 @@ from pipeline.__main__ import main
 from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.results import Measures, read
 from pipeline.commands import test_detector
+from pipeline.config.composing import compose
 from pipeline.errors import InputError
 from tests.detectors.test_layouts import export, yolov8
 from tests.studies import ROOT
@@ -64,12 +65,13 @@ def test_detectors_of_one_name_are_told_apart_by_content(tmp_path: Path) -> None
     for path, content in zip(models, (b"one", b"another"), strict=True):
         path.parent.mkdir()
         path.write_bytes(content)
-    studies = {test_detector.study_of([path], "default", []).study for path in models}
+    chosen = compose("default", [])
+    studies = {test_detector.study_of([path], chosen).study for path in models}
     assert studies == {"best-7692c3ad", "best-ae448ac8"}
-    together = test_detector.study_of(models, "default", [])
+    together = test_detector.study_of(models, chosen)
     assert list(together.tested) == ["best_7692", "best_ae44"]
     with pytest.raises(InputError, match=r"^expected different detectors, got .*best\.onnx, .*best\.onnx with the same content$"):
-        test_detector.study_of([models[0], models[0]], "default", [])
+        test_detector.study_of([models[0], models[0]], chosen)
 
 
 def test_a_model_that_gives_no_numbers_is_refused_before_any_test(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
