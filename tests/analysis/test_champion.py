@@ -32,7 +32,7 @@ FEWEST = "c" + "." * 39
             None,
             {"base": BASE, "adaptive": FEWEST},
             None,
-            "give its folder as base.weights",
+            "set base.weights to its folder",
         ),
     ],
 )

@@ -72,7 +72,7 @@ def test_tables_may_spell_numbers_and_truth_in_their_own_way() -> None:
         (("{rainy: 3}", "{rany: 3}"), "variables.weather.weights: there is no category 'rany'; did you mean 'rainy'?"),
         (("{rainy: 3}", "{rainy: -1}"), "variables.weather.weights.rainy: expected a whole number from 0 to 1000, got -1"),
         (("{rainy: 3}", "[1, 2]"), "variables.weather.weights: expected 3 numbers, one a category, got 2"),
-        (("[1, 2]}\n  current", "[1, 1]}\n  current"), "variables.lanes.values: '1' is there twice"),
+        (("[1, 2]}\n  current", "[1, 1]}\n  current"), "variables.lanes.values: '1' appears twice"),
         (("lanes = 2,", "lane = 2,"), "constraint 'lane = 2': variable must be one of weather, fog"),
         (("current_lane != 2", "current_lane != 3"), "category must be one of 1, 2; got '3'"),
         (("variables:", "variabels:"), "expected a mapping with 'variables'"),
@@ -80,7 +80,7 @@ def test_tables_may_spell_numbers_and_truth_in_their_own_way() -> None:
         (("  - [lanes = 2, current_lane != 2]", "  - lanes = 2"), "constraints: expected a list of clauses"),
         (("lanes: {values: [1, 2]}", "lanes: [1, 2]"), "variables.lanes: expected values or an interval"),
         (("lanes: {values: [1, 2]}", "lanes: {values: [1, 2], cyclic: true}"), "cuts and cyclic go with an interval"),
-        (("variables:", "variables: ["), "no YAML"),
+        (("variables:", "variables: ["), "not valid YAML"),
     ],
 )
 def test_a_wrong_space_file_is_named(change: tuple[str, str], message: str, tmp_path: Path) -> None:

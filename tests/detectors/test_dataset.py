@@ -95,7 +95,7 @@ def test_jpeg_repeats_and_refuses_other_bytes() -> None:
     assert encode_jpeg(image(0)) == encode_jpeg(image(0))
     assert decode_jpeg(encode_jpeg(image(0))).shape == (HEIGHT, WIDTH, 3)
     for data in (b"", b"no image"):
-        with pytest.raises(ValueError, match="^the bytes are no JPEG image$"):
+        with pytest.raises(ValueError, match="^the bytes are not a JPEG image$"):
             decode_jpeg(data)
 
 
@@ -117,9 +117,9 @@ def test_other_size_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("{}", " is no truth file of a base set (KeyError('images')); make it again"),
-        ('{"images": [{}], "annotations": []}', " is no truth file of a base set (KeyError("),
-        ("[]", " is no truth file of a base set (TypeError("),
+        ("{}", " is not the truth file of a base set (KeyError('images')); make it again"),
+        ('{"images": [{}], "annotations": []}', " is not the truth file of a base set (KeyError("),
+        ("[]", " is not the truth file of a base set (TypeError("),
         ("{", ": expected JSON, got a truncated or foreign file"),
         ('{"images": [], "annotations": []}', " has no images of the split 'train'; raise base_set.images"),
     ],

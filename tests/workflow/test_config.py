@@ -41,7 +41,7 @@ def test_every_choice_of_a_group_composes(group: str) -> None:
         ("held_out=[F1]", "held_out must not be searched: F1 is in both lists"),
         (
             "scenarios.F1star.town=${scenarios.F1.town}",
-            "held_out: F1star has the town of F1 (style and seed), which is searched, so detectors would learn it",
+            "held_out: F1star has the town of F1 (style and seed), which is searched, so training would use it",
         ),
         ("seeds=[3,3]", "seeds must differ, got [3, 3]"),
         ("+sampler@samplers.my-neural=neural", "expected letters, digits and _ in a name, as tests are named after it, got 'my-neural'"),
@@ -55,10 +55,10 @@ def test_every_choice_of_a_group_composes(group: str) -> None:
         ("+scenarios.F1.constraints=[['pedestrian_speed = 1.4']]", "got '1.4'; did you mean '1.5'?"),
         (
             "+scenarios.F1.constraints=[['rain = 0'],['rain = 10','fog = 0'],['fog != 0']]",
-            "conf/scenario/F1.yaml: scenarios.F1: constraints: these contradict each other, so that no point is left: "
+            "conf/scenario/F1.yaml: scenarios.F1: constraints: these contradict each other, so no point is left: "
             "[rain = 0]; [rain = 10, fog = 0]; [fog != 0]",
         ),
-        ("front_car.space.constraints=[['lanes = 1'],['lanes = 2']]", "these contradict each other, so that no point is left: [lanes = 1]"),
+        ("front_car.space.constraints=[['lanes = 1'],['lanes = 2']]", "these contradict each other, so no point is left: [lanes = 1]"),
         ("scenarios.F1.ego.speed_kmh=-3", "scenarios.F1.ego.speed_kmh: Input should be greater than 0, got -3"),
         ("scenarios.F1.actors.bus.y_m=-9", "conf/scenario/F1.yaml: scenarios.F1: actors.bus: is off the road at (-8.5, -9.0) after 0 s"),
         ("scenarios.F1.actors.bus.x_m=-40", "actors.bus: is off the road at (-40.0, -5.2) after 0 s"),

@@ -66,7 +66,7 @@ def test_the_snakefile_lists_every_step() -> None:
     [
         ("tests: eighty", "params.yaml: campaign.tests: Input should be a valid integer"),
         ("tests: [40", "params.yaml, line"),
-        (None, "params.yaml: no such file; make it by `python -m pipeline compose study=default`"),
+        (None, "params.yaml: no such file; make it with `python -m pipeline compose study=default`"),
     ],
 )
 def test_an_error_in_params_is_one_line(wrong: str | None, told: str, tmp_path: Path) -> None:
@@ -180,7 +180,7 @@ def test_only_a_whole_run_prints_its_verdict(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_a_search_that_keeps_no_frame_is_refused_before_it_begins() -> None:
-    with pytest.raises(InputError, match=r"^campaign\.keep_every must be at least 1, or no frame is left to learn from, got 0$"):
+    with pytest.raises(InputError, match=r"^campaign\.keep_every must be at least 1, or no frame is left to train on, got 0$"):
         plan("campaign.keep_every=0")
 
 
