@@ -1,4 +1,4 @@
-"""Nothing of a held-out scenario can be learnt."""
+"""Training uses nothing of a held-out scenario."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_frames_of_a_held_out_scenario_are_refused_by_name() -> None:
 
 
 def test_a_filter_table_with_a_test_of_another_campaign_is_refused_by_name(tmp_path: Path) -> None:
-    """However much its name looks like that of a held-out scenario's test: what is in no campaign is of none."""
+    """A test that no campaign has is refused, even if its name looks like that of a held-out scenario's test."""
     study = FabricatedStudy(tmp_path).make()
     table = tmp_path / "random.csv"
     judged = pd.DataFrame([["F1star-pairwise-base-0-00003", 0, True, "visible", 90, 20.0, 0.0]], columns=list(COLUMNS))
@@ -51,7 +51,7 @@ def test_a_filter_table_with_a_test_of_another_campaign_is_refused_by_name(tmp_p
     assert str(caught.value) == f"{table}: {message}"
 
 
-def test_frames_know_the_scenario_of_their_campaign(tmp_path: Path) -> None:
+def test_added_frames_carry_the_scenario_of_their_campaign(tmp_path: Path) -> None:
     study = FabricatedStudy(tmp_path).make()
     sources = {}
     for kind, strategy in study.config.sources.items():
@@ -68,7 +68,7 @@ def source(study: FabricatedStudy, strategy: str, table: Path) -> Source:
     return Source([table], study.paths(study.files.search("tests.parquet", strategy=strategy)))
 
 
-def test_frames_that_validate_are_refused_by_name() -> None:
+def test_validation_frames_are_refused_by_name() -> None:
     tests = pd.DataFrame({"test_id": ["F1-random-base-0-00000", "F1-random-base-0-00003"], "scenario": "F1"})
     refuse_frames(("F1star",), tests, noise(2, 0), noise(2, 1))
     validation = noise(3, 1)
@@ -77,7 +77,7 @@ def test_frames_that_validate_are_refused_by_name() -> None:
         refuse_frames(("F1star",), tests, added, validation)
 
 
-def test_towns_of_held_out_scenarios_are_refused_by_name_whatever_the_config_was_that_files_were_made_from(tmp_path: Path) -> None:
+def test_held_out_towns_are_refused_by_name_under_any_config(tmp_path: Path) -> None:
     config = compose("default", [])
     own, unseen = (config.scenarios[name].town.fingerprint for name in ("F1", "F1star"))
 
@@ -102,7 +102,7 @@ def test_towns_of_held_out_scenarios_are_refused_by_name_whatever_the_config_was
         refuse_towns(config, tmp_path / TRUTH_FILE, [])
 
 
-def test_the_shipped_detector_says_which_towns_it_has_learnt() -> None:
+def test_the_shipped_detector_lists_its_training_towns() -> None:
     config = compose("base", [])
     towns = read_card(Path(config.base.weights) / "model.json").towns
     drawn = {random_scenes._town(np.random.default_rng([config.base_set.seed, shard])).fingerprint for shard in range(400)}

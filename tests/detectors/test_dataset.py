@@ -42,7 +42,7 @@ def write(root: Path) -> None:
     write_truth(root, records)
 
 
-def test_what_was_written_is_read(tmp_path: Path) -> None:
+def test_a_data_set_survives_a_round_trip(tmp_path: Path) -> None:
     write(tmp_path)
     train = read_dataset(tmp_path, "train")
     assert train.images.shape == (2, HEIGHT, WIDTH, 3)
@@ -54,7 +54,7 @@ def test_what_was_written_is_read(tmp_path: Path) -> None:
     assert np.abs(train.images[0].astype(int) - image(1)).mean() < 2
 
 
-def test_digest_is_of_the_content(tmp_path: Path) -> None:
+def test_the_digest_depends_on_the_content_alone(tmp_path: Path) -> None:
     write(tmp_path / "a")
     write(tmp_path / "b")
     first = read_dataset(tmp_path / "a", "train").digest
