@@ -1,4 +1,4 @@
-"""From the steps' contracts to Snakemake's rules: a job's files, log and stamp, and which jobs a study consists of."""
+"""Turns the steps' contracts into Snakemake's rules: a job's files, log and stamp, and the jobs of a study."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ STAGES = {
     "report": ("report.html", "plots"),
     "track": ("tracking.json",),
 }
-"""Parts of a study: the files and folders of each, below the study's folder. Targets of Snakemake and stages of DVC."""
+"""Parts of a study: the files and folders of each, relative to the study's folder. They are targets of Snakemake and stages of DVC."""
 CHANGED = Path(".snakemake/changed")
-"""An input of every job whose stamp differs: always newer than its outputs."""
+"""An input of every job with an outdated stamp: always newer than its outputs."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Target:
 
 @dataclass(frozen=True)
 class Plan:
-    """The study of a config, as Snakemake needs it. steps: the names of all steps, in the order of the data."""
+    """The study of a config, as Snakemake needs it. steps: the names of all steps, in the order of the data flow."""
 
     config: Config
     steps: tuple[str, ...]
@@ -63,7 +63,7 @@ class Plan:
 
     def __post_init__(self) -> None:
         if self.config.goal == "report" and not self.config.campaign.keep_every:
-            raise InputError("campaign.keep_every must be at least 1, or no frame is left to learn from, got 0")
+            raise InputError("campaign.keep_every must be at least 1, or no frame is left to train on, got 0")
 
     @cached_property
     def folders(self) -> Folders:
@@ -75,7 +75,7 @@ class Plan:
 
     @property
     def constraints(self) -> dict[str, str]:
-        """The values that wildcards can take in every rule."""
+        """The possible values of wildcards in every rule."""
         config = self.config
         return {
             "scenario": "|".join(config.scenarios),
@@ -87,7 +87,7 @@ class Plan:
     def reads(self, name: str) -> Callable[[Any], dict[str, Any]]:
         """The input function of a step's rule.
 
-        Stamps tell what is out of date, so the times of the inputs do not count; a job with an old stamp reads a file that is newer.
+        Stamps decide what is out of date, so the inputs' times do not count; a job with an outdated stamp reads a file that is newer.
         """
 
         def read(wildcards: Mapping[str, str]) -> dict[str, Any]:
@@ -104,12 +104,12 @@ class Plan:
         return {key: _flagged(paths) if isinstance(paths, str) else list(map(_flagged, paths)) for key, paths in outputs.items()}
 
     def log(self, name: str, suffix: str) -> str:
-        """Where a job's log or benchmark lies."""
+        """The path of a job's log or benchmark."""
         wildcards = self.contracts[name].names(self.folders)
         return "/".join(["logs", self.config.study, name, *(f"{{{w}}}" for w in wildcards)]) + suffix
 
     def stamp(self, name: str, wildcards: Wildcards) -> str:
-        """Digest of all that a job's outputs follow from: code, declared config, environment, and the stamps of what it reads."""
+        """Digest of everything that determines a job's outputs: code, declared config, environment, and the stamps of its inputs."""
         target = Target(name, tuple(sorted(wildcards.items())))
         if target not in self._stamps:
             self._stamps[target] = self._digest(name, wildcards)
@@ -142,7 +142,7 @@ class Plan:
         return hashlib.sha256(Path(path).read_bytes()).hexdigest() if Path(path).is_file() else "missing"
 
     def maker(self, path: str) -> Target | None:
-        """The job that makes a file, None if no step does."""
+        """The job that makes a file; None if no step does."""
         for name, pattern in self._patterns:
             if found := pattern.fullmatch(path):
                 return Target(name, tuple(sorted(found.groupdict().items())))
@@ -158,7 +158,7 @@ class Plan:
         return found
 
     def _out_of_date(self, name: str, wildcards: Wildcards) -> bool:
-        """Whether the job has left a stamp that is not today's. Touches the file that makes Snakemake run it again."""
+        """Whether the job has an outdated stamp. If so, touches the file that makes Snakemake run it again."""
         path = Path(str(self.contracts[name].outputs(self.folders)[STAMP]).format(**wildcards))
         old = path.is_file() and path.read_text() != self.stamp(name, wildcards)
         if old:
@@ -167,7 +167,7 @@ class Plan:
         return old
 
     def jobs(self, goals: Sequence[str]) -> Iterator[tuple[Target, list[str]]]:
-        """Every job that some files need, each with its outputs; what a job reads comes before it."""
+        """Every job that the given files need, each with its outputs; the jobs that it depends on come before it."""
         seen: set[Target] = set()
 
         def visit(path: str) -> Iterator[tuple[Target, list[str]]]:
@@ -196,7 +196,7 @@ class Plan:
 
     @property
     def targets(self) -> dict[str, list[str]]:
-        """The files of the parts that are no step's name."""
+        """The files of the parts that are not named after a step."""
         return {name: [path for _, outputs in jobs for path in outputs] for name, jobs in self.parts.items() if name not in self.steps}
 
     def stamps(self, name: str) -> Callable[[Any], str]:
@@ -218,7 +218,7 @@ def step_names() -> tuple[str, ...]:
 
 
 def checked(params: str) -> str:
-    """The path of params.yaml, once it is known to be right; what is wrong is told in one line, where Snakemake would show a stack."""
+    """The path of a valid params.yaml; an error is one line instead of Snakemake's stack trace."""
     try:
         load(Path(params))
     except InputError as error:
@@ -227,7 +227,7 @@ def checked(params: str) -> str:
 
 
 def plan(config: Mapping[str, Any], steps: Sequence[str]) -> Plan:
-    """The plan of Snakemake's config, which is params.yaml and what the command line changes in it."""
+    """The plan of Snakemake's config: params.yaml with the changes from the command line."""
     try:
         return Plan(validate(dict(config), str(PARAMS)), tuple(steps))
     except InputError as error:

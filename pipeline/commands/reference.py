@@ -20,9 +20,9 @@ from pipeline.core.columns import Column
 HELP = "Write the pages of docs/reference that the code determines."
 FOLDER = Path("docs/reference")
 GROUPS = {"sampler": "samplers.{}.", "detector": "detector.", "simulator": "simulator."}
-"""Folders of conf/ whose files each name a class, and the keys that its parameters have."""
+"""Folders of conf/ with a class per file, and the keys that hold its parameters."""
 PASSED = ("space", "seed", "model", "scenario", "camera")
-"""Parameters that a study's other keys give."""
+"""Parameters set by other keys of a study."""
 HEAD = """# Configuration
 
 Made by `python -m pipeline reference` from `pipeline/config/schema.py` and `conf/`. Each line gives a key, its value in
@@ -80,7 +80,7 @@ def section(model: type[BaseModel], values: Any, prefix: str = "") -> list[str]:
 
 
 def choices(group: str, prefix: str) -> list[str]:
-    """A section for each file of a folder of conf/: what its class says of itself, and its parameters with their values."""
+    """A section for each file of a folder of conf/: the docstring of its class, and its parameters with their values."""
     from hydra.utils import get_class
 
     from pipeline.simulators.mujoco.lens import CameraSettings

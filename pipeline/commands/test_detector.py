@@ -25,12 +25,12 @@ HELP = "Search for the failures of any detectors, and compare several; trains no
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("words", nargs="+", metavar="FILE|key=value", help=WORDS)
-    parser.add_argument("--study", default="default", help="whose scenarios, strategies and budgets (default: %(default)s)")
+    parser.add_argument("--study", default="default", help="study with the scenarios, strategies and budgets (default: %(default)s)")
     parser.add_argument("--cores", type=int, help="cores to use (default: all)")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Compose the study, check every detector on three images, and let Snakemake run it; a call again resumes it."""
+    """Compose the study, check every detector on three images, and let Snakemake run it; the same call resumes it."""
     files = [Path(word) for word in options.words if "=" not in word]
     overrides = [word for word in options.words if "=" in word]
     if not files:
@@ -71,7 +71,7 @@ def study_of(files: Sequence[Path], chosen: Config) -> Config:
 
 
 def check(config: Config, model: Path) -> None:
-    """Show the detector three images; InputError if it violates its contract, by the first rule that it violates."""
+    """Run the detector on three images; InputError that names the first rule of its contract that it violates."""
     from hydra.utils import instantiate
 
     from pipeline.testing import check_detector
@@ -92,7 +92,7 @@ def check(config: Config, model: Path) -> None:
 
 
 def table(config: Config) -> str:
-    """Failures by detector, scenario and strategy, the regions and, for several detectors, the verdict. An errored test is in no rate."""
+    """Print failures by detector, scenario and strategy, the regions and, for several detectors, the verdict. Errors are in no rate."""
     from pipeline.artefacts.comparison_results import Comparison
     from pipeline.artefacts.results import FailureRegions, Measures, read
     from pipeline.report.verdict import verdict_table

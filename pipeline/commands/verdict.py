@@ -1,4 +1,4 @@
-"""Command `verdict`: what a study came to."""
+"""Command `verdict`: prints the result of a study."""
 
 from __future__ import annotations
 

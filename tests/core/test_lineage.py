@@ -1,4 +1,4 @@
-"""Which versions a study has and what feeds them."""
+"""The versions of a study and the campaigns that feed them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def test_versions_by_round_kind_and_seed() -> None:
     assert all(re.fullmatch(PATTERN, name) and str(Version.named(name)) == name for name in names)
 
 
-def test_parents_groups_and_what_was_tested_for_it() -> None:
+def test_parents_groups_and_tested_versions() -> None:
     third = Version.named("adaptive-r3-s8")
     assert [str(version) for version in third.tested] == ["base", "adaptive-s8", "adaptive-r2-s8"]
     assert (str(third.parent), third.group) == ("adaptive-r2-s8", "adaptive-r3")

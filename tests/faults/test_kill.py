@@ -1,4 +1,4 @@
-"""kill -9 in training, filtering and registration: the next run goes on, nothing is there twice, no half-written file is read."""
+"""kill -9 in training, filtering and registration: the next run resumes, makes no duplicates and reads no partial file."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ for version in ("base", "control", "random"):
 
 
 def killed(script: str, *arguments: Path, after_s: float = 0.0, until: Path | None = None) -> bool:
-    """Run a script and kill it some time after it is ready, or once a file is there; whether it was still at work."""
+    """Run a script and kill it a given time after it is ready, or once a file exists; returns whether it was still running."""
     process = subprocess.Popen([sys.executable, "-c", script, *map(str, arguments)], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     while process.stdout.readline().strip() not in ("ready", ""):

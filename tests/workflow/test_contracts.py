@@ -1,6 +1,6 @@
-"""Every step keeps its contract: it reads and writes what it declares and nothing else, and it needs all that it declares.
+"""Every step keeps its contract: it reads and writes only declared files and keys, and uses all of them.
 
-A small study of each kind is run job by job, in this process, under an audit hook that sees every file that is opened.
+The tests run a small study of each kind job by job in this process, under an audit hook that sees every opened file.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ UNREAD: dict[str, set[tuple[str, str]]] = {
 
 @dataclass
 class Watch:
-    """What was opened under a folder, and which keys of the config were read, while it is on."""
+    """Records the opened files of a folder and the keys read from the config, while it is on."""
 
     root: Path
     on: bool = False
@@ -69,7 +69,7 @@ class Watch:
     keys: set[tuple[str, str]] = field(default_factory=set)
 
     def opened(self, path: Any) -> None:
-        """Note a file that a library opens beyond Python's sight."""
+        """Record a file that a library opens outside Python."""
         self.hook("open", (path, "r", os.O_RDONLY))
 
     def hook(self, event: str, arguments: tuple[Any, ...]) -> None:
@@ -163,7 +163,7 @@ def test_every_step_reads_and_writes_what_it_declares(study: str, tmp_path: Path
 
 
 SOMETIMES = {("report", "detectors"), ("detector_report", "detectors")}
-"""Inputs of which a study may need only some: only versions that change an outcome are filmed."""
+"""Inputs that a study may need only in part: only versions that change an outcome have a replay."""
 
 
 def relative(paths: list[str]) -> list[str]:
@@ -172,17 +172,17 @@ def relative(paths: list[str]) -> list[str]:
 
 
 ALSO = {"track": ("data/mlflow/",)}
-"""Where a step's results lie beside the study's folder."""
+"""Output folders of a step outside the study's folder."""
 
 
 def finished(path: str) -> str:
-    """The name that a temporary file is given once it is written."""
+    """The final name of a temporary file."""
     folder, name = os.path.split(path)
     return os.path.join(folder, name[1:].rsplit(".", 2)[0]) if name.startswith(".") and name.endswith(".tmp") else path
 
 
 def read_of(key: str) -> tuple[str, str]:
-    """The attribute that is looked up when a key of the config is read."""
+    """The attribute that a read of a config key looks up."""
     section, _, rest = key.partition(".")
     annotation = schema.Config.model_fields[section].annotation
     if rest and isinstance(annotation, type) and issubclass(annotation, BaseModel):
