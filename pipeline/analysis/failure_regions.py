@@ -18,7 +18,7 @@ from pipeline.artefacts.tables import read_signals
 from pipeline.config.schema import Regions
 from pipeline.core.braking import solvable
 from pipeline.core.distance import mixed_distance
-from pipeline.core.growth import Tested, readable_regions
+from pipeline.core.growth import PointOutcomes, readable_regions
 from pipeline.core.regions import NOISE, chance_radius, connected_failures, medoid
 from pipeline.core.rules import find_rule
 from pipeline.core.space import Floats, Space
@@ -55,7 +55,7 @@ def cluster(info: ScenarioInfo, space: Space, tests: pd.DataFrame, section: Regi
     """Density clusters of the failures over the mixed distance, each with its rule; tests: valid rows of one scenario."""
     points, failed = encode_tests(tests, space), tests["failure"].to_numpy(bool)
     radius = chance_radius(space, int(failed.sum()), section.chance_neighbours)
-    labels = readable_regions(Tested(space, points, failed), radius, MIN_RULE_PRECISION, section.min_failures)
+    labels = readable_regions(PointOutcomes(space, points, failed), radius, MIN_RULE_PRECISION, section.min_failures)
     connected = connected_failures(space, points[failed])
     tested = _Tested(space, tests, points, failed)
     regions = [

@@ -22,7 +22,7 @@ SMALLEST = 0.3
 
 
 @dataclass(frozen=True)
-class Tested:
+class PointOutcomes:
     """All tests of a space. points: (n, d). failures: (n,) whether each test failed."""
 
     space: Space
@@ -43,7 +43,7 @@ class Tested:
         return float(self.failures[inside].mean()) if inside.any() else 0.0
 
 
-def readable_regions(tests: Tested, radius: float, min_precision: float, min_failures: int) -> Ints:
+def readable_regions(tests: PointOutcomes, radius: float, min_precision: float, min_failures: int) -> Ints:
     """Failure regions with a rule each: density clusters, split if no rule holds, grown and merged if one does.
 
     radius: of the first clusters, on the mixed distance. min_precision: smallest share of failures among the tests under a rule.
@@ -54,7 +54,7 @@ def readable_regions(tests: Tested, radius: float, min_precision: float, min_fai
     return merge_regions(tests, labels, min_precision)
 
 
-def split_regions(tests: Tested, radius: float, min_precision: float, min_failures: int) -> Ints:
+def split_regions(tests: PointOutcomes, radius: float, min_precision: float, min_failures: int) -> Ints:
     """Density clusters of the failures, split by smaller radii while no precise rule describes them.
 
     Arguments as for `readable_regions`. Two adjacent causes form one dense cluster at any radius that finds the thinner of them, but no
@@ -77,7 +77,7 @@ def split_regions(tests: Tested, radius: float, min_precision: float, min_failur
     return largest_first(labels, min_failures)
 
 
-def _precise(tests: Tested, members: NDArray[Any], min_precision: float) -> bool:
+def _precise(tests: PointOutcomes, members: NDArray[Any], min_precision: float) -> bool:
     """Whether a rule describes the failures `members`, a mask or indices."""
     chosen = np.zeros(len(tests.points), bool)
     chosen[members] = True
@@ -85,7 +85,7 @@ def _precise(tests: Tested, members: NDArray[Any], min_precision: float) -> bool
     return bool(rule.conditions) and tests.precision(rule) >= min_precision
 
 
-def grow_regions(tests: Tested, labels: Ints, min_precision: float, min_failures: int) -> Ints:
+def grow_regions(tests: PointOutcomes, labels: Ints, min_precision: float, min_failures: int) -> Ints:
     """Assign each failure that a region's rule covers to that region; returns (n,) labels, larger regions first, -1 for none.
 
     labels: (n,), region of each failure, -1 for none. min_precision: only rules with at least this share of failures among their tests take
@@ -111,7 +111,7 @@ def grow_regions(tests: Tested, labels: Ints, min_precision: float, min_failures
     return largest_first(grown, min_failures)
 
 
-def merge_regions(tests: Tested, labels: Ints, min_precision: float) -> Ints:
+def merge_regions(tests: PointOutcomes, labels: Ints, min_precision: float) -> Ints:
     """Join regions that one rule describes; arguments and labels as for `grow_regions`."""
     merged = labels.copy()
     for label in range(int(labels.max(initial=NOISE)) + 1):

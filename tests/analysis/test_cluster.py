@@ -11,7 +11,7 @@ from pipeline.analysis.failure_regions import cluster
 from pipeline.artefacts.results import FailureRegions, read
 from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.config.schema import Regions
-from pipeline.core.growth import Tested, grow_regions
+from pipeline.core.growth import PointOutcomes, grow_regions
 from pipeline.core.space import Space, Variable
 from tests.analysis.fabricated import FabricatedStudy, make_tests
 
@@ -62,7 +62,7 @@ def test_growing_joins_the_pieces_of_one_cause() -> None:
     failures = points[:, 0] >= 70
     pieces = np.where(failures, (points[:, 1] > 30).astype(int), -1)
     pieces[np.flatnonzero(failures)[::5]] = -1
-    grown = grow_regions(Tested(SPACE, points, failures), pieces, min_precision=0.75, min_failures=3)
+    grown = grow_regions(PointOutcomes(SPACE, points, failures), pieces, min_precision=0.75, min_failures=3)
     assert set(grown[failures]) == {0}
     assert set(grown[~failures]) == {-1}
 
@@ -72,8 +72,8 @@ def test_growing_rejects_loose_rules_and_drops_small_regions() -> None:
     failures = np.arange(11) % 3 == 0
     labels = np.where(failures, 0, -1)
     labels[9] = -1
-    assert grow_regions(Tested(SPACE, points, failures), labels, min_precision=0.75, min_failures=2)[9] == -1
-    assert set(grow_regions(Tested(SPACE, points, failures), labels, min_precision=0.75, min_failures=4)) == {-1}
+    assert grow_regions(PointOutcomes(SPACE, points, failures), labels, min_precision=0.75, min_failures=2)[9] == -1
+    assert set(grow_regions(PointOutcomes(SPACE, points, failures), labels, min_precision=0.75, min_failures=4)) == {-1}
 
 
 def test_a_test_of_two_campaigns_counts_once(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.core.distance import mixed_distance
-from pipeline.core.growth import Tested, grow_regions, readable_regions
+from pipeline.core.growth import PointOutcomes, grow_regions, readable_regions
 from pipeline.core.regions import chance_radius, connected_failures, find_regions, medoid
 from pipeline.core.rules import Condition, Rule, find_rule
 from pipeline.core.space import Space, Variable
@@ -47,7 +47,7 @@ def test_growth_takes_in_failures_under_the_same_rule() -> None:
     failures = points[:, 0] > 8
     # One cause: density found two halves and missed some failures.
     labels = np.where(failures, np.where(points[:, 3] == 0, 0, np.where(points[:, 3] == 1, 1, -1)), -1)
-    grown = grow_regions(Tested(SMALL, points, failures), labels, 0.6, 5)
+    grown = grow_regions(PointOutcomes(SMALL, points, failures), labels, 0.6, 5)
     assert (grown[failures] >= 0).mean() > 0.9 and (grown[~failures] == -1).all()
     assert grown.max() <= labels.max()
 
@@ -80,7 +80,7 @@ def test_two_causes_that_meet_are_two_regions_at_any_number_of_failures(tests: i
     points = np.concatenate([points[:tests], points[fog.holds(points) | rain.holds(points)][:tests]])
     causes = [fog.holds(points), rain.holds(points)]
     failures = causes[0] | causes[1]
-    labels = readable_regions(Tested(THESIS, points, failures), chance_radius(THESIS, int(failures.sum()), 0.5), 0.75, 4)
+    labels = readable_regions(PointOutcomes(THESIS, points, failures), chance_radius(THESIS, int(failures.sum()), 0.5), 0.75, 4)
     assert set(labels) <= {-1, 0, 1} and (labels[failures] >= 0).mean() > 0.85
     for label, cause in enumerate(causes):
         assert cause[labels == label].mean() > 0.8
@@ -89,4 +89,4 @@ def test_two_causes_that_meet_are_two_regions_at_any_number_of_failures(tests: i
 
 def test_points_and_failures_must_have_equal_length() -> None:
     with pytest.raises(ValueError, match=rf"points must be \(3, {len(SMALL)}\), got \(2, {len(SMALL)}\)"):
-        Tested(SMALL, SMALL.sample(2, np.random.default_rng(0)), np.zeros(3, bool))
+        PointOutcomes(SMALL, SMALL.sample(2, np.random.default_rng(0)), np.zeros(3, bool))
