@@ -9,6 +9,7 @@ if not workflow.configfiles:
 
 # In the order of the data. pipeline/steps/<name>.py says what a step reads and writes, and what it depends on.
 PLAN = plan(
+    workflow,
     config,
     [
         "define_space",  # the logical scenario space of each scenario
