@@ -13,10 +13,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from pkgutil import iter_modules
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 from snakemake.io import ancient, directory, report
-from snakemake.settings.types import DAGSettings, RerunTrigger
+from snakemake.settings.types import DAGSettings, StorageSettings
 
 from pipeline import steps
 from pipeline.artefacts.folders import Folders
@@ -27,9 +27,6 @@ from pipeline.contract import Files, Step, Wildcards, step_of
 from pipeline.core.lineage import PATTERN
 from pipeline.errors import InputError
 from pipeline.sources import code_digest
-
-if TYPE_CHECKING:
-    from snakemake.workflow import Workflow
 
 STAGES = {
     "spaces": ("space",),
@@ -259,12 +256,10 @@ def checked(params: str) -> str:
     return params
 
 
-def plan(workflow: Workflow, config: Mapping[str, Any], steps: Sequence[str]) -> Plan:
+def plan(config: Mapping[str, Any], storage: StorageSettings, steps: Sequence[str]) -> Plan:
     """The plan of Snakemake's config, which is params.yaml and what the command line changes in it."""
-    stored = workflow.storage_settings.default_storage_provider is not None
+    stored = storage.default_storage_provider is not None
     try:
-        if stored and RerunTrigger.PARAMS not in workflow.rerun_triggers:
-            raise InputError("a storage needs `--rerun-triggers mtime params`, because stamps in it are not looked at")
         return Plan(validate(dict(config), str(PARAMS)), tuple(steps), stored)
     except InputError as error:
         _end(error)
