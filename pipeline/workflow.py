@@ -234,10 +234,18 @@ class Plan:
         return lambda wildcards: self.stamp(name, dict(wildcards.items()))
 
     def finish(self, asked: DAGSettings) -> None:
-        """Print the verdict after a run of the whole study, or of its last step."""
+        """Print the verdict after a run of the whole study, or of its last step; in a storage, its files are not at hand."""
         targets = set(asked.targets)
         part = targets and not targets & {"all", "track"} and not targets >= set(self.folders.goals)
-        if part or asked.until or asked.omit_from or asked.allowed_rules or asked.batch or "BLINDSPOT_VERDICT_FOLLOWS" in os.environ:
+        if (
+            self.stored
+            or part
+            or asked.until
+            or asked.omit_from
+            or asked.allowed_rules
+            or asked.batch
+            or "BLINDSPOT_VERDICT_FOLLOWS" in os.environ
+        ):
             return
         subprocess.run([sys.executable, "-m", "pipeline", "verdict"], check=False)
 
