@@ -236,16 +236,8 @@ class Plan:
     def finish(self, asked: DAGSettings) -> None:
         """Print the verdict after a run of the whole study, or of its last step; in a storage, its files are not at hand."""
         targets = set(asked.targets)
-        part = targets and not targets & {"all", "track"} and not targets >= set(self.folders.goals)
-        if (
-            self.stored
-            or part
-            or asked.until
-            or asked.omit_from
-            or asked.allowed_rules
-            or asked.batch
-            or "BLINDSPOT_VERDICT_FOLLOWS" in os.environ
-        ):
+        part = self.stored or (targets and not targets & {"all", "track"} and not targets >= set(self.folders.goals))
+        if part or asked.until or asked.omit_from or asked.allowed_rules or asked.batch or "BLINDSPOT_VERDICT_FOLLOWS" in os.environ:
             return
         subprocess.run([sys.executable, "-m", "pipeline", "verdict"], check=False)
 
