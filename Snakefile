@@ -24,6 +24,7 @@ PLAN = plan(
         "compare",  # every version on the held-out sequence
         "report",  # one page with plots and films
         "track",  # MLflow
+        "detector_report",  # the page of a detector that is only tested
         "front_car_points",  # the front-car study: points to full coverage
         "front_car_snapshots",  # their images
         "front_car_train",  # a detector of the car ahead

@@ -1,4 +1,4 @@
-"""The command line: what people type beside the study, and every step of it. Bad input ends with one message and exit code 2."""
+"""The command line: all commands and all steps. Bad input ends with one message and exit code 2."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pipeline.errors import InputError, missing_extra
 PROGRAM = "python -m pipeline"
 PARAMS = Path("params.yaml")
 BY_HAND = "by hand"
-"""The stamp of a step that a person ran: Snakemake makes its files again, as it cannot know what they were made from."""
+"""The stamp of a step that a person ran: Snakemake makes its files again, because it cannot know their inputs."""
 
 
 def names(package: Any) -> dict[str, str]:
@@ -25,7 +25,7 @@ def names(package: Any) -> dict[str, str]:
 
 
 def parser(only: str = "") -> argparse.ArgumentParser:
-    """The parser of all commands and steps, or of one command: the others are not imported then."""
+    """The parser of all commands and steps, or of one command; then the others are not imported."""
     top = argparse.ArgumentParser(PROGRAM, description="Finds, explains and fixes the blind spots of a camera detector.")
     words = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     known = names(commands)
@@ -46,7 +46,7 @@ def parser(only: str = "") -> argparse.ArgumentParser:
 
 
 def step_help(name: str) -> str:
-    """What a step does, or which extra it needs and lacks."""
+    """The help of a step, or the missing extra that it needs."""
     try:
         return str(import_module(f"pipeline.steps.{name}").STEP.help)
     except ModuleNotFoundError as error:
@@ -54,7 +54,7 @@ def step_help(name: str) -> str:
 
 
 def run_step(name: str, arguments: Sequence[str]) -> int:
-    """Run one step by hand on the files of the study; its wildcards are options."""
+    """Run one step by hand on the files of the study; its wildcards become options."""
     from pipeline.artefacts.folders import Folders
     from pipeline.config.composing import load
     from pipeline.contract import order_of, perform, step_of

@@ -1,6 +1,6 @@
-"""A step's contract: what it reads and writes, which sections of the config it depends on, whether it takes threads.
+"""A step's contract: the files that it reads and writes, the sections of the config that it depends on, whether it takes threads.
 
-Snakemake's rules, DVC's stages and the command line are all made from it. `perform` runs a step as a job and hands it nothing else.
+Snakemake's rules, DVC's stages and the command line are made from it. `perform` runs a step as a job and passes it only the declared items.
 """
 
 from __future__ import annotations
@@ -20,9 +20,11 @@ from pipeline.progress import Progress
 
 Wildcards = Mapping[str, str]
 Files = str | Sequence[str]
-"""One path, or several of a kind; one that ends with a slash is a folder."""
+"""One path, or several of a kind; a path that ends with a slash is a folder."""
 Sections = tuple[str, ...] | Callable[[Config, Wildcards], tuple[str, ...]]
 STAMP = "stamp"
+VERDICT_FOLLOWS = "BLINDSPOT_VERDICT_FOLLOWS"
+"""Set by a caller of Snakemake that prints the verdict itself."""
 
 
 def _nothing(folders: Folders, wildcards: Wildcards) -> Mapping[str, Files]:
@@ -31,12 +33,12 @@ def _nothing(folders: Folders, wildcards: Wildcards) -> Mapping[str, Files]:
 
 @dataclass(frozen=True)
 class Step:
-    """What a step declares.
+    """The declaration of a step.
 
-    help: one sentence for the command line. writes: named paths of a study's folders, with the job's wildcards in braces; the first name
-    is one file. reads: named paths, given the wildcards. sections: dotted keys of the config, with wildcards in braces too.
-    wildcards: regular expressions for those that take only some values. parallel: whether it takes more than one thread.
-    environment: variables whose values matter.
+    help: one sentence for the command line. writes: named paths in a study's folders, with the job's wildcards in braces; the first name is
+    one file. reads: named paths, given the wildcards. sections: dotted keys of the config, which may contain wildcards in braces.
+    wildcards: regular expressions for wildcards with restricted values. parallel: whether it takes more than one thread. environment:
+    variables that affect the result.
     """
 
     help: str
@@ -53,7 +55,7 @@ class Step:
         return tuple(key.format(**wildcards) for key in keys)
 
     def outputs(self, folders: Folders) -> dict[str, Files]:
-        """Everything that a job writes, its stamp included."""
+        """All files that a job writes, including its stamp."""
         named = dict(self.writes(folders))
         first = next(iter(named.values()))
         assert isinstance(first, str), "the first of a step's writes is one file"
@@ -67,7 +69,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Job:
-    """What a step is handed. config: the declared sections alone. scratch: a folder that survives a kill and is no output."""
+    """The arguments of a step. config: the declared sections alone. scratch: a folder that survives a kill and is not an output."""
 
     config: Config
     wildcards: Wildcards
@@ -78,11 +80,11 @@ class Job:
     scratch: Path
 
     def input(self, name: str) -> Path:
-        """The one file or folder that was declared by that name."""
+        """The one file or folder declared by that name."""
         return _one(self.reads[name])
 
     def inputs(self, name: str) -> tuple[Path, ...]:
-        """The files that were declared by that name."""
+        """The files declared by that name."""
         return _several(self.reads[name])
 
     def output(self, name: str) -> Path:
@@ -110,7 +112,7 @@ def step_of(name: str) -> Step:
 
 @dataclass(frozen=True)
 class Order:
-    """Which job is to be performed: the step's name, its wildcards and files, and the stamp to leave once it is done."""
+    """A job to perform: the step's name, its wildcards and files, and the stamp to write when it is done."""
 
     step: str
     wildcards: Wildcards
@@ -122,7 +124,7 @@ class Order:
 
 
 def perform(order: Order, config: Config) -> None:
-    """Run a step on the declared part of the config, then write its stamp; InputError reaches the log and the caller."""
+    """Run a step on the declared part of the config, then write its stamp; InputError goes to the log and to the caller."""
     step = step_of(order.step)
     part = declared(config, step.depends(config, order.wildcards))
     scratch = Path(Folders(config).root, "journal", order.step, *order.wildcards.values())
@@ -138,7 +140,7 @@ def perform(order: Order, config: Config) -> None:
 
 
 def order_of(name: str, config: Config, wildcards: Wildcards, stamp: str, threads: int = 1) -> Order:
-    """The order for a job on the files of its study, as Snakemake would give it."""
+    """The order for a job on the files of its study, equal to Snakemake's."""
     step, folders = step_of(name), Folders(config)
     outputs = {key: _filled(files, wildcards) for key, files in step.outputs(folders).items()}
     return Order(name, wildcards, step.reads(folders, wildcards), outputs, stamp, threads)

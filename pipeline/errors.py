@@ -1,4 +1,4 @@
-"""The two errors that callers handle: bad input, and a simulation that could not be executed."""
+"""The two errors that callers handle: bad input, and a simulation that failed to execute."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from importlib.metadata import requires
 
 
 class InputError(ValueError):
-    """Bad input from outside (a key, a file, a machine); its one message says what to do. The command line exits with 2."""
+    """Bad input from outside (a key, a file, a machine); its message says what to do. The command line exits with 2."""
 
 
 class SimulationError(RuntimeError):
-    """The simulation broke. An outcome of its own, never a KPI."""
+    """The simulation broke. The test's outcome is `error`, without a KPI."""
 
 
 DISTRIBUTIONS = {"PIL": "pillow", "cv2": "opencv-python-headless", "hydra": "hydra-core", "omegaconf": "hydra-core"}
-"""Imported name -> distribution, where the two differ by more than a dash."""
+"""Imported name -> distribution, if the two differ by more than a dash."""
 
 
 def missing_extra(error: ModuleNotFoundError) -> InputError:
-    """What to tell a user who lacks an extra; raises the error itself for a module that no extra brings."""
+    """The error for a user who lacks an extra; raises the original error for a module that no extra provides."""
     module = (error.name or "").partition(".")[0]
     distribution = DISTRIBUTIONS.get(module, module.replace("_", "-"))
     pattern = re.compile(rf"{re.escape(distribution)}\b(?!-).*; extra == [\"'](.+)[\"']")

@@ -1,7 +1,7 @@
-"""The three seams of Blindspot: what a sampler, a simulator and a detector must offer.
+"""The three interfaces of Blindspot: sampler, simulator and detector.
 
-Adapters (MuJoCo, ONNX Runtime, your own) implement these protocols; `pipeline.testing` ships a checker for each.
-Only numpy is needed to read this file.
+Adapters (MuJoCo, ONNX Runtime, your own) implement these protocols; `pipeline.testing` provides a checker for each. This module needs only
+numpy.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ class Detector(Protocol):
     """A system under test: finds pedestrians in one camera frame."""
 
     def detect(self, frame: Frame) -> Detections:
-        """Return the pedestrians in `frame.image` whose score reaches the detector's own threshold."""
+        """Return the pedestrians in `frame.image` with scores at or above the detector's own threshold."""
         ...
 
 
@@ -27,7 +27,7 @@ class Detector(Protocol):
 class Simulator(Protocol):
     """Executes concrete scenarios of one functional scenario in closed loop.
 
-    A test execution is a function of the concrete scenario and the detector alone: the same two give the same bits, in any
+    A test execution depends only on the concrete scenario and the detector: repeating it gives identical results to the last bit, in any
     order and any process. A simulator that cannot execute a scenario raises `SimulationError`.
     """
 
@@ -48,5 +48,5 @@ class Sampler(Protocol):
         ...
 
     def tell(self, points: Floats, kpi: Floats) -> None:
-        """Take the KPI of the asked points, (b, d) and (b,); NaN where the simulation broke."""
+        """Record the KPI of the asked points, (b, d) and (b,); NaN for an error."""
         ...

@@ -1,4 +1,4 @@
-"""Which source files a module of this package depends on, by its imports."""
+"""Finds the source files that a module of this package depends on, by its imports."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def _graph() -> grimp.ImportGraph:
 
 @cache
 def sources(module: str) -> tuple[str, ...]:
-    """Source files of a module and of everything of ours that it imports, however far down, relative to the root; sorted.
+    """Source files of a module and of everything that it imports from this package, directly or not, relative to the root; sorted.
 
     Templates count as source of the modules beside them.
     """

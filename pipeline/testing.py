@@ -1,4 +1,4 @@
-"""Checkers of the three protocols, for our adapters and for everyone's: `check_detector(MyDetector())` in a test is enough."""
+"""Checkers of the three protocols, for any adapter: `check_detector(MyDetector())` in a test is enough."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from pipeline.protocols import Detector, Sampler, Simulator
 def check_sampler(factory: Callable[[], Sampler], space: Space, batches: int = 4) -> None:
     """Check bounds, determinism, `ask` without side effects, and that telling the history again restores a sampler.
 
-    factory: makes a fresh sampler of the same seed over `space`. AssertionError says what is broken.
+    factory: makes a fresh sampler with the same seed over `space`. AssertionError names the violated rule.
     """
     low = np.array([0 if v.kind == "categorical" else v.low for v in space.variables])
     high = np.array([v.size - 1 if v.kind == "categorical" else v.high for v in space.variables])
@@ -31,23 +31,23 @@ def check_sampler(factory: Callable[[], Sampler], space: Space, batches: int = 4
         assert np.isfinite(points).all() and (points >= low).all() and (points <= high).all(), "ask must stay within the space"
         assert space.violation(points) is None, "ask must keep the constraints"
         assert np.array_equal(points, first.ask()), "ask twice without tell must give the same points"
-        # A made-up KPI with a failure region and a broken simulation.
+        # A made-up KPI with a failure region and an error.
         values = np.where(points[:, 0] > (low[0] + high[0]) / 2, 0.05, 1.0)
         values[0] = np.nan
         copy = points.copy()
         first.tell(points, values)
-        assert np.array_equal(points, copy), "tell must not change the points that it is given"
+        assert np.array_equal(points, copy), "tell must not change its points"
         history.append((points, values))
     again = factory()
     for points, values in history:
         again.tell(points, values)
-    assert np.array_equal(first.ask(), again.ask()), "a sampler that is told the same history must go on as the first one"
+    assert np.array_equal(first.ask(), again.ask()), "a sampler that is told the same history must continue like the first one"
 
 
 def check_simulator(simulator: Simulator, space: Space, detector: Detector, count: int = 3) -> None:
-    """Check that a test execution is a function of concrete scenario and detector, and that its signals are consistent.
+    """Check that a test execution depends only on concrete scenario and detector, and that its signals are consistent.
 
-    AssertionError says what is broken.
+    AssertionError names the violated rule.
     """
     concretes = [space.decode(point) for point in space.sample(count, np.random.default_rng(0))]
     episodes = [simulator.execute(concrete, detector, keep_every=4) for concrete in concretes]
@@ -80,9 +80,9 @@ def _check_episode(episode: Episode) -> None:
 
 
 def check_detector(detector: Detector, width: int, height: int) -> None:
-    """Check that a detector is deterministic, leaves the image alone and reports boxes that touch it.
+    """Check that a detector is deterministic, leaves the image unchanged and reports boxes that overlap it.
 
-    width, height: image size in pixels. AssertionError says what is broken.
+    width, height: image size in pixels. AssertionError names the violated rule.
     """
     rng = np.random.default_rng(0)
     noise = rng.integers(0, 256, (height, width, 3), dtype=np.uint8)

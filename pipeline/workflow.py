@@ -1,4 +1,4 @@
-"""From the steps' contracts to Snakemake's rules: a job's files, log and stamp, and which jobs a study consists of."""
+"""Turns the steps' contracts into Snakemake's rules: a job's files, log and stamp, and the jobs of a study."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from pipeline.artefacts.folders import Folders
 from pipeline.config.composing import PARAMS, load, validate
 from pipeline.config.declared import value_at
 from pipeline.config.schema import Config
-from pipeline.contract import Files, Step, Wildcards, step_of
+from pipeline.contract import VERDICT_FOLLOWS, Files, Step, Wildcards, step_of
 from pipeline.core.lineage import PATTERN
 from pipeline.errors import InputError
 from pipeline.sources import code_digest
@@ -40,7 +40,7 @@ STAGES = {
     "report": ("report.html", "plots"),
     "track": ("tracking.json",),
 }
-"""Parts of a study: the files and folders of each, below the study's folder. Targets of Snakemake and stages of DVC."""
+"""Parts of a study: the files and folders of each, relative to the study's folder. They are targets of Snakemake and stages of DVC."""
 CHANGED = Path(".snakemake/changed")
 """An input of every job that is out of date: always newer than its outputs."""
 
@@ -57,7 +57,7 @@ class Target:
 class Plan:
     """The study of a config, as Snakemake needs it.
 
-    steps: the names of all steps, in the order of the data. stored: whether the files are in one of Snakemake's storages.
+    steps: the names of all steps, in the order of the data flow. stored: whether the files are in one of Snakemake's storages.
     """
 
     config: Config
@@ -68,7 +68,7 @@ class Plan:
 
     def __post_init__(self) -> None:
         if self.config.goal == "report" and not self.config.campaign.keep_every:
-            raise InputError("campaign.keep_every must be at least 1, or no frame is left to learn from, got 0")
+            raise InputError("campaign.keep_every must be at least 1, or no frame is left to train on, got 0")
 
     @cached_property
     def folders(self) -> Folders:
@@ -80,7 +80,7 @@ class Plan:
 
     @property
     def constraints(self) -> dict[str, str]:
-        """The values that wildcards can take in every rule."""
+        """The possible values of wildcards in every rule."""
         config = self.config
         return {
             "scenario": "|".join(config.scenarios),
@@ -92,8 +92,8 @@ class Plan:
     def reads(self, name: str) -> Callable[[Any], dict[str, Any]]:
         """The input function of a step's rule.
 
-        Stamps tell what is out of date. The inputs' times do not count for a job that is up to date; one that is not reads a file that
-        is always newer. In a storage, Snakemake's own records tell.
+        Stamps decide what is out of date. The inputs' times do not count for a job that is up to date; any other job reads a file that
+        is always newer. In a storage, Snakemake's own records decide.
         """
 
         def read(wildcards: Mapping[str, str]) -> dict[str, Any]:
@@ -114,12 +114,12 @@ class Plan:
         return {key: _flagged(paths) if isinstance(paths, str) else list(map(_flagged, paths)) for key, paths in outputs.items()}
 
     def log(self, name: str, suffix: str) -> str:
-        """Where a job's log or benchmark lies."""
+        """The path of a job's log or benchmark."""
         wildcards = self.contracts[name].names(self.folders)
         return "/".join(["logs", self.config.study, name, *(f"{{{w}}}" for w in wildcards)]) + suffix
 
     def stamp(self, name: str, wildcards: Wildcards) -> str:
-        """Digest of all that a job's outputs follow from: code, declared config, environment, and the stamps of what it reads."""
+        """Digest of everything that determines a job's outputs: code, declared config, environment, and the stamps of its inputs."""
         target = Target(name, tuple(sorted(wildcards.items())))
         if target not in self._stamps:
             self._stamps[target] = self._digest(name, wildcards)
@@ -152,7 +152,7 @@ class Plan:
         return hashlib.sha256(Path(path).read_bytes()).hexdigest() if Path(path).is_file() else "missing"
 
     def maker(self, path: str) -> Target | None:
-        """The job that makes a file, None if no step does."""
+        """The job that makes a file; None if no step does."""
         for name, pattern in self._patterns:
             if found := pattern.fullmatch(path):
                 return Target(name, tuple(sorted(found.groupdict().items())))
@@ -198,7 +198,7 @@ class Plan:
         return {"changed": str(CHANGED)}
 
     def jobs(self, goals: Sequence[str]) -> Iterator[tuple[Target, list[str]]]:
-        """Every job that some files need, each with its outputs; what a job reads comes before it."""
+        """Every job that the given files need, each with its outputs; the jobs that it depends on come before it."""
         seen: set[Target] = set()
 
         def visit(path: str) -> Iterator[tuple[Target, list[str]]]:
@@ -226,7 +226,7 @@ class Plan:
 
     @property
     def targets(self) -> dict[str, list[str]]:
-        """The files of the parts that are no step's name."""
+        """The files of the parts that are not named after a step."""
         return {name: [path for _, outputs in jobs for path in outputs] for name, jobs in self.parts.items() if name not in self.steps}
 
     def stamps(self, name: str) -> Callable[[Any], str]:
@@ -237,7 +237,7 @@ class Plan:
         """Print the verdict after a run of the whole study, or of its last step; in a storage, its files are not at hand."""
         targets = set(asked.targets)
         part = self.stored or (targets and not targets & {"all", "track"} and not targets >= set(self.folders.goals))
-        if part or asked.until or asked.omit_from or asked.allowed_rules or asked.batch or "BLINDSPOT_VERDICT_FOLLOWS" in os.environ:
+        if part or asked.until or asked.omit_from or asked.allowed_rules or asked.batch or VERDICT_FOLLOWS in os.environ:
             return
         subprocess.run([sys.executable, "-m", "pipeline", "verdict"], check=False)
 
@@ -248,7 +248,7 @@ def step_names() -> tuple[str, ...]:
 
 
 def checked(params: str) -> str:
-    """The path of params.yaml, once it is known to be right; what is wrong is told in one line, where Snakemake would show a stack."""
+    """The path of a valid params.yaml; an error is one line instead of Snakemake's stack trace."""
     try:
         load(Path(params))
     except InputError as error:
@@ -257,7 +257,7 @@ def checked(params: str) -> str:
 
 
 def plan(config: Mapping[str, Any], storage: StorageSettings, steps: Sequence[str]) -> Plan:
-    """The plan of Snakemake's config, which is params.yaml and what the command line changes in it."""
+    """The plan of Snakemake's config: params.yaml with the changes from the command line."""
     stored = storage.default_storage_provider is not None
     try:
         return Plan(validate(dict(config), str(PARAMS)), tuple(steps), stored)

@@ -1,4 +1,4 @@
-"""What tests of several folders share."""
+"""Fixtures that several folders share."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import pytest
 from pipeline.core.coverage import arrays
 
 
-@pytest.fixture(scope="class")  # Hypothesis refuses one a function.
+@pytest.fixture(scope="class")  # Hypothesis rejects function-scoped fixtures.
 def short_annealing() -> Iterator[None]:
-    """A quick covering array stops after a hundredth of its steps: for tests of anything but its size."""
+    """Stop quick covering arrays after a hundredth of their steps, for tests that do not depend on the array's size."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(arrays, "QUICK_OPERATIONS", arrays.QUICK_OPERATIONS / 100)
         yield

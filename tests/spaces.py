@@ -31,7 +31,7 @@ SMALL = Space(
 )
 
 CONSTRAINED = Space(SMALL.variables, (("kind != a", "count = 1"), ("x != 10",)))
-"""Of kind a only with count 1, and without the highest x."""
+"""Kind a only with count 1, and without the highest x."""
 
 CUT = Space(
     (
@@ -42,4 +42,4 @@ CUT = Space(
     ),
     (("fog = [0, 20)", "lit = yes"), ("azimuth != [315, 45)", "lit = no")),
 )
-"""Parts between cuts as categories, one of them over the ends of a circle."""
+"""Parts between cuts as categories, one of them across the ends of a circle."""

@@ -19,19 +19,19 @@ Strategy = Callable[..., BatchSampler]
 
 
 def kpi_of(points: Floats) -> Floats:
-    """Lower towards high values of the first variable; one test in seven breaks the simulation."""
+    """Falls with the first variable; one test in seven is an error."""
     values = 1.05 - points[:, 0] / 10
     return np.where(np.arange(len(points)) % 7 == 3, np.nan, values)
 
 
 def strategies(conf: Path = CONF) -> dict[str, Strategy]:
-    """By name, with the parameters of their files; those that take tests of earlier campaigns are there with such tests, too."""
+    """By name, with the parameters of their files; strategies that take earlier campaigns also appear with such tests."""
     found: dict[str, Strategy] = {}
     for path in sorted((conf / "sampler").glob("*.yaml")):
         section = yaml.safe_load(path.read_text())
         module, _, name = section.pop("_target_").rpartition(".")
         made = getattr(import_module(module), name)
-        # Values such as ${campaign.failure_threshold_s} are a study's.
+        # Values such as ${campaign.failure_threshold_s} come from a study.
         found[path.stem] = _with(made, {key: value for key, value in section.items() if "${" not in str(value)})
         if "earlier" in inspect.signature(made).parameters:
             found[f"{path.stem}-taught"] = _taught(found[path.stem])

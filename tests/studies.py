@@ -1,4 +1,4 @@
-"""A study in a folder of its own, whose steps are run by hand."""
+"""A study in a separate folder; its steps are run by hand."""
 
 from __future__ import annotations
 
@@ -43,6 +43,6 @@ class StudyFolder:
 
 
 def arguments(step: str, threads: int = 1, **wildcards: object) -> list[str]:
-    """The words that run a step by hand."""
+    """The command line that runs a step by hand."""
     words = [word for name, value in wildcards.items() for word in (f"--{name}", str(value))]
     return [step, *words, "--threads", str(threads)]

@@ -33,11 +33,12 @@ from pipeline.core.rules import find_rule
 from pipeline.core.space import Space
 
 CHANGED = ("adj_ttc_s", "failure_mode", "false_positives", "first_detection_m")
-"""KPIs beside a changed test, of before and after."""
+"""KPIs listed for a changed test, before and after."""
 
 
 def compare(held_out: HeldOut, digest: str, regions: Sequence[RegionResult], alpha: float, confidence: float) -> Comparison:
-    """Count, pair and judge. digest: of the sequence. regions: the base's. alpha: of each paired test. confidence: of all intervals."""
+    """Count failures, compare versions pair by pair and judge them. digest: of the sequence. regions: of the base. alpha: of each paired
+    test. confidence: of all intervals."""
     results = _Results(held_out, alpha, confidence)
     versions, groups = held_out.versions, results.groups()
     gates = {version: results.gate(version) for version in versions[1:]}
@@ -59,7 +60,7 @@ def compare(held_out: HeldOut, digest: str, regions: Sequence[RegionResult], alp
 
 @dataclass(frozen=True)
 class _Results:
-    """Each part of a comparison, as comparison.json has it."""
+    """The parts of a comparison, as comparison.json stores them."""
 
     held_out: HeldOut
     alpha: float
@@ -74,7 +75,7 @@ class _Results:
         return self.held_out.versions[0]
 
     def pair(self, against: str, version: str, scenario: str | None = None) -> VersionPair:
-        """scenario: None for all of them."""
+        """scenario: None for all scenarios."""
         tests = np.array(self.held_out.tests, dtype=object)
         rows = np.ones(len(tests), bool) if scenario is None else self.held_out.scenarios[scenario]
         found = core.pair(self.outcomes[against].at(rows), self.outcomes[version].at(rows))
@@ -116,7 +117,7 @@ class _Results:
         )
 
     def groups(self) -> tuple[GroupResult, ...]:
-        """Versions that differ by the seed of retraining alone, together (our form of thesis Table 7.2)."""
+        """Groups of versions that differ only by the seed of retraining (our form of thesis Table 7.2)."""
         members: dict[str, list[str]] = {}
         for version in self.held_out.versions:
             members.setdefault(Version.named(version).group, []).append(version)
@@ -150,7 +151,7 @@ class _Results:
         return core.gate(self.outcomes[self.base], self.outcomes[version], self.held_out.scenarios, self.alpha)
 
     def reason(self, version: str, found: Gate) -> str:
-        """Why a version may be champion or is held back."""
+        """Why the gate passes a version or holds it back."""
         p_value = core.pair(self.outcomes[self.base], self.outcomes[version]).p_value
         more, worse = (", ".join(self.held_out.labels[name] for name in names) for names in (found.more, found.worse))
         if found.more_errors:
@@ -170,7 +171,7 @@ def _estimate(interval: Interval) -> Estimate:
 def base_regions(
     held_out: HeldOut, spaces: Mapping[str, tuple[ScenarioInfo, Space]], section: Regions, confidence: float
 ) -> list[RegionResult]:
-    """The base's failure regions on the sequence, scenario by scenario, and the failures of every version inside their rules."""
+    """The base's failure regions on the sequence, scenario by scenario, with every version's failures inside their rules."""
     return [result for info, space in spaces.values() for result in _regions_of(held_out, info, space, section, confidence)]
 
 
@@ -188,9 +189,9 @@ def _regions_of(held_out: HeldOut, info: ScenarioInfo, space: Space, section: Re
 
 
 def changed_tests(comparison: Comparison, tests: pd.DataFrame, variables: Sequence[str]) -> pd.DataFrame:
-    """Every test that the base fails and a version passes (`fix`), or the other way round (`regression`), with the KPIs of both.
+    """Every fix (the base fails, the version passes) and every regression (the reverse), with the KPIs of both versions.
 
-    tests: rows of all versions and scenarios. variables: of the space, shown beside.
+    tests: rows of all versions and scenarios. variables: of the space, added as columns.
     """
     keyed = tests.set_index(["version", "scenario", "index"])
     base = comparison.versions[0].version

@@ -17,7 +17,7 @@ from pipeline.core.space import Ints, Space
 
 Found = dict[str, Any]
 LISTED = 1000
-"""Planes and cells that are listed at most; their number is always whole."""
+"""Longest list of planes or cells; the totals are always complete."""
 NEXT_POINTS = 5
 GROWTH_STEPS = 60
 
@@ -35,7 +35,7 @@ def fraction(coverage: Coverage) -> Found:
 
 
 def details(space: Space, every: Sequence[Plane]) -> Found:
-    """The planes' coverage, and the cells that want points or that no feasible point reaches."""
+    """Coverage of each plane, and the cells that still want points or that no feasible point reaches."""
     return {
         "planes": [_plane(space, plane) for plane in every[:LISTED]],
         "uncovered_cells": sum(int(_wanting(plane).sum()) for plane in every),
@@ -46,19 +46,19 @@ def details(space: Space, every: Sequence[Plane]) -> Found:
 
 
 def next_points(space: Space, rows: Ints, demand: Demand) -> list[dict[str, str]]:
-    """The few points that raise the coverage of (n, d) category indices most, by the names of their categories."""
+    """The few points that raise the coverage of (n, d) category indices most, with the names of their categories."""
     found = Proposer(demand).propose(rows, NEXT_POINTS)
     return [] if found is None else space.names_of(found.categories)
 
 
 def growth(rows: Ints, demand: Demand) -> list[tuple[int, float]]:
-    """Coverage after so many of (n, d) category indices."""
+    """Coverage after each number of the (n, d) category indices."""
     ends = np.unique(np.linspace(1, len(rows), min(len(rows), GROWTH_STEPS)).astype(int))
     return [(int(end), total(planes_of(rows[:end], demand)).ratio) for end in ends]
 
 
 def pair_planes(rows: Ints, demand: Demand) -> list[Plane]:
-    """The planes of any two variables, whatever the demand's k."""
+    """The planes of every two variables, independent of the demand's k."""
     return planes_of(rows, replace(demand, k=2))
 
 
@@ -71,14 +71,14 @@ def _infeasible(plane: Plane) -> Bools:
 
 
 def _cells(space: Space, every: Iterable[Plane], which: Callable[[Plane], Bools]) -> Iterator[dict[str, str]]:
-    """The cells of all planes that `which` marks, by names."""
+    """The cells of all planes that `which` marks, with the names of their categories."""
     for plane in every:
         for cell in np.argwhere(which(plane)):
             yield cell_names(space, plane.variables, cell)
 
 
 def cell_names(space: Space, variables: Iterable[int], cell: Iterable[int]) -> dict[str, str]:
-    """A cell of some variables by names."""
+    """A cell with the names of its variables and categories."""
     return {space.names[v]: space.variables[v].labels[int(c)] for v, c in zip(variables, cell, strict=True)}
 
 

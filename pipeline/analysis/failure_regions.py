@@ -34,7 +34,7 @@ NEEDED = ["test_id", "ego_speed_mps", "conflict_distance_m", "visible_pixels", "
 
 
 def not_solvable(table: pd.DataFrame, signals: Sequence[Path]) -> tuple[str, ...]:
-    """test_id of the failures in a table that no detector could avoid with this camera. signals: signals.parquet of its campaigns."""
+    """test_id of each failure in a table that no detector could avoid with this camera. signals: signals.parquet of the same campaigns."""
     steps = pd.concat([read_signals(path, NEEDED) for path in signals], ignore_index=True)
     failed = steps[steps["test_id"].isin(table.loc[table["failure"], "test_id"])]
     seen = {test: solvable({name: rows[name].to_numpy() for name in NEEDED[1:]}) for test, rows in failed.groupby("test_id", sort=False)}
@@ -96,13 +96,13 @@ def _region(name: str, tested: _Tested, members: Bools, confidence: float) -> Fa
 
 
 def _representatives(space: Space, rows: pd.DataFrame, points: Floats) -> tuple[Representative, ...]:
-    """The medoid, the worst failure and the one furthest from the medoid; each test once."""
+    """The medoid, the worst failure and the failure furthest from the medoid; each test appears once."""
     centre = medoid(space, points)
-    # The hardest contact is the worst; without one, the smallest adj. TTC.
+    # The worst is the hardest contact; without a contact, the smallest adjusted TTC.
     severity = np.lexsort((rows["adj_ttc_s"].to_numpy(), -rows["impact_speed_mps"].fillna(0).to_numpy()))
     furthest = int(np.argmax(mixed_distance(space, points[[centre]], points)[0]))
     ranked: list[tuple[int, Role]] = [(furthest, "furthest"), (int(severity[0]), "worst"), (centre, "medoid")]
-    # Later ones win, so that a test in two roles is the medoid first; the order shown is from the medoid on.
+    # Later entries win, so a test in two roles keeps the medoid's; the result starts with the medoid.
     roles = dict(reversed(list({position: (position, role) for position, role in ranked}.values())))
     return tuple(_representative(rows.iloc[position], role, space) for position, role in roles.items())
 

@@ -1,4 +1,4 @@
-"""Why a campaign frame is unfit for training (thesis section 7.2): each criterion is one entry of `CRITERIA`."""
+"""Reasons to reject a campaign frame for training (thesis section 7.2): each criterion is one entry of `CRITERIA`."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from pipeline.artefacts.dataset import decode_jpeg
+from pipeline.artefacts.tables import SIDES
 from pipeline.config.schema import Filter
 from pipeline.core.boxes import iou
 
 Bools = NDArray[np.bool_]
 KEPT = {"visible": "pedestrian visible", "negative": "no pedestrian in the image"}
-"""Reasons for which a frame is kept, with their meaning: an empty one teaches what is no pedestrian."""
+"""Reasons to keep a frame, with their meaning: empty frames teach the detector what is not a pedestrian."""
 MIN_VISIBLE_SHARE = 0.1
 THUMBNAIL = (40, 24)
 SAME_GREY, SAME_IOU = 3.0, 0.8
-"""Two frames of an episode show the same if their thumbnails differ by less on average, and the pedestrian's boxes overlap by more."""
-SIDES = ("left", "top", "right", "bottom")
+"""Two frames of an episode show the same if their thumbnails differ by less on average and the pedestrian's boxes overlap by more."""
 
 
 @dataclass(frozen=True)
 class Criterion:
-    """One reason for which frames are rejected.
+    """One reason to reject frames.
 
-    reason: as the filter table names it. meaning: as the report says it. rejects: takes the frames (columns of frames.parquet), which of
-    them all criteria before keep, (n,) bool, and the section `filter`, and gives (n,) bool.
+    reason: its name in the filter table. meaning: its text in the report. rejects: takes the frames (columns of frames.parquet), a mask
+    (n,) bool of the frames that all earlier criteria keep, and the section `filter`; returns (n,) bool.
     """
 
     reason: str
@@ -38,7 +38,7 @@ class Criterion:
 
 
 def shows(frames: pd.DataFrame) -> Bools:
-    """(n,) whether a frame shows the pedestrian at all."""
+    """Whether each frame shows the pedestrian at all, (n,)."""
     return _column(frames, "visible_pixels") > 0
 
 
@@ -57,15 +57,14 @@ def _barely_in_view(frames: pd.DataFrame, _: Bools, __: Filter) -> Bools:
 
 
 def _low_contrast(frames: pd.DataFrame, _: Bools, section: Filter) -> Bools:
-    """Contrast in grey levels times the square root of the visible pixels, because the eye finds a fainter thing if it is larger (Rose,
-    The sensitivity performance of the human eye, 1948).
-    """
+    """Contrast in grey levels times the square root of the visible pixels, because the eye detects a fainter object if it is larger
+    (Rose, The sensitivity performance of the human eye, 1948)."""
     detectability = _column(frames, "contrast") * np.sqrt(_column(frames, "visible_pixels"))
     return shows(frames) & (detectability < section.min_detectability)
 
 
 def _near_duplicate(frames: pd.DataFrame, kept: Bools, _: Filter) -> Bools:
-    """A car that stands, a wait for a gap: the same as the frame of the episode that was last kept. Frames come in the order of time."""
+    """The ego waits and nothing moves: the frame shows the same as the last kept frame of its episode. Frames come in order of time."""
     repeats = np.zeros(len(frames), bool)
     boxes = frames[[f"visible_{side}" for side in SIDES]].to_numpy(float)
     last: tuple[str, NDArray[np.float64], NDArray[np.float64]] | None = None
@@ -92,6 +91,6 @@ CRITERIA = (
     Criterion("low_contrast", "too little contrast", _low_contrast),
     Criterion("near_duplicate", "nearly the same as the frame before", _near_duplicate),
 )
-"""In the order in which they judge: the first that rejects a frame gives the reason."""
+"""In the order of judging: the first criterion that rejects a frame gives the reason."""
 MEANINGS = KEPT | {criterion.reason: criterion.meaning for criterion in CRITERIA}
-"""Every reason of a filter table but a person's, with its meaning."""
+"""Every reason in a filter table except a person's, with its meaning."""

@@ -1,4 +1,4 @@
-"""The held-out sequence as every model version executed it."""
+"""The held-out sequence, as every model version executed it."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class HeldOut:
 
     @cached_property
     def scenarios(self) -> dict[str, Bools]:
-        """Scenario -> (n,) bool, which tests of the sequence are its own."""
+        """Scenario -> (n,) bool, the tests of the sequence that belong to it."""
         names = np.array([test.scenario for test in self.tests])
         return {name: names == name for name in self.labels}
 
@@ -50,7 +50,7 @@ class HeldOut:
         return pd.concat([self.tables[name, version] for name in self.labels], ignore_index=True)
 
     def outcomes(self, version: str) -> SequenceOutcomes:
-        """What became of the tests of the sequence with one version."""
+        """The outcomes of one version on the sequence."""
         rows = self.rows(version)
         valid, failed = (rows["status"] == "ok").to_numpy(), rows["failure"].to_numpy(bool)
         return SequenceOutcomes(valid, valid & failed, valid & failed & (rows["failure_mode"] != "false_positives").to_numpy())
@@ -58,7 +58,7 @@ class HeldOut:
     def digest(self, variables: Mapping[str, Sequence[str]]) -> str:
         """SHA-256 of the sequence. variables: scenario -> names of its variables.
 
-        Raises InputError, naming the first difference, unless all versions executed the same points in the same order.
+        Raises InputError that names the first difference unless all versions executed the same points in the same order.
         """
         digest = hashlib.sha256()
         for scenario, names in variables.items():
@@ -76,7 +76,7 @@ def read_held_out(
 ) -> HeldOut:
     """Read tests.parquet of every scenario and version. threshold: of the adjusted TTC, seconds.
 
-    Raises InputError if another threshold decided on a failure.
+    Raises InputError if a test was judged with another threshold.
     """
     tables = {}
     for done, path in enumerate(paths, 1):

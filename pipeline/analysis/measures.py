@@ -21,7 +21,7 @@ PROJECTION_K = 2
 
 
 TESTS_WANTED = 3
-"""Tests that the projection coverage asks of every pair of categories; pair coverage asks for one."""
+"""Tests that projection coverage wants for every pair of categories; pair coverage wants one."""
 
 
 def measure_campaign(
@@ -64,13 +64,13 @@ def count_modes(tests: pd.DataFrame) -> Modes:
 
 
 def _projection(space: Space, categories: Ints) -> float:
-    """Coverage in which every cell asks for `TESTS_WANTED` tests, so that it still tells campaigns apart that cover all pairs."""
+    """Coverage in which every cell wants `TESTS_WANTED` tests, so it still distinguishes campaigns that cover all pairs."""
     weights = [np.full(size, TESTS_WANTED) for size in space.sizes]
     return projection_coverage(categories, Demand(space.constraints, PROJECTION_K, weights, "max")).ratio
 
 
 def by_strategy(campaigns: Sequence[CampaignMeasures]) -> list[list[CampaignMeasures]]:
-    """The campaigns that differ by their seed alone, together."""
+    """The summaries of campaigns that differ only by their seed."""
     groups: dict[tuple[str, str, str], list[CampaignMeasures]] = {}
     for campaign in campaigns:
         groups.setdefault((campaign.scenario, campaign.strategy, campaign.version), []).append(campaign)
@@ -112,7 +112,7 @@ def summarise(group: Sequence[CampaignMeasures], confidence: float) -> StrategyM
 
 
 def series_name(measured: CampaignMeasures | StrategyMeasures) -> str:
-    """The name of a scenario and strategy in plots and metrics; a version other than the base is part of it."""
+    """The name of a scenario and strategy in plots and metrics; it includes the version unless that is the base."""
     own = f"{measured.scenario}-{measured.strategy}"
     return own if measured.version == "base" else f"{own}-{measured.version}"
 

@@ -16,7 +16,8 @@ from pipeline.detectors.yolo.activations import activations
 from pipeline.detectors.yolo.network import Yolo
 
 FRAMES, PROFILED = 250, 600
-"""Of each set, and of the training images, at most, drawn evenly: coverage grows with the number of images, so all sets have the same."""
+"""Largest number of images per set and of training images, drawn evenly: coverage grows with the number of images, so all sets have the
+same number."""
 
 
 DRAW_SEED = 0
@@ -39,5 +40,5 @@ def kept_frames(paths: Sequence[Path]) -> list[bytes]:
 
 
 def drawn(many: int, count: int) -> Ints:
-    """(count,) indices of `many`, rising, drawn evenly without replacement."""
+    """Sorted indices (count,) of `many`, drawn evenly without replacement."""
     return np.sort(np.random.default_rng(DRAW_SEED).choice(many, count, replace=False))

@@ -14,11 +14,11 @@ TestName = Annotated[
     BeforeValidator(lambda test: SequenceTest.named(test) if isinstance(test, str) else test),
     PlainSerializer(str, return_type=str),
 ]
-"""A test of the held-out sequence, in the file by its name."""
+"""A test of the held-out sequence; the file stores its name."""
 
 
 class VersionPair(Result):
-    """Two versions on the same tests: which of them only one fails, and the exact McNemar p-value."""
+    """Two versions on the same tests: the tests that only one of them fails, and the exact McNemar p-value."""
 
     version: str
     against: str
@@ -40,8 +40,9 @@ class ScenarioResult(Result):
 class VersionResult(Result):
     """One model version on the frozen held-out sequence.
 
-    group: what versions that differ by the seed of retraining alone share; round: of retraining, 0 for the base. tests: valid executions.
-    change: regressions minus fixes, of the tests valid for it and the base. scenarios: by scenario.
+    group: name shared by versions that differ only by the seed of retraining; round: of retraining, 0 for the base. tests: valid
+    executions. change: regressions minus fixes, over the tests that are valid for this version and the base. scenarios: results by
+    scenario.
     """
 
     version: str
@@ -59,10 +60,10 @@ class VersionResult(Result):
 
 
 class GroupResult(Result):
-    """Versions that differ by the seed of retraining alone: mean failures, in all and by scenario, with Student's intervals over the seeds;
-    of a single version Wilson's over the tests.
+    """Versions that differ only by the seed of retraining: mean failures, in total and by scenario, with Student's intervals over the
+    seeds; a single version has Wilson's interval over the tests.
 
-    against_base: ratio of its mean to the base's failures; null where the base fails nowhere.
+    against_base: ratio of its mean to the base's failures; null if the base never fails.
     """
 
     group: str
@@ -77,8 +78,8 @@ class GroupPair(Result):
     """Two groups on the `tests` that all of their versions executed.
 
     difference: mean failures of `group` minus those of `against`, with Student's interval over the seeds, paired by seed. p_value: exact
-    sign-flip test of the tests' differences, summed over seeds: whether these versions differ on tests like these. With one seed it is the
-    exact McNemar test.
+    sign-flip test of the tests' differences, summed over seeds: whether these versions differ on tests like these. With one seed it equals
+    the exact McNemar test.
     """
 
     group: str
@@ -88,14 +89,14 @@ class GroupPair(Result):
     p_value: float
 
     def shown(self, alpha: float) -> bool:
-        """Whether the tests tell them apart (p at most alpha) and the trainings do so, too: one seed says nothing of these, of several the
-        interval must leave 0 out. By the tests alone the luck of three trainings would pass for an effect in up to a fifth of cases.
-        """
+        """Whether the tests show a difference (p at most alpha) and, with several seeds, the interval over the seeds excludes 0. One
+        seed says nothing about the variation between trainings. Judged by the tests alone, the variation of three trainings would pass
+        for an effect in up to a fifth of cases."""
         return self.p_value <= alpha and not self.difference.low <= 0 <= self.difference.high
 
 
 class RegionResult(Result):
-    """A failure region of the base on the held-out sequence, and how many of the tests inside its rule each version fails."""
+    """A failure region of the base on the held-out sequence, and each version's failures among the tests inside its rule."""
 
     scenario: str
     name: str
@@ -105,9 +106,9 @@ class RegionResult(Result):
 
 
 class Comparison(Result):
-    """All versions on one frozen sequence. In the file a fix or a regression is named `<scenario>-<index>`, five digits.
+    """All versions on one frozen sequence. The file names a fix or a regression `<scenario>-<index>`, with five digits.
 
-    pairs: exact McNemar test of every pair of versions, `against` the earlier one; group_pairs: the same for groups.
+    pairs: exact McNemar test of every pair of versions, `against` is the earlier one; group_pairs: the same for groups.
     """
 
     strategy: str
@@ -124,9 +125,9 @@ class Comparison(Result):
     gate: dict[str, str]
 
     def pair(self, version: str, against: str) -> VersionPair | None:
-        """The test of a version against an earlier one; None if there are not both."""
+        """The comparison of a version with an earlier one; None if either is missing."""
         return next((pair for pair in self.pairs if (pair.version, pair.against) == (version, against)), None)
 
     def passes(self, version: str) -> bool:
-        """Whether a version passed the gate; the base, which is not judged, did not."""
+        """Whether a version passed the gate; False for the base, which the gate does not judge."""
         return self.gate[version].startswith("passes")

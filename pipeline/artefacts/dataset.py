@@ -42,12 +42,12 @@ SEGMENT_COLOURS = np.array(
     ],
     np.uint8,
 )  # fmt: skip
-"""(classes, 3) RGB in which a segmentation is shown."""
+"""Colours of a segmentation, (classes, 3) RGB."""
 
 
 @dataclass(frozen=True)
 class Record:
-    """What truth.coco.json says of one image; width and height in pixels."""
+    """An image's entry in truth.coco.json; width and height in pixels."""
 
     split: Split
     index: int
@@ -61,8 +61,8 @@ class Record:
 class ImageSet:
     """A split in memory.
 
-    images: (n, h, w, 3) uint8 RGB. boxes, whole_boxes: (n, 4) float32 left, top, right, bottom in pixels, zeros where there
-    is none. visible_pixels: (n,) int64. contrast: (n,) float32 grey levels. digest: SHA-256 of truth and image files.
+    images: (n, h, w, 3) uint8 RGB. boxes, whole_boxes: (n, 4) float32 left, top, right, bottom in pixels, zeros without a pedestrian.
+    visible_pixels: (n,) int64. contrast: (n,) float32 grey levels. digest: SHA-256 of truth and image files.
     """
 
     images: NDArray[np.uint8]
@@ -114,7 +114,7 @@ def _labelled(images: NDArray[np.uint8], truths: Sequence[Truth], digest: str) -
 
 
 def joined(first: ImageSet, second: ImageSet) -> ImageSet:
-    """Both sets, one after the other; ValueError if their images' sizes differ."""
+    """Both sets, concatenated; ValueError if their images' sizes differ."""
     if first.size != second.size:
         raise ValueError(f"images must be of one size, got {first.size} and {second.size}")
     return ImageSet(
@@ -128,27 +128,27 @@ def joined(first: ImageSet, second: ImageSet) -> ImageSet:
 
 
 def encode_jpeg(image: NDArray[np.uint8]) -> bytes:
-    """(h, w, 3) uint8 RGB to JPEG, quality 95, colours at full resolution; the same image gives the same bytes."""
+    """(h, w, 3) uint8 RGB to JPEG, quality 95, colours at full resolution; equal images give equal bytes."""
     return bytes(cv2.imencode(".jpg", image[:, :, ::-1], JPEG)[1])
 
 
 def decode_jpeg(data: bytes) -> NDArray[np.uint8]:
-    """JPEG bytes to (h, w, 3) uint8 RGB; ValueError if they are none."""
+    """JPEG bytes to (h, w, 3) uint8 RGB; ValueError if they are not a JPEG image."""
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR_RGB) if data else None
     if image is None:
-        raise ValueError("the bytes are no JPEG image")
+        raise ValueError("the bytes are not a JPEG image")
     return np.asarray(image, np.uint8)
 
 
 def write_image(root: Path, split: Split, index: int, image: NDArray[np.uint8], truth: Truth) -> None:
-    """Write one image and its YOLO label; the label is empty where no pedestrian shows."""
+    """Write one image and its YOLO label; the label is empty if no pedestrian shows."""
     height, width = image.shape[:2]
     write_bytes(image_path(root, split, index), encode_jpeg(image))
     write_bytes(_label_path(root, split, index), _label(truth.visible_box, width, height).encode())
 
 
 def write_classes(root: Path, split: Split, index: int, classes: NDArray[np.uint8]) -> None:
-    """Write one segmentation, (h, w) class numbers, as a PNG whose palette makes it readable and whose values are the numbers."""
+    """Write one segmentation, (h, w) class numbers, as a PNG; its palette makes it readable, its values are the class numbers."""
     picture = Image.fromarray(classes, mode="P")
     picture.putpalette(SEGMENT_COLOURS.tobytes())
     buffer = io.BytesIO()
@@ -157,7 +157,7 @@ def write_classes(root: Path, split: Split, index: int, classes: NDArray[np.uint
 
 
 def remove_leftovers(root: Path, records: Iterable[Record]) -> None:
-    """Delete the images, labels and segmentations that an earlier, larger or otherwise split set left beside these records'."""
+    """Delete the images, labels and segmentations of an earlier data set that these records do not name."""
     wanted = {f"{record.split}/{record.index:06d}" for record in records}
     for path in [*root.glob("images/*/*.jpg"), *root.glob("labels/*/*.txt"), *root.glob("segments/*/*.png")]:
         if f"{path.parent.name}/{path.stem}" not in wanted:
@@ -165,7 +165,7 @@ def remove_leftovers(root: Path, records: Iterable[Record]) -> None:
 
 
 def move_dataset(source: Path, root: Path) -> None:
-    """Move a finished data set to where it is read, in place of an older one there."""
+    """Move a finished data set to its final place and replace any older one there."""
     root.mkdir(parents=True, exist_ok=True)
     for name in ("images", "labels", "segments", "dataset.yaml", TRUTH_FILE):
         if (source / name).is_dir():
@@ -178,8 +178,8 @@ def move_dataset(source: Path, root: Path) -> None:
 def write_truth(root: Path, records: Iterable[Record], category: str = "pedestrian") -> None:
     """Write truth.coco.json and dataset.yaml for the records, ordered by split and index.
 
-    The file is plain COCO; beyond it, images carry `split`, the scenario variables and the box of a pedestrian that is
-    wholly hidden, annotations carry visible_pixels, whole_pixels, contrast and whole_bbox.
+    The file is plain COCO with additions: images carry `split`, the scenario variables and the box of a fully hidden pedestrian;
+    annotations carry visible_pixels, whole_pixels, contrast and whole_bbox.
     """
     ordered = sorted(records, key=lambda record: (record.split, record.index))
     images = [_image(number, record) for number, record in enumerate(ordered, 1)]
@@ -188,11 +188,11 @@ def write_truth(root: Path, records: Iterable[Record], category: str = "pedestri
         annotation["id"] = number
     write_json(root / TRUTH_FILE, {"images": images, "annotations": annotations, "categories": [{"id": CATEGORY_ID, "name": category}]})
     names = f"train: images/train\nval: images/val\nnames:\n  0: {category}\n"
-    write_bytes(root / "dataset.yaml", names.encode())  # Without `path`, Ultralytics takes the folder of this file.
+    write_bytes(root / "dataset.yaml", names.encode())  # Without `path`, Ultralytics uses the folder of this file.
 
 
 def read_dataset(root: Path, split: Split) -> ImageSet:
-    """Read a split into memory; InputError that names the file if one is missing, foreign or of another size."""
+    """Read a split into memory; InputError that names the file if a file is missing, has another format or another image size."""
     path = root / TRUTH_FILE
     plain = read_json(path)
     try:
@@ -201,23 +201,23 @@ def read_dataset(root: Path, split: Split) -> ImageSet:
         truths = [_truth(image, annotations.get(image["id"])) for image in images]
         shapes = [(int(image["height"]), int(image["width"]), 3) for image in images]
     except (KeyError, TypeError) as error:
-        raise InputError(f"{path} is no truth file of a base set ({error!r}); make it again with render_base") from error
+        raise InputError(f"{path} is not the truth file of a base set ({error!r}); make it again with render_base") from error
     if not images:
         raise InputError(f"{path} has no images of the split '{split}'; raise base_set.images or base_set.validation_share")
     digest = hashlib.sha256(path.read_bytes())
-    pixels = np.empty((len(images), *shapes[0]), np.uint8)  # Filled in place: it may be most of the memory.
+    pixels = np.empty((len(images), *shapes[0]), np.uint8)  # Filled in place: a second copy might not fit into memory.
     for place, image in zip(pixels, images, strict=True):
         place[:] = _read_image(root / "images" / image["file_name"], place.shape, digest)
     return _labelled(pixels, truths, digest.hexdigest())
 
 
 def read_towns(root: Path) -> frozenset[str]:
-    """The fingerprints of the towns that the images show; InputError that names the file if it says none."""
+    """The fingerprints of the towns in the images; InputError that names the file if it lists none."""
     path = root / TRUTH_FILE
     try:
         return frozenset(str(image["attributes"]["town"]) for image in read_json(path)["images"])
     except (KeyError, TypeError) as error:
-        raise InputError(f"{path} does not say which towns its images show; make it again with render_base") from error
+        raise InputError(f"{path} does not list the towns that its images show; make it again with render_base") from error
 
 
 def image_path(root: Path, split: Split, index: int) -> Path:

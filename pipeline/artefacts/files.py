@@ -1,4 +1,4 @@
-"""Reading and writing whole files: atomically, with the same bytes for the same content, and with errors that name the file."""
+"""Reads and writes whole files: atomic writes, equal bytes for equal content, and errors that name the file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pipeline.errors import InputError
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file so that readers see the old one or the whole new one, also after a kill; makes its folders."""
+    """Write a file atomically: readers see the old or the new file, never a part, even after a kill; creates its folders."""
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
@@ -23,7 +23,7 @@ def write_bytes(path: Path, data: bytes) -> None:
 
 
 def write_json(path: Path, plain: Any) -> None:
-    """Write plain data as indented JSON in its own order; ValueError for NaN and infinities, which JSON does not have."""
+    """Write plain data as indented JSON in the given order; ValueError for NaN and infinities, which JSON lacks."""
     write_bytes(path, (json.dumps(plain, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode())
 
 
@@ -36,7 +36,7 @@ def read_bytes(path: Path) -> bytes:
 
 
 def read_json(path: Path) -> Any:
-    """Read JSON; InputError if the file is missing, truncated or no JSON."""
+    """Read JSON; InputError if the file is missing, truncated or not JSON."""
     text = read_bytes(path)
     try:
         return json.loads(text)
@@ -45,7 +45,7 @@ def read_json(path: Path) -> Any:
 
 
 def program_sha256() -> str:
-    """Hexadecimal SHA-256 of all of this package's source: what another program began is not gone on with."""
+    """Hexadecimal SHA-256 of this package's source: intermediate results of another code version are ignored."""
     return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(Path(__file__).parents[1].rglob("*.py")))).hexdigest()
 
 

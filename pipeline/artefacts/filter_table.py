@@ -1,4 +1,4 @@
-"""data/<study>/filter/<strategy>.csv: every kept frame of the campaigns, kept for training or rejected, and why."""
+"""data/<study>/filter/<strategy>.csv: every kept frame of the campaigns, whether training may use it, and why."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def write_filter(path: Path, rows: pd.DataFrame) -> None:
 
 
 def read_filter(path: Path) -> pd.DataFrame:
-    """Read what `write_filter` wrote, `kept` as bool; InputError that names the file and the row if it is something else."""
+    """Read a file of `write_filter`, `kept` as bool; InputError that names the file and the row if it is anything else."""
     return _read(path, COLUMNS, "kept")
 
 

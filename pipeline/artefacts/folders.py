@@ -1,4 +1,4 @@
-"""Where the files of a study lie: the layout of data/<study>, and which files the search, the rounds and the comparison consist of."""
+"""The layout of data/<study>: the paths of a study's files, and which files the search, the rounds and the comparison use."""
 
 from __future__ import annotations
 
@@ -14,20 +14,21 @@ VERSION = {"card": "model.json", "weights": "weights.safetensors", "onnx": "mode
 
 @dataclass(frozen=True)
 class Folders:
-    """The files of one study, as paths relative to the working directory."""
+    """The paths of one study's files, relative to the working directory."""
 
     config: Config
 
     @property
     def root(self) -> str:
-        """The folder of everything that the study makes."""
+        """The folder of all outputs of the study."""
         return f"data/{self.config.study}"
 
     @property
     def goals(self) -> list[str]:
-        """What the whole study is run for."""
+        """The files that a run of the whole study makes in the end."""
         made = {"report": ["report.html", "tracking.json"], "base": ["models/base/model.json"], "front_car": ["front_car.html"]}
-        made["detectors"] = [f"reports/{name}.html" for name in self.config.tested]
+        compared = ["comparison.json"] if len(self.config.tested) > 1 else []
+        made["detectors"] = [*(f"reports/{name}.html" for name in self.config.tested), "measures.json", *compared]
         return [f"{self.root}/{name}" for name in made[self.config.goal]]
 
     @property
@@ -40,7 +41,7 @@ class Folders:
 
     @property
     def shipped(self) -> dict[str, str]:
-        """The files of the shipped detector, where the base version is made of it."""
+        """The files of the shipped detector, if the base version is made from it."""
         folder = self.config.base.weights
         named = {f"shipped_{kind}": f"{folder}/{name}" for kind, name in VERSION.items() if kind != "onnx"}
         return named if self.config.base.source == "shipped" else {}
@@ -59,11 +60,11 @@ class Folders:
         return [self.space(name) for name in scenarios]
 
     def dataset(self, name: str) -> dict[str, str]:
-        """What is read of a data set: its truth, and the folder of its images."""
+        """The parts of a data set that steps read: its truth and its image folder."""
         return {"truth": f"{self.root}/{name}/truth.coco.json", "images": f"{self.root}/{name}/images/"}
 
     def written_dataset(self, name: str) -> dict[str, str]:
-        """All of a data set: the labels and names in YOLO's form, too."""
+        """All files of a data set, including the labels and names in YOLO's form."""
         return {**self.dataset(name), "labels": f"{self.root}/{name}/labels/", "names": f"{self.root}/{name}/dataset.yaml"}
 
     def version(self, version: str, folder: str | None = None) -> dict[str, str]:
@@ -78,7 +79,7 @@ class Folders:
     def search(self, name: str, scenario: str | None = None, strategy: str | None = None, version: str = "base") -> list[str]:
         """The file `name` of the search campaigns against a version: of all, or of one scenario or strategy.
 
-        The campaigns of later rounds, which test retrained versions, lie with these versions.
+        Campaigns of later rounds, which test retrained versions, are stored with these versions.
         """
         config = self.config
         scenarios, strategies = [scenario] if scenario else config.search, [strategy] if strategy else config.strategies
@@ -86,15 +87,15 @@ class Folders:
         return [f"{root}/{a}/{b}/{version}/{seed}/{name}" for a in scenarios for b in strategies for seed in config.seeds]
 
     def searches(self, name: str) -> list[str]:
-        """The file `name` of the search campaigns against every version that is not retrained."""
+        """The file `name` of the search campaigns against every version that was not retrained."""
         return [path for v in self.config.versions if not v.round for path in self.search(name, version=str(v))]
 
     def earlier(self, kind: str, scenario: str, strategy: str, version: str, seed: str) -> list[str]:
-        """The tests of the campaigns that a campaign knows: of the same version and seed, on the scenarios before its own."""
+        """The tests of the earlier campaigns that a campaign learns from: same version and seed, scenarios before its own."""
         return [f"{self.root}/{kind}/{a}/{strategy}/{version}/{seed}/tests.parquet" for a in self.config.earlier(scenario, strategy)]
 
     def later_search(self, name: str) -> list[str]:
-        """The file `name` of the campaigns that later rounds learn from: each kind's strategy against its earlier versions."""
+        """The file `name` of the campaigns that later rounds train on: each kind's strategy against its earlier versions."""
         sources = self.config.sources
         tested = dict.fromkeys(v for version in self.config.versions for v in version.tested if v.kind in sources)
         return [path for v in tested for path in self.search(name, strategy=sources[v.kind], version=str(v))]
@@ -106,7 +107,7 @@ class Folders:
         return [f"{root}/{a}/{chosen.strategy}/{version}/{chosen.seed}/{name}" for a in config.held_out for version in config.versions]
 
     def feeding(self, version: str, source: str) -> list[Version]:
-        """The versions whose campaigns by the random or the adaptive strategy feed a version; none for a control."""
+        """The versions whose random or adaptive campaigns feed a version; none for a control."""
         described = Version.named(version)
         return [] if described.kind == "control" else [replace(v, kind=source) if v.round else v for v in described.tested]
 
@@ -128,7 +129,7 @@ class Folders:
         return f"{self.root}/{'retrained/' if Version.named(version).round else ''}models/{version}/{name}"
 
     def detector(self, version: str) -> str:
-        """The file that a version is tested as."""
+        """The file that tests of a version load."""
         return self.config.tested[version] if self.config.goal == "detectors" else self.model(version, "model.onnx")
 
     def parent(self, version: str, name: str) -> str:
@@ -137,7 +138,7 @@ class Folders:
 
     @property
     def cards(self) -> list[str]:
-        """The cards of the model versions; detectors that are only tested have none."""
+        """The cards of the model versions; detectors that a study only tests have none."""
         return [] if self.config.goal == "detectors" else self.models("model.json")
 
     def models(self, name: str) -> list[str]:

@@ -6,7 +6,7 @@ from pipeline.artefacts.results import Result
 
 
 class CoveredPoint(Result):
-    """A point, and the k-projection coverage of it and those before it. values: of each operating condition."""
+    """A point, and the k-projection coverage of the points up to it. values: of each operating condition."""
 
     name: str
     values: dict[str, str]
@@ -14,7 +14,7 @@ class CoveredPoint(Result):
 
 
 class Points(Result):
-    """points.json. existing: how many of the points are random; proposals follow. required: cells that feasible points reach."""
+    """points.json. existing: number of random points; proposals follow. required: number of cells that feasible points reach."""
 
     k: int
     existing: int
@@ -23,7 +23,8 @@ class Points(Result):
 
 
 class Judged(Result):
-    """On which test snapshots of one point a detector was right: the forward vehicle found, or none there, and no false positive."""
+    """The test snapshots of one point that a detector gets right: it finds the forward vehicle, or reports none if there is none,
+    without a false positive."""
 
     values: dict[str, str]
     right: tuple[bool, ...]
@@ -40,7 +41,7 @@ class DetectorResult(Result):
 
 
 class Evaluation(Result):
-    """evaluation.json. p_value: of the exact McNemar test that both detectors are right on equally many of the test snapshots."""
+    """evaluation.json. p_value: of the exact McNemar test whether both detectors get equally many test snapshots right."""
 
     threshold: float
     p_value: float

@@ -1,4 +1,4 @@
-"""model.json, the card of a model version: where it comes from, what it was trained on and how well it detects; curve.csv, its training."""
+"""model.json, the card of a model version: its origin, training data and detection quality; curve.csv, its training curve."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from pipeline.errors import InputError
 class ModelCard(BaseModel):
     """One model version.
 
-    data: name to digest of what it was trained on. training: settings and figures of its training. metrics: on the validation
-    images of the base set: precision, recall, ap50, ap50_95, false_positives_an_image, all for visible pedestrians. calibration:
-    slope and offset of the scores' logits, fitted on the same images. reliability: diagrams of the scores on these images, `uncalibrated`
-    and `calibrated`: rows of mean score, share of right ones, number. towns: fingerprints of all that it, or what it was retrained
-    from, has learnt; none may be held out.
+    data: name to digest of its training data. training: settings and figures of its training. metrics: on the validation images of the base
+    set: precision, recall, ap50, ap50_95, false_positives_an_image, all for visible pedestrians. calibration: slope and offset of the
+    scores' logits, fitted on the same images. reliability: diagrams of the scores on these images, `uncalibrated` and `calibrated`: rows of
+    mean score, share of correct detections, number. towns: fingerprints of all towns that it or its ancestors were trained on; none may be
+    held out.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -43,7 +43,7 @@ class ModelCard(BaseModel):
 
 @dataclass(frozen=True)
 class CurvePoint:
-    """One line of a training's curve. losses: means since the line before; ap50: of the averaged weights on validation images."""
+    """One line of a training curve. losses: means since the line before; ap50: of the averaged weights on validation images."""
 
     iteration: int
     learning_rate: float
@@ -62,7 +62,7 @@ def write_curve(path: Path, curve: Sequence[CurvePoint]) -> None:
 
 
 def read_curve(path: Path) -> list[CurvePoint]:
-    """Read curve.csv; InputError that names the file if it is no such table."""
+    """Read curve.csv; InputError that names the file if it is not such a table."""
     try:
         table = pd.read_csv(io.BytesIO(read_bytes(path)))[list(CURVE)]
         return [CurvePoint(int(row[0]), *(float(value) for value in row[1:])) for row in table.itertuples(index=False)]
@@ -76,7 +76,7 @@ def write_card(path: Path, card: ModelCard) -> None:
 
 
 def read_card(path: Path) -> ModelCard:
-    """Read model.json; InputError that names the file and key if it is missing or no card."""
+    """Read model.json; InputError that names the file and key if it is missing or not a card."""
     try:
         return ModelCard.model_validate(read_json(path))
     except ValidationError as error:

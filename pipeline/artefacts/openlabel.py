@@ -1,4 +1,4 @@
-"""Frames of campaigns for other tools: YOLO layout and COCO of all, and an ASAM OpenLABEL 1.0 file for each test execution."""
+"""Exports campaign frames for other tools: YOLO layout and COCO for all, and an ASAM OpenLABEL 1.0 file for each test."""
 
 from __future__ import annotations
 
@@ -20,9 +20,10 @@ STREAM = "camera"
 
 
 def export_frames(frames: Path, out: Path, hfov_deg: float, distortion: float) -> int:
-    """Write frames.parquet as images/val, labels/val, dataset.yaml, truth.coco.json and openlabel/<test_id>.json; returns how many.
+    """Write frames.parquet as images/val, labels/val, dataset.yaml, truth.coco.json and openlabel/<test_id>.json; returns the number of
+    frames.
 
-    hfov_deg, distortion: of the camera, for OpenLABEL's intrinsics. What an earlier export left in `out` is removed.
+    hfov_deg, distortion: of the camera, for OpenLABEL's intrinsics. Removes the files of an earlier export in `out`.
     """
     table = read_frames(frames).sort_values(["test_id", "step"], kind="stable").reset_index(drop=True)
     if table.empty:

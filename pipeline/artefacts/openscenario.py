@@ -1,7 +1,7 @@
-"""A concrete scenario as ASAM OpenDRIVE 1.6 and OpenSCENARIO XML 1.1, so that a find can be replayed in CARLA or esmini.
+"""A concrete scenario as ASAM OpenDRIVE 1.6 and OpenSCENARIO XML 1.1, to replay a finding in CARLA or esmini.
 
-What is written: streets, junction, crosswalks, everyone's start and unbraked motion, sun, fog and rain. What is not: houses, trees, the
-pedestrian's looks and animation, and the braking, which is the detector's.
+Exported: streets, junction, crosswalks, every road user's start and unbraked motion, sun, fog and rain. Not exported: houses, trees, the
+pedestrian's looks and animation, and the braking, which depends on the detector.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M, H
 from pipeline.scenarios.streets import LANE_WIDTH, PAVEMENT_WIDTH, Street, Town, streets
 
 DATE = "2026-01-01T00:00:00"
-"""Fixed: the same scenario gives the same files."""
+"""Fixed, so the same scenario gives the same files."""
 JUNCTION_ID = "100"
 SUN_LUX = 100_000
-"""Of the sun in the zenith."""
+"""Of the sun at the zenith."""
 
 
 def write_openscenario(scenario: FunctionalScenario, concrete: Mapping[str, Value], out: Path) -> tuple[Path, Path]:
@@ -36,7 +36,7 @@ def write_openscenario(scenario: FunctionalScenario, concrete: Mapping[str, Valu
 
 
 def xml_bytes(root: Xml.Element) -> bytes:
-    """An XML file of that root, indented."""
+    """Write the element tree as an indented XML file."""
     Xml.indent(root)
     return b'<?xml version="1.0" encoding="UTF-8"?>\n' + Xml.tostring(root) + b"\n"
 
@@ -97,7 +97,7 @@ def open_drive(town: Town) -> Xml.Element:
 
 
 def _reference_line(street: Street, start: float, end: float) -> paths.Piece:
-    """The line between a street's two directions, from and to metres along the street."""
+    """The line between a street's two directions, between two distances along the street in metres."""
     stretch = 1 - street.curvature * street.middle
     return paths.Piece(street.pose(start, street.middle), (end - start) * stretch, street.curvature / stretch)
 
@@ -115,7 +115,7 @@ def _road(root: Xml.Element, number: str, line: paths.Piece, ahead: int, street:
 
 @dataclass(frozen=True)
 class _Turn:
-    """A connecting road: its number, the roads that it joins, and the points that it passes through."""
+    """A connecting road: its number, the roads that it joins, and the points on its line."""
 
     number: str
     incoming: str
@@ -140,7 +140,8 @@ def _connecting(root: Xml.Element, turn: _Turn, ahead: int) -> None:
 
 
 def _turned(incoming: str) -> int:
-    """-1 where the incoming road's line runs away from the junction, the side street's: its lanes towards it are on the other side."""
+    """-1 if the incoming road's line runs away from the junction, as the side street's does: its lanes towards the junction are on the
+    other side."""
     return -1 if incoming == "3" else 1
 
 
@@ -154,9 +155,9 @@ def _geometry(view: Xml.Element, s: float, piece: paths.Piece) -> None:
 
 
 def _lanes(road: Xml.Element, ahead: int, pavement: bool, turned: int | None = None) -> None:
-    """One lane to the left of the reference line, `ahead` to its right, pavements outside.
+    """One lane to the left of the reference line, `ahead` lanes to its right, pavements outside.
 
-    turned: of a connecting road, whose lanes go on as those of the same number, seen from behind if it is -1, of the incoming road.
+    turned: for a connecting road, which continues the lanes of the same number; -1 if the incoming road's lanes are seen from behind.
     """
     section = _add(_add(road, "lanes"), "laneSection", s=0.0)
     left = [(1, "driving", LANE_WIDTH)] + ([(2, "sidewalk", PAVEMENT_WIDTH)] if pavement else [])
@@ -176,7 +177,7 @@ def _lanes(road: Xml.Element, ahead: int, pavement: bool, turned: int | None = N
 
 
 def _objects(road: Xml.Element, town: Town, street: Street, first: float) -> None:
-    """The crosswalks that lie on this road; `first`: where on the street it begins."""
+    """The crosswalks on this road. first: metres along the street at which the road begins."""
     length = float(road.attrib["length"])
     wanted = [c.at_m - street.start - first for c in town.crosswalks if c.street == street.name]
     inside = [s for s in wanted if 0 <= s <= length]
@@ -200,7 +201,7 @@ def _objects(road: Xml.Element, town: Town, street: Street, first: float) -> Non
 
 
 def open_scenario(scenario: FunctionalScenario, concrete: Mapping[str, Value], road_file: str) -> Xml.Element:
-    """Everyone's unbraked motion as trajectories over time, and the weather."""
+    """The unbraked motion of all road users as trajectories over time, and the weather."""
     root = Xml.Element("OpenSCENARIO")
     _add(root, "FileHeader", revMajor=1, revMinor=1, date=DATE, description=scenario.description, author="Blindspot")
     _add(root, "ParameterDeclarations")
@@ -242,7 +243,7 @@ Motion = list[tuple[float, paths.Pose]]
 
 
 def _motions(scenario: FunctionalScenario, concrete: Mapping[str, Value]) -> dict[str, Motion]:
-    """Where everyone is until a second after the meeting, unbraked."""
+    """The unbraked poses of all road users until one second after the meeting."""
     end = scenario.ego.horizon_s + 1
     times = [round(0.1 * i, 1) for i in range(round(end / 0.1) + 1)]
     route, speed = scenario.ego.route(), scenario.ego.speed_kmh / 3.6

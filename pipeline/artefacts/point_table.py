@@ -1,4 +1,4 @@
-"""Tables of points: CSV and parquet, and the images of COCO's and YOLO's data sets, by the categories of a space."""
+"""Tables of points: CSV, parquet, and the images of COCO and YOLO data sets, as categories of a space."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from pipeline.core.space import Ints, Space, Variable
 from pipeline.errors import InputError
 
 MOST_CATEGORIES = 5000
-"""Of one variable: more are most likely an identifier or a measurement that needs cuts."""
+"""Largest number of values of one variable: more usually means an identifier, or a measurement that needs cuts."""
 
 
 def read_points(path: Path, space: Space, *, metadata: Path | None = None, empty: bool = False) -> Ints:
-    """(n, d) category indices of a table: CSV, parquet, COCO's JSON, or a folder of YOLO labels.
+    """Category indices (n, d) of a table: CSV, parquet, COCO's JSON, or a folder of YOLO labels.
 
-    Images of COCO or YOLO are points whose conditions are columns of `metadata`, a CSV with `file_name`; a condition `objects` without a
-    column is their number of annotations. Columns that are no condition are ignored.
+    Images of COCO or YOLO are points. Their conditions are columns of `metadata`, a CSV with `file_name`; without a column `objects`, that
+    condition is the image's number of annotations. Other columns are ignored.
 
     Raises InputError that names the file, row and condition.
     """
@@ -37,13 +37,13 @@ def read_points(path: Path, space: Space, *, metadata: Path | None = None, empty
 
 
 def write_points(path: Path, space: Space, points: Ints) -> None:
-    """Write (n, d) category indices as CSV; its header is the variables' names, its cells the names of their categories."""
+    """Write (n, d) category indices as CSV; the header holds the variables' names, the cells the categories' names."""
     table = pd.DataFrame(space.names_of(points), columns=list(space.names))
     write_bytes(path, table.to_csv(index=False, lineterminator="\n").encode())
 
 
 def categorise(space: Space, columns: Mapping[str, Sequence[Any]]) -> Ints:
-    """(n, d) category indices of a table's columns; ValueError that names a wrong value, or a row that breaks a constraint."""
+    """Category indices (n, d) of a table's columns; ValueError that names a wrong value or a row that breaks a constraint."""
     if missing := [name for name in space.names if name not in columns]:
         raise ValueError(f"expected a column for each condition; there is none for {', '.join(missing)}, only {', '.join(columns)}")
     points = np.column_stack([categories_of(variable, columns[variable.name]) for variable in space.variables])
@@ -55,7 +55,7 @@ def categorise(space: Space, columns: Mapping[str, Sequence[Any]]) -> Ints:
 
 
 def categories_of(variable: Variable, column: Sequence[Any]) -> Ints:
-    """(n,) values, or names of categories, to category indices; ValueError names the row, from 1, what was expected and what came."""
+    """Category indices of (n,) values or names of categories; ValueError names the row, from 1, the expected and the actual value."""
     if variable.kind != "categorical":
         return _of_numbers(variable, column)
     if isinstance(column, np.ndarray):
@@ -64,7 +64,7 @@ def categories_of(variable: Variable, column: Sequence[Any]) -> Ints:
             try:
                 return categories_of(variable, different)[where]
             except ValueError:
-                column = column.tolist()  # To name the first row.
+                column = column.tolist()  # Only to name the first wrong row.
     index = {label: i for i, label in enumerate(variable.values)}
     distinct = {value: next((index[text] for text in _spellings(value) if text in index), -1) for value in dict.fromkeys(column)}
     for value, category in distinct.items():
@@ -107,7 +107,7 @@ def _expected(variable: Variable, wrong: str) -> str:
 
 
 def _spellings(value: Any) -> Iterator[str]:
-    """How a value of a table may be written in a space file: as it is, whole numbers without a point, truth values in small letters."""
+    """The spelling of a table's value in a space file: whole numbers without a point, truth values in small letters, others unchanged."""
     text = str(value).strip()
     yield text
     yield text.lower() if text.lower() in ("true", "false") else text
@@ -125,7 +125,7 @@ def _shown(value: Any) -> str:
 
 
 def _column(series: pd.Series) -> Any:
-    """A column as numbers where it has nothing else, which is quicker, else as it is."""
+    """A column as numbers if it holds only numbers, which is faster, else unchanged."""
     numbers = pd.to_numeric(series, errors="coerce")
     return numbers.to_numpy(float) if numbers.notna().all() and series.dtype != bool else series.tolist()
 
@@ -174,7 +174,7 @@ def _yolo(path: Path) -> dict[str, int]:
 
 
 def _joined(path: Path, counts: dict[str, int], table: pd.DataFrame, metadata: Path) -> pd.DataFrame:
-    """Rows of the metadata for each image, in the images' order: by its path, else by its name alone where that says which one is meant."""
+    """Rows of the metadata for each image, in the images' order: matched by path, else by file name if that is unambiguous."""
     if "file_name" not in table:
         raise InputError(f"{metadata}: expected a column file_name, got {', '.join(map(str, table.columns))}")
     keys = [Path(key) for key in table["file_name"].astype(str)]

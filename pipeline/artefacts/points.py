@@ -10,7 +10,7 @@ from pipeline.errors import InputError
 
 
 def encode_tests(tests: pd.DataFrame, space: Space) -> Floats:
-    """(n, d) points of the rows of tests.parquet; InputError that names the test that does not fit the space or breaks its constraints."""
+    """Points (n, d) of the rows of tests.parquet; InputError that names a test outside the space or one that breaks a constraint."""
     points = np.empty((len(tests), len(space)))
     for column, variable in enumerate(space.variables):
         if variable.name not in tests:

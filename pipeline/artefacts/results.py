@@ -1,7 +1,7 @@
-"""The result files of a study, and what its search found: measures.json, regions/<scenario>.json, white_box.json.
+"""The result files of a study's search: measures.json, regions/<scenario>.json, white_box.json.
 
-Each file is one frozen model; `read` and `write` check it, so that a truncated, foreign or older file is refused by name.
-Numbers that do not exist (the F-measure of a campaign without failure) are null, never NaN.
+Each file is one frozen model; `read` and `write` check it, so truncated, foreign and outdated files are refused by name. Numbers that do
+not exist (the F-measure of a campaign without failures) are null, never NaN.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Estimate(Result):
 
 
 class Modes(Result):
-    """Failures by failure mode; `contact + late` fail by TTC alone, `false_positives` only through Eq. 5.3's division."""
+    """Failures by failure mode; `contact + late` fail by TTC alone, `false_positives` only because Eq. 5.3 divides by them."""
 
     contact: int = 0
     late: int = 0
@@ -52,10 +52,10 @@ class Modes(Result):
 class CampaignMeasures(Result):
     """Measures of one campaign; an error counts as executed, never as a failure.
 
-    theta: cumulative failures after each test (Eq. 4.17). f_measure, f_n: tests until the first and until the n-th failure
-    (Eq. 4.18, 4.19), n = failures that random testing found in the budget (1 if it found none). c_measure: Eq. 4.20, against the
-    baseline campaign of the same scenario and seed; `c_measure_assumed` where Eq. 6.2's assumption stood in for the baseline's
-    first failure; null where the strategy did not find n failures. Coverages in [0, 1].
+    theta: cumulative failures after each test (Eq. 4.17). f_measure, f_n: tests until the first and until the n-th failure (Eq. 4.18,
+    4.19), where n is the number of failures that random testing found in the budget (1 if it found none). c_measure: Eq. 4.20, against the
+    baseline campaign of the same scenario and seed; `c_measure_assumed` if Eq. 6.2's assumption replaces the baseline's first failure; null
+    if the strategy did not find n failures. Coverages in [0, 1].
     """
 
     scenario: str
@@ -80,8 +80,8 @@ class CampaignMeasures(Result):
 class StrategyMeasures(Result):
     """Means over the seeds of one scenario and strategy, with Student's intervals.
 
-    `rate` pools all tests (failures a test, Wilson). f_measure and c_measure are means over the seeds that have one,
-    whose number is beside them.
+    `rate` pools all tests (failures per test, Wilson). f_measure and c_measure are means over the seeds that have a value; the number of
+    these seeds is beside them.
     """
 
     scenario: str
@@ -120,7 +120,7 @@ class Measures(Result):
 
 
 class Representative(Result):
-    """A test that stands for a region: its medoid, its worst failure or the failure furthest from the medoid."""
+    """A test that represents a region: its medoid, its worst failure or the failure furthest from the medoid."""
 
     test_id: str
     role: Role
@@ -133,8 +133,8 @@ class Representative(Result):
 class FailureRegion(Result):
     """One group of failures with its readable rule.
 
-    support: tests inside the rule, of which `failures_inside` failed; precision: their ratio, Wilson interval.
-    recall: share of the region's members that the rule covers.
+    support: tests inside the rule; failures_inside: those that failed; precision: their ratio, Wilson interval. recall: share of the
+    region's members that the rule covers.
     """
 
     name: str
@@ -150,10 +150,10 @@ class FailureRegion(Result):
 
 
 class FailureRegions(Result):
-    """Failure regions of one search scenario over all its campaigns; `unassigned` failures lie in no dense group.
+    """Failure regions of one search scenario over all its campaigns; `unassigned` failures belong to no dense group.
 
-    connected: number of connected failure sets on the categories (Def. 4.19). not_solvable: failures in which full braking from the first
-    frame on in which a person could see the pedestrian would have come too late: no detector could avoid them with this camera.
+    connected: number of connected failure sets on the categories (Def. 4.19). not_solvable: failures that no detector could avoid with this
+    camera: full braking from the first frame in which a person could see the pedestrian would have come too late.
     """
 
     scenario: str
@@ -180,7 +180,7 @@ class WhiteBoxSet(Result):
 
 
 class WhiteBoxMeasures(Result):
-    """white_box.json: the base detector's neurons and what each set of images makes them do."""
+    """white_box.json: the base detector's neurons and how each set of images activates them."""
 
     layers: int
     neurons: int
@@ -196,7 +196,7 @@ def write(path: Path, result: Result) -> None:
 def read(path: Path, model: type[ModelT]) -> ModelT:
     """Read a result of the given model.
 
-    Raises InputError, naming the file and the first key that is wrong, if the file is no such result.
+    Raises InputError that names the file and the first wrong key if the file is not such a result.
     """
     plain = read_json(path)
     try:

@@ -14,7 +14,7 @@ FORMAT = 1
 
 @dataclass(frozen=True)
 class ScenarioInfo:
-    """Which functional scenario a space belongs to. pairs: feasible pairs of categories, what pair coverage counts.
+    """The functional scenario of a space. pairs: feasible pairs of categories, which pair coverage counts.
 
     town: its fingerprint.
     """
@@ -45,7 +45,7 @@ def write_space(path: Path, info: ScenarioInfo, space: Space) -> None:
 
 
 def read_space(path: Path) -> tuple[ScenarioInfo, Space]:
-    """Read a space; InputError that names the file if it is missing, truncated or no space."""
+    """Read a space; InputError that names the file if it is missing, truncated or not a space."""
     plain = read_json(path)
     try:
         if plain["format"] != FORMAT:

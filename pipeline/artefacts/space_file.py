@@ -24,15 +24,15 @@ EXAMPLE = "weather: {values: [sunny, rainy], weights: {rainy: 3}} or fog: {inter
 def read_space_file(path: Path) -> Space:
     """Read a space file.
 
-    Raises InputError that names the file and the key: for a missing, wrong or unknown one, and for constraints that contradict each other,
-    with as few clauses as are needed for that.
+    Raises InputError that names the file and the key: for a missing, wrong or unknown key, and for contradictory constraints, with as few
+    clauses as contradict each other.
     """
     try:
         plain = yaml.safe_load(path.read_text())
     except OSError as error:
         raise InputError(f"{path}: expected a space file, got {error.strerror}") from error
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: no YAML ({str(error).splitlines()[0]})") from error
+        raise InputError(f"{path}: not valid YAML ({str(error).splitlines()[0]})") from error
     try:
         return _space(plain)
     except ValueError as error:
@@ -93,7 +93,7 @@ def _values(key: str, plain: Any) -> tuple[str, ...]:
         )
     if len(set(values)) != len(values):
         twice = next(value for value in values if values.count(value) > 1)
-        raise ValueError(f"{key}.values: '{twice}' is there twice")
+        raise ValueError(f"{key}.values: '{twice}' appears twice")
     return values
 
 
@@ -104,7 +104,7 @@ def _numbers(key: str, plain: Any) -> tuple[float, ...]:
 
 
 def _weights(key: str, plain: Any, labels: tuple[str, ...]) -> tuple[int, ...]:
-    """One weight a category, 1 where none is given."""
+    """One weight per category, 1 by default."""
     if plain is None:
         return (1,) * len(labels)
     if isinstance(plain, list):

@@ -1,6 +1,6 @@
 """The four tables of a campaign: tests, signals, frames and timings, as Parquet with units in the fields' metadata.
 
-Every write and every read checks the schema. The same rows give the same bytes; clocks appear in timings.parquet alone.
+Every write and every read checks the schema. Equal rows give equal bytes; wall-clock times appear in timings.parquet alone.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ FORMAT = "1"
 TYPES = {int: pa.int64(), float: pa.float64(), bool: pa.bool_(), str: pa.string(), bytes: pa.binary()}
 TEST_ID = Column("test_id", str, "scenario, strategy, version, seed and index in one name")
 SIDES = ("left", "top", "right", "bottom")
-BOXES = {"visible": "box around what shows of the pedestrian", "whole": "box around what would show of it without occluders"}
+BOXES = {"visible": "box around the visible part of the pedestrian", "whole": "box around the part that would be visible without occluders"}
 TESTS = (
     TEST_ID,
     *columns(CampaignId),
@@ -46,63 +46,63 @@ FRAMES = (
     TEST_ID,
     Column("step", int, "number of the time step"),
     Column("image", bytes, "the frame as JPEG"),
-    *(Column(f"{box}_{side}", float, f"{meaning}; no value where there is none", "px") for box, meaning in BOXES.items() for side in SIDES),
-    Column("visible_pixels", int, "pixels in which the pedestrian shows", "px"),
-    Column("whole_pixels", int, "pixels in which it would show without occluders", "px"),
+    *(Column(f"{box}_{side}", float, f"{meaning}; no value if there is none", "px") for box, meaning in BOXES.items() for side in SIDES),
+    Column("visible_pixels", int, "visible pixels of the pedestrian", "px"),
+    Column("whole_pixels", int, "pixels that would be visible without occluders", "px"),
     Column("contrast", float, "mean difference in grey levels between the pedestrian's visible pixels and their surroundings"),
     Column("false_positives", int, "false positives of the detector in this frame"),
     Column("confidence", float, "score of its best detection on the pedestrian, 0 if there is none"),
 )
 TIMINGS = (
     TEST_ID,
-    Column("sampler_s", float, "the test's share of the time that the strategy took for its batch", "s"),
-    Column("simulate_s", float, "time that executing the test took", "s"),
+    Column("sampler_s", float, "time that the strategy took to choose the test: an equal share of its batch's time", "s"),
+    Column("simulate_s", float, "time that the execution took", "s"),
 )
 TABLES: Mapping[str, tuple[Column, ...]] = {"tests": TESTS, "signals": SIGNAL_TABLE, "frames": FRAMES, "timings": TIMINGS}
 
 
 def write_tests(path: Path, tests: pd.DataFrame, space: Space) -> None:
-    """Write one row a test, in the order given: `TESTS`, then one column a scenario variable (categories by name)."""
+    """Write one row per test, in the given order: `TESTS`, then one column per scenario variable (categories by name)."""
     _write(path, tests, TESTS, space.variables)
 
 
 def read_tests(path: Path, columns: Sequence[str] | None = None) -> pd.DataFrame:
-    """Read tests.parquet, or some of its columns; InputError that names the file if it is truncated or another table."""
+    """Read tests.parquet, or some of its columns; InputError that names the file if it is truncated or not such a table."""
     return _read(path, "tests", columns)
 
 
 def write_signals(path: Path, signals: pd.DataFrame) -> None:
-    """Write one row a time step: test_id, step, then `pipeline.core.signals.SIGNALS`."""
+    """Write one row per time step: test_id, step, then `pipeline.core.signals.SIGNALS`."""
     _write(path, signals, SIGNAL_TABLE)
 
 
 def read_signals(path: Path, columns: Sequence[str] | None = None) -> pd.DataFrame:
-    """Read signals.parquet; InputError that names the file if it is truncated or another table."""
+    """Read signals.parquet; InputError that names the file if it is truncated or not such a table."""
     return _read(path, "signals", columns)
 
 
 def write_frames(path: Path, frames: pd.DataFrame) -> None:
-    """Write one row a kept frame: `FRAMES`."""
+    """Write one row per kept frame: `FRAMES`."""
     _write(path, frames, FRAMES)
 
 
 def read_frames(path: Path, columns: Sequence[str] | None = None) -> pd.DataFrame:
-    """Read frames.parquet, or some of its columns (without `image` it is small); InputError if it is truncated or foreign."""
+    """Read frames.parquet, or some of its columns (without `image` it is small); InputError if it is truncated or not such a table."""
     return _read(path, "frames", columns)
 
 
 def write_timings(path: Path, timings: pd.DataFrame) -> None:
-    """Write one row a test: seconds of wall clock that choosing it and executing it took."""
+    """Write one row per test: wall-clock seconds to choose it and to execute it."""
     _write(path, timings, TIMINGS)
 
 
 def read_timings(path: Path) -> pd.DataFrame:
-    """Read timings.parquet; InputError that names the file if it is truncated or another table."""
+    """Read timings.parquet; InputError that names the file if it is truncated or not such a table."""
     return _read(path, "timings", None)
 
 
 def campaign_of(tests: pd.DataFrame, path: Path) -> CampaignId:
-    """The campaign of the rows of tests.parquet; InputError that names the file if they are of none or of several."""
+    """The campaign of the rows of tests.parquet; InputError that names the file if they belong to none or to several."""
     found = tests[[column.name for column in columns(CampaignId)]].drop_duplicates()
     if len(found) != 1:
         raise InputError(f"{path}: expected the tests of one campaign, got {len(found)} campaigns; make it again")
@@ -111,7 +111,7 @@ def campaign_of(tests: pd.DataFrame, path: Path) -> CampaignId:
 
 
 def frame_row(kept: KeptFrame) -> dict[str, Any]:
-    """The row of frames.parquet of a kept frame, without test and image."""
+    """The row of frames.parquet for a kept frame, without test and image."""
     truth = kept.frame.truth
     row: dict[str, Any] = {"step": kept.step}
     for kind, box in (("visible", truth.visible_box), ("whole", truth.whole_box)):
@@ -185,7 +185,7 @@ def _schema(path: Path) -> pa.Schema:
 
 
 def _problem(table: pa.Table, expected: Sequence[Column]) -> str:
-    """What is wrong with the rows; empty if nothing is."""
+    """The first fault of the rows; empty if there is none."""
     allowed = {column.name: set(column.allowed) for column in expected if column.allowed}
     for field in table.schema:
         column = table.column(field.name)

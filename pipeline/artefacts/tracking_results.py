@@ -1,4 +1,4 @@
-"""tracking.json: what MLflow holds of a study."""
+"""tracking.json: what a study logged to MLflow."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ RunKind = Literal["study", "campaign", "comparison", "model"]
 
 
 class TrackedRun(Result):
-    """One MLflow run that the study's results stand behind; its name and the digest of what was logged."""
+    """One MLflow run of the study's results: its name and the digest of its content."""
 
     name: str
     kind: RunKind
@@ -18,7 +18,7 @@ class TrackedRun(Result):
 
 
 class TrackedStudy(Result):
-    """What was tracked. Holds neither run ids nor times: the same study gives the same file on any store."""
+    """Everything that was tracked, without run ids and times: the same study gives the same file on any store."""
 
     experiment: str
     model: str

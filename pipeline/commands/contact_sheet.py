@@ -23,7 +23,7 @@ def run(options: argparse.Namespace) -> int:
     from pipeline.simulators.mujoco.contact_sheet import scenario_sheet
 
     if options.out.suffix not in (".png", ".jpg"):
-        raise InputError(f"--out: a contact sheet is a .png or a .jpg, got {options.out.name}")
+        raise InputError(f"--out: a contact sheet must be a .png or a .jpg, got {options.out.name}")
     camera = compose("default", []).simulator.get("camera", {})
     cv2.imwrite(str(options.out), scenario_sheet(functional_scenario(options.scenario), camera)[..., ::-1])
     print(options.out)

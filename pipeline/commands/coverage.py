@@ -1,4 +1,4 @@
-"""Command `coverage`: score any data set's coverage, propose what to add to it, plan from nothing and verify a plan."""
+"""Command `coverage`: scores the coverage of any data set, proposes points to add, plans covering arrays and verifies them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from pipeline.errors import InputError
 from pipeline.progress import Progress
 
-HELP = "Score any data set's coverage, propose points, plan and verify covering arrays."
+HELP = "Score the coverage of any data set, propose points, plan and verify covering arrays."
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,21 +21,21 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     propose = _verb(verbs, "propose", "The next points that raise coverage most.")
     _add_projection(propose, points_required=False)
     propose.add_argument("--count", type=int, default=1, help="how many (default: %(default)s)")
-    propose.add_argument("--complete", action="store_true", help="as many as complete the coverage, and how many it needs at least")
-    propose.add_argument("--exact", action="store_true", help="by 0-1 programming: the optimum, or the best in time and a bound")
-    propose.add_argument("--heavy-first", action="store_true", help="prefer cells of large weight to many cells")
+    propose.add_argument("--complete", action="store_true", help="as many as complete the coverage, with a lower bound")
+    propose.add_argument("--exact", action="store_true", help="use 0-1 programming: the optimum, or the best found in time and a bound")
+    propose.add_argument("--heavy-first", action="store_true", help="prefer cells with a large weight to many cells")
     propose.add_argument("--output", type=Path, help="CSV for the points")
     plan = _verb(verbs, "plan", "A covering array: few points with every combination of categories of any conditions.")
-    plan.add_argument("--strength", type=int, default=2, help="conditions that are combined, 1 to 6 (default: %(default)s)")
-    plan.add_argument("--effort", choices=("quick", "polish"), default="quick", help="polish goes on for --seconds (default: %(default)s)")
+    plan.add_argument("--strength", type=int, default=2, help="number of conditions to combine, 1 to 6 (default: %(default)s)")
+    plan.add_argument("--effort", choices=("quick", "polish"), default="quick", help="polish searches for --seconds (default: %(default)s)")
     plan.add_argument("--include", type=Path, help="table of points that must be in the plan")
     plan.add_argument("--output", type=Path, help="CSV for the plan")
     for timed, seconds in ((propose, 20.0), (plan, 30.0)):
         timed.add_argument("--seconds", type=float, default=seconds, help="time limit of --exact or polish (default: %(default)s)")
-        timed.add_argument("--seed", type=int, default=0, help="of everything drawn at random (default: %(default)s)")
-    verify = _verb(verbs, "verify", "Check a plan by other means than those that made it; exit code 1 if it is not valid.")
+        timed.add_argument("--seed", type=int, default=0, help="random seed (default: %(default)s)")
+    verify = _verb(verbs, "verify", "Check a plan independently of the code that made it; exit code 1 if it is not valid.")
     verify.add_argument("--points", type=Path, required=True, help="the plan: CSV or parquet")
-    verify.add_argument("--strength", type=int, default=2, help="conditions that are combined (default: %(default)s)")
+    verify.add_argument("--strength", type=int, default=2, help="number of conditions to combine (default: %(default)s)")
 
 
 def _verb(verbs: argparse._SubParsersAction[argparse.ArgumentParser], name: str, text: str) -> argparse.ArgumentParser:
@@ -48,12 +48,14 @@ def _verb(verbs: argparse._SubParsersAction[argparse.ArgumentParser], name: str,
 def _add_projection(parser: argparse.ArgumentParser, points_required: bool) -> None:
     parser.add_argument("--points", type=Path, required=points_required, help="CSV, parquet, COCO's JSON or a folder of YOLO labels")
     parser.add_argument("--metadata", type=Path, help="for COCO and YOLO: a CSV with file_name and the conditions of each image")
-    parser.add_argument("--k", type=int, default=2, help="conditions that are looked at together (default: %(default)s)")
-    parser.add_argument("--operator", choices=("product", "sum", "max"), default="product", help="of weights (default: %(default)s)")
+    parser.add_argument("--k", type=int, default=2, help="number of conditions to combine (default: %(default)s)")
+    parser.add_argument(
+        "--operator", choices=("product", "sum", "max"), default="product", help="how weights combine (default: %(default)s)"
+    )
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the verb and print what it found; 1 if `verify` finds the plan not valid."""
+    """Run the subcommand and print its result; 1 if `verify` finds the plan not valid."""
     from pipeline.report import coverage_answers
 
     for option in ("seconds", "seed"):

@@ -13,7 +13,7 @@ HELP = "Write the kept frames of a campaign as YOLO, COCO and OpenLABEL."
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("frames", type=Path, help="frames.parquet of a campaign")
     parser.add_argument("--out", type=Path, default=Path("frames"), help="folder (default: %(default)s)")
-    parser.add_argument("--params", type=Path, default=PARAMS, help="of the study, for its camera (default: %(default)s)")
+    parser.add_argument("--params", type=Path, default=PARAMS, help="params.yaml of the study, for its camera (default: %(default)s)")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -13,7 +13,7 @@ HELP = "Write one concrete scenario as OpenSCENARIO and OpenDRIVE."
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scenario", help="name of a file in conf/scenario, such as F1")
-    parser.add_argument("assignments", nargs="*", metavar="key=value", help="scenario variables; the rest is plain")
+    parser.add_argument("assignments", nargs="*", metavar="key=value", help="scenario variables; others have defaults")
     parser.add_argument("--out", type=Path, default=Path("scenario"), help="name of both files, without suffix (default: %(default)s)")
 
 

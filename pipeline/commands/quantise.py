@@ -1,4 +1,4 @@
-"""Command `quantise`: the int8 form of a detector of ours, and what it costs in average precision."""
+"""Command `quantise`: makes the int8 form of our detector and prints its loss of average precision."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-HELP = "Write the int8 form of a detector of ours, and what it loses."
+HELP = "Write the int8 form of our detector and print its loss."
 CALIBRATION_IMAGES = 100
 
 
@@ -18,7 +18,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--base-set",
         type=Path,
         default=Path("data/default/base_set/truth.coco.json"),
-        help="truth of a base set, whose images set the ranges and give the metrics (default: %(default)s)",
+        help="truth.coco.json of the base set that sets the ranges and gives the metrics (default: %(default)s)",
     )
     parser.add_argument("--out", type=Path, default=Path("int8.onnx"), help="the file (default: %(default)s)")
 

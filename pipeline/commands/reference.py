@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import inspect
 import sys
+import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -19,33 +20,33 @@ from pipeline.core.columns import Column
 HELP = "Write the pages of docs/reference that the code determines."
 FOLDER = Path("docs/reference")
 GROUPS = {"sampler": "samplers.{}.", "detector": "detector.", "simulator": "simulator."}
-"""Folders of conf/ whose files each name a class, and the keys that its parameters have."""
+"""Folders of conf/ with a class per file, and the keys that hold its parameters."""
 PASSED = ("space", "seed", "model", "scenario", "camera")
-"""Parameters that a study's other keys give."""
+"""Parameters set by other keys of a study."""
 HEAD = """# Configuration
 
-Made by `python -m pipeline reference` from `pipeline/config/schema.py` and `conf/`. The value is that of `study=default`.
-
-| key | value | range | meaning |
-|---|---|---|---|
+Made by `python -m pipeline reference` from `pipeline/config/schema.py` and `conf/`. Each line gives a key, its value in
+`study=default`, its range in brackets and its meaning.
 """
 COLUMNS_HEAD = """# Columns of a campaign's tables
 
-Made by `python -m pipeline reference`. A column's unit is in the Parquet field's metadata, too. Only floats can be without a value.
+Made by `python -m pipeline reference`. The metadata of a Parquet field has the column's unit, too. Only floats can be without a value.
 
 """
 TABLE_TEXTS = {
-    "tests": "A row a test execution. A column for each variable of the scenario follows. A test with status `error` has no KPI: false, 0, "
+    "tests": "One row for each test. A column for each variable of the scenario follows. A test with status `error` has no KPI: false, 0, "
     "`none` or no value.",
-    "signals": "A row a time step, in the world frame. The last row of a test is its end, without a frame. All KPIs follow from it.",
-    "frames": "A row for each `campaign.keep_every`-th frame.",
-    "timings": "A row a test: wall clock, which no other table has.",
+    "signals": "One row for each time step, in the world frame. The last row of a test is its end, without a frame. "
+    "All KPIs are computed from these columns.",
+    "frames": "One row for every n-th frame; n is `campaign.keep_every`.",
+    "timings": "One row for each test, with times by the wall clock. No other table has times of the computer.",
 }
 CHOICES = """## Strategies, detectors and simulators
 
-Each is a file of `conf/` that names a class, with the values of its parameters. One that the file does not name is set with a plus:
-`+samplers.neural.explore=0.3`.
+Each is a file in `conf/` that names a class and sets its parameters. To set a parameter that the
+file does not name, put a plus before it: `+samplers.neural.explore=0.3`.
 """
+LINE = 120
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -66,22 +67,20 @@ def run(options: argparse.Namespace) -> int:
     return 1 if stale and options.check else 0
 
 
-def rows(model: type[BaseModel], values: Any, prefix: str = "") -> list[str]:
-    """A table row for each key of a section and of the sections in it."""
-    lines = []
+def section(model: type[BaseModel], values: Any, prefix: str = "") -> list[str]:
+    """The keys of a section as a list, then each section in it under a heading of its own."""
+    keys, below = [], []
     for name, field in model.model_fields.items():
         value, key = getattr(values, name), f"{prefix}{name}"
         if isinstance(value, BaseModel):
-            lines += rows(type(value), value, f"{key}.")
-            continue
-        shown = ", ".join(map(str, value)) if isinstance(value, dict | tuple) else str(value)
-        text = (field.description or "").replace("\n", " ")
-        lines.append(f"| `{key}` | {shown} | {limits(field.metadata)} | {text} |")
-    return lines
+            below += [f"## {key}", "", *wrapped(inspect.getdoc(type(value)) or ""), "", *section(type(value), value, f"{key}.")]
+        else:
+            keys += item(key, value, limits(field.metadata), field.description or "")
+    return [*keys, "", *below]
 
 
 def choices(group: str, prefix: str) -> list[str]:
-    """A section for each file of a folder of conf/: what its class says of itself, and its parameters with their values."""
+    """A section for each file of a folder of conf/: the docstring of its class, and its parameters with their values."""
     from hydra.utils import get_class
 
     from pipeline.simulators.mujoco.lens import CameraSettings
@@ -90,35 +89,55 @@ def choices(group: str, prefix: str) -> list[str]:
     for path in sorted((CONF / group).glob("*.yaml")):
         body = yaml.safe_load(path.read_text())
         described = get_class(body["_target_"])
-        lines += [f"### {group}: {path.stem}", "", inspect.getdoc(described) or "", ""]
         taken = [p for p in inspect.signature(described).parameters.values() if p.name not in PASSED]
-        parts = [f"`{prefix.format(path.stem)}{p.name}` {body.get(p.name, p.default)}" for p in taken]
+        keys = [line for p in taken for line in item(f"{prefix.format(path.stem)}{p.name}", body.get(p.name, p.default))]
+        lines += [f"### {group}: {path.stem}", "", inspect.getdoc(described) or "", ""]
         if "camera" in body:
-            parts += [
-                f"`{prefix}camera.{name}` {value} {limits(CameraSettings.model_fields[name].metadata)}".rstrip()
-                for name, value in body["camera"].items()
-            ]
             lines += [inspect.getdoc(CameraSettings) or "", ""]
-        lines += ["; ".join(parts) + "." if parts else "No parameters.", ""]
+            for name, value in body["camera"].items():
+                keys += item(f"{prefix}camera.{name}", value, limits(CameraSettings.model_fields[name].metadata))
+        lines += [*(keys or ["No parameters."]), ""]
     return lines
+
+
+def item(key: str, value: Any, limits: str = "", meaning: str = "") -> list[str]:
+    """The lines of a list's item on one key."""
+    parts = [f"- `{key}`: {shown(value)}", f"({limits})" if limits else "", f"– {' '.join(meaning.split())}" if meaning else ""]
+    return wrapped(" ".join(filter(None, parts)), "  ")
+
+
+def wrapped(text: str, indent: str = "") -> list[str]:
+    """Lines of at most `LINE` characters."""
+    return textwrap.wrap(text, LINE, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+
+
+def shown(value: Any) -> str:
+    """A value as in YAML; of a mapping, the names in it."""
+    if isinstance(value, dict):
+        return f"{{{', '.join(value)}}}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(shown, value))}]"
+    return {None: "null", True: "true", False: "false"}[value] if value is None or isinstance(value, bool) else str(value)
 
 
 def limits(metadata: list[Any]) -> str:
     """The range of a value, from pydantic's constraints."""
     signs = {"ge": "≥", "gt": ">", "le": "≤", "lt": "<"}
-    return ", ".join(f"{sign} {getattr(m, key):g}" for m in metadata for key, sign in signs.items() if getattr(m, key, None) is not None)
+    return ", ".join(f"{sign} {getattr(m, key):,}" for m in metadata for key, sign in signs.items() if getattr(m, key, None) is not None)
 
 
 def configuration() -> str:
     """The page of all keys."""
     parts = [line for group, prefix in GROUPS.items() for line in choices(group, prefix)]
-    return HEAD + "\n".join([*rows(Config, compose("default", [])), "", CHOICES, *parts])
+    return HEAD + "\n".join(["", "## The study", "", *section(Config, compose("default", [])), CHOICES, *parts]).rstrip("\n") + "\n"
 
 
 def columns() -> str:
     """The page of all columns of a campaign's tables."""
-    parts = [line for name, table in TABLES.items() for line in (f"## {name}.parquet", "", TABLE_TEXTS[name], "", *described(table), "")]
-    return COLUMNS_HEAD + "\n".join(parts)
+    parts: list[str] = []
+    for name, table in TABLES.items():
+        parts += [f"## {name}.parquet", "", *wrapped(TABLE_TEXTS[name]), "", *described(table), ""]
+    return COLUMNS_HEAD + "\n".join(parts).rstrip("\n") + "\n"
 
 
 def described(table: tuple[Column, ...]) -> list[str]:

@@ -18,7 +18,7 @@ PLAIN: Mapping[str, Value] = {
     "rain": 0, "fog": 0, "sun_azimuth": 120, "sun_altitude": 45, "pedestrian_shift": 0, "pedestrian_speed": 1.4, "animation": "walking",
     "blueprint": "W 07",
 }  # fmt: skip
-"""A walk on a sunny day: what is not assigned."""
+"""Defaults of variables that are not assigned: a walk on a sunny day."""
 
 
 HELP = "Execute one concrete scenario and write its replay."
@@ -27,21 +27,21 @@ HELP = "Execute one concrete scenario and write its replay."
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scenario", help="name of a file in conf/scenario, such as F1")
     parser.add_argument(
-        "assignments", nargs="*", metavar="key=value", help="scenario variables, such as fog=80 'blueprint=M 03'; the rest is plain"
+        "assignments", nargs="*", metavar="key=value", help="scenario variables, such as fog=80 'blueprint=M 03'; others have defaults"
     )
     parser.add_argument("--model", type=Path, default=Path("models/base"), help="folder of a model version (default: %(default)s)")
     parser.add_argument("--out", type=Path, default=Path("replay.mp4"), help=".mp4 or .gif (default: %(default)s)")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Execute the scenario with the detector, write the replay and print the result in a line."""
+    """Execute the scenario with the detector, write the replay and print the result as one line."""
     from hydra.utils import instantiate
 
     from pipeline.detectors.yolo.export import onnx_of
     from pipeline.report.replays import Replay, render_replay
 
     if options.out.suffix not in (".mp4", ".gif"):
-        raise InputError(f"--out: a replay is an .mp4 or a .gif, got {options.out.name}")
+        raise InputError(f"--out: a replay must be an .mp4 or a .gif, got {options.out.name}")
     described = functional_scenario(options.scenario)
     space = described.logical_space()
     concrete = concrete_scenario(space, options.assignments)
@@ -62,7 +62,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def concrete_scenario(space: Space, assignments: Sequence[str]) -> dict[str, Value]:
-    """A value for each variable of the space; InputError for what is not in it."""
+    """A value for each variable of the space; InputError for unknown names and values."""
     values: dict[str, Value] = {
         v.name: PLAIN.get(v.name, v.decode(v.low) if v.kind != "categorical" else v.values[0]) for v in space.variables
     }
@@ -78,6 +78,6 @@ def concrete_scenario(space: Space, assignments: Sequence[str]) -> dict[str, Val
         except ValueError as error:
             raise InputError(f"{name}: expected a number, got '{text}'") from error
     try:
-        return space.decode(space.encode(values))  # As a campaign has it: rain and grain are drawn by the values' text, 0 or 0.0.
+        return space.decode(space.encode(values))  # Types as in a campaign: the values' text, 0 or 0.0, seeds rain and grain.
     except ValueError as error:
         raise InputError(str(error)) from error

@@ -1,7 +1,7 @@
 """Command `stages`: writes dvc.yaml, DVC's view of the study.
 
-A stage is a part of the study that Snakemake makes. What it depends on follows from the contracts of the steps in it. DVC may be coarse,
-because Snakemake decides within a stage which jobs are out of date.
+A stage is a part of the study that Snakemake makes. Its dependencies follow from the contracts of its steps. A stage may be coarse, because
+Snakemake decides within it which jobs are out of date.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from pipeline.workflow import STAGES, Plan, Target, flat, step_names, targets_in
 
 HELP = "Write dvc.yaml from the contracts of the steps."
 FILE = Path("dvc.yaml")
-HEADER = """# What DVC versions of a study. Made by `python -m pipeline stages`; change the steps' contracts, not this file.
-# Outputs persist: stamps beside them tell Snakemake what is out of date. params.yaml fills ${study}.
+HEADER = """# The parts of a study that DVC versions. Made by `python -m pipeline stages`; change the steps' contracts, not this file.
+# Outputs persist: the stamps beside them tell Snakemake which jobs are out of date. params.yaml fills ${study}.
 """
 VARIANTS = (["retraining.rounds=2"], ["base.source=trained", "retraining.start=scratch"])
-"""Overrides under which together every file and section of a study is used."""
+"""Overrides that together use every file and section of a study."""
 METRICS, PLOTS = ("metrics.json",), {"theta.csv": {"x": "tests", "title": "Failures found"}, "plots": {}}
 
 
@@ -78,12 +78,12 @@ def _depends(plan: Plan, target: Target) -> tuple[tuple[str, ...], list[str]]:
 
 
 def _root(plan: Plan, path: str) -> str:
-    """What DVC tracks a file by: the top file or folder of the study, or the folder of something from outside."""
+    """The path that DVC tracks for a file: the top file or folder of the study, or the folder of an external file."""
     below = path.removeprefix(f"{plan.folders.root}/")
     return str(Path(path).parent) if below == path else f"data/${{study}}/{below.split('/')[0]}"
 
 
 def _least(keys: Iterable[str]) -> list[str]:
-    """Without the keys that lie in a section that is among them."""
+    """The keys without those inside a section that is also listed."""
     known = set(keys)
     return sorted(key for key in known if not any(key.startswith(f"{other}.") for other in known))

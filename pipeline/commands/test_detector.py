@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import os
 import re
 import subprocess
 import sys
@@ -14,6 +15,7 @@ from pipeline.artefacts.files import sha256, write_bytes
 from pipeline.artefacts.folders import Folders
 from pipeline.config.composing import compose, dump, validate
 from pipeline.config.schema import Config
+from pipeline.contract import VERDICT_FOLLOWS
 from pipeline.errors import InputError, SimulationError
 
 WORDS = """ONNX files (ours, YOLOv5, YOLOv8/11 or end to end), or what the study's detector takes; and Hydra overrides, such as
@@ -23,36 +25,40 @@ HELP = "Search for the failures of any detectors, and compare several; trains no
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("words", nargs="+", metavar="FILE|key=value", help=WORDS)
-    parser.add_argument("--study", default="default", help="whose scenarios, strategies and budgets (default: %(default)s)")
+    parser.add_argument("--study", default="default", help="study with the scenarios, strategies and budgets (default: %(default)s)")
     parser.add_argument("--cores", type=int, help="cores to use (default: all)")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Compose the study, check every detector on three images, and let Snakemake run it; a call again resumes it."""
+    """Compose the study, check every detector on three images, and let Snakemake run it; the same call resumes it."""
     files = [Path(word) for word in options.words if "=" not in word]
     overrides = [word for word in options.words if "=" in word]
     if not files:
         raise InputError("name the file of a detector, as in `test-detector best.onnx`")
     if options.cores is not None and options.cores < 1:
         raise InputError(f"--cores must be at least 1, got {options.cores}")
-    config = study_of(files, options.study, overrides)
+    chosen = compose(options.study, overrides)
     for path in files:
-        check(config, path)
+        check(chosen, path)
+    config = study_of(files, chosen)
     folders = Folders(config)
     params = Path(folders.root, "params.yaml")
     write_bytes(params, dump(config, f"python -m pipeline test-detector {' '.join(options.words)}").encode())
     cores = "all" if options.cores is None else str(options.cores)
-    done = subprocess.run([sys.executable, "-m", "snakemake", "--configfile", str(params), "--cores", cores], check=False)
+    environment = {**os.environ, VERDICT_FOLLOWS: "1"}
+    done = subprocess.run([sys.executable, "-m", "snakemake", "--configfile", str(params), "--cores", cores], env=environment, check=False)
     if done.returncode:
         return done.returncode
     print(table(config))
-    print(f"Next: open {' '.join(folders.goals)}")
+    print(f"Next: open {' '.join(goal for goal in folders.goals if goal.endswith('.html'))}")
     return 0
 
 
-def study_of(files: Sequence[Path], study: str, overrides: Sequence[str]) -> Config:
-    """The study of some detectors, named after the first and the content of all: many exports are called best.onnx."""
-    plain = compose(study, overrides).model_dump(mode="json")
+def study_of(files: Sequence[Path], chosen: Config) -> Config:
+    """The study of some detectors, named after the first and the content of all: many exports are called best.onnx.
+
+    chosen: the study whose scenarios, strategies and budgets it takes.
+    """
     digests = [sha256(path) for path in files]
     stems = [re.sub(r"\W", "_", path.name.removesuffix(".onnx")).lstrip("_") or "detector" for path in files]
     names = [stem if stems.count(stem) == 1 else f"{stem}_{digest[:4]}" for stem, digest in zip(stems, digests, strict=True)]
@@ -61,11 +67,11 @@ def study_of(files: Sequence[Path], study: str, overrides: Sequence[str]) -> Con
     together = digests[0] if len(digests) == 1 else hashlib.sha256("".join(digests).encode()).hexdigest()
     tested = dict(zip(names, map(str, files), strict=True))
     named = {"study": f"{names[0].lower()}-{together[:8]}", "goal": "detectors", "tested": tested}
-    return validate({**plain, **named}, "conf/")
+    return validate({**chosen.model_dump(mode="json"), **named}, "conf/")
 
 
 def check(config: Config, model: Path) -> None:
-    """Show the detector three images; InputError if it violates its contract, by the first rule that it violates."""
+    """Run the detector on three images; InputError that names the first rule of its contract that it violates."""
     from hydra.utils import instantiate
 
     from pipeline.testing import check_detector
@@ -86,7 +92,7 @@ def check(config: Config, model: Path) -> None:
 
 
 def table(config: Config) -> str:
-    """Failures by detector, scenario and strategy, the regions and, for several detectors, the verdict. An errored test is in no rate."""
+    """Print failures by detector, scenario and strategy, the regions and, for several detectors, the verdict. Errors are in no rate."""
     from pipeline.artefacts.comparison_results import Comparison
     from pipeline.artefacts.results import FailureRegions, Measures, read
     from pipeline.report.verdict import verdict_table
@@ -106,5 +112,5 @@ def table(config: Config) -> str:
                 lines.append(f"{version} on {scenario}, {region.name}: {region.rule} ({inside})")
     if len(config.tested) > 1:
         comparison = Path(folders.root, "comparison.json")
-        lines += ["", verdict_table(read(comparison, Comparison), Path(folders.goals[0]))]
+        lines += ["", verdict_table(read(comparison, Comparison))]
     return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""Command `verdict`: what a study came to."""
+"""Command `verdict`: prints the result of a study."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def run(options: argparse.Namespace) -> int:
     if comparison is None:
         folders = Folders(load(PARAMS))
         if folders.config.goal != "report":
-            print(f"Look next: {', '.join(folders.goals)}")
+            print(f"Next: open {', '.join(folders.goals)}")
             return 0
         comparison = Path(folders.root, "comparison.json")
     print(verdict_table(read(comparison, Comparison), comparison.with_name("report.html")))

@@ -1,4 +1,4 @@
-"""What a `_target_` in conf/ names: a sampler, a simulator or a detector, checked before any work begins."""
+"""Checks the classes that `_target_` names in conf/, samplers, simulators and detectors, before any work begins."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pipeline.errors import InputError
 
 
 def check_targets(config: Config) -> None:
-    """Check that each `_target_` exists and takes the keys beside it, and that named files are there; InputError that names the key."""
+    """Check that each `_target_` exists and accepts the keys beside it, and that named files exist; InputError that names the key."""
     sections = {"simulator": config.simulator, "detector": config.detector}
     sections |= {f"samplers.{name}": section for name, section in config.samplers.items()}
     for key, section in sections.items():
@@ -32,9 +32,9 @@ def check_targets(config: Config) -> None:
     for name in config.campaign.transfer:
         if name not in learning:
             target = config.samplers[name]["_target_"]
-            raise InputError(f"campaign.transfer: '{name}' ({target}) takes no tests of other campaigns, it has no parameter 'earlier'")
+            raise InputError(f"campaign.transfer: '{name}' ({target}) takes no tests of other campaigns: it has no parameter 'earlier'")
     if (frozen := config.comparison.strategy) in learning:
-        raise InputError(f"comparison.strategy: '{frozen}' learns from results, so each version would be given other tests")
+        raise InputError(f"comparison.strategy: '{frozen}' learns from results, so each version would get different tests")
 
 
 def _parameters(key: str, target: str) -> list[str]:

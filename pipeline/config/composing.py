@@ -1,4 +1,4 @@
-"""Hydra composes `conf/` into params.yaml once; everything else reads that file."""
+"""Composes `conf/` into params.yaml with Hydra, once; everything else reads that file."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def compose(study: str, overrides: Sequence[str]) -> Config:
 
     if study not in (studies := _choices("study")):
         raise InputError(f"there is no study '{study}'{nearest(study, studies)}")
-    # The study comes after the strategies, whose parameters it may change.
+    # The study comes after the strategies, because it may change their parameters.
     first = [*(f"+sampler@samplers.{name}={name}" for name in _choices("sampler")), f"+study={study}"]
     with initialize_config_dir(str(CONF), version_base="1.3"):
 
@@ -39,7 +39,7 @@ def compose(study: str, overrides: Sequence[str]) -> Config:
 
         plain = composed([])
         try:
-            # Which scenarios a study needs is known only after its own overrides; theirs come last.
+            # The overrides of a study decide which scenarios it needs; the scenarios' overrides come last.
             chosen = [word for word in overrides if not word.lstrip("+~").startswith("scenario")]
             scenarios = _scenarios(composed(chosen) if chosen else plain)
             plain = composed(scenarios)
@@ -53,7 +53,7 @@ def compose(study: str, overrides: Sequence[str]) -> Config:
 
 
 def _choices(group: str) -> list[str]:
-    """The files of a folder of conf/ by name, without those that others include."""
+    """The files of a folder of conf/ by name, without files that others include."""
     return sorted(path.stem for path in (CONF / group).glob("[!_]*.yaml"))
 
 
@@ -70,13 +70,13 @@ def _scenarios(plain: Any) -> list[str]:
 
 
 def functional_scenario(name: str) -> FunctionalScenario:
-    """A scenario of conf/scenario/ by its file's name."""
+    """A scenario of conf/scenario/ by its file name."""
     other = "F1" if name == "F1star" else "F1star"
     return compose("default", [f"search=[{name}]", f"held_out=[{other}]"]).scenarios[name]
 
 
 def _override_message(plain: Any, overrides: Sequence[str]) -> str:
-    """Which override names a key that is not there; empty if none does."""
+    """Message for an override with an unknown key; empty if there is none."""
     for override in overrides:
         section, path = plain, override.partition("=")[0].lstrip("+~").split(".")
         for part in path:
@@ -98,10 +98,10 @@ def load(path: Path = PARAMS) -> Config:
     try:
         plain = yaml.safe_load(path.read_text())
     except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file; make it by `python -m pipeline compose study=default`") from error
+        raise InputError(f"{path}: no such file; make it with `python -m pipeline compose study=default`") from error
     except yaml.YAMLError as error:
         mark, problem = getattr(error, "problem_mark", None), getattr(error, "problem", None) or str(error).splitlines()[0]
-        raise InputError(f"{path}{f', line {mark.line + 1}' if mark else ''}: no YAML ({problem})") from error
+        raise InputError(f"{path}{f', line {mark.line + 1}' if mark else ''}: not valid YAML ({problem})") from error
     return validate(plain, str(path))
 
 
@@ -117,7 +117,7 @@ def validate(plain: Any, source: str) -> Config:
 
 
 def _message(error: ValidationError) -> str:
-    # An unknown key explains the missing one beside it, so it comes first.
+    # An unknown key often explains a missing one, so it comes first.
     first = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
     path = [str(part) for part in first["loc"]]
     if first["type"] == "extra_forbidden":

@@ -1,4 +1,4 @@
-"""The part of a study's configuration that a step declares: what it does not declare, it cannot read."""
+"""The part of a study's configuration that a step declares; a step can read nothing else."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def value_at(plain: Any, key: str) -> Any:
 
 
 def declared(config: Config, keys: Iterable[str]) -> Config:
-    """A config of the values at the dotted keys alone; reading another one raises AttributeError (KeyError in a table by name)."""
+    """A config with only the values at the dotted keys; reading another key raises AttributeError (KeyError in a table by name)."""
     tree: Tree = {}
     for key in keys:
         branch = tree

@@ -1,4 +1,4 @@
-"""The schema of params.yaml: every key, its range and its default meaning; an unknown key is an error that names the nearest one.
+"""The schema of params.yaml: every key with its range and meaning; an unknown key is an error that names the nearest one.
 
 Hydra composes `conf/` into params.yaml once (`compose`); everything else reads that file (`load`).
 """
@@ -40,7 +40,7 @@ class _Section(BaseModel):
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """Only what `declared` left out is missing here."""
+            """Raise AttributeError: only keys that `declared` left out are missing."""
             if name in type(self).model_fields:
                 raise AttributeError(f"'{name}' of {type(self).__name__} is read but not declared; add it to the step's sections")
             return super().__getattr__(name)
@@ -54,39 +54,39 @@ class Campaign(_Section):
     keep_every: int = Field(ge=0, le=1000)
     """Keep every n-th frame for retraining; 0 keeps none."""
     failure_threshold_s: float = Field(gt=0, le=10)
-    """A test whose adjusted TTC is at or below it is a failure (Eq. 6.1)."""
+    """A test with an adjusted TTC at or below it is a failure (Eq. 6.1)."""
     transfer: tuple[str, ...]
-    """Strategies whose campaigns know those on the scenarios before them in `search`; they run one after another then."""
+    """Strategies with campaigns that learn from those on earlier scenarios in `search`; these campaigns run one after another."""
 
 
 class HeldOutSequence(_Section):
     """The frozen held-out sequence on which all model versions are compared."""
 
     tests: int = Field(ge=1, le=100_000)
-    """How much of the pair-wise sequence is executed."""
+    """Number of tests of the pair-wise sequence to execute."""
     strategy: str
     """The test strategy that makes the sequence; it must not learn from results."""
     seed: Seed
-    """Of the sequences; each held-out scenario has one of its own."""
+    """Seed of the sequences; each held-out scenario has its own sequence."""
     alpha: Share
-    """Level of each paired test; they are not corrected for their number."""
+    """Significance level of each paired test, without correction for several tests."""
     confidence: Share
-    """Of all intervals."""
+    """Confidence level of all intervals."""
 
 
 class BaseSet(_Section):
     """The random base training set."""
 
     images: int = Field(ge=10, le=1_000_000)
-    """How many are rendered, training and validation together."""
+    """Number of images, training and validation together."""
     validation_share: float = Field(gt=0, lt=0.9)
-    """Share of each town's images that validates."""
+    """Share of each town's images used for validation."""
     seed: Seed
-    """Of towns, scenes and weather."""
+    """Seed of towns, scenes and weather."""
 
 
 class Base(_Section):
-    """Where the model version `base` comes from."""
+    """The origin of the model version `base`."""
 
     source: Literal["shipped", "trained"]
     """`shipped` takes `weights`, `trained` trains from scratch on the base set."""
@@ -98,57 +98,58 @@ class Training(_Section):
     """Training from scratch."""
 
     size: Literal["nano", "small"]
-    """Of the network: 1.1 or 2.6 million parameters."""
+    """Size of the network: 1.1 or 2.6 million parameters."""
     seed: Seed
-    """Of weights, order and augmentation."""
+    """Seed of weights, order and augmentation."""
     batch_size: int = Field(ge=1, le=4096)
-    """Images a step."""
+    """Images per step."""
     crop_iterations: int = Field(ge=0)
     """Batches of crops, with a quarter of a frame's pixels."""
     frame_iterations: int = Field(ge=0)
-    """Batches of full frames after them: only they show near pedestrians whole."""
+    """Batches of full frames after the crops: only full frames show near pedestrians whole."""
     learning_rate: float = Field(gt=0, lt=1)
     """The highest of the schedule."""
     oversampling: int = Field(ge=1, le=20)
-    """How often an epoch shows an image whose pedestrian is hard to find."""
+    """Number of times an epoch shows an image with a pedestrian that is hard to find."""
     validate_every: int = Field(ge=1)
-    """Iterations between looks at 500 validation images."""
+    """Iterations between evaluations on 500 validation images."""
     patience: int = Field(ge=1)
-    """Looks without a better AP50 after which training stops with the best weights."""
+    """Evaluations without a better AP50 after which training stops with the best weights."""
 
 
 class Retraining(_Section):
-    """Retraining of the versions control, random and adaptive: all with the same steps."""
+    """Retraining of the versions control, random and adaptive, all with the same number of steps."""
 
     seeds: tuple[Seed, ...] = Field(min_length=1)
-    """Of which frames are drawn, of order and augmentation; each makes a version of each kind."""
+    """Seeds of the choice of frames, of order and augmentation; each makes a version of each kind."""
     rounds: int = Field(ge=1, le=20)
-    """How often search, filter and retraining are repeated on the newest versions."""
+    """Number of rounds; each repeats search, filter and retraining on the newest versions."""
     start: Literal["parent", "scratch"]
-    """`parent` goes on from the version before, `scratch` trains anew with section `training` on the base set and the added frames."""
+    """`parent` continues from the version before, `scratch` trains anew with section `training` on the base set and the added frames."""
     selection: Literal["all", "failures", "regions"]
-    """Which kept frames are added: of all tests, of failed ones, or of failed ones with equal numbers from every failure region."""
+    """Kept frames to add: of `all` tests, of `failures`, or of failures with equal numbers from every failure region (`regions`)."""
     batch_size: int = Field(ge=2, le=4096)
-    """Full frames a step."""
+    """Full frames per step."""
     iterations: int = Field(ge=1)
     """Steps."""
     learning_rate: float = Field(gt=0, lt=1)
     """The highest of the schedule."""
     added_share: Share
-    """Share of a batch that comes from the campaigns; the rest, and all of the control's, from the base set."""
+    """Share of a batch that comes from the campaigns; the rest, and all of the control's, comes from the base set."""
     added_frames: int = Field(ge=1)
-    """At most so many added frames a round; never more than the smaller of the two sources has."""
+    """Largest number of added frames per round; it never exceeds the number of frames of the smaller source."""
     empty_share: Share
-    """Share of the added frames in which no pedestrian shows; the same for both sources."""
+    """Share of the added frames without a visible pedestrian; the same for both sources."""
 
 
 class Filter(_Section):
-    """Which campaign frames may be learnt from."""
+    """Filter of campaign frames for training."""
 
     min_visible_pixels: int = Field(ge=0)
-    """A pedestrian of which fewer pixels show is no fair label."""
+    """A pedestrian with fewer visible pixels is not a fair label."""
     min_detectability: float = Field(ge=0)
-    """Contrast to the surroundings in grey levels times the square root of the visible pixels below which a person hardly sees it."""
+    """Contrast to the surroundings in grey levels times the square root of the visible pixels; below it a person hardly sees the
+    pedestrian."""
     overrules: str | None
     """A person's CSV with test_id, step, keep."""
 
@@ -157,16 +158,17 @@ class Regions(_Section):
     """Failure regions."""
 
     chance_neighbours: float = Field(gt=0, le=10)
-    """Sets the radius of the density clusters: so wide that failures spread evenly over the space would have so many others in it."""
+    """Sets the radius of the density clusters: if failures were spread evenly over the space, each would have this many neighbours
+    within it."""
     min_failures: int = Field(ge=2)
-    """Failures within the radius that make a region."""
+    """Smallest number of failures within the radius to form a region."""
 
 
 class Report(_Section):
     """The report."""
 
     replays: int = Field(ge=0, le=100)
-    """Replay videos at most."""
+    """Largest number of replay videos."""
 
 
 class Tracking(_Section):
@@ -182,30 +184,30 @@ class Config(_Section):
     """A study."""
 
     study: str = Field(pattern=r"^[a-z0-9_-]+$")
-    """Its name; results lie in data/<study>."""
+    """Name of the study; results are in data/<study>."""
     goal: Literal["report", "base", "front_car", "detectors"]
     """`report` runs the loop, `base` stops at the trained base detector, `front_car` runs the front-car study, `detectors` tests the
     detectors in `tested` and retrains none."""
     tested: dict[DetectorName, str]
-    """The detectors that goal `detectors` tests: name and file; the first is the one that the others are compared with."""
+    """The detectors that goal `detectors` tests, by name and file; the others are compared with the first."""
     seeds: tuple[Seed, ...] = Field(min_length=1)
-    """Seeds of the search campaigns; with the same one each scenario has tests of its own."""
+    """Seeds of the search campaigns; with the same seed, each scenario still has its own tests."""
     search: tuple[str, ...] = Field(min_length=1)
-    """Scenarios that are searched."""
+    """Scenarios to search."""
     held_out: tuple[str, ...] = Field(min_length=1)
-    """Scenarios for the comparison alone."""
+    """Scenarios used only for the comparison."""
     strategies: tuple[str, ...] = Field(min_length=1)
     """Test strategies of the search; the first is the baseline and feeds D_r."""
     adaptive: str
     """The strategy that feeds D_a."""
     scenarios: dict[str, FunctionalScenario]
-    """The functional scenarios that both lists name, from conf/scenario."""
+    """The functional scenarios of both lists, from conf/scenario."""
     samplers: dict[str, Target]
     """The test strategies, from conf/sampler."""
     simulator: Target
-    """What executes a test, from conf/simulator."""
+    """The simulator that executes tests, from conf/simulator."""
     detector: Target
-    """What is tested, from conf/detector."""
+    """The detector under test, from conf/detector."""
     campaign: Campaign
     comparison: HeldOutSequence
     base_set: BaseSet
@@ -230,7 +232,7 @@ class Config(_Section):
         for other in self.search[1:] if self.campaign.transfer else ():
             if self.space(other) != self.space(self.search[0]):
                 raise ValueError(
-                    f"campaign.transfer: {other} has another space than {self.search[0]}, but what is known of tests needs one space"
+                    f"campaign.transfer: {other} has another space than {self.search[0]}, but earlier campaigns need the same space"
                 )
         _known("comparison.strategy", self.comparison.strategy, self.samplers)
         _known("adaptive", self.adaptive, self.strategies)
@@ -245,27 +247,27 @@ class Config(_Section):
         for unseen in self.held_out:
             first = self.held_out[0]
             if self.space(unseen) != self.space(first):
-                raise ValueError(f"held_out: {unseen} has another space than {first}; scenarios that are compared together share one")
+                raise ValueError(f"held_out: {unseen} has another space than {first}; scenarios of one comparison must share a space")
             for searched in self.search:
                 if self.scenarios[unseen].town.fingerprint == self.scenarios[searched].town.fingerprint:
                     raise ValueError(
-                        f"held_out: {unseen} has the town of {searched} (style and seed), which is searched, so detectors would learn it"
+                        f"held_out: {unseen} has the town of {searched} (style and seed), which is searched, so training would use it"
                     )
         if self.goal == "detectors" and not self.tested:
-            raise ValueError("tested: goal 'detectors' needs at least one detector, as in tested={mine: best.onnx}")
+            raise ValueError("tested: goal 'detectors' needs at least one detector, as in +tested.mine=best.onnx")
         if self.adaptive == self.strategies[0]:
             raise ValueError(f"adaptive must differ from the baseline, the first of strategies, got '{self.adaptive}' for both")
         return self
 
     def earlier(self, scenario: str, strategy: str) -> tuple[str, ...]:
-        """The scenarios whose campaigns are known to the campaign of a strategy on a scenario."""
+        """The scenarios with campaigns that a strategy's campaign on a scenario learns from."""
         if strategy not in self.campaign.transfer or scenario not in self.search:
             return ()
         return self.search[: self.search.index(scenario)]
 
     @property
     def sources(self) -> dict[str, str]:
-        """The strategies whose frames are learnt from, by the kind of version that learns from them."""
+        """The strategies that supply training frames, by the kind of version that is trained on them."""
         return {"random": self.strategies[0], "adaptive": self.adaptive}
 
     @property
@@ -292,7 +294,7 @@ def _known(key: str, name: str, known: Iterable[str]) -> None:
 
 
 def held_out_towns(config: Config) -> tuple[str, ...]:
-    """The keys that say which towns no version may learn."""
+    """The keys that determine which towns no version may be trained on."""
     return ("held_out", *(f"scenarios.{name}.town" for name in config.held_out))
 
 
@@ -300,4 +302,4 @@ FAN_OUT = (
     *("study", "search", "held_out", "seeds", "strategies", "adaptive", "retraining.rounds", "retraining.seeds"),
     *("comparison.strategy", "comparison.seed", "campaign.transfer"),
 )
-"""The keys that say which jobs a study has, and which of them read what."""
+"""The keys that determine a study's jobs and the files that they read."""

@@ -33,8 +33,8 @@ def area(boxes: ArrayLike) -> Floats:
 def nms(boxes: ArrayLike, scores: ArrayLike, iou_threshold: float) -> NDArray[np.int64]:
     """Indices of the boxes that survive non-maximum suppression, best score first.
 
-    boxes: (n, 4). scores: (n,). A box falls when its IoU with a better surviving one exceeds `iou_threshold`, in [0, 1].
-    Of equal scores the one that comes first wins.
+    boxes: (n, 4). scores: (n,). A box is removed if its IoU with a better surviving box exceeds `iou_threshold`, in [0, 1]. Of equal scores
+    the first wins.
     """
     checked, weights = _boxes("boxes", boxes), np.asarray(scores, dtype=float)
     if weights.shape != (len(checked),):

@@ -16,17 +16,17 @@ BRAKE_LAG_S = 0.1
 
 
 def stopping_distance(speed_mps: ArrayLike) -> NDArray[np.float64]:
-    """Metres until the ego stands under full braking, its lag included, from a speed in m/s."""
+    """Metres until the ego stops under full braking from a speed in m/s, brake lag included."""
     speed = np.asarray(speed_mps, dtype=float)
     return np.asarray(speed * BRAKE_LAG_S + speed**2 / (2 * FULL_BRAKE_MPS2))
 
 
 def solvable(signals: Mapping[str, NDArray[Any]]) -> bool:
-    """Whether there was a time step at which a person could see the pedestrian and full braking would still have ended before it.
+    """Whether full braking from some time step at which a person could see the pedestrian would have stopped the ego in time.
 
-    signals: columns of a test execution, (t,) each. A person sees what is `visible`. Where the answer is no, no detector that judges
-    single images as well as a person does could have passed the test with this camera: it is a limit of sensor and sight line. That a
-    pedestrian may clear the way by itself is left out of account.
+    signals: columns of a test execution, (t,) each. A person sees what is `visible`. If the answer is no, no detector that judges single
+    images as well as a person could pass the test with this camera: sensor and sight line are the limit. The pedestrian's own motion out of
+    the way does not count.
     """
     seen = visible(signals["visible_pixels"], signals["contrast"])
     in_time = np.asarray(signals["conflict_distance_m"]) > stopping_distance(signals["ego_speed_mps"])

@@ -10,7 +10,7 @@ Kind = type[int] | type[float] | type[bool] | type[str] | type[bytes]
 
 @dataclass(frozen=True)
 class Column:
-    """A column. unit: empty if it has none. allowed: the only texts that it holds, if it is so limited."""
+    """A column. unit: empty if it has none. allowed: its possible texts, empty for any text."""
 
     name: str
     kind: Kind
@@ -20,7 +20,7 @@ class Column:
 
     @property
     def nothing(self) -> Any:
-        """What stands in the column where there is nothing to say: NaN, 0, false, the first text allowed."""
+        """The column's value for nothing to report: NaN, 0, false, the first allowed text."""
         return float("nan") if self.kind is float else self.allowed[0] if self.allowed else self.kind()
 
 

@@ -1,4 +1,4 @@
-"""Model versions on the same tests: test by test, group by group, and which of them is champion (thesis section 7.3)."""
+"""Model versions on the same tests: test by test, group by group, and the choice of the champion (thesis section 7.3)."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class SequenceTest:
 
     @staticmethod
     def named(name: str) -> SequenceTest:
-        """The test of a name; ValueError if it is none."""
+        """The test of a name; ValueError if the text names no test."""
         scenario, _, index = name.rpartition("-")
         if not scenario or not index.isdecimal():
             raise ValueError(f"expected the name of a test, as F1star-00042, got '{name}'")
@@ -38,9 +38,9 @@ class SequenceTest:
 
 @dataclass(frozen=True)
 class SequenceOutcomes:
-    """What became of the tests of a sequence with one version, each (n,) bool in the order of the sequence.
+    """The outcomes of one version on a sequence, each (n,) bool in the order of the sequence.
 
-    valid: the simulation ended without an error. failed: the test fails; never true where it is not valid. by_ttc: it fails by TTC alone.
+    valid: the simulation ended without an error. failed: the test fails; never true if it is not valid. by_ttc: it fails by TTC alone.
     """
 
     valid: Bools
@@ -78,7 +78,7 @@ class Interval:
 class VersionDifference:
     """Two versions on the tests that are valid for both.
 
-    fixed, regressed: (n,) bool, the tests that only the first and only the second fails. p_value: of the exact McNemar test.
+    fixed, regressed: (n,) bool, the tests that only the first and only the second version fails. p_value: of the exact McNemar test.
     """
 
     fixed: Bools
@@ -87,7 +87,7 @@ class VersionDifference:
     p_value: float
 
     def verdict(self, alpha: float) -> Verdict:
-        """Of the second version; see `judge`."""
+        """The verdict on the second version; see `judge`."""
         return judge(int(self.fixed.sum()), int(self.regressed.sum()), self.p_value, alpha)
 
 
@@ -106,7 +106,7 @@ class GroupDifference:
 
 @dataclass(frozen=True)
 class Gate:
-    """What the gate finds of a version against the base. more, worse: scenarios on which it fails more, and significantly more."""
+    """The gate's comparison of a version with the base. more, worse: scenarios with more, and with significantly more failures."""
 
     more_errors: bool
     better: bool
@@ -119,7 +119,8 @@ class Gate:
 
 
 def judge(fixes: int, regressions: int, p_value: float, alpha: float) -> Verdict:
-    """The verdict on a version against another: a difference counts if its exact p-value is at most alpha; several are not corrected for.
+    """The verdict on a version against another: a difference counts if its exact p-value is at most alpha, without correction for several
+    comparisons.
 
     fixes, regressions: number of tests that only the other, and only this version fails.
     """
@@ -136,7 +137,8 @@ def pair(before: SequenceOutcomes, after: SequenceOutcomes) -> VersionDifference
 
 
 def pair_groups(before: Sequence[SequenceOutcomes], after: Sequence[SequenceOutcomes], confidence: float) -> GroupDifference:
-    """Compare two groups of versions, one version a seed, paired by seed; a single version, as the base is, stands beside each seed."""
+    """Compare two groups of versions, one version per seed, paired by seed; a single version, such as the base, is paired with each
+    seed."""
     valid = np.all([outcomes.valid for outcomes in (*before, *after)], axis=0)
     first, second = (np.array([outcomes.failed[valid] for outcomes in group], dtype=np.int64) for group in (before, after))
     differences = second.sum(axis=1) - first.sum(axis=1)
@@ -154,7 +156,7 @@ def failure_rate(outcomes: SequenceOutcomes, confidence: float) -> Interval:
 
 
 def group_failures(versions: Sequence[SequenceOutcomes], confidence: float) -> Interval:
-    """Failures of a group: the mean over its versions with Student's interval; of a single version the count with Wilson's."""
+    """Failures of a group: the mean over its versions with Student's interval; for a single version the count with Wilson's."""
     if len(versions) > 1:
         return _mean([outcomes.failures for outcomes in versions], confidence)
     (single,) = versions
@@ -167,7 +169,8 @@ def _mean(counts: Sequence[int], confidence: float, least: float = 0) -> Interva
 
 
 def gate(base: SequenceOutcomes, version: SequenceOutcomes, scenarios: Mapping[str, Bools], alpha: float) -> Gate:
-    """Whether a version may be champion: no more errors than the base, significantly fewer failures, significantly more on no scenario.
+    """Check whether a version may be champion: no more errors than the base, significantly fewer failures, and on no scenario significantly
+    more.
 
     scenarios: name -> (n,) bool, the tests of that scenario.
     """
@@ -178,18 +181,17 @@ def gate(base: SequenceOutcomes, version: SequenceOutcomes, scenarios: Mapping[s
 
 
 def champion(outcomes: Mapping[str, SequenceOutcomes], passing: Collection[str]) -> str:
-    """Of the versions that pass the gate, the one with the fewest failures, then the fewest by TTC alone, on the tests that are valid for
-    every version; if none passes the first one, the base.
-    """
+    """The champion: of the versions that pass the gate, the one with the fewest failures, then the fewest by TTC alone, on the tests
+    that are valid for every version; if none passes, the first version, the base."""
     valid = np.all([found.valid for found in outcomes.values()], axis=0)
     counts = {name: (int(outcomes[name].failed[valid].sum()), int(outcomes[name].by_ttc[valid].sum())) for name in outcomes}
     return min((name for name in outcomes if name in passing), key=counts.__getitem__, default=next(iter(outcomes)))
 
 
 def clearly_better(fixes: Sequence[SequenceTest], regressions: Sequence[SequenceTest], p_value: float, alpha: float) -> bool:
-    """Whether a version fails significantly less than another on the whole, and significantly more on no scenario.
+    """Whether a version fails significantly less than another in total, and significantly more on no scenario.
 
-    fixes, regressions: tests that only the other, and only this version fails. p_value: of them all, by the exact McNemar test.
+    fixes, regressions: tests that only the other, and only this version fails. p_value: over all tests, of the exact McNemar test.
     """
     fewer, more = (Counter(test.scenario for test in tests) for tests in (fixes, regressions))
     worse = any(judge(fewer[name], more[name], mcnemar_p_value(fewer[name], more[name]), alpha) == "worse" for name in more)

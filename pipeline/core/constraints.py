@@ -1,4 +1,4 @@
-"""Which combinations of categories can occur: clauses over `variable = category` and `variable != category` (paper Def. 1)."""
+"""Constraints on combinations of categories: clauses over `variable = category` and `variable != category` (paper Def. 1)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pipeline.core.variable import Ints
 
 Bools = NDArray[np.bool_]
 SOLVER = "minisat22"
-"""The quickest of python-sat's on problems that are small and many."""
+"""The fastest of python-sat's solvers on many small problems."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ Clause = tuple[Literal, ...]
 
 @dataclass(frozen=True)
 class Constraints:
-    """A conjunction of clauses over variables with `sizes` categories each; no clause, no constraint."""
+    """A conjunction of clauses over variables with `sizes` categories each; without clauses there is no constraint."""
 
     sizes: tuple[int, ...]
     clauses: tuple[Clause, ...] = ()
@@ -50,7 +50,7 @@ class Constraints:
 
     @cached_property
     def named(self) -> frozenset[int]:
-        """Variables that some clause names."""
+        """Variables that at least one clause names."""
         return frozenset(literal.variable for clause in self.clauses for literal in clause)
 
     def holds(self, categories: Ints) -> Bools:
@@ -73,19 +73,19 @@ class Constraints:
         return self.complete(fixed) is not None
 
     def complete(self, fixed: Mapping[int, int], rng: np.random.Generator | None = None) -> tuple[int, ...] | None:
-        """A feasible row of d category indices that agrees with `fixed`, None if there is none.
+        """A feasible row of d category indices that agrees with `fixed`; None if there is none.
 
-        With a generator the row is a random one: what the solver would decide at will, the generator decides.
+        With a generator the row is random: the generator makes the solver's free choices.
         """
         row = self._encoding.solve(fixed, rng)
         return None if row is None else tuple(row)
 
     def feasible_cells(self, variables: Sequence[int]) -> Bools:
-        """Whether each cell of the given variables is reached by a feasible point; shape = the sizes of those variables."""
+        """Whether a feasible point reaches each cell of the given variables; shape = the sizes of those variables."""
         return self._encoding.cells(tuple(variables))
 
     def contradiction(self) -> tuple[int, ...]:
-        """Indices of clauses that no point satisfies together, as few as can be left; empty if a feasible point exists."""
+        """Indices of a minimal set of clauses that no point satisfies together; empty if a feasible point exists."""
         if self.satisfiable({}):
             return ()
         core = list(range(len(self.clauses)))
@@ -100,7 +100,7 @@ class Constraints:
         return _Encoding(self.sizes, self.clauses)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"sizes": self.sizes, "clauses": self.clauses}  # A solver cannot travel to another process.
+        return {"sizes": self.sizes, "clauses": self.clauses}  # A solver cannot be pickled.
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
@@ -116,8 +116,8 @@ def _satisfied(clause: Clause, categories: Ints) -> Bools:
 class _Encoding:
     """The clauses in propositional logic: one proposition for each category that a clause names.
 
-    Categories of a variable that no clause names are all alike, so they share a class, in which none of the variable's propositions
-    holds. Every solution that is found is kept, and marks all the cells that it reaches.
+    All categories of a variable that no clause names are equivalent, so they share a class in which none of the variable's propositions
+    holds. Every solution found is kept and marks all the cells that it reaches.
     """
 
     def __init__(self, sizes: tuple[int, ...], clauses: tuple[Clause, ...]) -> None:
@@ -136,7 +136,7 @@ class _Encoding:
         self._component = self._components(clauses)
         self._named = sorted(self._categories)
         self._column = {variable: column for column, variable in enumerate(self._named)}
-        # Class of each category of each named variable: 0 to its named categories, the last one for all others.
+        # Class of each category of each named variable: one per named category, the last one for all others.
         self._class = {v: self._classes(v) for v in self._named}
         self._unnamed = np.array([len(self._categories[v]) for v in self._named], dtype=np.int16)
         self._meaning = [(self._column[v], int(self._class[v][c])) for v, c in self._proposition]
@@ -153,7 +153,7 @@ class _Encoding:
         return formula
 
     def _components(self, clauses: tuple[Clause, ...]) -> dict[int, int]:
-        """Component of each named variable: variables of different ones do not constrain each other."""
+        """Component of each named variable: variables of different components do not constrain each other."""
         component = {variable: variable for variable in self._categories}
 
         def root(variable: int) -> int:
@@ -178,7 +178,7 @@ class _Encoding:
         return [-self._proposition[variable, other] for other in self._categories.get(variable, ())]
 
     def solve(self, fixed: Mapping[int, int], rng: np.random.Generator | None = None) -> list[int] | None:
-        """A feasible row with the fixed categories; the first categories that are free, or random ones."""
+        """A feasible row with the fixed categories; free variables get their first free category, or a random one."""
         assumptions = [literal for variable, category in fixed.items() for literal in self._assumptions(variable, category)]
         if rng is not None and self._proposition:
             signs = rng.integers(2, size=len(self._proposition)) * 2 - 1
@@ -197,7 +197,7 @@ class _Encoding:
         return row
 
     def cells(self, variables: tuple[int, ...]) -> Bools:
-        """Feasible cells of a plane: the product of what its parts in different components allow."""
+        """Feasible cells of a plane: the product of the feasible cells of its parts in different components."""
         result = np.ones(tuple(self._sizes[v] for v in variables), dtype=bool)
         groups: dict[int, list[int]] = {}
         for axis, variable in enumerate(variables):
@@ -260,7 +260,7 @@ def parse_literal(text: str, labels: Mapping[str, Sequence[str]]) -> Literal:
 
 
 def _some(names: Sequence[str] | Mapping[str, Any], wrong: str) -> str:
-    """The names, or where they are many, those most like a wrong one."""
+    """The names, or, if there are many, those most like a wrong one."""
     known = list(names)
     return ", ".join(known if len(known) <= 12 else [*_nearest(known, wrong, 3, cutoff=0), "…"])
 

@@ -1,4 +1,4 @@
-"""What a detector reports of one image."""
+"""What a detector reports for one image."""
 
 from __future__ import annotations
 

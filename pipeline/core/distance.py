@@ -1,4 +1,4 @@
-"""How far apart two points of a scenario space are, and what follows from it for sampling."""
+"""The distance between points of a scenario space, and the relevance score that sampling derives from it."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from pipeline.core.space import Floats, Space
 def mixed_distance(space: Space, a: Floats, b: Floats) -> Floats:
     """Distance of every point of `a` (n, d) to every point of `b` (m, d), as (n, m) in [0, 1].
 
-    The mean over variables of the difference divided by the largest possible one: the range, for a cyclic variable half the
-    period (the way round is never longer); 0 or 1 for categorical variables.
+    The mean over variables of the difference divided by the largest possible difference: the range, or half the period of a cyclic
+    variable; categorical variables contribute 0 or 1.
     """
     total = np.zeros((len(a), len(b)))
     for column, variable in enumerate(space.variables):
@@ -31,8 +31,8 @@ def mixed_distance(space: Space, a: Floats, b: Floats) -> Floats:
 def relevance(space: Space, candidates: Floats, points: Floats, failures: NDArray[np.bool_], epsilon: float) -> NDArray[np.int64]:
     """The score omega of each candidate (Def. 4.20): non-failures minus failures nearer than `epsilon`, as (n,).
 
-    candidates: (n, d). points, failures: (m, d) and (m,), the observed tests. A candidate is sampling-relevant while its score
-    is above a negative threshold: below it, it lies in a failure region that is already established.
+    candidates: (n, d). points, failures: (m, d) and (m,), the observed tests. A candidate is sampling-relevant while its score is above a
+    negative threshold; below it, the candidate lies in an established failure region.
     """
     signs = np.where(failures, -1, 1)
     ball = mixed_distance(space, candidates, points) < epsilon

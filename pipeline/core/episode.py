@@ -1,4 +1,4 @@
-"""One test execution: its signals, and the camera frames that were kept of it."""
+"""One test execution: its signals and its kept camera frames."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from pipeline.core.truth import Truth
 class Frame:
     """One camera frame. image: (height, width, 3) uint8 RGB.
 
-    A detector looks at `image` alone; `truth` is there for scripted stand-ins and for labels.
+    A detector reads `image` alone; `truth` is for scripted stand-ins and for labels.
     """
 
     image: NDArray[np.uint8]
@@ -39,7 +39,7 @@ class KeptFrame:
 
 @dataclass(frozen=True)
 class Episode:
-    """What one test execution left behind: (t,) arrays named and typed as `SIGNALS`, and the kept frames."""
+    """The result of one test execution: (t,) arrays named and typed as `SIGNALS`, and the kept frames."""
 
     signals: Mapping[str, NDArray[np.generic]]
     frames: tuple[KeptFrame, ...] = field(default=())
@@ -54,6 +54,6 @@ class Episode:
 
     @staticmethod
     def of(steps: Sequence[TimeStep], frames: Iterable[KeptFrame] = ()) -> Episode:
-        """The episode of these time steps; their TTC follows from their other signals (Eq. 5.2)."""
+        """The episode of these time steps; computes their TTC from the other signals (Eq. 5.2)."""
         signals = signals_of(steps)
         return Episode(signals | {"ttc_s": kpi.ttc(signals)}, tuple(frames))

@@ -1,4 +1,4 @@
-"""Footprints of road users on the ground: rectangles, discs and how far apart they are."""
+"""Footprints of road users on the ground: rectangles and discs, and the distances between them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Rectangle:
-    """A vehicle's footprint: the pose of its middle, half its length and width in metres."""
+    """A vehicle's footprint: the pose of its middle, half its length and half its width in metres."""
 
     pose: Pose
     half_length: float
@@ -22,7 +22,7 @@ class Rectangle:
 
     @property
     def corners(self) -> Floats:
-        """(4, 2) metres."""
+        """Corners, (4, 2) metres."""
         c, s = np.cos(self.pose.heading), np.sin(self.pose.heading)
         ahead, left = np.array([c, s]) * self.half_length, np.array([-s, c]) * self.half_width
         middle = np.array([self.pose.x, self.pose.y])

@@ -16,9 +16,9 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 ROUNDS = 4
 SHRINK = 0.85
-"""Of the radius, each time that a cluster is split."""
+"""Factor on the radius each time a cluster is split."""
 SMALLEST = 0.3
-"""Share of the first radius at which a cluster without a rule is left as it is."""
+"""Share of the first radius below which a cluster without a rule is not split further."""
 
 
 @dataclass(frozen=True)
@@ -38,16 +38,16 @@ class Tested:
         return find_rule(self.space, self.points, self.failures, members)
 
     def precision(self, rule: Rule) -> float:
-        """Share of the tests under a rule that fail, 0 where there are none."""
+        """Share of failures among the tests under a rule, 0 without tests."""
         inside = rule.holds(self.points)
         return float(self.failures[inside].mean()) if inside.any() else 0.0
 
 
 def readable_regions(tests: Tested, radius: float, min_precision: float, min_failures: int) -> Ints:
-    """Failure regions that a rule describes: density clusters, split where no rule holds, grown and merged where one does.
+    """Failure regions with a rule each: density clusters, split if no rule holds, grown and merged if one does.
 
-    radius: of the first clusters, on the mixed distance. min_precision: share of the tests under a rule that must fail. min_failures: of a
-    region. Returns (n,) region of each failure, larger regions first, -1 for the others.
+    radius: of the first clusters, on the mixed distance. min_precision: smallest share of failures among the tests under a rule.
+    min_failures: of a region. Returns (n,) region of each failure, larger regions first, -1 for failures without a region.
     """
     labels = split_regions(tests, radius, min_precision, min_failures)
     labels = grow_regions(tests, labels, min_precision, min_failures)
@@ -55,9 +55,9 @@ def readable_regions(tests: Tested, radius: float, min_precision: float, min_fai
 
 
 def split_regions(tests: Tested, radius: float, min_precision: float, min_failures: int) -> Ints:
-    """Density clusters of the failures, each split by a smaller radius while no precise rule describes it.
+    """Density clusters of the failures, split by smaller radii while no precise rule describes them.
 
-    Arguments as of `readable_regions`. Two causes that meet are one dense cluster at any radius that finds the thinner of them, but no
+    Arguments as for `readable_regions`. Two adjacent causes form one dense cluster at any radius that finds the thinner of them, but no
     rule holds for both.
     """
     labels = np.full(len(tests.points), NOISE, np.int64)
@@ -86,14 +86,14 @@ def _precise(tests: Tested, members: NDArray[Any], min_precision: float) -> bool
 
 
 def grow_regions(tests: Tested, labels: Ints, min_precision: float, min_failures: int) -> Ints:
-    """Give each failure that a region's rule covers to that region; returns (n,) labels, larger regions first, -1 for none.
+    """Assign each failure that a region's rule covers to that region; returns (n,) labels, larger regions first, -1 for none.
 
-    labels: (n,), region of each failure, -1 for the others. min_precision: only rules
-    under which at least this share of the tests fails take failures in. min_failures: what is left with fewer is no region any more.
+    labels: (n,), region of each failure, -1 for none. min_precision: only rules with at least this share of failures among their tests take
+    in failures. min_failures: smaller regions are dissolved.
 
-    The mixed distance counts variables that have nothing to do with a failure, so density alone breaks one cause into several clusters
-    and leaves its thin parts out; their rules still agree. From the largest region on, each takes in what its rule covers, and the rule
-    is found again, until nothing changes.
+    The mixed distance includes variables that do not matter for a failure, so density alone splits one cause into several clusters and
+    misses its thin parts; the rules of these clusters still agree. From the largest region on, each region takes in the failures that its
+    rule covers and its rule is computed again, until nothing changes.
     """
     grown = labels.copy()
     for label in range(int(labels.max(initial=NOISE)) + 1):
@@ -112,7 +112,7 @@ def grow_regions(tests: Tested, labels: Ints, min_precision: float, min_failures
 
 
 def merge_regions(tests: Tested, labels: Ints, min_precision: float) -> Ints:
-    """Join regions for which one rule holds as well; arguments and labels as of `grow_regions`."""
+    """Join regions that one rule describes; arguments and labels as for `grow_regions`."""
     merged = labels.copy()
     for label in range(int(labels.max(initial=NOISE)) + 1):
         for other in range(label + 1, int(labels.max(initial=NOISE)) + 1):

@@ -1,4 +1,4 @@
-"""Which campaign a test belongs to, and which of its tests it is."""
+"""The identity of campaigns and tests."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pipeline.core.columns import column
 
 @dataclass(frozen=True, order=True)
 class CampaignId:
-    """A campaign: one strategy tests one model version on one scenario; seeds repeat it."""
+    """A campaign: one strategy tests one model version on one scenario; campaigns with other seeds repeat it."""
 
     scenario: str = column("functional scenario")
     strategy: str = column("test strategy")

@@ -1,4 +1,4 @@
-"""What a test execution is judged by: adjusted time-to-collision (thesis Eq. 5.2, 5.3) and what stands beside it."""
+"""KPIs of a test execution: adjusted time-to-collision (thesis Eq. 5.2, 5.3) and the measures beside it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Kpi:
     adj_ttc_s: float = column("adjusted time-to-collision (Eq. 5.3): the smallest TTC over one plus the false positives", "s")
     ttc_s: float = column("smallest time-to-collision (Eq. 5.2)", "s")
     failure: bool = column("whether the adjusted TTC is at or below the threshold (Def. 4.10)")
-    failure_mode: FailureMode = column("why it failed: by a contact, too late, or by false positives alone")
+    failure_mode: FailureMode = column("why it failed: contact, braking too late, or false positives alone")
     contact: bool = column("whether the ego touched the pedestrian")
     impact_speed_mps: float = column("speed of the ego at the contact, 0 without one", "m/s")
     smallest_gap_m: float = column("smallest distance between the footprints of ego and pedestrian", "m")
@@ -33,7 +33,7 @@ class Kpi:
     )
     first_detection_s: float = column("time of the first detection of the pedestrian; no value if never", "s")
     first_detection_m: float = column("distance from the ego's front to the conflict point at the first detection; no value if never", "m")
-    missed_frames: int = column("frames in which a person could see the pedestrian and no detection lies on it")
+    missed_frames: int = column("frames in which a person could see the pedestrian but no detection matches it")
     false_positives: int = column("false positives of all kinds in all frames")
     false_positives_far: int = column("false positives away from the pedestrian, IoU at most 0.1")
     false_positives_localisation: int = column("false positives that fit the pedestrian badly, IoU above 0.1 and at most 0.5")
@@ -42,7 +42,7 @@ class Kpi:
 
 KPIS = columns(Kpi)
 NO_KPI = Kpi(**{described.name: described.nothing for described in KPIS})
-"""Of a test whose simulation broke."""
+"""The KPIs of an error."""
 
 
 def ttc(signals: Mapping[str, NDArray[Any]]) -> Floats:
@@ -62,10 +62,10 @@ def ttc(signals: Mapping[str, NDArray[Any]]) -> Floats:
 def evaluate(signals: Mapping[str, NDArray[Any]], failure_threshold_s: float) -> Kpi:
     """Compute every KPI of one test execution from its signals (`pipeline.core.signals.SIGNALS`, (t,) each).
 
-    failure_threshold_s: at or below it the adjusted TTC (Eq. 5.3) is a failure (Def. 4.10).
+    failure_threshold_s: a test is a failure if its adjusted TTC (Eq. 5.3) is at or below it (Def. 4.10).
 
-    If no row counts for the TTC (the paths never met while the ego moved), the first row's distance over its speed, taken as
-    at least 0.05 m/s, stands for it: the KPI stays finite, and a search can still order such tests.
+    If no row counts for the TTC (the paths never met while the ego moved), the first row's distance over its speed, at least 0.05 m/s,
+    replaces it: the KPI stays finite, and a search can still rank such tests.
     """
     shortest = _shortest_ttc(signals)
     false_positives = int(np.sum(signals["false_positives"]))
@@ -108,9 +108,9 @@ def _mode(contact: bool, shortest: float, adjusted: float, threshold: float) -> 
 
 
 def _post_encroachment(signals: Mapping[str, NDArray[Any]]) -> float:
-    """Seconds from the pedestrian having left the swept corridor to the ego's front at the conflict point.
+    """Seconds from the pedestrian leaving the swept corridor to the ego's front reaching the conflict point.
 
-    NaN unless both happened in this order; then there was no contact. Resolution: one row.
+    NaN unless both happened in this order, which excludes a contact. Resolution: one row.
     """
     on_path = np.flatnonzero(signals["on_collision_path"])
     arrived = np.flatnonzero(np.asarray(signals["conflict_distance_m"]) <= 0)

@@ -1,4 +1,4 @@
-"""Which detections of a frame lie on the pedestrian, and which are false positives."""
+"""Sorts the detections of a frame into true and false positives."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ TOUCH_IOU = 0.1
 
 @dataclass(frozen=True)
 class Matching:
-    """What became of the detections of one frame.
+    """The outcome of each detection of one frame.
 
-    outcomes: one a detection, in the order given. confidence: in [0, 1], score of the best detection that lies on the
-    pedestrian (IoU > 0.5), 0 if there is none; it is the brake demand.
+    outcomes: one per detection, in the given order. confidence: in [0, 1], score of the best detection that matches the pedestrian (IoU >
+    0.5), 0 if there is none; it is the brake demand.
     """
 
     outcomes: tuple[DetectionOutcome, ...] = ()
@@ -43,16 +43,16 @@ class Matching:
 
     @property
     def false_positives(self) -> int:
-        """What Eq. 5.3 counts."""
+        """The false positives that Eq. 5.3 counts."""
         return self.far + self.localisation + self.duplicate
 
 
 def match(detections: Detections, truth: Truth) -> Matching:
     """Sort the detections of a frame with one pedestrian into true and false positives.
 
-    By IoU with the visible box: above 0.5 the best score is the true positive and the others are duplicates, in (0.1, 0.5] it is
-    a localisation error, below it is far. Around a pedestrian that is barely visible a detection with IoU > 0.1 with the visible
-    or the whole box is ignored, as COCO ignores crowds: it brakes, but is no false positive.
+    By IoU with the visible box: above 0.5 the best score is the true positive and the others are duplicates, in (0.1, 0.5] it is a
+    localisation error, below it is far. If the pedestrian is barely visible, a detection with IoU > 0.1 with the visible or the whole box
+    is ignored, as COCO ignores crowds: it brakes, but is not a false positive.
     """
     scores = np.asarray(detections.scores, dtype=float)
     seen, whole = _overlap(detections, truth.visible_box), _overlap(detections, truth.whole_box)

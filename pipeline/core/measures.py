@@ -1,4 +1,4 @@
-"""How well a test strategy finds failures (thesis section 4.3)."""
+"""Measures of how well a test strategy finds failures (thesis section 4.3)."""
 
 from __future__ import annotations
 
@@ -14,14 +14,13 @@ from pipeline.core.space import Floats, Ints, Space
 def failure_sequence(failures: ArrayLike) -> Ints:
     """The accumulated failure sequence Theta (Eq. 4.17): (n,) failures in sampling order to (n,) counts.
 
-    failures: (n,) true where the KPI is at or below the threshold. A test whose simulation broke is no failure, but it was
-    paid for and keeps its place.
+    failures: (n,) true if the KPI is at or below the threshold. An error is not a failure, but it used budget and keeps its place.
     """
     return np.cumsum(np.asarray(failures, dtype=bool), dtype=np.int64)
 
 
 def f_measure(theta: Ints, n: int = 1) -> int | None:
-    """Number of tests until the n-th failure (Eq. 4.18, 4.19), from 1; None if there was none."""
+    """Number of tests until the n-th failure (Eq. 4.18, 4.19), from 1; None if there are fewer failures."""
     if n < 1:
         raise ValueError(f"n must be at least 1, got {n}")
     position = int(np.searchsorted(theta, n))
@@ -31,9 +30,8 @@ def f_measure(theta: Ints, n: int = 1) -> int | None:
 def c_measure(theta: Ints, baseline: Ints) -> tuple[int, float | None]:
     """Share of tests that a strategy saves against a baseline (Eq. 4.20), as (n, C_n); C_n is at most 1, None if undefined.
 
-    theta, baseline: failure sequences of the strategy and of random testing. n is the number of failures that the baseline
-    found. If it found none, its next test is taken for its first failure (Eq. 6.2). Undefined where the strategy did not find
-    n failures.
+    theta, baseline: failure sequences of the strategy and of random testing. n is the number of failures that the baseline found. If it
+    found none, its next test is assumed to be its first failure (Eq. 6.2). C_n is undefined if the strategy did not find n failures.
     """
     found = int(baseline[-1]) if len(baseline) else 0
     n = max(found, 1)
@@ -43,7 +41,7 @@ def c_measure(theta: Ints, baseline: Ints) -> tuple[int, float | None]:
 
 
 def feasible_pairs(space: Space) -> int:
-    """Number of pairs of categories of different variables that a feasible point has."""
+    """Number of feasible pairs of categories of different variables."""
     return sum(int(space.constraints.feasible_cells(pair).sum()) for pair in combinations(range(len(space)), 2))
 
 

@@ -1,4 +1,4 @@
-"""What to say of a name that does not exist."""
+"""Hints for unknown names."""
 
 from __future__ import annotations
 

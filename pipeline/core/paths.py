@@ -1,4 +1,4 @@
-"""Paths of road users: straight pieces joined by circular arcs, by the distance travelled along them."""
+"""Paths of road users: straight pieces joined by circular arcs, parametrised by the distance along them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class Pose:
-    """A place on the ground and where its owner looks: metres, radians from x to the left."""
+    """A position and heading on the ground: metres, radians from x to the left."""
 
     x: float
     y: float
@@ -23,7 +23,7 @@ class Pose:
 
 @dataclass(frozen=True)
 class Piece:
-    """A straight (curvature 0) or an arc, from `start` on; curvature in 1/m, positive to the left."""
+    """A straight piece (curvature 0) or an arc that begins at `start`; curvature in 1/m, positive to the left."""
 
     start: Pose
     length: float
@@ -32,25 +32,25 @@ class Piece:
     def at(self, s: float) -> Pose:
         turned = s * self.curvature
         heading = self.start.heading + turned
-        # Chord of the arc: exact, and finite for a straight piece.
+        # The arc's chord: exact, and finite for a straight piece.
         chord = s * np.sinc(turned / 2 / np.pi)
         middle = self.start.heading + turned / 2
         return Pose(float(self.start.x + chord * np.cos(middle)), float(self.start.y + chord * np.sin(middle)), float(heading))
 
     def foot(self, x: float, y: float) -> float:
-        """Where on the endless line or circle of this piece the nearest point to (x, y) lies, metres from its start."""
+        """Metres from the start of this piece, extended without end, to its point nearest to (x, y)."""
         c, s = np.cos(self.start.heading), np.sin(self.start.heading)
         ahead, left = c * (x - self.start.x) + s * (y - self.start.y), -s * (x - self.start.x) + c * (y - self.start.y)
         if not self.curvature:
             return float(ahead)
-        # Angle around the arc's centre, which lies 1/curvature to the left.
+        # The angle around the arc's centre, 1/curvature to the left.
         sign = np.sign(self.curvature)
         angle = np.arctan2(ahead, sign * (1 / self.curvature - left))
         return float(angle / abs(self.curvature))
 
 
 class Path:
-    """A path through waypoints whose corners are rounded; it goes straight on before its first and after its last waypoint."""
+    """A path through waypoints with rounded corners; it continues straight before the first and after the last waypoint."""
 
     def __init__(self, waypoints: Sequence[Point], radius: float = 0.0) -> None:
         """waypoints: at least two, metres. radius: of the corners' arcs, metres; it must fit between neighbouring corners."""
@@ -95,7 +95,8 @@ class Path:
         return self.pieces[i].at(float(s - start))
 
     def project(self, x: float, y: float) -> tuple[float, float]:
-        """The place on the path that is nearest to a point: metres along it, and metres that the point lies to its left."""
+        """The point of the path nearest to a given point: metres along the path, and metres from it to the given point, positive to the
+        left."""
         best = (np.inf, 0.0, 0.0)
         for i, piece in enumerate(self.pieces):
             start = float(self._ends[i - 1]) if i else 0.0

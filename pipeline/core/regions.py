@@ -14,14 +14,14 @@ from pipeline.core.space import Floats, Space
 Ints = NDArray[np.int64]
 NOISE = -1
 PROBES = 1200
-"""Random points whose distances tell how far apart points of a space are."""
+"""Number of random points from which the distances in a space are estimated."""
 
 
 def chance_radius(space: Space, failures: int, neighbours: float) -> float:
-    """Radius in (0, 1] within which a failure would have so many others on average, were all spread evenly over the space.
+    """Radius in (0, 1] within which a failure would have this many neighbours on average if all failures were spread evenly over the space.
 
-    Clusters denser than that are no chance, however many failures a campaign found: the radius shrinks as they become more.
-    neighbours: positive.
+    Denser clusters are not due to chance, however many failures a campaign found: the radius shrinks as their number grows. neighbours:
+    positive.
     """
     if neighbours <= 0:
         raise ValueError(f"neighbours must be positive, got {neighbours}")
@@ -30,14 +30,14 @@ def chance_radius(space: Space, failures: int, neighbours: float) -> float:
     probes = space.sample(PROBES, np.random.default_rng(0))
     distances = mixed_distance(space, probes, probes)[np.triu_indices(PROBES, 1)]
     radius = float(np.quantile(distances, min(1.0, neighbours / (failures - 1))))
-    # Where categories are few, many points are the same one: then these make a cluster.
+    # With few categories many points coincide: coinciding points form a cluster.
     return radius or float(distances.min(initial=1.0, where=distances > 0)) / 2
 
 
 def find_regions(space: Space, failures: Floats, epsilon: float, min_failures: int) -> Ints:
-    """Label of the density cluster of each failure (n, d), as (n,); -1 where it lies in none, larger regions first.
+    """Label of the density cluster of each failure (n, d), as (n,); -1 for none, larger regions first.
 
-    epsilon: radius on the mixed distance, in (0, 1]. min_failures: failures within it, itself included, that make it dense (DBSCAN).
+    epsilon: radius on the mixed distance, in (0, 1]. min_failures: failures within it, itself included, that make a failure dense (DBSCAN).
     """
     if not 0 < epsilon <= 1:
         raise ValueError(f"epsilon must be in (0, 1], got {epsilon}")
@@ -52,8 +52,8 @@ def find_regions(space: Space, failures: Floats, epsilon: float, min_failures: i
 def connected_failures(space: Space, failures: Floats) -> Ints:
     """Label of the set of connected failures (Def. 4.19) that each failure (n, d) belongs to, as (n,), larger sets first.
 
-    On the categories: neighbours are equal in all variables but one, and next to each other in it (cyclic variables close the
-    circle; any two values of a categorical variable are next to each other).
+    On the categories: neighbours agree in all variables but one and are adjacent in that one (cyclic variables wrap around; any two values
+    of a categorical variable are adjacent).
     """
     if not len(failures):
         return np.zeros(0, np.int64)
@@ -72,12 +72,12 @@ def connected_failures(space: Space, failures: Floats) -> Ints:
 
 
 def medoid(space: Space, points: Floats) -> int:
-    """Index of the point (n, d) that is nearest to all others."""
+    """Index of the point (n, d) nearest to all others."""
     return int(np.argmin(mixed_distance(space, points, points).sum(axis=1)))
 
 
 def largest_first(labels: Ints, min_failures: int = 1) -> Ints:
-    """Number the labels (n,) anew, larger regions first; those with fewer than `min_failures` become noise."""
+    """Renumber the labels (n,), larger regions first; regions with fewer than `min_failures` become noise."""
     known, counts = np.unique(labels[labels != NOISE], return_counts=True)
     known, counts = known[counts >= min_failures], counts[counts >= min_failures]
     result = np.full(len(labels), NOISE, np.int64)

@@ -1,4 +1,4 @@
-"""Makes a score mean what it says: the share of detections with that score that are right."""
+"""Calibrates scores: a score becomes the share of correct detections among those with that score."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ EDGE = 1e-6
 
 @dataclass(frozen=True)
 class Calibration:
-    """Platt scaling: calibrated logit = slope * logit + offset. The order of scores, and so average precision, stays."""
+    """Platt scaling: calibrated logit = slope * logit + offset. It keeps the order of scores, and so average precision."""
 
     slope: float = 1.0
     offset: float = 0.0
@@ -24,15 +24,15 @@ class Calibration:
             raise ValueError(f"slope must be positive and offset finite, got {self.slope} and {self.offset}")
 
     def apply(self, scores: ArrayLike) -> NDArray[np.float64]:
-        """Scores in [0, 1] to calibrated ones."""
+        """Convert scores in [0, 1] to calibrated scores."""
         logit = self.slope * _logit(scores) + self.offset
         return np.asarray(1 / (1 + np.exp(-logit)))
 
 
 def platt(scores: ArrayLike, right: ArrayLike) -> Calibration:
-    """Fit the calibration to (n,) scores in [0, 1] and whether each detection was right (Platt 1999).
+    """Fit the calibration to (n,) scores in [0, 1] and whether each detection was correct (Platt 1999).
 
-    The identity if all are right or all are wrong, or a higher score does not mean right more often: there is nothing to learn then.
+    Returns the identity if all or none are correct, or if a higher score does not mean correct more often.
     """
     x, y = _logit(scores), np.asarray(right, dtype=bool)
     if len(np.unique(y)) < 2:
@@ -44,7 +44,7 @@ def platt(scores: ArrayLike, right: ArrayLike) -> Calibration:
 
 @dataclass(frozen=True)
 class Bin:
-    """Detections whose scores lie in one bin: their mean score and the share of them that are right, both in [0, 1], and their number."""
+    """Detections with scores in one bin: their mean score and share of correct ones, both in [0, 1], and their number."""
 
     score: float
     right: float
@@ -52,7 +52,7 @@ class Bin:
 
 
 def reliability(scores: ArrayLike, right: ArrayLike, bins: int = 10) -> tuple[Bin, ...]:
-    """The reliability diagram of (n,) scores in [0, 1] and whether each detection was right: equally wide bins, empty ones left out.
+    """The reliability diagram of (n,) scores in [0, 1] and whether each detection was correct: bins of equal width, without empty ones.
 
     Source: Guo et al., On calibration of modern neural networks, 2017, Eq. 2.
     """
@@ -65,7 +65,8 @@ def reliability(scores: ArrayLike, right: ArrayLike, bins: int = 10) -> tuple[Bi
 
 
 def calibration_error(diagram: Sequence[Bin]) -> float:
-    """Expected calibration error in [0, 1]: mean distance of score and share of right ones, by detections (Guo et al., Eq. 3)."""
+    """Expected calibration error in [0, 1]: mean distance of score and share of correct ones, weighted by detections (Guo et al., Eq.
+    3)."""
     total = sum(shown.count for shown in diagram)
     return sum(shown.count * abs(shown.score - shown.right) for shown in diagram) / total if total else 0.0
 

@@ -1,4 +1,4 @@
-"""A readable rule for a failure region: a few intervals and value sets that hold its failures and few other tests."""
+"""A readable rule for a failure region: a few intervals and value sets that contain its failures and few other tests."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ MAX_CONDITIONS = 4
 TRIM = 0.05
 """Share of a region's failures that a condition may leave out at either end."""
 MIN_GAIN = 0.02
-"""What a condition must add to the precision; a value set as often as it has values, for long lists fit any failures."""
+"""Smallest gain in precision per condition; a value set must gain it once per value, because long lists fit any failures."""
 TELLING = 0.5
-"""A value set says something if it names at most this share of the values that as many random tests would have shown."""
+"""A value set is informative if it names at most this share of the values that equally many random tests would have."""
 NARROW = 0.85
-"""An interval says something if it is at most this share as wide as that of as many random tests."""
+"""An interval is informative if its width is at most this share of that of equally many random tests."""
 
 
 @dataclass(frozen=True)
 class Condition:
-    """One variable's part of a rule. A cyclic interval with low > high passes through the end of the range."""
+    """One variable's part of a rule. A cyclic interval with low > high wraps around the end of the range."""
 
     variable: int
     low: float = 0.0
@@ -42,7 +42,7 @@ class Condition:
 
 @dataclass(frozen=True)
 class Rule:
-    """A conjunction of conditions; without any it holds everywhere."""
+    """A conjunction of conditions; without conditions it holds everywhere."""
 
     conditions: tuple[Condition, ...]
 
@@ -59,10 +59,11 @@ class Rule:
 
 
 def find_rule(space: Space, points: Floats, failures: Bools, members: Bools) -> Rule:
-    """The rule of a region.
+    """Find the rule of a region.
 
-    points: (n, d), all tests. failures: (n,). members: (n,), the failures that form the region. Greedy: of the conditions that hold the
-    members, the one that raises the precision (failures among the tests inside) most beyond its price is added, while one does.
+    points: (n, d), all tests. failures: (n,). members: (n,), the failures that form the region. Greedy: among the conditions that the
+    members satisfy, add the one that raises the precision (share of failures among the tests inside) most beyond its price, while there is
+    one.
     """
     if not members.any() or (members & ~failures).any():
         raise ValueError("a region needs members, and all of them must be failures")
@@ -86,7 +87,7 @@ def _precision(rule: Rule, points: Floats, failures: Bools) -> float:
 
 
 def _condition(index: int, variable: Variable, members: Floats) -> Condition | None:
-    """The narrowest statement about one variable that holds (nearly) all members; None where it would say next to nothing."""
+    """The narrowest condition on one variable that (nearly) all members satisfy; None if it is not informative."""
     column = members[:, index]
     if variable.kind == "categorical":
         values = tuple(int(v) for v in np.unique(column))
@@ -101,14 +102,14 @@ def _condition(index: int, variable: Variable, members: Floats) -> Condition | N
 
 
 def _outward(variable: Variable, low: float, high: float) -> tuple[float, float]:
-    """Round the bounds outwards to half a step, so that a rule reads like a person's, and keep them in the range."""
+    """Round the bounds outwards to half a step, so that rules are easy to read, and keep them in the range."""
     unit = variable.rounding
     down, up = np.floor((low - variable.low) / unit) * unit, np.ceil((high - variable.low) / unit) * unit
     return max(variable.low, variable.low + float(down)), min(variable.high, variable.low + float(up))
 
 
 def _arc(index: int, variable: Variable, column: Floats) -> Condition | None:
-    """The shortest arc that holds all members: the circle without its widest gap."""
+    """The shortest arc that contains all members: the circle without its widest gap."""
     period = variable.high - variable.low
     ordered = np.sort(column)
     gaps = np.diff(ordered, append=ordered[0] + period)

@@ -1,4 +1,4 @@
-"""The signals of a test execution: what is recorded at each time step, each declared once."""
+"""The signals of a test execution, recorded at each time step and declared once."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pipeline.core.columns import column, columns
 class TimeStep:
     """One time step: a row of signals.parquet. Positions are in the world frame; the last step is the end, without a frame.
 
-    Every KPI can be computed from the steps again.
+    Every KPI can be recomputed from the steps.
     """
 
     time_s: float = column("time since the start", "s")
@@ -31,12 +31,12 @@ class TimeStep:
     contact: bool = column("whether the footprints touch")
     brake: float = column("brake demand, 0 to 1")
     confidence: float = column("score of the best detection on the pedestrian, 0 if there is none")
-    ttc_s: float = column("time-to-collision (Eq. 5.2); no value where it does not count", "s", default=float("nan"))
+    ttc_s: float = column("time-to-collision (Eq. 5.2); no value if it is undefined", "s", default=float("nan"))
     false_positives: int = column("false positives of all kinds in this frame")
     false_positives_far: int = column("false positives away from the pedestrian, IoU at most 0.1")
     false_positives_localisation: int = column("false positives that fit the pedestrian badly, IoU above 0.1 and at most 0.5")
     false_positives_duplicate: int = column("false positives on the pedestrian beside a better detection")
-    visible_pixels: int = column("pixels in which the pedestrian shows", "px")
+    visible_pixels: int = column("visible pixels of the pedestrian", "px")
     contrast: float = column("mean difference in grey levels between the pedestrian's visible pixels and their surroundings")
 
 
@@ -44,5 +44,5 @@ SIGNALS = columns(TimeStep)
 
 
 def signals_of(steps: Sequence[TimeStep]) -> dict[str, NDArray[np.generic]]:
-    """The steps as (t,) arrays, one a signal."""
+    """The steps as (t,) arrays, one per signal."""
     return {signal.name: np.array([getattr(step, signal.name) for step in steps], dtype=signal.kind) for signal in SIGNALS}

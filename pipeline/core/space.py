@@ -20,9 +20,9 @@ MAX_DRAWS = 1000
 class Space:
     """Variables, and clauses that every point must satisfy. Points are (n, d) float64 arrays, columns in the order of `variables`.
 
-    clauses: each holds where one of its literals `variable = category` or `variable != category` does.
+    clauses: each holds if one of its literals `variable = category` or `variable != category` holds.
 
-    Raises ValueError for a name that two variables have, a wrong literal, and clauses that no point satisfies together.
+    Raises ValueError for a duplicate name, a wrong literal, and clauses that contradict each other.
     """
 
     variables: tuple[Variable, ...]
@@ -33,7 +33,7 @@ class Space:
             raise ValueError(f"a space needs variables with distinct names, got {self.names}")
         if core := self.constraints.contradiction() if self.clauses else ():
             listed = "; ".join(f"[{', '.join(self.clauses[i])}]" for i in core)
-            raise ValueError(f"constraints: these contradict each other, so that no point is left: {listed}")
+            raise ValueError(f"constraints: these contradict each other, so no point is left: {listed}")
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -68,22 +68,22 @@ class Space:
             if not broken.any():
                 return points
             points[broken] = self.scale(rng.random((int(broken.sum()), len(self))))
-        raise ValueError(f"no feasible point in {MAX_DRAWS} draws: the constraints leave next to nothing of the space")
+        raise ValueError(f"no feasible point in {MAX_DRAWS} draws: the constraints exclude almost the whole space")
 
     def scale(self, unit: Floats) -> Floats:
-        """(n, d) numbers in [0, 1) to points."""
+        """Convert (n, d) numbers in [0, 1) to points."""
         return np.column_stack([v.scale(unit[:, j]) for j, v in enumerate(self.variables)])
 
     def categorise(self, points: Floats) -> Ints:
-        """(n, d) points to (n, d) category indices."""
+        """Convert (n, d) points to (n, d) category indices."""
         return np.column_stack([v.categorise(points[:, j]) for j, v in enumerate(self.variables)])
 
     def representatives(self, categories: Ints) -> Floats:
-        """(n, d) category indices to the points that stand for them."""
+        """Convert (n, d) category indices to their representative points."""
         return np.column_stack([v.grid[categories[:, j]] for j, v in enumerate(self.variables)])
 
     def within(self, categories: Ints, rng: np.random.Generator) -> Floats:
-        """(n, d) category indices to points drawn inside those categories."""
+        """Convert (n, d) category indices to points drawn inside those categories."""
         unit = rng.random(categories.shape)
         return np.column_stack([v.within(categories[:, j], unit[:, j]) for j, v in enumerate(self.variables)])
 
@@ -92,7 +92,8 @@ class Space:
         return " or ".join(self.clauses[index])
 
     def violation(self, points: Floats) -> tuple[int, str] | None:
-        """The first of (n, d) points that breaks a clause, and which one with which values, in words; None if none does."""
+        """Text that names the first of (n, d) points that breaks a clause, the clause and the point's values; None if no point breaks
+        one."""
         broken = self.constraints.first_broken(self.categorise(points)) if self.clauses else None
         if broken is None:
             return None
@@ -102,7 +103,8 @@ class Space:
         return row, f"breaks the constraint '{self.clause(index)}': {values}"
 
     def encode(self, concrete: Mapping[str, Value]) -> Floats:
-        """One concrete scenario to a (d,) point; ValueError for a missing, unknown or out-of-range variable and a broken constraint."""
+        """Convert a concrete scenario to a (d,) point; ValueError for a missing, unknown or out-of-range variable and a broken
+        constraint."""
         if set(concrete) != set(self.names):
             missing, unknown = set(self.names) - set(concrete), set(concrete) - set(self.names)
             raise ValueError(f"variables must be {list(self.names)}; missing {sorted(missing)}, unknown {sorted(unknown)}")
@@ -112,11 +114,11 @@ class Space:
         return point
 
     def decode(self, point: Floats) -> dict[str, Value]:
-        """One (d,) point to a concrete scenario."""
+        """Convert a (d,) point to a concrete scenario."""
         return {v.name: v.decode(point[j]) for j, v in enumerate(self.variables)}
 
     def names_of(self, categories: Ints) -> list[dict[str, str]]:
-        """(n, d) category indices to the names of the categories, by variable."""
+        """Convert (n, d) category indices to the names of the categories, by variable."""
         return [{v.name: v.labels[int(c)] for v, c in zip(self.variables, row, strict=True)} for row in categories]
 
     def to_dict(self) -> dict[str, dict[str, Any]]:

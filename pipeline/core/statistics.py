@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import stats
+
+
+def _distributions() -> Any:
+    """SciPy's, imported late: that takes most of a second, and planning a study needs none of them."""
+    from scipy import stats
+
+    return stats
 
 
 @dataclass(frozen=True)
 class Paired:
     """Failures of two model versions on the same tests, and the exact McNemar test of their difference.
 
-    both, regressions, fixes, neither: number of tests that fail before and after, only after, only before, never.
-    p_value: two-sided, in [0, 1]; the probability of so lopsided a split of the discordant tests if both versions were equal.
+    both, regressions, fixes, neither: number of tests that fail before and after, only after, only before, never. p_value: two-sided, in
+    [0, 1]; the probability of a split of the discordant tests at least this uneven if both versions were equal.
     """
 
     both: int
@@ -40,20 +47,20 @@ def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> tu
     _check_confidence(confidence)
     if trials == 0:
         return 0.0, 1.0
-    z2 = float(stats.norm.ppf((1 + confidence) / 2)) ** 2
+    z2 = float(_distributions().norm.ppf((1 + confidence) / 2)) ** 2
     share = successes / trials
     centre = (share + z2 / (2 * trials)) / (1 + z2 / trials)
     half = np.sqrt(z2 * (share * (1 - share) / trials + z2 / (4 * trials**2))) / (1 + z2 / trials)
-    # The bounds are 0 and 1 there exactly; floating point misses them by an ulp.
+    # The exact bounds there are 0 and 1; floating point misses them by an ulp.
     low = 0.0 if successes == 0 else float(centre - half)
     high = 1.0 if successes == trials else float(centre + half)
     return low, high
 
 
 def mean_interval(values: ArrayLike, confidence: float = 0.95, limits: tuple[float, float] = (-np.inf, np.inf)) -> tuple[float, float]:
-    """Student's t interval of the mean of (n,) values, one a seed; they must be finite. limits: what the mean cannot leave.
+    """Student's t interval of the mean of (n,) finite values, one per seed. limits: possible range of the mean.
 
-    For two or three seeds it is wide, as it must be: resampling so few gives little more than the smallest and the largest. A single value
+    For two or three seeds it is wide: resampling so few would give little more than the smallest and the largest value. A single value
     gives (value, value): one seed says nothing about the spread, so show n beside the interval.
     """
     sample = np.asarray(values, dtype=float)
@@ -63,12 +70,12 @@ def mean_interval(values: ArrayLike, confidence: float = 0.95, limits: tuple[flo
     mean = float(sample.mean())
     if len(sample) == 1:
         return mean, mean
-    half = float(stats.t.ppf((1 + confidence) / 2, len(sample) - 1) * sample.std(ddof=1) / np.sqrt(len(sample)))
+    half = float(_distributions().t.ppf((1 + confidence) / 2, len(sample) - 1) * sample.std(ddof=1) / np.sqrt(len(sample)))
     return max(mean - half, limits[0]), min(mean + half, limits[1])
 
 
 def mcnemar(before: ArrayLike, after: ArrayLike) -> Paired:
-    """Compare two versions on the same tests: (n,) failures of one and of the other, in the same order (exact McNemar test)."""
+    """Compare two versions on the same tests: (n,) failures of each, in the same order (exact McNemar test)."""
     first, second = np.asarray(before, dtype=bool), np.asarray(after, dtype=bool)
     if first.shape != second.shape or first.ndim != 1:
         raise ValueError(f"before and after must be lists of equal length, got shapes {first.shape} and {second.shape}")
@@ -77,21 +84,20 @@ def mcnemar(before: ArrayLike, after: ArrayLike) -> Paired:
 
 
 def mcnemar_p_value(fixes: int, regressions: int) -> float:
-    """Of the exact McNemar test, two-sided, by how many tests only the one and only the other version fails."""
+    """Two-sided p-value of the exact McNemar test, from the numbers of tests that only one and only the other version fails."""
     discordant = fixes + regressions
-    return float(stats.binomtest(fixes, discordant).pvalue) if discordant else 1.0
+    return float(_distributions().binomtest(fixes, discordant).pvalue) if discordant else 1.0
 
 
 def sign_flip(differences: ArrayLike) -> float:
-    """Exact two-sided p-value of (n,) whole differences, one a test: how often their sum is as far from 0 when each may as well have the
-    other sign (Fisher's randomisation test). Differences of two versions, -1, 0 or 1, make it the exact McNemar test.
-    """
+    """Exact two-sided p-value of (n,) whole differences, one per test: how often their sum is at least as far from 0 if each sign is
+    equally likely (Fisher's randomisation test). For two versions, with differences -1, 0 and 1, it equals the exact McNemar test."""
     values = np.asarray(differences)
     if values.ndim != 1 or not np.issubdtype(values.dtype, np.integer):
         raise ValueError(f"differences must be a list of whole numbers, got shape {values.shape} of {values.dtype}")
     sizes = np.abs(values[values != 0])
     reach = int(sizes.sum())
-    chance = np.zeros(2 * reach + 1)  # Of each sum, from -reach to reach.
+    chance = np.zeros(2 * reach + 1)  # The probability of each sum, from -reach to reach.
     chance[reach] = 1.0
     for size in sizes:
         chance = (np.roll(chance, size) + np.roll(chance, -size)) / 2

@@ -12,8 +12,8 @@ from pipeline.core.visibility import visible
 class Truth:
     """Ground truth of the one pedestrian of a frame.
 
-    Boxes are left, top, right, bottom in pixels; None where no pixel shows. `whole` is what would show without
-    occluders. contrast: mean absolute grey-level difference between its visible pixels and the ring around its box.
+    Boxes are left, top, right, bottom in pixels; None without a visible pixel. `whole` is the part that would be visible without occluders.
+    contrast: mean absolute grey-level difference between the visible pixels and the ring around their box.
     """
 
     visible_box: Box | None = None

@@ -14,26 +14,26 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Value = float | str
-"""A variable's value: a number in the variable's unit, or the name of a category."""
+"""A variable's value: a number in its unit, or the name of a category."""
 Kind = Literal["continuous", "integer", "categorical"]
 TOLERANCE = 1e-9
 HEAVIEST = 1000
-"""Largest weight of a category: products over six variables are still exact."""
+"""Largest weight of a category: products over six variables stay exact."""
 
 
 @dataclass(frozen=True)
 class Variable:
     """One variable of a space.
 
-    A categorical one has `values` and is encoded by its index. `attributes` are numbers that are known of each of its values, such as
-    the height of a pedestrian; they say which values are alike, to those who learn from results.
+    A categorical variable has `values` and is encoded by their index. `attributes` are known numbers of each value, such as the height of a
+    pedestrian; strategies that learn from results use them to tell which values are alike.
 
-    A continuous or integer one has bounds `low` to `high` in `unit`, and a `step`: its categories are the grid values low, low + step,
-    ... (a value belongs to the nearest one). A continuous one may have `cuts` instead: its categories are the parts between them; a part
-    holds its lower end, the last one also its upper end. A cyclic one identifies `high` with `low`, so with cuts its first and last
-    parts are one category.
+    A continuous or integer variable has bounds `low` to `high` in `unit`, and a `step`: its categories are the grid values low, low + step,
+    ... (a value belongs to the nearest one). A continuous variable may have `cuts` instead: its categories are the parts between them; a
+    part includes its lower end, the last part also its upper end. A cyclic variable identifies `high` with `low`, so with cuts its first
+    and last parts are one category.
 
-    weights: whole numbers of points that are wanted of each category; not given, 1 each.
+    weights: whole numbers of points wanted for each category, 1 each by default.
     """
 
     name: str
@@ -102,7 +102,7 @@ class Variable:
 
     @cached_property
     def _parts(self) -> tuple[tuple[float, float], ...]:
-        """Start and end of each part between the cuts; that which holds the ends of a cyclic variable comes last."""
+        """Start and end of each part between the cuts; the part that contains the ends of a cyclic variable comes last."""
         parts = list(pairwise((self.low, *(self.cuts or ()), self.high)))
         return tuple([*parts[1:-1], (parts[-1][0], parts[0][1])] if self._wraps else parts)
 
@@ -112,7 +112,7 @@ class Variable:
 
     @property
     def grid(self) -> Floats:
-        """(size,) the representative of each category, encoded: its grid value, or the middle of its part."""
+        """Representative of each category, encoded, (size,): its grid value, or the middle of its part."""
         if self.kind == "categorical":
             return np.arange(self.size, dtype=float)
         if self.cuts is not None:
@@ -121,7 +121,7 @@ class Variable:
 
     @cached_property
     def labels(self) -> tuple[str, ...]:
-        """(size,) the name of each category."""
+        """Name of each category, (size,)."""
         if self.cuts is None:
             return self.values or tuple(f"{value:g}" for value in self.grid)
         ends = [")"] * (self.size - 1) + [")" if self._wraps else "]"]
@@ -129,11 +129,11 @@ class Variable:
 
     @property
     def rounding(self) -> float:
-        """To what a readable bound is rounded: half a step, or a hundredth of a range without steps."""
+        """Rounding unit of a readable bound: half a step, or a hundredth of a range without steps."""
         return self.step / 2 if self.cuts is None else (self.high - self.low) / 100
 
     def categorise(self, values: Floats) -> Ints:
-        """(n,) encoded values to (n,) category indices."""
+        """Convert (n,) encoded values to (n,) category indices."""
         if self.kind == "categorical":
             return values.astype(np.int64)
         if self.cuts is not None:
@@ -143,7 +143,7 @@ class Variable:
         return index % self.size if self.cyclic else np.clip(index, 0, self.size - 1)
 
     def scale(self, unit: Floats) -> Floats:
-        """(n,) uniform numbers in [0, 1) to encoded values."""
+        """Convert (n,) uniform numbers in [0, 1) to encoded values."""
         if self.kind == "categorical":
             return np.minimum(np.floor(unit * self.size), self.size - 1)
         if self.kind == "integer":
@@ -152,7 +152,7 @@ class Variable:
         return self.low + unit * (self.high - self.low)
 
     def within(self, categories: Ints, unit: Floats) -> Floats:
-        """(n,) category indices to encoded values that lie as far inside their categories as (n,) numbers in [0, 1) say."""
+        """Convert (n,) category indices to encoded values; (n,) numbers in [0, 1) give the relative position inside the category."""
         if self.cuts is not None:
             return self._inside_parts(categories, unit)
         values = self.grid[categories]
@@ -171,16 +171,16 @@ class Variable:
     def _inside_parts(self, categories: Ints, unit: Floats) -> Floats:
         span = self.high - self.low
         first, last = np.array(self._parts).T
-        last = np.where(last > first, last, last + span)  # The part of a cyclic variable that holds its ends.
+        last = np.where(last > first, last, last + span)  # The part of a cyclic variable that contains its ends.
         values = first[categories] + unit * (last - first)[categories]
         return np.asarray(np.where(values > self.high, values - span, values))
 
     def _ends(self, categories: Ints, last: Floats) -> Floats:
-        """Where categories end: the last one has what the steps leave over, too."""
+        """Ends of the categories: the last one includes the remainder of the steps."""
         return np.where(categories == self.size - 1, self.high, np.minimum(last, self.high))
 
     def encode(self, value: Value) -> float:
-        """One value to its number; ValueError that names the variable, what was expected and what came."""
+        """Encode one value; ValueError that names the variable, the expected and the actual value."""
         if self.kind == "categorical":
             if value not in self.values:
                 raise ValueError(f"{self.name} must be one of {', '.join(self.values)}; got {value!r}")
@@ -207,7 +207,7 @@ class Variable:
 
     @staticmethod
     def from_dict(name: str, plain: Mapping[str, Any]) -> Variable:
-        """TypeError for an unknown key, ValueError for what `Variable` refuses."""
+        """The variable of plain data; TypeError for an unknown key, ValueError for a value that `Variable` rejects."""
         values: dict[str, Any] = {key: tuple(value) if key in ("values", "cuts", "weights") else value for key, value in plain.items()}
         if "attributes" in values:
             values["attributes"] = tuple((key, tuple(float(number) for number in numbers)) for key, numbers in values["attributes"].items())

@@ -1,4 +1,4 @@
-"""What a person can see: how far in fog, and whether a pedestrian that shows can be made out."""
+"""What a person can see: the visual range in fog, and whether a pedestrian can be made out."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ MIN_CONTRAST = 8.0
 
 
 def visual_range_m(fog: float) -> float:
-    """Visual range in metres (meteorological optical range) at a fog of 0 to 100 %; each percent takes the same share away."""
+    """Visual range in metres (meteorological optical range) at a fog of 0 to 100 %; each percent reduces it by the same share."""
     return float(FOG_FREE_RANGE_M * (DENSE_FOG_RANGE_M / FOG_FREE_RANGE_M) ** (fog / 100))
 
 
 def visible(pixels: ArrayLike, contrast: ArrayLike) -> NDArray[np.bool_]:
-    """Whether a person can make out a pedestrian of so many visible pixels, at least 30, and so much contrast, at least 8 grey levels.
+    """Whether a person can make out a pedestrian with this many visible pixels (at least 30) and this contrast (at least 8 grey levels).
 
     pixels, contrast: arrays of one shape, or numbers.
     """

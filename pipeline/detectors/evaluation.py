@@ -19,15 +19,15 @@ from pipeline.core.truth import Truth
 KINDS = ("far", "localisation", "duplicate")
 
 CALIBRATED_FROM = 0.05
-"""Lower scores never trigger braking; thousands of them would distort the fit."""
+"""Smallest score used to fit the calibration: lower scores never trigger braking, and thousands of them would distort the fit."""
 
 
 def evaluate(found: Sequence[Detections], images: ImageSet, threshold: float) -> dict[str, float]:
     """Metrics of a detector on a labelled set.
 
-    found: (n,) the detections in each image at a threshold near 0. threshold: the score that the detector is used with, in [0, 1].
-    Returns ap50 and ap50_95 (COCO), and at the threshold precision and recall in [0, 1] and false_positives_an_image, all and by
-    kind. All count visible pedestrians alone (`Truth.barely_visible`); the others are ignored, as COCO ignores crowds.
+    found: (n,) the detections in each image at a threshold near 0. threshold: the score threshold in use, in [0, 1]. Returns ap50 and
+    ap50_95 (COCO), and at the threshold precision and recall in [0, 1] and false_positives_an_image, in total and by kind. All metrics
+    count only visible pedestrians (`Truth.barely_visible`); barely visible ones are ignored, as COCO ignores crowds.
     """
     ap50_95, ap50 = _average_precision(found, images)
     truths = truths_of(images)
@@ -47,14 +47,14 @@ def evaluate(found: Sequence[Detections], images: ImageSet, threshold: float) ->
 
 
 def truths_of(images: ImageSet) -> list[Truth]:
-    """The labels of the images; they do not say how many pixels would show without occluders."""
+    """The labels of the images, without the number of pixels that would be visible without occluders."""
     seen, whole = (map(_box, boxes) for boxes in (images.boxes, images.whole_boxes))
     shown = zip(seen, whole, images.visible_pixels, images.contrast, strict=True)
     return [Truth(box, whole_box, visible_pixels=int(pixels), contrast=float(contrast)) for box, whole_box, pixels, contrast in shown]
 
 
 def matching_at(threshold: float, detections: Detections, truth: Truth) -> Matching:
-    """How the detections at or above the threshold, in [0, 1], match the truth."""
+    """Match the detections at or above the threshold, in [0, 1], with the truth."""
     used = detections.scores >= threshold
     return match(Detections(detections.boxes[used], detections.scores[used]), truth)
 
@@ -93,9 +93,8 @@ def _shape(box: Box | NDArray[np.float32]) -> dict[str, Any]:
 
 
 def judged_scores(found: Sequence[Detections], images: ImageSet) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Scores (n,) in [0, 1] of all detections that can trigger braking, and whether each is a true positive; detections of barely
-    visible pedestrians are left out.
-    """
+    """Scores (n,) in [0, 1] of all detections that can trigger braking, and whether each is a true positive; excludes detections of
+    barely visible pedestrians."""
     scores: list[float] = []
     right: list[bool] = []
     for detections, truth in zip(found, truths_of(images), strict=True):
@@ -109,6 +108,6 @@ def judged_scores(found: Sequence[Detections], images: ImageSet) -> tuple[NDArra
 def calibrate(found: Sequence[Detections], images: ImageSet) -> Calibration:
     """Fit a calibration of the scores to whether each detection is a true positive.
 
-    The AEB brakes as hard as the detector is confident (thesis section 5.3): with too low a score the car brakes too softly.
+    The AEB brakes in proportion to the detector's confidence (thesis section 5.3): with too low a score the car brakes too softly.
     """
     return platt(*judged_scores(found, images))

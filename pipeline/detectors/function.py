@@ -17,7 +17,7 @@ class FunctionDetector:
     """Finds pedestrians with a function `image -> (boxes, scores)`.
 
     function: its dotted name. It takes (h, w, 3) uint8 RGB and returns (n, 4) left, top, right, bottom in pixels and (n,) in [0, 1], in any
-    order. threshold, iou: as of `OnnxDetector`. model: ignored, so that it can stand in for a detector of files.
+    order. threshold, iou: as for `OnnxDetector`. model: ignored, so that it can replace a detector that reads a file.
 
     InputError if there is no such function. Any exception in it, and any result of another shape, becomes a SimulationError.
     """

@@ -18,10 +18,10 @@ PICKLES = ("*.bin", "*.pt", "*.pth", "*.ckpt")
 class HuggingFaceDetector:
     """Finds pedestrians with a model that `save_pretrained` wrote, together with its image processor.
 
-    model: the folder. threshold, iou: as of `OnnxDetector`. person: name or number of the pedestrian class, if the model's
+    model: the folder. threshold, iou: as for `OnnxDetector`. person: name or number of the pedestrian class, if the model's
     class names do not tell. Only safetensors are read, and code of the model is never run.
 
-    InputError if the folder is no such model, or holds weights that need pickle alone.
+    InputError if the folder is not such a model, or its only weights need pickle.
     """
 
     def __init__(self, model: str | Path, threshold: float = 0.5, iou: float = 0.45, person: str | int | None = None) -> None:
@@ -41,7 +41,7 @@ class HuggingFaceDetector:
         try:
             self._processor = AutoImageProcessor.from_pretrained(self._model, **safe)
             self._network = AutoModelForObjectDetection.from_pretrained(self._model, use_safetensors=True, **safe)
-        except Exception as error:  # A foreign folder can make the library raise anything.
+        except Exception as error:  # A foreign folder can make the library raise any exception.
             raise InputError(f"Transformers cannot load {model} as an object detector: {str(error).strip().splitlines()[0]}") from error
         self._network.eval().requires_grad_(False)
         names = {int(number): str(name) for number, name in self._network.config.id2label.items()}

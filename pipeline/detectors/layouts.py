@@ -19,7 +19,7 @@ LAYOUTS: tuple[Layout, ...] = ("boxes_scores", "yolov5", "yolov8", "end_to_end")
 PEOPLE = ("pedestrian", "person", "people")
 STRIDES = (8, 16, 32)
 GREY = 114
-"""The grey that YOLO's trainers pad with."""
+"""The padding grey of YOLO's trainers."""
 MOST_FINAL_BOXES = 1000
 """An end-to-end output has at most this many boxes; a grid of anchors has more."""
 
@@ -34,7 +34,7 @@ class Letterbox:
 
     @staticmethod
     def fit(image: NDArray[np.uint8], width: int, height: int) -> tuple[NDArray[np.uint8], Letterbox]:
-        """(h, w, 3) to (height, width, 3)."""
+        """Scale and pad an image (h, w, 3) to (height, width, 3)."""
         old_height, old_width = image.shape[:2]
         scale = min(width / old_width, height / old_height)
         new = round(old_width * scale), round(old_height * scale)
@@ -46,15 +46,15 @@ class Letterbox:
         return padded, Letterbox(scale, left, top)
 
     def back(self, boxes: Floats) -> Floats:
-        """(n, 4) boxes of the padded image in pixels of the original one."""
+        """Convert boxes (n, 4) of the padded image to pixels of the original image."""
         return np.asarray((boxes - (self.left, self.top, self.left, self.top)) / self.scale, np.float32)
 
 
 def recognise(shape: Sequence[int | str | None], width: int, height: int) -> Layout | None:
-    """The layout of an output (1, a, b) of a model for images of a size; None if the shape is ambiguous.
+    """The layout of an output (1, a, b) of a model for images of a given size; None if the shape is ambiguous.
 
-    YOLOv5 has three anchors a cell in rows, YOLOv8 one in columns, an end-to-end export a few rows of six. An open
-    number of rows of six may also be YOLOv5 with one class.
+    YOLOv5 has three anchors per cell in rows, YOLOv8 one in columns, an end-to-end export a few rows of six. An open number of rows of six
+    may also be YOLOv5 with one class.
     """
     if len(shape) != 3:
         return None
@@ -107,7 +107,7 @@ def decode(layout: Layout, output: Any, person: int) -> tuple[Floats, Floats]:
     values = np.asarray(output, np.float32)
     if layout == "end_to_end":
         classes = values[:, 5]
-        # A class that is not finite gets the score NaN, so that the output is refused.
+        # A non-finite class gets the score NaN, so the output is rejected.
         mine = (classes.round() == person) | ~np.isfinite(classes)
         return values[mine, :4], np.where(np.isfinite(classes[mine]), values[mine, 4], np.float32(np.nan))
     if layout == "yolov8":

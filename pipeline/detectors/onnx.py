@@ -20,26 +20,26 @@ from pipeline.errors import InputError, SimulationError
 OURS = "input 'image' (n, h, w, 3) uint8 RGB; outputs 'boxes' (n, cells, 4) in pixels and 'scores' (n, cells) in [0, 1]"
 EXPECTED = f"{OURS}; or a YOLO export: input (n, 3, h, w) float, one output in YOLOv5's, YOLOv8's or an end-to-end layout"
 SMALLEST_BOXES = 2.0
-"""Boxes whose largest coordinate is at most this are not in pixels."""
+"""Boxes with a largest coordinate up to this value are not in pixels."""
 REFUSALS = (
     *(ort.Fail, ort.InvalidArgument, ort.InvalidGraph, ort.InvalidProtobuf, ort.NotImplemented, ort.NoModel, ort.EPFail),
     *(ort.RuntimeException, ort.EngineError),
 )
-"""What ONNX Runtime raises; these exceptions share no base class."""
+"""The exceptions of ONNX Runtime; they share no base class."""
 Floats = NDArray[np.float32]
 
 
 class OnnxDetector:
     """Finds pedestrians with an ONNX file.
 
-    Ours has normalisation and decoding inside, as `yolo.export` writes it. Others get the image scaled to their size, padded with grey,
-    as RGB in [0, 1]; their output is recognised by its shape.
+    Our own files include normalisation and decoding, as `yolo.export` writes them. Other models get the image scaled to their size, padded
+    with grey, as RGB in [0, 1]; the shape of their output determines its layout.
 
-    model: the file. threshold: smallest score reported, in (0, 1). iou: overlap above which the worse of two boxes falls, in
-    (0, 1). threads: of ONNX Runtime. layout: boxes_scores, yolov5, yolov8 or end_to_end, where the shape does not tell. person: name or
-    number of the class that means a pedestrian, where the file's own names do not tell.
+    model: the file. threshold: smallest score reported, in (0, 1). iou: overlap above which the worse of two boxes is removed, in (0, 1).
+    threads: of ONNX Runtime. layout: boxes_scores, yolov5, yolov8 or end_to_end, if the shape is ambiguous. person: name or number of the
+    pedestrian class, if the file's own names do not tell.
 
-    InputError if the file is missing or is no such detector.
+    InputError if the file is missing or is not such a detector.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class OnnxDetector:
         return self.detect_images(frame.image[None])[0]
 
     def detect_images(self, images: NDArray[np.uint8]) -> list[Detections]:
-        """(n, h, w, 3) uint8 RGB to n detections; the same as one by one up to rounding."""
+        """Detect in a batch (n, h, w, 3) uint8 RGB; the same result as one by one, up to rounding."""
         if self._layout != "boxes_scores":
             return [reported(self._model, *self._foreign(image), self._threshold, self._iou) for image in images]
         expected = self._shape[1:]
@@ -94,7 +94,7 @@ class OnnxDetector:
             raise SimulationError(f"{self._model} failed on an image: {str(error).splitlines()[0]}") from error
 
     def _image_size(self, width: int, height: int) -> tuple[int, int]:
-        """Width and height of the model's input; where it leaves them open, the image's, rounded up to the largest stride."""
+        """Width and height of the model's input; if the model leaves them open, the image's, rounded up to the largest stride."""
         rows, columns = self._shape[2:]
         stride = layouts.STRIDES[-1]
         return (

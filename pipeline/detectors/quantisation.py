@@ -1,6 +1,6 @@
 """The int8 form of an ONNX detector: all convolutions in 8 bits except the last ones of the heads (ONNX Runtime, static).
 
-The last ones output offsets, sizes and scores together; in 8 bits that costs a third of AP50-95.
+The last convolutions output offsets, sizes and scores together; in 8 bits they would cost a third of AP50-95.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ class _Images(CalibrationDataReader):  # type: ignore[misc]
 
 
 def quantise(whole: Path, images: NDArray[np.uint8], out: Path) -> None:
-    """Write the int8 form of our own ONNX file. images: (n, h, w, 3) uint8 RGB, which set the ranges of the activations."""
-    logging.getLogger().setLevel(logging.ERROR)  # It recommends its preprocessing, which has already run.
+    """Write the int8 form of one of our ONNX files. images: (n, h, w, 3) uint8 RGB, which set the ranges of the activations."""
+    logging.getLogger().setLevel(logging.ERROR)  # ONNX Runtime recommends its preprocessing, which has already run.
     with tempfile.TemporaryDirectory() as folder:
         prepared, made = Path(folder) / "prepared.onnx", Path(folder) / "int8.onnx"
         quant_pre_process(whole, prepared, skip_symbolic_shape=True)

@@ -1,4 +1,4 @@
-"""Scripted stand-ins that read the ground truth: they show whether the world is fair, not how good a detector is."""
+"""Scripted stand-ins that read the ground truth: they test whether the world is fair, not how good a detector is."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from pipeline.core.episode import Frame
 
 
 class VisiblePixelOracle:
-    """Stands for an attentive person: sees the pedestrian once enough of its pixels are visible with enough contrast.
+    """Stands in for an attentive person: sees the pedestrian once enough of its pixels are visible with enough contrast.
 
-    min_pixels: visible pixels. min_contrast: grey levels. model: ignored, so that it can stand in for a detector of files.
+    min_pixels: visible pixels. min_contrast: grey levels. model: ignored, so that it can replace a detector that reads a file.
     """
 
     def __init__(self, min_pixels: int = 30, min_contrast: float = 6.0, model: str | None = None) -> None:

@@ -16,7 +16,7 @@ from pipeline.errors import InputError
 class UltralyticsDetector:
     """Finds pedestrians with an Ultralytics model, with Ultralytics' own pre- and postprocessing.
 
-    model: an .onnx file, or a .pt checkpoint if `trusted`, because reading one can run code. threshold, iou, person: as of `OnnxDetector`.
+    model: an .onnx file, or a .pt checkpoint if `trusted`, because reading one can run code. threshold, iou, person: as for `OnnxDetector`.
 
     InputError if the package or the file is missing, or a checkpoint is not trusted.
     """
@@ -45,7 +45,7 @@ class UltralyticsDetector:
         """Return the pedestrians in the image."""
         height, width = frame.image.shape[:2]
         (result,) = self._model.predict(
-            np.ascontiguousarray(frame.image[..., ::-1]),  # It takes BGR.
+            np.ascontiguousarray(frame.image[..., ::-1]),  # Ultralytics takes BGR.
             conf=self._threshold,
             iou=self._iou,
             classes=[self._person],

@@ -1,4 +1,4 @@
-"""One campaign: ask a strategy, execute in closed loop, tell it, write the tables."""
+"""One campaign: ask a strategy, execute its tests in closed loop, tell it the results, write the tables."""
 
 from __future__ import annotations
 
@@ -31,7 +31,8 @@ from pipeline.protocols import Sampler
 
 @dataclass(frozen=True)
 class CampaignPlan:
-    """What a campaign does. strategy: for Hydra to instantiate. earlier: tests.parquet of the campaigns that its strategy knows."""
+    """What a campaign executes. strategy: for Hydra to instantiate. earlier: tests.parquet of the campaigns that its strategy learns
+    from."""
 
     campaign: CampaignId
     space: Space
@@ -44,14 +45,14 @@ class CampaignPlan:
 
     @property
     def identity(self) -> str:
-        """A digest of everything that its tests depend on."""
+        """Digest of everything that the campaign's tests depend on."""
         setup, strategy = self.setup, (self.strategy, self.strategy_seed, self.tests)
         settings = [setup.simulator, setup.scenario.model_dump(), setup.detector, *strategy, setup.keep_every]
         files = [sha256(setup.model), [sha256(path) for path in self.earlier], program_sha256()]
         return hashlib.sha256(json.dumps([settings, *files], sort_keys=True).encode()).hexdigest()
 
     def sampler(self) -> Sampler:
-        """Its strategy before the first test."""
+        """The strategy before its first test."""
         history = {"earlier": [_history(path, self.space) for path in self.earlier]} if self.earlier else {}
         # Partial, because Hydra would turn the space, a dataclass, into a config.
         made: Sampler = instantiate(self.strategy, _partial_=True, _convert_="all")(space=self.space, seed=self.strategy_seed, **history)
@@ -60,7 +61,7 @@ class CampaignPlan:
 
 @dataclass(frozen=True)
 class Executed:
-    """One test of a campaign: its point in the space, what came of it, and the seconds that choosing it took."""
+    """One test of a campaign: its point in the space, its outcome, and the seconds that choosing it took."""
 
     point: Floats
     outcome: Outcome
@@ -69,9 +70,9 @@ class Executed:
 
 
 def sampler_seed(scenario: str, seed: int, version: str = "base") -> int:
-    """The seed of a campaign's sampler. Scenarios share a space: the same seed would ask each of them for the same tests, and eight
-    campaigns of 120 would be 120 different ones. So would a search of a retrained version, which has learnt from them.
-    """
+    """The seed of a campaign's sampler, derived from scenario, version and seed. Scenarios share a space, so with equal seeds they would
+    all get the same tests: eight campaigns of 120 would be 120 different tests. The same holds for the search against a retrained
+    version, which was trained on them."""
     name = scenario if version == "base" else f"{scenario} {version}"
     return int.from_bytes(hashlib.sha256(f"{name} {seed}".encode()).digest()[:4], "big") >> 1
 
@@ -79,8 +80,8 @@ def sampler_seed(scenario: str, seed: int, version: str = "base") -> int:
 def run_campaign(plan: CampaignPlan, out: Path, journal: Path, threads: int, progress: Progress) -> None:
     """Execute a campaign and write tests, signals, frames and timings.parquet beside `out`, which is tests.parquet.
 
-    journal: folder of the finished tests while the campaign is under way; the same plan resumes from it. threads: worker processes;
-    they change no table but the timings.
+    journal: folder of the finished tests of an unfinished campaign; the same plan resumes from it. threads: worker processes; they change
+    no table but the timings.
     """
     log = Journal(journal, plan.identity)
     if log.discarded:
@@ -95,11 +96,11 @@ def run_campaign(plan: CampaignPlan, out: Path, journal: Path, threads: int, pro
 
 
 def search(plan: CampaignPlan, sampler: Sampler, log: Journal, workers: Workers, progress: Progress) -> list[Executed]:
-    """Ask, execute what the journal does not hold, tell, until the budget is spent."""
+    """Ask, execute the tests missing from the journal, tell, until the budget is spent."""
     done: list[Executed] = []
     while len(done) < plan.tests:
         started = time.perf_counter()
-        with threadpool_limits(1):  # Sums of several threads depend on their number.
+        with threadpool_limits(1):  # With several threads, sums depend on their number.
             points = sampler.ask()[: plan.tests - len(done)]
         seconds = (time.perf_counter() - started) / len(points)
         first = len(done)
@@ -131,7 +132,7 @@ def write(plan: CampaignPlan, done: Sequence[Executed], out: Path) -> None:
 
 
 def _history(path: Path, space: Space) -> tuple[Floats, Floats]:
-    """The points and KPIs of a campaign's tests, as its sampler was told them."""
+    """The points and KPIs of a campaign's tests, as its sampler received them."""
     tests = tables.read_tests(path)
     return encode_tests(tests, space), tests["adj_ttc_s"].to_numpy(float)
 

@@ -1,4 +1,4 @@
-"""The journal of a campaign: each finished test execution as a file of its own, so that a kill loses only the tests under way."""
+"""The journal of a campaign: each finished test is its own file, so a kill loses only unfinished tests."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ Signals = Mapping[str, NDArray[Any]]
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one test execution left behind.
+    """The outcome of one test execution.
 
-    signals: none if the simulation broke; then there is a reason. frames: rows of frames.parquet without test_id.
+    signals: none for an error, which has a reason instead. frames: rows of frames.parquet without test_id.
     """
 
     signals: Signals
@@ -35,13 +35,13 @@ class Outcome:
 
     @staticmethod
     def of(episode: Episode, simulate_s: float) -> Outcome:
-        """The outcome of a finished episode; frames are kept as JPEG."""
+        """The outcome of a finished episode; frames are stored as JPEG."""
         frames = tuple(frame_row(kept) | {"image": encode_jpeg(kept.frame.image)} for kept in episode.frames)
         return Outcome(episode.signals, frames, simulate_s)
 
     @staticmethod
     def error(reason: str, simulate_s: float = 0.0) -> Outcome:
-        """The outcome of a simulation that broke."""
+        """The outcome of an error."""
         return Outcome({}, (), simulate_s, reason)
 
     @property
@@ -50,10 +50,10 @@ class Outcome:
 
 
 class Journal:
-    """Outcomes by test index in a folder, bound to the identity of the campaign that they belong to."""
+    """Outcomes by test index in a folder, bound to the identity of one campaign."""
 
     def __init__(self, folder: Path, identity: str) -> None:
-        """Open the folder; `discarded` tells whether outcomes of another campaign lay in it and were removed."""
+        """Open the folder; `discarded` tells whether it held outcomes of another campaign, which are removed."""
         self._folder = folder
         mark = folder / "identity.json"
         self.discarded = folder.exists() and (not mark.exists() or read_json(mark) != identity)
@@ -79,7 +79,7 @@ class Journal:
         return Outcome(signals, frames, about["simulate_s"], about["reason"])
 
     def remove(self) -> None:
-        """Delete the journal: the campaign's files are written."""
+        """Delete the journal once the campaign's files are written."""
         shutil.rmtree(self._folder)
 
 

@@ -1,4 +1,4 @@
-"""Processes that render side by side."""
+"""Worker processes for rendering in parallel."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from multiprocessing.pool import Pool
 
 
 def render_pool(processes: int) -> Pool:
-    """Workers of one thread each; spawned, because a forked child hangs once its parent has a GL context."""
+    """A pool of workers with one thread each; spawned, because a forked child hangs if its parent has a GL context."""
     return multiprocessing.get_context("spawn").Pool(processes, initializer=_single_threaded)
 
 

@@ -1,4 +1,4 @@
-"""Executes concrete scenarios in spawned worker processes; what comes out does not depend on how many there are."""
+"""Executes concrete scenarios in spawned worker processes; the results do not depend on the number of workers."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from pipeline.scenarios.functional import FunctionalScenario
 
 @dataclass(frozen=True)
 class Execution:
-    """One test to execute: its index, where its outcome goes, and the concrete scenario."""
+    """One test to execute: its index, the path of its outcome, and the concrete scenario."""
 
     index: int
     path: Path
@@ -63,8 +63,8 @@ class Workers:
     def execute(self, jobs: Sequence[Execution]) -> Iterator[int]:
         """Execute the jobs, in any order; yields the index of each when its outcome is written.
 
-        A process that dies (out of memory, a crash in the driver) takes its neighbours' tests along. They are executed again, one at
-        a time; the test that kills a process a second time is an outcome of its own.
+        If a process dies (out of memory, a crash in the driver), the unfinished tests of all processes are executed again, one at a time; a
+        test that kills its process a second time becomes an error.
         """
         futures: dict[Future[None], Execution] = {}
         try:
@@ -89,7 +89,7 @@ class Workers:
 
     def _started(self, count: int) -> ProcessPoolExecutor:
         if self._pool is None:
-            # Spawned, because a forked child hangs once its parent has a GL context.
+            # Spawned, because a forked child hangs if its parent has a GL context.
             context = multiprocessing.get_context("spawn")
             self._pool = ProcessPoolExecutor(count, context, _prepare, (os.getpid(), self._setup))
         return self._pool
@@ -104,7 +104,7 @@ class Workers:
 def _prepare(parent: int, setup: Setup) -> None:
     global _setup
     _setup = setup
-    # Sums of several threads depend on their number; and the processes already share the cores.
+    # With several threads, sums depend on their number; and the processes already share the cores.
     os.environ.update(OMP_NUM_THREADS="1", LP_NUM_THREADS="0")
     threadpool_limits(1)
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
@@ -112,27 +112,27 @@ def _prepare(parent: int, setup: Setup) -> None:
 
 @cache
 def _built() -> tuple[Simulator, Detector]:
-    """This process's simulator and detector; built by the first test, so that their errors reach the campaign."""
+    """This process's simulator and detector; the first test builds them, so that their errors reach the campaign."""
     # Partial, because Hydra would turn the scenario into a config.
     simulator = instantiate(_setup.simulator, _partial_=True, _convert_="all")(scenario=_setup.scenario)
     return simulator, Guarded(instantiate(_setup.detector, model=str(_setup.model), _convert_="all"))
 
 
 def _end_with(parent: int) -> None:
-    """A parent killed by kill -9 cannot end its workers: they watch it themselves."""
+    """Exit when the parent is gone: a parent killed by kill -9 cannot end its workers."""
     while os.getppid() == parent:
         time.sleep(1)
     os._exit(1)
 
 
 class Guarded:
-    """A detector whose failures are outcomes of their own: what a stranger's class raises breaks one test, not the campaign."""
+    """A detector that turns exceptions of foreign code into errors: they end one test, not the campaign."""
 
     def __init__(self, detector: Detector) -> None:
         self._detector = detector
 
     def detect(self, frame: Frame) -> Detections:
-        """Return what the detector reports; SimulationError for whatever it raises but InputError, which ends the campaign."""
+        """Return the detector's result; raises SimulationError for any exception except InputError, which ends the campaign."""
         try:
             return self._detector.detect(frame)
         except (InputError, SimulationError):

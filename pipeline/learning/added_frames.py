@@ -1,4 +1,4 @@
-"""The frames of the campaigns that a version learns beside the base set."""
+"""The campaign frames that a version is trained on besides the base set."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from pipeline.learning import selection
 
 @dataclass(frozen=True)
 class Source:
-    """Where added frames come from: the filter tables and the tests of one strategy's campaigns."""
+    """The source of added frames: the filter tables and the tests of one strategy's campaigns."""
 
     filters: Sequence[Path]
     tests: Sequence[Path]
 
     def read(self) -> tuple[pd.DataFrame, pd.DataFrame]:
-        """The verdict on every frame, and every test; InputError that names a test of the filter tables that no campaign has."""
+        """The verdict on every frame, and every test; InputError that names a test in the filter tables that no campaign has."""
         judged = pd.concat([read_filter(path) for path in self.filters], ignore_index=True)
         tests = pd.concat([read_tests(path) for path in self.tests], ignore_index=True)
         if unknown := sorted(set(judged["test_id"]) - set(tests["test_id"])):
@@ -37,7 +37,7 @@ class Source:
 
 
 def choose(config: Config, sources: dict[str, Source], version: Version, spaces: Sequence[Path], seed: int) -> pd.DataFrame:
-    """Which frames a version learns from: test_id, step and the scenario, as many as the other source could give, too.
+    """Choose the frames that a version is trained on: test_id, step and scenario, at most as many as the other source has.
 
     The draw depends on the seed and on the frames alone.
     """
@@ -53,13 +53,13 @@ def choose(config: Config, sources: dict[str, Source], version: Version, spaces:
     count = min(settings.added_frames * version.round, *(selection.capacity(pool, settings.empty_share) for pool in pools.values()))
     if count == 0:
         tables = " and ".join(str(path) for source in sources.values() for path in source.filters)
-        raise InputError(f"{tables}: nothing is left to learn from; run more tests, or relax `filter` or `retraining.selection`")
+        raise InputError(f"{tables}: no frame is left to train on; run more tests, or relax `filter` or `retraining.selection`")
     chosen = selection.draw(pools[version.kind], count, settings.empty_share, seed)
     return chosen.assign(scenario=chosen["test_id"].map(scenarios))
 
 
 def read_added(chosen: pd.DataFrame, paths: Sequence[Path]) -> ImageSet:
-    """The images and labels of the chosen frames; InputError if one is not in the campaigns' frames.parquet."""
+    """The images and labels of the chosen frames; InputError if a frame is missing from the campaigns' frames.parquet."""
     keys = ["test_id", "step"]
     rows = pd.concat([read_frames(path).merge(chosen[keys], on=keys) for path in paths], ignore_index=True)
     if len(rows) != len(chosen):

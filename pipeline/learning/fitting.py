@@ -1,4 +1,4 @@
-"""Trains a version as section `retraining` says: on from its predecessor, or from scratch."""
+"""Trains a version by section `retraining`: continued from its predecessor, or from scratch."""
 
 from __future__ import annotations
 
@@ -17,12 +17,13 @@ from pipeline.detectors.yolo.weights import load_weights
 
 
 def fit_version(config: Config, weights: Path, images: ImageSets, seed: tuple[int, ...], run: Run) -> Fitted:
-    """The trained network of a version. weights: its predecessor's. seed: the version's, and the round's from the second on."""
+    """The trained network of a version. weights: its predecessor's. seed: the version's, combined with the round from the second round
+    on."""
     settings = config.retraining
     if settings.start == "scratch":
         base, added = images.base, images.added
         everything = base if added is None else joined(base, added)
-        # All added frames: the filter has judged them, or a person has.
+        # All added frames: the filter or a person has judged them.
         indices = np.concatenate([usable(base), np.arange(len(base), len(everything))])
         return train_from_scratch(everything, indices, images.validation, _from_scratch(config) | {"seed": seed[0]}, run)
     plan = Refinement(**settings.model_dump(include={"iterations", "batch_size", "learning_rate", "added_share"}), seed=seed)
@@ -30,7 +31,7 @@ def fit_version(config: Config, weights: Path, images: ImageSets, seed: tuple[in
 
 
 def settings_taken(config: Config) -> dict[str, Any]:
-    """The settings that a version is made with: of the frames, and of the training that `retraining.start` chooses."""
+    """The settings that make a version: those of the frames, and those of the training that `retraining.start` selects."""
     settings = config.retraining
     frames = settings.model_dump(include={"start", "selection", "empty_share"})
     if settings.start == "scratch":
@@ -39,6 +40,6 @@ def settings_taken(config: Config) -> dict[str, Any]:
 
 
 def _from_scratch(config: Config) -> dict[str, Any]:
-    """Section `training` without an early end: versions that are compared take equally many steps."""
+    """Section `training` without early stopping: versions under comparison take equally many steps."""
     settings = config.training
     return settings.model_dump() | {"patience": settings.crop_iterations + settings.frame_iterations}

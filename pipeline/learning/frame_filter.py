@@ -1,4 +1,4 @@
-"""Which campaign frames are fit for training (thesis section 7.2), with the reason for each."""
+"""Judges which campaign frames are fit for training (thesis section 7.2), with the reason for each."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from pipeline.errors import InputError
 
 
 def judge(frames: pd.DataFrame, section: Filter) -> pd.DataFrame:
-    """Keep or reject each frame by `CRITERIA`; rows in the order given, columns of the filter table.
+    """Keep or reject each frame by `CRITERIA`; rows in the given order, columns of the filter table.
 
-    frames: columns of frames.parquet, each episode's in the order of time. A frame that no criterion rejects is `visible` or, if the
-    pedestrian does not show, `negative`.
+    frames: columns of frames.parquet, each episode's in order of time. A frame that no criterion rejects is `visible` or, if the pedestrian
+    does not show, `negative`.
     """
     kept, reasons = np.ones(len(frames), bool), np.where(shows(frames), "visible", "negative").astype(object)
     for criterion in CRITERIA:
@@ -30,11 +30,11 @@ def judge(frames: pd.DataFrame, section: Filter) -> pd.DataFrame:
 
 
 def overrule(judged: pd.DataFrame, overrules: pd.DataFrame, elsewhere: Collection[str], path: Path) -> pd.DataFrame:
-    """Let a person's rows decide; the reason then reads `overruled (was <reason>)`.
+    """Apply a person's rows; the reason then reads `overruled (was <reason>)`.
 
-    elsewhere: names of the tests that the study's other filter tables judge; rows about them are left to those. path: of `overrules`.
+    elsewhere: names of the tests in the study's other filter tables; rows about them are ignored here. path: of `overrules`.
 
-    InputError for a row whose frame does not exist, and for one given twice.
+    InputError for a row about a frame that does not exist, and for duplicate rows.
     """
     rows = {frame: row for row, frame in enumerate(zip(judged["test_id"], judged["step"], strict=True))}
     kept, reasons = judged["kept"].to_list(), judged["reason"].to_list()
@@ -53,7 +53,7 @@ def overrule(judged: pd.DataFrame, overrules: pd.DataFrame, elsewhere: Collectio
 
 
 def judged_elsewhere(config: Config, strategy: str, version: str) -> set[str]:
-    """Names of the study's search tests but those of one strategy against one version, which one filter table judges."""
+    """Names of the study's search tests, except those in the filter table of one strategy against one version."""
     others = config.searched - {(strategy, version)}
     campaigns = (CampaignId(scenario, *other, seed) for scenario in config.search for other in others for seed in config.seeds)
     return {str(test) for campaign in campaigns for test in campaign.tests(config.campaign.tests)}

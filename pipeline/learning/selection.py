@@ -1,4 +1,4 @@
-"""Which of the frames that the filter kept are added to training: of all tests, of failures, or balanced over failure regions."""
+"""Selects kept frames for training: of all tests, of failures, or balanced over failure regions."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from pipeline.config.schema import Regions
 from pipeline.core.space import Space
 
 ANY = ""
-"""The one group where nothing is balanced."""
+"""The only group if nothing is balanced."""
 
 
 def groups(selection: str, tests: pd.DataFrame, spaces: Mapping[str, tuple[ScenarioInfo, Space]], section: Regions) -> dict[str, str]:
-    """test_id -> the group that it is balanced with, of the tests whose frames may be added.
+    """test_id -> group, for the tests with frames that may be added.
 
-    selection: `all` tests, those that are `failures`, or these by failure `regions`, each a group, and those in no region of a scenario
-    one more. tests: rows of all campaigns of one source.
+    selection: `all` tests, `failures`, or failures by `regions`, each region a group, plus one group per scenario for failures in no
+    region. tests: rows of all campaigns of one source.
     """
     if selection == "all":
         return dict.fromkeys(tests["test_id"], ANY)
@@ -37,7 +37,7 @@ def groups(selection: str, tests: pd.DataFrame, spaces: Mapping[str, tuple[Scena
 
 
 def pool(judged: pd.DataFrame, grouped: Mapping[str, str]) -> pd.DataFrame:
-    """The frames that may be drawn: test_id, step, empty (nobody shows) and group, in a fixed order.
+    """The frames that may be drawn: test_id, step, empty (no visible pedestrian) and group, in a fixed order.
 
     judged: rows of filter tables.
     """
@@ -47,15 +47,14 @@ def pool(judged: pd.DataFrame, grouped: Mapping[str, str]) -> pd.DataFrame:
 
 
 def capacity(rows: pd.DataFrame, empty_share: float) -> int:
-    """The largest number of frames that can be drawn with that share of empty ones."""
+    """The largest number of frames that can be drawn with this share of empty frames."""
     empty = int(rows["empty"].sum())
     return min(int(empty / empty_share), int((len(rows) - empty) / (1 - empty_share)))
 
 
 def draw(rows: pd.DataFrame, count: int, empty_share: float, seed: int) -> pd.DataFrame:
-    """`count` frames, test_id and step, without replacement: a share of them empty, and of the others as equal a number from each group
-    as the groups can give.
-    """
+    """Draw `count` frames, test_id and step, without replacement: a share of them empty, the others from each group in numbers as equal
+    as the groups allow."""
     rng = np.random.default_rng(seed)
     empty = rows[rows["empty"]]
     wanted = round(count * empty_share)
@@ -63,7 +62,7 @@ def draw(rows: pd.DataFrame, count: int, empty_share: float, seed: int) -> pd.Da
     shown = {name: group for name, group in rows[~rows["empty"]].groupby("group")}
     left = count - wanted
     for rest, (_, group) in zip(range(len(shown), 0, -1), sorted(shown.items(), key=lambda item: (len(item[1]), item[0])), strict=True):
-        # The smallest first: what it lacks the larger ones give.
+        # The smallest first: larger groups make up for what it lacks.
         part = min(len(group), -(-left // rest))
         parts.append(group.iloc[np.sort(rng.choice(len(group), part, replace=False))])
         left -= part

@@ -23,15 +23,15 @@ from pipeline.detectors.yolo.training import Fitted
 from pipeline.detectors.yolo.weights import load_weights, save_weights
 
 LOWEST_SCORE = 0.0005
-"""Average precision needs the detections that nobody would act on, too."""
+"""Lowest score that average precision uses; it needs detections far below the brake's threshold."""
 
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a version comes from.
+    """The origin of a version.
 
-    version: its name. parent: the version that it goes on from, None for a base. data: digests of what it learned from and of the weights
-    that it began with. training: the settings taken. towns: digests of the towns that it has seen.
+    version: its name. parent: the version that training continued from, None for a base. data: digests of its training data and of its
+    initial weights. training: settings used. towns: fingerprints of the towns in its training data.
     """
 
     version: str
@@ -43,22 +43,22 @@ class Origin:
 
 
 def write_version(config: Config, fitted: Fitted, validation: ImageSet, origin: Origin, out: Path) -> None:
-    """Save a model version and its training's curve beside `out`, calibrate its scores, measure it as it is used, and write its card.
+    """Save a model version and its training curve beside `out`, calibrate its scores, measure it as it is used, and write its card.
 
-    All versions of a study, a shipped base included, are calibrated on the same images: otherwise the confidence at which they brake would
-    mean another precision for each, and the comparison would measure that.
+    All versions of a study, including a shipped base, are calibrated on the same images: otherwise the confidence at which they brake would
+    mean a different precision for each version, and the comparison would measure that.
     """
     model = fitted.model
     write_curve(out.with_name("curve.csv"), fitted.curve)
     weights, onnx = out.with_name("weights.safetensors"), out.with_name("model.onnx")
     save_weights(weights, model)
-    saved = load_weights(weights)  # What is tested is what was saved, half precision included.
+    saved = load_weights(weights)  # Measure the saved weights, in half precision.
     with TemporaryDirectory() as folder:
         export_onnx(Path(folder) / "plain.onnx", saved, validation.size)
         plain = detect_all(Path(folder) / "plain.onnx", validation)
     calibration = calibrate(plain, validation)
     export_onnx(onnx, saved, validation.size, calibration)
-    # The calibration is inside the file now, but it moves no box and keeps the order of scores: the images need not be shown again.
+    # The file now includes the calibration, which keeps the boxes and the order of scores: no second pass over the images.
     found = [Detections(one.boxes, calibration.apply(one.scores).astype(np.float32)) for one in plain]
     diagrams = {name: reliability(*judged_scores(f, validation)) for name, f in {"uncalibrated": plain, "calibrated": found}.items()}
     errors = {f"calibration_error_{name}": calibration_error(diagram) for name, diagram in diagrams.items()}
@@ -82,9 +82,8 @@ def write_version(config: Config, fitted: Fitted, validation: ImageSet, origin: 
 
 
 def detect_all(onnx: Path, images: ImageSet, calibration: Calibration | None = None) -> list[Detections]:
-    """What a model says of each image, down to scores that nobody would act on. calibration: the one inside the file, if it has one: the
-    same detections are kept then as without it, and average precision stays what it is.
-    """
+    """A model's detections in each image, down to scores far below its threshold. calibration: the one inside the file, if any: the file
+    then keeps the same detections as without it, and average precision is unchanged."""
     lowest = LOWEST_SCORE if calibration is None else float(calibration.apply(np.array([LOWEST_SCORE]))[0])
     detector = OnnxDetector(onnx, threshold=lowest)
     return [detector.detect_images(images.images[i : i + 1])[0] for i in range(len(images))]

@@ -39,11 +39,11 @@ ROUNDS = _prose("""
     data. The table lists the failures that each search found in all search scenarios together.
 """)
 HELD_OUT_REGIONS = _prose("""
-    Regions in which base fails on the held-out sequence, and how many tests inside each rule every version fails (mean over seeds).
-    The rules are fitted to the failures of base. This alone makes every other version look better inside them.
+    Regions in which {base} fails on the held-out sequence, and how many tests inside each rule every version fails (mean over seeds).
+    The rules are fitted to the failures of {base}. This alone makes every other version look better inside them.
 """)
 CHANGES = _prose("""
-    Tests whose outcome differs between base and {of}, regressions first. The table shows {shown} of the {all} rows in changes.csv,
+    Tests whose outcome differs between {base} and {of}, regressions first. The table shows {shown} of the {all} rows in changes.csv,
     which covers all versions.
 """)
 PAIR = _prose("""

@@ -17,14 +17,15 @@ def verdict_rows(comparison: Comparison) -> list[tuple[str, ...]]:
     return [_row(result, comparison.champion) for result in comparison.versions]
 
 
-def verdict_table(comparison: Comparison, report: Path) -> str:
-    """The table, how to read it and, last, where to go next. report: path of the page."""
+def verdict_table(comparison: Comparison, report: Path | None = None) -> str:
+    """The table, how to read it and, given the path of the page, where to go next."""
     scenarios = " + ".join(comparison.scenarios.values())
     lines = [f"Held out: {scenarios}; the same tests for every version\n", *_aligned([HEADERS, *verdict_rows(comparison)])]
     if len(comparison.groups) < len(comparison.versions) or len(comparison.scenarios) > 1:
         lines += ["", f"Failures by scenario, {_averaged(comparison)}\n", *_aligned([group_headers(comparison), *group_rows(comparison)])]
-    lines += ["", *verdict_sentences(comparison), ""]
-    lines.append(f"Next: open {report} in a browser; ./run ui compares the versions in MLflow")
+    lines += ["", *verdict_sentences(comparison)]
+    if report is not None:
+        lines += ["", f"Next: open {report} in a browser; ./run ui compares the versions in MLflow"]
     return "\n".join(lines)
 
 
@@ -32,7 +33,7 @@ def verdict_sentences(comparison: Comparison) -> list[str]:
     """How to read the table, and what qualifies it."""
     alpha = f"{comparison.alpha:g}"
     sentences = [
-        f"★ champion: {comparison.champion}. p: exact McNemar test against base on the same tests. "
+        f"★ champion: {comparison.champion}. p: exact McNemar test against {comparison.versions[0].version} on the same tests. "
         f"A difference is shown at p ≤ {alpha}, not corrected for several comparisons."
     ]
     if (passing := sum(map(comparison.passes, comparison.gate))) > 1:

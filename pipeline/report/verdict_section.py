@@ -52,6 +52,7 @@ def verdict_section(
     replays: Sequence[Film],
 ) -> Section:
     """The comparison of the model versions. changes: rows of changes.csv. rounds: `rounds_part`, if there are several."""
+    base = comparison.versions[0].version
     parts = [
         Passage(table=Table(HEADERS, tuple(verdict_rows(comparison)), numbers=(1, 2, 3)), notes=tuple(verdict_sentences(comparison))),
         Passage("By scenario", texts.TABLE, Table(group_headers(comparison), tuple(group_rows(comparison)))),
@@ -61,7 +62,7 @@ def verdict_section(
     if rounds is not None:
         parts.insert(2, rounds)
     if comparison.regions:
-        parts.append(Passage("Failure regions of base", texts.HELD_OUT_REGIONS, _regions(comparison)))
+        parts.append(Passage(f"Failure regions of {base}", texts.HELD_OUT_REGIONS.format(base=base), _regions(comparison)))
     if len(changes):
         parts.append(_changes(changes, comparison))
     if replays:
@@ -137,7 +138,9 @@ def _changes(changes: pd.DataFrame, comparison: Comparison) -> Passage:
         numbers=(3,),
     )
     of = f"the champion {comparison.champion}" if released else "a retrained version"
-    return Passage("Fixes and regressions", texts.CHANGES.format(of=of, shown=len(shown), all=len(changes)), table)
+    return Passage(
+        "Fixes and regressions", texts.CHANGES.format(base=comparison.versions[0].version, of=of, shown=len(shown), all=len(changes)), table
+    )
 
 
 def _change_row(row: pd.Series) -> tuple[str, ...]:

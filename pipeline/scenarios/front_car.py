@@ -17,23 +17,23 @@ CONDITIONS: Mapping[str, tuple[str, ...]] = {
     "forward_vehicle": ("absent", "present"),
     "oncoming_vehicle": ("absent", "present"),
 }
-"""What a snapshot can be asked for. lanes: in the ego's direction. current_lane: counted from the nearside kerb."""
+"""All values of the operating conditions. lanes: in the ego's direction. current_lane: counted from the nearside kerb."""
 
 
 class SnapshotSpace(BaseModel):
-    """The operating conditions of a study: values of each, and clauses of which one literal must hold."""
+    """The operating conditions of a study: values of each, and clauses."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
     variables: dict[str, tuple[str, ...]]
     """Values of each operating condition, at least one of those that can be rendered."""
     constraints: tuple[tuple[str, ...], ...]
-    """Clauses that must all hold; a clause holds where one of its literals `name = value` or `name != value` does."""
+    """Clauses that must all hold; a clause holds if one of its literals `name = value` or `name != value` holds."""
 
     @field_validator("variables", mode="before")
     @classmethod
     def _as_text(cls, plain: object) -> object:
-        """Whole numbers are names of values, too."""
+        """Accept whole numbers as names of values."""
         if not isinstance(plain, Mapping):
             return plain
         return {name: [str(value) for value in values] if isinstance(values, list | tuple) else values for name, values in plain.items()}
@@ -54,11 +54,11 @@ class SnapshotSpace(BaseModel):
         return self
 
     def space(self) -> Space:
-        """The space; ValueError for a condition without values or with one twice, a wrong literal and contradictory constraints."""
+        """The space; ValueError for a condition without values or with duplicates, a wrong literal and contradictory constraints."""
         return Space(tuple(Variable(name, "categorical", values=values) for name, values in self.variables.items()), self.constraints)
 
     def feasible_points(self) -> Ints:
-        """(m, d) category indices of all points that the constraints allow, in their order."""
+        """Category indices (m, d) of all points that the constraints allow, in their order."""
         space = self.space()
         every = np.indices(space.sizes).reshape(len(space), -1).T
         return np.asarray(every[space.constraints.holds(every)], np.int64)
@@ -71,20 +71,20 @@ class FrontCar(BaseModel):
 
     space: SnapshotSpace
     k: int = Field(ge=1, le=6)
-    """Of the projection coverage that the proposals bring to 100 %."""
+    """k of the projection coverage that the proposals bring to 100 %."""
     existing: int = Field(ge=1, le=1000)
-    """Random points to begin with."""
+    """Number of random points at the start."""
     seed: int = Field(ge=0)
-    """Of points, towns and everything that the conditions leave open."""
+    """Seed of points, towns and everything that the conditions leave open."""
     images: int = Field(ge=20, le=100_000)
-    """Snapshots that each detector learns from, training and validation together, shared out evenly over its points."""
+    """Number of snapshots to train each detector, training and validation together, shared evenly among its points."""
     validation_share: float = Field(gt=0, lt=0.9)
-    """Share of each point's snapshots that validates."""
+    """Share of each point's snapshots used for validation."""
     test_images: int = Field(ge=1, le=1000)
-    """Test snapshots of every feasible point, in towns of their own."""
+    """Number of test snapshots of every feasible point, in separate towns."""
     batch_size: int = Field(ge=2, le=4096)
-    """Frames a step."""
+    """Frames per step."""
     iterations: int = Field(ge=1)
-    """Steps of each detector, from the shipped one's weights."""
+    """Number of training steps of each detector, from the shipped detector's weights."""
     learning_rate: float = Field(gt=0, lt=1)
     """The highest of the schedule."""

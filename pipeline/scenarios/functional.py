@@ -21,9 +21,9 @@ ON_PATH_M = 0.25
 
 
 class Ego(Part):
-    """The ego vehicle: constant speed along its path until it brakes; `horizon_s` before it would reach the conflict point it starts.
+    """The ego vehicle: constant speed along its path until it brakes; it starts `horizon_s` before it would reach the conflict point.
 
-    path: waypoints, metres; corners are rounded with `corner_radius_m`, and both ends go straight on.
+    path: waypoints, metres; corners are rounded with `corner_radius_m`, and both ends continue straight.
     """
 
     speed_kmh: float = Field(gt=0, le=130)
@@ -36,17 +36,18 @@ class Ego(Part):
 
 
 class Crossing(Part):
-    """The pedestrian's straight path through the conflict point `at`, on the ego's path: heading in degrees, 90 is to the left of x."""
+    """The pedestrian's straight path through the conflict point `at`, which lies on the ego's path: heading in degrees, 90 is to the
+    left of x."""
 
     at: Waypoint = (0.0, -1.75)
     heading_deg: float = Field(ge=-180, le=180)
 
 
 class Actor(Part):
-    """Another road user: where it starts, and how it goes on.
+    """Another road user: its start and its motion.
 
-    Without `via` it drives straight along its heading; with it, through those waypoints, corners rounded with `corner_radius_m`.
-    It waits `starts_s` seconds. paint: index of a colour.
+    Without `via` it drives straight along its heading; with `via`, through those waypoints, corners rounded with `corner_radius_m`. It
+    waits `starts_s` seconds. paint: index of a colour.
     """
 
     kind: VehicleKind
@@ -75,8 +76,8 @@ class Actor(Part):
 class FunctionalScenario(Part):
     """One functional scenario with its logical scenario space.
 
-    constraints: clauses that every test satisfies; a clause holds where one of its literals `variable = category` or
-    `variable != category` does.
+    constraints: clauses that every test satisfies; a clause holds if one of its literals `variable = category` or `variable != category`
+    holds.
     """
 
     label: str
@@ -93,15 +94,16 @@ class FunctionalScenario(Part):
         return Space.from_dict(self.space, self.constraints)
 
     def conflict_s(self) -> float:
-        """Where on the ego's route the conflict point lies, metres."""
+        """Metres along the ego's route to the conflict point."""
         return self.ego.route().project(*self.pedestrian.at)[0]
 
     def start_s(self) -> float:
-        """Where on its route the ego's middle starts, metres: unbraked, its front is at the conflict point after `horizon_s`."""
+        """Metres along its route to the start of the ego's middle: unbraked, its front reaches the conflict point after `horizon_s`."""
         return self.conflict_s() - self.ego.speed_kmh / 3.6 * self.ego.horizon_s - EGO_HALF_LENGTH_M
 
     def pedestrian_pose(self, time_s: float, speed_mps: float, shift_m: float = 0.0) -> Pose:
-        """Where the pedestrian is: at the conflict point after `horizon_s`, as the unbraked ego's front; the shift is along its path."""
+        """Position of the pedestrian: without shift it reaches the conflict point after `horizon_s`, like the unbraked ego's front; the
+        shift is along its path."""
         along, heading = (time_s - self.ego.horizon_s) * speed_mps + shift_m, float(np.radians(self.pedestrian.heading_deg))
         x, y = self.pedestrian.at
         return Pose(float(x + along * np.cos(heading)), float(y + along * np.sin(heading)), heading)

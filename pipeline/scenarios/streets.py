@@ -1,7 +1,7 @@
-"""Where a town's streets lie: asphalt, lanes, kerbs, crosswalks; for whoever draws them, drives on them or exports them.
+"""The layout of a town's streets: asphalt, lanes, kerbs, crosswalks; used to draw, drive and export them.
 
-World frame, metres: x along the main street in the ego's driving direction, y left; a curved main street runs so at x = 0. The main
-street's rightmost lane, the ego's, has its middle 1.75 m right of the street's axis. Right-hand traffic.
+World frame, metres: x along the main street in the ego's driving direction, y left; for a curved main street, the direction at x = 0. The
+main street's rightmost lane, the ego's, has its middle 1.75 m right of the street's axis. Right-hand traffic.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ LANE_WIDTH = 3.5
 PAVEMENT_WIDTH = 3.0
 BAY_DEPTH = 3.1
 CORNER_RADIUS = 6.0
-"""Of the kerbs where two streets meet."""
+"""Radius of the kerbs where two streets meet."""
 START_X, END_X = -75.0, 150.0
 SIDE_LENGTH = 85.0
 SHARPEST = 1 / 50
-"""The strongest curvature of a street, 1/m: beyond it the houses on its inner side would meet."""
+"""The strongest curvature of a street, 1/m: beyond it the houses on the inner side would meet."""
 Side = Literal["left", "right"]
 OnStreet = Annotated[float, Field(ge=START_X + 5, le=END_X - 5)]
 
@@ -42,18 +42,18 @@ class Junction(Part):
 
 
 class Crosswalk(Part):
-    """A marked crosswalk: on which street, and how far along it its middle lies (main: x; side: metres from the main street's kerb)."""
+    """A marked crosswalk: its street, and the position of its middle along it (main: x; side: metres from the main street's kerb)."""
 
     street: Literal["main", "side"] = "main"
     at_m: float
 
 
 class Town(Part):
-    """The streets, their style and the seed of all that is drawn by lot: houses, trees, textures.
+    """The streets, their style and the seed of everything random: houses, trees, textures.
 
-    lanes_ahead: lanes in the ego's direction; there is one oncoming. curvature_1pm: of the main street, positive to the left. bus_bay: on
-    the nearside, from x to x. vegetation: hedges and dense trees. crosswalks. rails_x_m: a train line crosses the main street here. trees:
-    (x, y) of single trees beside those drawn by lot.
+    lanes_ahead: lanes in the ego's direction; there is one oncoming lane. curvature_1pm: of the main street, positive to the left. bus_bay:
+    on the nearside, from x to x. vegetation: hedges and dense trees. crosswalks: on either street. rails_x_m: a train line crosses the main
+    street here. trees: (x, y) of single trees besides the random ones.
     """
 
     style: Literal["urban", "suburban"] = "urban"
@@ -85,9 +85,9 @@ class Town(Part):
 
     @property
     def fingerprint(self) -> str:
-        """What says whether two towns are the same one, without showing either: hexadecimal, from SHA-256.
+        """Identifies a town without revealing it: hexadecimal, from SHA-256.
 
-        Of style and seed, which draw the houses and textures: with another street or one more tree between them it is the same town.
+        Covers style and seed, which determine houses and textures: with another street or one more tree it is still the same town.
         """
         return hashlib.sha256(f"{self.style} {self.seed}".encode()).hexdigest()[:16]
 
@@ -98,7 +98,7 @@ class Town(Part):
 
 @dataclass(frozen=True)
 class Gap:
-    """Where a street's side, 1 left or -1 right, is interrupted from `start` to `end` metres along it; `mouth`: by another street."""
+    """Interruption of a street's side, 1 left or -1 right, from `start` to `end` metres along it; `mouth`: by another street."""
 
     side: int
     start: float
@@ -137,18 +137,18 @@ class Street:
         return Pose(float(on.x - v * np.sin(on.heading)), float(on.y + v * np.cos(on.heading)), on.heading)
 
     def world(self, u: float, v: float) -> tuple[float, float]:
-        """World coordinates of a point of the street's frame."""
+        """Convert a point of the street's frame to world coordinates."""
         pose = self.pose(u, v)
         return pose.x, pose.y
 
     def local(self, x: float, y: float) -> tuple[float, float]:
-        """(u, v) of a point of the world."""
+        """Convert a point of the world to (u, v)."""
         u = self.axis.foot(x, y)
         on = self.axis.at(u)
         return u, float(-np.sin(on.heading) * (x - on.x) + np.cos(on.heading) * (y - on.y))
 
     def edge(self, side: int, u: float | None = None) -> float:
-        """Distance of the kerb from the axis; beside a bus bay the bay's. Without u: the furthest along the whole side."""
+        """Distance of the kerb from the axis, the bay's beside a bus bay. Without u: the largest along the whole side."""
         if side > 0:
             return self.left
         beside_bay = self.bay is not None and (u is None or self.bay[0] <= u <= self.bay[1])
@@ -160,7 +160,7 @@ class Street:
 
 
 def streets(town: Town) -> tuple[Street, ...]:
-    """The main street and, behind a junction, the side street."""
+    """The main street and, if there is a junction, the side street."""
     left = LANE_WIDTH * town.lanes_ahead
     gaps: list[Gap] = []
     if town.junction:
@@ -187,7 +187,7 @@ def on_asphalt(town: Town, x: float, y: float, margin: float = 0.0) -> bool:
         u, v = street.local(x, y)
         if -margin <= u <= street.end and abs(v) <= LANE_WIDTH - margin:
             return True
-        # The rounded corners: a square without the disc that its kerb runs along.
+        # The rounded corners: a square without the disc inside the kerb.
         if -margin <= u <= CORNER_RADIUS and abs(v) <= LANE_WIDTH + CORNER_RADIUS:
             return bool(np.hypot(CORNER_RADIUS - u, LANE_WIDTH + CORNER_RADIUS - abs(v)) >= CORNER_RADIUS + margin)
     return False

@@ -26,7 +26,7 @@ WIDTH, HEIGHT = 64, 64
 SPEED_MPS, HORIZON_S, STEP_S, BRAKE_MPS2 = 10.0, 3.0, 0.1, 8.0
 SAFE_DETECTION_M = 24.0
 MARGIN = 0.25
-"""Width of the margin around a region, in its half widths, in which detection is late: a gradient for the search."""
+"""Width of the margin around a region, in its half widths, in which detection is late: it gives the search a gradient."""
 
 _ZEROS: dict[str, Any] = dict.fromkeys((signal.name for signal in SIGNALS), 0)
 NOTHING = TimeStep(**_ZEROS)
@@ -56,12 +56,12 @@ class AnalyticSimulator:
         self._space = scenario.logical_space()
 
     def planted(self, points: Floats) -> NDArray[np.int64]:
-        """Index in `PLANTED` of the region that each point (n, d) lies in, -1 for none, as (n,)."""
+        """Index in `PLANTED` of each point's region (n, d), -1 for none, as (n,)."""
         concretes = [self._space.decode(point) for point in points]
         return np.array([next((i for i, region in enumerate(PLANTED) if _depth(region, c) >= 1), -1) for c in concretes], dtype=np.int64)
 
     def execute(self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0) -> Episode:
-        """Execute one concrete scenario; see `pipeline.protocols.Simulator`. It fails exactly inside a planted region."""
+        """Execute one concrete scenario; see `pipeline.protocols.Simulator`. It fails exactly inside the planted regions."""
         self._space.encode(concrete)
         depth = max(_depth(region, concrete) for region in PLANTED)
         # Across the margin, the detection distance falls from safe to too short.
@@ -85,7 +85,8 @@ class AnalyticSimulator:
 
 
 def _depth(region: Planted, concrete: Mapping[str, Value]) -> float:
-    """1 or more inside a region, falling to 0 at the outer edge of its margin, negative beyond; -1 if a category does not match."""
+    """Depth in a region: 1 or more inside, falling to 0 at the outer edge of its margin, negative beyond; -1 if a category does not
+    match."""
     if any(str(concrete[name]) not in names for name, names in region.values.items()):
         return -1.0
     depths = []
@@ -96,7 +97,7 @@ def _depth(region: Planted, concrete: Mapping[str, Value]) -> float:
 
 
 def _frame(distance: float, time: float) -> Frame:
-    """A bright figure that grows as it comes closer."""
+    """Draw a bright figure that grows as it comes closer."""
     half = int(np.clip(120 / max(distance, 4.0), 2, 24))
     image = np.full((HEIGHT, WIDTH, 3), 80, np.uint8)
     top, left = HEIGHT // 2 - half, WIDTH // 2 - half // 2

@@ -1,4 +1,4 @@
-"""Chooses an OpenGL backend that works on this machine: EGL (uses a GPU if there is one), else OSMesa."""
+"""Chooses an OpenGL backend that works on this machine: EGL (uses a GPU if present), else OSMesa."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ INSTALL = "sudo apt-get install -y --no-install-recommends libosmesa6"
 def choose_backend() -> str:
     """Set MUJOCO_GL for this process and its children; InputError with the command to type if no backend works.
 
-    If MUJOCO_GL is set, only that backend is tried. The answer is kept in `.cache/gl`, because each try costs a second.
+    If MUJOCO_GL is set, only that backend is tried. `.cache/gl` stores the result, because each try costs a second.
     """
-    os.environ.setdefault("LP_NUM_THREADS", "0")  # Software GL uses the cores best with one thread per worker.
+    os.environ.setdefault("LP_NUM_THREADS", "0")  # Software GL is fastest with one thread per worker.
     wanted = os.environ.get("MUJOCO_GL", "").strip().lower()
     if wanted and wanted not in BACKENDS:
         raise InputError(f"MUJOCO_GL must be {' or '.join(BACKENDS)}, or unset; got {wanted!r}")
@@ -53,7 +53,7 @@ def works(backend: str) -> bool:
 
 
 def _remember(path: Path, chosen: str) -> None:
-    # In a read-only folder every process tries again, which costs a second each.
+    # In a read-only folder every process tries again, at a second each.
     with contextlib.suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(chosen + "\n")

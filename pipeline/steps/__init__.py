@@ -1,4 +1,4 @@
-"""One file a step: its contract, `STEP`, and what it does, `run`.
+"""One module per step: its contract, `STEP`, and its work, `run`.
 
-Planning a study imports all of them, so what is slow to import (torch, MLflow, Matplotlib) is imported inside `run`.
+Planning a study imports all of them, so `run` imports slow packages (torch, MLflow, Matplotlib) itself.
 """

@@ -22,14 +22,14 @@ def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
 
 
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
-    """The size of the search is none of the comparison's, but all executions are judged alike."""
+    """Sections of a comparison's campaign: the size of the search does not matter, but the same threshold judges all tests."""
     held_out = wildcards["kind"] == HELD_OUT
     budget = ("comparison.tests",) if held_out else ("campaign.tests", "campaign.keep_every")
     return ("scenarios.{scenario}", "samplers.{strategy}", "simulator", "detector", "campaign.failure_threshold_s", *budget)
 
 
 STEP = Step(
-    "Execute a test campaign in closed loop; a campaign that was killed resumes.",
+    "Execute a test campaign in closed loop; a killed campaign resumes.",
     reads=_reads,
     writes=lambda folders: {
         name: f"{folders.root}/{{kind}}/{{scenario}}/{{strategy}}/{{version}}/{{seed}}/{name}.parquet" for name in TABLES
@@ -43,7 +43,7 @@ STEP = Step(
 def run(job: Job) -> None:
     """Execute the campaign and write its tables.
 
-    The tables but the timings depend on the config, the model and `earlier` alone: not on the threads, nor on how often the run was killed.
+    Except for the timings, the tables depend only on the config, the model and `earlier`, not on the threads or on kills.
     """
     from pipeline.execution.campaign import CampaignPlan, run_campaign, sampler_seed
     from pipeline.execution.workers import Setup

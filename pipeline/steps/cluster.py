@@ -1,4 +1,4 @@
-"""Step `cluster`: groups a scenario's failures into regions that a person can read (thesis Def. 4.18, 4.19)."""
+"""Step `cluster`: groups a scenario's failures into regions with readable rules (thesis Def. 4.18, 4.19)."""
 
 from __future__ import annotations
 
@@ -24,8 +24,7 @@ STEP = Step(
 def run(job: Job) -> None:
     """Find the failure regions of one search scenario over all its campaigns against a version.
 
-    Tests whose simulation ended in an error are left out; what two campaigns executed, as strategies that begin with the same random
-    batch, counts once.
+    Errors are left out; a test that two campaigns executed, such as a common random first batch, counts once.
     """
     from pipeline.analysis.failure_regions import cluster, not_solvable
 

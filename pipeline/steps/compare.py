@@ -28,12 +28,12 @@ STEP = Step(
 
 
 def run(job: Job) -> None:
-    """Compare the versions and write the comparison, all their tests, those that changed, and the metrics that DVC shows.
+    """Compare the versions and write the comparison, all their tests, the changed tests, and the metrics for DVC.
 
-    The order of the cards, or of detectors that are only tested, is the order of the versions.
+    The order of the cards, or of detectors that a study only tests, is the order of the versions.
 
-    Raises InputError if the versions were not executed on the same points in the same order, if one has no campaign, was judged at
-    another threshold than the config's, or has learnt a held-out town.
+    Raises InputError if the versions did not execute the same points in the same order, or if one has no campaign, was judged at another
+    threshold than the config's, or was trained on a held-out town.
     """
     from pipeline.analysis.comparison import base_regions, changed_tests, compare, flat_metrics
     from pipeline.analysis.held_out import read_held_out

@@ -1,4 +1,4 @@
-"""Step `define_space`: the logical scenario space of a functional scenario, with what coverage will count."""
+"""Step `define_space`: writes the logical scenario space of a functional scenario, with the number of pairs that coverage counts."""
 
 from __future__ import annotations
 

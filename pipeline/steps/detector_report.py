@@ -1,4 +1,5 @@
-"""Step `detector_report`: the page of a detector that a study only tests: failures, regions, replays and, beside others, the comparison."""
+"""Step `detector_report`: the page of a detector that a study only tests: failures, regions, replays and, with several detectors, the
+comparison."""
 
 from __future__ import annotations
 
@@ -32,7 +33,7 @@ COMPARISON = {"comparison": "comparison.json", "table": "comparison.parquet", "c
 
 
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
-    """Every scenario may be filmed."""
+    """All scenarios, because any of them may have a replay."""
     scenarios = tuple(f"scenarios.{name}" for name in (*config.search, *config.held_out))
     own = ("study", "tested", "report", "simulator", "detector", "strategies", "held_out", "campaign.failure_threshold_s")
     return (*own, *scenarios)
@@ -47,7 +48,7 @@ STEP = Step(
 
 
 def run(job: Job) -> None:
-    """Write the page; the comparison is on every detector's page."""
+    """Write the page; every detector's page contains the comparison."""
     from pipeline.report.contents import ComparedVersions, ReportData, draw_figures, make_page
     from pipeline.report.page import render
 

@@ -1,7 +1,7 @@
-"""Step `filter`: which campaign frames are fit for training (thesis section 7.2), with the reason for each.
+"""Step `filter`: judges which campaign frames are fit for training (thesis section 7.2), with the reason for each.
 
-Adaptive strategies look for tests in which the pedestrian is hard to see, so many labels are right and yet no person could
-find the pedestrian. The thesis threw such images out by eye; here measured visibility decides, and a person can overrule it.
+Adaptive strategies search for tests in which the pedestrian is hard to see, so many labels are right although no person could find the
+pedestrian. The thesis removed such images by eye; here measured visibility decides, and a person can overrule it.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from pipeline.contract import Job, Step, Wildcards
 
 
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
-    """Which campaigns there are matters only to a person's table, which may name frames of any of them."""
+    """Only a person's table needs the list of campaigns, because it may name frames of any of them."""
     known = ("goal", "search", "seeds", "strategies", "adaptive", "campaign.tests", "retraining.rounds", "retraining.seeds")
     return ("filter", *(known if config.filter.overrules else ()))
 
 
 STEP = Step(
-    "Decide which campaign frames may be learnt from.",
+    "Decide which campaign frames are used for training.",
     reads=lambda folders, wildcards: {
         "frames": folders.search("frames.parquet", strategy=wildcards["strategy"], version=wildcards["version"]),
         "overrules": folders.overrules,
@@ -35,7 +35,7 @@ STEP = Step(
 def run(job: Job) -> None:
     """Judge every kept frame of one strategy's campaigns against a version and write the table.
 
-    Raises InputError, naming the row, if a person's table (`filter.overrules`) overrules a frame that does not exist.
+    Raises InputError that names the row if a person's table (`filter.overrules`) overrules a frame that does not exist.
     """
     from pipeline.learning.frame_filter import judge, judged_elsewhere, overrule
 

@@ -1,4 +1,4 @@
-"""Step `front_car_evaluate`: both detectors of the forward vehicle on the same test snapshots of every feasible point."""
+"""Step `front_car_evaluate`: tests both detectors of the forward vehicle on the same snapshots of every feasible point."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def run(job: Job) -> None:
 
 
 def _right(detections: Detections, truth: Truth, threshold: float) -> bool:
-    """Whether the forward vehicle is found if it is there, and nothing else is."""
+    """Whether the detector finds the forward vehicle if it is there, and nothing else."""
     from pipeline.detectors.evaluation import matching_at
 
     matching = matching_at(threshold, detections, truth)

@@ -1,4 +1,4 @@
-"""Step `front_car_points`: random points, then proposals until every feasible cell is covered (Cheng et al., section 5)."""
+"""Step `front_car_points`: draws random points, then proposes points until every feasible cell is covered (Cheng et al., section 5)."""
 
 from __future__ import annotations
 

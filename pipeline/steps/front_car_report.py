@@ -1,4 +1,4 @@
-"""Step `front_car_report`: the front-car study's figures and the one page that holds them."""
+"""Step `front_car_report`: draws the front-car study's figures and writes its page."""
 
 from __future__ import annotations
 

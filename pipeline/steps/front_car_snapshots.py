@@ -1,4 +1,4 @@
-"""Step `front_car_snapshots`: renders the snapshots that a detector learns from, or is tested on, with their segmentation."""
+"""Step `front_car_snapshots`: renders the training or test snapshots of the detectors, with their segmentation."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from pipeline.contract import Job, Step
 from pipeline.execution.pool import render_pool
 
 TOWNS = 3
-"""Towns of each kind of street; the tests have their own."""
+"""Number of towns per kind of street; test towns are separate."""
 LEARNING, TESTING = 0, 1
-"""Streams of random numbers: what is learnt from and what is tested on share none."""
+"""Streams of random numbers: training and test snapshots share none."""
 Shot = tuple[dict[str, str], tuple[int, ...], Split, int]
 """Point, seed, split, index of the image."""
 TownJob = tuple[int, list[Shot], dict[str, Any], Path]
@@ -43,8 +43,8 @@ STEP = Step(
 def run(job: Job) -> None:
     """Write a data set and its segmentations.
 
-    Of the versions, `existing` renders the random points alone, `covered` all points, both the same number of snapshots; `test` renders
-    every feasible point in other towns, as validation images.
+    `existing` renders the random points alone, `covered` all points, both with the same number of snapshots; `test` renders every feasible
+    point in other towns, as validation images.
     """
     config, known, version, root = job.config, read(job.input("points"), Points), job.wildcards["version"], job.scratch
     if version == "test":
@@ -69,7 +69,7 @@ def run(job: Job) -> None:
 
 
 def _jobs(config: Config, shown: list[Any], counts: list[int], share: float, stream: int, root: Path) -> list[TownJob]:
-    """One job a town; each point's snapshots go round the towns of its kind of street."""
+    """One job per town; each point's snapshots alternate between the towns of its kind of street."""
     space, seed = config.front_car.space.space(), config.front_car.seed
     towns: dict[tuple[int, int, int], list[Shot]] = {}
     first = 0
@@ -89,7 +89,7 @@ def _jobs(config: Config, shown: list[Any], counts: list[int], share: float, str
 def _render(job: TownJob) -> list[Record]:
     """Render and write the snapshots of one town."""
     from pipeline.simulators.mujoco.lens import CameraSettings
-    from pipeline.simulators.mujoco.snapshots import CLASSES, snapshots  # Needs a GL library, which the parent process does not.
+    from pipeline.simulators.mujoco.snapshots import CLASSES, snapshots  # Needs a GL library, unlike the parent process.
 
     town_seed, shots, camera, root = job
     settings = CameraSettings.model_validate(camera)

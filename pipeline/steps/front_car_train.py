@@ -1,4 +1,4 @@
-"""Step `front_car_train`: a detector of the forward vehicle, from the shipped detector's weights and a set of snapshots."""
+"""Step `front_car_train`: trains a detector of the forward vehicle, from the shipped detector's weights and a set of snapshots."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ STEP = Step(
 
 
 def run(job: Job) -> None:
-    """Write the weights, the ONNX file, the training's curve and the card of the version."""
+    """Write the weights, the ONNX file, the training curve and the card of the version."""
     from pipeline.detectors.yolo.retraining import ImageSets, Refinement, retrain
     from pipeline.detectors.yolo.training import Run
     from pipeline.detectors.yolo.weights import load_weights

@@ -1,4 +1,4 @@
-"""Step `measure`: what each search campaign found: failures, F-, F_n- and C_n-measure, coverage (thesis section 4.3)."""
+"""Step `measure`: measures each search campaign: failures, F-, F_n- and C_n-measure, coverage (thesis section 4.3)."""
 
 from __future__ import annotations
 

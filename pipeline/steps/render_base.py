@@ -1,4 +1,4 @@
-"""Step `render_base`: the random base training set (thesis section 5.4), in shards that survive a kill."""
+"""Step `render_base`: renders the random base training set (thesis section 5.4), in shards that survive a kill."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pipeline.execution.pool import render_pool
 from pipeline.scenarios.streets import Town
 
 SHARD_IMAGES = 100
-"""Images a town: few, so that a base set shows many towns and a kill loses little."""
+"""Images per town: few, so that a base set shows many towns and a kill loses little."""
 
 STEP = Step(
     "Render the random base training set.",
@@ -27,7 +27,7 @@ STEP = Step(
 def run(job: Job) -> None:
     """Render `base_set.images` random scenes into a YOLO and COCO data set.
 
-    The last `validation_share` of each town's images validates. The images depend on the config alone, not on the threads.
+    The last `validation_share` of each town's images are validation images. The images depend on the config alone, not on the threads.
     """
     config, root = job.config, job.scratch
     images = config.base_set.images
@@ -51,9 +51,9 @@ def _shard_file(out: Path, shard: int) -> Path:
 
 
 def _render_shard(job: tuple[int, int, int, float, dict[str, Any], dict[str, Town], Path, str]) -> list[Record]:
-    """Render one town's images, unless its shard file says that it is done with the same settings and by the same program."""
+    """Render one town's images, unless its shard file records the same settings and the same code."""
     from pipeline.simulators.mujoco.lens import CameraSettings
-    from pipeline.simulators.mujoco.random_scenes import scenes  # Needs a GL library, which the parent process does not.
+    from pipeline.simulators.mujoco.random_scenes import scenes  # Needs a GL library, unlike the parent process.
 
     shard, count, seed, validation_share, camera, held_out, out, program = job
     key = {"count": count, "seed": seed, "validation_share": validation_share, "camera": camera, "program": program}

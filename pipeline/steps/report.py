@@ -1,4 +1,4 @@
-"""Step `report`: plots, replays and the page that holds them."""
+"""Step `report`: makes plots, replays and the report page."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
 
 
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
-    """Every scenario may be filmed."""
+    """All scenarios, because any of them may have a replay."""
     scenarios = tuple(f"scenarios.{name}" for name in (*config.search, *config.held_out))
     own = ("study", "report", "filter", "simulator", "detector", "strategies", "adaptive", "held_out", "campaign.failure_threshold_s")
     return (*own, *scenarios)

@@ -1,4 +1,4 @@
-"""Step `retrain`: the versions random (D_r), adaptive (D_a) and control of a round from their predecessors (thesis section 7.1)."""
+"""Step `retrain`: makes the versions random (D_r), adaptive (D_a) and control of a round from their predecessors (thesis section 7.1)."""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
 
 
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
-    """One more round or seed makes further versions and leaves the present ones as they are; training only where it is from scratch."""
+    """Another round or seed adds versions and leaves the present ones unchanged; section `training` only matters for training from
+    scratch."""
     own = [f"retraining.{name}" for name in Retraining.model_fields if name not in ("seeds", "rounds")]
     seed = ["retraining.seeds.0"] if Version.named(wildcards["version"]).seed is None else []
     scratch = ["training"] if config.retraining.start == "scratch" else []
@@ -44,10 +45,10 @@ STEP = Step(
 
 
 def run(job: Job) -> None:
-    """Retrain and write the weights, the ONNX file, the training's curve and the card of the version.
+    """Retrain and write the weights, the ONNX file, the training curve and the card of the version.
 
-    Both sources are read, because both versions get the same number of added frames; a control gets none. A training that was killed
-    resumes from its checkpoint.
+    Reads both sources, because both versions get the same number of added frames; a control gets none. A killed training resumes from its
+    checkpoint.
     """
     from pipeline.detectors.yolo.retraining import ImageSets
     from pipeline.detectors.yolo.training import Run
@@ -68,7 +69,7 @@ def run(job: Job) -> None:
         added = read_added(chosen, job.inputs("frames"))
         leakage.refuse_frames(config.held_out, chosen, added, validation)
     data = {"base_set": base.digest, "parent": sha256(weights)} | ({} if added is None else {"added": added.digest})
-    # The same batches once more would teach a second round nothing new.
+    # The same batches again would teach a second round nothing new.
     stream = (seed,) if described.round == 1 else (seed, described.round)
     fitted = fit_version(config, weights, ImageSets(base, added, validation), stream, Run(checkpoint, job.threads, job.progress))
     training = settings_taken(config) | {"seed": seed, "round": described.round, "base_images": len(base)}

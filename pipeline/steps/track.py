@@ -1,4 +1,4 @@
-"""Step `track`: a run per campaign and comparison, and a registered version per model, in MLflow."""
+"""Step `track`: logs a run per campaign and comparison, and registers a version per model, in MLflow."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pipeline.config.schema import Config
 from pipeline.contract import Files, Job, Step, Wildcards
 
 STORE, ARTIFACTS = Path("data/mlflow/mlflow.db"), Path("data/mlflow/artifacts")
-"""Where runs are logged without MLFLOW_TRACKING_URI."""
+"""Store of the runs without MLFLOW_TRACKING_URI."""
 
 
 def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
@@ -28,7 +28,7 @@ def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
 
 
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
-    """A study's run lists all parameters but the bodies of scenarios, which are long."""
+    """All parameters of a study except the bodies of scenarios, which are long."""
     return tuple(name for name in Config.model_fields if name not in ("scenarios", "front_car"))
 
 

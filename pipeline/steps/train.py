@@ -1,4 +1,4 @@
-"""Step `train`: the model version `base` (D_o), shipped or trained from scratch (thesis section 5.4)."""
+"""Step `train`: makes the model version `base` (D_o), shipped or trained from scratch (thesis section 5.4)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pipeline.contract import Job, Step, Wildcards
 
 
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
-    """Training parameters only where the base is trained."""
+    """Training parameters matter only if the base is trained."""
     own = ("base", "training") if config.base.source == "trained" else ("base",)
     return (*own, "detector", *held_out_towns(config))
 
@@ -24,9 +24,9 @@ STEP = Step(
 
 
 def run(job: Job) -> None:
-    """Write the weights, the ONNX file, the training's curve and the card of the base version.
+    """Write the weights, the ONNX file, the training curve and the card of the base version.
 
-    The validation images of the base set give the metrics. A training that was killed resumes from its checkpoint.
+    The validation images of the base set give the metrics. A killed training resumes from its checkpoint.
     """
     from pipeline.detectors.yolo.data import usable
     from pipeline.detectors.yolo.recipe import train_from_scratch

@@ -1,4 +1,4 @@
-"""Step `white_box`: which of the base detector's neurons each strategy's frames reach (thesis section 3.4.2)."""
+"""Step `white_box`: measures which of the base detector's neurons each strategy's frames reach (thesis section 3.4.2)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which version the alias `champion` stands for once a comparison is made: it moves to what was compared with its holder and is better."""
+"""Moves the alias `champion` after a comparison: only to a version that was compared with the current holder and is better."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ CHAMPION = "champion"
 
 
 def successor(comparison: Comparison, holder: str | None) -> tuple[str | None, str]:
-    """The version that takes the alias, None if it stays where it is; and why.
+    """The version that takes the alias, or None if the alias stays; and the reason.
 
-    holder: the version of the comparison that has the alias, None if that was not executed on these tests. A holder that the gate now holds
-    back loses it; one that passes, or the base, loses it to a version that fails significantly less and on no scenario significantly more.
+    holder: the version of the comparison that has the alias, None if the holder did not execute these tests. A holder that the gate now
+    holds back loses the alias; a holder that passes, or the base, loses it to a version that fails significantly less in total and
+    significantly more on no scenario.
     """
     best, base = comparison.champion, comparison.versions[0].version
     if holder is None:
-        return None, "champion stays with a version not executed on these tests; to compare with it, give its folder as base.weights"
+        return None, "champion stays with a version that did not execute these tests; to compare with it, set base.weights to its folder"
     if holder == best:
         return None, f"champion stays with {holder}"
     if holder != base and not comparison.passes(holder):
@@ -31,7 +32,7 @@ def successor(comparison: Comparison, holder: str | None) -> tuple[str | None, s
 
 
 def better(comparison: Comparison, version: str, other: str) -> bool:
-    """Whether a version fails significantly less than another on the whole, and significantly more on no scenario (exact McNemar tests)."""
+    """Whether a version fails significantly less than another in total, and significantly more on no scenario (exact McNemar tests)."""
     pair = comparison.pair(version, other)
     if pair is not None:
         fixes, regressions = pair.fixes, pair.regressions
@@ -43,10 +44,10 @@ def better(comparison: Comparison, version: str, other: str) -> bool:
 
 
 def point_champion(registry: Registry, model: str, compared: Comparison, numbers: Mapping[str, str], weights: Mapping[str, str]) -> str:
-    """Let the alias `champion` follow the comparison, and say what became of it.
+    """Update the alias `champion` after the comparison and return a sentence about it.
 
-    numbers, weights: number of the registered version, and SHA-256 of the weights, of each version. A holder of another study is one of
-    these versions if it has the weights of one: the shipped detector is every study's base.
+    numbers, weights: number of the registered version, and SHA-256 of the weights, of each version. A holder from another study counts as
+    one of these versions if their weights are equal: the shipped detector is every study's base.
     """
     number = registry.aliases(model).get(CHAMPION)
     if number is None:

@@ -1,4 +1,4 @@
-"""The connection to MLflow: the server that MLFLOW_TRACKING_URI names, else an SQLite file of the project."""
+"""The connection to MLflow: the server that MLFLOW_TRACKING_URI names, else an SQLite file in the project."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ def connect(store: Path) -> MlflowClient:
     os.environ["MLFLOW_DISABLE_TELEMETRY"] = "true"
     os.environ.setdefault("MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR", "false")
     os.environ.setdefault("MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT", "true")
-    # A server that does not answer is an error after seconds, not after MLflow's minutes.
+    # Without this, MLflow waits minutes for a server that does not answer.
     os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "3")
     from mlflow import MlflowClient
 
-    # The store's migrations tell about themselves, a hundred lines on first use.
+    # The store's migrations log a hundred lines on first use.
     logging.getLogger("alembic").setLevel(logging.WARNING)
     uri = server() or f"sqlite:///{store.resolve()}"
     return MlflowClient(tracking_uri=uri, registry_uri=uri)
 
 
 def unusable(store: Path, error: MlflowException) -> InputError:
-    """What to raise when MLflow refuses to work."""
+    """The error to raise when MLflow fails."""
     return InputError(f"MLflow at {server() or store} cannot be used: {str(error).splitlines()[0]}")

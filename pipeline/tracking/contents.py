@@ -1,4 +1,4 @@
-"""What MLflow holds of a study: the content of each run, and of each registered version."""
+"""A study's content in MLflow: of each run, and of each registered version."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ WEIGHTS = "weights_sha256"
 
 
 def study_content(config: Config) -> Content:
-    """The study as the run above all others; its parameters are params.yaml's, without the scenarios' bodies, which are long."""
+    """The study as the parent of all other runs; its parameters are those of params.yaml without the scenarios' bodies, which are long."""
     plain = {key: value for key, value in config.model_dump(mode="json").items() if key not in ("scenarios", "front_car")}
     return Content(name=config.study, kind="study", params=dict(_flat(plain)))
 
@@ -39,7 +39,7 @@ def _flat(plain: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str
 
 
 def campaign_content(study: str, tests: pd.DataFrame, measured: CampaignMeasures | None, path: Path) -> Content:
-    """One campaign as a run: failures by mode, Θ as a series, the measures if it was a search, the table itself."""
+    """One campaign as a run: failures by mode, Θ as a series, the measures if it is a search, the table."""
     campaign = campaign_of(tests, path)
     theta = failure_sequence(tests.sort_values("index")["failure"].to_numpy(bool))
     modes = count_modes(tests)
@@ -68,7 +68,7 @@ def comparison_content(study: str, comparison: Comparison, path: Path, plots: Se
 
 
 def version_metrics(result: VersionResult) -> dict[str, float]:
-    """A version's numbers on the held-out sequence; `failures.<scenario>` beside the total."""
+    """A version's results on the held-out sequence; `failures.<scenario>` beside the total."""
     metrics = {"failures": result.failures, "failures_by_ttc": result.modes.by_ttc, "tests": result.tests, "errors": result.errors}
     metrics |= {f"failures.{scenario}": count for scenario, count in failures_by_scenario(result).items()}
     rates = {"failure_rate": result.rate.value}
@@ -84,7 +84,7 @@ def failures_by_scenario(result: VersionResult) -> dict[str, int]:
 
 
 def registration_of(config: Config, card: ModelCard, path: Path, comparison: Comparison, plots: Sequence[Path]) -> Registration:
-    """A model version as it is registered; path: its model.json, the other files beside it."""
+    """A registered model version; path: its model.json, beside its other files."""
     result = next(r for r in comparison.versions if r.version == card.version)
     tags = {"study": config.study, "version": card.version, "verdict": result.verdict, "failures": str(result.failures)}
     tags |= {"gate": comparison.gate[card.version], WEIGHTS: card.weights_sha256}
@@ -100,7 +100,7 @@ def registration_of(config: Config, card: ModelCard, path: Path, comparison: Com
 
 
 def model_content(config: Config, card: ModelCard, result: VersionResult, path: Path, plots: Sequence[Path]) -> Content:
-    """A model version as a run: parameters and curve of its training, the data it used, detection metrics and failures."""
+    """A model version as a run: parameters and curve of its training, its data, detection metrics and failures."""
     params = {"version": card.version, "parent": card.parent or "none", "parameters": str(card.parameters), "seed": str(card.seed)}
     params |= {f"training.{name}": str(value) for name, value in card.training.items()}
     tags: Mapping[str, str] = {WEIGHTS: card.weights_sha256, **{f"data.{name}": digest for name, digest in card.data.items()}}

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def save_onnx(onnx_file: Path, folder: Path) -> None:
-    """Write an ONNX file as MLflow's onnx model, with the signature that its inputs and outputs give."""
+    """Write an ONNX file as MLflow's onnx model, with the signature of its inputs and outputs."""
     import mlflow.onnx
     import onnx
     from mlflow.models import ModelSignature
@@ -29,5 +29,5 @@ def save_onnx(onnx_file: Path, folder: Path) -> None:
         return Schema(specs)
 
     signature = ModelSignature(inputs=schema(model.graph.input), outputs=schema(model.graph.output))
-    # Named here, because MLflow would try the model in a process of its own to find them.
+    # Named here, because MLflow would otherwise run the model in another process to find them.
     mlflow.onnx.save_model(model, folder, signature=signature, pip_requirements=["onnx", "onnxruntime", "numpy"])

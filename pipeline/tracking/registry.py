@@ -1,6 +1,6 @@
-"""The registered detector in MLflow: its versions, each with the logged model and the run behind it, and their aliases.
+"""The registered detector in MLflow: its versions, each with a logged model and a run, and their aliases.
 
-A version is registered under the digest of its content, so that registering it twice leaves one version.
+A version is registered under the digest of its content, so registering it twice makes one version.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Registration:
-    """A model version: its registered name, the run behind it, its own files (an ONNX file makes it loadable by MLflow), tags and text."""
+    """A model version: its registered name, its run, its files (an ONNX file makes it loadable by MLflow), tags and text."""
 
     model: str
     content: Content
@@ -40,18 +40,18 @@ class Registration:
 
 
 class Registry:
-    """The registered models of a tracker's store."""
+    """The registered models in a tracker's store."""
 
     def __init__(self, tracker: Tracker) -> None:
         self._tracker = tracker
         self._client = tracker.client
 
     def register(self, registration: Registration, parent: str | None = None) -> tuple[str, str]:
-        """Register a model version behind a run, unless the same is registered; returns its number and the run's id."""
+        """Register the model version of a run unless it is registered already; returns its number and the run's id."""
         run_id = self._tracker.log(registration.content, parent)
         model, digest = registration.model, registration.digest
         if (known := self._version(model, digest)) is not None:
-            # What a comparison says of it, its gate or its level, is no part of what it is, and may have changed.
+            # A comparison's results are not part of a version's identity and may have changed.
             for name, value in registration.tags.items():
                 self._client.set_model_version_tag(model, known.version, name, value)
             self._client.update_model_version(model, known.version, registration.description)
@@ -85,14 +85,14 @@ class Registry:
         self._client.set_registered_model_alias(model, alias, version)
 
     def link(self, model: str, version: str, runs: Mapping[str, str]) -> None:
-        """Tie a model version to the runs of its campaigns, in both directions. runs: id -> name."""
+        """Link a model version and the runs of its campaigns, in both directions. runs: id -> name."""
         self._client.set_model_version_tag(model, version, "campaigns", " ".join(sorted(runs.values())))
         self._client.set_model_version_tag(model, version, "campaign_runs", " ".join(sorted(runs)))
         for run_id in runs:
             self._client.set_tag(run_id, "model_version", f"{model}/{version}")
 
     def _logged_model(self, registration: Registration, run_id: str) -> Any:
-        """The logged model of a registration; one whose making was cut off is deleted."""
+        """The logged model of a registration; deletes incomplete ones."""
         from mlflow.entities import LoggedModelStatus, Metric
 
         content, digest = registration.content, registration.digest
@@ -130,7 +130,7 @@ class Registry:
 
 
 def _pages(search: Callable[..., Any], **wanted: str) -> list[Any]:
-    """Everything that one of MLflow's searches finds; it gives a page at a time."""
+    """All results of one of MLflow's searches, which return pages."""
     found, token = [], None
     while True:
         page = search(**wanted, page_token=token)
@@ -140,14 +140,14 @@ def _pages(search: Callable[..., Any], **wanted: str) -> list[Any]:
 
 
 def registered(store: Path) -> list[dict[str, str]]:
-    """The model versions of a store that `register` made, newest last: model, number, aliases, and the tags that it gave.
+    """The model versions that `register` made in a store, newest last: model, number, aliases, and its own tags.
 
     Raises InputError if there is no store.
     """
     from mlflow.exceptions import MlflowException
 
     if server() is None and not store.is_file():
-        raise InputError(f"{store}: expected MLflow's database, found no file; it is made by the step track")
+        raise InputError(f"{store}: expected MLflow's database, found no file; the step track makes it")
     client = connect(store)
     rows = []
     try:

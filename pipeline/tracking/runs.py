@@ -1,6 +1,6 @@
 """Runs in MLflow.
 
-A run is logged under the digest of its content, so that tracking the same results twice leaves one run.
+A run is logged under the digest of its content, so tracking the same results twice makes one run.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ DIGEST, PICTURES = "blindspot.digest", "blindspot.pictures"
 PARENT = "mlflow.parentRunId"
 DESCRIPTION = "mlflow.note.content"
 KIND, TRAINING = "mlflow.experimentKind", "custom_model_development"
-"""Tells MLflow's page to show an experiment as model training, not as generative AI."""
+"""Tag that makes MLflow's page show an experiment as model training, not as generative AI."""
 BATCH, PARAMS = 900, 100
-"""Metrics and parameters a request; MLflow takes at most 1,000 and 100."""
+"""Metrics and parameters per request; MLflow takes at most 1,000 and 100."""
 ROOM = 8000
-"""Characters of a tag's value at most."""
+"""Longest value of a tag, in characters."""
 
 
 @dataclass(frozen=True)
 class DataSet:
-    """Data that a run used. context: what for, such as `training`; source: where it lies."""
+    """Data that a run used. context: its purpose, such as `training`; source: its location."""
 
     name: str
     digest: str
@@ -44,10 +44,10 @@ class DataSet:
 
 @dataclass(frozen=True)
 class Content:
-    """What a run holds. series: name -> (step, value) pairs. files: logged at the top of the run's artifacts.
+    """The content of a run. series: name -> (step, value) pairs. files: logged at the top of the run's artifacts.
 
-    pictures and results, metrics that a later comparison gives it, are logged beside them, but are no part of what it is: drawn or compared
-    anew it is no other run.
+    pictures and results (metrics that a later comparison adds) are logged beside the content but do not belong to it: redrawing or
+    comparing again makes no new run.
     """
 
     name: str
@@ -63,19 +63,18 @@ class Content:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of all but the pictures and results, the files' bytes included; paths and times do not count."""
+        """SHA-256 of everything but the pictures and results, including the files' bytes; excludes paths and times."""
         plain = {key: value for key, value in asdict(self).items() if key not in ("files", "pictures", "results")}
         plain["files"] = _named_digests(self.files)
         return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()
 
 
 class Tracker:
-    """One experiment. Makes store, artifacts and experiment if they are not there."""
+    """One experiment. Creates store, artifacts and experiment if they are missing."""
 
     def __init__(self, store: Path, artifacts: Path, experiment: str, lineage: Mapping[str, str]) -> None:
-        """store: SQLite file, and artifacts: folder, where no server is named. lineage: tags on every new run that are no part of its
-        content, such as the git commit.
-        """
+        """store: SQLite file, and artifacts: folder, if no server is named. lineage: tags on every new run that are not part of its
+        content, such as the git commit."""
         from mlflow.exceptions import MlflowException
 
         if server() is None:
@@ -93,9 +92,9 @@ class Tracker:
             raise unusable(store, error) from error
 
     def log(self, content: Content, parent: str | None = None) -> str:
-        """Log a run unless one of the same name and content is there; returns its id.
+        """Log a run unless one with the same name and content exists; returns its id.
 
-        parent: id of the run that it is shown under. A run that is there moves under it.
+        parent: id of the parent run. An existing run moves under it.
         """
         digest = content.digest
         if (known := self._finished(content.name, digest)) is not None:
@@ -116,7 +115,7 @@ class Tracker:
         return run_id
 
     def describe(self, run_id: str, text: str, compared: Sequence[str] = ()) -> None:
-        """Set a run's description, Markdown, cut to what MLflow takes, with a link that opens MLflow's comparison of some runs."""
+        """Set a run's description, Markdown, cut to MLflow's limit, with a link that opens MLflow's comparison of some runs."""
         if compared:
             ids = ",".join(f"%22{run}%22" for run in compared)
             text = f"[Compare the versions](#/compare-runs?runs=[{ids}]&experiments=[%22{self.experiment}%22])\n\n{text}"
@@ -134,7 +133,7 @@ class Tracker:
             self.client.set_tag(run_id, PICTURES, digest)
 
     def log_results(self, run_id: str, content: Content, logged: Mapping[str, float], model_id: str | None = None) -> None:
-        """Those that are others than a run, or a logged model of it, has; MLflow shows the newest."""
+        """The metrics that differ from those of a run or its logged model; MLflow shows the newest."""
         from mlflow.entities import Metric
 
         now = time.time_ns() // 1_000_000
@@ -145,7 +144,7 @@ class Tracker:
     def _log_numbers(self, run_id: str, content: Content) -> None:
         from mlflow.entities import Metric, Param
 
-        # A fixed time: what was measured has none of its own, and the steps order a series.
+        # A fixed time: metrics have no time of measurement, and the steps order a series.
         points = [Metric(name, float(value), 0, 0) for name, value in {**content.metrics, **content.results}.items()]
         points += [Metric(name, float(value), 0, step) for name, values in content.series.items() for step, value in values]
         params = [Param(name, value) for name, value in content.params.items()]
@@ -155,7 +154,7 @@ class Tracker:
             self.client.log_batch(run_id, metrics=points[begin : begin + BATCH])
 
     def _finished(self, name: str, digest: str) -> Run | None:
-        """The finished run of this name and content; one that was cut off is deleted."""
+        """The finished run with this name and content; deletes incomplete ones."""
         runs = self.client.search_runs([self.experiment], f"tags.`{DIGEST}` = '{digest}' and attributes.run_name = '{name}'")
         for run in runs:
             if run.info.status == "FINISHED":

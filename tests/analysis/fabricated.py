@@ -1,4 +1,4 @@
-"""A small study made up by formula and written through the artefact writers, for tests of the steps behind the campaigns."""
+"""A small study fabricated by formula and written with the artefact writers, for tests of the steps after the campaigns."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from pipeline.core.space import Floats, Space
 VERSIONS = ("base", "control", "random", "adaptive")
 OVERRIDES = ["simulator=analytic", "detector=oracle", "seeds=[0,1]", "campaign.tests=60", "comparison.tests=60", "comparison.seed=0"]
 OVERRIDES += ["retraining.rounds=1", "retraining.seeds=[0]"]
-# How large the region is in which a version fails: fog above this at night.
+# A version fails at night in fog above this value.
 FOG_FROM = {"base": 12.0, "control": 18.0, "random": 50.0, "adaptive": 88.0}
 
 
@@ -37,7 +37,7 @@ IMAGES = [encode_jpeg(np.random.default_rng(step).integers(0, 255, (48, 80, 3), 
 
 
 def make_tests(space: Space, keys: dict[str, Any], points: Floats, fog_from: float = 45.0) -> pd.DataFrame:
-    """Rows of tests.parquet: a test fails at night in fog from `fog_from` on; one test in each 50 is an error."""
+    """Rows of tests.parquet: a test fails at night in fog from `fog_from` on; one test in 50 is an error."""
     fog, altitude = points[:, space.names.index("fog")], points[:, space.names.index("sun_altitude")]
     near = np.maximum((fog_from - fog) / 60, (altitude - 2) / 60)
     failed = near <= 0
@@ -65,7 +65,7 @@ def make_tests(space: Space, keys: dict[str, Any], points: Floats, fog_from: flo
 
 
 def adaptive_points(space: Space, count: int, rng: np.random.Generator) -> Floats:
-    """Points of which later ones lie more and more at night in fog."""
+    """Points that lie more and more at night in fog."""
     points = space.sample(count, rng)
     late = np.arange(count) >= 20
     points[late, space.names.index("fog")] = rng.uniform(40, 100, late.sum())
@@ -74,7 +74,7 @@ def adaptive_points(space: Space, count: int, rng: np.random.Generator) -> Float
 
 
 def make_frames(tests: pd.DataFrame) -> pd.DataFrame:
-    """Rows of frames.parquet: per test one empty, one far, one faint, one hardly in view and one good frame."""
+    """Rows of frames.parquet: per test one empty, one far, one faint, one partly hidden and one good frame."""
     pixels, whole, contrast = [0, 12, 200, 60, 400], [0, 12, 200, 900, 400], [0.0, 30.0, 4.0, 30.0, 30.0]
     rows = [
         {"test_id": test_id, "step": step, "visible_pixels": pixels[step], "whole_pixels": whole[step], "contrast": contrast[step]}
@@ -89,7 +89,7 @@ def make_frames(tests: pd.DataFrame) -> pd.DataFrame:
 
 
 def make_signals(tests: pd.DataFrame) -> pd.DataFrame:
-    """Rows of signals.parquet: two steps a test; the pedestrian shows at the first, 20 m away in even tests and 2 m away in odd ones."""
+    """Rows of signals.parquet: two steps per test; the pedestrian shows in the first, 20 m away in even tests and 2 m away in odd ones."""
     rows = pd.DataFrame({"test_id": np.repeat(tests["test_id"], 2), "step": [0, 1] * len(tests)})
     for signal in SIGNALS:
         rows[signal.name] = signal.kind(0)
@@ -104,7 +104,7 @@ def make_signals(tests: pd.DataFrame) -> pd.DataFrame:
 
 
 def make_onnx(score: float) -> bytes:
-    """A detector that sees one person in the middle of every image, with that score."""
+    """A detector that reports one person with this score in the middle of every image."""
     image = helper.make_tensor_value_info("image", TensorProto.UINT8, ["images", 192, 320, 3])
     outputs = [
         helper.make_tensor_value_info(name, TensorProto.FLOAT, shape) for name, shape in {"boxes": [1, 1, 4], "scores": [1, 1]}.items()
@@ -117,7 +117,7 @@ def make_onnx(score: float) -> bytes:
 
 @dataclass
 class FabricatedStudy:
-    """A study in a folder of its own, laid out as a real one and made up to and including the campaigns and the model versions."""
+    """A study in a separate folder with the usual layout, fabricated up to the campaigns and the model versions."""
 
     folder: Path
     config: Config = field(default_factory=lambda: compose("default", OVERRIDES))
@@ -150,7 +150,7 @@ class FabricatedStudy:
         return self.paths([self.files.regions("base", name) for name in self.config.search])
 
     def run(self, step: str, reads: Mapping[str, Files] | None = None, **wildcards: str) -> None:
-        """Perform a step. reads: files to be read in place of those of the study."""
+        """Perform a step. reads: files that replace those of the study."""
         with chdir(self.folder):
             order = order_of(step, self.config, wildcards, "made")
             perform(replace(order, reads={**order.reads, **(reads or {})}), self.config)

@@ -1,4 +1,4 @@
-"""Who takes the alias `champion`: only a version that was compared with its holder, on the same tests, and is better."""
+"""The alias `champion` moves only to a version that was compared with its holder, on the same tests, and is better."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ FEWEST = "c" + "." * 39
         ("base", {"base": BASE, "adaptive": FEW}, "adaptive", "moves from base to adaptive"),
         ("adaptive", {"base": BASE, "adaptive": FEW}, None, "stays with adaptive"),
         ("base", {"base": BASE, "adaptive": BASE}, None, "stays with base"),
-        # One test fewer is no reason, eight are.
+        # One failure fewer is not significant, eight are.
         ("random", {"base": BASE, "random": FEW, "adaptive": FEWER}, None, "adaptive does not fail significantly less than it"),
         ("random", {"base": BASE, "random": FEW, "adaptive": FEWEST}, "adaptive", "moves from random to adaptive"),
         ("adaptive", {"base": BASE, "random": FEWEST, "adaptive": FEW}, "random", "moves from adaptive to random"),
-        # A holder that more tests have shown to be no better loses it, to the base if none is.
+        # A holder that more tests show to be no better loses it, to the base if no version is better.
         ("adaptive", {"base": BASE, "adaptive": BASE}, "base", "as adaptive is held back: not significantly fewer"),
         ("random", {"base": BASE, "random": BASE, "adaptive": FEW}, "adaptive", "as random is held back"),
         (
             None,
             {"base": BASE, "adaptive": FEWEST},
             None,
-            "give its folder as base.weights",
+            "set base.weights to its folder",
         ),
     ],
 )

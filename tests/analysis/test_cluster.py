@@ -1,4 +1,4 @@
-"""Failure regions as a person reads them."""
+"""Failure regions with readable rules."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_two_corners_are_two_regions() -> None:
     assert {region.support for region in result.regions} == {8}
 
 
-def test_no_failure_is_no_region() -> None:
+def test_without_failures_there_is_no_region() -> None:
     tests = make_tests(SPACE, KEYS, SPACE.sample(20, np.random.default_rng(0)), fog_from=1000)
     result = cluster(INFO, SPACE, tests, Regions(chance_neighbours=0.5, min_failures=3), confidence=0.95)
     assert (result.failures, result.regions, result.unassigned, result.connected) == (0, (), (), 0)
@@ -67,7 +67,7 @@ def test_growing_joins_the_pieces_of_one_cause() -> None:
     assert set(grown[~failures]) == {-1}
 
 
-def test_growing_keeps_away_from_loose_rules_and_drops_crumbs() -> None:
+def test_growing_rejects_loose_rules_and_drops_small_regions() -> None:
     points = np.array([[10.0 * i, 0.0] for i in range(11)])
     failures = np.arange(11) % 3 == 0
     labels = np.where(failures, 0, -1)
@@ -76,7 +76,7 @@ def test_growing_keeps_away_from_loose_rules_and_drops_crumbs() -> None:
     assert set(grow_regions(Tested(SPACE, points, failures), labels, min_precision=0.75, min_failures=4)) == {-1}
 
 
-def test_a_test_that_two_campaigns_executed_counts_once(tmp_path: Path) -> None:
+def test_a_test_of_two_campaigns_counts_once(tmp_path: Path) -> None:
     study = FabricatedStudy(tmp_path / "study").make()
     campaign, same = study.search_tests[0], tmp_path / "same" / "tests.parquet"
     shutil.copytree(campaign.parent, same.parent)

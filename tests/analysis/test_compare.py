@@ -48,7 +48,7 @@ def table(outcomes: Mapping[str, str]) -> pd.DataFrame:
 
 
 def held_out(tests: pd.DataFrame) -> HeldOut:
-    """Tests as `HeldOut`, versions and scenarios in the order in which they come."""
+    """Tests as `HeldOut`, versions and scenarios in order of appearance."""
     tables = {key: rows.reset_index(drop=True) for key, rows in tests.groupby(["scenario", "version"], sort=False)}
     labels = {name: name.replace("star", "*") for name in tests["scenario"].unique()}
     return HeldOut(tuple(tests["version"].unique()), labels, tables)
@@ -125,7 +125,7 @@ def test_a_version_with_more_errors_is_held_back() -> None:
     assert result.champion == "control"
 
 
-def test_equal_versions_are_no_different() -> None:
+def test_equal_versions_show_no_difference() -> None:
     assert compared(base="cc..", control="cc..").versions[1].verdict == "no difference shown"
 
 
@@ -146,7 +146,7 @@ def test_groups_average_over_the_seeds_of_retraining() -> None:
     # Student's t of two seeds is wide: 2 ± 12.7, and no count is below 0.
     assert (first.failures.low, first.failures.high) == pytest.approx((0, 14.706), abs=1e-3) and first.scenarios["F1star"].value == 2
     assert (second.group, second.round, second.failures.value) == ("adaptive-r2", 2, 0)
-    # A single version: Wilson's interval of 4 of 8.
+    # A single version has Wilson's interval, here of 4 of 8.
     assert (base.failures.low, base.failures.high) == pytest.approx((8 * 0.2152, 8 * 0.7848), abs=1e-3)
     none = compared(base="....", adaptive="c...")
     assert none.groups[1].against_base is None
@@ -157,11 +157,11 @@ def test_groups_are_compared_over_all_seeds() -> None:
         **{"base": "cccccc..", "random": "ccc...e.", "random-s1": "cc......", "adaptive": "c.......", "adaptive-s1": "......c."}
     )
     pair = next(pair for pair in result.group_pairs if (pair.group, pair.against) == ("adaptive", "random"))
-    # The error counts for nobody. By test, seeds summed: -1, -2, -1, 0 ...: of the 8 signs 2 reach so far.
+    # The error counts for no version. By test, seeds summed: -1, -2, -1, 0 ...: 2 of the 8 sign patterns reach as far.
     assert (pair.tests, pair.difference.value, pair.p_value) == (7, -2, 0.25)
     assert (pair.difference.low, pair.difference.high) == (-2, -2)
     base = next(pair for pair in result.group_pairs if (pair.group, pair.against) == ("adaptive", "base"))
-    # 5 failures less with each seed; -1, five times -2 and 1: of the 128 signs 6 reach so far.
+    # 5 failures fewer with each seed; -1, five times -2 and 1: 6 of the 128 sign patterns reach as far.
     assert (base.tests, base.difference.value, base.p_value) == (8, -5, 6 / 128)
     sentence = next(line for line in verdict_table(result, Path("report.html")).splitlines() if line.startswith("adaptive against random"))
     assert "-2.0 failures, mean of 2 seeds (-2.0 to -2.0); p = 0.25, exact sign-flip test" in sentence
@@ -174,7 +174,7 @@ def test_one_seed_leaves_mcnemar() -> None:
         assert paired is not None and pair.p_value == pytest.approx(paired.p_value)
 
 
-def test_changed_tests_are_listed_with_what_they_were_and_are() -> None:
+def test_changed_tests_are_listed_with_both_results() -> None:
     tests = table({"base": "cc.", "adaptive": "c.f"}).assign(adj_ttc_s=0.5, false_positives=1, first_detection_m=9.0, fog=[10, 20, 30] * 2)
     result = compare(held_out(tests), "digest", [], alpha=0.05, confidence=0.95)
     changes = changed_tests(result, tests, ["fog"])
@@ -247,7 +247,7 @@ def test_another_sequence_is_refused_with_the_first_difference(tmp_path: Path) -
         study.analyse()
 
 
-def test_tests_that_were_judged_at_another_threshold_are_refused(tmp_path: Path) -> None:
+def test_tests_judged_at_another_threshold_are_refused(tmp_path: Path) -> None:
     study = FabricatedStudy(tmp_path).make()
     campaign = study.config.campaign.model_copy(update={"failure_threshold_s": 0.9})
     study.config = study.config.model_copy(update={"campaign": campaign})

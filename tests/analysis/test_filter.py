@@ -1,4 +1,4 @@
-"""The filter of campaign frames and its overruling."""
+"""The filter of campaign frames and a person's overruling."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.analysis.frame_criteria import CRITERIA, KEPT, MEANINGS, SIDES, Criterion
+from pipeline.analysis.frame_criteria import CRITERIA, KEPT, MEANINGS, Criterion
 from pipeline.artefacts.dataset import encode_jpeg
 from pipeline.artefacts.filter_table import read_filter, read_overrules
+from pipeline.artefacts.tables import SIDES
 from pipeline.config.schema import Filter
 from pipeline.errors import InputError
 from pipeline.learning import frame_filter
@@ -40,7 +41,7 @@ def test_reasons_at_their_limits() -> None:
 
 
 def test_the_first_criterion_gives_the_reason() -> None:
-    # Few, barely in view and faint; barely in view and faint.
+    # First frame: few pixels, barely in view and faint; second frame: barely in view and faint.
     frames = FRAMES.head(2).assign(visible_pixels=[10, 30], whole_pixels=1000, contrast=1.0)
     assert judge(frames, SECTION)["reason"].tolist() == ["few_pixels", "barely_in_view"]
 
@@ -111,19 +112,19 @@ def test_wrong_columns_and_missing_file_are_named(tmp_path: Path) -> None:
         read_overrules(path)
 
 
-def test_what_an_episode_shows_twice_is_kept_once() -> None:
+def test_repeated_views_of_an_episode_are_kept_once() -> None:
     rng = np.random.default_rng(0)
     views = [rng.integers(0, 255, (24, 40, 3), dtype=np.uint8).repeat(8, 0).repeat(8, 1) for _ in range(2)]
     boxes = [(10.0, 10.0, 30.0, 60.0), (11.0, 10.0, 31.0, 60.0), (60.0, 10.0, 80.0, 60.0), (np.nan,) * 4]
-    # Episode a: the same twice, another place of the pedestrian, nobody; twice another view. Episode b: the first view again.
+    # Episode a: the same frame twice, the pedestrian elsewhere, nobody, another view twice. Episode b: the first view again.
     rows = [("a", 0, 0), ("a", 0, 1), ("a", 0, 2), ("a", 0, 3), ("a", 1, 3), ("a", 1, 3), ("b", 0, 0)]
     frames = pd.DataFrame({"test_id": [test for test, _, _ in rows], "image": [encode_jpeg(views[view]) for _, view, _ in rows]})
     frames = frames.assign(step=range(7), visible_pixels=500, whole_pixels=500, contrast=50.0, confidence=0.0)
     for position, side in enumerate(SIDES):
         frames[f"visible_{side}"] = [boxes[box][position] for _, _, box in rows]
     assert judge(frames, SECTION)["kept"].tolist() == [True, False, True, True, True, False, True]
-    # What was rejected for another reason is nothing to compare with.
+    # A frame rejected for another reason is not compared with.
     judged = judge(frames.assign(visible_pixels=[5, *[500] * 6]), SECTION)
     assert judged["reason"].tolist() == ["few_pixels", "visible", "visible", "visible", "visible", "near_duplicate", "visible"]
-    # An empty frame is kept once, too.
+    # Empty frames are also kept once.
     assert judge(frames.assign(visible_pixels=0), SECTION)["reason"].tolist()[:3] == ["negative", "near_duplicate", "negative"]

@@ -1,4 +1,4 @@
-"""Nothing of a held-out scenario can be learnt."""
+"""Training uses nothing of a held-out scenario."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ def noise(count: int, seed: int) -> ImageSet:
 
 def test_frames_of_a_held_out_scenario_are_refused_by_name() -> None:
     chosen = pd.DataFrame({"test_id": ["F1-random-base-0-00000", "F1star-pairwise-base-0-00003"], "scenario": ["F1", "F1star"]})
-    message = "frames of held-out scenarios must not be learnt: F1star-pairwise-base-0-00003; make the filter tables again"
+    message = "training must not use frames of held-out scenarios: F1star-pairwise-base-0-00003; make the filter tables again"
     with pytest.raises(InputError, match=f"^{message}$"):
         refuse_frames(("F1star",), chosen, noise(2, 0), noise(2, 1))
 
 
 def test_a_filter_table_with_a_test_of_another_campaign_is_refused_by_name(tmp_path: Path) -> None:
-    """However much its name looks like that of a held-out scenario's test: what is in no campaign is of none."""
+    """A test that no campaign has is refused, even if its name looks like that of a held-out scenario's test."""
     study = FabricatedStudy(tmp_path).make()
     table = tmp_path / "random.csv"
     judged = pd.DataFrame([["F1star-pairwise-base-0-00003", 0, True, "visible", 90, 20.0, 0.0]], columns=list(COLUMNS))
@@ -51,7 +51,7 @@ def test_a_filter_table_with_a_test_of_another_campaign_is_refused_by_name(tmp_p
     assert str(caught.value) == f"{table}: {message}"
 
 
-def test_frames_know_the_scenario_of_their_campaign(tmp_path: Path) -> None:
+def test_added_frames_carry_the_scenario_of_their_campaign(tmp_path: Path) -> None:
     study = FabricatedStudy(tmp_path).make()
     sources = {}
     for kind, strategy in study.config.sources.items():
@@ -65,20 +65,19 @@ def test_frames_know_the_scenario_of_their_campaign(tmp_path: Path) -> None:
 
 
 def source(study: FabricatedStudy, strategy: str, table: Path) -> Source:
-    frames, tests = (study.paths(study.files.search(f"{name}.parquet", strategy=strategy)) for name in ("frames", "tests"))
-    return Source([table], frames, tests)
+    return Source([table], study.paths(study.files.search("tests.parquet", strategy=strategy)))
 
 
-def test_frames_that_validate_are_refused_by_name() -> None:
+def test_validation_frames_are_refused_by_name() -> None:
     tests = pd.DataFrame({"test_id": ["F1-random-base-0-00000", "F1-random-base-0-00003"], "scenario": "F1"})
     refuse_frames(("F1star",), tests, noise(2, 0), noise(2, 1))
     validation = noise(3, 1)
     added = image_set([(noise(1, 0).images[0], Truth()), (validation.images[2], Truth())])
-    with pytest.raises(InputError, match="a frame of F1-random-base-0-00003 is an image that validates"):
+    with pytest.raises(InputError, match="a frame of F1-random-base-0-00003 is a validation image"):
         refuse_frames(("F1star",), tests, added, validation)
 
 
-def test_towns_of_held_out_scenarios_are_refused_by_name_whatever_the_config_was_that_files_were_made_from(tmp_path: Path) -> None:
+def test_held_out_towns_are_refused_by_name_under_any_config(tmp_path: Path) -> None:
     config = compose("default", [])
     own, unseen = (config.scenarios[name].town.fingerprint for name in ("F1", "F1star"))
 
@@ -88,22 +87,22 @@ def test_towns_of_held_out_scenarios_are_refused_by_name_whatever_the_config_was
         return tmp_path / TRUTH_FILE, [tmp_path / "F1.json"]
 
     refuse_towns(config, *files("a random one", own))
-    with pytest.raises(InputError, match=r"truth\.coco\.json shows the town of held-out F1star, so it must not be learnt"):
+    with pytest.raises(InputError, match=r"truth\.coco\.json shows the town of held-out F1star, so it must not be used for training"):
         refuse_towns(config, *files(unseen, own))
-    with pytest.raises(InputError, match=r"F1\.json describes the town of held-out F1star, so it must not be learnt"):
+    with pytest.raises(InputError, match=r"F1\.json describes the town of held-out F1star, so it must not be used for training"):
         refuse_towns(config, *files("a random one", unseen))
     base = tmp_path / "model.json"
     write_card(base, CARD.model_copy(update={"towns": ("a learnt one",)}))
     assert refuse_towns(config, *files("a random one", own), base) == tuple(sorted(["a random one", own, "a learnt one"]))
     write_card(base, CARD.model_copy(update={"towns": ("a learnt one", unseen)}))
-    with pytest.raises(InputError, match=r"model\.json has learnt the town of held-out F1star, so it must not be learnt"):
+    with pytest.raises(InputError, match=r"model\.json has learnt the town of held-out F1star, so it must not be used for training"):
         refuse_towns(config, *files("a random one", own), base)
     write_truth(tmp_path, [Record("train", 0, 64, 32, Truth(), {})])
-    with pytest.raises(InputError, match=r"truth\.coco\.json does not say which towns its images show"):
+    with pytest.raises(InputError, match=r"truth\.coco\.json does not list the towns that its images show"):
         refuse_towns(config, tmp_path / TRUTH_FILE, [])
 
 
-def test_the_shipped_detector_says_which_towns_it_has_learnt() -> None:
+def test_the_shipped_detector_lists_its_training_towns() -> None:
     config = compose("base", [])
     towns = read_card(Path(config.base.weights) / "model.json").towns
     drawn = {random_scenes._town(np.random.default_rng([config.base_set.seed, shard])).fingerprint for shard in range(400)}
@@ -112,5 +111,5 @@ def test_the_shipped_detector_says_which_towns_it_has_learnt() -> None:
 
 def test_a_random_town_of_a_held_out_scenario_is_refused_by_name() -> None:
     town = random_scenes._town(np.random.default_rng([5, 3]))
-    with pytest.raises(InputError, match=r"base_set\.seed 5: random town 3 is that of held-out F1star"):
+    with pytest.raises(InputError, match=r"base_set\.seed 5: random town 3 is the town of held-out F1star"):
         next(random_scenes.scenes(3, 1, 5, CameraSettings(), {"F2star": compose("default", []).scenarios["F1star"].town, "F1star": town}))

@@ -21,7 +21,7 @@ SPACE = Space((Variable("fog", "continuous", "%", 0, 100, 50), Variable("gait", 
 
 
 def rows(strategy: str, failures: Sequence[int], errors: Sequence[int] = ()) -> pd.DataFrame:
-    """Five tests at fog 0 walking, of which the given ones fail (counted from 1) or are errors."""
+    """Five tests at fog 0 walking; the given ones fail (counted from 1) or are errors."""
     order = range(1, 6)
     failed = [i in failures for i in order]
     return pd.DataFrame(
@@ -59,20 +59,20 @@ def test_baseline_without_failure_counts_its_next_test() -> None:
     assert result.c_measure_assumed
 
 
-def test_too_few_failures_leave_c_undefined() -> None:
+def test_c_is_undefined_with_too_few_failures() -> None:
     result = measured(own=[1], baseline=[1, 2])
     assert (result.c_measure, result.f_n, result.f_measure) == (None, None, 1)
 
 
-def test_errors_are_paid_for_but_cover_nothing() -> None:
+def test_errors_use_budget_but_cover_nothing() -> None:
     result = measured(own=[5], baseline=[5], errors=[1, 2, 3, 4])
     assert (result.tests, result.errors, result.f_measure) == (5, 4, 5)
-    # One pair of the 3 x 2 pairs of categories; three tests wanted of each.
+    # One of the 3 x 2 pairs of categories; each wants three tests.
     assert result.pair_coverage_tests == pytest.approx(1 / 6)
     assert result.projection_coverage == pytest.approx(1 / 18)
 
 
-def test_baseline_has_no_c_of_its_own() -> None:
+def test_the_baseline_has_no_c_measure() -> None:
     tables = {CampaignId("F", "random", "base", 0): rows("random", [1])}
     assert measure_campaign(CampaignId("F", "random", "base", 0), tables, {"F": SPACE}, "random").c_measure is None
 
@@ -105,7 +105,7 @@ def test_theta_table_holds_means_over_seeds() -> None:
     assert table["tests"].tolist() == [1, 2, 3, 4, 5]
 
 
-def test_step_writes_readable_measures_twice_alike(tmp_path: Path) -> None:
+def test_step_writes_the_same_measures_twice(tmp_path: Path) -> None:
     study = FabricatedStudy(tmp_path).make()
     contents = []
     for _ in range(2):

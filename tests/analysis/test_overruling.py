@@ -1,4 +1,4 @@
-"""A person's table overrules the filter's: which rows are for which table, and which are wrong."""
+"""A person's table overrules the filter: rows for each filter table, and wrong rows."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def overruled(*rows: tuple[str, int, bool]) -> pd.DataFrame:
     return overrule(JUDGED, pd.DataFrame(rows, columns=["test_id", "step", "keep"]), ELSEWHERE, Path("o.csv"))
 
 
-def test_own_rows_decide_and_rows_for_other_tables_are_left_to_them() -> None:
+def test_rows_for_other_tables_are_ignored() -> None:
     others = [("F1-neural-base-1-00059", 3, True), ("F1-neural-adaptive-0-00000", 0, False), ("F1-random-random-1-00007", 0, True)]
     table = overruled(("F1-random-base-0-00001", 0, False), *others, ("F1-random-base-0-00001", 5, True))
     assert table["kept"].tolist() == [False, True]
@@ -30,18 +30,18 @@ def test_own_rows_decide_and_rows_for_other_tables_are_left_to_them() -> None:
 @pytest.mark.parametrize(
     "test_id",
     [
-        "F1-random-base-0-00002",  # No frame of it was kept.
+        "F1-random-base-0-00002",  # No frame of this test was kept.
         "F1star-neural-base-0-00001",  # Held out.
         "F9-neural-base-0-00001",
         "F1-neurol-base-0-00001",
-        "F1-neural-adaptive-r2-0-00001",  # The last round's version is not searched.
+        "F1-neural-adaptive-r2-0-00001",  # The last round's version has no search.
         "F1-neural-base-2-00001",
         "F1-neural-base-0-00060",
         "F1-neural-base-0-1",
         "F1-neural",
     ],
 )
-def test_a_row_about_no_test_of_the_study_is_refused(test_id: str) -> None:
+def test_a_row_about_an_unknown_test_is_refused(test_id: str) -> None:
     with pytest.raises(InputError) as caught:
         overruled(("F1-random-base-0-00001", 0, False), (test_id, 3, True))
     assert str(caught.value) == f"o.csv, line 3: expected a kept frame of this study, got frame 3 of test '{test_id}'"

@@ -1,4 +1,4 @@
-"""The page template: what it escapes, marks and leaves out."""
+"""The page template: escaping, marks and left-out parts."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ def test_verdict_cells_and_columns_are_marked() -> None:
     assert "<code>adaptive</code>" in text and "<code>8 / 150</code>" not in text
 
 
-def test_what_is_empty_is_left_out() -> None:
+def test_empty_parts_are_left_out() -> None:
     body = page(Passage(text="only this")).partition("<main>")[2]
     assert "only this" in body
     for tag in ("<h3", "<table", "<figure", "<video", 'class="films"', "<details", "<ul"):
         assert tag not in body
 
 
-def test_folded_table_opens_by_a_click_and_notes_stand_below_it() -> None:
+def test_a_folded_table_opens_by_a_click_and_has_notes_below() -> None:
     table = Table(("version",), (("adaptive",),))
     body = page(Passage(table=table, folded="Every <pair>", notes=("first", "<second>"))).partition("<main>")[2]
     inside, _, after = body.partition("</details>")

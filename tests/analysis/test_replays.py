@@ -32,7 +32,7 @@ def episode(space: Space) -> Episode:
 CONCRETE: dict[str, Value] = {"fog": 90.0, "animation": "walking"}
 
 
-def test_film_has_every_frame_and_plays_anywhere(tmp_path: Path, episode: Episode) -> None:
+def test_a_film_has_every_frame_in_a_portable_format(tmp_path: Path, episode: Episode) -> None:
     path = tmp_path / "films" / "replay.mp4"
     render_replay(Replay(episode, "F1 · random · 00001", CONCRETE, 0.1, {"fog": "%"}), path)
     reader = imageio_ffmpeg.read_frames(str(path))
@@ -61,7 +61,7 @@ def test_gif_and_unknown_suffix(tmp_path: Path, episode: Episode) -> None:
 
 def test_cursor_moves_and_boxes_are_drawn(episode: Episode) -> None:
     images = draw_replay(Replay(episode, "title", CONCRETE, 0.1))
-    # The threshold's dashes have the cursor's colour, but no height.
+    # The threshold's dashes share the cursor's colour but have no height.
     below = [np.flatnonzero((image[490:] == (214, 40, 40)).all(axis=2).sum(axis=0) > 100) for image in images]
     assert all(len(columns) == 2 for columns in below)
     assert np.all(np.diff([columns[0] for columns in below]) > 0)

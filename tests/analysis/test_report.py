@@ -26,7 +26,7 @@ LOADING = {"src", "href", "poster", "xlink:href", "data", "srcset", "action"}
 
 
 class Loads(HTMLParser):
-    """Collects every address that a page would load or link to."""
+    """Collects every address that a page loads or links to."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -86,7 +86,7 @@ def test_plots_are_written(study: FabricatedStudy, page: str) -> None:
     assert names == {f"{kind}.png" for kind in kinds}
 
 
-def test_replays_are_shared_out(study: FabricatedStudy) -> None:
+def test_replays_are_shared_among_regions(study: FabricatedStudy) -> None:
     found = [read(path, FailureRegions) for path in study.regions]
     chosen = choose_regions(found, "base", 4)
     assert [test.scenario for test in chosen] == ["F1", "F2", "F1", "F2"]
@@ -110,7 +110,7 @@ def test_pairs_are_a_fix_and_a_regression_of_the_champion(study: FabricatedStudy
     assert choose_pairs(same, table, {}) == []
 
 
-def test_border_cases_are_nearest_to_the_thresholds_half_of_them_kept() -> None:
+def test_border_cases_are_nearest_to_the_thresholds_and_half_are_kept() -> None:
     rows = [
         ("a", 25, 40, True),
         ("a", 26, 40, True),
@@ -119,7 +119,7 @@ def test_border_cases_are_nearest_to_the_thresholds_half_of_them_kept() -> None:
         ("d", 19, 40, False),
         ("e", 400, 1, False),
     ]
-    rows.append(("f", 25, 40, True))  # The frame of a, met by another strategy.
+    rows.append(("f", 25, 40, True))  # The frame of test a, found by another strategy.
     judged = pd.DataFrame(rows, columns=["test_id", "visible_pixels", "contrast", "kept"])
     judged = judged.assign(step=range(7), reason=["visible"] * 4 + ["few_pixels", "low_contrast", "visible"])
     chosen = nearest(judged, 20, 60, 4)
@@ -149,7 +149,7 @@ def test_table_of_rounds_lists_each_search() -> None:
     assert part.table.rows[1][3].startswith("50.0 % (9.5 to 90.5)")
 
 
-def test_headline_speaks_of_groups_and_names_what_is_shown(study: FabricatedStudy) -> None:
+def test_headline_compares_groups_and_names_significant_differences(study: FabricatedStudy) -> None:
     comparison = read(study.root / "comparison.json", Comparison)
     base, *others = comparison.versions
     text = headline(comparison)

@@ -28,7 +28,7 @@ def test_all_and_failures() -> None:
     assert list(selection.groups("failures", TESTS, {}, section)) == list(TESTS["test_id"][:12])
 
 
-def test_a_share_is_empty_and_both_sources_can_give_as_many() -> None:
+def test_a_share_is_empty_and_both_sources_have_enough_frames() -> None:
     rows = selection.pool(ROWS, dict.fromkeys(TESTS["test_id"][:12], ""))
     assert (len(rows), int(rows["empty"].sum())) == (36, 12)
     assert selection.capacity(rows, 0.25) == 32 and selection.capacity(rows, 0.5) == 24
@@ -38,7 +38,7 @@ def test_a_share_is_empty_and_both_sources_can_give_as_many() -> None:
     assert not drawn.duplicated().any()
 
 
-def test_small_groups_give_all_and_large_ones_the_rest() -> None:
+def test_small_groups_give_all_frames_and_large_groups_the_rest() -> None:
     grouped = {test: "small" if i < 2 else "large" for i, test in enumerate(TESTS["test_id"][:20])}
     rows = selection.pool(ROWS, grouped)
     drawn = selection.draw(rows, 24, 0.25, seed=3)
@@ -47,7 +47,7 @@ def test_small_groups_give_all_and_large_ones_the_rest() -> None:
     assert selection.draw(rows, 8, 0.25, seed=3)["test_id"].map(grouped).value_counts()["small"] >= 3
 
 
-def test_regions_are_groups_and_what_lies_in_none_is_one_more() -> None:
+def test_regions_are_groups_and_failures_outside_are_another() -> None:
     rng = np.random.default_rng(0)
     points = SMALL.sample(300, rng)
     centre = points[0]

@@ -90,7 +90,7 @@ def test_theta_is_a_series(study: FabricatedStudy) -> None:
     assert [point.value for point in sorted(points, key=lambda p: p.step)] == theta["theta"]
 
 
-def test_again_changes_nothing_and_something_new_adds_one(study: FabricatedStudy) -> None:
+def test_tracking_again_changes_nothing_and_a_new_result_adds_a_run(study: FabricatedStudy) -> None:
     before, written = everything(study), (study.root / "tracking.json").read_bytes()
     run(study)
     assert everything(study) == before
@@ -102,12 +102,12 @@ def test_again_changes_nothing_and_something_new_adds_one(study: FabricatedStudy
     assert read(study.root / "tracking.json", TrackedStudy).champion == "adaptive"
 
 
-def test_the_same_results_drawn_anew_are_the_same_version_with_the_new_picture(study: FabricatedStudy) -> None:
+def test_redrawn_results_keep_the_version_and_update_the_picture(study: FabricatedStudy) -> None:
     before, store = everything(study), client(study)
     run(study, b"the plot in other colours")
     assert everything(study) == before
     for version in store.search_model_versions("name='detector'"):
-        if version.tags["version"] != "control":  # The test before left two of it; the older one's run is not this study's any more.
+        if version.tags["version"] != "control":  # The previous test left two versions; the older one's run belongs to no study now.
             assert Path(store.download_artifacts(version.run_id, "theta.png")).read_bytes() == b"the plot in other colours"
 
 
@@ -117,14 +117,14 @@ def test_a_later_comparison_moves_the_alias_and_registers_nothing_again(study: F
     comparison = read(path, Comparison)
     held = store.get_model_version_by_alias("detector", "champion")
     assert held.tags["version"] == comparison.champion == "adaptive"
-    # More tests have shown that it is no better.
+    # More tests show that it is no better.
     worse = tuple(v.model_copy(update={"failures": 99}) if v.version == "adaptive" else v for v in comparison.versions)
     gate = {**comparison.gate, "adaptive": "held back: so"}
     write(path, comparison.model_copy(update={"champion": "base", "gate": gate, "versions": worse}))
     run(study)
     champion = store.get_model_version_by_alias("detector", "champion")
     assert champion.tags["version"] == "base"
-    # The version is the one that was registered, and what is said of it is new.
+    # The version is unchanged, its description is new.
     again = store.get_model_version("detector", held.version)
     assert (again.tags["gate"], again.tags["failures"]) == ("held back: so", "99")
     assert store.get_run(again.run_id).data.metrics["failures"] == 99
@@ -162,7 +162,7 @@ def test_a_deleted_experiment_is_named(tmp_path: Path) -> None:
         Tracker(tmp_path / "m.db", tmp_path / "artifacts", "e", {})
 
 
-def test_a_run_that_was_cut_off_is_logged_again(tmp_path: Path) -> None:
+def test_an_interrupted_run_is_logged_again(tmp_path: Path) -> None:
     tracker = Tracker(tmp_path / "m.db", tmp_path / "artifacts", "e", {})
     content = Content("one", "campaign", metrics={"failures": 3.0})
     first = tracker.log(content)
@@ -195,7 +195,7 @@ def test_runs_are_nested_under_the_study(study: FabricatedStudy) -> None:
     assert "adaptive ★" in parent.data.tags["mlflow.note.content"] and "#/compare-runs?runs=[%22" in parent.data.tags["mlflow.note.content"]
 
 
-def test_a_description_that_is_too_long_is_cut_at_a_line(tmp_path: Path) -> None:
+def test_a_long_description_is_cut_at_a_line(tmp_path: Path) -> None:
     tracker = Tracker(tmp_path / "m.db", tmp_path / "artifacts", "e", {})
     run_id = tracker.log(Content("one", "study"))
     tracker.describe(run_id, "\n".join(["```", *["a version passes"] * 1000, "```"]))
@@ -238,7 +238,7 @@ def test_a_registered_version_loads_and_detects(study: FabricatedStudy) -> None:
     assert found["boxes"].shape == (1, 1, 4) and found["scores"] == pytest.approx(0.2)
 
 
-def test_a_registration_that_was_cut_off_leaves_one_model_and_one_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupted_registration_leaves_one_model_and_one_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tracker, file = Tracker(tmp_path / "m.db", tmp_path / "artifacts", "e", {}), tmp_path / "model.json"
     registry = Registry(tracker)
     file.write_text("{}")
@@ -256,7 +256,7 @@ def test_a_registration_that_was_cut_off_leaves_one_model_and_one_version(tmp_pa
     assert len(store.search_runs([tracker.experiment])) == 1
 
 
-def test_a_server_that_is_not_there_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_server_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MLFLOW_TRACKING_URI", "http://127.0.0.1:9")
     monkeypatch.setenv("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "0")
     with pytest.raises(InputError, match="MLflow at http://127.0.0.1:9 cannot be used"):

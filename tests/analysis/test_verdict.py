@@ -1,4 +1,4 @@
-"""The verdict as text, by a comparison written by hand."""
+"""The verdict as text, for a handwritten comparison."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def comparison(*, errors: int = 0, against_random: bool = True, seeds: int = 2) 
     )
 
 
-def test_rows_say_failures_change_and_verdict() -> None:
+def test_rows_show_failures_change_and_verdict() -> None:
     assert verdict_rows(comparison()) == [
         ("base", "20 / 150", "", "", "baseline"),
         ("control", "20 / 150", "0 (2 fixes, 2 regressions)", "1", "no difference shown"),
@@ -118,7 +118,7 @@ def test_several_seeds_are_judged_together() -> None:
     )
 
 
-def test_no_difference_is_shown_that_may_come_from_the_seeds() -> None:
+def test_a_difference_within_the_variation_of_seeds_is_not_shown() -> None:
     sure = GroupPair(group="a", against="b", tests=9, difference=Estimate(value=-15, low=-18, high=-12), p_value=0.01)
     assert sure.shown(0.05) and not sure.shown(0.005)
     wide = sure.model_copy(update={"difference": Estimate(value=-15, low=-31, high=1)})
@@ -129,7 +129,7 @@ def test_no_difference_is_shown_that_may_come_from_the_seeds() -> None:
     assert told.endswith("seeds summed; no difference is shown, because the interval over the seeds includes 0.")
 
 
-def test_the_best_of_several_that_pass_is_said_to_be_chosen_on_these_tests() -> None:
+def test_the_best_of_several_is_reported_as_chosen_on_these_tests() -> None:
     single = comparison()
     both = single.model_copy(update={"gate": single.gate | {"random": "passes: so"}})
     chosen = "adaptive is the best of 2 versions that pass, chosen on these tests: expect more failures on new tests."
@@ -137,6 +137,6 @@ def test_the_best_of_several_that_pass_is_said_to_be_chosen_on_these_tests() -> 
     assert chosen not in verdict_sentences(single)
 
 
-def test_errors_are_named_only_if_there_are_some() -> None:
+def test_errors_are_reported_only_if_there_are_some() -> None:
     assert len(verdict_sentences(comparison(against_random=False))) == 4
     assert verdict_sentences(comparison(errors=3))[-1] == "Tests that ended in an error do not count: 3 of random."

@@ -1,4 +1,4 @@
-"""The analytic simulator keeps the contract and fails exactly where it says."""
+"""The analytic simulator keeps the contract and fails exactly in its planted regions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The camera's geometry and ground truth are right (thesis section 8.2), and each of its effects can be switched off."""
+"""The camera's geometry and ground truth are right (thesis section 8.2), and each effect can be switched off."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_a_checkerboard_is_seen_where_the_pinhole_model_says(distortion: float) 
 
 
 @pytest.mark.parametrize(("hfov_deg", "distortion"), [(60, -0.3), (70, -0.2), (120, -0.03), (120, 0.3)])
-def test_every_distortion_that_is_taken_is_inverted(hfov_deg: float, distortion: float) -> None:
+def test_every_accepted_distortion_is_inverted(hfov_deg: float, distortion: float) -> None:
     settings = CameraSettings(hfov_deg=hfov_deg, distortion=distortion)
     focal = settings.width / 2 / np.tan(np.radians(hfov_deg / 2))
     lens = Lens(settings, float(focal), 1.5)
@@ -74,21 +74,21 @@ def test_a_barrel_without_an_inverse_is_refused() -> None:
         CameraSettings(hfov_deg=90, distortion=-0.2)
 
 
-def test_a_camera_that_is_dropped_leaves_the_next_one_alone() -> None:
+def test_freeing_a_camera_keeps_the_next_one_intact() -> None:
     def shot(stage: Stage) -> NDArray[np.uint8]:
         stage.camera.set_weather(Weather(sun_azimuth=180, sun_altitude=40))
         return stage.camera.shoot(np.random.default_rng(0))[0]
 
     stage = Stage(TOWN, {}, CameraSettings())
     expected = shot(stage)
-    stage = Stage(TOWN, {}, CameraSettings())  # Only now the first one goes.
+    stage = Stage(TOWN, {}, CameraSettings())  # Frees the first camera.
     image = shot(stage)
     stage.close()
     assert (image == expected).all()
 
 
 def _add_board(spec: mujoco.MjSpec) -> None:
-    """A checkerboard that faces the camera, its middle at (BOARD_X, BOARD_Y, BOARD_Z)."""
+    """A checkerboard facing the camera, its middle at (BOARD_X, BOARD_Y, BOARD_Z)."""
     columns, rows = SQUARES
     pattern = (np.indices((rows, columns)).sum(axis=0) % 2 * 230).astype(np.uint8).repeat(64, 0).repeat(64, 1)
     textures.add(spec, "board", np.repeat(pattern[..., None], 3, axis=2))
@@ -152,7 +152,7 @@ def off_grey(stage: Stage, weather: Weather) -> float:
     return float(np.abs(middle - 255 * weather.grey).mean())
 
 
-def test_fog_and_rain_take_contrast_and_night_takes_light(plain_stage: Stage) -> None:
+def test_fog_and_rain_reduce_contrast_and_night_reduces_light(plain_stage: Stage) -> None:
     contrasts = [off_grey(plain_stage, Weather(fog=fog)) for fog in (0, 30, 60, 80, 100)]
     assert all(a > b for a, b in pairwise(contrasts))
     assert off_grey(plain_stage, Weather(rain=100)) < contrasts[0]
@@ -163,7 +163,7 @@ def test_fog_and_rain_take_contrast_and_night_takes_light(plain_stage: Stage) ->
     assert max(abs(np.diff(steps))) < 10
 
 
-def test_the_sun_glares_from_where_it_stands(plain_stage: Stage) -> None:
+def test_glare_comes_from_the_sun_s_direction(plain_stage: Stage) -> None:
     ahead, behind = (shot(plain_stage, Weather(sun_azimuth=azimuth, sun_altitude=13))[0].astype(int) for azimuth in (0.0, 180.0))
     assert ahead[10:60, 140:180].mean() > behind[10:60, 140:180].mean() + 20
     left, right = (shot(plain_stage, Weather(sun_azimuth=azimuth, sun_altitude=8))[0].max(axis=2) for azimuth in (18.0, 342.0))
@@ -171,7 +171,7 @@ def test_the_sun_glares_from_where_it_stands(plain_stage: Stage) -> None:
 
 
 @pytest.mark.parametrize("effect", ["exposure", "noise", "vignetting", "rain_on_lens", "distortion", "jpeg_quality"])
-def test_each_camera_effect_changes_the_image_and_can_be_off(effect: str) -> None:
+def test_each_camera_effect_changes_the_image_and_can_be_switched_off(effect: str) -> None:
     plain = CameraSettings(**PLAIN)
     value: Any = {"distortion": 0.1, "jpeg_quality": 60}.get(effect, True)
     weather, images = Weather(rain=70, sun_altitude=-10), []

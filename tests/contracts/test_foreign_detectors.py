@@ -1,4 +1,4 @@
-"""Detectors of other libraries keep the contract; what is no such detector is refused by name."""
+"""Detectors of other libraries keep the contract; unsuitable files are refused by name."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ IMAGE = np.random.default_rng(0).integers(0, 255, (192, 320, 3), dtype=np.uint8)
 
 
 def save(folder: Path, person: str = "person", broken: bool = False) -> Path:
-    """A tiny model with random weights, as a user would save one."""
+    """A tiny model with random weights, saved as a user would save it."""
     torch.manual_seed(0)
     names = {0: "car", 1: person, 2: "tree"}
     config = YolosConfig(
@@ -47,13 +47,13 @@ def test_a_hugging_face_model_keeps_the_contract(tmp_path: Path) -> None:
     assert len(HuggingFaceDetector(tmp_path / "model", threshold=0.3, person="tree").detect(Frame(IMAGE, Truth())).scores) == 0
 
 
-def test_hugging_face_values_that_are_no_numbers_break_the_simulation(tmp_path: Path) -> None:
+def test_non_finite_hugging_face_values_raise_a_simulation_error(tmp_path: Path) -> None:
     detector = HuggingFaceDetector(save(tmp_path / "model", broken=True))
     with pytest.raises(SimulationError, match="returns values that are not finite"):
         detector.detect(Frame(IMAGE, Truth()))
 
 
-def test_hugging_face_folders_that_are_none_are_named(tmp_path: Path) -> None:
+def test_wrong_hugging_face_folders_are_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"expected a folder written by save_pretrained; config\.json is missing"):
         HuggingFaceDetector(tmp_path)
     save(tmp_path / "other", person="wolf")
@@ -116,13 +116,13 @@ def test_a_function_keeps_the_contract() -> None:
         ("failing", "failed: RuntimeError: no licence"),
     ],
 )
-def test_what_a_function_does_wrong_breaks_the_simulation(name: str, message: str) -> None:
+def test_a_wrong_function_raises_a_simulation_error(name: str, message: str) -> None:
     with pytest.raises(SimulationError, match=message):
         FunctionDetector(f"{__name__}.{name}").detect(Frame(IMAGE, Truth()))
 
 
 @pytest.mark.parametrize("threshold", [50, 0, -1])
-def test_a_threshold_that_would_report_all_or_nothing_is_refused(threshold: float) -> None:
+def test_a_threshold_that_reports_all_or_nothing_is_refused(threshold: float) -> None:
     with pytest.raises(InputError, match=rf"detector\.threshold must be in \(0, 1\), got {threshold}"):
         FunctionDetector(f"{__name__}.bright", threshold=threshold)
 
@@ -136,6 +136,6 @@ def test_a_threshold_that_would_report_all_or_nothing_is_refused(threshold: floa
         (f"{__name__}.IMAGE", f"expected a function, got {__name__}.IMAGE of type ndarray"),
     ],
 )
-def test_no_function_is_an_input_error(name: str, message: str) -> None:
+def test_a_missing_function_is_an_input_error(name: str, message: str) -> None:
     with pytest.raises(InputError, match=f"^{re.escape(f'detector.function: {message}')}$"):
         FunctionDetector(name)

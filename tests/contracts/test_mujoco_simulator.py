@@ -44,7 +44,7 @@ def test_the_contract_holds(world: Any) -> None:
 
 
 def test_unbraked_ego_and_pedestrian_meet_at_the_conflict_point(world: Any) -> None:
-    """Within 0.1 m and 0.05 s: from the last row, a moment before the meeting, both would reach it at the horizon."""
+    """Within 0.1 m and 0.05 s: extrapolated from the last row, both reach the conflict point at the horizon."""
     simulator, space, scenario = world
     concrete = space.decode(space.sample(1, np.random.default_rng(3))[0])
     concrete |= {"pedestrian_shift": 0.0, "pedestrian_speed": 1.5}
@@ -71,13 +71,13 @@ def test_the_ego_follows_its_path(world: Any) -> None:
         assert abs(aside) < 1e-6 and np.degrees(route.at(s).heading) == pytest.approx(heading, abs=1e-6)
 
 
-def test_speed_and_shift_move_the_pedestrian_as_far_as_they_say(world: Any) -> None:
+def test_speed_and_shift_move_the_pedestrian_by_their_values(world: Any) -> None:
     simulator, space, scenario = world
     heading = np.radians(scenario.pedestrian.heading_deg)
     concrete = space.decode(space.sample(1, np.random.default_rng(7))[0])
 
     def along(**changes: float) -> Any:
-        """Where the pedestrian is along its path in the first second, metres from the conflict point."""
+        """Position of the pedestrian along its path in the first second, metres from the conflict point."""
         signals = simulator.execute({**concrete, **changes}, BlindDetector()).signals
         dx, dy = signals["pedestrian_x_m"][:11] - scenario.pedestrian.at[0], signals["pedestrian_y_m"][:11] - scenario.pedestrian.at[1]
         return np.cos(heading) * dx + np.sin(heading) * dy
@@ -111,7 +111,7 @@ def test_braking_follows_the_vehicle_dynamics(world: Any) -> None:
     signals = simulator.execute(concrete, VisiblePixelOracle()).signals
     speed, brake = signals["ego_speed_mps"], signals["brake"]
     assert np.all(np.diff(speed) <= 1e-9)
-    # Half a second of full braking is long after the lag.
+    # After half a second of full braking the lag is over.
     settled = next(i for i in range(5, len(brake)) if np.all(brake[i - 5 : i + 1] == 1.0))
     assert (speed[settled] - speed[settled + 1]) / 0.1 == pytest.approx(8.0, rel=0.02)
 
@@ -128,7 +128,7 @@ def test_the_whole_box_contains_the_visible_one(world: Any) -> None:
 
 
 def test_occluded_scenarios_show_the_pedestrian_later_than_open_ones() -> None:
-    """A running pedestrian by day: behind the bus and round the corner it shows late, on the open road from the start."""
+    """A running pedestrian by day: behind the bus and around the corner it shows late, on the open road from the start."""
     seen = {}
     for name in ("F1", "F1star", "F6", "F7", "F3", "F4", "F3star", "F4star"):
         simulator = MujocoSimulator(described(name))
@@ -148,7 +148,7 @@ def test_a_replay_in_another_process_gives_the_same_bits(tmp_path: Path) -> None
     scenario = described("F2")
     space = Space.from_dict(scenario.space)
     points = space.sample(3, np.random.default_rng(6))
-    # Night, dusk and rain in this order leave their traces in the lamps, if in anything.
+    # In this order, night, dusk and rain would change the lamps if episodes shared state.
     concretes = [
         space.decode(p) | {"sun_altitude": a, "rain": r} for p, a, r in zip(points, (-12.0, -0.5, 40.0), (0.0, 0.0, 90.0), strict=True)
     ]

@@ -1,4 +1,4 @@
-"""Every strategy passes the checker that ships."""
+"""Every strategy passes the shipped checker."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def test_samplers_keep_the_contract(make: Strategy, space: Space) -> None:
 
 
 class Forgetful(RandomSampler):
-    """Draws anew whenever it is asked."""
+    """Draws new points on every ask."""
 
     def ask(self) -> Floats:
         self.seed += 1
@@ -38,7 +38,7 @@ class Outside(RandomSampler):
 
 
 class Heedless(RandomSampler):
-    """Knows no constraints."""
+    """Ignores constraints."""
 
     def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
         return self.space.scale(rng.random((self.batch_size, len(self.space))))
@@ -47,6 +47,6 @@ class Heedless(RandomSampler):
 @pytest.mark.parametrize(
     ("make", "message"), [(Forgetful, "ask twice"), (Outside, "within the space"), (Heedless, "ask must keep the constraints")]
 )
-def test_the_checker_finds_broken_samplers(make: type[BatchSampler], message: str) -> None:
+def test_the_checker_finds_faulty_samplers(make: type[BatchSampler], message: str) -> None:
     with pytest.raises(AssertionError, match=message):
         check_sampler(lambda: make(CONSTRAINED, 0), CONSTRAINED)

@@ -1,4 +1,4 @@
-"""The scripted stand-ins keep the contract, and the checker finds a broken detector."""
+"""The scripted stand-ins keep the contract, and the checker finds a faulty detector."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def test_stand_ins_keep_the_contract(detector: Detector) -> None:
     check_detector(detector, 64, 48)
 
 
-def test_the_oracle_sees_what_a_person_would() -> None:
+def test_the_oracle_sees_what_a_person_sees() -> None:
     oracle = VisiblePixelOracle()
     seen = oracle.detect(Frame(IMAGE, Truth(BOX, BOX, 30, 30, 6.0)))
     assert seen.boxes.tolist() == [list(BOX)] and seen.scores.tolist() == [1]
@@ -33,7 +33,7 @@ def test_the_oracle_sees_what_a_person_would() -> None:
 
 
 class Restless:
-    """Finds something else each time."""
+    """Reports different boxes each time."""
 
     def __init__(self) -> None:
         self._calls = 0
@@ -52,14 +52,14 @@ class Painter:
 
 
 class Astray:
-    """Reports a box beside the image."""
+    """Reports a box outside the image."""
 
     def detect(self, frame: Frame) -> Detections:
         return Detections(np.array([[900, 0, 910, 10]], np.float32), np.ones(1, np.float32))
 
 
 class Plain:
-    """Gives boxes and scores as they are."""
+    """Returns boxes and scores as a tuple."""
 
     def detect(self, frame: Frame) -> Any:
         return np.zeros((0, 4), np.float32), np.zeros(0, np.float32)
@@ -74,6 +74,6 @@ class Plain:
         (Plain(), "must return pipeline.protocols.Detections, got tuple"),
     ],
 )
-def test_the_checker_finds_broken_detectors(detector: Detector, message: str) -> None:
+def test_the_checker_finds_faulty_detectors(detector: Detector, message: str) -> None:
     with pytest.raises(AssertionError, match=message):
         check_detector(detector, 64, 48)

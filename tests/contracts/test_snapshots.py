@@ -1,4 +1,4 @@
-"""Snapshots of the front-car domain show what their point says, and their labels are what they show."""
+"""Snapshots of the front-car domain show their point's conditions, and their labels match the image."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def shown() -> list[Snapshot]:
     return list(snapshots(5, [(point, (3, i)) for i, point in enumerate(CURVY)], CameraSettings()))
 
 
-def test_every_point_of_a_road_shows_what_it_says(shown: list[Snapshot]) -> None:
+def test_snapshots_show_the_conditions_of_their_points(shown: list[Snapshot]) -> None:
     assert len(shown) == 24
     for point, snapshot in zip(CURVY, shown, strict=True):
         assert {name: snapshot.attributes[name] for name in point} == point
@@ -47,7 +47,7 @@ def test_the_box_is_that_of_the_segmentation(shown: list[Snapshot]) -> None:
         assert snapshot.truth.visible_pixels == len(rows)
 
 
-def test_a_snapshot_does_not_depend_on_those_before_it(shown: list[Snapshot]) -> None:
+def test_a_snapshot_does_not_depend_on_earlier_ones(shown: list[Snapshot]) -> None:
     chosen = (20, 3)
     again = list(snapshots(5, [(CURVY[i], (3, i)) for i in chosen], CameraSettings()))
     for i, snapshot in zip(chosen, again, strict=True):
@@ -55,7 +55,7 @@ def test_a_snapshot_does_not_depend_on_those_before_it(shown: list[Snapshot]) ->
 
 
 @pytest.mark.parametrize("curvature", [1 / 80, -1 / 80])
-def test_what_stands_in_a_curved_street_is_drawn_where_the_layout_says(curvature: float) -> None:
+def test_objects_in_a_curved_street_are_drawn_at_their_layout_positions(curvature: float) -> None:
     street = streets(Town(seed=1, curvature_1pm=curvature))[0]
     stage = Stage(Town(seed=1, curvature_1pm=curvature), {}, CameraSettings(vignetting=False))
     try:

@@ -1,4 +1,4 @@
-"""Covering arrays cover, are small where the smallest is known, hold what they must, and are ordered well."""
+"""Covering arrays cover, are small if the minimum is known, contain their seed rows, and are well ordered."""
 
 from __future__ import annotations
 
@@ -50,12 +50,12 @@ def test_seed_rows_come_first_and_stay() -> None:
         array = covering_array(LINKED, 2, seeds=seeds, effort=effort)
         assert np.array_equal(array.rows[:3], seeds) and verify(array.rows, LINKED, 2).valid
         assert array.lower_bound <= array.size
-    # The two seeds share a category of the largest column: of its 5 categories 4 are left.
+    # The two seeds share a category of the largest column, so 4 of its 5 categories are left.
     array = covering_array(Constraints((5, 4, 3)), 1, seeds=np.array([[0, 1, 2], [0, 2, 1]]))
     assert array.size == array.lower_bound == 6
 
 
-def test_polishing_never_makes_it_larger_and_tells_how_far_it_is() -> None:
+def test_polishing_never_enlarges_an_array_and_reports_progress() -> None:
     told: list[tuple[float, int, int]] = []
     free = Constraints((4,) * 10)
     quick = covering_array(free)
@@ -66,10 +66,10 @@ def test_polishing_never_makes_it_larger_and_tells_how_far_it_is() -> None:
 
 
 @pytest.mark.usefixtures("short_annealing")
-def test_the_seed_alone_decides() -> None:
+def test_only_the_seed_changes_the_array() -> None:
     first, second, other = (covering_array(Constraints((3, 4, 5, 2)), seed=seed).rows for seed in (5, 5, 6))
     assert np.array_equal(first, second) and not np.array_equal(first, other)
-    # Also where a solver has a part in it, and was asked other things before.
+    # Also with a solver that answered other queries before.
     asked = Constraints(LINKED.sizes, LINKED.clauses)
     before = covering_array(asked).rows
     asked.complete({0: 1}, np.random.default_rng(3))
@@ -86,10 +86,10 @@ def test_lower_bounds(sizes: tuple[int, ...], strength: int, bound: int) -> None
 
 def test_the_bound_counts_feasible_cells_alone() -> None:
     only = Constraints((3, 3, 2), ((Literal(0, 0), Literal(1, 0)),))
-    assert lower_bound(only.sizes, 2, only) == 6  # 3 x 2; of the 3 x 3 cells of the first plane 5 are feasible.
+    assert lower_bound(only.sizes, 2, only) == 6  # 3 x 2; 5 of the 3 x 3 cells of the first plane are feasible.
 
 
-def test_what_cannot_be_is_said() -> None:
+def test_impossible_arrays_are_refused() -> None:
     with pytest.raises(ValueError, match="clauses 0, 2 contradict each other"):
         covering_array(Constraints((2, 2), ((Literal(0, 0),), (Literal(1, 0),), (Literal(0, 1),))))
     with pytest.raises(ValueError, match="seed row 1 breaks clause 0"):
@@ -101,7 +101,7 @@ def test_what_cannot_be_is_said() -> None:
 
 
 @pytest.mark.usefixtures("short_annealing")
-def test_the_verifier_finds_what_is_missing_and_what_is_broken() -> None:
+def test_the_verifier_finds_missing_cells_and_broken_clauses() -> None:
     rows = covering_array(LINKED, 2).rows
     shorter = verify(rows[1:], LINKED, 2)
     assert not shorter.valid and shorter.missing and not shorter.broken
@@ -110,7 +110,7 @@ def test_the_verifier_finds_what_is_missing_and_what_is_broken() -> None:
     assert (0, 0) in verify(wrong, LINKED, 2).broken
 
 
-def test_the_order_takes_the_row_with_most_new_pairs_each_time() -> None:
+def test_the_order_takes_the_row_with_the_most_new_pairs() -> None:
     rows = covering_array(Constraints((4, 3, 3, 2))).rows
     order = order_by_new_pairs(rows)
     assert sorted(order.tolist()) == list(range(len(rows)))

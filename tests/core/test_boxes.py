@@ -23,7 +23,7 @@ def test_iou_of_nothing_has_the_right_shape() -> None:
     assert iou([[0, 0, 1, 1]], []).shape == (1, 0)
 
 
-def test_nms_keeps_the_best_of_each_heap_and_the_first_of_equals() -> None:
+def test_nms_keeps_the_best_of_each_group_and_the_first_of_equals() -> None:
     boxes = [[0, 0, 10, 10], [1, 0, 11, 10], [20, 0, 30, 10], [20, 0, 30, 10]]
     assert nms(boxes, [0.5, 0.9, 0.7, 0.7], 0.5).tolist() == [1, 2]
     assert nms(boxes, [0.5, 0.9, 0.7, 0.7], 1.0).tolist() == [1, 2, 3, 0]

@@ -1,4 +1,4 @@
-"""Stopping distances and what a detector could have solved."""
+"""Stopping distances, and tests that a detector could have passed."""
 
 from __future__ import annotations
 
@@ -25,6 +25,6 @@ def test_stopping_distance_by_hand() -> None:
         ([30, 17.7, 10], [0, 30, 0], [0, 8, 0], True),
     ],
 )
-def test_a_person_must_see_in_time(distance: list[float], pixels: list[int], contrast: list[float], expected: bool) -> None:
+def test_a_person_must_see_the_pedestrian_in_time(distance: list[float], pixels: list[int], contrast: list[float], expected: bool) -> None:
     columns = {"ego_speed_mps": [16.0] * 3, "conflict_distance_m": distance, "visible_pixels": pixels, "contrast": contrast}
     assert solvable({name: np.array(values) for name, values in columns.items()}) is expected

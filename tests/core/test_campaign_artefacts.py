@@ -57,7 +57,7 @@ def test_wrong_rows_are_not_written(tmp_path: Path, changed: dict[str, Any]) -> 
     assert not (tmp_path / "tests.parquet").exists()
 
 
-def test_a_column_that_is_missing_is_named(tmp_path: Path) -> None:
+def test_a_missing_column_is_named(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"missing \['ttc_s'\]"):
         campaign.write_tests(tmp_path / "tests.parquet", pd.DataFrame([row()]).drop(columns="ttc_s"), SPACE)
 

@@ -34,7 +34,7 @@ def test_the_name_of_a_test_is_read_back() -> None:
 
 
 @pytest.mark.parametrize("name", ["", "F1star", "F1star-", "-00001", "F1star-1.5", "F1star-x"])
-def test_what_names_no_test_is_refused(name: str) -> None:
+def test_a_text_that_names_no_test_is_refused(name: str) -> None:
     message = f"expected the name of a test, as F1star-00042, got '{name}'"
     with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
         SequenceTest.named(name)
@@ -66,15 +66,15 @@ def test_rate_and_group_failures() -> None:
     assert failure_rate(outcomes("ee"), 0.95).value == 0
 
 
-def test_groups_are_paired_by_seed_and_one_version_stands_beside_each() -> None:
+def test_groups_are_paired_by_seed_and_a_single_version_with_each_seed() -> None:
     found = pair_groups([outcomes("cccc.e")], [outcomes("....cc"), outcomes("c....c")], 0.95)
-    # The last test is an error of one version. Differences by seed: -3 and -3; by test, summed: -1, -2, -2, -2, 1.
+    # The last test is an error with one version. Differences by seed: -3 and -3; by test, summed: -1, -2, -2, -2, 1.
     assert (found.tests, found.difference.value) == (5, -3)
-    # Sums of the 32 signs as far as 6: +-8 twice, +-6 by turning one of the two ones round, four times.
+    # Sums of the 32 sign patterns at least as far as 6: +-8 twice; +-6, by flipping one of the two ones, four times.
     assert found.p_value == 6 / 32
 
 
-def test_the_gate_looks_at_errors_the_whole_and_each_scenario() -> None:
+def test_the_gate_checks_errors_the_total_and_each_scenario() -> None:
     scenarios = {"a": np.arange(30) < 20, "b": np.arange(30) >= 20}
     base = outcomes("c" * 20 + "." * 10)
     assert gate(base, outcomes("." * 30), scenarios, 0.05).passes
@@ -88,13 +88,13 @@ def test_the_gate_looks_at_errors_the_whole_and_each_scenario() -> None:
 
 def test_the_champion_fails_least_on_the_tests_that_all_executed() -> None:
     versions = {"base": outcomes("cccc"), "one": outcomes("c..e"), "two": outcomes("f..c"), "three": outcomes("cc..")}
-    # The last test counts for nobody: one and two fail once each, two by false positives.
+    # The last test counts for no version: one and two fail once each, two by false positives.
     assert champion(versions, ["one", "two", "three"]) == "two"
     assert champion(versions, ["one", "three"]) == "one"
     assert champion(versions, []) == "base"
 
 
-def test_clearly_better_is_worse_nowhere() -> None:
+def test_a_clearly_better_version_is_worse_on_no_scenario() -> None:
     def tests(scenario: str, count: int) -> list[SequenceTest]:
         return [SequenceTest(scenario, index) for index in range(count)]
 

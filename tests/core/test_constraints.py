@@ -42,7 +42,7 @@ def test_complete_gives_a_feasible_row_that_agrees() -> None:
     assert constraints.complete({0: 2}) is None
 
 
-def test_an_empty_clause_leaves_nothing() -> None:
+def test_an_empty_clause_leaves_no_point() -> None:
     assert not Constraints((2, 2), ((),)).feasible_cells([0, 1]).any()
 
 
@@ -61,7 +61,7 @@ def test_a_wrong_literal_is_named(text: str, message: str) -> None:
         Space(SMALL.variables, ((text,),))
 
 
-def test_a_wrong_name_is_corrected_by_its_spelling() -> None:
+def test_a_wrong_name_gets_a_suggestion_by_spelling() -> None:
     blueprints = THESIS.variables[-1:]
     with pytest.raises(ValueError, match=r"category must be one of .*M 33.*, …; got 'M33'; did you mean 'M 33'\?$"):
         Space(blueprints, (("blueprint != M33",),))

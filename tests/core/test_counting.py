@@ -18,7 +18,7 @@ from pipeline.core.coverage.counting import FEW_POINTS, CellCounts
     ],
 )  # fmt: skip
 @pytest.mark.parametrize("points", [0, 7, FEW_POINTS + 77])
-def test_every_count_is_right_in_batches_too(sizes: tuple[int, ...], k: int, points: int) -> None:
+def test_counts_are_right_with_and_without_batches(sizes: tuple[int, ...], k: int, points: int) -> None:
     rng = np.random.default_rng(points)
     rows = np.column_stack([rng.integers(0, size, points) for size in sizes]).reshape(points, len(sizes))
     counts = CellCounts(sizes, k)

@@ -1,4 +1,4 @@
-"""`coverage score`, `propose`, `plan` and `verify`, as they are typed."""
+"""`coverage score`, `propose`, `plan` and `verify` on the command line."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def said(capsys: pytest.CaptureFixture[str], *words: object, code: int = 0) -> A
 def test_score_counts_by_hand(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     space, points = folder / "space.yaml", folder / "points.csv"
     found = said(capsys, "score", "--space", space, "--points", points, "--k", 2)
-    # Planes of 6, 6, 6, 4, 4 and 3 feasible cells; the three points cover 3 of each but two of fog x lanes.
+    # Planes of 6, 6, 6, 4, 4 and 3 feasible cells; the three points cover 3 cells of each, and 2 of fog x lanes.
     assert (found["numerator"], found["denominator"], found["k"]) == (17, 29, 2)
     assert found["coverage"] == pytest.approx(17 / 29)
     assert [row["numerator"] for row in found["by_k"]] == [9, 17]
@@ -52,7 +52,7 @@ def test_score_counts_by_hand(folder: Path, capsys: pytest.CaptureFixture[str]) 
 
 
 @pytest.mark.parametrize(("operator", "expected"), [("product", 8), ("sum", 12), ("max", 8)])
-def test_score_knows_weights(operator: str, expected: int, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_score_uses_weights(operator: str, expected: int, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "w.yaml").write_text("variables: {a: {values: [x, y], weights: {y: 3}}, b: {values: [x, y], weights: [1, 1]}}")
     (folder / "w.csv").write_text("a,b\nx,x\ny,y\ny,y\n")
     found = said(capsys, "score", "--space", folder / "w.yaml", "--points", folder / "w.csv", "--operator", operator)
@@ -68,7 +68,7 @@ def test_score_draws_and_prints(folder: Path, capsys: pytest.CaptureFixture[str]
         assert np.asarray(Image.open(folder / "figures" / f"{name}.png")).std() > 10
 
 
-def test_labels_of_one_name_in_two_folders_are_two_images(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_labels_with_one_name_in_two_folders_are_two_images(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "space.yaml").write_text("variables: {weather: {values: [sunny, rainy]}, objects: {interval: [0, 9], cuts: [1, 3]}}")
     for name, count in (("train/1", 3), ("val/1", 0)):
         (folder / "labels" / name).parent.mkdir(parents=True, exist_ok=True)
@@ -164,7 +164,7 @@ def test_bad_input_is_named(words: list[str], message: str, folder: Path, capsys
     assert message in capsys.readouterr().err
 
 
-def test_weights_that_want_nothing_are_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_weights_of_zero_are_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "zero.yaml").write_text("variables: {weather: {values: [sunny, cloudy, rainy], weights: [0, 0, 0]}}")
     assert main(["coverage", "score", "--space", str(folder / "zero.yaml"), "--points", str(folder / "points.csv"), "--k", "1"]) == 2
     assert "zero.yaml: coverage is undefined: the weights of all feasible cells sum to 0" in capsys.readouterr().err

@@ -1,11 +1,11 @@
-"""Campaigns and tests have one name each."""
+"""Campaigns and tests have unique names."""
 
 from __future__ import annotations
 
 from pipeline.core.identity import CampaignId
 
 
-def test_a_tests_name_says_its_campaign_and_its_index() -> None:
+def test_the_name_of_a_test_contains_its_campaign_and_index() -> None:
     first, second = CampaignId("F1", "random", "base", 0).tests(2)
     assert (str(first), str(second)) == ("F1-random-base-0-00000", "F1-random-base-0-00001")
     *_, last = CampaignId("left-turn", "neural", "adaptive-r2-s1", 3).tests(100_001)

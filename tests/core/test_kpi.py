@@ -16,7 +16,7 @@ KINDS = {signal.name: signal.kind for signal in SIGNALS}
 
 
 def signals(**columns: list[float]) -> Signals:
-    """An approach at 10 m/s from 4 m, with `columns` in place of its own."""
+    """An approach at 10 m/s from 4 m; `columns` replace its own."""
     rows = len(next(iter(columns.values()))) if columns else 4
     table: Signals = {name: np.zeros(rows, dtype=kind) for name, kind in KINDS.items()}
     table["time_s"] = np.arange(rows) / 10

@@ -1,4 +1,4 @@
-"""Which versions a study has and what feeds them."""
+"""The versions of a study and the campaigns that feed them."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import re
 import pytest
 
 from pipeline.core.lineage import PATTERN, Version, versions
+from pipeline.errors import InputError
 
 
 def test_versions_by_round_kind_and_seed() -> None:
@@ -16,14 +17,18 @@ def test_versions_by_round_kind_and_seed() -> None:
     assert all(re.fullmatch(PATTERN, name) and str(Version.named(name)) == name for name in names)
 
 
-def test_parents_groups_and_what_was_tested_for_it() -> None:
+def test_parents_groups_and_tested_versions() -> None:
     third = Version.named("adaptive-r3-s8")
     assert [str(version) for version in third.tested] == ["base", "adaptive-s8", "adaptive-r2-s8"]
     assert (str(third.parent), third.group) == ("adaptive-r2-s8", "adaptive-r3")
     assert Version().parent is None and Version().tested == ()
 
 
-@pytest.mark.parametrize("name", ["bases", "base-r2", "adaptive-r", "adaptive_s1", "adaptive-r0", "adaptive-r1", ""])
+def test_a_plain_word_names_a_detector_that_is_only_tested() -> None:
+    assert (Version.named("yolo_v8"), Version.named("yolo_v8").parent) == (Version("yolo_v8"), None)
+
+
+@pytest.mark.parametrize("name", ["base-r2", "adaptive-r", "adaptive-r0", "adaptive-r1", ""])
 def test_other_names_are_refused(name: str) -> None:
-    with pytest.raises(ValueError, match="expected the name of a version"):
+    with pytest.raises(InputError, match=rf"^expected the name of a version, as base or adaptive-r2-s1, got '{name}'$"):
         Version.named(name)

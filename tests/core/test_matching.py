@@ -29,7 +29,7 @@ def test_match_sorts_detections_into_kinds() -> None:
 
 
 @pytest.mark.parametrize("truth", [Truth(BOX, BOX, 29, 200, 50.0), Truth(BOX, BOX, 200, 200, 7.9)])
-def test_what_lies_on_a_barely_visible_pedestrian_is_ignored_but_brakes(truth: Truth) -> None:
+def test_detections_of_a_barely_visible_pedestrian_are_ignored_but_brake(truth: Truth) -> None:
     assert truth.barely_visible and not VISIBLE.barely_visible
     result = match(said(BOX, (10, 10, 20, 18), (100, 10, 110, 30)), truth)
     assert result.outcomes == ("ignored", "ignored", "far")

@@ -31,7 +31,7 @@ def test_c_measure_takes_n_from_the_baseline() -> None:
 
 
 def test_c_measure_against_a_baseline_without_failures() -> None:
-    """Equation 6.2: the next test is taken for the baseline's first failure."""
+    """Equation 6.2: the next test is assumed to be the baseline's first failure."""
     n, saved = c_measure(failure_sequence([False, True]), failure_sequence([False] * 1000))
     assert n == 1 and saved == pytest.approx(1 - 2 / 1001)
 
@@ -42,7 +42,7 @@ def test_the_thesis_space_has_8084_pairs() -> None:
     assert pair_coverage(THESIS, THESIS.sample(1, np.random.default_rng(0))) == pytest.approx(28 / 8084)
 
 
-def test_infeasible_pairs_are_not_asked_for() -> None:
+def test_infeasible_pairs_are_not_required() -> None:
     space = Space((Variable("a", "categorical", values=("x", "y")), Variable("b", "categorical", values=("x", "y"))), (("a = x", "b = x"),))
     assert feasible_pairs(space) == 3
     assert pair_coverage(space, np.array([[0.0, 0], [0, 1], [1, 0]])) == 1

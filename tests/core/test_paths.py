@@ -1,4 +1,4 @@
-"""Paths: straight pieces and arcs, there and back."""
+"""Paths: straight pieces and arcs, and projection onto them."""
 
 from __future__ import annotations
 
@@ -52,5 +52,5 @@ def test_footprints_know_their_distance_and_overlap() -> None:
     assert car.distance(12, 0) == pytest.approx(1)
     assert car.distance(14, 6) == pytest.approx(5)
     assert car.overlaps(Rectangle(Pose(12.4, 0, 0), 1.5, 0.5)) and not car.overlaps(Rectangle(Pose(12.6, 0, 0), 1.5, 0.5))
-    # Their bounding boxes overlap, they do not.
+    # Their bounding boxes overlap, but the rectangles do not.
     assert not Rectangle(Pose(0, 0, np.pi / 4), 4, 0.2).overlaps(Rectangle(Pose(2.5, -1.0, np.pi / 4), 1, 0.2))

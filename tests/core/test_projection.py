@@ -1,4 +1,4 @@
-"""k-projection coverage: the examples of the paper by its definitions, and brute force."""
+"""k-projection coverage: the paper's examples by its definitions, and brute force."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def test_example_1_without_and_with_a_constraint() -> None:
 
 
 def test_example_1_with_weights_by_the_definition() -> None:
-    """Five of 75: (1, 1, 1) and (0, 2, 0) want one point each, (2, 0, 2) nine and gets three."""
+    """Five of 75: (1, 1, 1) and (0, 2, 0) want one point each, (2, 0, 2) wants nine and gets three."""
     coverage = projection_coverage(FIGURE_1, Demand(Constraints(CUBE), 3, [[1, 1, 3], [1, 1, 1], [1, 1, 3]]))
     assert (coverage.covered, coverage.required) == (5, 75)
 
@@ -37,7 +37,7 @@ def test_example_of_definition_4(k: int, expected: float) -> None:
 
 @pytest.mark.parametrize(("size", "pairs", "triples"), [(3, 1710, 30780), (4, 3040, 72960)])
 def test_example_2_by_the_definition(size: int, pairs: int, triples: int) -> None:
-    """Twenty conditions: the printed 1710 goes with three values each, with which there are 30780 triples, not the printed 10260."""
+    """Twenty conditions: the printed 1710 assumes three values each, which give 30780 triples, not the printed 10260."""
     nothing = np.zeros((0, 20), dtype=np.int64)
     assert projection_coverage(nothing, Demand(Constraints((size,) * 20), 2)).required == pairs
     assert projection_coverage(nothing, Demand(Constraints((size,) * 20), 3)).required == triples
@@ -64,7 +64,7 @@ def test_coverage_agrees_with_brute_force(combine: Combine) -> None:
         assert (result.covered, result.required) == (covered, required)
 
 
-def test_what_cannot_be_counted_is_an_error() -> None:
+def test_uncountable_points_are_refused() -> None:
     constraints = Constraints(CUBE, ((Literal(0, 2, False),),))
     with pytest.raises(ValueError, match="3 points break a constraint, the first is point 1"):
         projection_coverage(FIGURE_1, Demand(constraints, 2))

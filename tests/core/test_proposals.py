@@ -44,16 +44,16 @@ def test_completion_covers_every_feasible_cell(k: int) -> None:
     assert Proposer(Demand(CONSTRAINED, k)).propose(points) is None
 
 
-def test_heavy_classes_come_first_where_one_asks_for_them() -> None:
+def test_heavy_classes_come_first_on_request() -> None:
     free = Constraints((3, 3, 3))
     weights = [[1, 1, 5], [1, 1, 1], [1, 1, 1]]
-    # Nothing is heavier than category 2 of the first condition; of what is new, any point gives as much.
+    # Nothing is heavier than category 2 of the first condition; all points add equally many new cells.
     heavy = Proposer(Demand(free, 2, weights, "max"), heavy_first=True).propose(np.zeros((0, 3), int), 3)
     assert heavy is not None and (heavy.categories[:, 0] == 2).all()
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_the_heaviest_points_are_proved_in_the_unit_that_they_are_chosen_by(seed: int) -> None:
+def test_the_bound_of_heavy_points_has_the_unit_of_their_gain(seed: int) -> None:
     rng = np.random.default_rng(seed)
     weights = [rng.integers(1, 6, size) for size in (3, 2, 3)]
     proposer = Proposer(Demand(Constraints((3, 2, 3)), 2, weights), heavy_first=True)

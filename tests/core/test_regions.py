@@ -45,14 +45,14 @@ def test_growth_takes_in_failures_under_the_same_rule() -> None:
     rng = np.random.default_rng(0)
     points = SMALL.sample(400, rng)
     failures = points[:, 0] > 8
-    # One cause, of which density found two halves and left some failures out.
+    # One cause: density found two halves and missed some failures.
     labels = np.where(failures, np.where(points[:, 3] == 0, 0, np.where(points[:, 3] == 1, 1, -1)), -1)
     grown = grow_regions(Tested(SMALL, points, failures), labels, 0.6, 5)
     assert (grown[failures] >= 0).mean() > 0.9 and (grown[~failures] == -1).all()
     assert grown.max() <= labels.max()
 
 
-def test_the_radius_holds_so_many_failures_of_chance() -> None:
+def test_the_radius_contains_the_expected_failures_by_chance() -> None:
     failures, neighbours = 200, 2.0
     radius = chance_radius(THESIS, failures, neighbours)
     points = THESIS.sample(failures, np.random.default_rng(5))
@@ -76,7 +76,7 @@ def test_a_space_of_few_categories_has_a_radius_too() -> None:
 def test_two_causes_that_meet_are_two_regions_at_any_number_of_failures(tests: int) -> None:
     fog, rain = Rule((Condition(1, 55, 100), Condition(3, -20, 20))), Rule((Condition(0, 70, 100), Condition(5, 2, 4)))
     points = THESIS.sample(20 * tests, np.random.default_rng(2))
-    # Half of the tests at random, half where an adaptive strategy would go.
+    # Half of the tests at random, half as an adaptive strategy would choose them.
     points = np.concatenate([points[:tests], points[fog.holds(points) | rain.holds(points)][:tests]])
     causes = [fog.holds(points), rain.holds(points)]
     failures = causes[0] | causes[1]
@@ -87,6 +87,6 @@ def test_two_causes_that_meet_are_two_regions_at_any_number_of_failures(tests: i
         assert {c.variable for c in find_rule(THESIS, points, failures, labels == label).conditions} == [{1, 3}, {0, 5}][label]
 
 
-def test_tests_and_their_outcomes_are_as_many() -> None:
+def test_points_and_failures_must_have_equal_length() -> None:
     with pytest.raises(ValueError, match=rf"points must be \(3, {len(SMALL)}\), got \(2, {len(SMALL)}\)"):
         Tested(SMALL, SMALL.sample(2, np.random.default_rng(0)), np.zeros(3, bool))

@@ -28,7 +28,7 @@ def test_platt_finds_the_calibration_that_made_the_data() -> None:
 
 
 @pytest.mark.parametrize("right", [[True, True, True], [False, False, False], [True, False, False]])
-def test_nothing_to_learn_is_the_identity(right: list[bool]) -> None:
+def test_an_uninformative_score_gives_the_identity(right: list[bool]) -> None:
     assert platt([0.2, 0.5, 0.8], right) == Calibration()
 
 

@@ -1,4 +1,4 @@
-"""Rules say what was planted, in words that a person reads."""
+"""Rules describe the planted regions in readable words."""
 
 from __future__ import annotations
 

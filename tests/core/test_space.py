@@ -15,7 +15,7 @@ def test_sizes_of_the_thesis_space() -> None:
     assert THESIS.sizes == (11, 11, 12, 12, 11, 13, 6, 74)
 
 
-def test_values_belong_to_the_nearest_category_and_cyclic_ones_close_the_circle() -> None:
+def test_values_belong_to_the_nearest_category_and_cyclic_values_wrap_around() -> None:
     azimuth, rain = THESIS.variables[2], THESIS.variables[0]
     assert azimuth.categorise(np.array([0.0, 14, 16, 344, 346, 360])).tolist() == [0, 0, 1, 11, 0, 0]
     assert rain.categorise(np.array([0.0, 4, 6, 94, 96, 100])).tolist() == [0, 0, 1, 9, 10, 10]
@@ -54,17 +54,17 @@ def test_cuts_divide_a_range_and_a_circle() -> None:
     assert (fog.rounding, speed.rounding) == (1, 0.25)
 
 
-def test_samples_keep_the_constraints_and_are_else_as_without_them() -> None:
+def test_samples_are_free_samples_that_keep_the_constraints() -> None:
     free, kept = (space.sample(200, np.random.default_rng(3)) for space in (SMALL, CONSTRAINED))
     allowed = CONSTRAINED.constraints.holds(SMALL.categorise(free))
     assert 0 < allowed.sum() < 200 and np.array_equal(free[allowed], kept[allowed])
     assert CONSTRAINED.violation(kept) is None
 
 
-def test_a_space_of_next_to_nothing_is_refused() -> None:
+def test_an_almost_empty_space_is_refused() -> None:
     grains = tuple(Variable(name, "integer", "", 0, 1000, 1) for name in "abc")
     space = Space(grains, tuple((f"{name} = 7",) for name in "abc"))
-    with pytest.raises(ValueError, match="no feasible point in 1000 draws: the constraints leave next to nothing of the space"):
+    with pytest.raises(ValueError, match="no feasible point in 1000 draws: the constraints exclude almost the whole space"):
         space.sample(1, np.random.default_rng(0))
 
 
@@ -78,8 +78,8 @@ def test_a_scenario_that_breaks_a_constraint_is_named_with_the_values_of_its_cla
     assert CONSTRAINED.violation(points[:1]) is None
 
 
-def test_contradictory_constraints_are_refused_with_as_few_clauses_as_contradict() -> None:
-    text = "constraints: these contradict each other, so that no point is left: [kind = a]; [count = 2, kind != a]; [count != 2]"
+def test_contradictory_constraints_are_refused_with_a_minimal_set_of_clauses() -> None:
+    text = "constraints: these contradict each other, so no point is left: [kind = a]; [count = 2, kind != a]; [count != 2]"
     with pytest.raises(ValueError, match=f"^{re.escape(text)}$"):
         Space(SMALL.variables, (("x != 3",), ("kind = a",), ("count = 2", "kind != a"), ("count != 2",)))
 

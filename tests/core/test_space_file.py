@@ -1,4 +1,4 @@
-"""Operating conditions: intervals, cyclic ones, spellings; space files and tables that are wrong are refused by name."""
+"""Operating conditions: intervals, cyclic ones, spellings; wrong space files and tables are refused by name."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def space_of(tmp_path: Path, text: str = GOOD) -> Space:
     return read_space_file(path)
 
 
-def test_a_space_file_says_what_it_says(tmp_path: Path) -> None:
+def test_a_space_file_gives_its_variables_and_constraints(tmp_path: Path) -> None:
     space = space_of(tmp_path)
     assert space.sizes == (3, 4, 4, 2, 2, 2)
     assert space.variables[0].weights == (1, 1, 3) and space.variables[5].labels == ("false", "true")
@@ -55,7 +55,7 @@ def test_values_of_a_grid_belong_to_the_nearest_category() -> None:
     assert categories_of(speed, ["0.2", "1.5"]).tolist() == [0, 3]
 
 
-def test_tables_may_spell_numbers_and_truth_in_their_own_way() -> None:
+def test_tables_may_spell_numbers_and_truth_values_differently() -> None:
     lanes, night = Variable("lanes", "categorical", values=("1", "2")), Variable("night", "categorical", values=("false", "true"))
     assert categories_of(lanes, [1, "2", 2.0, "1.0", np.int64(2)]).tolist() == [0, 1, 1, 0, 1]
     assert categories_of(night, [True, "False", "true", np.bool_(False)]).tolist() == [1, 0, 1, 0]
@@ -72,7 +72,7 @@ def test_tables_may_spell_numbers_and_truth_in_their_own_way() -> None:
         (("{rainy: 3}", "{rany: 3}"), "variables.weather.weights: there is no category 'rany'; did you mean 'rainy'?"),
         (("{rainy: 3}", "{rainy: -1}"), "variables.weather.weights.rainy: expected a whole number from 0 to 1000, got -1"),
         (("{rainy: 3}", "[1, 2]"), "variables.weather.weights: expected 3 numbers, one a category, got 2"),
-        (("[1, 2]}\n  current", "[1, 1]}\n  current"), "variables.lanes.values: '1' is there twice"),
+        (("[1, 2]}\n  current", "[1, 1]}\n  current"), "variables.lanes.values: '1' appears twice"),
         (("lanes = 2,", "lane = 2,"), "constraint 'lane = 2': variable must be one of weather, fog"),
         (("current_lane != 2", "current_lane != 3"), "category must be one of 1, 2; got '3'"),
         (("variables:", "variabels:"), "expected a mapping with 'variables'"),
@@ -80,7 +80,7 @@ def test_tables_may_spell_numbers_and_truth_in_their_own_way() -> None:
         (("  - [lanes = 2, current_lane != 2]", "  - lanes = 2"), "constraints: expected a list of clauses"),
         (("lanes: {values: [1, 2]}", "lanes: [1, 2]"), "variables.lanes: expected values or an interval"),
         (("lanes: {values: [1, 2]}", "lanes: {values: [1, 2], cyclic: true}"), "cuts and cyclic go with an interval"),
-        (("variables:", "variables: ["), "no YAML"),
+        (("variables:", "variables: ["), "not valid YAML"),
     ],
 )
 def test_a_wrong_space_file_is_named(change: tuple[str, str], message: str, tmp_path: Path) -> None:
@@ -89,7 +89,7 @@ def test_a_wrong_space_file_is_named(change: tuple[str, str], message: str, tmp_
     assert message in str(caught.value) and "space.yaml" in str(caught.value)
 
 
-def test_contradictory_constraints_are_said_with_a_minimal_core(tmp_path: Path) -> None:
+def test_contradictory_constraints_are_named_with_a_minimal_core(tmp_path: Path) -> None:
     more = GOOD + "  - [weather = sunny, night = true]\n  - [lanes = 1]\n  - [current_lane = 2]\n  - [fog != '[0, 20)']\n"
     with pytest.raises(InputError) as caught:
         space_of(tmp_path, more.replace("fog != '[0, 20)'", "night = true"))

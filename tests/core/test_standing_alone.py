@@ -1,4 +1,4 @@
-"""The core and the coverage command need none of the extras; what needs one names it."""
+"""The core and the coverage command need no extra; code that needs one names it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def python(code: str, folder: Path) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.parametrize("package", ["pipeline.core", "pipeline.config", "pipeline.scenarios"])
-def test_every_module_of_the_lower_floors_can_be_imported(package: str, tmp_path: Path) -> None:
+def test_every_module_of_the_lower_layers_can_be_imported(package: str, tmp_path: Path) -> None:
     code = f"""
 from importlib import import_module
 from pkgutil import walk_packages
@@ -69,14 +69,14 @@ def test_coverage_is_scored_and_drawn(tmp_path: Path) -> None:
     [("cv2", "simulation"), ("mujoco", "simulation"), ("hydra.utils", "simulation"), ("torch", "detectors"), ("onnx", "detectors"),
      ("onnxruntime.capi", "detectors"), ("snakemake", "workflow"), ("jinja2", "workflow"), ("transformers", "hugging-face")],
 )  # fmt: skip
-def test_a_module_that_is_missing_is_answered_with_its_extra(module: str, extra: str) -> None:
+def test_a_missing_module_names_its_extra(module: str, extra: str) -> None:
     error = missing_extra(ModuleNotFoundError(name=module))
     name = module.partition(".")[0]
     assert str(error) == f"needs {name}, which is not installed; type: pip install 'blindspot[{extra}]'"
 
 
 @pytest.mark.parametrize("module", ["numpy", "onn", "pipeline.nowhere", None])
-def test_a_module_that_no_extra_brings_is_another_error(module: str | None) -> None:
+def test_a_module_without_extra_raises_the_original_error(module: str | None) -> None:
     with pytest.raises(ModuleNotFoundError, match="^as it was$"):
         missing_extra(ModuleNotFoundError("as it was", name=module))
 

@@ -24,7 +24,7 @@ def test_wilson_interval_refuses_impossible_counts() -> None:
         wilson_interval(1, 10, 1.0)
 
 
-def test_mean_interval_is_student_s() -> None:
+def test_mean_interval_is_students() -> None:
     # t(0.975, 3) = 3.1824; the standard deviation of the four is sqrt(62 / 9).
     half = 3.18245 * np.sqrt(6.916667) / 2
     assert mean_interval([3.0, 4, 5, 9]) == pytest.approx((5.25 - half, 5.25 + half), abs=1e-3)
@@ -33,13 +33,13 @@ def test_mean_interval_is_student_s() -> None:
 
 
 @pytest.mark.parametrize("count", [2, 3, 5])
-def test_mean_interval_holds_the_true_mean_as_often_as_it_says(count: int) -> None:
+def test_mean_interval_has_its_nominal_coverage(count: int) -> None:
     samples = np.random.default_rng(0).normal(10, 2, (2000, count))
     held = [low <= 10 <= high for low, high in map(mean_interval, samples)]
     assert np.mean(held) == pytest.approx(0.95, abs=0.015)
 
 
-def test_mean_interval_refuses_what_is_not_finite() -> None:
+def test_mean_interval_refuses_non_finite_values() -> None:
     for values in ([], [1.0, np.nan]):
         with pytest.raises(ValueError, match="one or more finite numbers"):
             mean_interval(values)

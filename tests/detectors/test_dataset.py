@@ -42,7 +42,7 @@ def write(root: Path) -> None:
     write_truth(root, records)
 
 
-def test_what_was_written_is_read(tmp_path: Path) -> None:
+def test_a_data_set_survives_a_round_trip(tmp_path: Path) -> None:
     write(tmp_path)
     train = read_dataset(tmp_path, "train")
     assert train.images.shape == (2, HEIGHT, WIDTH, 3)
@@ -54,7 +54,7 @@ def test_what_was_written_is_read(tmp_path: Path) -> None:
     assert np.abs(train.images[0].astype(int) - image(1)).mean() < 2
 
 
-def test_digest_is_of_the_content(tmp_path: Path) -> None:
+def test_the_digest_depends_on_the_content_alone(tmp_path: Path) -> None:
     write(tmp_path / "a")
     write(tmp_path / "b")
     first = read_dataset(tmp_path / "a", "train").digest
@@ -95,7 +95,7 @@ def test_jpeg_repeats_and_refuses_other_bytes() -> None:
     assert encode_jpeg(image(0)) == encode_jpeg(image(0))
     assert decode_jpeg(encode_jpeg(image(0))).shape == (HEIGHT, WIDTH, 3)
     for data in (b"", b"no image"):
-        with pytest.raises(ValueError, match="^the bytes are no JPEG image$"):
+        with pytest.raises(ValueError, match="^the bytes are not a JPEG image$"):
             decode_jpeg(data)
 
 
@@ -117,9 +117,9 @@ def test_other_size_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("{}", " is no truth file of a base set (KeyError('images')); make it again"),
-        ('{"images": [{}], "annotations": []}', " is no truth file of a base set (KeyError("),
-        ("[]", " is no truth file of a base set (TypeError("),
+        ("{}", " is not the truth file of a base set (KeyError('images')); make it again"),
+        ('{"images": [{}], "annotations": []}', " is not the truth file of a base set (KeyError("),
+        ("[]", " is not the truth file of a base set (TypeError("),
         ("{", ": expected JSON, got a truncated or foreign file"),
         ('{"images": [], "annotations": []}', " has no images of the split 'train'; raise base_set.images"),
     ],

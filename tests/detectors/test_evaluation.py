@@ -9,7 +9,7 @@ from pipeline.detectors.evaluation import calibrate, evaluate
 
 PERSON = (20.0, 10.0, 40.0, 50.0)
 BESIDE = (20.0, 30.0, 40.0, 70.0)
-"""Half of the person's height off: IoU 1/3."""
+"""A box shifted by half of the person's height: IoU 1/3."""
 AWAY = (70.0, 10.0, 90.0, 50.0)
 NONE = (0.0, 0.0, 0.0, 0.0)
 
@@ -48,21 +48,21 @@ def test_a_better_scored_false_positive_halves_the_precision() -> None:
     assert metrics["recall"] == 1
 
 
-def test_localisation_counts_from_the_overlap_on_that_it_reaches() -> None:
-    shifted = (20.0, 15.0, 40.0, 55.0)  # IoU 35 / 45 = 0.78: right at .5 to .75, six of the ten thresholds.
+def test_a_detection_counts_up_to_its_overlap() -> None:
+    shifted = (20.0, 15.0, 40.0, 55.0)  # IoU 35 / 45 = 0.78: correct at .5 to .75, six of the ten thresholds.
     metrics = evaluate([said((shifted, 0.9))], images(VISIBLE), 0.5)
     assert metrics["ap50"] == 1
     assert metrics["ap50_95"] == pytest.approx(0.6)
 
 
-def test_hardly_visible_people_are_ignored_found_or_not() -> None:
+def test_barely_visible_people_are_ignored_whether_found_or_not() -> None:
     people = images(VISIBLE, TINY, PALE, TINY)
     metrics = evaluate([said((PERSON, 0.9)), said((PERSON, 0.8)), said(), said()], people, 0.5)
     assert metrics["ap50"] == metrics["recall"] == metrics["precision"] == 1
     assert metrics["false_positives_an_image"] == 0
 
 
-def test_false_positives_are_told_apart_at_the_threshold() -> None:
+def test_false_positives_are_classified_at_the_threshold() -> None:
     found = [said((PERSON, 0.9), (PERSON, 0.8), (BESIDE, 0.7), (AWAY, 0.6), (AWAY, 0.4)), said((AWAY, 0.9)), said(), said()]
     metrics = evaluate(found, images(VISIBLE, EMPTY, EMPTY, EMPTY), 0.5)
     assert metrics["false_positives_far_an_image"] == 0.5

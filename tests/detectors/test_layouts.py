@@ -1,4 +1,4 @@
-"""Foreign ONNX detectors: their layouts are told apart, their boxes land where they should, and what is wrong is named."""
+"""Foreign ONNX detectors: layouts are recognised, boxes are scaled back to the image, and errors are named."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ NAMES = "{0: 'person', 1: 'bicycle', 2: 'car'}"
 
 
 def export(path: Path, output: np.ndarray, names: str | None = NAMES, size: tuple[int, int] = (WIDTH, HEIGHT)) -> Path:
-    """A model that says the same of every image: its output plus nothing of the image's mean."""
+    """A model with the same output for every image: a constant plus zero times the image's mean."""
     constant = numpy_helper.from_array(output.astype(np.float32), "constant")
     zero = numpy_helper.from_array(np.zeros((1, 1, 1), np.float32), "zero")
     axes = numpy_helper.from_array(np.array([1, 2, 3]), "axes")
@@ -45,7 +45,7 @@ def export(path: Path, output: np.ndarray, names: str | None = NAMES, size: tupl
 
 
 def yolov8(classes: int = 3) -> np.ndarray:
-    """A person at (40, 30) to (60, 70), a car elsewhere, and a weaker double of the person."""
+    """A person at (40, 30) to (60, 70), a car elsewhere, and a weaker duplicate of the person."""
     output = np.zeros((1, 4 + classes, CELLS), np.float32)
     output[0, :, 7] = [50, 50, 20, 40, 0.9, *[0.0] * (classes - 1)]
     output[0, :, 8] = [51, 50, 20, 40, 0.6, *[0.0] * (classes - 1)]
@@ -102,7 +102,7 @@ def test_a_letterbox_keeps_proportions() -> None:
         ((1, "a", "b"), None),
     ],
 )  # fmt: skip
-def test_shapes_tell_layouts_apart(shape: tuple[int | str, ...], layout: str | None) -> None:
+def test_shapes_identify_layouts(shape: tuple[int | str, ...], layout: str | None) -> None:
     assert recognise(shape, 640, 640) == layout
 
 
@@ -115,7 +115,7 @@ def test_a_person_may_have_any_number_or_be_declared(tmp_path: Path) -> None:
     assert len(OnnxDetector(export(tmp_path / "c.onnx", yolov8(1), None), 0.5).detect(Frame(IMAGE, Truth())).scores) == 1
 
 
-def test_a_layout_may_be_declared_where_the_shape_does_not_tell(tmp_path: Path) -> None:
+def test_a_layout_may_be_declared_if_the_shape_is_ambiguous(tmp_path: Path) -> None:
     turned = export(tmp_path / "a.onnx", yolov8().transpose(0, 2, 1))
     with pytest.raises(InputError, match=r"cannot recognise the layout .*; set detector.layout to one of yolov5, yolov8, end_to_end$"):
         OnnxDetector(turned)
@@ -132,7 +132,7 @@ def test_a_fixed_batch_is_refused(tmp_path: Path) -> None:
         OnnxDetector(path)
 
 
-def test_the_person_s_class_is_found_whatever_its_capitals(tmp_path: Path) -> None:
+def test_the_class_of_a_person_is_found_in_any_letter_case(tmp_path: Path) -> None:
     assert (
         len(
             OnnxDetector(export(tmp_path / "a.onnx", yolov8(), "{0: 'Person', 1: 'b', 2: 'c'}"), person="Person")
@@ -143,7 +143,7 @@ def test_the_person_s_class_is_found_whatever_its_capitals(tmp_path: Path) -> No
     )
 
 
-def test_what_is_wrong_is_named(tmp_path: Path) -> None:
+def test_wrong_settings_are_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="expected a class called pedestrian or person or people among its 3 classes, got names 0: cat"):
         OnnxDetector(export(tmp_path / "a.onnx", yolov8(), "{0: 'cat', 1: 'dog', 2: 'car'}"))
     with pytest.raises(InputError, match=r"detector.person must be in \[0, 3\), got 7"):
@@ -164,7 +164,7 @@ def test_names_that_do_not_fit_the_output_are_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("make", [yolov8, yolov5, end_to_end])
-def test_logits_and_boxes_that_are_not_in_pixels_are_refused(make: Any, tmp_path: Path) -> None:
+def test_logits_and_relative_boxes_are_refused(make: Any, tmp_path: Path) -> None:
     logits = make()
     logits[logits == np.float32(0.9)] = 7.3
     with pytest.raises(SimulationError, match=r"returns a score of [67]\.\d+, expected scores in \[0, 1\]; apply a sigmoid to logits"):
@@ -175,7 +175,7 @@ def test_logits_and_boxes_that_are_not_in_pixels_are_refused(make: Any, tmp_path
         OnnxDetector(export(tmp_path / "b.onnx", shares)).detect(Frame(IMAGE, Truth()))
 
 
-def test_what_onnx_runtime_cannot_run_is_named(tmp_path: Path) -> None:
+def test_a_file_that_onnx_runtime_cannot_run_is_named(tmp_path: Path) -> None:
     path = export(tmp_path / "a.onnx", yolov8())
     model = onnx.load(path)
     model.graph.node[3].op_type = "BitShift"
@@ -195,7 +195,7 @@ def test_what_onnx_runtime_cannot_run_is_named(tmp_path: Path) -> None:
         OnnxDetector(breaking, layout="yolov8").detect(Frame(IMAGE, Truth()))
 
 
-def test_names_are_never_run(tmp_path: Path) -> None:
+def test_class_names_are_never_executed(tmp_path: Path) -> None:
     path = export(tmp_path / "a.onnx", yolov8(), f"__import__('pathlib').Path({str(tmp_path / 'ran')!r}).touch()")
     with pytest.raises(InputError, match="got names none"):
         OnnxDetector(path)
@@ -203,7 +203,7 @@ def test_names_are_never_run(tmp_path: Path) -> None:
 
 
 def final() -> np.ndarray:
-    """The same street as an end-to-end model tells it: left, top, right, bottom, score, class."""
+    """The same street in an end-to-end output: left, top, right, bottom, score, class."""
     output = np.zeros((1, 300, 6), np.float32)
     output[0, 0] = [40, 30, 60, 70, 0.9, 0]
     return output
@@ -211,7 +211,7 @@ def final() -> np.ndarray:
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize(("output", "where"), [(yolov8(), (0, 4, 3)), (yolov8(), (0, 1, 7)), (final(), (0, 0, 2)), (final(), (0, 0, 5))])
-def test_values_that_are_no_numbers_are_an_error(output: np.ndarray, where: tuple[int, int, int], value: float, tmp_path: Path) -> None:
+def test_non_finite_values_are_an_error(output: np.ndarray, where: tuple[int, int, int], value: float, tmp_path: Path) -> None:
     output = output.copy()
     output[where] = value
     with pytest.raises(SimulationError, match="returns values that are not finite"):

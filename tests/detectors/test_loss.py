@@ -24,7 +24,7 @@ def test_iou_by_hand() -> None:
     assert generalised.item() == pytest.approx(-0.5)
 
 
-def test_nobody_is_assigned_where_nobody_is() -> None:
+def test_no_cell_is_assigned_without_a_pedestrian() -> None:
     assert assign(guesses(TRUTH), torch.zeros(1, len(CENTRES)), NOBODY, CENTRES, STRIDES).count_nonzero() == 0
 
 
@@ -44,7 +44,7 @@ def test_the_best_aligned_cells_take_the_box() -> None:
 def test_cells_far_from_the_box_never_take_it() -> None:
     centres, strides = cells(256, 256)
     near = torch.tensor([[10.0, 10.0, 30.0, 50.0]])
-    # All cells guess the box, and those far from it are the surest.
+    # All cells predict the box, and those far from it have the highest scores.
     sure = torch.where((centres > 128).any(1), 5.0, 0.0)[None]
     target = assign(near.expand(1, len(centres), 4).clone(), sure, near, centres, strides)
     taken = centres[target[0] > 0]
@@ -78,7 +78,7 @@ def test_gradients_flow_to_boxes_and_scores() -> None:
     assert logits.grad.count_nonzero() == logits.numel()
 
 
-def test_a_batch_without_anybody_has_a_finite_loss() -> None:
+def test_a_batch_without_pedestrians_has_a_finite_loss() -> None:
     loss = detection_loss(guesses(TRUTH), torch.zeros(1, len(CENTRES)), NOBODY, CENTRES, STRIDES)
     assert torch.isfinite(loss.total)
     assert loss.boxes == 0

@@ -42,7 +42,7 @@ def images(count: int) -> np.ndarray[tuple[int, int, int, int], np.dtype[np.uint
     return np.random.default_rng(0).integers(0, 255, (count, SIZE[1], SIZE[0], 3), dtype=np.uint8)
 
 
-def test_it_finds_what_the_network_finds(network: Yolo, file: Path) -> None:
+def test_the_detector_finds_what_the_network_finds(network: Yolo, file: Path) -> None:
     with torch.inference_mode():
         boxes, scores = Deployed(network, SIZE, Calibration())(torch.from_numpy(images(1)))
     found = OnnxDetector(file, float(scores.min()) / 2, iou=0.999).detect_images(images(1))[0]
@@ -51,7 +51,7 @@ def test_it_finds_what_the_network_finds(network: Yolo, file: Path) -> None:
     assert np.sort(found.boxes, axis=0) == pytest.approx(boxes[0].sort(0).values.numpy(), abs=1e-2)
 
 
-def test_doubles_fall(file: Path) -> None:
+def test_duplicates_are_suppressed(file: Path) -> None:
     found = OnnxDetector(file, threshold=0.001, iou=0.3).detect_images(images(1))[0]
     overlaps = iou(found.boxes, found.boxes)
     assert len(found.boxes) > 1
@@ -67,7 +67,7 @@ def test_images_one_by_one_and_together_agree(file: Path) -> None:
         assert alone.scores == pytest.approx(found.scores, abs=1e-4)
 
 
-def test_nothing_above_the_threshold_is_nothing(file: Path) -> None:
+def test_without_scores_above_the_threshold_there_are_no_detections(file: Path) -> None:
     detector = OnnxDetector(file, threshold=0.99)
     assert isinstance(detector, Detector)
     assert len(detector.detect(Frame(images(1)[0], Truth())).boxes) == 0
@@ -83,7 +83,7 @@ def test_the_calibration_is_inside_the_file(network: Yolo, file: Path, tmp_path:
     export_onnx(tmp_path / "calibrated.onnx", network, SIZE, calibration)
     plain, calibrated = (OnnxDetector(path, 0.001, iou=0.999).detect_images(images(1))[0] for path in (file, tmp_path / "calibrated.onnx"))
     assert calibrated.scores == pytest.approx(calibration.apply(plain.scores), abs=1e-4)
-    # Rounding may swap boxes of nearly equal score.
+    # Rounding may swap boxes with nearly equal scores.
     assert np.sort(calibrated.boxes, axis=0) == pytest.approx(np.sort(plain.boxes, axis=0), abs=1e-3)
 
 
@@ -106,7 +106,7 @@ def test_wrong_settings_are_named(file: Path, wrong: dict[str, Any], message: st
         OnnxDetector(file, **wrong)
 
 
-def test_missing_and_broken_files_are_named(file: Path, tmp_path: Path) -> None:
+def test_missing_and_damaged_files_are_named(file: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"none\.onnx: expected the ONNX file of a detector, found no file"):
         OnnxDetector(tmp_path / "none.onnx")
     broken = tmp_path / "broken.onnx"

@@ -1,4 +1,4 @@
-"""The int8 form detects what the whole one does."""
+"""The int8 form gives the same detections as the original."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pipeline.detectors.yolo.training import initial_model
 
 
 def telling(network: Yolo) -> None:
-    """Make the scores of an untrained network differ from cell to cell: its activations fade from layer to layer until normalised."""
+    """Make an untrained network's scores differ between cells: without normalisation its activations fade from layer to layer."""
     for module in network.modules():
         if isinstance(module, nn.BatchNorm2d):
             module.momentum = 1.0
@@ -29,7 +29,7 @@ def telling(network: Yolo) -> None:
     network.eval()
 
 
-def test_scores_stay_and_convolutions_are_in_8_bits(tmp_path: Path) -> None:
+def test_quantisation_keeps_scores_and_stores_8_bit_convolutions(tmp_path: Path) -> None:
     whole, small = tmp_path / "whole.onnx", tmp_path / "int8.onnx"
     network = initial_model(3, lambda: Yolo(Architecture((8, 8, 12, 16, 16), 8))).eval()
     telling(network)
@@ -38,7 +38,7 @@ def test_scores_stay_and_convolutions_are_in_8_bits(tmp_path: Path) -> None:
     quantise(whole, images[:8], small)
     first, second = (OnnxDetector(path, threshold=0.001, iou=0.99).detect_images(images[8:]) for path in (whole, small))
     for one, other in zip(first, second, strict=True):
-        assert np.ptp(one.scores) > 0.2, "scores that are all alike would show nothing"
+        assert np.ptp(one.scores) > 0.2, "equal scores would prove nothing"
         assert abs(len(one.scores) - len(other.scores)) <= 3
         assert np.abs(one.scores[:10] - other.scores[:10]).mean() < 0.1
     model = onnx.load(str(small))

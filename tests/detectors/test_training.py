@@ -51,7 +51,7 @@ def same(first: Yolo, second: Yolo) -> bool:
     return all(torch.equal(value, other[name]) for name, value in first.state_dict().items())
 
 
-def test_it_learns_a_few_images_by_heart() -> None:
+def test_training_memorises_a_few_images() -> None:
     images = people(8, 0)
 
     def feed(iteration: int) -> Batch:
@@ -68,7 +68,7 @@ def test_it_learns_a_few_images_by_heart() -> None:
     assert scores[torch.from_numpy(shown)].mean() > 0.5 > 0.2 > scores[torch.from_numpy(~shown)].mean()
 
 
-def test_a_killed_training_goes_on_to_the_same_weights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_killed_training_reaches_the_same_weights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     images, schedule, checkpoint = people(8, 1), Schedule(2, 5, 1e-3, warm_up=3), tmp_path / "checkpoint.pt"
     monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
     killed: list[int] = []
@@ -110,7 +110,7 @@ def test_schedule_warms_up_and_falls() -> None:
     assert max(rates) == pytest.approx(1e-2, rel=0.01)
     assert rates[20:] == sorted(rates[20:], reverse=True)
     assert rates[-1] < 2e-4
-    assert rates[400] == pytest.approx(1e-2 * (0.01 + 0.99 * 0.5), rel=0.01)  # Half of the pixels are shown.
+    assert rates[400] == pytest.approx(1e-2 * (0.01 + 0.99 * 0.5), rel=0.01)  # Half of the pixels have been shown.
 
 
 @pytest.mark.parametrize(
@@ -128,7 +128,7 @@ def test_schedule_checks_its_ranges(wrong: dict[str, Any], message: str) -> None
         Schedule(**(right | wrong))
 
 
-def test_frozen_statistics_stay() -> None:
+def test_frozen_statistics_do_not_change() -> None:
     model = small()
     before = model.state_dict()[MEAN].clone()
     images = people(4, 2)
@@ -192,8 +192,8 @@ def test_every_version_takes_all_its_steps(iterations: int, tmp_path: Path, monk
     assert fitted.curve[-1].iteration == iterations and same(fitted.model, kept)
 
 
-def test_every_added_frame_is_learnt_from(tmp_path: Path) -> None:
-    # Of a pedestrian so small that the base set would leave it out: the filter, or a person, has judged it.
+def test_every_added_frame_is_trained_on(tmp_path: Path) -> None:
+    # The pedestrian is too small for the base set, but the filter or a person has accepted it.
     box = (10.0, 10.0, 12.0, 14.0)
     added = image_set([(np.full((SIZE[1], SIZE[0], 3), 9, np.uint8), Truth(box, box, 8, 8, 60.0))] * 2)
     images, boxes = mixed_feed(people(8, 3), added, 4, 0.5, (0,))(0)
@@ -235,10 +235,10 @@ def test_training_from_scratch_resumes_in_every_phase(tmp_path: Path, monkeypatc
     resumed = train_from_scratch(streets(), EVERY, streets(), SCRATCH, Run(tmp_path / "c.pt", threads=1))
     assert same(uninterrupted.model, resumed.model) and uninterrupted.curve == resumed.curve
     assert [look.iteration for look in resumed.curve] == [2, 4]
-    assert sizes == [(160, 96), (320, 192), (320, 192), (320, 192), (320, 192)]  # The fourth is the one that was cut off.
+    assert sizes == [(160, 96), (320, 192), (320, 192), (320, 192), (320, 192)]  # The fourth call was interrupted.
 
 
-def test_a_training_killed_while_it_looks_takes_that_look_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_training_killed_during_an_evaluation_repeats_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
     images, scores = people(4, 1), {2: 0.5, 4: 0.9, 6: 0.1, 8: 0.2}
 
@@ -263,7 +263,7 @@ def test_a_training_killed_while_it_looks_takes_that_look_again(tmp_path: Path, 
     assert resumed.curve == uninterrupted.curve and same(resumed.model, uninterrupted.model)
 
 
-def test_a_loss_that_is_no_number_ends_the_training_before_its_weights_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_non_finite_loss_ends_the_training_before_its_weights_are_saved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
     images, checkpoint = people(4, 2), tmp_path / "checkpoint.pt"
 

@@ -28,7 +28,7 @@ def people() -> ImageSet:
 
 
 def coloured(image: NDArray[np.uint8]) -> NDArray[np.float64]:
-    """The box of what is not grey, whatever its hue; a tint gives grey a chroma of 31 at most."""
+    """The box of the pixels that are not grey, of any hue; a tint gives grey a chroma of 31 at most."""
     chroma = image.max(2).astype(int) - image.min(2)
     rows, columns = np.nonzero(chroma > max(31, chroma.max() / 2))
     return np.array([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1], float) if len(rows) else np.zeros(4)
@@ -50,7 +50,7 @@ def test_a_batch_depends_on_its_seed_alone() -> None:
     assert not np.array_equal(first[0], other[0])
 
 
-def test_recolouring_turns_hues_and_keeps_brightness() -> None:
+def test_recolouring_rotates_hues_and_keeps_brightness() -> None:
     image, _ = scene((10, 40, 20, 64))
     shown = [recolour(image, np.random.default_rng(seed)) for seed in range(40)]
     colours = {tuple(picture[50, 15]) for picture in shown}
@@ -82,7 +82,7 @@ def test_crops_show_people_and_empty_places() -> None:
     assert 0.5 < (boxes[:, 2] > 0).mean() < 0.95
 
 
-def test_slivers_are_left_out_and_hard_people_come_more_often() -> None:
+def test_tiny_pedestrians_are_left_out_and_hard_ones_repeated() -> None:
     images = image_set([scene((60, 30, 64, 40), pixels=11), scene((60, 30, 64, 40), pixels=12), scene(None), scene((40, 20, 60, 60))])
     assert usable(images).tolist() == [1, 2, 3]
     assert hardness(images, 3).tolist() == [3, 3, 1, 1]

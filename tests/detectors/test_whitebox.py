@@ -1,4 +1,4 @@
-"""White-box coverage by hand, and of the shipped detector."""
+"""White-box coverage by hand, and for the shipped detector."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def layer(*rows: tuple[float, ...]) -> np.ndarray:
 
 
 def test_every_measure_by_hand() -> None:
-    # Two layers: three neurons that training moved between 0 and 1, 0 and 2, 0 and 4; and one that it never moved.
+    # Two layers: three neurons with training ranges 0 to 1, 0 to 2 and 0 to 4; and one with a constant activation.
     profile = Profile.of([layer((0, 0, 0), (1, 2, 4)), layer((0.0,), (0.0,))])
     box = WhiteBox(profile)
     box.show([layer((0.95, 0, 0), (0.05, 2.5, 0)), layer((0.0,), (0.0,))])
@@ -32,7 +32,7 @@ def test_every_measure_by_hand() -> None:
     assert found.pairs == 1 / 3  # The first two were active together.
 
 
-def test_batches_add_up_and_more_images_never_cover_less() -> None:
+def test_batches_accumulate_and_more_images_never_cover_less() -> None:
     rng = np.random.default_rng(0)
     training, shown = rng.random((50, 6), np.float32) - 0.3, rng.random((40, 6), np.float32) - 0.3
     whole, parts = WhiteBox(Profile.of([training])), WhiteBox(Profile.of([training]))
@@ -48,7 +48,7 @@ def test_batches_add_up_and_more_images_never_cover_less() -> None:
     assert all((a == b).all() for a, b in zip(joined.high, Profile.of([training]).high, strict=True))
 
 
-def test_the_shipped_detector_shows_its_neurons() -> None:
+def test_the_shipped_detector_gives_its_activations() -> None:
     network = load_weights(ROOT / "models" / "base" / "weights.safetensors")
     images = np.random.default_rng(0).integers(0, 256, (20, 96, 160, 3), np.uint8)
     batches = list(activations(network, images))
@@ -57,5 +57,5 @@ def test_the_shipped_detector_shows_its_neurons() -> None:
     box = WhiteBox(Profile.of(layers))
     box.show(layers)
     found = box.coverage()
-    # Shown the training images themselves, every neuron that moved is as active as ever.
+    # On the training images themselves, every neuron that varies reaches its training maximum.
     assert found.strong == pytest.approx(1) and 0 < found.neuron <= 1 and 0 < found.pairs <= 1

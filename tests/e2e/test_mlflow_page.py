@@ -26,7 +26,7 @@ FAILURES = {"base": 21, "control": 20, "random": 11, "adaptive": 6}
 
 
 def chromium() -> str:
-    """The system's Chromium; playwright's own is not downloaded."""
+    """The system's Chromium; playwright's is not downloaded."""
     found = next((path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None)
     assert found, "no Chromium on this machine; as root: apt-get install -y --no-install-recommends chromium"
     return found
@@ -66,7 +66,7 @@ def address(tmp_path: Path) -> Iterator[str]:
         wait_for(f"http://127.0.0.1:{port}/health", server, tmp_path / "server.log")
         yield f"http://127.0.0.1:{port}"
     finally:
-        # The server starts workers of its own; they are one process group.
+        # The server starts workers; all are one process group.
         os.killpg(server.pid, signal.SIGTERM)
         server.wait(timeout=30)
 
@@ -84,7 +84,7 @@ def wait_for(url: str, server: subprocess.Popen[bytes], log: Path) -> None:
 
 
 def drive(page: Page, address: str) -> None:
-    """As a person does: open the model, tick all versions, press Compare, read the numbers."""
+    """Like a person: open the model, tick all versions, press Compare, read the numbers."""
     page.goto(f"{address}/#/models/detector")
     for number in range(1, len(FAILURES) + 1):
         row = page.get_by_role("row").filter(has=page.get_by_role("link", name=f"Version {number}"))
@@ -101,7 +101,7 @@ def drive(page: Page, address: str) -> None:
 
 def open_saved(page: Page, address: str) -> None:
     """From the list of runs to the study, and by the link in its description to the comparison."""
-    # Without it MLflow shows a browser that is new to it the pages for language models.
+    # Without it MLflow shows a new browser the pages for language models.
     page.goto(f"{address}/#/experiments/1?workflowType=machine_learning")
     page.locator("a[href*='/runs/']").get_by_text("default", exact=True).click()
     with page.context.expect_page() as opened:
@@ -115,7 +115,7 @@ def open_saved(page: Page, address: str) -> None:
 def test_versions_compare_in_the_browser(address: str) -> None:
     SHOTS.mkdir(parents=True, exist_ok=True)
     with sync_playwright() as playwright:
-        # Root in a container has no sandbox to offer.
+        # Chromium's sandbox does not work for root in a container.
         browser = playwright.chromium.launch(executable_path=chromium(), args=["--no-sandbox", "--disable-gpu"])
         page = browser.new_page(viewport={"width": 1700, "height": 1300})
         page.set_default_timeout(60_000)

@@ -1,4 +1,4 @@
-"""The search alone, in milliseconds a test: it finds what was planted, sooner than random testing, and says it in words."""
+"""The search alone, at milliseconds per test: it finds the planted regions, sooner than random testing, with readable rules."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_the_adaptive_strategy_beats_random_testing(adaptive_searches: list[Sear
     assert all(a > r for a, r in zip(adaptive, random, strict=True))
 
 
-def test_a_short_campaign_finds_more_kinds_of_failure_with_the_shipped_settings_than_with_those_for_a_thousand_tests(
+def test_the_shipped_settings_suit_short_campaigns(
     adaptive_searches: list[Search],
 ) -> None:
     section = compose("default", []).samplers["neural"]
@@ -64,7 +64,7 @@ def test_a_short_campaign_finds_more_kinds_of_failure_with_the_shipped_settings_
 
 
 def test_a_common_cause_does_not_take_every_batch() -> None:
-    """Three blueprints always fail, everybody else limping at night: what is shared out between kinds goes less to the three."""
+    """Three blueprints always fail, everybody else only limping at night: sharing batches between kinds gives the three fewer tests."""
 
     def commonest(kinds: int, seed: int) -> int:
         sampler = NeuralSampler(THESIS, seed, epsilon=0.25, omega_threshold=-3, spread=0.2, kinds=kinds)
@@ -81,8 +81,8 @@ def test_a_common_cause_does_not_take_every_batch() -> None:
     assert shared < 0.7 * alone
 
 
-def test_a_cause_too_rare_for_one_campaign_is_known_from_those_before_it() -> None:
-    """Two of 74 blueprints always fail: four campaigns of 80 tests find few unless they know of each other."""
+def test_earlier_campaigns_reveal_a_rare_cause() -> None:
+    """Two of 74 blueprints always fail: four campaigns of 80 tests find few unless they learn from each other."""
 
     def kpi_of(points: Floats) -> Floats:
         return np.where(points[:, THESIS.names.index("blueprint")] < 2, 0.0, 1.0)
@@ -131,7 +131,7 @@ def test_each_region_is_one_planted_cause(adaptive_searches: list[Search], rando
     planted, found = SIMULATOR.planted(points), set()
     for label in range(labels.max() + 1):
         counts = np.bincount(planted[labels == label], minlength=len(PLANTED))
-        # Not all of them: planted regions overlap, and where they do both causes are true.
+        # Not all of them: planted regions overlap, and in the overlap both causes hold.
         assert counts.max() / counts.sum() > 0.75
         cause = PLANTED[int(np.argmax(counts))]
         found.add(cause.name)

@@ -1,4 +1,4 @@
-"""Tracking through a real `mlflow server`, with a PostgreSQL store where the machine has one, else SQLite."""
+"""Tracking through a real `mlflow server`, with a PostgreSQL store if the machine has one, else SQLite."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def free_port() -> int:
 
 @contextmanager
 def postgresql(folder: Path) -> Iterator[str]:
-    """A database server of its own, as the user postgres where the tests run as root, which PostgreSQL refuses."""
+    """A separate database server, run as the user postgres if the tests run as root, which PostgreSQL refuses."""
     user = ["setpriv", "--reuid=postgres", "--regid=postgres", "--clear-groups"] if os.getuid() == 0 else []
     data = folder / "postgresql"
     data.mkdir()
@@ -83,7 +83,7 @@ def server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
         yield address
 
 
-def test_a_server_takes_runs_and_versions_once(server: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_server_stores_runs_and_versions_once(server: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     import mlflow
 
     weights = tmp_path / "model.json"

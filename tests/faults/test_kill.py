@@ -1,4 +1,4 @@
-"""kill -9 in training, filtering and registration: the next run goes on, nothing is there twice, no half-written file is read."""
+"""kill -9 in training, filtering and registration: the next run resumes, makes no duplicates and reads no partial file."""
 
 from __future__ import annotations
 
@@ -40,11 +40,10 @@ write_version(compose("base", []), fitted, images, Origin("base", None, {}, {}, 
 FILTER = """
 import sys
 from pathlib import Path
-from pipeline.config.composing import compose
-from pipeline.steps import filter
-out, *frames = map(Path, sys.argv[1:])
+from tests.analysis.fabricated import FabricatedStudy
+study = FabricatedStudy(Path(sys.argv[1]))
 print("ready", flush=True)
-filter.run(compose("default", []), frames=frames, out=out, progress=lambda *_: None)
+study.run("filter", kind="filter", strategy="random", version="base")
 """
 
 REGISTER = """
@@ -66,7 +65,7 @@ for version in ("base", "control", "random"):
 
 
 def killed(script: str, *arguments: Path, after_s: float = 0.0, until: Path | None = None) -> bool:
-    """Run a script and kill it some time after it is ready, or once a file is there; whether it was still at work."""
+    """Run a script and kill it a given time after it is ready, or once a file exists; returns whether it was still running."""
     process = subprocess.Popen([sys.executable, "-c", script, *map(str, arguments)], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     while process.stdout.readline().strip() not in ("ready", ""):
@@ -101,17 +100,19 @@ def test_in_training(tmp_path: Path) -> None:
 
 
 def test_in_filtering(tmp_path: Path) -> None:
-    study = FabricatedStudy(tmp_path / "study").make()
-    frames, whole, cut = study.frames("random"), tmp_path / "whole.csv", tmp_path / "cut.csv"
-    finish(FILTER, whole, *frames)
+    study = FabricatedStudy(tmp_path).make()
+    table = study.root / "filter/random/base.csv"
+    finish(FILTER, tmp_path)
+    whole = table.read_bytes()
+    table.unlink()
     at_work = []
     for after_s in (0.0, 0.05, 0.2):
-        at_work.append(killed(FILTER, cut, *frames, after_s=after_s))
-        if cut.exists():
-            read_filter(cut)
+        at_work.append(killed(FILTER, tmp_path, after_s=after_s))
+        if table.exists():
+            read_filter(table)
     assert any(at_work)
-    finish(FILTER, cut, *frames)
-    assert cut.read_bytes() == whole.read_bytes()
+    finish(FILTER, tmp_path)
+    assert table.read_bytes() == whole
 
 
 def test_in_registration(tmp_path: Path) -> None:

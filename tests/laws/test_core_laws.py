@@ -42,7 +42,7 @@ def test_iou_is_symmetric_bounded_and_one_with_itself(seed: int, count: int) -> 
 
 
 @given(SEEDS, st.integers(0, 12), st.floats(0, 1))
-def test_what_survives_suppression_does_not_overlap_and_what_falls_does(seed: int, count: int, threshold: float) -> None:
+def test_suppression_keeps_exactly_the_boxes_without_a_better_overlapping_one(seed: int, count: int, threshold: float) -> None:
     rng = np.random.default_rng(seed)
     boxes, scores = random_boxes(rng, count), rng.random(count)
     kept = nms(boxes, scores, threshold)
@@ -110,7 +110,7 @@ def constrained(draw: st.DrawFn) -> Constraints:
 
 @given(constrained(), st.integers(1, 3))
 @settings(max_examples=80, deadline=None)
-def test_feasible_cells_and_contradictions_are_those_of_brute_force(constraints: Constraints, k: int) -> None:
+def test_feasible_cells_and_contradictions_agree_with_brute_force(constraints: Constraints, k: int) -> None:
     every = np.array(list(product(*map(range, constraints.sizes))))
     feasible = every[constraints.holds(every)]
     for plane in combinations(range(len(constraints.sizes)), min(k, len(constraints.sizes))):
@@ -126,7 +126,7 @@ def test_feasible_cells_and_contradictions_are_those_of_brute_force(constraints:
 
 @given(constrained(), st.integers(1, 3), st.integers(0, 99))
 @settings(max_examples=40, deadline=None)
-def test_constrained_arrays_are_what_the_verifier_says(constraints: Constraints, strength: int, seed: int) -> None:
+def test_constrained_arrays_pass_the_verifier(constraints: Constraints, strength: int, seed: int) -> None:
     strength = min(strength, len(constraints.sizes))
     if constraints.contradiction():
         return
@@ -145,7 +145,7 @@ def test_covering_arrays_cover(seed: int, sizes: list[int]) -> None:
 
 
 @given(st.lists(st.booleans()), st.integers(1, 10))
-def test_the_f_measure_is_where_the_sequence_reaches_n(failures: list[bool], n: int) -> None:
+def test_the_f_measure_is_the_test_at_which_the_sequence_reaches_n(failures: list[bool], n: int) -> None:
     theta = failure_sequence(failures)
     found = f_measure(theta, n)
     if found is None:
@@ -155,7 +155,7 @@ def test_the_f_measure_is_where_the_sequence_reaches_n(failures: list[bool], n: 
 
 
 @given(st.integers(0, 200), st.integers(0, 200))
-def test_the_wilson_interval_holds_the_share(successes: int, others: int) -> None:
+def test_the_wilson_interval_contains_the_share(successes: int, others: int) -> None:
     trials = successes + others
     low, high = wilson_interval(successes, trials)
     assert 0 <= low <= high <= 1

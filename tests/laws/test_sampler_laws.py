@@ -1,4 +1,4 @@
-"""Replaying a journal, in portions of any length, equals never having been interrupted."""
+"""Replaying a journal, in portions of any length, equals an uninterrupted run."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ def test_replay_in_portions_restores_the_sampler(make: Strategy, portion: int) -
         for start in range(0, told, portion):
             end = min(start + portion, told)
             restored.tell(points[start:end], kpi[start:end])
-        # In the middle of a batch the rest of it is asked.
+        # In the middle of a batch `ask` returns the rest.
         end = (told // BATCH + 1) * BATCH
         assert np.array_equal(restored.ask(), points[told:end])
 
 
 @EVERY
-def test_seeds_differ_and_the_same_seed_does_not(make: Strategy) -> None:
+def test_only_different_seeds_give_different_points(make: Strategy) -> None:
     first, same, other = (run(make(SMALL, seed, batch_size=BATCH), 3)[0] for seed in (1, 1, 2))
     assert np.array_equal(first, same) and not np.array_equal(first, other)
 
@@ -62,11 +62,11 @@ def test_constraints_are_kept(make: Strategy, seed: int) -> None:
 @EVERY
 def test_parts_between_cuts_are_sampled_like_a_grid(make: Strategy) -> None:
     points, _ = run(make(CUT, 0, batch_size=BATCH), 5)
-    assert all(np.array_equal(CUT.encode(CUT.decode(point)), point) for point in points)  # `encode` refuses what is not in the space.
+    assert all(np.array_equal(CUT.encode(CUT.decode(point)), point) for point in points)  # `encode` rejects values outside the space.
 
 
 @EVERY
-def test_a_history_of_broken_simulations_is_survived(make: Strategy) -> None:
+def test_samplers_survive_a_history_of_errors(make: Strategy) -> None:
     sampler = make(SMALL, 0, batch_size=BATCH)
     for _ in range(3):
         asked = sampler.ask()
@@ -74,7 +74,7 @@ def test_a_history_of_broken_simulations_is_survived(make: Strategy) -> None:
     assert np.isfinite(sampler.ask()).all()
 
 
-def test_what_other_scenarios_have_shown_guides_the_first_batch() -> None:
+def test_results_of_other_scenarios_guide_the_first_batch() -> None:
     told = SMALL.sample(20, np.random.default_rng(7))
     taught = NeuralSampler(SMALL, 0, batch_size=40, earlier=[(told, kpi_of(told))])
     first, blind = taught.ask(), NeuralSampler(SMALL, 0, batch_size=40).ask()
@@ -89,7 +89,7 @@ def test_the_pairwise_plan_comes_first_and_random_tests_after_it() -> None:
     assert not np.array_equal(points[rows:], SMALL.representatives(SMALL.categorise(points[rows:])))
 
 
-def test_coverage_covers_all_pairs_sooner_than_chance_and_then_all_of_them_twice() -> None:
+def test_coverage_covers_all_pairs_sooner_than_random_and_then_all_twice() -> None:
     guided, _ = run(CoverageSampler(SMALL, 0, batch_size=20), 14)
     drawn, _ = run(RandomSampler(SMALL, 0, batch_size=20), 14)
 
@@ -110,7 +110,7 @@ def test_a_full_plan_covers_every_feasible_pair(strategy: type[BatchSampler]) ->
     assert pair_coverage(SMALL, points) < 1
 
 
-def test_coverage_returns_more_often_to_what_weighs_more() -> None:
+def test_coverage_returns_more_often_to_heavy_categories() -> None:
     heavy = Space((Variable("a", "categorical", values=("x", "y"), weights=(1, 3)), Variable("b", "categorical", values=("x", "y"))))
     points, _ = run(CoverageSampler(heavy, 0, batch_size=8), 1)
     assert [int(np.sum(points[:, 0] == category)) for category in (0, 1)] == [2, 6]

@@ -1,4 +1,4 @@
-"""What the space says of the pedestrians is what is drawn."""
+"""The space's attributes of pedestrians match the drawn ones."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pipeline.config.composing import compose
 from pipeline.simulators.mujoco.blueprints import BLUEPRINTS
 
 
-def test_the_attributes_of_the_blueprints_are_those_that_are_drawn() -> None:
+def test_blueprint_attributes_match_the_drawn_pedestrians() -> None:
     variable = compose("default", []).space("F1").variables[-1]
     drawn = [BLUEPRINTS[name] for name in variable.values]
     known = dict(variable.attributes)

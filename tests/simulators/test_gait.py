@@ -1,4 +1,4 @@
-"""Feet stay where they stand, and speed 0 stands still."""
+"""Standing feet do not slide, and a pedestrian at speed 0 stands still."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_the_standing_foot_hardly_slides(
             standing = 0 if np.cos(gait.phase(float(distance), speed)) <= 0 else 1
             slid.append(abs(places[standing, 0] - before[standing, 0]) / step)
         before = places
-    # Of each metre walked the standing foot moves a tenth, most of it where the weight changes feet.
+    # Per metre walked the standing foot slides a tenth, mostly while the weight changes feet.
     assert np.mean(slid) < 0.1
 
 
@@ -51,4 +51,4 @@ def test_speed_zero_stands() -> None:
 
 def test_cadence_follows_speed() -> None:
     cadence = [speed / gait.stride(speed) for speed in (0.3, 0.8, 1.4, 2.0, 3.0)]
-    assert cadence == sorted(cadence) and 0.8 < cadence[2] < 1.2  # Strides a second at a usual pace.
+    assert cadence == sorted(cadence) and 0.8 < cadence[2] < 1.2  # Strides per second at a usual pace.

@@ -1,4 +1,4 @@
-"""What the base set shows, and how often."""
+"""The content of the base set, and how often each kind appears."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from pipeline.simulators.mujoco import random_scenes
 from pipeline.simulators.mujoco.blueprints import BLUEPRINTS, CHILDREN, NAMES
 
 
-def test_children_are_those_below_a_metre_and_a_half() -> None:
+def test_children_are_shorter_than_one_and_a_half_metres() -> None:
     assert {name for name in NAMES if BLUEPRINTS[name].height < 1.45} == set(CHILDREN)
 
 
-def test_children_are_rare_in_the_base_set_and_everybody_shows() -> None:
+def test_children_are_rare_in_the_base_set_and_every_blueprint_appears() -> None:
     rng = np.random.default_rng(0)
     drawn = Counter(random_scenes._drawn(NAMES, set(CHILDREN), rng) for _ in range(40_000))
     assert set(drawn) == set(NAMES)

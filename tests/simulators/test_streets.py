@@ -1,4 +1,4 @@
-"""Where streets lie, and which towns and scenarios are refused."""
+"""The layout of streets, and the towns and scenarios that are refused."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from pipeline.scenarios.streets import CORNER_RADIUS, Junction, Town, on_asphalt
 NAMES = sorted(path.stem for path in (CONF / "scenario").glob("F*.yaml"))
 
 
-def test_all_scenarios_of_both_tables_are_there() -> None:
+def test_all_scenarios_of_both_tables_exist() -> None:
     assert sorted([f"F{i}" for i in range(1, 9)] + [f"F{i}star" for i in range(1, 5)]) == NAMES
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_scenario_is_what_its_table_says(name: str) -> None:
+def test_scenarios_match_their_tables(name: str) -> None:
     scenario = functional_scenario(name)
     held_out, text = name.endswith("star"), scenario.description.lower()
     assert (scenario.town.style == "suburban") == held_out
@@ -30,7 +30,7 @@ def test_a_scenario_is_what_its_table_says(name: str) -> None:
     assert ("train line" in text) == (scenario.town.rails_x_m is not None)
     at = scenario.ego.route().at(scenario.conflict_s())
     across = np.sin(np.radians(scenario.pedestrian.heading_deg) - at.heading)
-    # From the nearside, the right, to the left; from the farside to the right; else along the road.
+    # From the nearside (right) to the left; from the farside to the right; else along the road.
     assert round(float(across)) == (1 if "nearside" in text else -1 if "farside" in text else 0)
     turned = np.degrees(at.heading)
     assert turned == pytest.approx(90 if "turns left" in text else -90 if "turns right" in text else 0)
@@ -44,7 +44,7 @@ def test_the_street_frames_agree_with_the_world() -> None:
         town = Town(seed=0, junction=Junction(x_m=10, side=side))
         main, street = streets(town)
         assert street.world(*street.local(3.3, 4.4)) == pytest.approx((3.3, 4.4))
-        # The lane that leads away from the junction is the right one.
+        # The lane away from the junction is the right one.
         assert street.world(20, -1.75) == pytest.approx((10 + sign * 1.75, sign * 23.5))
         assert main.open(sign, 10) and not main.open(-sign, 10)
 
@@ -93,6 +93,6 @@ def test_a_curved_street_keeps_its_lanes(curvature: float) -> None:
         ({"lanes_ahead": 3}, "less than or equal to 2"),
     ],
 )
-def test_towns_that_cannot_be_built_are_refused(town: dict[str, Any], message: str) -> None:
+def test_impossible_towns_are_refused(town: dict[str, Any], message: str) -> None:
     with pytest.raises(ValidationError, match=message):
         Town.model_validate({"seed": 0, **town})

@@ -1,4 +1,4 @@
-"""Adding a KPI or a signal changes one file, and whoever computes it: tables, schema, checks and docs follow."""
+"""Adding a KPI or a signal changes its declaration and its computation: tables, schema, checks and docs follow."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SIGNAL = {
 
 @pytest.fixture(scope="module")
 def changed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy of the program with one KPI and one signal more, and a campaign of it on the analytic simulator."""
+    """A copy of the package with one more KPI and signal, and a campaign with it on the analytic simulator."""
     root = tmp_path_factory.mktemp("changed")
     for folder in ("pipeline", "conf", "docs", "models"):
         shutil.copytree(ROOT / folder, root / folder, symlinks=True, ignore=shutil.ignore_patterns("__pycache__", "images"))

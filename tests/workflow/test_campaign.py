@@ -1,4 +1,4 @@
-"""Campaigns give the same bytes whatever the number of workers and however often they are killed."""
+"""Campaigns give the same bytes for any number of workers and any number of kills."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_two_workers_give_the_same_bytes_as_one(one_worker: StudyFolder, tmp_pat
     assert not journal(two).exists()
 
 
-def test_a_campaign_that_knows_another_one_asks_for_other_tests(tmp_path: Path) -> None:
+def test_a_campaign_with_earlier_tests_chooses_other_tests(tmp_path: Path) -> None:
     taught, again, alone = (analytic_study(tmp_path / name, f"campaign.transfer={known}") for name, known in TAUGHT.items())
     for study, threads in ((taught, 2), (again, 1), (alone, 1)):
         for scenario in ("F1", "F2"):
@@ -82,7 +82,7 @@ def test_a_campaign_that_knows_another_one_asks_for_other_tests(tmp_path: Path) 
 TAUGHT = {"taught": "[neural]", "again": "[neural]", "alone": "[]"}
 
 
-def test_scenarios_share_a_seed_and_no_test(tmp_path: Path) -> None:
+def test_scenarios_with_one_seed_share_no_test(tmp_path: Path) -> None:
     study, fog = analytic_study(tmp_path), {}
     for scenario, kind in {"F1": "campaigns", "F1star": "held_out"}.items():
         assert study.run("campaign", threads=2, **key("random", scenario, kind)) == 0
@@ -173,7 +173,7 @@ def test_a_truncated_table_is_refused(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 class Slow(AnalyticSimulator):
-    """Leaves a test the time to kill it between two executions."""
+    """Slows execution down, so that a test can kill it between two executions."""
 
     def execute(self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0) -> Episode:
         time.sleep(0.1)
@@ -181,7 +181,7 @@ class Slow(AnalyticSimulator):
 
 
 class Fragile(AnalyticSimulator):
-    """A simulator that breaks on some scenarios and kills its process on one: for the executor's tests."""
+    """A simulator with errors on some scenarios that kills its process on one, for tests of the executor."""
 
     def execute(self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0) -> Episode:
         if float(concrete["fog"]) > 70:
@@ -192,7 +192,7 @@ class Fragile(AnalyticSimulator):
 
 
 class Unsorted:
-    """A stranger's class that breaks its contract on what a person is seen in."""
+    """A foreign class that violates its contract once a person is visible."""
 
     def __init__(self, model: str) -> None: ...
 
@@ -211,7 +211,7 @@ def test_an_exception_in_a_foreign_detector_is_an_error_of_its_test_alone(tmp_pa
     assert failed.any() and set(tests.loc[failed, "reason"]) == {"Unsorted.detect failed: ValueError: scores must descend"}
 
 
-def test_an_error_in_a_simulation_is_an_outcome_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_error_in_a_simulation_is_a_separate_outcome(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
     study = analytic_study(tmp_path, "simulator._target_=tests.workflow.test_campaign.Fragile")
     assert study.run("campaign", threads=2, **key("random")) == 0

@@ -1,4 +1,4 @@
-"""The schema of the configuration refuses what is wrong, by name."""
+"""The schema of the configuration rejects wrong input by name."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ STUDIES = sorted(path.stem for path in (CONF / "study").glob("*.yaml"))
 
 
 @pytest.mark.parametrize("study", STUDIES)
-def test_every_study_composes_and_survives_its_file(study: str, tmp_path: Path) -> None:
+def test_every_study_composes_and_survives_a_round_trip(study: str, tmp_path: Path) -> None:
     config = compose(study, [])
     path = tmp_path / "params.yaml"
     path.write_text(dump(config, "test"))
@@ -41,7 +41,7 @@ def test_every_choice_of_a_group_composes(group: str) -> None:
         ("held_out=[F1]", "held_out must not be searched: F1 is in both lists"),
         (
             "scenarios.F1star.town=${scenarios.F1.town}",
-            "held_out: F1star has the town of F1 (style and seed), which is searched, so detectors would learn it",
+            "held_out: F1star has the town of F1 (style and seed), which is searched, so training would use it",
         ),
         ("seeds=[3,3]", "seeds must differ, got [3, 3]"),
         ("+sampler@samplers.my-neural=neural", "expected letters, digits and _ in a name, as tests are named after it, got 'my-neural'"),
@@ -55,10 +55,10 @@ def test_every_choice_of_a_group_composes(group: str) -> None:
         ("+scenarios.F1.constraints=[['pedestrian_speed = 1.4']]", "got '1.4'; did you mean '1.5'?"),
         (
             "+scenarios.F1.constraints=[['rain = 0'],['rain = 10','fog = 0'],['fog != 0']]",
-            "conf/scenario/F1.yaml: scenarios.F1: constraints: these contradict each other, so that no point is left: "
+            "conf/scenario/F1.yaml: scenarios.F1: constraints: these contradict each other, so no point is left: "
             "[rain = 0]; [rain = 10, fog = 0]; [fog != 0]",
         ),
-        ("front_car.space.constraints=[['lanes = 1'],['lanes = 2']]", "these contradict each other, so that no point is left: [lanes = 1]"),
+        ("front_car.space.constraints=[['lanes = 1'],['lanes = 2']]", "these contradict each other, so no point is left: [lanes = 1]"),
         ("scenarios.F1.ego.speed_kmh=-3", "scenarios.F1.ego.speed_kmh: Input should be greater than 0, got -3"),
         ("scenarios.F1.actors.bus.y_m=-9", "conf/scenario/F1.yaml: scenarios.F1: actors.bus: is off the road at (-8.5, -9.0) after 0 s"),
         ("scenarios.F1.actors.bus.x_m=-40", "actors.bus: is off the road at (-40.0, -5.2) after 0 s"),
@@ -86,17 +86,17 @@ def test_wrong_input_is_named(override: str, message: str) -> None:
         compose("default", [override])
 
 
-def test_a_town_with_other_streets_is_still_the_same_town() -> None:
+def test_a_town_with_other_streets_is_the_same_town() -> None:
     with pytest.raises(InputError, match=r"held_out: F1star has the town of F1 \(style and seed\)"):
         compose("default", ["scenarios.F1star.town.style=urban", "scenarios.F1star.town.seed=11"])
 
 
-def test_scenarios_that_are_compared_share_a_space() -> None:
+def test_scenarios_of_a_comparison_share_a_space() -> None:
     with pytest.raises(InputError, match="held_out: F2star has another space than F1star"):
         compose("default", ["held_out=[F1star,F2star]", "scenarios.F2star.space.fog.high=50"])
 
 
-def test_scenarios_that_are_compared_share_their_constraints() -> None:
+def test_scenarios_of_a_comparison_share_their_constraints() -> None:
     with pytest.raises(InputError, match="held_out: F2star has another space than F1star"):
         compose("default", ["held_out=[F1star,F2star]", "+scenarios.F2star.constraints=[['rain = 0','fog = 0']]"])
 
@@ -106,7 +106,7 @@ def test_an_unknown_study_names_the_nearest(capsys: pytest.CaptureFixture[str]) 
     assert "there is no study 'defualt'; did you mean 'default'?" in capsys.readouterr().err
 
 
-def test_a_missing_params_file_says_how_to_make_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_params_file_names_the_command_that_makes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     missing = tmp_path / "params.yaml"
     assert main(["define-space", "--scenario", "F1", "--out", str(tmp_path / "x.json"), "--params", str(missing)]) == 2
     assert "compose study=default" in capsys.readouterr().err

@@ -51,7 +51,7 @@ def names(of: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
 
 
 def unknown_commands(text: str, top: argparse.ArgumentParser) -> list[str]:
-    """Commands of the command line that code in a document names and that do not exist."""
+    """Commands in a document's code that do not exist."""
     unknown = []
     for snippet in SNIPPET.findall(text):
         for command, verb in COMMAND.findall(snippet):

@@ -1,4 +1,4 @@
-"""The front-car study, whole but small: points to full coverage, snapshots, two detectors, a page."""
+"""A small front-car study from start to end: points to full coverage, snapshots, two detectors, a page."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_five_random_points_and_proposals_cover_every_pair(study: Path, config: 
         assert ((cells != "") == space.constraints.feasible_cells(chosen)).all()
 
 
-def test_each_set_has_what_it_should(study: Path, config: Config) -> None:
+def test_each_set_has_its_snapshots(study: Path, config: Config) -> None:
     for version, train, val in (("existing", 20, 13), ("covered", 33, None), ("test", 0, 72)):
         folder = study / "snapshots" / version
         images, segments = (
@@ -107,7 +107,7 @@ def test_a_segmentation_opens_as_a_picture(study: Path) -> None:
     assert np.asarray(picture.convert("RGB")).shape == np.asarray(Image.open(image_path(path.parents[2], "train", 0))).shape
 
 
-def test_both_detectors_learnt_as_much_and_are_judged_on_the_same(study: Path) -> None:
+def test_both_detectors_have_equal_training_and_the_same_tests(study: Path) -> None:
     cards = [read_card(study / "detectors" / version / "model.json") for version in ("existing", "covered")]
     assert cards[0].data["parent"] == cards[1].data["parent"] and cards[0].data["snapshots"] != cards[1].data["snapshots"]
     evaluation = read(study / "evaluation.json", Evaluation)
@@ -140,8 +140,8 @@ def test_too_many_random_points_are_refused(study: Path, capsys: pytest.CaptureF
     assert "front_car.existing must be at most 72" in capsys.readouterr().err
 
 
-def test_the_papers_example_is_completed_by_a_batch_of_five_and_needs_seven_from_nothing() -> None:
-    """Section 5. E1 to E5 as Table 1 tells them: all rainy and in the first lane; of E5 no more is told, so it is taken to be like E3."""
+def test_five_points_complete_the_paper_s_example_and_seven_cover_it_from_scratch() -> None:
+    """Section 5. E1 to E5 as in Table 1: all rainy and in the first lane; the paper says no more about E5, so it is assumed to equal E3."""
     domain = compose("front_car", []).front_car.space
     known = np.array([[2, 0, 1, 0, 1, 0], [2, 1, 1, 0, 1, 0], [2, 1, 0, 0, 0, 1], [2, 1, 1, 0, 1, 1], [2, 1, 0, 0, 0, 1]])
     proposer = Proposer(Demand(domain.space().constraints, 2))

@@ -1,4 +1,4 @@
-"""The generated files in the repository are what the code and conf/ say today."""
+"""The generated files in the repository match the code and conf/."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pipeline.workflow import Plan, step_names
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def test_params_are_what_their_first_line_composes() -> None:
+def test_params_match_the_command_in_their_first_line() -> None:
     command = PARAMS.read_text().splitlines()[0].split("`")[1]
     study, *overrides = command.partition(" compose study=")[2].split()
     assert load(PARAMS) == compose(study, overrides), f"conf/ has changed since; compose again: {command}"
@@ -24,7 +24,7 @@ def test_the_reference_is_up_to_date() -> None:
     assert not stale, "make docs/reference again: python -m pipeline reference"
 
 
-def test_dvc_yaml_is_what_the_contracts_say() -> None:
+def test_dvc_yaml_matches_the_contracts() -> None:
     assert (ROOT / "dvc.yaml").read_text() == stages.text(), "make dvc.yaml again: python -m pipeline stages"
 
 

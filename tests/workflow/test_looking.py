@@ -1,4 +1,4 @@
-"""The commands that look at things and hand them on: `simulate`, `contact-sheet`, `export-scenario`, `export-frames`."""
+"""The commands that show and export: `simulate`, `contact-sheet`, `export-scenario`, `export-frames`."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_simulate_films_one_test(tmp_path: Path, capsys: pytest.CaptureFixture[s
         (["simulate", "F1", "fog=thick"], "fog: expected a number, got 'thick'"),
         (["simulate", "F1", "fog=120"], "fog must be in [0, 100] %, got 120.0"),
         (["simulate", "F1", "animation=dancing"], "animation must be one of walking, texting,"),
-        (["simulate", "F1", "--out", "film.avi"], "a replay is an .mp4 or a .gif, got film.avi"),
+        (["simulate", "F1", "--out", "film.avi"], "a replay must be an .mp4 or a .gif, got film.avi"),
         (["simulate", "F1", "--model", "docs"], "docs holds neither model.onnx nor weights.safetensors"),
         (["simulate", "F1", "--model", "README.md"], "README.md: expected the folder of a version, got a file"),
         (["test-detector", "models/base"], "models/base: expected the ONNX file of a detector, got a folder; name the file"),
@@ -51,23 +51,23 @@ def test_simulate_films_one_test(tmp_path: Path, capsys: pytest.CaptureFixture[s
             ["compose", "study=smoke", "base.weights=nope"],
             "base.weights: expected the folder of a detector, found no file nope/weights.safetensors",
         ),
-        (["contact-sheet", "F1", "--out", "sheet.tiff"], "a contact sheet is a .png or a .jpg, got sheet.tiff"),
+        (["contact-sheet", "F1", "--out", "sheet.tiff"], "a contact sheet must be a .png or a .jpg, got sheet.tiff"),
         (["export-scenario", "F1", "fog=-1"], "fog must be in [0, 100] %, got -1.0"),
         (["export-frames", "nowhere.parquet"], "nowhere.parquet: expected a readable file, got No such file"),
     ],
 )
-def test_wrong_words_are_named(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_arguments_are_named(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(words) == 2
     assert message in capsys.readouterr().err
 
 
-def test_a_value_that_is_left_out_is_the_same_as_said() -> None:
+def test_an_omitted_value_equals_its_default() -> None:
     space = Space.from_dict(functional_scenario("F1").space)
     said = [repr(concrete_scenario(space, words)) for words in ([], ["fog=0"], ["fog=0.0", "rain=0"])]
     assert len(set(said)) == 1
 
 
-def test_a_contact_sheet_has_a_row_a_weather(tmp_path: Path) -> None:
+def test_a_contact_sheet_has_a_row_per_weather(tmp_path: Path) -> None:
     path = tmp_path / "sheet.png"
     assert main(["contact-sheet", "F5", "--out", str(path)]) == 0
     sheet = cv2.imread(str(path))
@@ -77,7 +77,7 @@ def test_a_contact_sheet_has_a_row_a_weather(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["F1", "F5", "F8", "F3star"])
-def test_a_find_leaves_as_openscenario(name: str, tmp_path: Path) -> None:
+def test_a_finding_is_exported_as_openscenario(name: str, tmp_path: Path) -> None:
     out = tmp_path / "find"
     assert main(["export-scenario", name, *FOUND, "--out", str(out)]) == 0
     scenario = functional_scenario(name)
@@ -91,20 +91,20 @@ def test_a_find_leaves_as_openscenario(name: str, tmp_path: Path) -> None:
         places = [(float(p.attrib["x"]), float(p.attrib["y"])) for p in trajectory.iter("WorldPosition")]
         assert times == sorted(times) and len(times) == len(places)
         tracks[trajectory.attrib["name"]] = dict(zip(times, places, strict=True))
-    # At the horizon the ego's front is at the conflict point, and the pedestrian its shift beyond.
+    # At the horizon the ego's front is at the conflict point, and the pedestrian is past it by its shift.
     x, y = tracks["ego"][scenario.ego.horizon_s]
     at = np.array(scenario.pedestrian.at)
     assert np.hypot(*(np.array([x, y]) - at)) == pytest.approx(2.5, abs=0.2)
     assert np.hypot(*(np.array(tracks["pedestrian"][scenario.ego.horizon_s]) - at)) == pytest.approx(0.3, abs=1e-5)
     fog, sun = story.find(".//Fog"), story.find(".//Sun")
     assert fog is not None and 40 < float(fog.attrib["visualRange"]) < 120
-    # The sun ahead stands in the east of OpenSCENARIO's compass.
+    # A sun ahead is in the east of OpenSCENARIO's compass.
     assert sun is not None and float(sun.attrib["azimuth"]) == pytest.approx(np.pi / 2)
     assert float(sun.attrib["intensity"]) == pytest.approx(100_000 * np.sin(float(sun.attrib["elevation"])))
 
 
 @pytest.mark.parametrize("name", ["F2", "F4", "F6", "F7"])
-def test_the_roads_of_a_find_are_connected(name: str, tmp_path: Path) -> None:
+def test_the_roads_of_a_finding_are_connected(name: str, tmp_path: Path) -> None:
     out = tmp_path / "find"
     assert main(["export-scenario", name, "--out", str(out)]) == 0
     town, network = functional_scenario(name).town, Xml.parse(out.with_suffix(".xodr")).getroot()
@@ -129,7 +129,7 @@ def test_the_roads_of_a_find_are_connected(name: str, tmp_path: Path) -> None:
         for number, (first_end, last_end) in inside.items():
             assert ends[number][0] == pytest.approx(first_end, abs=1e-3)
             assert ends[number][1] == pytest.approx(last_end, abs=1e-3)
-        # The side street runs away from the junction: whoever comes from it drives on the left of its line.
+        # The side street runs away from the junction: traffic from it drives on the left of its line.
         lanes = {c.attrib["id"]: [tuple(link.attrib.values()) for link in c.iter("laneLink")] for c in network.iter("connection")}
         assert lanes == {"11": [("-1", "-1")], "12": [("-1", "-1")], "13": [("1", "-1")]}
         links = {lane.attrib["id"]: lane.find("link/predecessor") for lane in roads["13"].iter("lane")}
@@ -139,7 +139,7 @@ def test_the_roads_of_a_find_are_connected(name: str, tmp_path: Path) -> None:
 
 
 def _after(start: Pose, length: float, curvature: float) -> Pose:
-    """Where a geometry ends, by many small steps."""
+    """The end of a geometry, by many small steps."""
     x, y, heading = start.x, start.y, start.heading
     for _ in range(2000):
         heading += curvature * length / 4000
@@ -148,7 +148,7 @@ def _after(start: Pose, length: float, curvature: float) -> Pose:
     return Pose(float(x), float(y), float(heading))
 
 
-def test_frames_leave_as_yolo_coco_and_openlabel(tmp_path: Path) -> None:
+def test_frames_are_exported_as_yolo_coco_and_openlabel(tmp_path: Path) -> None:
     frames = read_frames(FabricatedStudy(tmp_path / "study").make().search_tests[0].with_name("frames.parquet"))
     frames["image"] = encode_jpeg(np.full((192, 320, 3), 90, np.uint8))
     write_frames(tmp_path / "frames.parquet", frames)

@@ -1,4 +1,4 @@
-"""A scenario is one YAML and a strategy one class with one YAML: both are found by themselves, and a scenario's constraints hold."""
+"""A scenario is one YAML and a strategy one class with one YAML: both are found automatically, and a scenario's constraints hold."""
 
 from __future__ import annotations
 
@@ -63,11 +63,11 @@ class Centred(BatchSampler):
 
 @pytest.fixture(scope="module")
 def conf(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A copy of conf/ with a scenario and a strategy more."""
+    """A copy of conf/ with one more scenario and strategy."""
     root = tmp_path_factory.mktemp("own")
     conf = root / "conf"
     shutil.copytree(composing.CONF, conf)
-    # A small space of its own in place of the one that all others share.
+    # A small space instead of the shared one.
     (conf / "scenario" / "G1.yaml").write_text((conf / "scenario" / "F1.yaml").read_text().partition("defaults: [_space, _self_]")[2] + OWN)
     (conf / "sampler" / "centred.yaml").write_text("_target_: own_strategies.Centred\nbatch_size: 8\n")
     (root / "own_strategies.py").write_text(STRATEGY)
@@ -101,10 +101,10 @@ def tests(study: StudyFolder) -> pd.DataFrame:
     return tables.read_tests(study / "campaigns/G1/pairwise/base/0/tests.parquet")
 
 
-def test_the_constraints_travel_with_the_space(study: StudyFolder, config: Config) -> None:
+def test_the_space_file_contains_the_constraints(study: StudyFolder, config: Config) -> None:
     info, space = read_space(study / "space/G1.json")
     assert space == config.space("G1") and len(space.clauses) == 2
-    # 10 planes of 3 x 3 cells, without the two of crouching at a speed and the four of rain and fog together.
+    # 10 planes of 3 x 3 cells, minus two for crouching at a speed and four for rain with fog.
     assert info.pairs == 90 - 6
     assert '"constraints"' not in (study / "space/F1star.json").read_text()
 
@@ -118,7 +118,7 @@ def test_a_full_pairwise_plan_covers_every_feasible_pair_and_breaks_no_clause(te
     assert not ((tests["rain"] >= 20) & (tests["fog"] >= 25)).any()
 
 
-def test_every_strategy_tests_what_the_constraints_allow(config: Config) -> None:
+def test_every_strategy_respects_the_constraints(config: Config) -> None:
     space, simulator = config.space("G1"), AnalyticSimulator(config.scenarios["G1"])
     assert "centred" in config.samplers
     for name in config.samplers:

@@ -1,4 +1,4 @@
-"""`./run` and `.ci/run`: what can be told without installing anything."""
+"""`./run` and `.ci/run`, as far as they can be tested without an installation."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def script(path: Path, text: str) -> None:
 
 @pytest.fixture
 def checkout(tmp_path: Path) -> Path:
-    """A checkout with the set-up's files alone."""
+    """A checkout with only the files of the setup."""
     for name in SETUP:
         shutil.copy(ROOT / name, tmp_path)
     return tmp_path
@@ -37,7 +37,7 @@ def checkout(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def ready(checkout: Path) -> Path:
-    """A checkout that is set up, with a stand-in for snakemake that says how it was called."""
+    """A checkout after setup, with a stand-in for snakemake that prints its call."""
     stamp = hashlib.sha256(b"".join((checkout / name).read_bytes() for name in SETUP[1:])).hexdigest()
     script(checkout / ".venv/bin/snakemake", 'echo "snakemake $*"; echo "HOME of caches: $XDG_CACHE_HOME"; exit "${CODE:-0}"')
     script(checkout / ".venv/bin/python", 'echo "python $*"')
@@ -49,12 +49,12 @@ def ready(checkout: Path) -> Path:
 
 
 @pytest.mark.parametrize("name", ["run", ".ci/run"])
-def test_it_is_a_program_that_bash_understands(name: str) -> None:
+def test_the_scripts_are_valid_bash(name: str) -> None:
     assert (ROOT / name).stat().st_mode & stat.S_IXUSR
     assert subprocess.run(["bash", "-n", ROOT / name]).returncode == 0
 
 
-def test_help_needs_no_set_up(checkout: Path) -> None:
+def test_help_needs_no_setup(checkout: Path) -> None:
     done = call(checkout, "--help")
     assert done.returncode == 0
     assert all(f"./run {word}" in done.stdout for word in ("setup", "test", "ui"))
@@ -69,13 +69,13 @@ def test_an_unfit_python_ends_with_one_message(checkout: Path) -> None:
     ]
 
 
-def test_the_pages_need_something_to_show(checkout: Path) -> None:
+def test_the_pages_need_tracked_runs(checkout: Path) -> None:
     done = call(checkout, "ui")
     assert done.returncode == 2
     assert "nothing is tracked yet" in done.stderr
 
 
-def test_a_ready_checkout_installs_nothing_and_hands_its_arguments_on(ready: Path) -> None:
+def test_a_ready_checkout_installs_nothing_and_passes_its_arguments_on(ready: Path) -> None:
     done = call(ready, "-n", "some/target", CORES="3")
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == ["snakemake --cores 3 -n some/target", f"HOME of caches: {ready}/.cache"]
@@ -96,11 +96,11 @@ def test_a_whole_run_ends_with_the_verdict_and_is_recorded_once(ready: Path) -> 
     assert call(ready).stdout.splitlines()[-1] == "python -m pipeline verdict"
 
 
-def test_a_part_has_no_verdict(ready: Path) -> None:
+def test_a_partial_run_prints_no_verdict(ready: Path) -> None:
     assert [line.split()[0] for line in call(ready, "search").stdout.splitlines()] == ["snakemake", "HOME"]
 
 
-def test_a_dry_run_waits_for_nobody(ready: Path) -> None:
+def test_a_dry_run_does_not_wait(ready: Path) -> None:
     with (ready / ".cache/run.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         assert call(ready, "-n").returncode == 0
@@ -110,7 +110,7 @@ def test_the_exit_code_is_that_of_snakemake(ready: Path) -> None:
     assert call(ready, CODE="7").returncode == 7
 
 
-def test_a_lock_that_a_killed_run_left_is_taken_away(ready: Path) -> None:
+def test_the_lock_of_a_killed_run_is_removed(ready: Path) -> None:
     (ready / ".snakemake/locks").mkdir(parents=True)
     (ready / ".snakemake/locks/0.input.lock").write_text("")
     script(ready / ".venv/bin/snakemake", 'echo "$*" >>calls')
@@ -132,7 +132,7 @@ def test_a_second_run_waits_for_the_first(ready: Path) -> None:
     assert (ready / "calls").read_text().split() == ["begin", "end", "begin", "end"]
 
 
-def test_without_root_the_missing_library_is_one_line_to_type(ready: Path) -> None:
+def test_without_root_a_missing_library_gives_one_command_to_type(ready: Path) -> None:
     shutil.rmtree(ready / ".cache/gl")
     script(ready / ".venv/bin/python", "echo 'blindspot: no OpenGL library works here' >&2; exit 2")
     script(ready / "user/id", "echo 1000")
@@ -144,7 +144,7 @@ def test_without_root_the_missing_library_is_one_line_to_type(ready: Path) -> No
     ]
 
 
-def test_a_broken_program_is_not_taken_for_a_missing_library(ready: Path) -> None:
+def test_a_faulty_program_is_not_reported_as_a_missing_library(ready: Path) -> None:
     shutil.rmtree(ready / ".cache/gl")
     script(ready / ".venv/bin/python", "echo 'ModuleNotFoundError: mujoco' >&2; exit 1")
     done = call(ready, "-n")

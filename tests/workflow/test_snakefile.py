@@ -1,4 +1,4 @@
-"""The workflow plans every study, and runs again exactly what a changed line concerns."""
+"""The workflow plans every study, and runs again exactly the jobs that a changed line concerns."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ CAMPAIGN = {"kind": "campaigns", "scenario": "F1", "strategy": "random", "versio
 
 
 def copy(folder: Path, config: Config) -> Path:
-    """A copy of what the workflow needs, with a study's params.yaml."""
+    """A copy of the workflow's files, with a study's params.yaml."""
     for name in ("pipeline", "conf", "profiles", "models"):
         shutil.copytree(ROOT / name, folder / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "Snakefile", folder)
@@ -38,7 +38,7 @@ def snakemake(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
 
 
 def planned(folder: Path, *words: str) -> dict[str, int]:
-    """How many jobs of each rule Snakemake would run."""
+    """Number of jobs of each rule that Snakemake would run."""
     done = snakemake(folder, "-n", *words)
     assert done.returncode == 0, done.stderr
     table = re.search(r"Job stats:\njob +count\n[- ]+\n(.*?)\ntotal", done.stdout + done.stderr, re.DOTALL)
@@ -66,7 +66,7 @@ def test_the_snakefile_lists_every_step() -> None:
     [
         ("tests: eighty", "params.yaml: campaign.tests: Input should be a valid integer"),
         ("tests: [40", "params.yaml, line"),
-        (None, "params.yaml: no such file; make it by `python -m pipeline compose study=default`"),
+        (None, "params.yaml: no such file; make it with `python -m pipeline compose study=default`"),
     ],
 )
 def test_an_error_in_params_is_one_line(wrong: str | None, told: str, tmp_path: Path) -> None:
@@ -104,12 +104,12 @@ def test_the_graph_is_drawn(tmp_path: Path) -> None:
     assert "digraph" in snakemake(copy(tmp_path, compose("smoke", [])), "--dag").stdout
 
 
-def test_stamps_and_not_clocks_tell_what_runs_again(tmp_path: Path) -> None:
+def test_stamps_decide_what_runs_again(tmp_path: Path) -> None:
     folder = copy(tmp_path, compose("smoke", []))
     assert planned(folder, "spaces") == {"spaces": 1, "define_space": 3}
     assert snakemake(folder, "spaces").returncode == 0
     assert planned(folder, "spaces") == {}
-    # A clone that pulled the outputs: no record of Snakemake's, and times in any order.
+    # A clone with pulled outputs: no records of Snakemake, and times in any order.
     shutil.rmtree(folder / ".snakemake")
     for age_s, path in enumerate(sorted((folder / "data/smoke/space").iterdir())):
         os.utime(path, (10**9 - age_s, 10**9 - age_s))
@@ -179,23 +179,23 @@ def test_what_a_changed_key_makes_stale() -> None:
         return {name: made.stamp(*job) for name, job in jobs.items()}
 
     first = stamps()
-    # One more round or seed leaves the present versions as they are; another first seed does not.
+    # One more round or seed leaves the present versions unchanged; another first seed does not.
     assert stamps("retraining.rounds=3", "retraining.seeds=[0,1]") == first
     assert stamps("retraining.seeds=[7]") == {**first, "version": stamps("retraining.seeds=[7]")["version"]} != first
     assert stamps("retraining.iterations=7")["version"] != first["version"]
-    # What a failure is, all executions are judged by; the size of the search is none of the comparison's.
+    # The failure threshold concerns all executions; the size of the search does not concern the comparison.
     threshold, tests = stamps("campaign.failure_threshold_s=0.2"), stamps("campaign.tests=7")
     assert threshold["search"] != first["search"] and threshold["held_out"] != first["held_out"]
     assert tests["search"] != first["search"] and tests["held_out"] == first["held_out"]
 
 
-def test_a_town_that_becomes_held_out_is_looked_for_again() -> None:
+def test_a_newly_held_out_town_is_checked_again() -> None:
     first, other = plan(), plan("held_out=[F1star,F2star]")
     for step, wildcards in (("render_base", {}), ("train", {}), ("retrain", {"version": "control"})):
         assert first.stamp(step, wildcards) != other.stamp(step, wildcards), step
 
 
-def test_a_step_depends_on_what_its_inputs_were_made_from() -> None:
+def test_a_step_depends_on_the_stamps_of_its_inputs() -> None:
     first, other = plan(), plan("base_set.seed=5")
     assert first.stamp("train", {}) != other.stamp("train", {})
     assert first.stamp("measure", {}) != other.stamp("measure", {})
@@ -210,15 +210,15 @@ def test_only_a_whole_run_prints_its_verdict(monkeypatch: pytest.MonkeyPatch) ->
         study.finish(DAGSettings(**{name: frozenset(values) for name, values in part.items()}))
     assert not told
     for whole in ((), ("all",), study.folders.goals, ("track",)):
-        study.finish(DAGSettings(targets=list(whole)))  # As Snakemake's command line gives them.
+        study.finish(DAGSettings(targets=list(whole)))  # As Snakemake's command line passes them.
     assert [command[3] for command in told] == ["verdict"] * 4
     monkeypatch.setenv("BLINDSPOT_VERDICT_FOLLOWS", "1")
     study.finish(DAGSettings())
     assert len(told) == 4
 
 
-def test_a_search_that_keeps_no_frame_is_refused_before_it_begins() -> None:
-    with pytest.raises(InputError, match=r"^campaign\.keep_every must be at least 1, or no frame is left to learn from, got 0$"):
+def test_a_search_without_kept_frames_is_refused_at_the_start() -> None:
+    with pytest.raises(InputError, match=r"^campaign\.keep_every must be at least 1, or no frame is left to train on, got 0$"):
         plan("campaign.keep_every=0")
 
 
@@ -255,7 +255,7 @@ def test_a_round_learns_from_all_campaigns_before_it(tmp_path: Path) -> None:
     assert (jobs["filter"], jobs["retrain"]) == (6, 12)
 
 
-def test_a_campaign_waits_for_those_that_it_learns_from() -> None:
+def test_a_campaign_waits_for_the_campaigns_that_it_learns_from() -> None:
     folders = plan("search=[F1,F2,F5]", study="retraining").folders
     key = {"kind": "campaigns", "scenario": "F5", "strategy": "neural", "version": "base", "seed": "0"}
     assert folders.earlier(**key) == [f"data/retraining/campaigns/{name}/neural/base/0/tests.parquet" for name in ("F1", "F2")]

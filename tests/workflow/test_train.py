@@ -1,4 +1,4 @@
-"""Step `train`: what a study's base is."""
+"""Step `train`: the base of a study."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pipeline.learning.versions import detect_all
 from tests.studies import ROOT, StudyFolder
 
 
-def test_a_shipped_base_is_calibrated_on_the_images_that_calibrate_the_versions_it_is_compared_with(tmp_path: Path) -> None:
+def test_a_shipped_base_is_calibrated_on_the_same_images_as_the_other_versions(tmp_path: Path) -> None:
     study = StudyFolder.composed(tmp_path, "smoke", ["base_set.images=80", "base_set.validation_share=0.75"])
     assert study.run("render-base") == 0 and study.run("train") == 0
     validation, made, shipped = read_dataset(study / "base_set", "val"), study / "models/base", ROOT / "models/base"

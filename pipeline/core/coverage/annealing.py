@@ -1,4 +1,4 @@
-"""The kernels of covering arrays: greedy rows by coordinate ascent, and simulated annealing of the cells that are left uncovered."""
+"""The kernels of covering arrays: greedy rows by coordinate ascent, and simulated annealing of the cells left uncovered."""
 
 from __future__ import annotations
 
@@ -13,15 +13,14 @@ from pipeline.core.space import Ints
 
 Int32s = NDArray[np.int32]
 Move = tuple[int, int]
-"""A column and the category that it is to have."""
+"""A column and its required category."""
 SHAKEN = 0.2
-"""How often a random row is changed where none is but one category away from a cell."""
+"""How often a random row is changed if no row is one category away from the cell."""
 
 
 class Clauses(NamedTuple):
-    """The constraints of a problem: `of[start[c]:start[c + 1]]` are the clauses in which column c stands; the literals of a clause are
-    those from literal_start[clause] on: a column, a category, and whether the two must be equal.
-    """
+    """The constraints of a problem: `of[start[c]:start[c + 1]]` are the clauses that name column c; the literals of a clause start at
+    literal_start[clause]: a column, a category, and whether the two must be equal."""
 
     start: Int32s
     of: Int32s
@@ -32,9 +31,8 @@ class Clauses(NamedTuple):
 
 
 class Lines(NamedTuple):
-    """The cells that a column's categories reach. For column c and the q-th plane that it is in: base[c, q] is that plane's first cell,
-    step[c, q] the column's own stride, other[c, q] and other_step[c, q] the plane's other columns and their strides.
-    """
+    """The cells that a column's categories reach. For column c and its q-th plane: base[c, q] is that plane's first cell, step[c, q] the
+    column's own stride, other[c, q] and other_step[c, q] the plane's other columns and their strides."""
 
     base: Int32s
     step: Int32s
@@ -58,7 +56,8 @@ class Grid(NamedTuple):
 
 
 class Cover(NamedTuple):
-    """counts: (cells,) rows in each cell. cells, place: the list of uncovered cells, longer than it is filled, and their places in it."""
+    """counts: (cells,) rows in each cell. cells, place: the list of uncovered cells, longer than its filled part, and each cell's place
+    in it."""
 
     counts: Int32s
     cells: Int32s
@@ -66,7 +65,7 @@ class Cover(NamedTuple):
 
 
 class Cooling(NamedTuple):
-    """An annealing's steps, and its first and last temperature in cells."""
+    """Number of steps of an annealing, and its first and last temperature in cells."""
 
     iterations: int
     hot: float
@@ -87,7 +86,7 @@ def add_rows(grid: Grid, rows: Int32s, counts: Int32s) -> None:
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
 def unique_cells(grid: Grid, rows: Int32s, counts: Int32s) -> Ints:
-    """(rows,) how many cells each row alone covers."""
+    """Number of cells that each row alone covers, (rows,)."""
     planes, first, stride = grid.planes, grid.first, grid.stride
     result = np.zeros(len(rows), np.int64)
     for r in range(len(rows)):
@@ -101,7 +100,7 @@ def unique_cells(grid: Grid, rows: Int32s, counts: Int32s) -> Ints:
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
 def _may_change(row: Int32s, column: int, category: int, clauses: Clauses) -> bool:
-    """Whether a row still satisfies every clause that names the column, once that has the category."""
+    """Whether a row still satisfies every clause that names the column after the column takes the category."""
     start, of, literal_start, literal_column, literal_category, equal = clauses
     for at in range(start[column], start[column + 1]):
         clause, satisfied = of[at], False
@@ -117,7 +116,7 @@ def _may_change(row: Int32s, column: int, category: int, clauses: Clauses) -> bo
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
 def _line_of(lines: Lines, row: Int32s, column: int, q: int) -> int:
-    """The cell of the column's q-th plane that the row were in if the column had category 0; the others follow at the column's step."""
+    """The row's cell in the column's q-th plane if the column had category 0; its other cells follow at the column's step."""
     base, _, other, other_step = lines
     cell = base[column, q]
     for x in range(other.shape[2]):
@@ -157,7 +156,7 @@ def best_row(grid: Grid, starts: Int32s, worth: Int32s, held: Bools, sweeps: int
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
 def _improve(grid: Grid, row: Int32s, column: int, worth: Int32s) -> bool:
-    """Give a column the category of most worth; whether the row is worth more now. Ties go to a random one."""
+    """Give a column its most valuable category; returns whether the row's worth increased. Ties are broken at random."""
     size, lines, step = grid.sizes[column], grid.lines, grid.lines.step
     gains = np.zeros(size, np.int64)
     for q in range(step.shape[1]):
@@ -196,7 +195,7 @@ def anneal(grid: Grid, rows: Int32s, counts: Int32s, cooling: Cooling) -> int:
         plane = np.searchsorted(first, cell, side="right") - 1
         r, column, category, lacking = _nearest(rows, columns[plane], stride[plane], cell - first[plane], clauses)
         if r < 0 or (lacking > 1 and np.random.random() < SHAKEN):
-            # Nothing leads there directly: change a random row.
+            # No row is one category away from the cell: change a random row.
             r, column = np.random.randint(len(rows)), np.random.randint(len(sizes))
             category = np.random.randint(sizes[column])
             if category == rows[r, column] or not _may_change(rows[r], column, category, clauses):
@@ -210,7 +209,7 @@ def anneal(grid: Grid, rows: Int32s, counts: Int32s, cooling: Cooling) -> int:
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
 def _nearest(rows: Int32s, columns: Int32s, stride: Int32s, cell: int, clauses: Clauses) -> tuple[int, int, int, int]:
-    """A row that lacks fewest of a cell's categories and may take one of them, that column and category, and how many it lacks.
+    """The row that lacks the fewest of a cell's categories and may take one of them, that column and category, and the number it lacks.
 
     cell: its place in the plane of these columns. The row is -1 if none may.
     """
@@ -240,7 +239,7 @@ def _nearest(rows: Int32s, columns: Int32s, stride: Int32s, cell: int, clauses: 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
 def _lost(lines: Lines, row: Int32s, move: Move, counts: Int32s) -> int:
-    """Cells that a change of one category uncovers, less those that it covers."""
+    """Cells that a change of one category uncovers, minus those that it covers."""
     column, category = move
     step, old, lost = lines.step, row[column], 0
     for q in range(step.shape[1]):
@@ -252,7 +251,7 @@ def _lost(lines: Lines, row: Int32s, move: Move, counts: Int32s) -> int:
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
 def _exchange_cells(lines: Lines, row: Int32s, move: Move, cover: Cover, left: int) -> int:
-    """Count a change of one category; keeps the list of the `left` uncovered cells and returns its new length."""
+    """Count a change of one category; updates the list of the `left` uncovered cells and returns its new length."""
     column, category = move
     counts, cells, place = cover
     step, old = lines.step, row[column]

@@ -1,4 +1,4 @@
-"""Covering arrays: few feasible rows in which every feasible combination of categories of any t variables occurs."""
+"""Covering arrays: few feasible rows that contain every feasible combination of categories of any t variables."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ from pipeline.core.coverage.problem import Problem, feasible_row, lay_out
 from pipeline.core.space import Ints
 
 Progress = Callable[[float, int, int], None]
-"""Called with the share that is done (of the cells; when polishing, of the time), the size so far and the lower bound."""
+"""Called with the share done (of the cells; when polishing, of the time), the current size and the lower bound."""
 CANDIDATES = 16
 SWEEPS = 5
 QUICK_OPERATIONS = 3e8
-"""Elementary steps of annealing in a quick array: fixed, so that the same seed gives the same rows on any machine."""
+"""Elementary annealing steps for a quick array: a fixed number, so the same seed gives the same rows on any machine."""
 ATTEMPT_OPERATIONS = 1.2e8
 OPERATIONS_A_SECOND = 6e8
-"""About, on a slow machine, until it is measured."""
+"""A slow machine's approximate value, until it is measured."""
 TEMPERATURES = ((0.55, 0.13), (0.35, 0.18), (0.3, 0.08))
-"""First and last of an attempt. The last leaves a regular construction, from which one row more can be spared, as it is."""
+"""First and last temperature of an attempt. The last keeps a regular construction intact, which may still save one row."""
 FRESH_LONGER, FRESH_TEMPERATURES = 2.5, (0.26, 0.2)
-"""Of attempts that begin with a full factorial: they need long at a temperature that hardly falls."""
+"""Temperatures of attempts that start from a full factorial: they need a long time at a nearly constant temperature."""
 LONGEST = 15
-"""An attempt is at most so many times longer than the first."""
+"""Longest attempt, as a multiple of the first."""
 
 
 @dataclass(frozen=True)
 class Effort:
     """How long to search for a small array.
 
-    polish_s: seconds, positive, that the search goes on for unless the lower bound is reached before; None for a fixed number of steps, so
-    that the array depends on the other arguments alone.
+    polish_s: seconds of search, positive, unless the lower bound is reached earlier; None for a fixed number of steps, so the array depends
+    on the other arguments alone.
     """
 
     polish_s: float | None = None
@@ -55,7 +55,7 @@ QUICK = Effort()
 
 @dataclass(frozen=True)
 class CoveringArray:
-    """rows: (n, d) category indices. cells: feasible cells that they cover, all of them. lower_bound: no array has fewer rows."""
+    """rows: (n, d) category indices. cells: number of feasible cells, all covered. lower_bound: no array has fewer rows."""
 
     rows: Ints
     strength: int
@@ -72,11 +72,11 @@ def covering_array(
 ) -> CoveringArray:
     """A covering array over the variables of `constraints`.
 
-    strength: t, 1 to 6. seeds: (m, d) rows that must be in it, its first ones.
+    strength: t, 1 to 6. seeds: (m, d) rows that the array starts with.
 
     Raises ValueError for contradictory constraints, an infeasible seed row and a strength out of range.
     """
-    # A copy: a SAT solver remembers what it was asked, and the same arguments must give the same rows.
+    # A copy: a SAT solver's answers depend on earlier queries, and the same arguments must give the same rows.
     limits = Constraints(constraints.sizes, constraints.clauses)
     sizes = limits.sizes
     if not 1 <= strength <= min(6, len(sizes)):
@@ -94,7 +94,7 @@ def covering_array(
             effort.progress(share if effort.polish_s is None else 0.0, size, bound)
 
     search = _Search(lay_out(limits, strength), limits, given, np.random.default_rng(seed), covering)
-    # Beside the rows that must be in it, as many are needed as the emptiest plane still has uncovered cells.
+    # Besides the seed rows, the array needs a row for each uncovered cell of the emptiest plane.
     left = np.add.reduceat(search.problem.counts(given) == 0, search.problem.first, dtype=np.int64)
     bound = max(bound, len(given) + int(left.max()))
     rows = search.start()
@@ -106,11 +106,11 @@ def covering_array(
 
 
 def lower_bound(sizes: Sequence[int], strength: int, constraints: Constraints | None = None) -> int:
-    """Rows that every covering array has at least.
+    """A lower bound of the rows of a covering array.
 
-    A row covers one cell of each plane, so the plane with most feasible cells is a bound. Without constraints also: binary columns need
-    as many rows as Kleitman and Spencer's theorem says (1973), and the rows that share a category of one column cover all others
-    with strength t - 1.
+    A row covers one cell of each plane, so the plane with the most feasible cells is a bound. Without constraints there are two more:
+    binary columns need as many rows as Kleitman and Spencer's theorem says (1973), and the rows that share a category of one column cover
+    all other columns with strength t - 1.
     """
     if constraints is not None and constraints.clauses:
         largest = sorted(combinations(range(len(sizes)), strength), key=lambda plane: -prod(sizes[c] for c in plane))
@@ -143,12 +143,12 @@ class _Search:
     def __init__(
         self, problem: Problem, constraints: Constraints, given: Int32s, rng: np.random.Generator, covering: Callable[[float, int], None]
     ) -> None:
-        """covering: called with the share of the cells that are covered and the rows so far."""
+        """covering: called with the share of covered cells and the current number of rows."""
         self.problem, self._constraints, self._given, self._rng, self._covering = problem, constraints, given, rng, covering
         self._nothing_held = np.zeros(len(problem.sizes), np.bool_)
 
     def start(self) -> Int32s:
-        """The smallest of the arrays that greedy search and known constructions give."""
+        """The smallest array from greedy search and known constructions."""
         found = [self.complete(self._given)]
         if self.problem.strength == 2 and not self._constraints.clauses and not len(self._given):
             sizes = tuple(int(size) for size in self.problem.sizes)
@@ -186,7 +186,7 @@ class _Search:
         return feasible_row(self._constraints, columns, categories, self._rng)
 
     def shorten(self, rows: Int32s, bound: int, operations: float) -> Int32s:
-        """Take rows away, several at a time while that succeeds, until the steps are spent."""
+        """Remove rows, several at a time while that succeeds, until the steps are spent."""
         away, fails = max(1, len(rows) // 12), 0
         while operations > 0 and len(rows) > max(bound, len(self._given)):
             spent = min(operations, ATTEMPT_OPERATIONS * 0.4)
@@ -199,12 +199,13 @@ class _Search:
         return rows
 
     def polish(self, rows: Int32s, bound: int, started: float, seconds: float, progress: Progress | None) -> Int32s:
-        """Take rows away until the time is spent or the bound is reached.
+        """Remove rows until the time is spent or the bound is reached.
 
-        A failed attempt makes the next one longer, and at other temperatures: which serve depends on the problem, so those that did go on.
+        A failed attempt makes the next one longer and changes its temperatures: which ones work depends on the problem, so temperatures
+        that succeeded are kept.
         """
         fails, way, away, bound = 0, 0, max(1, len(rows) // 12), max(bound, len(self._given))
-        # Near the product of the two largest sizes a regular start gets further than what greedy search left.
+        # Near the product of the two largest sizes a regular start gets further than the greedy array.
         fresh = self.problem.strength == 2 and not self._constraints.clauses and not len(self._given) and len(rows) < 1.15 * bound
         speed = OPERATIONS_A_SECOND
         while (spent := time.monotonic() - started) < seconds and len(rows) > bound:
@@ -229,7 +230,7 @@ class _Search:
         return rows
 
     def _without(self, rows: Int32s, away: int, operations: float, temperatures: tuple[float, float]) -> Int32s | None:
-        """An array with `away` rows fewer, None if annealing does not get there."""
+        """An array with `away` rows fewer; None if annealing does not find one."""
         given = len(self._given)
         unique = self.problem.unique_cells(rows)
         order = np.argsort(unique[given:] + self._rng.random(len(rows) - given), kind="stable") + given
@@ -237,7 +238,7 @@ class _Search:
         return self._annealed(kept, operations, temperatures) if len(kept) > given else None
 
     def _annealed(self, rows: Int32s, operations: float, temperatures: tuple[float, float]) -> Int32s | None:
-        """The rows, changed until they cover every cell; None if they do not come to that."""
+        """The rows, changed until they cover every cell; None if that fails."""
         problem = self.problem
         step = 3.0 * problem.grid.lines.base.shape[1] * problem.strength + 0.2 * len(rows) * (problem.strength + problem.literals_a_column)
         seed, iterations = int(self._rng.integers(2**31)), max(1000, int(operations / step))
@@ -245,7 +246,7 @@ class _Search:
         return rows if left == 0 else None
 
     def _balanced(self, count: int) -> Int32s:
-        """Rows to anneal: the two largest columns as a full factorial, in the others every category equally often."""
+        """Rows to anneal: the two largest columns as a full factorial, the other columns with every category equally often."""
         sizes = self.problem.sizes
         first, second, *others = np.argsort(-sizes, kind="stable").tolist()
         pairs = int(sizes[first] * sizes[second])
@@ -259,10 +260,10 @@ class _Search:
 
 
 def order_by_new_pairs(rows: Ints) -> Ints:
-    """Order of (n, d) rows, as (n,) indices, in which each next one covers as many new pairs as any: prefixes cover the most."""
+    """Order of (n, d) rows, as (n,) indices: each next row covers the most new pairs, so prefixes cover the most."""
     keys = _pair_keys(rows)
     covered = np.zeros(int(keys.max(initial=-1)) + 1, dtype=bool)
-    # Gains only fall as pairs get covered, so a stale gain is an upper bound: only the head of the heap needs counting again.
+    # Gains only fall as pairs get covered, so a stale gain is an upper bound: only the head of the heap is recounted.
     heap = [(-keys.shape[1], row) for row in range(len(rows))]
     heapify(heap)
     order: list[int] = []

@@ -13,10 +13,10 @@ STARTER_STEPS = 400_000
 
 
 def factorial(sizes: tuple[int, ...]) -> Int32s | None:
-    """Every pair of the two largest variables once; the others by a linear rule where that covers all, else free.
+    """Every pair of the two largest variables once; the others by a linear rule if that covers all pairs, else free.
 
-    With B categories of the second largest, B prime, a row (a, b) gets (b + m a) mod B in the m-th other variable. Two
-    different m give an orthogonal array, so every pair is covered (Bose 1938); values past a variable's size stay free.
+    With B categories of the second largest, B prime, a row (a, b) gets (b + m a) mod B in the m-th other variable. Two different m give an
+    orthogonal array, so every pair is covered (Bose 1938); values beyond a variable's size stay free.
     """
     if len(sizes) < 2:
         return None
@@ -32,7 +32,7 @@ def factorial(sizes: tuple[int, ...]) -> Int32s | None:
 
 
 def orthogonal(sizes: tuple[int, ...]) -> Int32s | None:
-    """An orthogonal array of the smallest prime order that has enough columns, values past a variable's size free (Bose 1938)."""
+    """An orthogonal array of the smallest prime order with enough columns, values beyond a variable's size free (Bose 1938)."""
     order = max(max(sizes), len(sizes) - 1)
     while not _is_prime(order):
         order += 1
@@ -45,9 +45,10 @@ def orthogonal(sizes: tuple[int, ...]) -> Int32s | None:
 
 
 def cyclic(sizes: tuple[int, ...], fewer_than: int, seed: int) -> Int32s | None:
-    """k (v - 1) + 1 rows for k columns of v categories: the rotations of one row, each with v - 1 shifts, and a constant one.
+    """A cyclic array of k (v - 1) + 1 rows for k columns of v categories: the rotations of one row, each with v - 1 shifts, and a constant
+    row.
 
-    None if that is not fewer than asked for, or no such row is found (Meagher and Stevens 2005).
+    None if it is not smaller than the given limit, or no such row is found (Meagher and Stevens 2005).
     """
     columns, categories = len(sizes), max(sizes)
     if min(sizes) != categories or categories < 3 or columns * (categories - 1) + 1 >= fewer_than:
@@ -66,10 +67,11 @@ def _is_prime(number: int) -> bool:
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
 def _cyclic_starter(columns: int, categories: int, steps: int, seed: int) -> Int32s:
-    """(columns,) a row whose rotations, shifted modulo categories - 1, cover all pairs together with a constant row; -1 if none is found.
+    """A row (columns,) with rotations that, shifted modulo categories - 1, cover all pairs together with a constant row; -1 if none is
+    found.
 
-    The last category stays where it is under shifts. For every distance d between columns, the differences of the entries that lie d
-    apart must take every value, and the last category must stand before and after others.
+    Shifts keep the last category. For every distance d between columns, the differences of the entries d apart must take every value, and
+    the last category must occur before and after other categories.
     """
     np.random.seed(seed)
     last, half = categories - 1, columns // 2
@@ -97,7 +99,7 @@ def _cyclic_starter(columns: int, categories: int, steps: int, seed: int) -> Int
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
 def _exchange(seen: Int32s, row: Int32s, at: int, value: int) -> int:
-    """Put a value into the row; returns by how many classes more are unseen."""
+    """Put a value into the row; returns the change in the number of unseen classes."""
     change, half, columns = 0, len(seen), len(row)
     for d in range(half):
         after, before = (at + d + 1) % columns, (at - d - 1) % columns
@@ -111,7 +113,7 @@ def _exchange(seen: Int32s, row: Int32s, at: int, value: int) -> int:
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
 def _count(seen: Int32s, d: int, a: int, b: int, by: int) -> int:
-    """Count a pair of categories at distance d + 1; returns by how many classes more are unseen."""
+    """Count a pair of categories at distance d + 1; returns the change in the number of unseen classes."""
     last = seen.shape[1] - 2
     if a == last and b == last:
         return 0

@@ -1,7 +1,7 @@
-"""How many points lie in each cell of every plane: bit sets and popcounts where the planes are small, histograms elsewhere.
+"""Counts the points in each cell of every plane: bit sets and popcounts for small planes, histograms for others.
 
-A bit set a category holds a bit a point. The points in a cell are the popcount of an AND; the last category of every condition is
-never counted, because its cells are what the others leave of the plane below.
+A category's bit set has one bit per point. The number of points in a cell is the popcount of an AND. The last category of a condition is
+never counted: its cells are the rest of the plane below.
 """
 
 from __future__ import annotations
@@ -20,16 +20,15 @@ from pipeline.core.space import Ints
 
 Words = NDArray[np.uint64]
 BLOCK_WORDS = 512
-"""Words of a bit set that are taken at a time, so that those of many categories stay in the cache."""
+"""Words of a bit set that are processed at a time, so that the bit sets of many categories stay in the cache."""
 SMALL_CELLS = 200
-"""A plane of more cells than this is counted by a histogram."""
+"""Planes with more cells are counted by a histogram."""
 FEW_POINTS = 2048
 
 
 class _Bits(NamedTuple):
-    """Points as bit sets. words: (sets, words) bit p of word w is point 64 w + p. first: the first set of each condition, which has one for
-    each category but the last. sizes: (d,) categories of each condition.
-    """
+    """Points as bit sets. words: (sets, words) bit p of word w is point 64 w + p. first: the first set of each condition, which has a
+    set for each category but the last. sizes: (d,) categories of each condition."""
 
     words: Words
     first: Ints
@@ -38,9 +37,8 @@ class _Bits(NamedTuple):
 
 
 class _Cells(NamedTuple):
-    """Counts of the cells of all pairs or triples of conditions, in the order of `combinations`. start: first cell of each. wanted: those
-    that are counted.
-    """
+    """Counts of the cells of all pairs or triples of conditions, in the order of `combinations`. start: first cell of each. wanted: the
+    pairs or triples to count."""
 
     start: Ints
     wanted: NDArray[np.bool_]
@@ -48,7 +46,7 @@ class _Cells(NamedTuple):
 
 
 class CellCounts:
-    """Counts of points in the cells of all k-subsets of conditions; points come in batches.
+    """Counts of points in the cells of all k-subsets of conditions; points arrive in batches.
 
     sizes: number of categories of each condition. k: 1 to d.
     """
@@ -63,7 +61,7 @@ class CellCounts:
         self._counts = np.zeros(int(self._start[-1]), dtype=np.int64)
 
     def add(self, categories: Ints) -> None:
-        """Count (n, d) points more; their category indices must be in range."""
+        """Add (n, d) points to the counts; their category indices must be in range."""
         rows = np.ascontiguousarray(categories, dtype=np.int64)
         self.points += len(rows)
         if not len(rows):
@@ -78,7 +76,7 @@ class CellCounts:
 
     def _add_by_bits(self, rows: Ints, by_bits: NDArray[np.bool_]) -> None:
         sizes = np.asarray(self.sizes, dtype=np.int64)
-        # Conditions of many categories have no plane that is counted by bits.
+        # Planes of conditions with many categories are never counted by bits.
         used = np.zeros(len(sizes), dtype=np.bool_)
         used[np.unique(self.planes[by_bits])] = True
         first = np.concatenate([[0], np.cumsum(np.where(used, sizes - 1, 0))]).astype(np.int64)
@@ -221,7 +219,7 @@ def _triples(points: _Bits, pairs: _Cells, cells: _Cells) -> None:
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
 def _inner_start(sizes: Ints, wanted: NDArray[np.bool_]) -> Ints:
-    """First cell of each triple, and their number, if last categories have none and neither have triples that are not wanted."""
+    """First cell of each triple, and the number of cells, without last categories and without triples that are not wanted."""
     n, plane = len(sizes), 0
     start = np.zeros(len(wanted) + 1, np.int64)
     for i in range(n):
@@ -236,7 +234,7 @@ def _inner_start(sizes: Ints, wanted: NDArray[np.bool_]) -> Ints:
 
 @njit(cache=True, boundscheck=False)  # type: ignore[untyped-decorator]
 def _fill_triples(sizes: Ints, inner_cells: _Cells, pair_cells: _Cells, cells: _Cells) -> None:
-    """From the counts without last categories and those of pairs to all counts."""
+    """All counts, from the counts without last categories and those of pairs."""
     inner_start, _, inner = inner_cells
     pair_start, _, pairs = pair_cells
     start, wanted, counts = cells

@@ -13,7 +13,7 @@ from pipeline.core.coverage.annealing import Clauses, Cooling, Grid, Int32s, Lin
 from pipeline.core.space import Ints
 
 INFEASIBLE = np.int32(1 << 30)
-"""Count of a cell that no feasible point reaches: never uncovered."""
+"""Count of a cell that no feasible point reaches, so it is never uncovered."""
 
 
 @dataclass(frozen=True)
@@ -40,12 +40,12 @@ class Problem:
 
     @property
     def literals_a_column(self) -> float:
-        """How many literals must be looked at, on average, to change a category."""
+        """Mean number of literals to check when a category changes."""
         clauses = self.grid.clauses
         return float(np.diff(clauses.literal_start)[clauses.of].sum()) / len(self.sizes) if len(clauses.of) else 0.0
 
     def counts(self, rows: Int32s) -> Int32s:
-        """(cells,) how many rows lie in each cell; `INFEASIBLE` where none can."""
+        """Number of rows in each cell, (cells,); `INFEASIBLE` if no row can reach it."""
         counts = np.where(self.feasible, np.int32(0), INFEASIBLE)
         self.count(rows, counts)
         return counts
@@ -55,23 +55,23 @@ class Problem:
         annealing.add_rows(self.grid, rows, counts)
 
     def unique_cells(self, rows: Int32s) -> Ints:
-        """(rows,) how many cells each row alone covers."""
+        """Number of cells that each row alone covers, (rows,)."""
         return np.asarray(annealing.unique_cells(self.grid, rows, self.counts(rows)), np.int64)
 
     def best_row(self, starts: Int32s, worth: Int32s, held: Bools, sweeps: int, seed: int) -> Int32s:
-        """The row of most worth among those that coordinate ascent reaches from each start; (n,).
+        """The most valuable row that coordinate ascent reaches from the starts; (n,).
 
-        starts: (m, n) feasible rows. worth: (cells,) of a row in each cell; the row's is the sum over its cells. held: (n,) columns that
-        keep the start's category. Ties go to a random category, so that a plateau is walked, not stood on.
+        starts: (m, n) feasible rows. worth: (cells,) of a row in each cell; a row's worth is the sum over its cells. held: (n,) columns
+        that keep the start's category. Ties are broken at random, so that the search walks across plateaus.
         """
         annealing.seed_kernels(seed)
         return np.asarray(annealing.best_row(self.grid, starts, worth, held, sweeps), np.int32)
 
     def anneal(self, rows: Int32s, counts: Int32s, iterations: int, temperatures: tuple[float, float], seed: int) -> int:
-        """Change single categories of `rows`, in place, until no cell is uncovered; returns how many still are.
+        """Change single categories of `rows`, in place, until every cell is covered; returns the number of uncovered cells left.
 
-        A move takes an uncovered cell and the row that comes nearest to it, and gives the row one of the categories that it lacks. The rows
-        stay feasible. counts: of `rows` and of others that stay as they are; kept. temperatures: first and last, in cells.
+        A move takes an uncovered cell and the row nearest to it, and gives the row one of the cell's categories. Rows stay feasible.
+        counts: of `rows` and of other, fixed rows; updated. temperatures: first and last, in cells.
         """
         annealing.seed_kernels(seed)
         return int(annealing.anneal(self.grid, rows, counts, Cooling(iterations, *temperatures)))
@@ -111,7 +111,7 @@ def lay_out(constraints: Constraints, strength: int) -> Problem:
 
 
 def feasible_row(constraints: Constraints, columns: Int32s, categories: Int32s, rng: np.random.Generator) -> Int32s:
-    """A random feasible row with these categories in these columns, which some feasible row has."""
+    """A random feasible row with these categories in these columns; at least one such row must exist."""
     if not constraints.clauses:
         row: Int32s = rng.integers(0, constraints.sizes).astype(np.int32)
         row[columns] = categories

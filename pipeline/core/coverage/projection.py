@@ -20,10 +20,10 @@ _COMBINE = {"product": np.multiply, "sum": np.add, "max": np.maximum}
 
 @dataclass(frozen=True)
 class Demand:
-    """Which points full coverage wants: some in every cell of every `k` of the variables that a feasible point reaches.
+    """What full coverage wants: points in every cell of every `k` variables that a feasible point reaches.
 
-    constraints: what is feasible, over all d variables. k: 1 to d. weights: for each variable its (size,) whole numbers of points wanted,
-    1 each if not given; a cell wants the product, sum or maximum of those of its categories.
+    constraints: what is feasible, over all d variables. k: 1 to d. weights: for each variable its (size,) whole numbers of wanted points, 1
+    each by default; a cell wants the product, sum or maximum of its categories' weights.
     """
 
     constraints: Constraints
@@ -71,7 +71,8 @@ class Coverage:
 
 @dataclass(frozen=True)
 class Plane:
-    """One k-subset of variables. counts, wanted: points in each cell and its weight, 0 where no feasible point is; sizes as shape."""
+    """One k-subset of variables. counts, wanted: points in each cell and its weight, 0 if no feasible point reaches it; shaped by the
+    sizes."""
 
     variables: tuple[int, ...]
     counts: Ints
@@ -80,13 +81,13 @@ class Plane:
 
     @property
     def coverage(self) -> Coverage | None:
-        """Of this plane alone; None if its feasible cells want no points."""
+        """Coverage of this plane alone; None if its feasible cells want no points."""
         required = int(self.wanted.sum())
         return Coverage(int(np.minimum(self.counts, self.wanted).sum()), required) if required else None
 
 
 def projection_coverage(categories: Ints, demand: Demand) -> Coverage:
-    """How much of a demand points meet. categories: (n, d) category indices, n may be 0.
+    """Measure how far points meet a demand. categories: (n, d) category indices, n may be 0.
 
     Raises ValueError for an infeasible point, an index out of range, and if the feasible cells want no points at all.
     """
@@ -120,7 +121,7 @@ def total(every: Iterable[Plane]) -> Coverage:
 
 
 def check_points(categories: Ints, constraints: Constraints) -> None:
-    """Raise ValueError for a wrong shape, an index out of range or an infeasible point, naming the first such point."""
+    """Raise ValueError for a wrong shape, an index out of range or an infeasible point; the message names the first such point."""
     sizes = constraints.sizes
     if categories.ndim != 2 or categories.shape[1] != len(sizes):
         raise ValueError(f"categories must have shape (n, {len(sizes)}), got {categories.shape}")

@@ -1,4 +1,4 @@
-"""Proposals: the feasible points that raise k-projection coverage most, or complete it (Cheng et al., Definition 5, Algorithms 1 and 2)."""
+"""Proposals: the feasible points that raise k-projection coverage most or complete it (Cheng et al., Definition 5, Algorithms 1 and 2)."""
 
 from __future__ import annotations
 
@@ -25,9 +25,8 @@ TIME_LIMIT_S = 20.0
 
 @dataclass(frozen=True)
 class Proposal:
-    """Points to add. categories: (b, d) indices. gain: how much coverage's numerator rises, with heavy_first the weight of what they fill;
-    bound: none can gain more.
-    """
+    """Points to add. categories: (b, d) indices. gain: increase of coverage's numerator; with heavy_first, the weight of the filled
+    cells; bound: upper bound of the gain."""
 
     categories: Ints
     gain: int
@@ -39,14 +38,14 @@ class Proposal:
 
 
 class Proposer:
-    """Proposes points that meet a demand; laid out once, asked as often as one likes.
+    """Proposes points that meet a demand; set up once, used any number of times.
 
-    heavy_first: a cell that still wants points is worth its weight, not 1, so that heavy classes come first where full coverage is out of
-    reach (the paper's first extension).
+    heavy_first: a cell that still wants points counts its weight, not 1, so that heavy classes come first if full coverage is out of reach
+    (the paper's first extension).
     """
 
     def __init__(self, demand: Demand, *, heavy_first: bool = False, seed: int = 0) -> None:
-        # A copy: a SAT solver remembers what it was asked, and the same arguments must give the same points.
+        # A copy: a SAT solver's answers depend on earlier queries, and the same arguments must give the same points.
         constraints = Constraints(demand.sizes, demand.constraints.clauses)
         self._constraints, self._k = constraints, demand.k
         self._problem = lay_out(constraints, demand.k)
@@ -55,15 +54,16 @@ class Proposer:
         self._heavy_first, self._rng = heavy_first, np.random.default_rng(seed)
 
     def missing(self, points: Ints) -> Ints:
-        """(cells,) how many points more each cell wants."""
+        """Number of points that each cell still wants, (cells,)."""
         counts = CellCounts(self._constraints.sizes, self._k)
         counts.add(points)
         return np.asarray(np.maximum(0, self._wanted - counts.flat), np.int64)
 
     def propose(self, points: Ints, count: int = 1) -> Proposal | None:
-        """`count` points by coordinate ascent from many starts, one after the other, then changed together; None if nothing is missing.
+        """Propose `count` points by coordinate ascent from many starts, one after the other, then improved together; None if nothing is
+        missing.
 
-        points: (n, d) those there are, n may be 0. Milliseconds; `gain` is seldom below the optimum, `bound` says how far at most.
+        points: (n, d) existing points, n may be 0. Takes milliseconds; `gain` is rarely below the optimum, `bound` limits by how much.
         """
         check_points(points, self._constraints)
         missing = self.missing(points)
@@ -85,7 +85,8 @@ class Proposer:
         return Proposal(rows.astype(np.int64), gain, bound)
 
     def propose_exact(self, points: Ints, count: int = 1, time_limit_s: float = TIME_LIMIT_S) -> Proposal | None:
-        """`count` points together by 0-1 programming with HiGHS: the optimum, or after the time limit the best found and a bound."""
+        """Propose `count` points together by 0-1 programming with HiGHS: the optimum, or at the time limit the best solution and a
+        bound."""
         check_points(points, self._constraints)
         missing = self.missing(points)
         if not missing.any():
@@ -100,19 +101,20 @@ class Proposer:
         return Proposal(quick.categories, quick.gain, max(quick.gain, best))
 
     def complete(self, points: Ints, exact: bool = False) -> Iterator[Proposal]:
-        """Proposals of one point, each given those before it, until nothing is missing."""
+        """Proposals of one point each, given the points before it, until nothing is missing."""
         while (proposal := self.propose_exact(points) if exact else self.propose(points)) is not None:
             yield proposal
             points = np.vstack([points, proposal.categories])
 
     def fewest(self, points: Ints) -> int:
-        """How many points more full coverage needs at least: each lies in one cell of a plane, so the emptiest plane tells."""
+        """Lower bound of the points that full coverage still needs: a point lies in one cell of each plane, so the emptiest plane
+        decides."""
         return int(np.add.reduceat(self.missing(points), self._problem.first).max())
 
     def completion(self, points: Ints) -> Ints:
-        """(m, d) points that complete the coverage, few of them; `fewest` bounds m from below.
+        """Complete the coverage with few points (m, d); `fewest` is a lower bound of m.
 
-        For k = 1 without constraints they are the fewest there are (Algorithm 1, Proposition 6), since each condition may go its own way.
+        For k = 1 without constraints m is minimal (Algorithm 1, Proposition 6), because conditions are independent of each other.
         """
         check_points(points, self._constraints)
         if self._k == 1 and not self._constraints.clauses:
@@ -124,7 +126,7 @@ class Proposer:
         return np.vstack([np.zeros((0, points.shape[1]), np.int64), *(proposal.categories for proposal in self.complete(points))])
 
     def _each_condition_alone(self, missing: Ints) -> Ints:
-        """Every condition lists the categories that it still wants, as often as it wants them; its first one fills up."""
+        """Each condition lists the categories that it still wants, as often as it wants them, padded with its first category."""
         lists = np.split(missing, self._problem.first[1:])
         rows = np.zeros((max(int(wanted.sum()) for wanted in lists), len(lists)), np.int64)
         for condition, wanted in enumerate(lists):
@@ -156,14 +158,14 @@ class Proposer:
 
     def _changed_together(self, missing: Ints, rows: Int32s) -> Int32s:
         problem, changed = self._problem, rows.copy()
-        # What is covered already may be left and entered as one likes.
+        # Cells that are already covered may be left and entered freely.
         counts = np.where(missing > 0, np.int32(0), INFEASIBLE)
         problem.count(changed, counts)
         problem.anneal(changed, counts, ANNEALING_STEPS, TEMPERATURES, int(self._rng.integers(2**31)))
         return changed
 
     def _after(self, missing: Ints, rows: Int32s) -> Ints:
-        """What is missing once the rows are added."""
+        """What is still missing after the rows are added."""
         problem, counts = self._problem, np.zeros(len(missing), np.int32)
         problem.count(rows, counts)
         return np.asarray(np.maximum(0, missing - counts), np.int64)
@@ -172,14 +174,15 @@ class Proposer:
         return int(((missing - self._after(missing, rows)) * self._worth(missing)).sum())
 
     def _bound(self, missing: Ints, count: int) -> int:
-        """A point lies in one cell of each plane, so it gains at most the worth of the best one there, and no more than is missing."""
+        """Upper bound of a gain: a point lies in one cell of each plane, so it gains at most the worth of the best cell, and no more
+        than is missing."""
         worth, first = self._worth(missing), self._problem.first
         return int(np.minimum(count * np.maximum.reduceat(worth, first), np.add.reduceat(missing * worth, first)).sum())
 
 
 @dataclass(frozen=True)
 class _Wanting:
-    """The cells that a programme may fill. places: the plane of each, and its columns and categories. missing, worth: (cells,)."""
+    """The cells that a 0-1 programme may fill. places: the plane of each, and its columns and categories. missing, worth: (cells,)."""
 
     places: list[tuple[int, list[int], list[int]]]
     missing: Ints
@@ -187,10 +190,10 @@ class _Wanting:
 
 
 def _solve(wanted: _Wanting, constraints: Constraints, count: int, time_limit_s: float) -> tuple[Int32s | None, int]:
-    """`count` points by 0-1 programming, None if there was no time for any, and an upper bound of their worth.
+    """Solve for `count` points by 0-1 programming; None if time ran out before a solution, and an upper bound of their worth.
 
-    Not the encoding of Algorithm 2, whose relaxation is loose: the cells of a plane in one line of it exclude each other, so together
-    they need no more than the category of that line.
+    Not the encoding of Algorithm 2, which has a loose relaxation: the cells in one line of a plane exclude each other, so together they
+    need no more than the category of that line.
     """
     sizes = constraints.sizes
     first = np.concatenate([[0], np.cumsum(sizes)]).astype(int)
@@ -212,7 +215,7 @@ def _solve(wanted: _Wanting, constraints: Constraints, count: int, time_limit_s:
 
 
 def _add_point(programme: _Programme, first: Ints, constraints: Constraints) -> None:
-    """A column for each category of each variable, of which a feasible point has one each. first: a variable's first column."""
+    """A column for each category of each variable; a feasible point has exactly one per variable. first: a variable's first column."""
     begin = programme.columns(int(first[-1]), whole=True)
     for variable in range(len(constraints.sizes)):
         programme.row({begin + c: 1.0 for c in range(first[variable], first[variable + 1])}, 1, 1)
@@ -227,7 +230,7 @@ def _add_point(programme: _Programme, first: Ints, constraints: Constraints) -> 
 
 
 def _add_occupied(programme: _Programme, wanted: _Wanting, first: Ints, begin: int, reached: list[dict[int, float]]) -> None:
-    """A column for each cell that the point whose categories begin at column `begin` may lie in; `reached` notes it by cell."""
+    """A column for each cell that the point with categories from column `begin` on may lie in; `reached` records it by cell."""
     occupied = programme.columns(len(wanted.places))
     lines: dict[tuple[int, int, int], dict[int, float]] = {}
     for i, (plane, columns, categories) in enumerate(wanted.places):

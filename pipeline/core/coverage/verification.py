@@ -1,4 +1,4 @@
-"""Checks a covering array by other means than those that made it: sets of tuples, and backtracking instead of a SAT solver."""
+"""Checks a covering array independently of the code that makes it: sets of tuples, and backtracking instead of a SAT solver."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pipeline.core.variable import Ints
 
 @dataclass(frozen=True)
 class Verification:
-    """broken: (row, clause) of rows that break a clause. missing: (variables, categories) of feasible cells that no row is in."""
+    """broken: (row, clause) for each row that breaks a clause. missing: (variables, categories) of feasible cells without a row."""
 
     rows: int
     cells: int

@@ -1,4 +1,4 @@
-"""White-box coverage: how much of what a network can do a set of images makes it do (thesis section 3.4.2)."""
+"""White-box coverage: the share of a network's behaviour that a set of images triggers (thesis section 3.4.2)."""
 
 from __future__ import annotations
 
@@ -16,28 +16,27 @@ TOP = 2
 
 @dataclass(frozen=True)
 class Profile:
-    """What each neuron did while the training images were shown: (neurons,) lowest and highest activation of each layer."""
+    """The range of each neuron over the training images: (neurons,) lowest and highest activation of each layer."""
 
     low: tuple[Activations, ...]
     high: tuple[Activations, ...]
 
     @staticmethod
     def of(layers: Sequence[Activations]) -> Profile:
-        """The profile of training images, at least one."""
+        """The profile of training images, at least one image."""
         return Profile(tuple(layer.min(axis=0) for layer in layers), tuple(layer.max(axis=0) for layer in layers))
 
     def joined(self, other: Profile) -> Profile:
-        """The profile of both sets of images."""
+        """The profile of both sets of images together."""
         low = tuple(np.minimum(a, b) for a, b in zip(self.low, other.low, strict=True))
         return Profile(low, tuple(np.maximum(a, b) for a, b in zip(self.high, other.high, strict=True)))
 
 
 @dataclass(frozen=True)
 class WhiteBoxCoverage:
-    """Shares in [0, 1]. neuron: active at least once. multisection: sections of the neurons' training ranges that were met, of
+    """Shares in [0, 1]. neuron: active at least once. multisection: sections of the neurons' training ranges that were reached, of
     `SECTIONS` each. strong: activated at least as much as by any training image. top: among the `TOP` most active of their layer at
-    least once. pairs: pairs of neurons of a layer that were active together (2-way sparse).
-    """
+    least once. pairs: pairs of neurons of a layer that were active together (2-way sparse)."""
 
     neuron: float
     multisection: float
@@ -47,9 +46,9 @@ class WhiteBoxCoverage:
 
 
 class WhiteBox:
-    """Gathers the coverage of images shown in batches, against the profile of the training images.
+    """Accumulates the coverage of images shown in batches, against the profile of the training images.
 
-    A neuron that no training image moved has no sections, and cannot be strongly active; it counts among the neurons all the same.
+    A neuron that is constant over the training images has no sections and cannot be strongly active, but still counts as a neuron.
     """
 
     def __init__(self, profile: Profile) -> None:
@@ -62,7 +61,7 @@ class WhiteBox:
         self._pairs = [np.zeros((size, size), bool) for size in sizes]
 
     def show(self, layers: Sequence[Activations]) -> None:
-        """Take the activations of a batch of images, one array a layer."""
+        """Add the activations of a batch of images, one array per layer."""
         for i, (values, low, high) in enumerate(zip(layers, self._profile.low, self._profile.high, strict=True)):
             active = values > 0
             self._active[i] |= active.any(axis=0)
@@ -78,7 +77,7 @@ class WhiteBox:
             self._sections[i][neuron, section[image, neuron]] = True
 
     def coverage(self) -> WhiteBoxCoverage:
-        """Of all images shown so far."""
+        """Coverage of all images so far."""
         neurons = sum(len(active) for active in self._active)
         moved = sum(int((high > low).sum()) for low, high in zip(self._profile.low, self._profile.high, strict=True))
         pairs = sum(len(active) * (len(active) - 1) // 2 for active in self._active)

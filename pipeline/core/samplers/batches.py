@@ -1,4 +1,4 @@
-"""What all strategies share: batches asked and told, with the history as the only state."""
+"""The base of all strategies: batches by ask and tell, with the history as the only state."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from pipeline.core.space import Floats, Space
 class BatchSampler(ABC):
     """A strategy that chooses tests in batches (thesis Def. 4.14), by ask and tell; its fields are its parameters.
 
-    The i-th batch depends on the seed, on i and on the history before it, on nothing else. So telling the rows of a journal again,
-    in the order they were asked and in portions of any length, restores the sampler, and asking twice gives the same points.
-    In the middle of a batch `ask` returns the rest of it.
+    The i-th batch depends only on the seed, on i and on the history before it. So telling the rows of a journal again, in the order asked
+    and in portions of any length, restores the sampler, and asking twice gives the same points. In the middle of a batch `ask` returns the
+    rest of it.
 
-    space: what to sample; no point breaks its constraints. seed: from 0. batch_size: tests a batch, at least 1.
+    space: the space to sample; no point breaks its constraints. seed: from 0. batch_size: tests per batch, at least 1.
     """
 
     space: Space
@@ -36,7 +36,7 @@ class BatchSampler(ABC):
         self._batch: tuple[int, Floats] | None = None
 
     def ask(self) -> Floats:
-        """The points of the current batch that have not been told yet, (b, d), 1 to `batch_size` of them."""
+        """The points of the current batch that have no result yet, (b, d), 1 to `batch_size` of them."""
         index, told = divmod(len(self._points), self.batch_size)
         if self._batch is None or self._batch[0] != index:
             begin = index * self.batch_size
@@ -45,7 +45,7 @@ class BatchSampler(ABC):
         return self._batch[1][told:].copy()
 
     def tell(self, points: Floats, kpi: Floats) -> None:
-        """Take the KPI of asked points, in the order asked: (b, d) and (b,), NaN where the simulation broke."""
+        """Record the KPI of asked points, in the order asked: (b, d) and (b,), NaN for an error."""
         if points.shape != (len(kpi), len(self.space)):
             raise ValueError(f"points must have shape ({len(kpi)}, {len(self.space)}), got {points.shape}")
         self._points = np.concatenate([self._points, points])

@@ -1,4 +1,4 @@
-"""Coverage-guided testing: each batch covers most k-tuples of categories that were not covered yet (Cheng et al., Definition 5)."""
+"""Coverage-guided testing: each batch covers the most k-tuples of categories not yet covered (Cheng et al., Definition 5)."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from pipeline.core.space import Floats
 
 @dataclass(eq=False, repr=False, kw_only=True)
 class CoverageSampler(BatchSampler):
-    """Proposes categories that raise k-projection coverage most, and draws a value inside each; learns nothing from results.
+    """Proposes categories that raise k-projection coverage most, and draws a value inside each; ignores test results.
 
-    Once every feasible k-tuple has been tested as often as its weight says, each is wanted as often once more, and so on.
+    Once every feasible k-tuple has been tested as often as its weight says, each is wanted that often once more, and so on.
 
-    k: categories that are looked at together, 1 to the number of variables.
+    k: number of categories in a combination, 1 to the number of variables.
     """
 
     k: int = 2

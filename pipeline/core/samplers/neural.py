@@ -18,31 +18,31 @@ from pipeline.core.samplers.batches import BatchSampler
 from pipeline.core.space import Floats
 
 GRID: tuple[tuple[tuple[int, ...], float], ...] = (((16,), 1e-2), ((32,), 1e-2), ((16, 16), 1e-1), ((32, 16), 1e-2))
-"""Hyperparameters: hidden layers and L2 penalty."""
+"""Grid of hyperparameters: hidden layers and L2 penalty."""
 TUNE_EVERY = 3
-"""The grid is searched in every third batch: more often costs more than it changes."""
+"""Batches between grid searches: more frequent searches cost more and change little."""
 TEST_SHARE = 0.25
 PARENTS = 12
 MIN_LEAF = 4
-"""Tests that make a kind of their own."""
+"""Smallest number of tests of a kind."""
 
 
 @dataclass(eq=False, repr=False, kw_only=True)
 class NeuralSampler(BatchSampler):
     """Fits a network to the KPI and tests where it predicts the lowest values, with a share of random exploration.
 
-    Each batch: the network is chosen on a grid by its error on a held-out quarter of the tests, then predicts a fixed-size candidate set.
-    Only sampling-relevant candidates are eligible (Def. 4.20), so that an established failure region is not sampled on and on. Beyond the
-    thesis, a share of the candidates are mutations of the worst tests so far (one to three variables drawn anew), because uniform
-    candidates hardly ever hit a narrow region, and the points of a batch keep a distance from each other. The attributes of a category,
-    where the space names them, are inputs of the network: what fails with one pedestrian is then expected of those who are like it.
-    A batch is shared out between kinds of tests, the leaves of a regression tree on the KPI, or the commonest cause would take it all.
-    What earlier campaigns on other scenarios have seen can be given to it: a cause too rare for one campaign is then known from them.
+    Each batch: a grid search chooses the network by its error on a held-out quarter of the tests; the network then predicts a fixed-size
+    candidate set. Only sampling-relevant candidates are eligible (Def. 4.20), so the search leaves an established failure region. Beyond
+    the thesis, a share of the candidates are mutations of the worst tests so far (one to three variables drawn anew), because uniform
+    candidates rarely hit a narrow region, and the points of a batch keep a distance from each other. If the space has attributes of
+    categories, they are inputs of the network, so a failure with one pedestrian raises the prediction for similar ones. Each kind of tests,
+    a leaf of a regression tree on the KPI, gets a share of the batch; otherwise the most common cause would take it all. Tests of earlier
+    campaigns on other scenarios can be inputs, so causes too rare for one campaign are known.
 
     candidates: size of the candidate set. mutants: its share of mutations, in [0, 1). explore: share of a batch drawn at random, in [0, 1].
-    failure_threshold_s: at or below it a KPI is a failure. epsilon: radius of the ball, on the mixed distance. omega_threshold: negative;
-    a candidate is relevant above it. spread: smallest distance within a batch. kinds: how many there are, at most; 1 shares nothing out.
-    earlier: points (m, d) and KPI (m,) of each campaign that is known; relevance (Def. 4.20) counts the own tests alone.
+    failure_threshold_s: a KPI at or below it is a failure. epsilon: radius of the ball, on the mixed distance. omega_threshold: negative; a
+    candidate is relevant above it. spread: smallest distance within a batch. kinds: largest number of kinds; 1 disables the sharing.
+    earlier: points (m, d) and KPI (m,) of each earlier campaign; relevance (Def. 4.20) counts only this campaign's tests.
     """
 
     candidates: int = 1000
@@ -81,7 +81,7 @@ class NeuralSampler(BatchSampler):
         others = np.setdiff1d(relevant, chosen)
         explored = rng.permutation(others)[:random_count]
         picked = candidates[np.concatenate([chosen, explored]).astype(np.int64)]
-        # Where hardly anything is relevant any more, the rest of the batch is random testing.
+        # If too few candidates are relevant, random testing fills the batch.
         return np.concatenate([picked, self.space.sample(self.batch_size - len(picked), rng)])
 
     def _known(self, points: Floats, kpi: Floats) -> tuple[Floats, Floats, NDArray[np.int64]]:
@@ -105,7 +105,7 @@ class NeuralSampler(BatchSampler):
         return np.concatenate([uniform, np.where(feasible[:, None], children, fresh)])
 
     def _kinds_of(self, index: int, points: Floats, kpi: Floats, candidates: Floats) -> NDArray[np.int64]:
-        """The kind of each candidate: which leaf of a tree it falls into that tells the KPI of the tests apart."""
+        """The kind of each candidate: its leaf in a regression tree on the KPI of the tests."""
         if self.kinds == 1:
             return np.zeros(len(candidates), dtype=np.int64)
         tree = DecisionTreeRegressor(max_leaf_nodes=self.kinds, min_samples_leaf=MIN_LEAF, random_state=self.seed + index)
@@ -113,7 +113,7 @@ class NeuralSampler(BatchSampler):
         return np.asarray(leaves, dtype=np.int64)
 
     def _spread_out(self, candidates: Floats, order: NDArray[np.int64], kinds: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-        """The first `count` of `order` that keep `spread` from those chosen before and take no more of a kind than its equal share."""
+        """The first `count` of `order` that keep `spread` from those already chosen and exceed no kind's equal share."""
         chosen: list[int] = []
         share, taken = -(-count // self.kinds), Counter[int]()
         for i in order:
@@ -127,9 +127,9 @@ class NeuralSampler(BatchSampler):
         return np.array(chosen, dtype=np.int64)
 
     def _predict(self, index: int, features: Floats, kpi: Floats, candidates: Floats) -> Floats:
-        """The network's KPI of the candidates' inputs; every random choice in it depends on (seed, index) alone."""
+        """The predicted KPI of the candidates; every random choice depends on (seed, index) alone."""
         target = kpi / max(float(kpi.max()), 1e-9)
-        # Tuned on the history as it was at the last tuning, so that replaying needs no memory of it.
+        # Tuned on the history at the last grid search, so a replay needs no extra state.
         tuned = len(features) - (index % TUNE_EVERY) * self.batch_size
         layers, penalty = self._tune(index - index % TUNE_EVERY, features[: max(tuned, 8)], target[: max(tuned, 8)])
         network = _fit(layers, penalty, features, target, self.seed + index)
@@ -146,7 +146,7 @@ class NeuralSampler(BatchSampler):
         return GRID[int(np.argmin(errors))]
 
     def _inputs(self, points: Floats, campaign: NDArray[np.int64] | int) -> Floats:
-        """The network's inputs: the features and, where earlier campaigns are known, the campaign one-hot."""
+        """The network's inputs: the features and, with earlier campaigns, the campaign one-hot."""
         features = self._features(points)
         if not self.earlier:
             return features
@@ -154,7 +154,8 @@ class NeuralSampler(BatchSampler):
         return np.column_stack([features, positions[:, None] == np.arange(len(self.earlier) + 1)])
 
     def _features(self, points: Floats) -> Floats:
-        """(n, d) points to (n, f) inputs: standardised numbers, cyclic ones as sine and cosine, categories one-hot and by attributes."""
+        """Convert (n, d) points to (n, f) inputs: standardised numbers, cyclic ones as sine and cosine, categories one-hot and by
+        attributes."""
         columns: list[Floats] = []
         for j, variable in enumerate(self.space.variables):
             column = points[:, j]

@@ -12,9 +12,9 @@ from pipeline.core.space import Floats
 
 
 class PairwiseSampler(BatchSampler):
-    """Goes through a covering array in the order that covers new pairs soonest, then draws at random, whatever was told.
+    """Executes a covering array in the order that covers new pairs soonest, then draws at random; ignores test results.
 
-    The sequence is a function of space and seed: model versions that are compared run the very same tests.
+    The sequence depends only on space and seed: versions under comparison execute the same tests.
     """
 
     @cached_property

@@ -1,7 +1,7 @@
 """Batches from images in memory: crops or full frames, flipped, scaled and re-lit, all in OpenCV on uint8.
 
-A batch is a function of the seed and its number alone. Training can therefore stop and resume anywhere, and workers may
-make batches ahead, without changing the result.
+A batch depends only on the seed and its number. Training can therefore stop and resume anywhere, and workers may make batches ahead,
+without changing the result.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ SLIVER_PIXELS = 12
 """A pedestrian with fewer visible pixels is neither a fair positive nor a fair negative, so its image is left out."""
 SMALL_PIXELS = 60
 CENTRED = 0.62
-"""Share of crops around a pedestrian. With these crops alone, false positives triple."""
+"""Share of crops around a pedestrian. With such crops alone, false positives triple."""
 KEPT_SHARE = 0.25
 """Share of a box that must remain in a crop; otherwise the crop is drawn again."""
 ATTEMPTS = 8
@@ -28,7 +28,7 @@ ATTEMPTS = 8
 
 @dataclass(frozen=True)
 class View:
-    """What part of an image is shown. centre: (2,) in image pixels; scale: output pixels an image pixel."""
+    """The part of an image to show. centre: (2,) in image pixels; scale: output pixels per image pixel."""
 
     centre: tuple[float, float]
     scale: float
@@ -41,10 +41,10 @@ def usable(images: ImageSet) -> NDArray[np.int64]:
 
 
 def hardness(images: ImageSet, oversampling: int) -> NDArray[np.int64]:
-    """(n,) how often an epoch shows each image: `oversampling` times if its pedestrian is hard, else once.
+    """Number of times (n,) that an epoch shows each image: `oversampling` times if its pedestrian is hard, else once.
 
-    Hard means: under 60 visible pixels, so near that the box fills over half the height or meets an image side, hardly
-    darker or brighter than its surroundings (under 16 grey levels), or in a wide pose (over three quarters as wide as tall).
+    Hard means: under 60 visible pixels; so near that the box fills over half the height or touches an image side; hardly darker or brighter
+    than its surroundings (under 16 grey levels); or in a wide pose (over three quarters as wide as tall).
     """
     width, height = images.size
     left, top, right, bottom = images.boxes.T
@@ -85,7 +85,7 @@ class Stream:
 
 
 def crop_view(box: Boxes, size: tuple[int, int], crop: tuple[int, int], rng: np.random.Generator) -> View:
-    """Where to crop: around the pedestrian in 62 % of the cases, if there is one; otherwise anywhere around the horizon."""
+    """Choose the crop: in 62 % of the cases around the pedestrian, if there is one; otherwise anywhere around the horizon."""
     scale = float(np.exp(rng.uniform(-0.25, 0.35))) if rng.random() < 0.6 else 1.0
     half = np.array(crop) / 2 / scale
     aim, jitter, place = rng.random(), rng.uniform(-1, 1, 2), rng.random(2)
@@ -129,7 +129,7 @@ def show(image: Images, view: View, size: tuple[int, int]) -> tuple[Images, NDAr
 
 
 def shown_box(box: Boxes, matrix: NDArray[np.float64], size: tuple[int, int]) -> tuple[Boxes, float]:
-    """The box in the view, clipped to it, (4,), and the share of its area that is left, in [0, 1]; zeros if there is none."""
+    """The box in the view, clipped to it, (4,), and the remaining share of its area, in [0, 1]; zeros if nothing remains."""
     if box[2] <= box[0]:
         return np.zeros(4, np.float32), 1.0
     x = np.sort(matrix[0, 0] * box[[0, 2]] + matrix[0, 2])
@@ -143,7 +143,7 @@ def shown_box(box: Boxes, matrix: NDArray[np.float64], size: tuple[int, int]) ->
 
 
 def recolour(image: Images, rng: np.random.Generator) -> Images:
-    """New colours in half of the cases, because cars and clothes have any colour: hues rotated, saturation scaled."""
+    """Change the colours in half of the cases, because cars and clothes have any colour: hues rotated, saturation scaled."""
     if rng.random() < 0.5:
         return image
     turn, scale = int(rng.integers(180)), rng.uniform(0.4, 1.4)
@@ -153,7 +153,7 @@ def recolour(image: Images, rng: np.random.Generator) -> Images:
 
 
 def relight(image: Images, rng: np.random.Generator) -> Images:
-    """Another exposure (gain, offset), half of the time another tint and, in 30 % of the cases, haze that takes contrast away."""
+    """Change the exposure (gain, offset), in half of the cases the tint and, in 30 %, add haze that reduces contrast."""
     gain, offset = rng.uniform(0.6, 1.45), rng.uniform(-20, 20)
     tint = rng.uniform(0.85, 1.15, 3) if rng.random() < 0.5 else np.ones(3)
     clear, haze = (rng.uniform(0.4, 1), rng.uniform(20, 220)) if rng.random() < 0.3 else (1.0, 0.0)
@@ -176,7 +176,7 @@ def augmented(image: Images, box: Boxes, size: tuple[int, int], rng: np.random.G
 
 
 def batch(images: ImageSet, indices: NDArray[np.int64], size: tuple[int, int], seed: tuple[int, ...]) -> tuple[Images, Boxes]:
-    """Training examples (n, h, w, 3) uint8 RGB and boxes (n, 4) in their pixels, zeros where there is none."""
+    """Training examples (n, h, w, 3) uint8 RGB and boxes (n, 4) in their pixels, zeros without a pedestrian."""
     rng = np.random.default_rng(seed)
     shown = np.empty((len(indices), size[1], size[0], 3), np.uint8)
     boxes = np.zeros((len(indices), 4), np.float32)

@@ -1,4 +1,4 @@
-"""From weights to ONNX: uint8 images in, boxes in pixels and scores out; only non-maximum suppression stays outside."""
+"""Exports weights to ONNX: uint8 images in, boxes in pixels and scores out; only non-maximum suppression stays outside."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ OPSET = 17
 
 
 class Deployed(nn.Module):
-    """The network with normalisation and decoding inside, for one image size (w, h)."""
+    """The network with normalisation and decoding included, for one image size (w, h)."""
 
     centres: Tensor
     strides: Tensor
@@ -40,7 +40,7 @@ class Deployed(nn.Module):
 
 
 def onnx_of(model: Path, folder: Path) -> Path:
-    """The ONNX file of a model version's folder; made in `folder` from its weights and card if it is missing."""
+    """The ONNX file of a version's folder; if missing, it is made in `folder` from weights and card."""
     if model.is_file():
         raise InputError(f"{model}: expected the folder of a version, got a file; name {model.parent}")
     if (model / "model.onnx").exists():

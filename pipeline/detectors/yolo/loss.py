@@ -18,7 +18,7 @@ REACH = 1.5
 
 @dataclass(frozen=True)
 class Loss:
-    """Scalars of one batch: `total` is what is minimised; scores: of the BCE; boxes: mean 1 - GIoU, in [0, 2]."""
+    """Scalars of one batch: `total` is minimised; scores: of the BCE; boxes: mean 1 - GIoU, in [0, 2]."""
 
     total: Tensor
     scores: Tensor
@@ -43,9 +43,9 @@ def pairwise_iou(boxes: Tensor, truth: Tensor) -> tuple[Tensor, Tensor]:
 def assign(boxes: Tensor, logits: Tensor, truth: Tensor, centres: Tensor, strides: Tensor) -> Tensor:
     """Target score (n, cells) in [0, 1] of every cell; 0 for background.
 
-    boxes (n, cells, 4), logits (n, cells), truth (n, 4) with zeros where there is no pedestrian. Among the cells whose
-    centre lies in the true box or near its middle, the five best aligned ones (score and IoU) take it; the best one's target
-    is its IoU, the others' less in proportion (Feng et al., TOOD, 2021, Eq. 1 and 5).
+    boxes (n, cells, 4), logits (n, cells), truth (n, 4) with zeros without a pedestrian. The candidates are the cells with their centre in
+    the true box or near its middle; the five best aligned ones (score and IoU) take the box. The best one's target is its IoU, the others'
+    targets are proportionally smaller (Feng et al., TOOD, 2021, Eq. 1 and 5).
     """
     iou, _ = pairwise_iou(boxes, truth[:, None])
     present = (truth[:, 2] > truth[:, 0]) & (truth[:, 3] > truth[:, 1])

@@ -17,7 +17,7 @@ MAX_LOG_SIZE = 5.0
 
 @dataclass(frozen=True)
 class Architecture:
-    """What fixes the shape of the network. widths: channels at strides 2, 4, 8, 16 and 32; head: channels of a head."""
+    """The shape of the network. widths: channels at strides 2, 4, 8, 16 and 32; head: channels of a head."""
 
     widths: tuple[int, int, int, int, int] = (16, 32, 48, 96, 144)
     head: int = 48
@@ -47,7 +47,7 @@ class ConvUnit(nn.Sequential):
             y: Tensor = super().forward(x)  # type: ignore[no-untyped-call]
             return y
         assert norm.running_mean is not None and norm.running_var is not None
-        # Trained with frozen statistics, the normalisation is a scale and a shift: inside the kernel it costs nothing at run time.
+        # With frozen statistics the normalisation is a scale and a shift: folded into the kernel it costs nothing.
         scale = norm.weight * (norm.running_var + norm.eps).rsqrt()
         kernel, shift = convolution.weight * scale[:, None, None, None], norm.bias - norm.running_mean * scale
         y = activation(functional.conv2d(x, kernel, shift, convolution.stride, convolution.padding[0], groups=convolution.groups))

@@ -23,7 +23,7 @@ CROP_PHASE, FRAME_PHASE = 0, 1
 def train_from_scratch(images: ImageSet, indices: NDArray[np.int64], validation: ImageSet, config: Mapping[str, Any], run: Run) -> Fitted:
     """Train a detector on a set with section `training` of the config; resumes from the run's checkpoint.
 
-    indices: of the training images. validation: gives the curve and stops the training early if it no longer rises.
+    indices: of the training images. validation: gives the curve and stops the training early if the curve no longer rises.
     """
     seed, size = int(config["seed"]), int(config["batch_size"])
     schedule = Schedule(int(config["crop_iterations"]), int(config["frame_iterations"]), float(config["learning_rate"]))

@@ -16,7 +16,7 @@ from pipeline.detectors.yolo.validation import watching
 
 BASE_STREAM, ADDED_STREAM = 10, 11
 LOOKS = 2
-"""For the curve only: stopping early would give one version fewer steps than another."""
+"""Number of evaluations, for the curve only: with early stopping, versions would take different numbers of steps."""
 
 
 @dataclass(frozen=True)
@@ -55,8 +55,8 @@ class Refinement:
 def retrain(model: Yolo, images: ImageSets, plan: Refinement, run: Run) -> Fitted:
     """Continue training `model`; without added images this is the control: the same steps on the base set alone.
 
-    Short restarts with a high rate, on crops or without empty frames raise false positives even without new data;
-    hence the low rate, full frames alone and frozen normalisation statistics.
+    Short restarts with a high rate, on crops or without empty frames raise false positives even without new data; hence the low rate, full
+    frames only and frozen normalisation statistics.
     """
     steps = plan.iterations
     schedule = Schedule(0, steps, plan.learning_rate, warm_up=steps // 10, averaging=0.97, frozen_statistics=True)
@@ -66,12 +66,12 @@ def retrain(model: Yolo, images: ImageSets, plan: Refinement, run: Run) -> Fitte
 
 
 def _weights(model: Yolo) -> bytes:
-    """Digest of the weights that training goes on from."""
+    """Digest of the weights that training continues from."""
     return hashlib.sha256(b"".join(value.cpu().numpy().tobytes() for value in model.state_dict().values())).digest()
 
 
 def mixed_feed(base: ImageSet, added: ImageSet | None, batch_size: int, added_share: float, seed: tuple[int, ...]) -> Feed:
-    """Batches whose last `added_share` comes from the added frames; every version sees the base images in the same order."""
+    """Batches with the last `added_share` from the added frames; every version sees the base images in the same order."""
     fresh = 0 if added is None else max(1, round(batch_size * added_share))
     old = usable(base)
     parts = [(base, Stream(old, np.ones(len(old), np.int64), (*seed, BASE_STREAM)), batch_size - fresh, BASE_STREAM)]

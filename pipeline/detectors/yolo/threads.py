@@ -1,4 +1,4 @@
-"""How many threads PyTorch takes in this process."""
+"""Sets the number of PyTorch's threads in this process."""
 
 from __future__ import annotations
 
@@ -6,5 +6,5 @@ import torch
 
 
 def use_threads(threads: int) -> None:
-    """Let PyTorch compute with so many threads, at least 1, from now on."""
+    """Set the number of PyTorch's threads, at least 1."""
     torch.set_num_threads(threads)

@@ -1,7 +1,7 @@
 """Training: AdamW, cosine schedule, averaged weights, bfloat16; first on crops, then on full frames.
 
-The budget is counted in pixels shown, not in seconds, and a batch is a function of its number, so that a killed
-run resumes from its checkpoint and reaches the same weights.
+The budget counts pixels, not seconds, and a batch depends only on its number, so a killed run resumes from its checkpoint and reaches the
+same weights.
 """
 
 from __future__ import annotations
@@ -35,19 +35,18 @@ Batch = tuple[NDArray[np.uint8], NDArray[np.float32]]
 Feed = Callable[[int], Batch]
 CHECKPOINT_SECONDS = 45.0
 FINITE_EVERY = 10
-"""Iterations between reads of the loss, because a GPU waits for each; every checkpoint reads it, too."""
+"""Iterations between reads of the loss, because each read makes a GPU wait; every checkpoint also reads it."""
 AHEAD = 4
 """Batches that workers prepare ahead of a GPU."""
 
 
 @dataclass(frozen=True)
 class Schedule:
-    """How long and how fast to train.
+    """Length and learning rate of a training.
 
-    crop_iterations, frame_iterations: batches of crops, then of full frames; a crop has a quarter of a frame's pixels.
-    learning_rate: its peak, after `warm_up` iterations; it falls as a cosine of the pixels shown to `final_share` of it.
-    averaging: limit of the decay of the averaged weights, in [0, 1). frozen_statistics: keep the normalisation's statistics,
-    which short runs on few images would spoil.
+    crop_iterations, frame_iterations: batches of crops, then of full frames; a crop has a quarter of a frame's pixels. learning_rate: its
+    peak, after `warm_up` iterations; it falls as a cosine of the pixels shown to `final_share` of it. averaging: limit of the decay of the
+    averaged weights, in [0, 1). frozen_statistics: keep the normalisation's statistics, which short runs on few images would spoil.
     """
 
     crop_iterations: int
@@ -83,8 +82,8 @@ class Schedule:
 class Validation:
     """Evaluates the averaged network at intervals, so that a training without progress stops early.
 
-    ap50: of a network in evaluation mode. every: iterations between evaluations. patience: evaluations without
-    a new best after which training stops.
+    ap50: of a network in evaluation mode. every: iterations between evaluations. patience: number of evaluations without a new best after
+    which training stops.
     """
 
     ap50: Callable[[Yolo], float]
@@ -94,10 +93,10 @@ class Validation:
 
 @dataclass(frozen=True)
 class Lesson:
-    """What a network learns.
+    """The content of a training.
 
-    feed: iteration to (n, h, w, 3) uint8 RGB images and (n, 4) boxes in pixels, zeros where there is no pedestrian. identity: digest of all
-    that the batches are made from. validation: None for a training without looks.
+    feed: iteration to (n, h, w, 3) uint8 RGB images and (n, 4) boxes in pixels, zeros without a pedestrian. identity: digest of everything
+    that determines the batches. validation: None for a training without evaluations.
     """
 
     schedule: Schedule
@@ -110,8 +109,9 @@ class Lesson:
 class Run:
     """How a training is executed.
 
-    checkpoint: file that is written every 45 s and at the end, and read first; ignored if it belongs to another lesson or to other code of
-    this package. threads: of PyTorch; None leaves OMP_NUM_THREADS in force. progress: called with iterations done, all of them and a text.
+    checkpoint: file, written every 45 s and at the end, and read at the start; ignored if it belongs to another lesson or another version
+    of this package's code. threads: of PyTorch; None leaves OMP_NUM_THREADS in force. progress: called with iterations done, their total
+    and a text.
     """
 
     checkpoint: Path | None = None
@@ -121,7 +121,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Fitted:
-    """The result of a training: the network on the CPU in evaluation mode, and its curve, empty without a validation."""
+    """The result of a training: the network on the CPU in evaluation mode, and its curve, empty without validation."""
 
     model: Yolo
     curve: tuple[CurvePoint, ...]
@@ -129,7 +129,7 @@ class Fitted:
 
 @dataclass
 class State:
-    """Everything that a checkpoint holds. best: the averaged weights of the best evaluation; sums: of both losses since the last one."""
+    """The content of a checkpoint. best: the averaged weights of the best evaluation; sums: of both losses since the last evaluation."""
 
     iteration: int
     model: Yolo
@@ -140,7 +140,7 @@ class State:
     curve: list[CurvePoint]
 
     def exhausted(self, patience: int) -> bool:
-        """Whether the last `patience` evaluations brought no new best."""
+        """Whether the last `patience` evaluations gave no new best."""
         scores = [look.ap50 for look in self.curve]
         return bool(scores) and len(scores) - 1 - int(np.argmax(scores)) >= patience
 
@@ -153,9 +153,9 @@ def initial_model(seed: int, model: Callable[[], Yolo] = Yolo) -> Yolo:
 
 
 def fit(model: Yolo, lesson: Lesson, run: Run) -> Fitted:
-    """Train `model` and return the averaged weights: the last ones, or the best ones if the validation stopped it early.
+    """Train `model` and return the averaged weights: the last ones, or the best ones if validation stopped the training early.
 
-    InputError if the loss is no number any more.
+    InputError if the loss is not finite.
     """
     schedule, validation, checkpoint, progress = lesson.schedule, lesson.validation, run.checkpoint, run.progress
     if run.threads is not None:
@@ -180,7 +180,7 @@ def fit(model: Yolo, lesson: Lesson, run: Run) -> Fitted:
             _look(state, schedule, validation)
             if state.exhausted(validation.patience):
                 break
-        if checkpoint is not None and time.monotonic() - saved > CHECKPOINT_SECONDS:  # After the evaluation: a kill must not lose it.
+        if checkpoint is not None and time.monotonic() - saved > CHECKPOINT_SECONDS:  # Save after the evaluation: a kill must not lose it.
             _check_finite(losses, state.iteration, schedule)
             _save(checkpoint, identity, state)
             saved = time.monotonic()
@@ -202,7 +202,7 @@ def _look(state: State, schedule: Schedule, validation: Validation) -> None:
 
 
 def _check_finite(losses: deque[Loss], iteration: int, schedule: Schedule) -> None:
-    """Stop a training with a loss that is not finite, before its weights are saved."""
+    """Stop a training with a non-finite loss before its weights are saved."""
     if not all(math.isfinite(float(loss.total.detach())) for loss in losses):
         raise InputError(
             f"the loss is not finite at iteration {iteration}: lower learning_rate, now {schedule.learning_rate:g}, or check the labels"
@@ -285,7 +285,7 @@ def _resume(path: Path, identity: str, state: State, device: torch.device) -> No
     """Resume from the checkpoint; a damaged or foreign one is ignored."""
     try:
         found = torch.load(path, map_location=device, weights_only=True)
-    except Exception:  # Damaged bytes make its readers raise anything, from IndexError to UnpicklingError.
+    except Exception:  # Damaged bytes make the readers raise any exception, from IndexError to UnpicklingError.
         return
     if not isinstance(found, dict) or found.get("identity") != identity:
         return

@@ -12,13 +12,13 @@ from pipeline.detectors.yolo.network import Yolo, cells, decode
 from pipeline.detectors.yolo.training import Validation
 
 LOOKED_AT = 500
-"""Images, spread over the set."""
+"""Number of validation images, spread over the set."""
 BATCH = 50
 LOWEST_SCORE, NMS_IOU = 0.005, 0.45
 
 
 def watching(images: ImageSet, every: int, patience: int) -> Validation:
-    """Average precision on some validation images, every few iterations."""
+    """Average precision on some validation images, at intervals."""
     looked_at = images.take(np.linspace(0, len(images) - 1, min(LOOKED_AT, len(images))).astype(np.int64))
     return Validation(lambda model: average_precision(model, looked_at), every, patience)
 

@@ -1,4 +1,4 @@
-"""weights.safetensors: the network's weights at half precision with its architecture, nothing else."""
+"""weights.safetensors: the network's weights at half precision and its architecture, nothing else."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""The MuJoCo world: towns, road users, weather, camera and the closed loop. MuJoCo is imported here alone."""
+"""The MuJoCo world: towns, road users, weather, camera and the closed loop. Only this package imports MuJoCo."""
 
 from pipeline.simulators.gl import choose_backend
 
-choose_backend()  # MuJoCo reads MUJOCO_GL when it is first imported, so this comes before every other module here.
+choose_backend()  # MuJoCo reads MUJOCO_GL at its first import, so this comes before every other module here.

@@ -1,4 +1,4 @@
-"""The 74 pedestrian blueprints: who walks, and in what clothes (thesis section 5.2, `Pedestrian Blueprint`)."""
+"""The 74 pedestrian blueprints: body and clothes of each pedestrian (thesis section 5.2, `Pedestrian Blueprint`)."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 
 Colour = tuple[float, float, float]
 Pattern = Literal["plain", "vest", "band"]
-"""Of the upper body: one colour, a chest of another, or a belt of another."""
+"""Patterns of the upper body: one colour, a chest in a second colour, or a belt in a second colour."""
 
 WOMEN = tuple(f"W {i:02d}" for i in range(1, 38))
 MEN = tuple(f"M {i:02d}" for i in range(1, 38))
 NAMES = WOMEN + MEN
 CHILDREN = WOMEN[-4:] + MEN[-4:]
 
-# Cloth, linear RGB. Dark colours are common on purpose: people do dress so, and it is hard at night.
+# Cloth, linear RGB. Dark colours are common on purpose: people wear them, and they are hard to see at night.
 CLOTH: tuple[Colour, ...] = (
     (0.05, 0.05, 0.06), (0.09, 0.1, 0.14), (0.12, 0.16, 0.3), (0.25, 0.26, 0.28), (0.45, 0.44, 0.42), (0.75, 0.74, 0.7), (0.9, 0.9, 0.88),
     (0.55, 0.1, 0.1), (0.8, 0.35, 0.1), (0.85, 0.72, 0.2), (0.2, 0.38, 0.2), (0.15, 0.35, 0.6), (0.45, 0.25, 0.5), (0.35, 0.24, 0.16),
@@ -28,7 +28,7 @@ PATTERNS: tuple[Pattern, ...] = ("plain", "plain", "vest", "band")
 
 @dataclass(frozen=True)
 class Blueprint:
-    """One pedestrian's looks. height: metres; build: breadth relative to the average of that height; the rest linear RGB."""
+    """One pedestrian's looks. height: metres; build: breadth relative to the average of that height; the others: linear RGB."""
 
     name: str
     height: float

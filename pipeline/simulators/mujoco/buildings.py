@@ -16,7 +16,8 @@ HOUSE_DEPTH = 10.0
 
 @dataclass(frozen=True)
 class _House:
-    """us, vs: its extent along and across the street, metres. wall, roof: numbers of the style's. floors: above the ground floor."""
+    """A house. us, vs: its extent along and across the street, metres. wall, roof: indices of the style's. floors: above the ground
+    floor."""
 
     us: tuple[float, float]
     vs: tuple[float, float]
@@ -36,7 +37,7 @@ def add(site: Site, town: Town, street: Street, side: int, rng: np.random.Genera
     parts: dict[str, Mesh] = {}
     panes = Mesh()
     front = _front(town, style, street, side)
-    # The main street's corner houses stand at the side street; its own begin behind them.
+    # The main street's corner houses also front the side street; the side street's houses begin behind them.
     u = street.start - 10 if street.name == "main" else PAVEMENT_WIDTH + style.setback + HOUSE_DEPTH + 4
     clear = PAVEMENT_WIDTH + style.setback - CORNER_RADIUS + 0.5
     while u < street.end:

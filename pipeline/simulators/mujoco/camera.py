@@ -19,7 +19,7 @@ from .weather import Weather, WeatherControl
 MAX_GEOMS = 1500
 DEPTH_TOLERANCE = 1e-4
 RING_PX = 4
-"""Width of the ring around the pedestrian's box that the contrast refers to."""
+"""Width of the ring around the pedestrian's box that contrast is measured against."""
 
 
 class Camera:
@@ -31,7 +31,7 @@ class Camera:
         self._gl = mujoco.GLContext(width, height)
         self._gl.make_current()
         self.context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
-        # Freed while the GL context of another camera is current, MuJoCo would delete that camera's buffers.
+        # MuJoCo frees the buffers of the current GL context, which may be another camera's.
         self._release = weakref.finalize(self, _free, self._gl, self.context)
         self.context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self.context)
@@ -78,7 +78,7 @@ class Camera:
         return image, self._truth(image)
 
     def segment(self, classes: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """(h, w) class of each pixel of the last shot. classes: (ngeom,) of the model's geoms; the sky is 0."""
+        """Class of each pixel of the last shot, (h, w). classes: (ngeom,) of the model's geoms; the sky is 0."""
         flags = self._scene.flags
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1
         mujoco.mjr_render(self._rect, self._scene, self.context)
@@ -130,12 +130,12 @@ class Camera:
         return self._lens.distort(whole) > 0
 
     def _pedestrian_window(self) -> tuple[int, int, int, int] | None:
-        """Pixel window (GL rows) that the pedestrian's bounding spheres project into; None where they miss the image."""
+        """Pixel window (GL rows) that contains the pedestrian's projected bounding spheres; None if they miss the image."""
         width, height = self._size
         camera = self._view.fixedcamid
         axes = self._data.cam_xmat[camera].reshape(3, 3)
         centres = (self._data.geom_xpos[self._ego_geoms] - self._data.cam_xpos[camera]) @ axes
-        # rbound is of the reference height; blueprints reach 1.3 times that.
+        # rbound is for the reference height; blueprints reach 1.3 times that.
         radius = 1.4 * self._model.geom_rbound[self._ego_geoms]
         depth = -centres[:, 2]
         if depth.max() < 0.2:

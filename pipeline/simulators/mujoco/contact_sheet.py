@@ -36,7 +36,7 @@ CREW_COLUMNS = 37
 
 
 def scenario_sheet(scenario: FunctionalScenario, camera: Mapping[str, Any], weathers: Mapping[str, Weather] = WEATHERS) -> Pixels:
-    """A row a weather, a column a moment of the unbraked encounter: (rows * height, columns * width, 3) RGB."""
+    """One row per weather, one column per moment of the unbraked encounter: (rows * height, columns * width, 3) RGB."""
     stage = Stage(scenario.town, scenario.actors, CameraSettings.model_validate(dict(camera)))
     route, rng = scenario.ego.route(), np.random.default_rng(0)
     speed, walking = scenario.ego.speed_kmh / 3.6, 1.4
@@ -62,7 +62,7 @@ def scenario_sheet(scenario: FunctionalScenario, camera: Mapping[str, Any], weat
 
 
 def crew_sheet(scenario: FunctionalScenario) -> Pixels:
-    """All 74 blueprints in the six animations, two rows of 37 an animation."""
+    """All 74 blueprints in the six animations, two rows of 37 per animation."""
     stage = Stage(scenario.town, {}, CameraSettings(width=640, height=384, hfov_deg=36))
     route, rows = scenario.ego.route(), []
     try:

@@ -19,16 +19,16 @@ STANDING_BELOW_MPS = 0.2
 
 @dataclass(frozen=True)
 class Posture:
-    """Joint angles in radians, and how far the hips drop in metres at the reference height."""
+    """Joint angles in radians, and the drop of the hips in metres at the reference height."""
 
     angles: dict[str, float]
     drop: float = 0.0
 
 
 def phase(distance_m: float, speed_mps: float) -> float:
-    """Gait phase in radians after walking a distance; one cycle is one stride, which grows with speed.
+    """Gait phase in radians after a walking distance; one cycle is one stride, which grows with speed.
 
-    Tying the phase to the distance, not to the time, keeps the feet from sliding; a pedestrian at speed 0 stands still.
+    The phase depends on distance, not time, so the feet do not slide and a pedestrian at speed 0 stands still.
     """
     return 2 * np.pi * distance_m / stride(speed_mps)
 
@@ -39,7 +39,8 @@ def stride(speed_mps: float) -> float:
 
 
 def pose(animation: str, phase_rad: float, speed_mps: float) -> Posture:
-    """Posture of an animation at a phase of the gait cycle; the swing of the legs fits the stride, so the foot on the ground stays put."""
+    """Posture of an animation at a phase of the gait cycle; the swing of the legs matches the stride, so the foot on the ground stays
+    put."""
     swing = min(1.0, speed_mps / STANDING_BELOW_MPS)
     angles = dict.fromkeys(JOINTS, 0.0)
     drop = _legs(angles, phase_rad, swing, stride(speed_mps))

@@ -37,7 +37,7 @@ class CameraSettings(BaseModel):
     @model_validator(mode="after")
     def _barrel_can_be_inverted(self) -> CameraSettings:
         corner = np.tan(np.radians(self.hfov_deg / 2)) ** 2 * (1 + (self.height / self.width) ** 2)
-        least = -4 / (27 * corner)  # Where x_d (x) has its maximum at the image's corner.
+        least = -4 / (27 * corner)  # The value for which x_d (x) has its maximum at the image's corner.
         if self.distortion < least:
             raise ValueError(f"distortion must be at least {least:.3f} for a field of view of {self.hfov_deg:g} deg, got {self.distortion}")
         return self
@@ -49,7 +49,7 @@ class CameraSettings(BaseModel):
 
 @dataclass(frozen=True)
 class Sun:
-    """direction: (3,) unit vector to the sun in the camera frame (x right, y up, -z ahead). hidden: whether something stands before it."""
+    """direction: (3,) unit vector to the sun in the camera frame (x right, y up, -z ahead). hidden: whether an object is in front of it."""
 
     direction: NDArray[np.float64]
     hidden: bool
@@ -60,7 +60,7 @@ Floats = NDArray[np.float32]
 NOISE_GREY_LEVELS = 2.2
 STREAK_SHEETS = 6
 GLARE_HIDDEN = 0.2
-"""Share of the glare that remains while the sun is hidden: the bright sky around it."""
+"""Share of the glare that remains while the sun is hidden, from the bright sky around it."""
 MEAN_GREY, GAINS = 100.0, (0.8, 1.3)
 """Target of the exposure, and the limits of its gain."""
 DROPS_FROM_RAIN, DROP_LEVELS = 20.0, 6
@@ -71,7 +71,7 @@ CORNER_LIGHT = 0.78
 
 
 class Lens:
-    """Camera effects at one image size. Everything random comes from the generator passed to `expose`."""
+    """Camera effects at one image size. All randomness comes from the generator passed to `expose`."""
 
     def __init__(self, settings: CameraSettings, focal_px: float, camera_height_m: float) -> None:
         width, height = settings.width, settings.height
@@ -128,7 +128,7 @@ class Lens:
         return self._distortion is not None
 
     def distort(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Bend an image, (h, w, 3), or a mask, (h, w), as the lens does; a mask is sampled without interpolation and is 0 outside."""
+        """Distort an image, (h, w, 3), or a mask, (h, w), like the lens; a mask is sampled without interpolation and is 0 outside."""
         if self._distortion is None:
             return image
         mask = image.ndim == 2
@@ -136,7 +136,7 @@ class Lens:
         return np.asarray(cv2.remap(image, *self._distortion, how, borderMode=border), np.uint8)
 
     def _undistorted(self, u: NDArray[np.float64], v: NDArray[np.float64]) -> tuple[Floats, Floats]:
-        """Where each distorted pixel comes from: Brown's model inverted by Newton's method, which meets the radius from one side."""
+        """Source of each distorted pixel: Brown's model inverted by Newton's method, which converges from one side of the radius."""
         distorted = np.hypot(u, v) / self._focal
         k1, radius = self._settings.distortion, distorted
         for _ in range(20):
@@ -205,7 +205,7 @@ class Lens:
 
 
 def _drops(width: int, height: int, rng: np.random.Generator) -> list[Floats]:
-    """(h, w) opacity of the drops on the lens for each level of rain; each level keeps the drops of the one before."""
+    """Opacity (h, w) of the drops on the lens for each level of rain; each level includes the drops of the one before."""
     masks, mask = [], np.zeros((height, width), np.float32)
     for _ in range(DROP_LEVELS):
         for _ in range(5):

@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 
 @dataclass
 class Mesh:
-    """Quads gathered into one mesh, so that a whole street of facades is one draw call."""
+    """Quads gathered into one mesh, so a whole street of facades is one draw call."""
 
     vertices: list[Floats] = field(default_factory=list)
     normals: list[Floats] = field(default_factory=list)
@@ -86,17 +86,17 @@ def loft(spec: mujoco.MjSpec, name: str, sections: ArrayLike) -> None:
 
 @dataclass(frozen=True)
 class Site:
-    """Where a street is built: the model that declares its meshes, and the body that they stand on."""
+    """The target of a street's geometry: the model that declares its meshes, and the body that they belong to."""
 
     spec: mujoco.MjSpec
     body: mujoco.MjsBody
 
     def put(self, name: str, mesh: Mesh, material: str) -> None:
-        """Declare a mesh and put it onto the body as it was modelled."""
+        """Declare a mesh and attach it to the body in the modelled pose."""
         mesh.add_to(self.spec, name)
         place(self.body, name, material)
 
 
 def place(body: mujoco.MjsBody, mesh: str, material: str, shadow: bool = False) -> None:
-    """Put a mesh onto a body as it was modelled."""
+    """Attach a mesh to a body in the modelled pose."""
     body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh, material=material, castshadow=shadow)

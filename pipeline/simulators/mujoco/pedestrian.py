@@ -10,7 +10,7 @@ from .gait import Posture
 
 GEOM = mujoco.mjtGeom
 GROUP = 2
-"""Geom group of the pedestrian alone: ground truth draws this group by itself."""
+"""Geom group of the pedestrian: ground truth renders this group alone."""
 REFERENCE_HEIGHT = 1.75
 HIP_HEIGHT = 0.93
 HIDDEN_Z = -50.0
@@ -63,7 +63,7 @@ def _head(torso: mujoco.MjsBody) -> None:
 
 
 def _umbrella(torso: mujoco.MjsBody) -> None:
-    """Held over the head. It hides, but is not part of the person: it stays out of the group that ground truth draws."""
+    """An umbrella, held over the head. It occludes but is not part of the person, so ground truth does not render it."""
     torso.add_geom(
         name="pedestrian_canopy", type=GEOM.mjGEOM_ELLIPSOID, size=(0.52, 0.52, 0.13), pos=(0.08, 0, 0.92), material="pedestrian_accent"
     )
@@ -107,7 +107,7 @@ def _hinge(body: mujoco.MjsBody, name: str, axis: tuple[int, int, int]) -> None:
 
 
 def _capsule(body: mujoco.MjsBody, name: str, ends: tuple[float, ...], radius: float, material: str) -> None:
-    """Add a capsule; ends: x, y, z of one and of the other, metres."""
+    """Add a capsule; ends: x, y, z of both ends, metres."""
     body.add_geom(
         name=f"pedestrian_{name}",
         type=GEOM.mjGEOM_CAPSULE,
@@ -123,7 +123,7 @@ def _ellipsoid(body: mujoco.MjsBody, name: str, size: tuple[float, ...], pos: tu
 
 
 class Pedestrian:
-    """The pedestrian of a compiled model: dressed once an episode, posed once a frame."""
+    """The pedestrian of a compiled model: dressed once per episode, posed once per frame."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         self._model, self._data = model, data
@@ -136,11 +136,11 @@ class Pedestrian:
         self._scale = 1.0
 
     def dress(self, blueprint: Blueprint) -> None:
-        """Take a blueprint's proportions and colours."""
+        """Apply a blueprint's proportions and colours."""
         model, k = self._model, blueprint.height / REFERENCE_HEIGHT
         self._scale = k
         for i in self._geoms:
-            # A capsule's or cylinder's second size is its half length: breadth does not stretch it.
+            # A capsule's or cylinder's second size is its half length, which breadth does not scale.
             upright = model.geom_type[i] in (GEOM.mjGEOM_CAPSULE, GEOM.mjGEOM_CYLINDER)
             breadth = (blueprint.build, 1, 1) if upright else (blueprint.build, blueprint.build, 1)
             model.geom_size[i] = self._size[i] * k * np.array(breadth)
@@ -152,12 +152,12 @@ class Pedestrian:
         shown_parts = {"mane": blueprint.long_hair, "hat": blueprint.hat, "bag": blueprint.bag, "skirt": blueprint.skirt}
         for name, shown in (shown_parts | dict.fromkeys(UMBRELLA, blueprint.umbrella)).items():
             i = model.geom(f"pedestrian_{name}").id
-            if not shown:  # Alpha 0 would still be drawn by the depth pass: shrink it into the body instead.
+            if not shown:  # The depth pass draws alpha 0, too: shrink it into the body instead.
                 model.geom_size[i] = 0.01
                 model.geom_pos[i] = 0
 
     def place(self, x: float, y: float, yaw: float, pose: Posture) -> None:
-        """Stand at (x, y) metres, facing `yaw` radians, in a pose."""
+        """Place the pedestrian at (x, y) metres, facing `yaw` radians, in a pose."""
         self._set("x", x)
         self._set("y", y)
         self._set("yaw", yaw)
@@ -166,7 +166,7 @@ class Pedestrian:
             self._set(joint, angle)
 
     def hide(self) -> None:
-        """Take the pedestrian out of the scene."""
+        """Remove the pedestrian from the scene."""
         self._set("z", HIDDEN_Z)
 
     def _set(self, joint: str, value: float) -> None:

@@ -44,14 +44,14 @@ class Scene:
 def scenes(shard: int, count: int, seed: int, settings: CameraSettings, held_out: Mapping[str, Town] | None = None) -> Iterator[Scene]:
     """Yield `count` random scenes in one random urban town; a shard depends on (seed, shard) alone.
 
-    All towns are urban: the suburban style is reserved for the held-out scenarios. held_out: scenario -> its town; InputError if
-    the random one is among them.
+    All towns are urban: the suburban style is reserved for the held-out scenarios. held_out: scenario -> its town; InputError if the random
+    town is among them.
     """
     rng = np.random.default_rng([seed, shard])
     town = _town(rng)
     for name, unseen in (held_out or {}).items():
         if town.fingerprint == unseen.fingerprint:
-            raise InputError(f"base_set.seed {seed}: random town {shard} is that of held-out {name}, so detectors would learn it")
+            raise InputError(f"base_set.seed {seed}: random town {shard} is the town of held-out {name}, so training would use it")
     fleet = {f"vehicle{i}": Actor(kind=kind, x_m=0, y_m=0, paint=int(rng.integers(7))) for i, kind in enumerate(FLEET)}
     stage = Stage(town, fleet, settings)
     try:
@@ -105,7 +105,7 @@ def _drawn(values: Sequence[str], rare: Collection[str], rng: np.random.Generato
 
 
 def _ego(town: Town, rng: np.random.Generator) -> Pose:
-    """A pose in a lane ahead or on the way round a corner, slightly off its centre."""
+    """A pose in a lane ahead or on the way around a corner, slightly off its centre."""
     lane = -LANE_WIDTH / 2 + LANE_WIDTH * int(rng.integers(town.lanes_ahead))
     turning, place = rng.random() < TURNING_SHARE, rng.random()
     if town.junction and turning:
@@ -122,7 +122,7 @@ def _ego(town: Town, rng: np.random.Generator) -> Pose:
 
 
 def _park(stage: Stage, town: Town, ego: Pose, rng: np.random.Generator) -> list[Rectangle]:
-    """Place a random part of the fleet in front of the ego; returns the footprints of the vehicles that are in the scene."""
+    """Place a random part of the fleet in front of the ego; returns the footprints of the vehicles in the scene."""
     placed = [Rectangle(ego, EGO_HALF_LENGTH_M + 1, EGO_HALF_WIDTH_M + 0.3)]
     vehicles: list[Rectangle] = []
     network = streets(town)

@@ -1,4 +1,4 @@
-"""The closed loop: render, detect, brake and advance until the outcome is decided (thesis sections 5.3 to 5.5)."""
+"""The closed loop: render, detect, brake and advance until the outcome is certain (thesis sections 5.3 to 5.5)."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from .world import TIMESTEP_S
 PEDESTRIAN_RADIUS_M = 0.25
 TIME_LIMIT_S = 12.0
 ALONG = np.sin(np.radians(15))
-"""Sine of the angle to the ego's path below which a pedestrian walks along it."""
+"""Sine of the angle to the ego's path below which a pedestrian counts as walking along it."""
 
 
 class MujocoSimulator:
@@ -83,7 +83,7 @@ class _Loop:
         self._time = 0.0
         self._route, self._conflict = scenario.ego.route(), scenario.conflict_s()
         self._routes = {name: actor.route() for name, actor in scenario.actors.items()}
-        # How far the pedestrian moves to the ego's left, and not along its way, for each metre that it walks.
+        # The pedestrian's motion to the ego's left, per metre walked.
         self._across = float(np.sin(self._heading - self._route.at(self._conflict).heading))
         stage.reset(weather_of(concrete), str(concrete["blueprint"]))
         stage.launch(scenario.start_s(), scenario.ego.speed_kmh / 3.6)

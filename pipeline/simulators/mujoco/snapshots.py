@@ -1,4 +1,4 @@
-"""Single snapshots of the front-car domain (Cheng et al., section 5): a point fixes its conditions, everything else is random."""
+"""Single snapshots of the front-car domain (Cheng et al., section 5): a point fixes the conditions, everything else is random."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ CLASSES = (
     "sky", "road", "lane marking", "pavement", "terrain", "building", "vegetation", "street furniture", "pedestrian", "other vehicle",
     "forward vehicle", "oncoming vehicle",
 )  # fmt: skip
-"""Of the segmentation, by their numbers."""
+"""Classes of the segmentation, by number."""
 MATERIALS = {
     "road": "road", "marking": "lane marking", "pavement": "pavement", "kerb": "pavement", "grass": "terrain", "gravel": "terrain",
     "leaves": "vegetation", "hedge": "vegetation", "wall": "building", "ground": "building", "roof": "building", "window_light": "building",
@@ -34,9 +34,9 @@ MATERIALS = {
 """Class of a surface by the prefix of its material's name; all other surfaces are street furniture."""
 FLEET: tuple[VehicleKind, ...] = ("hatchback", "saloon", "estate", "suv", "van", "hatchback", "saloon", "estate")
 FORWARD_M, ONCOMING_M = (6.0, 42.0), (8.0, 55.0)
-"""Distance from the ego's middle to theirs, less half of each."""
+"""Gap in metres: distance from the ego's middle to theirs, minus half of each length."""
 RADII_M = (70.0, 180.0)
-"""Of curvy roads."""
+"""Curvatures of curvy roads."""
 LAY_BY = (0.0, 60.0)
 BESIDE_SHARE, PEDESTRIAN_SHARE = 0.6, 0.4
 MIN_PIXELS = 40
@@ -59,7 +59,7 @@ class Snapshot:
 def snapshots(town_seed: int, shots: list[tuple[Point, tuple[int, ...]]], settings: CameraSettings) -> Iterator[Snapshot]:
     """Yield a snapshot for each point and seed, all in one town; the points must agree on lanes and lane orientation.
 
-    A snapshot depends on the town, its point and its own seed alone.
+    A snapshot depends only on the town, its point and its own seed.
     """
     rng = np.random.default_rng(town_seed)
     town = _town(shots[0][0], rng)

@@ -69,7 +69,7 @@ class Stage:
         self.data.mocap_quat[i] = (np.cos(half), 0, 0, np.sin(half))
 
     def place_pedestrian(self, where: Pose, posture: gait.Posture) -> None:
-        """Put the pedestrian at a pose in the world, its joints as the gait says."""
+        """Put the pedestrian at a pose in the world, its joints posed by the gait."""
         self.pedestrian.place(where.x, where.y, where.heading, posture)
 
     def shoot(self, rng: np.random.Generator) -> tuple[NDArray[np.uint8], Truth]:

@@ -1,4 +1,4 @@
-"""Procedural textures: every surface of the towns is painted from a seed, so that the repository holds no images."""
+"""Procedural textures: seeds paint every surface of the towns, so the repository holds no images."""
 
 from __future__ import annotations
 

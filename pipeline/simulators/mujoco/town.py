@@ -1,7 +1,7 @@
-"""Builds the streets of a town: ground, kerbs and markings here; houses, trees and furniture in the files of those names.
+"""Builds the streets of a town: ground, kerbs and markings here; houses, trees and furniture in their own modules.
 
-Each street is a body of the model and everything is placed in its frame: u along the street, v to its left, z up, metres. A curved
-street is built straight and then bent.
+Each street is a body of the model and everything is placed in its frame: u along the street, v to its left, z up, metres. A curved street
+is built straight and then bent.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ def _pavement_strips(street: Street, side: int) -> Iterator[Strip]:
     cuts = sorted((gap.start, gap.end) for gap in street.gaps if gap.side == side)
     if side < 0 and street.bay:
         cuts = sorted([*cuts, street.bay])
-        # Behind the strips beside the bay lies more pavement, so that no lawn shows between bay and houses.
+        # More pavement behind the strips beside the bay, so that no lawn shows between bay and houses.
         outer = sorted((gap.start, gap.end) for gap in street.gaps if gap.side == side)
         for u0, u1 in _between(start, street.end, outer):
             yield u0, u1, street.edge(-1)
@@ -118,7 +118,7 @@ def _pavement_strips(street: Street, side: int) -> Iterator[Strip]:
 
 
 def _between(start: float, end: float, cuts: list[tuple[float, float]]) -> Iterator[tuple[float, float]]:
-    """What is left of [start, end] without the cuts."""
+    """The parts of [start, end] without the cuts."""
     for low, high in cuts:
         if low > start:
             yield start, low

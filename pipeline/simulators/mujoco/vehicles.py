@@ -140,7 +140,7 @@ def _bus_meshes(spec: mujoco.MjSpec) -> None:
 
 
 def add(spec: mujoco.MjSpec, name: str, kind: VehicleKind, paint: int = 0) -> None:
-    """Add a vehicle as a mocap body of that name; it is placed by the mocap pose."""
+    """Add a vehicle as a mocap body with that name; the mocap pose places it."""
     body = spec.worldbody.add_body(name=name, mocap=True)
     if kind == "bus":
         _add_bus(body)

@@ -28,7 +28,7 @@ def mix(a: ArrayLike, b: ArrayLike, share: float) -> Floats:
 class Weather:
     """Weather and time of day. rain, fog: %, 0 to 100. sun_azimuth: degrees, 0 ahead of the ego, 90 to its left; sun_altitude: degrees.
 
-    clouds: %, 0 to 100, of a dry sky; rain and fog bring their own.
+    clouds: %, 0 to 100, of a dry sky; rain and fog add their own.
     """
 
     rain: float = 0.0
@@ -83,7 +83,7 @@ class Weather:
 
 
 class WeatherControl:
-    """Applies a weather to a compiled model; everything is set again each time, so that no episode affects the next."""
+    """Applies a weather to a compiled model; sets everything each time, so that no episode affects the next."""
 
     def __init__(self, model: mujoco.MjModel, lamps: Floats) -> None:
         self._model, self._lamps = model, lamps

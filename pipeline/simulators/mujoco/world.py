@@ -21,7 +21,7 @@ SHADOW_MAP = 1024
 
 
 def describe(layout: Town, actors: Mapping[str, Actor], fovy_deg: float, width: int, height: int) -> mujoco.MjSpec:
-    """A world, ready to compile; `actors` become mocap bodies of those names."""
+    """A world, ready to compile; `actors` become mocap bodies with those names."""
     spec = mujoco.MjSpec()
     _settings(spec, width, height)
     spec.add_texture(
@@ -39,7 +39,7 @@ def describe(layout: Town, actors: Mapping[str, Actor], fovy_deg: float, width: 
 
 def _settings(spec: mujoco.MjSpec, width: int, height: int) -> None:
     spec.option.timestep = TIMESTEP_S
-    spec.option.gravity = (0, 0, 0)  # Everyone's height is prescribed.
+    spec.option.gravity = (0, 0, 0)  # The height of all road users is prescribed.
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     spec.default.geom.contype = spec.default.geom.conaffinity = 0  # Contact is judged on footprints; flat meshes have no hull.
     spec.stat.extent, spec.stat.center = 1, (0, 0, 0)  # Makes near, far and shadow sizes metres.
