@@ -15,15 +15,15 @@ from pathlib import Path
 from pkgutil import iter_modules
 from typing import Any, NoReturn
 
-from snakemake.io import ancient, directory, local, report
-from snakemake.settings.types import DAGSettings
+from snakemake.io import ancient, directory, report
+from snakemake.settings.types import DAGSettings, StorageSettings
 
 from pipeline import steps
 from pipeline.artefacts.folders import Folders
 from pipeline.config.composing import PARAMS, load, validate
 from pipeline.config.declared import value_at
 from pipeline.config.schema import Config
-from pipeline.contract import STAMP, VERDICT_FOLLOWS, Files, Step, Wildcards, step_of
+from pipeline.contract import VERDICT_FOLLOWS, Files, Step, Wildcards, step_of
 from pipeline.core.lineage import PATTERN
 from pipeline.errors import InputError
 from pipeline.sources import code_digest
@@ -42,7 +42,7 @@ STAGES = {
 }
 """Parts of a study: the files and folders of each, relative to the study's folder. They are targets of Snakemake and stages of DVC."""
 CHANGED = Path(".snakemake/changed")
-"""An input of every job with an outdated stamp: always newer than its outputs."""
+"""An input of every job that is out of date: always newer than its outputs."""
 
 
 @dataclass(frozen=True)
@@ -55,11 +55,16 @@ class Target:
 
 @dataclass(frozen=True)
 class Plan:
-    """The study of a config, as Snakemake needs it. steps: the names of all steps, in the order of the data flow."""
+    """The study of a config, as Snakemake needs it.
+
+    steps: the names of all steps, in the order of the data flow. stored: whether the files are in one of Snakemake's storages.
+    """
 
     config: Config
     steps: tuple[str, ...]
+    stored: bool = False
     _stamps: dict[Target, str] = field(default_factory=dict)
+    _old: dict[Target, bool] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.config.goal == "report" and not self.config.campaign.keep_every:
@@ -87,14 +92,19 @@ class Plan:
     def reads(self, name: str) -> Callable[[Any], dict[str, Any]]:
         """The input function of a step's rule.
 
-        Stamps decide what is out of date, so the inputs' times do not count; a job with an outdated stamp reads a file that is newer.
+        Stamps decide what is out of date. The inputs' times do not count for a job that is up to date; any other job reads a file that
+        is always newer. In a storage, Snakemake's own records decide.
         """
 
         def read(wildcards: Mapping[str, str]) -> dict[str, Any]:
-            known = dict(wildcards.items())
-            files = self.contracts[name].reads(self.folders, known)
-            flagged = {key: ancient(paths) if isinstance(paths, str) else [ancient(p) for p in paths] for key, paths in files.items()}
-            return {**flagged, **({"changed": local(str(CHANGED))} if self._out_of_date(name, known) else {})}
+            target = Target(name, tuple(sorted(wildcards.items())))
+            files = dict(self.contracts[name].reads(self.folders, dict(target.wildcards)))
+            if self.stored:
+                return files
+            if self.out_of_date(target):
+                # Only through inputs that are not ancient does Snakemake see that a job follows one that runs again.
+                return {**files, **self._changed(target)}
+            return {key: ancient(paths) if isinstance(paths, str) else list(map(ancient, paths)) for key, paths in files.items()}
 
         return read
 
@@ -157,14 +167,35 @@ class Plan:
                 found.append((name, re.compile(_expression(path, limits))))
         return found
 
-    def _out_of_date(self, name: str, wildcards: Wildcards) -> bool:
-        """Whether the job has an outdated stamp. If so, touches the file that makes Snakemake run it again."""
-        path = Path(str(self.contracts[name].outputs(self.folders)[STAMP]).format(**wildcards))
-        old = path.is_file() and path.read_text() != self.stamp(name, wildcards)
-        if old:
-            CHANGED.parent.mkdir(exist_ok=True)
-            CHANGED.touch()
-        return old
+    def out_of_date(self, target: Target) -> bool:
+        """Whether a job has to run: its stamp is not today's, or a job before it runs again."""
+        if target not in self._old:
+            makers = dict.fromkeys(map(self.maker, self._inputs(target)))
+            again = (self._made(job) and self.out_of_date(job) for job in makers if job is not None)
+            self._old[target] = not self._has_its_stamp(target) or any(again)
+        return self._old[target]
+
+    def _has_its_stamp(self, target: Target) -> bool:
+        path = Path(self._outputs(target)[-1])
+        return path.is_file() and path.read_text() == self.stamp(target.step, dict(target.wildcards))
+
+    def _made(self, target: Target) -> bool:
+        return any(Path(path).exists() for path in self._outputs(target))
+
+    def _inputs(self, target: Target) -> list[str]:
+        return flat(self.contracts[target.step].reads(self.folders, dict(target.wildcards)))
+
+    def _outputs(self, target: Target) -> list[str]:
+        """The paths that a job writes; the last is its stamp."""
+        return [path.format(**dict(target.wildcards)) for path in flat(self.contracts[target.step].outputs(self.folders))]
+
+    def _changed(self, target: Target) -> dict[str, str]:
+        """The input that makes Snakemake run a job again; none where the job has made nothing yet."""
+        if not self._made(target):
+            return {}
+        CHANGED.parent.mkdir(exist_ok=True)
+        CHANGED.touch()
+        return {"changed": str(CHANGED)}
 
     def jobs(self, goals: Sequence[str]) -> Iterator[tuple[Target, list[str]]]:
         """Every job that the given files need, each with its outputs; the jobs that it depends on come before it."""
@@ -175,10 +206,9 @@ class Plan:
             if target is None or target in seen:
                 return
             seen.add(target)
-            step, wildcards = self.contracts[target.step], dict(target.wildcards)
-            for read in flat(step.reads(self.folders, wildcards)):
+            for read in self._inputs(target):
                 yield from visit(read)
-            yield target, [path.format(**wildcards) for path in flat(step.outputs(self.folders))]
+            yield target, self._outputs(target)
 
         for goal in goals:
             yield from visit(goal)
@@ -204,9 +234,9 @@ class Plan:
         return lambda wildcards: self.stamp(name, dict(wildcards.items()))
 
     def finish(self, asked: DAGSettings) -> None:
-        """Print the verdict after a run of the whole study, or of its last step."""
+        """Print the verdict after a run of the whole study, or of its last step; in a storage, its files are not at hand."""
         targets = set(asked.targets)
-        part = targets and not targets & {"all", "track"} and not targets >= set(self.folders.goals)
+        part = self.stored or (targets and not targets & {"all", "track"} and not targets >= set(self.folders.goals))
         if part or asked.until or asked.omit_from or asked.allowed_rules or asked.batch or VERDICT_FOLLOWS in os.environ:
             return
         subprocess.run([sys.executable, "-m", "pipeline", "verdict"], check=False)
@@ -226,10 +256,11 @@ def checked(params: str) -> str:
     return params
 
 
-def plan(config: Mapping[str, Any], steps: Sequence[str]) -> Plan:
+def plan(config: Mapping[str, Any], storage: StorageSettings, steps: Sequence[str]) -> Plan:
     """The plan of Snakemake's config: params.yaml with the changes from the command line."""
+    stored = storage.default_storage_provider is not None
     try:
-        return Plan(validate(dict(config), str(PARAMS)), tuple(steps))
+        return Plan(validate(dict(config), str(PARAMS)), tuple(steps), stored)
     except InputError as error:
         _end(error)
 

@@ -15,6 +15,7 @@ import yaml
 
 from pipeline.config.composing import compose
 from pipeline.config.schema import FAN_OUT
+from pipeline.contract import STAMP
 from pipeline.sources import sources
 from pipeline.workflow import STAGES, Plan, Target, flat, step_names, targets_in
 
@@ -49,9 +50,11 @@ def text() -> str:
 def _stage(name: str, plans: Iterable[Plan]) -> dict[str, Any]:
     code: set[str] = set()
     deps: set[str] = set()
+    stamps: set[str] = set()
     params = set(FAN_OUT)
     for plan in plans:
-        for target, _ in plan.parts[name]:
+        for target, outputs in plan.parts[name]:
+            stamps |= {root for root in (_root(plan, path) for path in outputs) if root.endswith(f".{STAMP}")}
             keys, files = _depends(plan, target)
             deps |= {_root(plan, path) for path in files}
             params |= {key.split(".")[0] if key.startswith(("scenarios.", "samplers.")) else key for key in keys}
@@ -60,7 +63,9 @@ def _stage(name: str, plans: Iterable[Plan]) -> dict[str, Any]:
     below = [f"data/${{study}}/{root}" for root in STAGES[name]]
     shown = {root: {f"data/${{study}}/{root}": {"persist": True, **PLOTS.get(root, {})}} for root in STAGES[name]}
     stage: dict[str, Any] = {"cmd": f"snakemake {name}", "deps": [*sorted(deps - set(below)), *sorted(code)], "params": _least(params)}
+    # The stamps of single files lie beside them; without these, Snakemake would make pulled files again.
     stage["outs"] = [shown[root] for root in STAGES[name] if root not in (*METRICS, *PLOTS)]
+    stage["outs"] += [{stamp: {"persist": True}} for stamp in sorted(stamps)]
     stage |= {"metrics": [shown[root] for root in STAGES[name] if root in METRICS]}
     stage |= {"plots": [shown[root] for root in STAGES[name] if root in PLOTS]}
     return {key: value for key, value in stage.items() if value}

@@ -125,6 +125,44 @@ def test_stamps_decide_what_runs_again(tmp_path: Path) -> None:
     assert planned(folder, "spaces") == {"spaces": 1, "define_space": 1}
 
 
+def made(folder: Path, config: Config) -> Plan:
+    """The plan of a study of which every file is there, with the stamps of its config."""
+    study = Plan(config, step_names())
+    for target, outputs in study.jobs(study.folders.goals):
+        for path in (folder / output for output in outputs if not output.endswith("/")):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(study.stamp(target.step, dict(target.wildcards)) if path.suffix == ".stamp" else "content")
+        for path in (folder / output for output in outputs if output.endswith("/")):
+            path.mkdir(parents=True, exist_ok=True)
+    return study
+
+
+def test_a_stale_job_takes_all_jobs_after_it_along(tmp_path: Path) -> None:
+    folder = copy(tmp_path, compose("smoke", []))
+    made(folder, compose("smoke", []))
+    assert planned(folder) == {}
+    (folder / "data/smoke/regions/base/F1.json.stamp").unlink()
+    assert planned(folder) == {"cluster": 1, "report": 1, "track": 1, "all": 1}
+    (folder / "params.yaml").write_text(dump(compose("smoke", ["base_set.seed=5"]), "test"))
+    jobs = planned(folder)
+    after = {"train", "campaign", "measure", "cluster", "filter", "white_box", "retrain", "compare", "report", "track"}
+    assert set(jobs) == {"render_base", "all"} | after and jobs["campaign"] == 8
+
+
+def test_what_was_made_for_other_settings_in_between_does_not_count(tmp_path: Path) -> None:
+    """As after `git checkout` and `dvc checkout`: Snakemake's own records name the other settings."""
+    first, other = compose("smoke", []), compose("smoke", ["scenarios.F2.label=another"])
+    folder = copy(tmp_path, first)
+    assert snakemake(folder, "spaces").returncode == 0
+    shutil.copytree(folder / "data", tmp_path / "first")
+    (folder / "params.yaml").write_text(dump(other, "test"))
+    assert snakemake(folder, "spaces").returncode == 0
+    shutil.rmtree(folder / "data")
+    shutil.copytree(tmp_path / "first", folder / "data")
+    (folder / "params.yaml").write_text(dump(first, "test"))
+    assert planned(folder, "spaces") == {}
+
+
 def test_sources_follow_the_imports() -> None:
     cluster = sources.sources("pipeline.steps.cluster")
     assert "pipeline/core/regions.py" in cluster and "pipeline/steps/cluster.py" in cluster
