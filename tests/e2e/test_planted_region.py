@@ -8,7 +8,7 @@ from hydra.utils import instantiate
 
 from pipeline.config.composing import compose
 from pipeline.core import kpi
-from pipeline.core.growth import Tested, readable_regions
+from pipeline.core.growth import PointOutcomes, readable_regions
 from pipeline.core.regions import chance_radius
 from pipeline.core.rules import find_rule
 from pipeline.core.samplers.batches import BatchSampler
@@ -127,7 +127,7 @@ def test_each_region_is_one_planted_cause(adaptive_searches: list[Search], rando
     points = np.concatenate([points[:80] for points, _ in used])
     failures = np.concatenate([values[:80] for _, values in used]) <= THRESHOLD_S
     radius = chance_radius(THESIS, int(failures.sum()), CHANCE_NEIGHBOURS)
-    labels = readable_regions(Tested(THESIS, points, failures), radius, MIN_PRECISION, MIN_FAILURES)
+    labels = readable_regions(PointOutcomes(THESIS, points, failures), radius, MIN_PRECISION, MIN_FAILURES)
     planted, found = SIMULATOR.planted(points), set()
     for label in range(labels.max() + 1):
         counts = np.bincount(planted[labels == label], minlength=len(PLANTED))
