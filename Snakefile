@@ -1,7 +1,6 @@
 # Finds, explains and fixes the blind spots of a camera detector: the study in params.yaml.
 from pipeline.workflow import checked, plan
 
-
 if not workflow.configfiles:
 
     configfile: checked("params.yaml")
