@@ -11,7 +11,7 @@ class InputError(ValueError):
 
 
 class SimulationError(RuntimeError):
-    """The simulation broke. The test's outcome is `error`, without a KPI."""
+    """A simulation that cannot be executed. The test's outcome is `error`, without a KPI."""
 
 
 DISTRIBUTIONS = {"PIL": "pillow", "cv2": "opencv-python-headless", "hydra": "hydra-core", "omegaconf": "hydra-core"}

@@ -36,8 +36,8 @@ TESTS = (
     *columns(CampaignId),
     Column("index", int, "number of the test in its campaign, from 0"),
     Column("batch", int, "number of the batch that the strategy asked for"),
-    Column("status", str, "whether the simulation broke", allowed=("ok", "error")),
-    Column("reason", str, "why the simulation broke, else empty"),
+    Column("status", str, "whether the simulation ended in an error", allowed=("ok", "error")),
+    Column("reason", str, "reason of the error, else empty"),
     *KPIS,
 )
 """Columns of tests.parquet before the scenario variables. A test with status `error` has a reason and `NO_KPI`."""

@@ -68,7 +68,8 @@ def _group_sentence(comparison: Comparison, pair: GroupPair) -> str:
 
 def _outcomes(paired: VersionPair) -> str:
     fixes, regressions = len(paired.fixes), len(paired.regressions)
-    return f"passes {fixes} tests that {paired.against} fails, fails {regressions} that {paired.against} passes"
+    tests = "test" if fixes == 1 else "tests"
+    return f"passes {fixes} {tests} that {paired.against} fails, fails {regressions} that {paired.against} passes"
 
 
 def _row(result: VersionResult, champion: str) -> tuple[str, ...]:

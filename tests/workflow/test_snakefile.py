@@ -195,6 +195,12 @@ def test_a_newly_held_out_town_is_checked_again() -> None:
         assert first.stamp(step, wildcards) != other.stamp(step, wildcards), step
 
 
+def test_another_tracking_server_is_sent_everything(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = plan().stamp("track", {})
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", "http://127.0.0.1:5001")
+    assert plan().stamp("track", {}) != before
+
+
 def test_a_step_depends_on_the_stamps_of_its_inputs() -> None:
     first, other = plan(), plan("base_set.seed=5")
     assert first.stamp("train", {}) != other.stamp("train", {})
