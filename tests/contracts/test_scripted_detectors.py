@@ -71,7 +71,7 @@ class Plain:
         (Restless(), "deterministic"),
         (Painter(), "not change"),
         (Astray(), "touch the image"),
-        (Plain(), "must return pipeline.protocols.Detections, got tuple"),
+        (Plain(), "must return pipeline.core.detections.Detections, got tuple"),
     ],
 )
 def test_the_checker_finds_faulty_detectors(detector: Detector, message: str) -> None:

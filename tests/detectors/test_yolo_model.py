@@ -106,7 +106,7 @@ def test_wrong_weight_files_are_named(tmp_path: Path) -> None:
     save_weights(path, small())
     whole = path.read_bytes()
     plain = json.dumps({"widths": SMALL.widths, "head": SMALL.head})
-    foreign, one = r"w\.safetensors holds no detector of ours", {"x": torch.zeros(1)}
+    foreign, one = r"w\.safetensors holds no Blindspot detector", {"x": torch.zeros(1)}
     wrong = [
         (b"", foreign),
         (b"text", foreign),

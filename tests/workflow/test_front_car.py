@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
 from itertools import combinations
 from pathlib import Path
 
@@ -11,16 +10,16 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pipeline.__main__ import main
 from pipeline.artefacts.dataset import image_path, read_dataset, segments_path
 from pipeline.artefacts.front_car_results import Evaluation, Points
 from pipeline.artefacts.model_card import read_card
 from pipeline.artefacts.results import read
-from pipeline.config.composing import compose, dump
+from pipeline.config.composing import compose
 from pipeline.config.schema import Config
 from pipeline.core.coverage.projection import Demand
 from pipeline.core.coverage.proposals import Proposer
 from pipeline.report.front_car_page import first_covering
+from tests.studies import ROOT, StudyFolder
 
 SMALL = [
     "front_car.images=33",
@@ -33,34 +32,19 @@ SMALL = [
 
 @pytest.fixture(scope="module")
 def config() -> Config:
-    return compose("front_car", SMALL)
+    return compose("front_car", [f"base.weights={ROOT / 'models' / 'base'}", *SMALL])
 
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory, config: Config) -> Path:
-    root = tmp_path_factory.mktemp("front_car")
-    params = root / "params.yaml"
-    params.write_text(dump(config, "test"))
-
-    def step(*words: object) -> None:
-        assert main([*map(str, words), "--params", str(params)]) == 0
-
-    points, sets, models = root / "points.json", root / "snapshots", root / "detectors"
-    step("front-car-points", "--out", points)
+    folder = StudyFolder.of(tmp_path_factory.mktemp("front_car"), config)
+    assert folder.run("front-car-points") == 0
     for version in ("existing", "covered", "test"):
-        out = sets / version / "truth.coco.json"
-        step("front-car-snapshots", "--points", points, "--version", version, "--out", out, "--threads", 2)
+        assert folder.run("front-car-snapshots", threads=2, version=version) == 0
     for version in ("existing", "covered"):
-        truth, out = sets / version / "truth.coco.json", models / version / "model.json"
-        step("front-car-train", "--version", version, "--snapshots", truth, "--out", out, "--threads", 2)
-    cards, test = [models / version / "model.json" for version in ("existing", "covered")], sets / "test" / "truth.coco.json"
-    step("front-car-evaluate", "--points", points, "--test", test, "--models", *cards, "--out", root / "evaluation.json")
-    page, covered = root / "front_car.html", sets / "covered" / "truth.coco.json"
-    evaluation = root / "evaluation.json"
-    step(
-        "front-car-report", "--points", points, "--snapshots", covered, "--evaluation", evaluation, "--out", page, "--plots", root / "plots"
-    )
-    return root
+        assert folder.run("front-car-train", threads=2, version=version) == 0
+    assert folder.run("front-car-evaluate") == folder.run("front-car-report") == 0
+    return folder / ""
 
 
 def test_five_random_points_and_proposals_cover_every_pair(study: Path, config: Config) -> None:
@@ -123,21 +107,18 @@ def test_the_page_shows_the_table_the_growth_and_the_images(study: Path) -> None
         assert np.asarray(Image.open(study / "plots" / f"{name}.png")).std() > 5
 
 
-def test_the_same_seed_renders_the_same_snapshots(study: Path, tmp_path: Path) -> None:
-    out = tmp_path / "truth.coco.json"
-    points, params = study / "points.json", study / "params.yaml"
-    words = ["front-car-snapshots", "--points", points, "--version", "existing", "--out", out, "--threads", 1, "--params", params]
-    assert main([*map(str, words)]) == 0
-    assert out.read_bytes() == (study / "snapshots" / "existing" / "truth.coco.json").read_bytes()
-    image: Callable[[Path], bytes] = lambda root: image_path(root, "train", 2).read_bytes()  # noqa: E731
-    assert image(tmp_path) == image(study / "snapshots" / "existing")
+def test_the_same_seed_renders_the_same_snapshots(study: Path, config: Config, tmp_path: Path) -> None:
+    again = StudyFolder.of(tmp_path, config)
+    assert again.run("front-car-points") == again.run("front-car-snapshots", version="existing") == 0
+    roots = [folder / "snapshots" / "existing" for folder in (study, again / "")]
+    for files in ([root / "truth.coco.json" for root in roots], [image_path(root, "train", 2) for root in roots]):
+        assert files[0].read_bytes() == files[1].read_bytes()
 
 
-def test_too_many_random_points_are_refused(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    params = study / "many.yaml"
-    params.write_text(dump(compose("front_car", ["front_car.existing=73"]), "test"))
-    assert main(["front-car-points", "--out", str(study / "many.json"), "--params", str(params)]) == 2
-    assert "front_car.existing must be at most 72" in capsys.readouterr().err
+def test_too_many_random_points_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = StudyFolder.composed(tmp_path, "front_car", ["front_car.existing=73"])
+    assert folder.run("front-car-points") == 2
+    assert "front_car.existing must be at most 72, the number of feasible points; got 73" in capsys.readouterr().err
 
 
 def test_five_points_complete_the_paper_s_example_and_seven_cover_it_from_scratch() -> None:
