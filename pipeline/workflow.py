@@ -15,7 +15,7 @@ from pathlib import Path
 from pkgutil import iter_modules
 from typing import Any, NoReturn
 
-from snakemake.io import ancient, directory, report
+from snakemake.io import ancient, directory, regex_from_filepattern, report
 from snakemake.settings.types import DAGSettings, StorageSettings
 
 from pipeline import steps
@@ -285,13 +285,8 @@ def flat(files: Mapping[str, Files]) -> list[str]:
 
 def _expression(pattern: str, limits: Mapping[str, str]) -> str:
     """The regular expression of a path with wildcards in braces."""
-    parts = re.split(r"\{(\w+)\}", pattern)
-    seen: set[str] = set()
-    for i in range(1, len(parts), 2):
-        name = parts[i]
-        parts[i] = f"(?P={name})" if name in seen else f"(?P<{name}>{limits.get(name, '[^/]+')})"
-        seen.add(name)
-    return "".join(part if i % 2 else re.escape(part) for i, part in enumerate(parts))
+    limited = re.sub(r"\{(\w+)\}", lambda found: f"{{{found[1]},{limits.get(found[1], '[^/]+')}}}", pattern)
+    return str(regex_from_filepattern(limited))
 
 
 def targets_in(plain: Any) -> set[str]:
