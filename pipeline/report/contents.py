@@ -116,7 +116,7 @@ def make_page(config: Config, data: ReportData, figures: Mapping[str, Figure], p
         _search(data, drawings),
         sections.data_section(data.filters, data.cards, _named(drawings, "border"), _named(drawings, "detection", "reliability")),
     )
-    title = "Where does the detector fail?" if data.compared is None else "Where does the detector fail, and did retraining help?"
+    title = "Where does the detector fail, and did retraining help?" if data.cards else "Where does the detector fail?"
     return Page(config.study, _headline(data), tuple(section for section in found if section is not None), title)
 
 

@@ -8,8 +8,8 @@ def _prose(text: str) -> str:
 
 
 VERDICT = _prose("""
-    All versions run the same frozen list of held-out tests. No version is trained on the held-out scenarios, and no search uses
-    them.
+    All versions run the same frozen list of held-out tests. No retraining and no search uses the held-out
+    scenarios.
 """)
 CONTROL = _prose("""
     control gets the same extra training steps as random and adaptive, but no new data. Its changes come from longer training, not

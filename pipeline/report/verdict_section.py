@@ -137,7 +137,7 @@ def _changes(changes: pd.DataFrame, comparison: Comparison) -> Passage:
         tuple(_change_row(row) for _, row in shown.iterrows()),
         numbers=(3,),
     )
-    of = f"the champion {comparison.champion}" if released else "a retrained version"
+    of = f"the champion {comparison.champion}" if released else "another version"
     return Passage(
         "Fixes and regressions", texts.CHANGES.format(base=comparison.versions[0].version, of=of, shown=len(shown), all=len(changes)), table
     )
