@@ -14,6 +14,7 @@ PLAN = plan(
         "define_space",  # the logical scenario space of each scenario
         "render_base",  # a random base set
         "train",  # D_o, the base detector
+        "calibrate",  # the confidences of detectors that are only tested
         "campaign",  # tests in closed loop: the search, later rounds, the held-out sequence
         "measure",  # how well each strategy finds failures
         "cluster",  # failure regions and their rules

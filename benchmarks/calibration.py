@@ -16,6 +16,7 @@ from scipy.optimize import brentq
 from pipeline.artefacts.model_card import read_card
 from pipeline.config.composing import compose, functional_scenario
 from pipeline.core import kpi
+from pipeline.core.identity import CampaignId
 from pipeline.core.reliability import Calibration
 from pipeline.core.statistics import mcnemar
 from pipeline.detectors.onnx import OnnxDetector
@@ -24,7 +25,7 @@ from pipeline.detectors.yolo.weights import load_weights
 from pipeline.execution.campaign import sampler_seed
 from pipeline.simulators.mujoco.simulator import MujocoSimulator
 
-SHIPPED = Path("models/base")
+SHIPPED = Path("models/uniform")
 
 
 def main() -> None:
@@ -45,8 +46,8 @@ def main() -> None:
         for scenario in options.scenario:
             described = functional_scenario(scenario)
             space = described.logical_space()
-            simulator = MujocoSimulator(described)
-            for point in space.sample(options.tests, np.random.default_rng(sampler_seed(scenario, 0))):
+            simulator = MujocoSimulator(described, compose("default", []).car)
+            for point in space.sample(options.tests, np.random.default_rng(sampler_seed(CampaignId(scenario, "random", "base", 0)))):
                 for name, detector in detectors.items():
                     episode = simulator.execute(space.decode(point), detector)
                     results[name].append(kpi.evaluate(episode.signals, study.campaign.failure_threshold_s))

@@ -29,7 +29,7 @@ Judged = tuple[NDArray[np.float64], NDArray[np.bool_]]
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("versions", type=Path, nargs="*", default=[Path("models/base")], metavar="FOLDER")
+    parser.add_argument("versions", type=Path, nargs="*", default=[Path("models/uniform")], metavar="FOLDER")
     parser.add_argument("--base-set", type=Path, required=True, help="truth.coco.json of a rendered base set")
     parser.add_argument("--images", type=int, nargs="+", default=[450, 900, 1800, 3600], help="images in a subset (default: %(default)s)")
     options = parser.parse_args()

@@ -2,9 +2,9 @@
 
 `python benchmarks/development.py FOLDER FOLDER... [--tests 60] [--scenario F1 F2 F3]`
 
-Runs the search scenarios in another suburban town, with the same pair-wise tests for every version, to choose a recipe before the
-held-out scenarios judge it. FOLDER holds a version's model.onnx, or its weights.safetensors and model.json; the others are compared with
-the first.
+Runs the search scenarios in another suburban town with other people, with the same pair-wise tests for every version, to choose a recipe
+before the held-out scenarios judge it. FOLDER holds a version's model.onnx, or its weights.safetensors and model.json; the others are
+compared with the first.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from hydra.utils import instantiate
 from pipeline.config.composing import compose
 from pipeline.config.schema import Config
 from pipeline.core import kpi
+from pipeline.core.identity import CampaignId
 from pipeline.core.statistics import mcnemar
 from pipeline.detectors.yolo.export import onnx_of
 from pipeline.execution import journal
@@ -28,6 +29,8 @@ from pipeline.execution.workers import Execution, Setup, Workers
 from pipeline.progress import Progress
 
 TOWN = {"style": "suburban", "seed": 987_654}
+PEOPLE = 3
+"""A population that is neither searched nor held out."""
 
 
 def main() -> None:
@@ -59,12 +62,13 @@ def main() -> None:
 def _failures(config: Config, scenario: str, model: Path, tests: int, workers: int, folder: Path) -> list[bool]:
     """Whether each test fails, in the order of the pair-wise sequence."""
     described = config.scenarios[scenario]
-    moved = described.model_copy(update={"town": described.town.model_copy(update=TOWN)})
-    space = config.space(scenario)
-    sampler = instantiate(config.samplers["pairwise"], _partial_=True, _convert_="all")(space=space, seed=sampler_seed(scenario, 3))
+    moved = described.model_copy(update={"town": described.town.model_copy(update=TOWN), "people": PEOPLE})
+    space = moved.logical_space()
+    seed = sampler_seed(CampaignId(scenario, "pairwise", "base", 3), frozen=True)
+    sampler = instantiate(config.samplers["pairwise"], _partial_=True, _convert_="all")(space=space, seed=seed)
     points = np.concatenate([_asked(sampler) for _ in range(-(-tests // config.samplers["pairwise"]["batch_size"]))])[:tests]
     log = journal.Journal(folder / scenario, scenario)
-    pool = Workers(workers, Setup(config.simulator, moved, config.detector, model))
+    pool = Workers(workers, Setup(config.simulator, moved, config.detector, model, config.car))
     try:
         for _ in pool.execute([Execution(i, log.path(i), space.decode(point)) for i, point in enumerate(points)]):
             pass

@@ -1,6 +1,6 @@
 """CPU-seconds of a closed-loop test execution, by part.
 
-    python benchmarks/execution.py [--tests 40] [--scenario F1 ...] [--model models/base]
+    python benchmarks/execution.py [--tests 40] [--scenario F1 ...] [--model models/uniform]
 
 Runs random tests in one process with one thread and times the parts of each frame. CPU time, not wall time, so that other
 load on the machine does not matter.
@@ -44,7 +44,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--tests", type=int, default=40, help="tests per scenario")
     parser.add_argument("--scenario", nargs="+", default=["F1", "F2"])
-    parser.add_argument("--model", type=Path, default=Path("models/base"))
+    parser.add_argument("--model", type=Path, default=Path("models/uniform"))
     options = parser.parse_args()
     camera.Camera.shoot = timed("frame", camera.Camera.shoot)  # type: ignore[method-assign]
     camera.Camera._truth = timed("ground truth", camera.Camera._truth)  # type: ignore[method-assign]
@@ -60,7 +60,7 @@ def measure(name: str, tests: int, detector: OnnxDetector) -> None:
     """Time one scenario."""
     described = functional_scenario(name)
     space = described.logical_space()
-    simulator = MujocoSimulator(described)
+    simulator = MujocoSimulator(described, compose("default", []).car)
     simulator.execute(space.decode(space.sample(1, np.random.default_rng(0))[0]), detector)  # Warm up.
     SPENT.clear()
     whole, frames = [], 0

@@ -1,61 +1,127 @@
-"""Is the world fair? How often the visible-pixel oracle, or a detector, fails in random tests.
+"""Is the world fair? How often the oracle, or another detector, fails in random tests.
 
-python benchmarks/fairness.py [--tests 300] [--scenario F1 F2] [--detector oracle|models/base]
+`python benchmarks/fairness.py [--tests 300] [--scenario F1 N1] [--detector oracle|blind|everywhere|models/uniform] [--out fairness.csv]`
+
+Runs all twelve F scenarios with the car of the default study, and N1 to N4, in which the right answer is not to brake, with
+`aeb.gate=detections`. Finished tests stay in the folder `--journal`, so the same command resumes a killed run.
 """
 
 from __future__ import annotations
 
 import argparse
-import tempfile
-from collections import Counter
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import numpy as np
-from tqdm import tqdm
+import pandas as pd
 
+from pipeline.artefacts.files import write_bytes
 from pipeline.config.composing import compose, functional_scenario
-from pipeline.core import kpi
+from pipeline.core.identity import CampaignId
+from pipeline.core.kpi import Kpi
 from pipeline.core.statistics import wilson_interval
-from pipeline.detectors.onnx import OnnxDetector
-from pipeline.detectors.scripted import VisiblePixelOracle
 from pipeline.detectors.yolo.export import onnx_of
-from pipeline.execution.campaign import sampler_seed
-from pipeline.protocols import Detector
-from pipeline.simulators.mujoco.simulator import MujocoSimulator
+from pipeline.execution.campaign import CampaignPlan, sampler_seed, search
+from pipeline.execution.journal import Journal
+from pipeline.execution.workers import Setup, Workers
+from pipeline.progress import Progress
 
-
-def detector_named(name: str, folder: Path) -> Detector:
-    """The oracle, or the detector of a model folder."""
-    if name == "oracle":
-        return VisiblePixelOracle()
-    return OnnxDetector(onnx_of(Path(name), folder), threshold=compose("default", []).detector["threshold"])
+FAIR = [f"F{number}" for number in range(1, 9)] + [f"F{number}star" for number in range(1, 5)]
+NO_BRAKING = [f"N{number}" for number in range(1, 5)]
+SCRIPTED = ("oracle", "blind", "everywhere")
+SHOWN = 3
+"""Failures of a scenario that are printed as commands."""
 
 
 def main() -> None:
-    """Execute random tests and print failures by mode."""
+    """Execute random tests and print a table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--tests", type=int, default=300, help="tests per scenario")
-    parser.add_argument("--scenario", nargs="+", default=["F1", "F2"])
-    parser.add_argument("--detector", default="oracle")
+    parser.add_argument("--scenario", nargs="+", default=[*FAIR, *NO_BRAKING])
+    parser.add_argument("--detector", default="oracle", help="oracle, blind, everywhere or the folder of a version")
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--journal", type=Path, default=Path("data/fairness"))
+    parser.add_argument("--out", type=Path, help="CSV of the table")
     options = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
-        detector = detector_named(options.detector, Path(folder))
-        for name in options.scenario:
-            described = functional_scenario(name)
-            space, simulator = described.logical_space(), MujocoSimulator(described)
-            points = space.sample(options.tests, np.random.default_rng(sampler_seed(name, 5)))
-            modes: Counter[str] = Counter()
-            for point in tqdm(points, desc=name, unit="test", mininterval=2):
-                concrete = space.decode(point)
-                outcome = kpi.evaluate(simulator.execute(concrete, detector).signals, 0.1)
-                if outcome.failure:
-                    modes[outcome.failure_mode] += 1
-                    words = [f"'{key}={value}'" if isinstance(value, str) else f"{key}={value:.4g}" for key, value in concrete.items()]
-                    tqdm.write(f"{outcome.failure_mode}: python -m pipeline simulate {name} {' '.join(words)}")
-            simulator.close()
-            failures = sum(modes.values())
-            low, high = wilson_interval(failures, options.tests)
-            print(f"{name}: {failures} of {options.tests} fail ({low:.1%} to {high:.1%}); {dict(modes)}", flush=True)
+    folder = options.journal / options.detector.replace("/", "_")
+    model = model_of(options.detector, folder)
+    rows = []
+    for name in options.scenario:
+        planned = plan(name, options.detector, model, options.tests)
+        with Progress(name) as progress:
+            rows.append(row(planned, executed(planned, folder / name, options.workers, progress), progress))
+    table = pd.DataFrame(rows)
+    print(table.to_string(index=False, na_rep="–", float_format="{:.4g}".format))
+    if options.out is not None:
+        write_bytes(options.out, table.to_csv(index=False, lineterminator="\n", float_format="%.6g").encode())
+
+
+def model_of(detector: str, folder: Path) -> Path:
+    """The detector's file; scripted detectors read none, so theirs is empty."""
+    folder.mkdir(parents=True, exist_ok=True)
+    if detector not in SCRIPTED:
+        return onnx_of(Path(detector), folder)
+    write_bytes(folder / "none", b"")
+    return folder / "none"
+
+
+def plan(scenario: str, detector: str, model: Path, tests: int) -> CampaignPlan:
+    """Random tests of a scenario in one batch, so that no worker waits for another."""
+    described = functional_scenario(scenario)
+    gate = "truth" if described.asks_to_brake else "detections"
+    config = compose("default", [f"aeb.gate={gate}", *([f"detector={detector}"] if detector in SCRIPTED else [])])
+    campaign = CampaignId(scenario, "random", "base", 5)
+    return CampaignPlan(
+        campaign=campaign,
+        space=described.logical_space(),
+        tests=tests,
+        failure_threshold_s=config.campaign.failure_threshold_s,
+        strategy={**config.samplers["random"], "batch_size": tests},
+        strategy_seed=sampler_seed(campaign),
+        setup=Setup(config.simulator, described, config.detector, model, config.car),
+    )
+
+
+def executed(planned: CampaignPlan, folder: Path, workers: int, progress: Progress) -> list[tuple[dict[str, float | str], Kpi | None]]:
+    """Every test with its KPIs, None for an error."""
+    pool = Workers(workers, planned.setup)
+    try:
+        done = search(planned, planned.sampler(), Journal(folder, planned.identity), pool, progress)
+    finally:
+        pool.close()
+    return [(dict(planned.space.decode(test.point)), None if test.outcome.is_error else test.kpi) for test in done]
+
+
+def row(planned: CampaignPlan, done: Sequence[tuple[dict[str, float | str], Kpi | None]], progress: Progress) -> dict[str, float | str]:
+    """A scenario's row of the table."""
+    judged = [kpi for _, kpi in done if kpi is not None]
+    for command in list(commands(planned.campaign.scenario, done))[:SHOWN]:
+        progress.note(command)
+    failures = sum(kpi.failure for kpi in judged)
+    low, high = wilson_interval(failures, len(judged))
+    braking = [kpi for kpi in judged if kpi.false_activations]
+    number = sum(kpi.false_activations for kpi in braking)
+    return {
+        "scenario": planned.campaign.scenario,
+        "tests": len(judged),
+        "errors": len(done) - len(judged),
+        "failures": failures,
+        "rate_%": 100 * failures / max(1, len(judged)),
+        "low_%": 100 * low,
+        "high_%": 100 * high,
+        "contacts": sum(kpi.contact for kpi in judged),
+        "not_solvable": sum(kpi.cause == "not_solvable" for kpi in judged),
+        "false_activations": number,
+        "mean_duration_s": sum(kpi.false_activation_s for kpi in braking) / number if number else float("nan"),
+        "mean_speed_loss_mps": sum(kpi.speed_loss_mps for kpi in braking) / len(braking) if braking else float("nan"),
+    }
+
+
+def commands(scenario: str, done: Sequence[tuple[dict[str, float | str], Kpi | None]]) -> Iterator[str]:
+    """A command for each failure that shows it."""
+    for concrete, kpi in done:
+        if kpi is not None and kpi.failure:
+            words = [f"'{key}={value}'" if isinstance(value, str) else f"{key}={value:.4g}" for key, value in concrete.items()]
+            yield f"{kpi.failure_mode}, {kpi.cause}: python -m pipeline simulate {scenario} {' '.join(words)}"
 
 
 if __name__ == "__main__":

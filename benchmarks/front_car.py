@@ -21,7 +21,7 @@ from pipeline.core.statistics import mean_interval
 
 def study(seed: int, overrides: list[str]) -> Evaluation:
     """Run the study with a seed in a folder of its own."""
-    shipped = Path("models/base").resolve()
+    shipped = Path("models/uniform").resolve()
     config = compose("front_car", [f"base.weights={shipped}", f"front_car.seed={seed}", *overrides])
     jobs = [("front_car_points", ""), *(("front_car_snapshots", version) for version in ("existing", "covered", "test"))]
     jobs += [("front_car_train", version) for version in ("existing", "covered")] + [("front_car_evaluate", "")]

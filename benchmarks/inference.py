@@ -15,7 +15,7 @@ from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.yolo.export import onnx_of
 
 SIZE = (320, 192)
-SHIPPED = Path("models/base")
+SHIPPED = Path("models/uniform")
 
 
 def main() -> None:

@@ -26,7 +26,7 @@ def main() -> None:
     parser.add_argument("--tests", type=int, default=400)
     budget = parser.parse_args().tests
     config = compose("default", [])
-    space, simulator = config.space("F1"), AnalyticSimulator(config.scenarios["F1"])
+    space, simulator = config.space("F1"), AnalyticSimulator(config.scenarios["F1"], compose("default", []).car)
     categorical = [j for j, variable in enumerate(space.variables) if variable.kind == "categorical"]
     print(f"{'strategy':<10}{'s per test':>11}{'slowest ask':>13}{'failures':>10}{'in kinds':>10}   in {budget} tests")
     for name, section in config.samplers.items():

@@ -33,14 +33,14 @@ def main() -> None:
     scenario, study = functional_scenario(options.scenario), compose("default", [])
     space = scenario.logical_space()
     with tempfile.TemporaryDirectory() as folder:
-        onnx = onnx_of(Path("models/base"), Path(folder))
+        onnx = onnx_of(Path("models/uniform"), Path(folder))
         if options.memory:
             detector = OnnxDetector(onnx, threshold=study.detector["threshold"])
-            watch(MujocoSimulator(scenario), detector, space, options.memory)
+            watch(MujocoSimulator(scenario, compose("default", []).car), detector, space, options.memory)
             return
         seconds = {}
         for count in (1, 2):
-            workers = Workers(count, Setup(study.simulator, scenario, study.detector, onnx))
+            workers = Workers(count, Setup(study.simulator, scenario, study.detector, onnx, study.car))
             points = space.sample(options.tests + 2 * count, np.random.default_rng(1))
             jobs = [Execution(i, Path(folder) / f"{count}-{i}.npz", space.decode(point)) for i, point in enumerate(points)]
             list(workers.execute(jobs[: 2 * count]))  # Each worker compiles its world.

@@ -28,6 +28,7 @@ from pipeline.artefacts.points import encode_tests
 from pipeline.artefacts.tables import read_tests
 from pipeline.config.composing import compose
 from pipeline.config.schema import Config, Target
+from pipeline.core.identity import CampaignId
 from pipeline.core.space import Floats
 from pipeline.execution.campaign import sampler_seed
 
@@ -68,7 +69,8 @@ def search(config: Config, world: Surrogate, strategy: Target, transfer: bool, s
         earlier: list[tuple[Floats, Floats]] = []
         for scenario, searched in enumerate(config.search):
             history = {"earlier": earlier} if transfer else {}
-            sampler = instantiate(strategy, _partial_=True, _convert_="all")(space=space, seed=sampler_seed(searched, seed), **history)
+            own = sampler_seed(CampaignId(searched, "neural", "base", seed))
+            sampler = instantiate(strategy, _partial_=True, _convert_="all")(space=space, seed=own, **history)
             executed = []
             for _ in range(-(-config.campaign.tests // sampler.batch_size)):
                 points = sampler.ask()

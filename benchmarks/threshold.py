@@ -15,13 +15,14 @@ import numpy as np
 
 from pipeline.config.composing import compose, functional_scenario
 from pipeline.core import kpi
+from pipeline.core.identity import CampaignId
 from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.yolo.export import onnx_of
 from pipeline.execution.campaign import sampler_seed
 from pipeline.progress import Progress
 from pipeline.simulators.mujoco.simulator import MujocoSimulator
 
-SHIPPED = Path("models/base")
+SHIPPED = Path("models/uniform")
 
 
 def main() -> None:
@@ -39,8 +40,8 @@ def main() -> None:
         for order, scenario in enumerate(options.scenario):
             described = functional_scenario(scenario)
             space = described.logical_space()
-            simulator = MujocoSimulator(described)
-            points = space.sample(options.tests, np.random.default_rng(sampler_seed(scenario, 0)))
+            simulator = MujocoSimulator(described, compose("default", []).car)
+            points = space.sample(options.tests, np.random.default_rng(sampler_seed(CampaignId(scenario, "random", "base", 0))))
             for done, point in enumerate(points, start=order * options.tests + 1):
                 for threshold, detector in detectors.items():
                     signals = simulator.execute(space.decode(point), detector).signals

@@ -15,8 +15,9 @@ import cv2
 import numpy as np
 from tqdm import tqdm
 
-from pipeline.config.composing import CONF, functional_scenario
+from pipeline.config.composing import CONF, compose, functional_scenario
 from pipeline.core.episode import Frame
+from pipeline.core.identity import CampaignId
 from pipeline.core.statistics import wilson_interval
 from pipeline.detectors.scripted import BlindDetector
 from pipeline.execution.campaign import sampler_seed
@@ -48,10 +49,11 @@ class Seen(NamedTuple):
 def frames(name: str, tests: int) -> list[Seen]:
     """The frames of a scenario that count."""
     described = functional_scenario(name)
-    space, simulator = described.logical_space(), MujocoSimulator(described)
+    space, simulator = described.logical_space(), MujocoSimulator(described, compose("default", []).car)
     found = []
     try:
-        for point in tqdm(space.sample(tests, np.random.default_rng(sampler_seed(name, 17))), desc=name, unit="test", mininterval=2):
+        points = space.sample(tests, np.random.default_rng(sampler_seed(CampaignId(name, "random", "base", 17))))
+        for point in tqdm(points, desc=name, unit="test", mininterval=2):
             episode = simulator.execute(space.decode(point), BlindDetector(), keep_every=2)
             away = np.hypot(
                 *(np.asarray(episode.signals[f"pedestrian_{axis}_m"]) - np.asarray(episode.signals[f"ego_{axis}_m"]) for axis in "xy")

@@ -18,7 +18,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from pipeline.analysis.failure_regions import not_solvable
 from pipeline.artefacts.points import encode_tests
 from pipeline.artefacts.scenario_space import read_space
 from pipeline.artefacts.tables import read_tests
@@ -26,7 +25,7 @@ from pipeline.core.lineage import RETRAINED, Version
 from pipeline.core.space import Floats, Space
 from pipeline.core.statistics import mean_interval, sign_flip
 
-CHILD_M = 1.4
+CHILD_M = 1.45
 GROUPS = ("children", "crouching under an umbrella", "crouching", "others")
 
 
@@ -47,8 +46,7 @@ def read(study: Path, pattern: str) -> pd.DataFrame:
     for path in sorted(study.glob(pattern)):
         tests = read_tests(path)
         space = read_space(study / "space" / f"{tests['scenario'].iloc[0]}.json")[1]
-        limits = tests["test_id"].isin(not_solvable(tests, [path.with_name("signals.parquet")]))
-        tables.append(tests.assign(group=groups(space, encode_tests(tests, space)), not_solvable=limits))
+        tables.append(tests.assign(group=groups(space, encode_tests(tests, space)), not_solvable=tests["cause"] == "not_solvable"))
     if not tables:
         raise SystemExit(f"expected {study / pattern}, found none; run the study first")
     return pd.concat(tables)

@@ -8,12 +8,17 @@ from typing import Any
 import numpy as np
 
 from pipeline.core import kpi
+from pipeline.core.braking import Aeb, Vehicle
+from pipeline.core.car import Car
 from pipeline.core.detections import Detections
 from pipeline.core.episode import Episode, Frame
-from pipeline.core.matching import match
+from pipeline.core.matching import COCO, Criterion, match
 from pipeline.core.space import Space
 from pipeline.core.truth import Truth
 from pipeline.protocols import Detector, Sampler, Simulator
+
+CAR = Car(Vehicle(0.8, 0.6, 0.1, 0.1), Aeb("truth", "confidence", 0.0, votes=1, window=1, margin_m=0.8), COCO)
+"""A car that brakes for every detection of the pedestrian, for tests of simulators."""
 
 
 def check_sampler(factory: Callable[[], Sampler], space: Space, batches: int = 4) -> None:
@@ -44,8 +49,10 @@ def check_sampler(factory: Callable[[], Sampler], space: Space, batches: int = 4
     assert np.array_equal(first.ask(), again.ask()), "a sampler that is told the same history must continue like the first one"
 
 
-def check_simulator(simulator: Simulator, space: Space, detector: Detector, count: int = 3) -> None:
+def check_simulator(simulator: Simulator, space: Space, detector: Detector, count: int = 3, criterion: Criterion = COCO) -> None:
     """Check that a test execution depends only on concrete scenario and detector, and that its signals are consistent.
+
+    criterion: of the simulator's car.
 
     AssertionError names the violated rule.
     """
@@ -59,23 +66,26 @@ def check_simulator(simulator: Simulator, space: Space, detector: Detector, coun
             )
         for one, other in zip(episode.frames, again.frames, strict=True):
             assert np.array_equal(one.frame.image, other.frame.image), f"frame {one.step} must be the same in a replay"
-        _check_episode(episode)
+        _check_episode(episode, criterion)
     assert not simulator.execute(concretes[0], detector).frames, "keep_every=0 must keep no frame"
 
 
-def _check_episode(episode: Episode) -> None:
+def _check_episode(episode: Episode, criterion: Criterion) -> None:
     signals: dict[str, Any] = dict(episode.signals)
     assert (np.diff(signals["time_s"]) > 0).all(), "time_s must increase"
     assert ((signals["brake"] >= 0) & (signals["brake"] <= 1)).all(), "brake must be in [0, 1]"
     assert (signals["gap_m"] >= 0).all() and (signals["conflict_distance_m"] >= 0).all(), "distances must not be negative"
     assert np.array_equal(signals["ttc_s"], kpi.ttc(signals), equal_nan=True), "ttc_s must follow from the other signals (Eq. 5.2)"
+    assert len(episode.detections) in (len(signals["time_s"]), len(signals["time_s"]) - 1), "every frame must give its detections"
     kinds = ("far", "localisation", "duplicate")
     assert np.array_equal(signals["false_positives"], sum(signals[f"false_positives_{kind}"] for kind in kinds)), (
         "false positives must add up"
     )
     for kept in episode.frames:
         image = kept.frame.image
-        assert kept.matching == match(kept.detections, kept.frame.truth), f"frame {kept.step} must carry the matching of its detections"
+        assert kept.matching == match(kept.detections, kept.frame.truth, criterion), (
+            f"frame {kept.step} must carry the matching of its detections"
+        )
         assert image.dtype == np.uint8 and image.ndim == 3 and image.shape[2] == 3, "images must be (h, w, 3) uint8"
 
 

@@ -24,7 +24,7 @@ class StudyFolder:
     @staticmethod
     def composed(root: Path, study: str, overrides: Sequence[str] = ()) -> StudyFolder:
         """A new folder for a study; the shipped detector is the repository's."""
-        return StudyFolder.of(root, compose(study, [f"base.weights={ROOT / 'models' / 'base'}", *overrides]))
+        return StudyFolder.of(root, compose(study, [f"base.weights={ROOT / 'models' / 'uniform'}", *overrides]))
 
     @staticmethod
     def of(root: Path, config: Config) -> StudyFolder:

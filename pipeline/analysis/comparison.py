@@ -12,7 +12,7 @@ import pandas as pd
 
 from pipeline.analysis.failure_regions import cluster
 from pipeline.analysis.held_out import HeldOut
-from pipeline.analysis.measures import count_modes, series_name
+from pipeline.analysis.measures import count_causes, count_false_activations, count_modes, series_name
 from pipeline.artefacts.comparison_results import (
     Comparison,
     GroupPair,
@@ -55,6 +55,7 @@ def compare(held_out: HeldOut, digest: str, regions: Sequence[RegionResult], alp
         regions=tuple(regions),
         champion=core.champion(results.outcomes, [version for version, found in gates.items() if found.passes]),
         gate={versions[0]: "the reference"} | {version: results.reason(version, found) for version, found in gates.items()},
+        no_braking=held_out.no_braking,
     )
 
 
@@ -91,6 +92,7 @@ class _Results:
     def version(self, version: str) -> VersionResult:
         outcomes, described = self.outcomes[version], Version.named(version)
         rows = self.held_out.rows(version)
+        valid = rows[rows["status"] == "ok"]
         paired = None if version == self.base else self.pair(self.base, version)
         return VersionResult(
             version=version,
@@ -99,9 +101,10 @@ class _Results:
             tests=outcomes.tests,
             errors=outcomes.errors,
             failures=outcomes.failures,
-            modes=count_modes(rows[rows["status"] == "ok"]),
+            modes=count_modes(valid),
+            causes=count_causes(valid),
             scenarios={name: self.scenario(version, name) for name in self.held_out.labels},
-            rate=_estimate(core.failure_rate(outcomes, self.confidence)),
+            rate=outcomes.rate,
             change=0 if paired is None else len(paired.regressions) - len(paired.fixes),
             paired=paired,
             verdict="baseline" if paired is None else core.pair(self.outcomes[self.base], outcomes).verdict(self.alpha),
@@ -112,7 +115,8 @@ class _Results:
         return ScenarioResult(
             tests=outcomes.tests,
             failures=outcomes.failures,
-            rate=_estimate(core.failure_rate(outcomes, self.confidence)),
+            rate=outcomes.rate,
+            false_activations=count_false_activations(self.held_out.tables[scenario, version]),
             paired=None if version == self.base else self.pair(self.base, version, scenario),
         )
 
@@ -168,19 +172,17 @@ def _estimate(interval: Interval) -> Estimate:
     return Estimate(**asdict(interval))
 
 
-def base_regions(
-    held_out: HeldOut, spaces: Mapping[str, tuple[ScenarioInfo, Space]], section: Regions, confidence: float
-) -> list[RegionResult]:
+def base_regions(held_out: HeldOut, spaces: Mapping[str, tuple[ScenarioInfo, Space]], section: Regions) -> list[RegionResult]:
     """The base's failure regions on the sequence, scenario by scenario, with every version's failures inside their rules."""
-    return [result for info, space in spaces.values() for result in _regions_of(held_out, info, space, section, confidence)]
+    return [result for info, space in spaces.values() for result in _regions_of(held_out, info, space, section)]
 
 
-def _regions_of(held_out: HeldOut, info: ScenarioInfo, space: Space, section: Regions, confidence: float) -> list[RegionResult]:
+def _regions_of(held_out: HeldOut, info: ScenarioInfo, space: Space, section: Regions) -> list[RegionResult]:
     tests = {version: held_out.tables[info.name, version] for version in held_out.versions}
     base = tests[held_out.versions[0]]
     valid = base[base["status"] == "ok"].reset_index(drop=True)
     points, results = encode_tests(base, space), []
-    for region in cluster(info, space, valid, section, confidence).regions:
+    for region in cluster(info, space, valid, section).regions:
         members = valid["test_id"].isin(region.members).to_numpy()
         inside = find_rule(space, encode_tests(valid, space), valid["failure"].to_numpy(bool), members).holds(points)
         failures = {version: int((rows["failure"].to_numpy(bool) & inside).sum()) for version, rows in tests.items()}
@@ -216,13 +218,12 @@ def flat_metrics(comparison: Comparison, measures: Measures, detection: Mapping[
         row = plain[result.version] = {
             "failures": result.failures,
             "failures_by_ttc": result.modes.by_ttc,
-            "failure_rate": round(result.rate.value, 6),
+            "failure_rate": round(result.rate, 6),
         }
         row |= {name: round(value, 6) for name, value in detection.get(result.version, {}).items()}
     for strategy in measures.strategies:
         row = plain[series_name(strategy)] = {"failures_per_campaign": strategy.failures_per_campaign.value}
-        if strategy.f_measure is not None:
-            row["f_measure"] = strategy.f_measure.value
+        row["f_measure"] = round(strategy.f_measure.value, 6)
         if strategy.c_measure is not None:
             row["c_measure"] = round(strategy.c_measure.value, 6)
         row["pair_coverage_failures"] = round(strategy.pair_coverage_failures.value, 6)

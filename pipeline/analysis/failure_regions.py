@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -12,33 +10,19 @@ from numpy.typing import NDArray
 
 from pipeline.analysis.measures import count_modes
 from pipeline.artefacts.points import concrete, encode_tests
-from pipeline.artefacts.results import Estimate, FailureRegion, FailureRegions, Representative, Role
+from pipeline.artefacts.results import FailureRegion, FailureRegions, Representative, Role
 from pipeline.artefacts.scenario_space import ScenarioInfo
-from pipeline.artefacts.tables import read_signals
 from pipeline.config.schema import Regions
-from pipeline.core.braking import solvable
 from pipeline.core.distance import mixed_distance
 from pipeline.core.growth import PointOutcomes, readable_regions
 from pipeline.core.regions import NOISE, chance_radius, connected_failures, medoid
 from pipeline.core.rules import find_rule
 from pipeline.core.space import Floats, Space
-from pipeline.core.statistics import wilson_interval
 
 Bools = NDArray[np.bool_]
 
 
 MIN_RULE_PRECISION = 0.75
-
-
-NEEDED = ["test_id", "ego_speed_mps", "conflict_distance_m", "visible_pixels", "contrast"]
-
-
-def not_solvable(table: pd.DataFrame, signals: Sequence[Path]) -> tuple[str, ...]:
-    """test_id of each failure in a table that no detector could avoid with this camera. signals: signals.parquet of the same campaigns."""
-    steps = pd.concat([read_signals(path, NEEDED) for path in signals], ignore_index=True)
-    failed = steps[steps["test_id"].isin(table.loc[table["failure"], "test_id"])]
-    seen = {test: solvable({name: rows[name].to_numpy() for name in NEEDED[1:]}) for test, rows in failed.groupby("test_id", sort=False)}
-    return tuple(str(test) for test, could in seen.items() if not could)
 
 
 @dataclass(frozen=True)
@@ -51,35 +35,31 @@ class _Tested:
     failed: Bools
 
 
-def cluster(info: ScenarioInfo, space: Space, tests: pd.DataFrame, section: Regions, confidence: float) -> FailureRegions:
+def cluster(info: ScenarioInfo, space: Space, tests: pd.DataFrame, section: Regions) -> FailureRegions:
     """Density clusters of the failures over the mixed distance, each with its rule; tests: valid rows of one scenario."""
     points, failed = encode_tests(tests, space), tests["failure"].to_numpy(bool)
     radius = chance_radius(space, int(failed.sum()), section.chance_neighbours)
     labels = readable_regions(PointOutcomes(space, points, failed), radius, MIN_RULE_PRECISION, section.min_failures)
     connected = connected_failures(space, points[failed])
     tested = _Tested(space, tests, points, failed)
-    regions = [
-        _region(f"{info.label} region {label + 1}", tested, labels == label, confidence)
-        for label in range(int(labels.max(initial=NOISE)) + 1)
-    ]
+    regions = [_region(f"{info.label} region {label + 1}", tested, labels == label) for label in range(int(labels.max(initial=NOISE)) + 1)]
     return FailureRegions(
         scenario=info.name,
         label=info.label,
         tests=len(tests),
         failures=int(failed.sum()),
-        base_rate=float(failed.mean()) if len(tests) else 0.0,
+        failure_rate=float(failed.mean()) if len(tests) else 0.0,
         connected=len(np.unique(connected)),
         regions=tuple(regions),
         unassigned=tuple(tests.loc[failed & (labels == NOISE), "test_id"]),
-        not_solvable=(),
+        not_solvable=tuple(tests.loc[tests["cause"] == "not_solvable", "test_id"]),
     )
 
 
-def _region(name: str, tested: _Tested, members: Bools, confidence: float) -> FailureRegion:
+def _region(name: str, tested: _Tested, members: Bools) -> FailureRegion:
     rule = find_rule(tested.space, tested.points, tested.failed, members)
     inside = rule.holds(tested.points)
     support, hits = int(inside.sum()), int((inside & tested.failed).sum())
-    low, high = wilson_interval(hits, support, confidence)
     rows = tested.rows[members]
     return FailureRegion(
         name=name,
@@ -89,7 +69,7 @@ def _region(name: str, tested: _Tested, members: Bools, confidence: float) -> Fa
         rule=rule.text(tested.space),
         support=support,
         failures_inside=hits,
-        precision=Estimate(value=hits / max(1, support), low=low, high=high),
+        precision=hits / max(1, support),
         recall=float(inside[members].mean()),
         representatives=_representatives(tested.space, rows, tested.points[members]),
     )

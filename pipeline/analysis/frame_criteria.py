@@ -11,9 +11,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from pipeline.artefacts.dataset import decode_jpeg
-from pipeline.artefacts.tables import SIDES
 from pipeline.config.schema import Filter
 from pipeline.core.boxes import iou
+from pipeline.core.signals import SIDES
 
 Bools = NDArray[np.bool_]
 KEPT = {"visible": "pedestrian visible", "negative": "no pedestrian in the image"}

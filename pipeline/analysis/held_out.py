@@ -11,10 +11,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.artefacts.tables import campaign_of, read_tests
 from pipeline.core.comparison import Bools, SequenceOutcomes, SequenceTest
 from pipeline.errors import InputError
 from pipeline.progress import OnProgress
+
+BY_TTC = ("contact", "late")
+"""Failure modes by TTC alone."""
 
 
 @dataclass(frozen=True)
@@ -22,11 +26,13 @@ class HeldOut:
     """The tests of all versions on all held-out scenarios.
 
     versions: names, the base first. labels: scenario -> printed name. tables: (scenario, version) -> rows of tests.parquet by index.
+    no_braking: scenarios in which the right answer is not to brake.
     """
 
     versions: Sequence[str]
     labels: Mapping[str, str]
     tables: Mapping[tuple[str, str], pd.DataFrame]
+    no_braking: tuple[str, ...] = ()
 
     @cached_property
     def joined(self) -> pd.DataFrame:
@@ -53,7 +59,7 @@ class HeldOut:
         """The outcomes of one version on the sequence."""
         rows = self.rows(version)
         valid, failed = (rows["status"] == "ok").to_numpy(), rows["failure"].to_numpy(bool)
-        return SequenceOutcomes(valid, valid & failed, valid & failed & (rows["failure_mode"] != "false_positives").to_numpy())
+        return SequenceOutcomes(valid, valid & failed, valid & failed & rows["failure_mode"].isin(BY_TTC).to_numpy())
 
     def digest(self, variables: Mapping[str, Sequence[str]]) -> str:
         """SHA-256 of the sequence. variables: scenario -> names of its variables.
@@ -72,9 +78,9 @@ class HeldOut:
 
 
 def read_held_out(
-    paths: Sequence[Path], versions: Sequence[str], labels: Mapping[str, str], threshold: float, progress: OnProgress
+    paths: Sequence[Path], versions: Sequence[str], infos: Mapping[str, ScenarioInfo], threshold: float, progress: OnProgress
 ) -> HeldOut:
-    """Read tests.parquet of every scenario and version. threshold: of the adjusted TTC, seconds.
+    """Read tests.parquet of every scenario and version. infos: of the held-out scenarios. threshold: of the adjusted TTC, seconds.
 
     Raises InputError if a test was judged with another threshold.
     """
@@ -82,10 +88,12 @@ def read_held_out(
     for done, path in enumerate(paths, 1):
         rows = read_tests(path).sort_values("index", ignore_index=True)
         campaign = campaign_of(rows, path)
-        _check_threshold(rows, threshold, path)
+        if infos[campaign.scenario].asks_to_brake:
+            _check_threshold(rows, threshold, path)
         tables[campaign.scenario, campaign.version] = rows
         progress(done, len(paths), f"{campaign.scenario}/{campaign.version}")
-    return HeldOut(tuple(versions), labels, tables)
+    labels = {name: info.label for name, info in infos.items()}
+    return HeldOut(tuple(versions), labels, tables, tuple(name for name, info in infos.items() if not info.asks_to_brake))
 
 
 def _check_threshold(rows: pd.DataFrame, threshold: float, path: Path) -> None:

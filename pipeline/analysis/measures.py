@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, replace
+from typing import TypeVar
 
 import numpy as np
 import pandas as pd
 
 from pipeline.artefacts.points import encode_tests
-from pipeline.artefacts.results import CampaignMeasures, Estimate, Modes, StrategyMeasures
+from pipeline.artefacts.results import CampaignMeasures, Causes, Estimate, FalseActivations, Modes, Result, StrategyMeasures
 from pipeline.core.coverage.projection import Demand, projection_coverage
 from pipeline.core.identity import CampaignId
-from pipeline.core.measures import c_measure, f_measure, failure_sequence, pair_coverage
+from pipeline.core.measures import baseline_cost, c_measure, f_measure, failure_sequence, pair_coverage
 from pipeline.core.space import Ints, Space
-from pipeline.core.statistics import mean_interval, wilson_interval
+from pipeline.core.statistics import CensoredMean, censored_mean, mean_interval, wilson_interval
 from pipeline.errors import InputError
 
 PROJECTION_K = 2
-
+CountsT = TypeVar("CountsT", bound=Result)
 
 TESTS_WANTED = 3
 """Tests that projection coverage wants for every pair of categories; pair coverage wants one."""
@@ -45,10 +46,13 @@ def measure_campaign(
         errors=int((~valid).sum()),
         failures=int(failed.sum()),
         modes=count_modes(tests),
+        causes=count_causes(tests),
+        false_activations=count_false_activations(tests),
         theta=tuple(int(count) for count in sequence),
         f_measure=f_measure(sequence),
         n=n,
         f_n=f_measure(sequence, n),
+        f_n_baseline=baseline_cost(other)[1],
         c_measure=None if campaign.strategy == baseline else saved,
         c_measure_assumed=campaign.strategy != baseline and int(other[-1]) == 0,
         pair_coverage_tests=pair_coverage(space, points[valid]),
@@ -59,8 +63,36 @@ def measure_campaign(
 
 def count_modes(tests: pd.DataFrame) -> Modes:
     """Failures of a table by failure mode."""
-    counts = tests.loc[tests["failure"], "failure_mode"].value_counts()
-    return Modes(**{mode: int(counts.get(mode, 0)) for mode in Modes.model_fields})
+    return Modes(**_counts(tests, "failure_mode", Modes))
+
+
+def count_causes(tests: pd.DataFrame) -> Causes:
+    """Failures of a table by cause."""
+    return Causes(**_counts(tests, "cause", Causes))
+
+
+def _counts(tests: pd.DataFrame, column: str, model: type[Result]) -> dict[str, int]:
+    counts = tests.loc[tests["failure"], column].value_counts()
+    return {name: int(counts.get(name, 0)) for name in model.model_fields}
+
+
+def count_false_activations(tests: pd.DataFrame) -> FalseActivations:
+    """Emergency brakings without need in the valid tests of a table."""
+    valid = tests[tests["status"] == "ok"]
+    braking = valid[valid["false_activations"] > 0]
+    return FalseActivations(
+        tests=len(valid),
+        braking=len(braking),
+        number=int(braking["false_activations"].sum()),
+        duration_s=float(braking["false_activation_s"].sum()),
+        speed_loss_mps=float(braking["speed_loss_mps"].sum()),
+    )
+
+
+def _total(parts: Sequence[CountsT]) -> CountsT:
+    """The sum of counts, field by field."""
+    first = type(parts[0])
+    return first(**{name: sum(getattr(part, name) for part in parts) for name in first.model_fields})
 
 
 def _projection(space: Space, categories: Ints) -> float:
@@ -77,38 +109,57 @@ def by_strategy(campaigns: Sequence[CampaignMeasures]) -> list[list[CampaignMeas
     return list(groups.values())
 
 
-def summarise(group: Sequence[CampaignMeasures], confidence: float) -> StrategyMeasures:
-    """One strategy on one scenario over its seeds: means with Student's intervals, the failure rate with Wilson's."""
+def summarise(group: Sequence[CampaignMeasures], confidence: float, baseline: str, independent: Collection[str]) -> StrategyMeasures:
+    """One strategy on one scenario over its seeds; see StrategyMeasures for the intervals.
+
+    independent: strategies whose tests are independent samples of the space.
+    """
     first = group[0]
-    tests, errors = sum(c.tests for c in group), sum(c.errors for c in group)
-    failures = sum(c.failures for c in group)
-    low, high = wilson_interval(failures, tests - errors, confidence)
-    f_measures = [float(c.f_measure) for c in group if c.f_measure is not None]
-    c_measures = [c.c_measure for c in group if c.c_measure is not None]
 
     def mean(values: Sequence[float], low: float = 0, high: float = np.inf) -> Estimate:
         interval = mean_interval(values, confidence, (low, high))
         return Estimate(value=float(np.mean(values)), low=interval[0], high=interval[1])
 
+    found = censored_mean([c.f_measure or c.tests for c in group], [c.f_measure is not None for c in group], confidence, least=1)
+    cost = None if first.strategy == baseline else _cost(group, confidence)
     return StrategyMeasures(
         scenario=first.scenario,
         strategy=first.strategy,
         version=first.version,
         seeds=tuple(c.seed for c in group),
-        tests=tests,
-        errors=errors,
-        failures=failures,
-        modes=Modes(**{mode: sum(getattr(c.modes, mode) for c in group) for mode in Modes.model_fields}),
-        rate=Estimate(value=failures / max(1, tests - errors), low=low, high=high),
+        tests=sum(c.tests for c in group),
+        errors=sum(c.errors for c in group),
+        failures=sum(c.failures for c in group),
+        modes=_total([c.modes for c in group]),
+        causes=_total([c.causes for c in group]),
+        false_activations=_total([c.false_activations for c in group]),
+        rate=_pooled_rate(group, confidence) if first.strategy in independent else mean(list(map(_rate, group)), 0, 1),
         failures_per_campaign=mean([float(c.failures) for c in group]),
-        f_measure=mean(f_measures, 1) if f_measures else None,
-        f_measure_seeds=len(f_measures),
-        c_measure=mean(c_measures, -np.inf, 1) if c_measures else None,
-        c_measure_seeds=len(c_measures),
+        f_measure=Estimate(value=found.value, low=found.low, high=found.high),
+        f_measure_censored=found.censored,
+        c_measure=None if cost is None else Estimate(value=1 - cost.value, low=1 - cost.high, high=1 - cost.low),
+        c_measure_censored=0 if cost is None else cost.censored,
         pair_coverage_tests=mean([c.pair_coverage_tests for c in group], 0, 1),
         pair_coverage_failures=mean([c.pair_coverage_failures for c in group], 0, 1),
         projection_coverage=mean([c.projection_coverage for c in group], 0, 1),
     )
+
+
+def _cost(group: Sequence[CampaignMeasures], confidence: float) -> CensoredMean:
+    """Tests until the n-th failure as a share of the baseline's, 1 - C_n; at least that of the whole budget if it was not reached."""
+    spent = [(c.f_n or c.tests) / c.f_n_baseline for c in group]
+    return censored_mean(spent, [c.f_n is not None for c in group], confidence)
+
+
+def _rate(campaign: CampaignMeasures) -> float:
+    return campaign.failures / max(1, campaign.tests - campaign.errors)
+
+
+def _pooled_rate(group: Sequence[CampaignMeasures], confidence: float) -> Estimate:
+    """Failures per valid test over all campaigns, with Wilson's interval: for independent tests only."""
+    failures, valid = sum(c.failures for c in group), sum(c.tests - c.errors for c in group)
+    low, high = wilson_interval(failures, valid, confidence)
+    return Estimate(value=failures / max(1, valid), low=low, high=high)
 
 
 def series_name(measured: CampaignMeasures | StrategyMeasures) -> str:

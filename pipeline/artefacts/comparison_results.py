@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import BeforeValidator, PlainSerializer
 
-from pipeline.artefacts.results import Estimate, Modes, Result
+from pipeline.artefacts.results import BaseRate, Causes, Estimate, FalseActivations, Frequencies, Modes, Result
 from pipeline.core.comparison import SequenceTest, Verdict
 
 TestName = Annotated[
@@ -29,11 +29,12 @@ class VersionPair(Result):
 
 
 class ScenarioResult(Result):
-    """One model version on one held-out scenario; `paired` is against the base."""
+    """One model version on one held-out scenario. rate: failures per valid test. paired: against the base."""
 
     tests: int
     failures: int
-    rate: Estimate
+    rate: float
+    false_activations: FalseActivations
     paired: VersionPair | None
 
 
@@ -41,8 +42,8 @@ class VersionResult(Result):
     """One model version on the frozen held-out sequence.
 
     group: name shared by versions that differ only by the seed of retraining; round: of retraining, 0 for the base. tests: valid
-    executions. change: regressions minus fixes, over the tests that are valid for this version and the base. scenarios: results by
-    scenario.
+    executions. rate: failures per valid test. change: regressions minus fixes, over the tests that are valid for this version and the
+    base. scenarios: results by scenario.
     """
 
     version: str
@@ -52,8 +53,9 @@ class VersionResult(Result):
     errors: int
     failures: int
     modes: Modes
+    causes: Causes
     scenarios: dict[str, ScenarioResult]
-    rate: Estimate
+    rate: float
     change: int
     paired: VersionPair | None
     verdict: Verdict
@@ -61,7 +63,7 @@ class VersionResult(Result):
 
 class GroupResult(Result):
     """Versions that differ only by the seed of retraining: mean failures, in total and by scenario, with Student's intervals over the
-    seeds; a single version has Wilson's interval over the tests.
+    seeds. A single version has no interval (low = high), see `pipeline.core.comparison.SequenceOutcomes.rate`.
 
     against_base: ratio of its mean to the base's failures; null if the base never fails.
     """
@@ -108,7 +110,9 @@ class RegionResult(Result):
 class Comparison(Result):
     """All versions on one frozen sequence. The file names a fix or a regression `<scenario>-<index>`, with five digits.
 
-    pairs: exact McNemar test of every pair of versions, `against` is the earlier one; group_pairs: the same for groups.
+    pairs: exact McNemar test of every pair of versions, `against` is the earlier one; group_pairs: the same for groups. no_braking:
+    held-out scenarios in which the right answer is not to brake. base_rates: of the search scenarios. trained_on: the base set that the
+    base was trained on; null if its card does not say. base_set: the base set of this study; null for one that only tests detectors.
     """
 
     strategy: str
@@ -123,6 +127,10 @@ class Comparison(Result):
     regions: tuple[RegionResult, ...]
     champion: str
     gate: dict[str, str]
+    no_braking: tuple[str, ...] = ()
+    base_rates: tuple[BaseRate, ...] = ()
+    trained_on: Frequencies | None = None
+    base_set: Frequencies | None = None
 
     def pair(self, version: str, against: str) -> VersionPair | None:
         """The comparison of a version with an earlier one; None if either is missing."""

@@ -22,6 +22,7 @@ from pipeline.artefacts.files import read_json, write_bytes, write_json
 from pipeline.core.boxes import Box
 from pipeline.core.space import Value
 from pipeline.core.truth import Truth
+from pipeline.core.worlds import Worlds
 from pipeline.errors import InputError
 
 Split = Literal["train", "val"]
@@ -211,13 +212,14 @@ def read_dataset(root: Path, split: Split) -> ImageSet:
     return _labelled(pixels, truths, digest.hexdigest())
 
 
-def read_towns(root: Path) -> frozenset[str]:
-    """The fingerprints of the towns in the images; InputError that names the file if it lists none."""
+def read_worlds(root: Path) -> Worlds:
+    """The towns and the people in the images; InputError that names the file if an image does not list its own."""
     path = root / TRUTH_FILE
     try:
-        return frozenset(str(image["attributes"]["town"]) for image in read_json(path)["images"])
+        shown = [image["attributes"] for image in read_json(path)["images"]]
+        return Worlds(*(frozenset(str(attributes[key]) for attributes in shown) for key in ("town", "people")))
     except (KeyError, TypeError) as error:
-        raise InputError(f"{path} does not list the towns that its images show; make it again with render_base") from error
+        raise InputError(f"{path} does not list the towns and people that its images show; make it again with render_base") from error
 
 
 def image_path(root: Path, split: Split, index: int) -> Path:

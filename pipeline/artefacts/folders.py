@@ -132,6 +132,14 @@ class Folders:
         """The file that tests of a version load."""
         return self.config.tested[version] if self.config.goal == "detectors" else self.model(version, "model.onnx")
 
+    def calibration(self, version: str) -> str:
+        """The calibration of a detector that the study only tests."""
+        return f"{self.root}/calibration/{version}.json"
+
+    def calibrations(self, versions: Iterable[str]) -> list[str]:
+        """The calibrations of some detectors; none unless the study calibrates the detectors that it tests."""
+        return [self.calibration(version) for version in versions] if self.config.calibrate else []
+
     def parent(self, version: str, name: str) -> str:
         """The file `name` of the version that a version is retrained from."""
         return self.model(str(Version.named(version).parent), name)

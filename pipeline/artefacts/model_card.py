@@ -11,17 +11,20 @@ import pandas as pd
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from pipeline.artefacts.files import read_bytes, read_json, write_bytes, write_json
+from pipeline.artefacts.results import Frequencies
+from pipeline.core.worlds import Worlds
 from pipeline.errors import InputError
 
 
 class ModelCard(BaseModel):
     """One model version.
 
-    data: name to digest of its training data. training: settings and figures of its training. metrics: on the validation images of the base
-    set: precision, recall, ap50, ap50_95, false_positives_an_image, all for visible pedestrians. calibration: slope and offset of the
-    scores' logits, fitted on the same images. reliability: diagrams of the scores on these images, `uncalibrated` and `calibrated`: rows of
-    mean score, share of correct detections, number. towns: fingerprints of all towns that it or its ancestors were trained on; none may be
-    held out.
+    data: name to digest of its training data. training: settings and figures of its training; for a base also `rare_children` and
+    `rare_crouching`, how often its base set shows them. metrics: on the validation images of the base set: precision, recall, ap50,
+    ap50_95, false_positives_an_image, all for visible pedestrians. calibration: slope and offset of the scores' logits, fitted on the same
+    images. reliability: diagrams of the scores on these images, `uncalibrated` and `calibrated`: rows of mean score, share of correct
+    detections, number. towns, people: fingerprints of all towns and populations that it or its ancestors were trained on; none may be held
+    out.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -39,6 +42,18 @@ class ModelCard(BaseModel):
     reliability: dict[str, tuple[tuple[float, float, int], ...]]
     weights_sha256: str
     towns: tuple[str, ...]
+    people: tuple[str, ...]
+
+    @property
+    def frequencies(self) -> Frequencies | None:
+        """The people and poses of the base set that it was trained on; None if the card does not say."""
+        shown = {name: self.training.get(f"rare_{name}") for name in Frequencies.model_fields}
+        return None if None in shown.values() else Frequencies.model_validate(shown)
+
+    @property
+    def worlds(self) -> Worlds:
+        """The towns and the people that it has learnt."""
+        return Worlds(frozenset(self.towns), frozenset(self.people))
 
 
 @dataclass(frozen=True)

@@ -211,16 +211,8 @@ def open_scenario(scenario: FunctionalScenario, concrete: Mapping[str, Value], r
     _vehicle(entities, "ego", 2 * EGO_HALF_LENGTH_M, 2 * EGO_HALF_WIDTH_M, "car")
     for name, actor in scenario.actors.items():
         _vehicle(entities, name, 2 * HALF_LENGTHS_M[actor.kind], 2 * HALF_WIDTHS_M[actor.kind], "bus" if actor.kind == "bus" else "car")
-    walker = _add(
-        _add(entities, "ScenarioObject", name="pedestrian"),
-        "Pedestrian",
-        name="pedestrian",
-        mass=75,
-        model="pedestrian",
-        pedestrianCategory="pedestrian",
-    )
-    _box(walker, 0.5, 0.5, 1.75)
-    _add(walker, "Properties")
+    if scenario.has_pedestrian:
+        _pedestrian(entities)
     motions = _motions(scenario, concrete)
     storyboard = _add(root, "Storyboard")
     actions = _add(_add(storyboard, "Init"), "Actions")
@@ -252,8 +244,16 @@ def _motions(scenario: FunctionalScenario, concrete: Mapping[str, Value]) -> dic
         own = actor.route()
         motions[name] = [(t, own.at(actor.travelled(t))) for t in times]
     walking, shift = float(concrete["pedestrian_speed"]), float(concrete["pedestrian_shift"])
-    motions["pedestrian"] = [(t, scenario.pedestrian_pose(t, walking, shift)) for t in times]
+    if scenario.has_pedestrian:
+        motions["pedestrian"] = [(t, scenario.pedestrian_pose(t, walking, shift)) for t in times]
     return motions
+
+
+def _pedestrian(entities: Xml.Element) -> None:
+    owner = _add(entities, "ScenarioObject", name="pedestrian")
+    walker = _add(owner, "Pedestrian", name="pedestrian", mass=75, model="pedestrian", pedestrianCategory="pedestrian")
+    _box(walker, 0.5, 0.5, 1.75)
+    _add(walker, "Properties")
 
 
 def _vehicle(entities: Xml.Element, name: str, length: float, width: float, category: str) -> None:

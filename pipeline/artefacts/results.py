@@ -33,11 +33,13 @@ class Estimate(Result):
 
 
 class Modes(Result):
-    """Failures by failure mode; `contact + late` fail by TTC alone, `false_positives` only because Eq. 5.3 divides by them."""
+    """Failures by failure mode; `contact + late` fail by TTC alone, `false_positives` only because Eq. 5.3 divides by them, and
+    `false_activation` by braking without need."""
 
     contact: int = 0
     late: int = 0
     false_positives: int = 0
+    false_activation: int = 0
 
     @property
     def by_ttc(self) -> int:
@@ -46,16 +48,79 @@ class Modes(Result):
 
     @property
     def total(self) -> int:
-        return self.by_ttc + self.false_positives
+        return self.by_ttc + self.false_positives + self.false_activation
+
+
+class Causes(Result):
+    """Failures by cause, see `pipeline.core.causes`."""
+
+    never_seen: int = 0
+    too_late: int = 0
+    box: int = 0
+    confidence: int = 0
+    false_positives: int = 0
+    not_solvable: int = 0
+    false_activation: int = 0
+
+    @property
+    def total(self) -> int:
+        return sum(count for _, count in self)
+
+
+class FalseActivations(Result):
+    """Emergency brakings without need: `number` in `braking` of `tests` valid tests.
+
+    duration_s: of all together. speed_loss_mps: speed lost by braking without need in these `braking` tests together.
+    """
+
+    tests: int = 0
+    braking: int = 0
+    number: int = 0
+    duration_s: float = 0.0
+    speed_loss_mps: float = 0.0
+
+    @property
+    def mean_duration_s(self) -> float | None:
+        """Of a false activation; None if there is none."""
+        return self.duration_s / self.number if self.number else None
+
+    @property
+    def mean_speed_loss_mps(self) -> float | None:
+        """Of a test with a false activation; None if there is none."""
+        return self.speed_loss_mps / self.braking if self.braking else None
+
+
+class BaseRate(Result):
+    """How often the first version fails in random tests of a search scenario. rate: failures per valid test, with its interval."""
+
+    scenario: str
+    version: str
+    strategy: str
+    tests: int
+    failures: int
+    rate: Estimate
+
+
+class Frequencies(Result):
+    """How often a base set shows children and crouching people, relative to others."""
+
+    children: float
+    crouching: float
+
+    @property
+    def uniform(self) -> bool:
+        """Whether all people and poses are equally frequent; otherwise the base set is long-tailed."""
+        return self.children == self.crouching == 1
 
 
 class CampaignMeasures(Result):
     """Measures of one campaign; an error counts as executed, never as a failure.
 
     theta: cumulative failures after each test (Eq. 4.17). f_measure, f_n: tests until the first and until the n-th failure (Eq. 4.18,
-    4.19), where n is the number of failures that random testing found in the budget (1 if it found none). c_measure: Eq. 4.20, against the
-    baseline campaign of the same scenario and seed; `c_measure_assumed` if Eq. 6.2's assumption replaces the baseline's first failure; null
-    if the strategy did not find n failures. Coverages in [0, 1].
+    4.19), where n is the number of failures that random testing found in the budget (1 if it found none), and f_n_baseline the number of
+    tests that it needed; f_measure and f_n are null if the campaign found fewer failures. c_measure: Eq. 4.20, against the baseline
+    campaign of the same scenario and seed; `c_measure_assumed` if Eq. 6.2's assumption replaces the baseline's first failure; null for
+    the baseline, and if the strategy did not find n failures. Coverages in [0, 1].
     """
 
     scenario: str
@@ -66,10 +131,13 @@ class CampaignMeasures(Result):
     errors: int
     failures: int
     modes: Modes
+    causes: Causes
+    false_activations: FalseActivations
     theta: tuple[int, ...]
     f_measure: int | None
     n: int
     f_n: int | None
+    f_n_baseline: int
     c_measure: float | None
     c_measure_assumed: bool
     pair_coverage_tests: float
@@ -80,8 +148,11 @@ class CampaignMeasures(Result):
 class StrategyMeasures(Result):
     """Means over the seeds of one scenario and strategy, with Student's intervals.
 
-    `rate` pools all tests (failures per test, Wilson). f_measure and c_measure are means over the seeds that have a value; the number of
-    these seeds is beside them.
+    rate: failures per valid test. If the strategy draws independent samples, all tests are pooled and the interval is Wilson's; the tests
+    of other strategies depend on each other, so theirs is Student's over the campaigns' rates. f_measure, c_measure: Kaplan-Meier
+    estimates of the restricted mean, because a campaign without its first, or n-th, failure is right-censored at its last test;
+    `f_measure_censored` and `c_measure_censored` campaigns are. See `pipeline.core.statistics.censored_mean`. c_measure is null for the
+    baseline.
     """
 
     scenario: str
@@ -92,25 +163,41 @@ class StrategyMeasures(Result):
     errors: int
     failures: int
     modes: Modes
+    causes: Causes
+    false_activations: FalseActivations
     rate: Estimate
     failures_per_campaign: Estimate
-    f_measure: Estimate | None
-    f_measure_seeds: int
+    f_measure: Estimate
+    f_measure_censored: int
     c_measure: Estimate | None
-    c_measure_seeds: int
+    c_measure_censored: int
     pair_coverage_tests: Estimate
     pair_coverage_failures: Estimate
     projection_coverage: Estimate
 
+    @property
+    def base_rate(self) -> BaseRate:
+        """Its failure rate as that of the base."""
+        named = {"scenario": self.scenario, "version": self.version, "strategy": self.strategy}
+        return BaseRate(**named, tests=self.tests - self.errors, failures=self.failures, rate=self.rate)
+
 
 class Measures(Result):
-    """All search campaigns measured. confidence: of every interval. k: of the projection coverage."""
+    """All search campaigns measured. confidence: of every interval. k: of the projection coverage. no_braking: scenarios in which the right
+    answer is not to brake."""
 
     confidence: float
     k: int
     baseline: str
     campaigns: tuple[CampaignMeasures, ...]
     strategies: tuple[StrategyMeasures, ...]
+    no_braking: tuple[str, ...] = ()
+
+    @property
+    def base_rates(self) -> tuple[BaseRate, ...]:
+        """The base failure rate of each scenario: that of the first version in tests of the baseline strategy."""
+        version = self.strategies[0].version if self.strategies else ""
+        return tuple(row.base_rate for row in self.strategies if (row.version, row.strategy) == (version, self.baseline))
 
     def of(self, version: str) -> Measures:
         """The measures of the campaigns against one version."""
@@ -133,8 +220,9 @@ class Representative(Result):
 class FailureRegion(Result):
     """One group of failures with its readable rule.
 
-    support: tests inside the rule; failures_inside: those that failed; precision: their ratio, Wilson interval. recall: share of the
-    region's members that the rule covers.
+    support: tests inside the rule; failures_inside: those that failed; precision: their ratio. It has no interval: adaptive strategies
+    gather their tests where failures are, and the rule is fitted to these tests, so they are no independent samples. recall: share of
+    the region's members that the rule covers.
     """
 
     name: str
@@ -144,7 +232,7 @@ class FailureRegion(Result):
     rule: str
     support: int
     failures_inside: int
-    precision: Estimate
+    precision: float
     recall: float
     representatives: tuple[Representative, ...]
 
@@ -160,7 +248,7 @@ class FailureRegions(Result):
     label: str
     tests: int
     failures: int
-    base_rate: float
+    failure_rate: float
     connected: int
     regions: tuple[FailureRegion, ...]
     unassigned: tuple[str, ...]

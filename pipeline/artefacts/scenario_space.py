@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from pipeline.artefacts.files import read_json, write_json
 from pipeline.core.space import Space
+from pipeline.core.worlds import Worlds
 from pipeline.errors import InputError
 
 FORMAT = 1
@@ -16,7 +17,8 @@ FORMAT = 1
 class ScenarioInfo:
     """The functional scenario of a space. pairs: feasible pairs of categories, which pair coverage counts.
 
-    town: its fingerprint.
+    town, people: fingerprints of its town and of its population, empty if it has none. asks_to_brake: whether a pedestrian
+    crosses the ego's path.
     """
 
     name: str
@@ -24,6 +26,13 @@ class ScenarioInfo:
     description: str
     pairs: int
     town: str = ""
+    people: str = ""
+    asks_to_brake: bool = field(default=True, kw_only=True)
+
+    @property
+    def worlds(self) -> Worlds:
+        """Its town and its people."""
+        return Worlds.of(self.town, self.people)
 
 
 def write_space(path: Path, info: ScenarioInfo, space: Space) -> None:
@@ -37,6 +46,8 @@ def write_space(path: Path, info: ScenarioInfo, space: Space) -> None:
             "description": info.description,
             "pairs": info.pairs,
             "town": info.town,
+            "people": info.people,
+            "asks_to_brake": info.asks_to_brake,
             "sizes": dict(zip(space.names, space.sizes, strict=True)),
             "variables": space.to_dict(),
             **({"constraints": [list(clause) for clause in space.clauses]} if space.clauses else {}),
@@ -50,7 +61,8 @@ def read_space(path: Path) -> tuple[ScenarioInfo, Space]:
     try:
         if plain["format"] != FORMAT:
             raise ValueError(f"format must be {FORMAT}, got {plain['format']!r}")
-        info = ScenarioInfo(plain["scenario"], plain["label"], plain["description"], plain["pairs"], plain["town"])
+        named = (plain[key] for key in ("scenario", "label", "description", "pairs", "town", "people"))
+        info = ScenarioInfo(*named, asks_to_brake=plain["asks_to_brake"])
         return info, Space.from_dict(plain["variables"], plain.get("constraints", ()))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(f"{path}: expected a scenario space, got {error!r}; make it again with define-space") from error

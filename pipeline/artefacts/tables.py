@@ -1,4 +1,4 @@
-"""The four tables of a campaign: tests, signals, frames and timings, as Parquet with units in the fields' metadata.
+"""The five tables of a campaign: tests, signals, detections, frames and timings, as Parquet with units in the fields' metadata.
 
 Every write and every read checks the schema. Equal rows give equal bytes; wall-clock times appear in timings.parquet alone.
 """
@@ -14,14 +14,15 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from pipeline.artefacts.files import write_bytes
 from pipeline.core.boxes import Box
 from pipeline.core.columns import Column, columns
-from pipeline.core.episode import KeptFrame
+from pipeline.core.episode import FrameDetections, KeptFrame
 from pipeline.core.identity import CampaignId
 from pipeline.core.kpi import KPIS
-from pipeline.core.signals import SIGNALS
+from pipeline.core.signals import SIDES, SIGNALS
 from pipeline.core.space import Space, Variable
 from pipeline.core.truth import Truth
 from pipeline.errors import InputError
@@ -29,7 +30,6 @@ from pipeline.errors import InputError
 FORMAT = "1"
 TYPES = {int: pa.int64(), float: pa.float64(), bool: pa.bool_(), str: pa.string(), bytes: pa.binary()}
 TEST_ID = Column("test_id", str, "scenario, strategy, version, seed and index in one name")
-SIDES = ("left", "top", "right", "bottom")
 BOXES = {"visible": "box around the visible part of the pedestrian", "whole": "box around the part that would be visible without occluders"}
 TESTS = (
     TEST_ID,
@@ -53,12 +53,25 @@ FRAMES = (
     Column("false_positives", int, "false positives of the detector in this frame"),
     Column("confidence", float, "score of its best detection on the pedestrian, 0 if there is none"),
 )
+DETECTIONS = (
+    TEST_ID,
+    Column("step", int, "number of the time step"),
+    *(Column(side, float, "box of a detection", "px") for side in SIDES),
+    Column("score", float, "its score, 0.05 to 1; those below the detector's threshold are not reported"),
+    Column("in_path", bool, "whether the foot of the box lies in the ego's path"),
+)
 TIMINGS = (
     TEST_ID,
     Column("sampler_s", float, "time that the strategy took to choose the test: an equal share of its batch's time", "s"),
     Column("simulate_s", float, "time that the execution took", "s"),
 )
-TABLES: Mapping[str, tuple[Column, ...]] = {"tests": TESTS, "signals": SIGNAL_TABLE, "frames": FRAMES, "timings": TIMINGS}
+TABLES: Mapping[str, tuple[Column, ...]] = {
+    "tests": TESTS,
+    "signals": SIGNAL_TABLE,
+    "detections": DETECTIONS,
+    "frames": FRAMES,
+    "timings": TIMINGS,
+}
 
 
 def write_tests(path: Path, tests: pd.DataFrame, space: Space) -> None:
@@ -79,6 +92,16 @@ def write_signals(path: Path, signals: pd.DataFrame) -> None:
 def read_signals(path: Path, columns: Sequence[str] | None = None) -> pd.DataFrame:
     """Read signals.parquet; InputError that names the file if it is truncated or not such a table."""
     return _read(path, "signals", columns)
+
+
+def write_detections(path: Path, detections: pd.DataFrame) -> None:
+    """Write one row per detection, in the order of tests, steps and descending scores: `DETECTIONS`."""
+    _write(path, detections, DETECTIONS)
+
+
+def read_detections(path: Path, columns: Sequence[str] | None = None) -> pd.DataFrame:
+    """Read detections.parquet; InputError that names the file if it is truncated or not such a table."""
+    return _read(path, "detections", columns)
 
 
 def write_frames(path: Path, frames: pd.DataFrame) -> None:
@@ -195,3 +218,17 @@ def _problem(table: pa.Table, expected: Sequence[Column]) -> str:
         if foreign:
             return f"column {field.name} must hold {sorted(allowed[field.name])}, got {sorted(foreign)}"
     return ""
+
+
+def detection_columns(detections: Sequence[FrameDetections]) -> dict[str, NDArray[Any]]:
+    """The columns of detections.parquet, without test_id, for the detections of a test by time step."""
+    counts = [len(one.detections.scores) for one in detections]
+    boxes = np.concatenate([np.zeros((0, 4)), *(one.detections.boxes for one in detections)])
+    scores = np.concatenate([np.zeros(0), *(one.detections.scores for one in detections)])
+    in_path = np.concatenate([np.zeros(0, bool), *(one.in_path for one in detections)])
+    return {
+        "step": np.repeat(np.arange(len(counts)), counts),
+        **dict(zip(SIDES, boxes.T, strict=True)),
+        "score": scores,
+        "in_path": in_path,
+    }

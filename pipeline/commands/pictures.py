@@ -1,4 +1,4 @@
-"""Command `pictures`: docs/images, every scenario in every weather and every pedestrian in every animation."""
+"""Command `pictures`: docs/images, every scenario in every weather, everybody in every animation, and a run from above."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.commands.top_view import SPEEDS_MPS, top_view
 from pipeline.config.composing import CONF, functional_scenario
 
 HELP = "Draw the pictures of the documentation."
@@ -31,6 +32,7 @@ def run(options: argparse.Namespace) -> int:
     """Render all sheets."""
     import cv2
 
+    from pipeline.report.style import save_png
     from pipeline.simulators.mujoco.contact_sheet import WEATHERS, crew_sheet, scenario_sheet
 
     options.out.mkdir(parents=True, exist_ok=True)
@@ -44,7 +46,9 @@ def run(options: argparse.Namespace) -> int:
         height, width = sheet.shape[:2]
         smaller = np.asarray(cv2.resize(sheet, (width * 3 // 4, height * 3 // 4), interpolation=cv2.INTER_AREA), np.uint8)
         _write(options.out / f"{path.stem}.jpg", smaller, 82)
-    _write(options.out / "pedestrians.jpg", crew_sheet(functional_scenario("F3star")), 80)
+    for stem, name in (("pedestrians", "F3"), ("pedestrians-held-out", "F3star")):
+        _write(options.out / f"{stem}.jpg", crew_sheet(functional_scenario(name)), 80)
+    save_png(top_view(functional_scenario("F1"), SPEEDS_MPS), options.out / "top-view.png")
     return 0
 
 

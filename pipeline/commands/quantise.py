@@ -13,7 +13,7 @@ CALIBRATION_IMAGES = 100
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--model", type=Path, default=Path("models/base"), help="folder of a model version (default: %(default)s)")
+    parser.add_argument("--model", type=Path, default=Path("models/uniform"), help="folder of a model version (default: %(default)s)")
     parser.add_argument(
         "--base-set",
         type=Path,

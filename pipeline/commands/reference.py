@@ -21,7 +21,7 @@ HELP = "Write the pages of docs/reference that the code determines."
 FOLDER = Path("docs/reference")
 GROUPS = {"sampler": "samplers.{}.", "detector": "detector.", "simulator": "simulator."}
 """Folders of conf/ with a class per file, and the keys that hold its parameters."""
-PASSED = ("space", "seed", "model", "scenario", "camera")
+PASSED = ("space", "seed", "model", "scenario", "camera", "car")
 """Parameters set by other keys of a study."""
 HEAD = """# Configuration
 
@@ -38,12 +38,13 @@ TABLE_TEXTS = {
     "`none` or no value.",
     "signals": "One row for each time step, in the world frame. The last row of a test is its end, without a frame. "
     "All KPIs are computed from these columns.",
+    "detections": "One row for each detection in each frame, best first, so that matching and braking can be computed again.",
     "frames": "One row for every n-th frame; n is `campaign.keep_every`.",
     "timings": "One row for each test, with times by the wall clock. No other table has times of the computer.",
 }
-CHOICES = """## Strategies, detectors and simulators
+CHOICES = """## Strategies, detectors, simulators and cameras
 
-Each is a file in `conf/` that names a class and sets its parameters. To set a parameter that the
+Each is a file in `conf/`; all but cameras name a class and set its parameters. To set a parameter that the
 file does not name, put a plus before it: `+samplers.neural.explore=0.3`.
 """
 LINE = 120
@@ -83,8 +84,6 @@ def choices(group: str, prefix: str) -> list[str]:
     """A section for each file of a folder of conf/: the docstring of its class, and its parameters with their values."""
     from hydra.utils import get_class
 
-    from pipeline.simulators.mujoco.lens import CameraSettings
-
     lines = []
     for path in sorted((CONF / group).glob("*.yaml")):
         body = yaml.safe_load(path.read_text())
@@ -92,11 +91,22 @@ def choices(group: str, prefix: str) -> list[str]:
         taken = [p for p in inspect.signature(described).parameters.values() if p.name not in PASSED]
         keys = [line for p in taken for line in item(f"{prefix.format(path.stem)}{p.name}", body.get(p.name, p.default))]
         lines += [f"### {group}: {path.stem}", "", inspect.getdoc(described) or "", ""]
-        if "camera" in body:
-            lines += [inspect.getdoc(CameraSettings) or "", ""]
-            for name, value in body["camera"].items():
-                keys += item(f"{prefix}camera.{name}", value, limits(CameraSettings.model_fields[name].metadata))
         lines += [*(keys or ["No parameters."]), ""]
+    return lines
+
+
+def cameras() -> list[str]:
+    """A section for each file of conf/camera with the settings that it names."""
+    from pipeline.simulators.mujoco.lens import CameraSettings
+
+    lines = []
+    for number, path in enumerate(sorted((CONF / "camera").glob("*.yaml"))):
+        named = yaml.safe_load(path.read_text())
+        based = named.pop("defaults", [None])[0]
+        lines += [f"### camera: {path.stem}", "", *([] if number else [inspect.getdoc(CameraSettings) or "", ""])]
+        for name, value in named.items():
+            lines += item(f"simulator.camera.{name}", value, limits(CameraSettings.model_fields[name].metadata))
+        lines += ["", *([f"The rest is as in {based}.", ""] if based else [])]
     return lines
 
 
@@ -129,7 +139,11 @@ def limits(metadata: list[Any]) -> str:
 def configuration() -> str:
     """The page of all keys."""
     parts = [line for group, prefix in GROUPS.items() for line in choices(group, prefix)]
-    return HEAD + "\n".join(["", "## The study", "", *section(Config, compose("default", [])), CHOICES, *parts]).rstrip("\n") + "\n"
+    return (
+        HEAD
+        + "\n".join(["", "## The study", "", *section(Config, compose("default", [])), CHOICES, *parts, *cameras()]).rstrip("\n")
+        + "\n"
+    )
 
 
 def columns() -> str:

@@ -7,16 +7,15 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from pipeline.config.components import make_detector, make_simulator
 from pipeline.config.composing import compose, functional_scenario
 from pipeline.core import kpi
 from pipeline.core.names import nearest
 from pipeline.core.space import Space, Value
 from pipeline.errors import InputError
-from pipeline.protocols import Detector
 
 PLAIN: Mapping[str, Value] = {
     "rain": 0, "fog": 0, "sun_azimuth": 120, "sun_altitude": 45, "pedestrian_shift": 0, "pedestrian_speed": 1.4, "animation": "walking",
-    "blueprint": "W 07",
 }  # fmt: skip
 """Defaults of variables that are not assigned: a walk on a sunny day."""
 
@@ -29,14 +28,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "assignments", nargs="*", metavar="key=value", help="scenario variables, such as fog=80 'blueprint=M 03'; others have defaults"
     )
-    parser.add_argument("--model", type=Path, default=Path("models/base"), help="folder of a model version (default: %(default)s)")
+    parser.add_argument("--model", type=Path, default=Path("models/uniform"), help="folder of a model version (default: %(default)s)")
     parser.add_argument("--out", type=Path, default=Path("replay.mp4"), help=".mp4 or .gif (default: %(default)s)")
 
 
 def run(options: argparse.Namespace) -> int:
     """Execute the scenario with the detector, write the replay and print the result as one line."""
-    from hydra.utils import instantiate
-
     from pipeline.detectors.yolo.export import onnx_of
     from pipeline.report.replays import Replay, render_replay
 
@@ -45,13 +42,12 @@ def run(options: argparse.Namespace) -> int:
     described = functional_scenario(options.scenario)
     space = described.logical_space()
     concrete = concrete_scenario(space, options.assignments)
-    study = compose("default", [])
+    study = compose("default", [] if described.asks_to_brake else ["aeb.gate=detections"])
     with tempfile.TemporaryDirectory() as folder:
         onnx = onnx_of(options.model, Path(folder))
-        simulator = instantiate(study.simulator, _partial_=True, _convert_="all")(scenario=described)
-        detector: Detector = instantiate(study.detector, model=onnx, _convert_="all")
+        simulator = make_simulator(study.simulator, described, study.car)
+        detector = make_detector(study.detector, onnx)
         episode = simulator.execute(concrete, detector, keep_every=1)
-        simulator.close()
     threshold = study.campaign.failure_threshold_s
     units = {variable.name: variable.unit for variable in space.variables}
     title = f"{described.label}, detector {options.model}"

@@ -10,13 +10,18 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pipeline.artefacts.files import sha256, write_bytes
 from pipeline.artefacts.folders import Folders
+from pipeline.config.components import make_detector
 from pipeline.config.composing import compose, dump, validate
 from pipeline.config.schema import Config
 from pipeline.contract import VERDICT_FOLLOWS
 from pipeline.errors import InputError, SimulationError
+
+if TYPE_CHECKING:
+    from pipeline.artefacts.calibration_results import DetectorCalibration
 
 WORDS = """ONNX files (ours, YOLOv5, YOLOv8/11 or end to end), or what the study's detector takes; and Hydra overrides, such as
 campaign.tests=40 search=[F1,F5] detector=mine"""
@@ -26,6 +31,7 @@ HELP = "Search for the failures of any detectors, and compare several; trains no
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("words", nargs="+", metavar="FILE|key=value", help=WORDS)
     parser.add_argument("--study", default="default", help="study with the scenarios, strategies and budgets (default: %(default)s)")
+    parser.add_argument("--calibrate", action="store_true", help="calibrate each detector's confidences on rendered images first")
     parser.add_argument("--cores", type=int, help="cores to use (default: all)")
 
 
@@ -40,10 +46,12 @@ def run(options: argparse.Namespace) -> int:
     chosen = compose(options.study, overrides)
     for path in files:
         check(chosen, path)
-    config = study_of(files, chosen)
+    config = study_of(files, chosen, options.calibrate)
     folders = Folders(config)
     params = Path(folders.root, "params.yaml")
-    write_bytes(params, dump(config, f"python -m pipeline test-detector {' '.join(options.words)}").encode())
+    write_bytes(
+        params, dump(config, f"python -m pipeline test-detector {' '.join(options.words)}{' --calibrate' * options.calibrate}").encode()
+    )
     cores = "all" if options.cores is None else str(options.cores)
     environment = {**os.environ, VERDICT_FOLLOWS: "1"}
     done = subprocess.run([sys.executable, "-m", "snakemake", "--configfile", str(params), "--cores", cores], env=environment, check=False)
@@ -54,10 +62,10 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def study_of(files: Sequence[Path], chosen: Config) -> Config:
+def study_of(files: Sequence[Path], chosen: Config, calibrate: bool = False) -> Config:
     """The study of some detectors, named after the first and the content of all: many exports are called best.onnx.
 
-    chosen: the study whose scenarios, strategies and budgets it takes.
+    chosen: the study whose scenarios, strategies and budgets it takes. calibrate: whether their confidences are calibrated first.
     """
     digests = [sha256(path) for path in files]
     stems = [re.sub(r"\W", "_", path.name.removesuffix(".onnx")).lstrip("_") or "detector" for path in files]
@@ -66,19 +74,17 @@ def study_of(files: Sequence[Path], chosen: Config) -> Config:
         raise InputError(f"expected different detectors, got {', '.join(map(str, files))} with the same content")
     together = digests[0] if len(digests) == 1 else hashlib.sha256("".join(digests).encode()).hexdigest()
     tested = dict(zip(names, map(str, files), strict=True))
-    named = {"study": f"{names[0].lower()}-{together[:8]}", "goal": "detectors", "tested": tested}
+    named = {"study": f"{names[0].lower()}-{together[:8]}", "goal": "detectors", "tested": tested, "calibrate": calibrate}
     return validate({**chosen.model_dump(mode="json"), **named}, "conf/")
 
 
 def check(config: Config, model: Path) -> None:
     """Run the detector on three images; InputError that names the first rule of its contract that it violates."""
-    from hydra.utils import instantiate
-
     from pipeline.testing import check_detector
 
     camera = config.simulator.get("camera", {})
     width, height = int(camera.get("width", 320)), int(camera.get("height", 192))
-    detector = instantiate(config.detector, _partial_=True, _convert_="all")(model=str(model))
+    detector = make_detector(config.detector, model)
     try:
         check_detector(detector, width, height)
     except AssertionError as error:
@@ -92,19 +98,29 @@ def check(config: Config, model: Path) -> None:
 
 
 def table(config: Config) -> str:
-    """Print failures by detector, scenario and strategy, the regions and, for several detectors, the verdict. Errors are in no rate."""
+    """Failures by detector, scenario and strategy, braking without need, the regions and, for several detectors, the verdict. Errors are in
+    no rate."""
+    from pipeline.artefacts.calibration_results import DetectorCalibration
     from pipeline.artefacts.comparison_results import Comparison
     from pipeline.artefacts.results import FailureRegions, Measures, read
+    from pipeline.report.failure_tables import braking_in_search
+    from pipeline.report.formats import aligned, percent
     from pipeline.report.verdict import verdict_table
 
     folders = Folders(config)
-    counted = f"{'tests':>6}{'errors':>8}{'fail':>6}{'contact':>9}{'late':>6}{'false positives':>17}"
+    counted = f"{'tests':>6}{'errors':>8}{'fail':>6}{'contact':>9}{'late':>6}{'false positives':>17}{'without need':>14}"
     width = 2 + max(8, *map(len, config.tested))
     lines = [f"{'detector':{width}}{'scenario':10}{'strategy':12}{counted}   failure rate"]
-    for row in read(Path(folders.root, "measures.json"), Measures).strategies:
-        rate = f"{100 * row.rate.value:.1f} % ({100 * row.rate.low:.1f} to {100 * row.rate.high:.1f})"
-        counts = f"{row.tests:>6}{row.errors:>8}{row.failures:>6}{row.modes.contact:>9}{row.modes.late:>6}{row.modes.false_positives:>17}"
-        lines.append(f"{row.version:{width}}{row.scenario:10}{row.strategy:12}{counts}   {rate}")
+    measures = read(Path(folders.root, "measures.json"), Measures)
+    for row in measures.strategies:
+        modes = row.modes
+        counts = f"{row.tests:>6}{row.errors:>8}{row.failures:>6}{modes.contact:>9}{modes.late:>6}{modes.false_positives:>17}"
+        counts += f"{modes.false_activation:>14}"
+        lines.append(f"{row.version:{width}}{row.scenario:10}{row.strategy:12}{counts}   {percent(row.rate)}")
+    for path in folders.calibrations(config.tested):
+        lines.append(_calibrated(read(Path(path), DetectorCalibration)))
+    if braking := braking_in_search(measures):
+        lines += ["", "Braking without need\n", *aligned(braking), ""]
     for version in config.tested:
         for scenario in config.search:
             for region in read(Path(folders.regions(version, scenario)), FailureRegions).regions:
@@ -114,3 +130,10 @@ def table(config: Config) -> str:
         comparison = Path(folders.root, "comparison.json")
         lines += ["", verdict_table(read(comparison, Comparison))]
     return "\n".join(lines)
+
+
+def _calibrated(found: DetectorCalibration) -> str:
+    if not found.fitted:
+        return f"{found.version} could not be calibrated: {found.right} of {found.detections} detections are right"
+    before, after = found.errors["uncalibrated"], found.errors["calibrated"]
+    return f"{found.version} is calibrated on {found.images} images: expected calibration error {before:.3f} before, {after:.3f} after"

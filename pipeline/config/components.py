@@ -1,14 +1,41 @@
-"""Checks the classes that `_target_` names in conf/, samplers, simulators and detectors, before any work begins."""
+"""The classes that `_target_` names in conf/: checked before any work begins, and made when they are needed."""
 
 from __future__ import annotations
 
 import inspect
+from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 from pipeline.config.schema import Config
+from pipeline.core.car import Car
 from pipeline.core.names import nearest
 from pipeline.errors import InputError
+from pipeline.protocols import Detector, Simulator
+from pipeline.scenarios.functional import FunctionalScenario
+
+STORED_FROM = 0.05
+"""Lowest score of a detection that a test stores."""
+
+
+def make_simulator(section: Mapping[str, Any], scenario: FunctionalScenario, car: Car) -> Simulator:
+    """The simulator of a section of the config."""
+    from hydra.utils import instantiate  # Not part of the core.
+
+    # Partial, because Hydra would turn the scenario into a config.
+    made: Simulator = instantiate(section, _partial_=True, _convert_="all")(scenario=scenario, car=car)
+    return made
+
+
+def make_detector(section: Mapping[str, Any], model: Path) -> Detector:
+    """The detector of a section of the config. It also gives detections below its threshold, from `STORED_FROM`: the car ignores them."""
+    from hydra.utils import instantiate
+
+    if "threshold" in section:
+        section = {**section, "threshold": min(STORED_FROM, float(section["threshold"]))}
+    made: Detector = instantiate(section, _partial_=True, _convert_="all")(model=str(model))
+    return made
 
 
 def check_targets(config: Config) -> None:

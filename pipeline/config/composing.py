@@ -18,6 +18,8 @@ from pipeline.scenarios.functional import FunctionalScenario
 
 CONF = Path(__file__).resolve().parents[1] / "conf"
 PARAMS = Path("params.yaml")
+NOBODY = 999
+"""A population that no scenario and no base set uses."""
 
 
 def compose(study: str, overrides: Sequence[str]) -> Config:
@@ -72,13 +74,18 @@ def _scenarios(plain: Any) -> list[str]:
 def functional_scenario(name: str) -> FunctionalScenario:
     """A scenario of conf/scenario/ by its file name."""
     other = "F1" if name == "F1star" else "F1star"
-    return compose("default", [f"search=[{name}]", f"held_out=[{other}]"]).scenarios[name]
+    # The other scenario's people are of no population that a scenario uses: the two must differ.
+    others = [f"held_out=[{other}]", f"scenarios.{other}.people={NOBODY}"]
+    return compose("default", [f"search=[{name}]", *others, "aeb.gate=detections"]).scenarios[name]
 
 
 def _override_message(plain: Any, overrides: Sequence[str]) -> str:
-    """Message for an override with an unknown key; empty if there is none."""
+    """Message for an override with an unknown key or file; empty if there is none."""
     for override in overrides:
-        section, path = plain, override.partition("=")[0].lstrip("+~").split(".")
+        key, _, value = override.partition("=")
+        if (CONF / key).is_dir() and value not in (files := _choices(key)):
+            return f"there is no conf/{key}/{value}.yaml{nearest(value, files)}"
+        section, path = plain, [] if (CONF / key).is_dir() else key.lstrip("+~").split(".")
         for part in path:
             if not isinstance(section, dict) or part not in section:
                 known = section if isinstance(section, dict) else []

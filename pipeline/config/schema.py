@@ -11,7 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
+from pipeline.core.braking import Aeb, GateKind, LawKind, Vehicle
+from pipeline.core.car import Car
 from pipeline.core.lineage import Version, versions
+from pipeline.core.matching import Criterion
 from pipeline.core.names import nearest
 from pipeline.core.space import Space
 from pipeline.scenarios.front_car import FrontCar
@@ -55,8 +58,46 @@ class Campaign(_Section):
     """Keep every n-th frame for retraining; 0 keeps none."""
     failure_threshold_s: float = Field(gt=0, le=10)
     """A test with an adjusted TTC at or below it is a failure (Eq. 6.1)."""
+    match_iou: float = Field(ge=0.1, lt=1)
+    """A detection matches the pedestrian if it overlaps the visible box by more than this IoU."""
     transfer: tuple[str, ...]
     """Strategies with campaigns that learn from those on earlier scenarios in `search`; these campaigns run one after another."""
+
+
+class VehicleSection(_Section):
+    """The ego's brakes."""
+
+    dry_friction: float = Field(gt=0, le=1.5)
+    """Peak friction between tyre and dry road."""
+    wet_friction: float = Field(gt=0, le=1.5)
+    """The same on a fully wet road, from 60 % rain; between, it falls evenly."""
+    build_up_s: float = Field(ge=0, le=2)
+    """Time constant of the lag between demand and deceleration; 90 % are reached after 2.3 of them."""
+    latency_s: float = Field(ge=0, le=2)
+    """From the exposure of a frame to the brake demand that it causes."""
+
+
+class AebSection(_Section):
+    """The law of the automatic emergency brake."""
+
+    gate: GateKind
+    """`truth` follows the detections that match the true pedestrian, as the thesis does; `detections` any detection in the ego's path."""
+    law: LawKind
+    """`confidence` brakes in proportion to the best score, as the thesis does; `threshold` brakes fully."""
+    brakes_from: float | None = Field(ge=0, le=1)
+    """Lowest score that brakes; null is the detector's own threshold, 0.05 is the whole range."""
+    votes: int = Field(ge=1, le=20)
+    """The brake acts if at least this many of the last `window` frames ask for it."""
+    window: int = Field(ge=1, le=20)
+    """Number of frames that vote."""
+    margin_m: float = Field(ge=0, le=5)
+    """Metres on each side of the ego that still belong to its path, for gate `detections`."""
+
+    @model_validator(mode="after")
+    def _can_vote(self) -> AebSection:
+        if self.votes > self.window:
+            raise ValueError(f"votes must be at most window, got {self.votes} of {self.window}")
+        return self
 
 
 class HeldOutSequence(_Section):
@@ -74,6 +115,15 @@ class HeldOutSequence(_Section):
     """Confidence level of all intervals."""
 
 
+class Rarity(_Section):
+    """Frequencies of people and poses that a base set may show rarely, relative to the others; 1 shows all equally often."""
+
+    children: float = Field(gt=0, le=1)
+    """Frequency of a child relative to an adult."""
+    crouching: float = Field(gt=0, le=1)
+    """Frequency of the pose `crouching` relative to another."""
+
+
 class BaseSet(_Section):
     """The random base training set."""
 
@@ -82,7 +132,8 @@ class BaseSet(_Section):
     validation_share: float = Field(gt=0, lt=0.9)
     """Share of each town's images used for validation."""
     seed: Seed
-    """Seed of towns, scenes and weather."""
+    """Seed of towns, people, scenes and weather."""
+    rare: Rarity
 
 
 class Base(_Section):
@@ -190,6 +241,8 @@ class Config(_Section):
     detectors in `tested` and retrains none."""
     tested: dict[DetectorName, str]
     """The detectors that goal `detectors` tests, by name and file; the others are compared with the first."""
+    calibrate: bool
+    """Whether goal `detectors` calibrates the detectors' confidences on the validation images of the base set before it tests them."""
     seeds: tuple[Seed, ...] = Field(min_length=1)
     """Seeds of the search campaigns; with the same seed, each scenario still has its own tests."""
     search: tuple[str, ...] = Field(min_length=1)
@@ -208,6 +261,9 @@ class Config(_Section):
     """The simulator that executes tests, from conf/simulator."""
     detector: Target
     """The detector under test, from conf/detector."""
+    vehicle: VehicleSection
+    """The ego's brakes, from conf/vehicle."""
+    aeb: AebSection
     campaign: Campaign
     comparison: HeldOutSequence
     base_set: BaseSet
@@ -253,8 +309,20 @@ class Config(_Section):
                     raise ValueError(
                         f"held_out: {unseen} has the town of {searched} (style and seed), which is searched, so training would use it"
                     )
+                if (people := self.scenarios[unseen].people) is not None and people == self.scenarios[searched].people:
+                    raise ValueError(
+                        f"held_out: {unseen} has the people of {searched} (people: {people}), which is searched, so training would use them"
+                    )
+        for name in (*self.search, *self.held_out):
+            if not self.scenarios[name].asks_to_brake and self.aeb.gate == "truth":
+                raise ValueError(
+                    f"aeb.gate: {name} asks the ego not to brake, and with 'truth' it brakes for the true pedestrian alone; set "
+                    "aeb.gate=detections"
+                )
         if self.goal == "detectors" and not self.tested:
             raise ValueError("tested: goal 'detectors' needs at least one detector, as in +tested.mine=best.onnx")
+        if self.calibrate and self.goal != "detectors":
+            raise ValueError(f"calibrate: only goal 'detectors' calibrates detectors under test, got goal '{self.goal}'")
         if self.adaptive == self.strategies[0]:
             raise ValueError(f"adaptive must differ from the baseline, the first of strategies, got '{self.adaptive}' for both")
         return self
@@ -283,6 +351,24 @@ class Config(_Section):
             return tuple(map(Version, self.tested))
         return versions(self.retraining.rounds, self.retraining.seeds)
 
+    @property
+    def threshold(self) -> float:
+        """The score from which the detector reports a pedestrian; 0 if it has no threshold."""
+        return float(self.detector.get("threshold", 0.0))
+
+    @property
+    def car(self) -> Car:
+        """What turns the detector's report into motion."""
+        aeb = self.aeb.model_dump()
+        if aeb["brakes_from"] is None:
+            aeb["brakes_from"] = self.threshold
+        return Car(Vehicle(**self.vehicle.model_dump()), Aeb(**aeb), Criterion(self.campaign.match_iou, self.threshold))
+
+    @property
+    def unseen(self) -> dict[str, str]:
+        """The held-out scenarios by the fingerprints of their towns and people, which no version may be trained on."""
+        return {one: name for name in reversed(self.held_out) for _, one in self.scenarios[name].worlds}
+
     def space(self, scenario: str) -> Space:
         """The logical scenario space of a scenario."""
         return self.scenarios[scenario].logical_space()
@@ -293,10 +379,13 @@ def _known(key: str, name: str, known: Iterable[str]) -> None:
         raise ValueError(f"{key}: there is no '{name}'{nearest(name, known)}")
 
 
-def held_out_towns(config: Config) -> tuple[str, ...]:
-    """The keys that determine which towns no version may be trained on."""
-    return ("held_out", *(f"scenarios.{name}.town" for name in config.held_out))
+def held_out_worlds(config: Config) -> tuple[str, ...]:
+    """The keys that determine which towns and people no version may be trained on."""
+    return ("held_out", *(f"scenarios.{name}.{key}" for name in config.held_out for key in ("town", "people")))
 
+
+JUDGED = ("detector", "vehicle", "aeb", "campaign.match_iou", "campaign.failure_threshold_s")
+"""The keys that determine how a detector's report becomes motion and a KPI."""
 
 FAN_OUT = (
     *("study", "search", "held_out", "seeds", "strategies", "adaptive", "retraining.rounds", "retraining.seeds"),

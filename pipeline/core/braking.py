@@ -1,33 +1,96 @@
-"""How the ego brakes, and whether any detector could have stopped it in time."""
+"""How the ego brakes: the vehicle's dynamics, and the law of its automatic emergency brake (AEB)."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections import deque
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.core.visibility import visible
+from pipeline.core.detections import Detections
 
-FULL_BRAKE_MPS2 = 8.0
-BRAKE_LAG_S = 0.1
-"""Of the first-order lag between demand and deceleration."""
-
-
-def stopping_distance(speed_mps: ArrayLike) -> NDArray[np.float64]:
-    """Metres until the ego stops under full braking from a speed in m/s, brake lag included."""
-    speed = np.asarray(speed_mps, dtype=float)
-    return np.asarray(speed * BRAKE_LAG_S + speed**2 / (2 * FULL_BRAKE_MPS2))
+GRAVITY_MPS2 = 9.81
+WET_FROM_RAIN = 60.0
+"""Rain, in %, from which the road is fully wet."""
+EMERGENCY_MPS2 = 5.0
+"""Demanded deceleration from which a braking is an emergency braking (UN Regulation No. 152, section 2)."""
+GateKind = Literal["truth", "detections"]
+LawKind = Literal["confidence", "threshold"]
 
 
-def solvable(signals: Mapping[str, NDArray[Any]]) -> bool:
-    """Whether full braking from some time step at which a person could see the pedestrian would have stopped the ego in time.
+@dataclass(frozen=True)
+class Vehicle:
+    """The ego's brakes. dry_friction, wet_friction: peak friction of tyre and road, in (0, 1.5].
 
-    signals: columns of a test execution, (t,) each. A person sees what is `visible`. If the answer is no, no detector that judges single
-    images as well as a person could pass the test with this camera: sensor and sight line are the limit. The pedestrian's own motion out of
-    the way does not count.
+    build_up_s: time constant of the first-order lag between demand and deceleration, seconds; 90 % are reached after 2.3 of them.
+    latency_s: from the exposure of a frame to the demand that it causes.
     """
-    seen = visible(signals["visible_pixels"], signals["contrast"])
-    in_time = np.asarray(signals["conflict_distance_m"]) > stopping_distance(signals["ego_speed_mps"])
-    return bool((seen & in_time).any())
+
+    dry_friction: float
+    wet_friction: float
+    build_up_s: float
+    latency_s: float
+
+    def __post_init__(self) -> None:
+        for name in ("dry_friction", "wet_friction"):
+            if not 0 < getattr(self, name) <= 1.5:
+                raise ValueError(f"{name} must be in (0, 1.5], got {getattr(self, name)}")
+        for name in ("build_up_s", "latency_s"):
+            if not 0 <= getattr(self, name) <= 2:
+                raise ValueError(f"{name} must be in [0, 2] s, got {getattr(self, name)}")
+
+    def full_brake_mps2(self, rain: float) -> float:
+        """Deceleration under full demand at a rain of 0 to 100 %: friction falls evenly until the road is fully wet."""
+        wetness = min(1.0, rain / WET_FROM_RAIN)
+        return GRAVITY_MPS2 * (self.dry_friction + wetness * (self.wet_friction - self.dry_friction))
+
+    def stopping_distance(self, speed_mps: ArrayLike, rain: float) -> NDArray[np.float64]:
+        """Metres from the exposure of a frame until the ego stops under full braking, latency and build-up included."""
+        speed = np.asarray(speed_mps, dtype=float)
+        return np.asarray(speed * (self.latency_s + self.build_up_s) + speed**2 / (2 * self.full_brake_mps2(rain)))
+
+
+@dataclass(frozen=True)
+class Aeb:
+    """The law of the emergency brake.
+
+    gate: the detections that it follows: those that match the true pedestrian (`truth`, thesis section 5.3) or those in the ego's path
+    (`detections`). law: the demand is the best score (`confidence`, thesis section 5.3), or 1 (`threshold`). brakes_from: lowest score that
+    brakes, in [0, 1]. votes, window: it brakes if at least `votes` of the last `window` frames ask for it. margin_m: metres beside the ego
+    that still belong to its path.
+    """
+
+    gate: GateKind
+    law: LawKind
+    brakes_from: float
+    votes: int
+    window: int
+    margin_m: float
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.brakes_from <= 1:
+            raise ValueError(f"brakes_from must be in [0, 1], got {self.brakes_from}")
+        if not 1 <= self.votes <= self.window:
+            raise ValueError(f"votes must be at least 1 and at most window, got {self.votes} of {self.window}")
+        if not 0 <= self.margin_m <= 5:
+            raise ValueError(f"margin_m must be in [0, 5] m, got {self.margin_m}")
+
+
+class EmergencyBrake:
+    """The emergency brake during one test: remembers the frames that its law needs."""
+
+    def __init__(self, aeb: Aeb) -> None:
+        self._aeb = aeb
+        self._asked: deque[bool] = deque(maxlen=aeb.window)
+
+    def demand(self, detections: Detections, followed: NDArray[np.bool_]) -> float:
+        """Brake demand in [0, 1] after a frame. followed: (n,) whether the gate lets a detection through."""
+        aeb = self._aeb
+        scores = np.asarray(detections.scores, dtype=float)
+        best = float(scores[followed & (scores >= aeb.brakes_from)].max(initial=0.0))
+        self._asked.append(best > 0)
+        if best <= 0 or sum(self._asked) < aeb.votes:
+            return 0.0
+        return 1.0 if aeb.law == "threshold" else best

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.core.statistics import mcnemar, mcnemar_p_value, mean_interval, sign_flip, wilson_interval
+from pipeline.core.statistics import mcnemar, mcnemar_p_value, mean_interval, sign_flip
 
 Bools = NDArray[np.bool_]
 Verdict = Literal["baseline", "better", "worse", "no difference shown"]
@@ -59,6 +59,16 @@ class SequenceOutcomes:
     @property
     def failures(self) -> int:
         return int(self.failed.sum())
+
+    @property
+    def rate(self) -> float:
+        """Failures per valid test, in [0, 1], 0 without tests.
+
+        It has no interval: the sequence is a covering array, a designed set and no random sample of the space, and a repeated test gives
+        the same result to the last bit. Whether two versions differ on these tests is a paired test's question, whose null hypothesis
+        (either version fails a discordant test with equal probability) does not need a random sample.
+        """
+        return self.failures / max(1, self.tests)
 
     def at(self, rows: Bools) -> SequenceOutcomes:
         """The outcomes of some of the tests; rows: (n,) bool."""
@@ -149,19 +159,10 @@ def pair_groups(before: Sequence[SequenceOutcomes], after: Sequence[SequenceOutc
     )
 
 
-def failure_rate(outcomes: SequenceOutcomes, confidence: float) -> Interval:
-    """Failures a valid test, in [0, 1], with Wilson's interval."""
-    low, high = wilson_interval(outcomes.failures, outcomes.tests, confidence)
-    return Interval(outcomes.failures / max(1, outcomes.tests), low, high)
-
-
 def group_failures(versions: Sequence[SequenceOutcomes], confidence: float) -> Interval:
-    """Failures of a group: the mean over its versions with Student's interval; for a single version the count with Wilson's."""
-    if len(versions) > 1:
-        return _mean([outcomes.failures for outcomes in versions], confidence)
-    (single,) = versions
-    rate = failure_rate(single, confidence)
-    return Interval(float(single.failures), rate.low * single.tests, rate.high * single.tests)
+    """Failures of a group: the mean over its versions with Student's interval; a single version has no interval, see
+    `SequenceOutcomes.rate`."""
+    return _mean([outcomes.failures for outcomes in versions], confidence)
 
 
 def _mean(counts: Sequence[int], confidence: float, least: float = 0) -> Interval:

@@ -28,6 +28,14 @@ class Frame:
 
 
 @dataclass(frozen=True)
+class FrameDetections:
+    """All detections of a frame, reported or not. in_path: (n,) whether the foot of each box lies in the ego's path."""
+
+    detections: Detections
+    in_path: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
 class KeptFrame:
     """A frame of a test execution that was kept for training, with the detections in it and how they match its truth."""
 
@@ -39,10 +47,11 @@ class KeptFrame:
 
 @dataclass(frozen=True)
 class Episode:
-    """The result of one test execution: (t,) arrays named and typed as `SIGNALS`, and the kept frames."""
+    """The result of one test execution: (t,) arrays named and typed as `SIGNALS`, the kept frames, and the detections by time step."""
 
     signals: Mapping[str, NDArray[np.generic]]
     frames: tuple[KeptFrame, ...] = field(default=())
+    detections: tuple[FrameDetections, ...] = field(default=())
 
     def __post_init__(self) -> None:
         expected = {signal.name for signal in SIGNALS}
@@ -53,7 +62,7 @@ class Episode:
             raise ValueError(f"signals must have one equal length of at least 1, got {lengths}")
 
     @staticmethod
-    def of(steps: Sequence[TimeStep], frames: Iterable[KeptFrame] = ()) -> Episode:
+    def of(steps: Sequence[TimeStep], frames: Iterable[KeptFrame] = (), detections: Iterable[FrameDetections] = ()) -> Episode:
         """The episode of these time steps; computes their TTC from the other signals (Eq. 5.2)."""
         signals = signals_of(steps)
-        return Episode(signals | {"ttc_s": kpi.ttc(signals)}, tuple(frames))
+        return Episode(signals | {"ttc_s": kpi.ttc(signals)}, tuple(frames), tuple(detections))

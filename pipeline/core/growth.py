@@ -19,6 +19,8 @@ SHRINK = 0.85
 """Factor on the radius each time a cluster is split."""
 SMALLEST = 0.3
 """Share of the first radius below which a cluster without a rule is not split further."""
+EVERYWHERE = 0.95
+"""Share of failures among all tests from which all failures are one region: too few tests pass to tell regions apart."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,11 @@ def readable_regions(tests: PointOutcomes, radius: float, min_precision: float, 
 
     radius: of the first clusters, on the mixed distance. min_precision: smallest share of failures among the tests under a rule.
     min_failures: of a region. Returns (n,) region of each failure, larger regions first, -1 for failures without a region.
+
+    If (nearly) every test fails, all failures are one region: density and rules describe what sets failures apart from passing tests.
     """
+    if len(tests.failures) and tests.failures.mean() >= EVERYWHERE:
+        return largest_first(np.where(tests.failures, 0, NOISE), min_failures)
     labels = split_regions(tests, radius, min_precision, min_failures)
     labels = grow_regions(tests, labels, min_precision, min_failures)
     return merge_regions(tests, labels, min_precision)

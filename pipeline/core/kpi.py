@@ -9,11 +9,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.core.braking import EMERGENCY_MPS2
+from pipeline.core.causes import Cause, cause
 from pipeline.core.columns import column, columns
 from pipeline.core.visibility import visible
 
 Floats = NDArray[np.float64]
-FailureMode = Literal["none", "contact", "late", "false_positives"]
+FailureMode = Literal["none", "contact", "late", "false_positives", "false_activation"]
 MIN_SPEED_MPS = 0.05
 
 
@@ -23,8 +25,10 @@ class Kpi:
 
     adj_ttc_s: float = column("adjusted time-to-collision (Eq. 5.3): the smallest TTC over one plus the false positives", "s")
     ttc_s: float = column("smallest time-to-collision (Eq. 5.2)", "s")
-    failure: bool = column("whether the adjusted TTC is at or below the threshold (Def. 4.10)")
-    failure_mode: FailureMode = column("why it failed: contact, braking too late, or false positives alone")
+    adj_ttc_per_frame_s: float = column("smallest TTC over one plus the false positives of an average frame", "s")
+    failure: bool = column("whether the adjusted TTC is at or below the threshold (Def. 4.10), or an emergency braking without need")
+    failure_mode: FailureMode = column("how it failed; `false_positives` means by these alone")
+    cause: Cause = column("why it failed; see `pipeline.core.causes`")
     contact: bool = column("whether the ego touched the pedestrian")
     impact_speed_mps: float = column("speed of the ego at the contact, 0 without one", "m/s")
     smallest_gap_m: float = column("smallest distance between the footprints of ego and pedestrian", "m")
@@ -33,10 +37,14 @@ class Kpi:
     )
     first_detection_s: float = column("time of the first detection of the pedestrian; no value if never", "s")
     first_detection_m: float = column("distance from the ego's front to the conflict point at the first detection; no value if never", "m")
+    false_activations: int = column("emergency brakings without need: runs of frames that demand at least 5 m/s² off any collision path")
+    false_activation_s: float = column("their duration in all", "s")
+    speed_loss_mps: float = column("speed lost by braking without need", "m/s")
     missed_frames: int = column("frames in which a person could see the pedestrian but no detection matches it")
     false_positives: int = column("false positives of all kinds in all frames")
+    false_positives_per_frame: float = column("the same over the number of frames: independent of duration and frame rate")
     false_positives_far: int = column("false positives away from the pedestrian, IoU at most 0.1")
-    false_positives_localisation: int = column("false positives that fit the pedestrian badly, IoU above 0.1 and at most 0.5")
+    false_positives_localisation: int = column("false positives that fit the pedestrian badly, IoU above 0.1 but too small to match")
     false_positives_duplicate: int = column("false positives on the pedestrian beside a better detection")
 
 
@@ -62,34 +70,47 @@ def ttc(signals: Mapping[str, NDArray[Any]]) -> Floats:
 def evaluate(signals: Mapping[str, NDArray[Any]], failure_threshold_s: float) -> Kpi:
     """Compute every KPI of one test execution from its signals (`pipeline.core.signals.SIGNALS`, (t,) each).
 
-    failure_threshold_s: a test is a failure if its adjusted TTC (Eq. 5.3) is at or below it (Def. 4.10).
+    failure_threshold_s: a test is a failure if its adjusted TTC (Eq. 5.3) is at or below it (Def. 4.10). A test in which no collision path
+    ever exists asks the ego not to brake: it is a failure if there is a false activation.
 
     If no row counts for the TTC (the paths never met while the ego moved), the first row's distance over its speed, at least 0.05 m/s,
     replaces it: the KPI stays finite, and a search can still rank such tests.
     """
-    shortest = _shortest_ttc(signals)
+    shortest, touched = _shortest_ttc(signals), np.asarray(signals["contact"], dtype=bool)
     false_positives = int(np.sum(signals["false_positives"]))
-    adjusted = shortest / (1 + false_positives)
-    touched = np.asarray(signals["contact"], dtype=bool)
-    contact = bool(touched.any())
+    per_frame = false_positives / max(1, len(touched) - 1)  # The last row has no frame.
+    adjusted, contact = shortest / (1 + false_positives), bool(touched.any())
+    activations = _false_activations(signals)
+    mode = _mode(signals, contact, shortest, adjusted, failure_threshold_s)
     first_s, first_m = _first_detection(signals)
     return Kpi(
         adj_ttc_s=adjusted,
         ttc_s=shortest,
-        failure=adjusted <= failure_threshold_s,
-        failure_mode=_mode(contact, shortest, adjusted, failure_threshold_s),
+        adj_ttc_per_frame_s=shortest / (1 + per_frame),
+        failure=mode != "none",
+        failure_mode=mode,
+        cause=cause(signals, mode),
         contact=contact,
         impact_speed_mps=float(signals["ego_speed_mps"][np.argmax(touched)]) if contact else 0.0,
         smallest_gap_m=float(np.min(signals["gap_m"])),
         post_encroachment_s=_post_encroachment(signals),
         first_detection_s=first_s,
         first_detection_m=first_m,
+        false_activations=len(activations),
+        false_activation_s=float(sum(activations)),
+        speed_loss_mps=_speed_loss(signals),
         missed_frames=_missed_frames(signals),
         false_positives=false_positives,
+        false_positives_per_frame=per_frame,
         false_positives_far=int(np.sum(signals["false_positives_far"])),
         false_positives_localisation=int(np.sum(signals["false_positives_localisation"])),
         false_positives_duplicate=int(np.sum(signals["false_positives_duplicate"])),
     )
+
+
+def asks_to_brake(signals: Mapping[str, NDArray[Any]]) -> bool:
+    """Whether a collision path exists at any time, so that braking is right."""
+    return bool(np.any(signals["on_collision_path"]))
 
 
 def _shortest_ttc(signals: Mapping[str, NDArray[Any]]) -> float:
@@ -99,12 +120,28 @@ def _shortest_ttc(signals: Mapping[str, NDArray[Any]]) -> float:
     return float(np.nanmin(rows))
 
 
-def _mode(contact: bool, shortest: float, adjusted: float, threshold: float) -> FailureMode:
+def _mode(signals: Mapping[str, NDArray[Any]], contact: bool, shortest: float, adjusted: float, threshold: float) -> FailureMode:
+    if not asks_to_brake(signals) and not contact:
+        return "false_activation" if _false_activations(signals) else "none"
     if adjusted > threshold:
         return "none"
     if contact:
         return "contact"
     return "late" if shortest <= threshold else "false_positives"
+
+
+def _false_activations(signals: Mapping[str, NDArray[Any]]) -> list[float]:
+    """Seconds of each run of rows that demand an emergency braking although no collision path exists."""
+    wrong = (np.asarray(signals["demand_mps2"]) >= EMERGENCY_MPS2) & ~np.asarray(signals["on_collision_path"], dtype=bool)
+    edges = np.diff(np.concatenate([[0], wrong.astype(int), [0]]))
+    times = np.append(signals["time_s"], signals["time_s"][-1])
+    return [float(times[end] - times[start]) for start, end in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True)]
+
+
+def _speed_loss(signals: Mapping[str, NDArray[Any]]) -> float:
+    """Speed lost between rows without a collision path."""
+    speed, off = np.asarray(signals["ego_speed_mps"], dtype=float), ~np.asarray(signals["on_collision_path"], dtype=bool)
+    return float(np.sum(np.maximum(0, -np.diff(speed)), where=off[:-1] & off[1:]))
 
 
 def _post_encroachment(signals: Mapping[str, NDArray[Any]]) -> float:

@@ -33,11 +33,15 @@ def c_measure(theta: Ints, baseline: Ints) -> tuple[int, float | None]:
     theta, baseline: failure sequences of the strategy and of random testing. n is the number of failures that the baseline found. If it
     found none, its next test is assumed to be its first failure (Eq. 6.2). C_n is undefined if the strategy did not find n failures.
     """
-    found = int(baseline[-1]) if len(baseline) else 0
-    n = max(found, 1)
+    n, reference = baseline_cost(baseline)
     needed = f_measure(theta, n)
-    reference = f_measure(baseline, n) or len(baseline) + 1
     return n, None if needed is None else 1 - needed / reference
+
+
+def baseline_cost(baseline: Ints) -> tuple[int, int]:
+    """The n of C_n and the tests F_n that random testing needed for n failures, given its failure sequence; see `c_measure`."""
+    n = max(int(baseline[-1]) if len(baseline) else 0, 1)
+    return n, f_measure(baseline, n) or len(baseline) + 1
 
 
 def feasible_pairs(space: Space) -> int:

@@ -28,6 +28,11 @@ class Calibration:
         logit = self.slope * _logit(scores) + self.offset
         return np.asarray(1 / (1 + np.exp(-logit)))
 
+    def undo(self, scores: ArrayLike) -> NDArray[np.float64]:
+        """Convert calibrated scores back: the scores in (0, 1) that `apply` turns into these."""
+        logit = (_logit(scores) - self.offset) / self.slope
+        return np.clip(1 / (1 + np.exp(-logit)), EDGE, 1 - EDGE)
+
 
 def platt(scores: ArrayLike, right: ArrayLike) -> Calibration:
     """Fit the calibration to (n,) scores in [0, 1] and whether each detection was correct (Platt 1999).

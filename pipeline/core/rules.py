@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from pipeline.core.space import Floats, Space, Variable
 
 Bools = NDArray[np.bool_]
+EVERY = "every test"
+"""The text of a rule without conditions."""
 MAX_CONDITIONS = 4
 TRIM = 0.05
 """Share of a region's failures that a condition may leave out at either end."""
@@ -42,7 +44,7 @@ class Condition:
 
 @dataclass(frozen=True)
 class Rule:
-    """A conjunction of conditions; without conditions it holds everywhere."""
+    """A conjunction of conditions; without conditions it holds for every test."""
 
     conditions: tuple[Condition, ...]
 
@@ -55,7 +57,7 @@ class Rule:
 
     def text(self, space: Space) -> str:
         """As a person reads it: `fog >= 60 % and sun_altitude in [-20, 3] deg`."""
-        return " and ".join(_condition_text(c, space.variables[c.variable]) for c in self.conditions) or "anywhere"
+        return " and ".join(_condition_text(c, space.variables[c.variable]) for c in self.conditions) or EVERY
 
 
 def find_rule(space: Space, points: Floats, failures: Bools, members: Bools) -> Rule:

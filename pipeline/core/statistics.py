@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 
 def _distributions() -> Any:
@@ -41,7 +41,11 @@ class Paired:
 
 
 def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Wilson's score interval of a proportion, within [0, 1]; (0, 1) for no trials. Source: Wilson 1927."""
+    """Wilson's score interval of a proportion, within [0, 1]; (0, 1) for no trials. Source: Wilson 1927.
+
+    It holds for independent trials of equal probability, such as random tests; not for tests that a strategy chose by earlier results, nor
+    for a covering array.
+    """
     if not 0 <= successes <= trials:
         raise ValueError(f"successes must be in [0, {trials}], got {successes}")
     _check_confidence(confidence)
@@ -72,6 +76,43 @@ def mean_interval(values: ArrayLike, confidence: float = 0.95, limits: tuple[flo
         return mean, mean
     half = float(_distributions().t.ppf((1 + confidence) / 2, len(sample) - 1) * sample.std(ddof=1) / np.sqrt(len(sample)))
     return max(mean - half, limits[0]), min(mean + half, limits[1])
+
+
+@dataclass(frozen=True)
+class CensoredMean:
+    """A mean over campaigns and the limits of its interval; `censored` of their values are only known to be larger than observed."""
+
+    value: float
+    low: float
+    high: float
+    censored: int
+
+
+def censored_mean(values: ArrayLike, reached: ArrayLike, confidence: float = 0.95, least: float = 0.0) -> CensoredMean:
+    """Mean of (n,) values at least 0, one per seed, restricted to the largest of them (Kaplan & Meier 1958, section 6.1).
+
+    reached: (n,) whether a value is exact; if not, it is right-censored: the true one is larger. Dropping censored values would favour a
+    strategy that fails to find anything in its bad campaigns. The interval is Student's over the jackknife's pseudo-values (Andersen, Klein
+    & Rosthøj 2003); without censoring they are the values, and the result is the plain mean with `mean_interval`. least: lower limit of the
+    mean. If all values are censored, the estimate is the largest of them, as a lower bound, without an interval.
+
+    The estimate assumes that a censored value is no different from the others that got as far.
+    """
+    sample, exact = np.asarray(values, dtype=float), np.asarray(reached, dtype=bool)
+    if sample.shape != exact.shape or sample.ndim != 1 or not len(sample) or not np.isfinite(sample).all() or (sample < 0).any():
+        raise ValueError(f"values must be one or more finite numbers from 0 and as many flags, got {sample} and {exact}")
+    count, limit = len(sample), float(sample.max())
+    mean = _area(sample, exact, limit)
+    without = np.array([_area(np.delete(sample, i), np.delete(exact, i), limit) for i in range(count)]) if count > 1 else np.zeros(1)
+    low, high = mean_interval(count * mean - (count - 1) * without, confidence, (least, np.inf)) if exact.any() else (mean, mean)
+    return CensoredMean(mean, low, high, int((~exact).sum()))
+
+
+def _area(values: NDArray[np.float64], exact: NDArray[np.bool_], limit: float) -> float:
+    """Area under the Kaplan-Meier curve from 0 to a limit that no value exceeds."""
+    stats = _distributions()
+    curve = stats.ecdf(stats.CensoredData(uncensored=values[exact], right=values[~exact])).sf
+    return float(np.diff([0.0, *curve.quantiles, limit]) @ [1.0, *curve.probabilities])
 
 
 def mcnemar(before: ArrayLike, after: ArrayLike) -> Paired:

@@ -1,6 +1,6 @@
 """The int8 form of an ONNX detector: all convolutions in 8 bits except the last ones of the heads (ONNX Runtime, static).
 
-The last convolutions output offsets, sizes and scores together; in 8 bits they would cost a third of AP50-95.
+The last convolutions output offsets, sizes and scores together. Their ranges differ too much for one scale of 8 bits.
 """
 
 from __future__ import annotations

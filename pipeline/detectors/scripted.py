@@ -7,22 +7,43 @@ import numpy as np
 from pipeline.core.detections import Detections
 from pipeline.core.episode import Frame
 
+FOOT, STATURE, BREADTH = 0.117, 0.147, 0.048
+"""Of a person 1.70 m tall and 0.55 m wide, 10 m ahead, from a height of 1.35 m: foot below the middle of the image, height and width, as
+shares of the image's width."""
+
 
 class VisiblePixelOracle:
-    """Stands in for an attentive person: sees the pedestrian once enough of its pixels are visible with enough contrast.
+    """Stands in for an attentive person: sees the pedestrian once it is `pipeline.core.visibility.visible`.
 
-    min_pixels: visible pixels. min_contrast: grey levels. model: ignored, so that it can replace a detector that reads a file.
+    model: ignored, so that it can replace a detector that reads a file.
     """
 
-    def __init__(self, min_pixels: int = 30, min_contrast: float = 6.0, model: str | None = None) -> None:
-        self._min_pixels, self._min_contrast = min_pixels, min_contrast
+    def __init__(self, model: str | None = None) -> None:
+        pass
 
     def detect(self, frame: Frame) -> Detections:
         """The visible box with score 1, or nothing."""
         truth = frame.truth
-        if truth.visible_box is None or truth.visible_pixels < self._min_pixels or truth.contrast < self._min_contrast:
+        if truth.visible_box is None or truth.barely_visible:
             return Detections.none()
         return Detections(np.array([truth.visible_box], np.float32), np.ones(1, np.float32))
+
+
+class EverywhereDetector:
+    """Always says "person": with score 1, in every image, as large as a person who stands 10 m ahead of a camera of 60 degrees.
+
+    It shows that a detector does not pass by braking always. model: ignored.
+    """
+
+    def __init__(self, model: str | None = None) -> None:
+        pass
+
+    def detect(self, frame: Frame) -> Detections:
+        """The same box in every image."""
+        height, width = frame.image.shape[:2]
+        foot = height / 2 + FOOT * width
+        box = [(0.5 - BREADTH / 2) * width, foot - STATURE * width, (0.5 + BREADTH / 2) * width, foot]
+        return Detections(np.array([box], np.float32), np.ones(1, np.float32))
 
 
 class BlindDetector:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +48,7 @@ class CampaignPlan:
     def identity(self) -> str:
         """Digest of everything that the campaign's tests depend on."""
         setup, strategy = self.setup, (self.strategy, self.strategy_seed, self.tests)
-        settings = [setup.simulator, setup.scenario.model_dump(), setup.detector, *strategy, setup.keep_every]
+        settings = [setup.simulator, setup.scenario.model_dump(), setup.detector, asdict(setup.car), *strategy, setup.keep_every]
         files = [sha256(setup.model), [sha256(path) for path in self.earlier], program_sha256()]
         return hashlib.sha256(json.dumps([settings, *files], sort_keys=True).encode()).hexdigest()
 
@@ -69,16 +70,18 @@ class Executed:
     sampler_s: float
 
 
-def sampler_seed(scenario: str, seed: int, version: str = "base") -> int:
-    """The seed of a campaign's sampler, derived from scenario, version and seed. Scenarios share a space, so with equal seeds they would
-    all get the same tests: eight campaigns of 120 would be 120 different tests. The same holds for the search against a retrained
-    version, which was trained on them."""
-    name = scenario if version == "base" else f"{scenario} {version}"
-    return int.from_bytes(hashlib.sha256(f"{name} {seed}".encode()).digest()[:4], "big") >> 1
+def sampler_seed(campaign: CampaignId, frozen: bool = False) -> int:
+    """The seed of a campaign's sampler, in [0, 2³¹), derived from scenario, strategy, version and seed.
+
+    Scenarios share a space and most strategies begin with random tests: with equal seeds, campaigns would share tests, and their results
+    would not be independent. frozen: all versions get the same tests, as on the held-out sequence, so the version does not count.
+    """
+    named = [campaign.scenario, campaign.strategy, None if frozen else campaign.version, campaign.seed]
+    return int.from_bytes(hashlib.sha256(json.dumps(named).encode()).digest()[:4], "big") >> 1
 
 
 def run_campaign(plan: CampaignPlan, out: Path, journal: Path, threads: int, progress: Progress) -> None:
-    """Execute a campaign and write tests, signals, frames and timings.parquet beside `out`, which is tests.parquet.
+    """Execute a campaign and write tests, signals, detections, frames and timings.parquet beside `out`, which is tests.parquet.
 
     journal: folder of the finished tests of an unfinished campaign; the same plan resumes from it. threads: worker processes; they change
     no table but the timings.
@@ -103,22 +106,30 @@ def search(plan: CampaignPlan, sampler: Sampler, log: Journal, workers: Workers,
         with threadpool_limits(1):  # With several threads, sums depend on their number.
             points = sampler.ask()[: plan.tests - len(done)]
         seconds = (time.perf_counter() - started) / len(points)
-        first = len(done)
-        asked = [Execution(index, log.path(index), plan.space.decode(point)) for index, point in enumerate(points, first)]
-        jobs = [execution for execution in asked if execution.index not in log]
-        finished, found = first + len(points) - len(jobs), f"{_failures(done)} failures"
-        progress(finished, plan.tests, found)
-        for count, _ in enumerate(workers.execute(jobs), finished + 1):
-            progress(count, plan.tests, found)
-        batch = [_judged(point, log.read(first + i), seconds, plan.failure_threshold_s) for i, point in enumerate(points)]
+        asked = dict(enumerate(points, len(done)))
+        judged: dict[int, Executed] = {}
+        for index in _finished(plan, asked, log, workers):
+            judged[index] = _judged(asked[index], log.read(index), seconds, plan.failure_threshold_s)
+            progress(len(done) + len(judged), plan.tests, f"{_failures(done) + _failures(judged.values())} failures")
+        batch = [judged[index] for index in asked]
         sampler.tell(points, np.array([test.kpi.adj_ttc_s for test in batch]))
         done += batch
-    progress(plan.tests, plan.tests, f"{_failures(done)} failures")
     return done
 
 
+def _finished(plan: CampaignPlan, asked: Mapping[int, Floats], log: Journal, workers: Workers) -> Iterator[int]:
+    """The index of each test once its outcome is in the journal: first those of an earlier run, then the others in any order."""
+    resumed = [index for index in asked if index in log]
+    jobs = [Execution(i, log.path(i), plan.space.decode(point)) for i, point in asked.items() if i not in resumed]
+    waiting = set(asked)
+    for index in chain(resumed, workers.execute(jobs)):
+        waiting.remove(index)
+        yield index
+    yield from sorted(waiting)  # A process that dies after it wrote an outcome does not report it.
+
+
 def write(plan: CampaignPlan, done: Sequence[Executed], out: Path) -> None:
-    """Write the four tables of a campaign; `out` is tests.parquet."""
+    """Write the five tables of a campaign; `out` is tests.parquet."""
     ids = [str(test) for test in plan.campaign.tests(len(done))]
     named = list(zip(ids, done, strict=True))
     signals = [_signal_rows(name, test.outcome) for name, test in named if not test.outcome.is_error]
@@ -126,6 +137,8 @@ def write(plan: CampaignPlan, done: Sequence[Executed], out: Path) -> None:
     timings = [{"test_id": name, "sampler_s": test.sampler_s, "simulate_s": test.outcome.simulate_s} for name, test in named]
     tests = [{"test_id": name, **_test_row(plan, i, test)} for i, (name, test) in enumerate(named)]
     tables.write_signals(out.with_name("signals.parquet"), pd.concat(signals) if signals else _empty(tables.SIGNAL_TABLE))
+    found = [_detection_rows(name, test.outcome) for name, test in named if len(test.outcome.detections["step"])]
+    tables.write_detections(out.with_name("detections.parquet"), pd.concat(found) if found else _empty(tables.DETECTIONS))
     tables.write_frames(out.with_name("frames.parquet"), pd.DataFrame(frames) if frames else _empty(tables.FRAMES))
     tables.write_timings(out.with_name("timings.parquet"), pd.DataFrame(timings))
     tables.write_tests(out, pd.DataFrame(tests), plan.space)
@@ -142,7 +155,7 @@ def _judged(point: Floats, outcome: Outcome, sampler_s: float, threshold_s: floa
     return Executed(point, outcome, judged, sampler_s)
 
 
-def _failures(done: Sequence[Executed]) -> int:
+def _failures(done: Iterable[Executed]) -> int:
     return sum(test.kpi.failure for test in done)
 
 
@@ -160,4 +173,10 @@ def _signal_rows(test_id: str, outcome: Outcome) -> pd.DataFrame:
     table = pd.DataFrame({signal.name: outcome.signals[signal.name] for signal in SIGNALS})
     table.insert(0, "test_id", test_id)
     table.insert(1, "step", range(len(table)))
+    return table
+
+
+def _detection_rows(test_id: str, outcome: Outcome) -> pd.DataFrame:
+    table = pd.DataFrame({column.name: outcome.detections[column.name] for column in tables.DETECTIONS[1:]})
+    table.insert(0, "test_id", test_id)
     return table

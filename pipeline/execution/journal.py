@@ -15,20 +15,23 @@ from numpy.typing import NDArray
 
 from pipeline.artefacts.dataset import encode_jpeg
 from pipeline.artefacts.files import read_json, write_bytes, write_json
-from pipeline.artefacts.tables import frame_row
+from pipeline.artefacts.tables import detection_columns, frame_row
 from pipeline.core.episode import Episode
 
 Signals = Mapping[str, NDArray[Any]]
+SIGNAL, DETECTION = "signal_", "detection_"
+"""Prefixes of the arrays in an outcome's file."""
 
 
 @dataclass(frozen=True)
 class Outcome:
     """The outcome of one test execution.
 
-    signals: none for an error, which has a reason instead. frames: rows of frames.parquet without test_id.
+    signals: none for an error, which has a reason instead. detections, frames: columns and rows of their tables, without test_id.
     """
 
     signals: Signals
+    detections: Signals
     frames: tuple[Mapping[str, Any], ...]
     simulate_s: float
     reason: str = ""
@@ -37,12 +40,12 @@ class Outcome:
     def of(episode: Episode, simulate_s: float) -> Outcome:
         """The outcome of a finished episode; frames are stored as JPEG."""
         frames = tuple(frame_row(kept) | {"image": encode_jpeg(kept.frame.image)} for kept in episode.frames)
-        return Outcome(episode.signals, frames, simulate_s)
+        return Outcome(episode.signals, detection_columns(episode.detections), frames, simulate_s)
 
     @staticmethod
     def error(reason: str, simulate_s: float = 0.0) -> Outcome:
         """The outcome of an error."""
-        return Outcome({}, (), simulate_s, reason)
+        return Outcome({}, detection_columns(()), (), simulate_s, reason)
 
     @property
     def is_error(self) -> bool:
@@ -74,9 +77,11 @@ class Journal:
         """The outcome of a finished test."""
         with np.load(self.path(index), allow_pickle=False) as stored:
             about = json.loads(str(stored["about"]))
-            signals = {name.removeprefix("signal_"): stored[name] for name in stored.files if name.startswith("signal_")}
+            signals, detections = (
+                {name.removeprefix(kind): stored[name] for name in stored.files if name.startswith(kind)} for kind in (SIGNAL, DETECTION)
+            )
             frames = tuple(row | {"image": stored[f"image_{i}"].tobytes()} for i, row in enumerate(about["frames"]))
-        return Outcome(signals, frames, about["simulate_s"], about["reason"])
+        return Outcome(signals, detections, frames, about["simulate_s"], about["reason"])
 
     def remove(self) -> None:
         """Delete the journal once the campaign's files are written."""
@@ -87,7 +92,8 @@ def write(path: Path, outcome: Outcome) -> None:
     """Write an outcome atomically."""
     rows = [{name: value for name, value in row.items() if name != "image"} for row in outcome.frames]
     about = json.dumps({"frames": rows, "simulate_s": outcome.simulate_s, "reason": outcome.reason})
-    arrays: dict[str, NDArray[Any]] = {f"signal_{name}": column for name, column in outcome.signals.items()}
+    arrays: dict[str, NDArray[Any]] = {SIGNAL + name: column for name, column in outcome.signals.items()}
+    arrays |= {DETECTION + name: column for name, column in outcome.detections.items()}
     arrays |= {f"image_{i}": np.frombuffer(row["image"], np.uint8) for i, row in enumerate(outcome.frames)}
     buffer = io.BytesIO()
     np.savez(buffer, about=np.array(about), **arrays)  # type: ignore[arg-type]

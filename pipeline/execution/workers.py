@@ -14,9 +14,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from hydra.utils import instantiate
 from threadpoolctl import threadpool_limits
 
+from pipeline.config.components import make_detector, make_simulator
+from pipeline.core.car import Car
 from pipeline.core.detections import Detections
 from pipeline.core.episode import Frame
 from pipeline.core.space import Value
@@ -40,13 +41,14 @@ class Execution:
 class Setup:
     """What every process executes tests with.
 
-    simulator, detector: for Hydra to instantiate. model: the detector's file. keep_every: see `Simulator.execute`.
+    simulator, detector: sections of the config. model: the detector's file. keep_every: see `Simulator.execute`.
     """
 
     simulator: Mapping[str, Any]
     scenario: FunctionalScenario
     detector: Mapping[str, Any]
     model: Path
+    car: Car
     keep_every: int = 0
 
 
@@ -113,9 +115,8 @@ def _prepare(parent: int, setup: Setup) -> None:
 @cache
 def _built() -> tuple[Simulator, Detector]:
     """This process's simulator and detector; the first test builds them, so that their errors reach the campaign."""
-    # Partial, because Hydra would turn the scenario into a config.
-    simulator = instantiate(_setup.simulator, _partial_=True, _convert_="all")(scenario=_setup.scenario)
-    return simulator, Guarded(instantiate(_setup.detector, model=str(_setup.model), _convert_="all"))
+    simulator = make_simulator(_setup.simulator, _setup.scenario, _setup.car)
+    return simulator, Guarded(make_detector(_setup.detector, _setup.model))
 
 
 def _end_with(parent: int) -> None:

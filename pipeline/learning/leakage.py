@@ -1,4 +1,4 @@
-"""Guards against training on towns, scenarios and frames that judge a version."""
+"""Guards against training on towns, people, scenarios and frames that judge a version."""
 
 from __future__ import annotations
 
@@ -8,40 +8,43 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline.artefacts.dataset import ImageSet, read_towns
+from pipeline.artefacts.dataset import ImageSet, read_worlds
 from pipeline.artefacts.model_card import ModelCard, read_card
 from pipeline.artefacts.scenario_space import ScenarioInfo, read_space
 from pipeline.config.schema import Config
+from pipeline.core.worlds import Worlds
 from pipeline.errors import InputError
 
 
-def refuse_towns(config: Config, base_set: Path, spaces: Sequence[Path], parent: Path | None = None) -> tuple[str, ...]:
-    """The fingerprints of all towns in a version's training data. InputError with the name of a held-out scenario if its town is among
-    them.
+def refuse_worlds(config: Config, base_set: Path, spaces: Sequence[Path], parent: Path | None = None) -> Worlds:
+    """All towns and people in a version's training data. InputError with the name of a held-out scenario if its town or its people are
+    among them.
 
-    Compares the fingerprints of the towns that the files were made from, possibly by an older config. A concrete scenario is a town and the
-    values of its variables, so one in another town is another one. base_set: its truth.coco.json. spaces: of the searched scenarios.
-    parent: model.json of the version that training continues from.
+    Compares the fingerprints that the files were made from, possibly by an older config. A concrete scenario is a town and the values of
+    its variables, so one in another town is another one. base_set: its truth.coco.json. spaces: of the searched scenarios. parent:
+    model.json of the version that training continues from.
     """
-    unseen = {config.scenarios[name].town.fingerprint: name for name in config.held_out}
-    found = [(town, f"{base_set} shows") for town in sorted(read_towns(base_set.parent))]
-    found += [(read_space(path)[0].town, f"{path} describes") for path in spaces]
+    found = {f"{base_set} shows": read_worlds(base_set.parent)}
+    found |= {f"{path} describes": read_space(path)[0].worlds for path in spaces}
     if parent is not None:
-        found += [(town, f"{parent} has learnt") for town in read_card(parent).towns]
-    for town, where in found:
-        if town in unseen:
-            raise InputError(f"{where} the town of held-out {unseen[town]}, so it must not be used for training; hold out another scenario")
-    return tuple(sorted({town for town, _ in found}))
+        found[f"{parent} has learnt"] = read_card(parent).worlds
+    unseen = config.unseen
+    for where, worlds in found.items():
+        for kind, one in worlds:
+            if one in unseen:
+                raise InputError(
+                    f"{where} the {kind} of held-out {unseen[one]}, so it must not be used for training; hold out another scenario"
+                )
+    return Worlds.union(found.values())
 
 
 def refuse_learnt(cards: Sequence[ModelCard], held_out: Sequence[ScenarioInfo]) -> None:
-    """InputError if a version was trained on a town of the held-out scenarios of its comparison."""
-    towns = {info.town: info.name for info in held_out}
+    """InputError if a version was trained on a town or on people of the held-out scenarios of its comparison."""
     for card in cards:
-        for town in card.towns:
-            if town in towns:
+        for info in held_out:
+            for kind, _ in card.worlds & info.worlds:
                 raise InputError(
-                    f"version '{card.version}' has learnt the town of held-out {towns[town]}, so its failures there prove nothing"
+                    f"version '{card.version}' has learnt the {kind} of held-out {info.name}, so its failures there prove nothing"
                 )
 
 

@@ -15,6 +15,7 @@ from pipeline.artefacts.model_card import ModelCard, write_card, write_curve
 from pipeline.config.schema import Config
 from pipeline.core.detections import Detections
 from pipeline.core.reliability import Calibration, calibration_error, reliability
+from pipeline.core.worlds import Worlds
 from pipeline.detectors.evaluation import calibrate, evaluate, judged_scores
 from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.yolo.export import export_onnx
@@ -31,7 +32,7 @@ class Origin:
     """The origin of a version.
 
     version: its name. parent: the version that training continued from, None for a base. data: digests of its training data and of its
-    initial weights. training: settings used. towns: fingerprints of the towns in its training data.
+    initial weights. training: settings used. worlds: the towns and people in its training data.
     """
 
     version: str
@@ -39,7 +40,7 @@ class Origin:
     data: dict[str, str]
     training: dict[str, Any]
     seed: int
-    towns: tuple[str, ...]
+    worlds: Worlds
 
 
 def write_version(config: Config, fitted: Fitted, validation: ImageSet, origin: Origin, out: Path) -> None:
@@ -76,7 +77,8 @@ def write_version(config: Config, fitted: Fitted, validation: ImageSet, origin: 
         calibration=asdict(calibration),
         reliability={name: tuple((b.score, b.right, b.count) for b in diagram) for name, diagram in diagrams.items()},
         weights_sha256=sha256(weights),
-        towns=origin.towns,
+        towns=tuple(sorted(origin.worlds.towns)),
+        people=tuple(sorted(origin.worlds.people)),
     )
     write_card(out, card)
 

@@ -7,23 +7,22 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from pipeline.artefacts.comparison_results import Comparison
-from pipeline.report.style import INK, MODE_COLOURS, MODE_NAMES, legend_below, panels, series_colours, styled
+from pipeline.artefacts.results import Modes
+from pipeline.report.style import MODE_COLOURS, MODE_NAMES, legend_below, panels, series_colours, styled
 
 
 def comparison_bars(comparison: Comparison) -> Figure:
-    """Failure rate of each version on the frozen sequence, stacked by failure mode, with the Wilson interval of the total."""
+    """Failure rate of each version on the frozen sequence, stacked by failure mode."""
     with styled():
         figure, axes = panels(1, 1, width=9.4, height=0.5 * len(comparison.versions) + 1.2)
         axis = axes[0][0]
         for position, version in enumerate(comparison.versions):
             tests, left = max(1, version.tests), 0.0
-            for mode in ("contact", "late", "false_positives"):
+            for mode in Modes.model_fields:
                 share = getattr(version.modes, mode) / tests
                 name = MODE_NAMES[mode] if position == 0 else None
                 axis.barh(position, share, 0.6, left=left, color=MODE_COLOURS[mode], label=name)
                 left += share
-            rate = version.rate
-            axis.plot([rate.low, rate.high], [position, position], color=INK, linewidth=1.6, marker="|", markersize=9)
         axis.set_yticks(range(len(comparison.versions)), [version.version for version in comparison.versions])
         axis.invert_yaxis()
         axis.grid(False, axis="y")

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import cv2
 import pandas as pd
-from hydra.utils import instantiate
 from matplotlib.figure import Figure
 
+from pipeline.artefacts.calibration_results import DetectorCalibration
 from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.model_card import ModelCard
 from pipeline.artefacts.results import FailureRegions, Measures, WhiteBoxMeasures
+from pipeline.config.components import make_detector, make_simulator
 from pipeline.config.schema import Config
 from pipeline.core.space import Space
+from pipeline.detectors.calibrated import calibrated
 from pipeline.progress import OnProgress
 from pipeline.protocols import Detector, Simulator
 from pipeline.report import comparison_plots, search_plots, sections, texts, training_plots, verdict_section
@@ -44,7 +47,7 @@ class ReportData:
 
     tests: search scenario -> rows of all its campaigns. searched: rows of the campaigns that versions learn from, round by round.
     detectors: version -> ONNX file, the searched version first. filters: strategy -> its filter table. border: frames at the border of
-    the filters.
+    the filters. calibrations: of detectors that are only tested, if the study calibrates them.
     """
 
     measures: Measures
@@ -59,6 +62,7 @@ class ReportData:
     filters: Mapping[str, pd.DataFrame]
     cards: tuple[ModelCard, ...]
     border: tuple[Case, ...]
+    calibrations: Mapping[str, DetectorCalibration] = field(default_factory=dict)
 
 
 def border_cases(config: Config, filters: Mapping[str, pd.DataFrame], frames: Sequence[Path]) -> tuple[Case, ...]:
@@ -85,7 +89,10 @@ def draw_figures(data: ReportData, strategies: Sequence[str], threshold_s: float
     if data.cards:
         metrics = {card.version: card.metrics for card in data.cards}
         figures["detection"] = training_plots.detection_bars(metrics, sections.METRICS)
-        figures["reliability"] = training_plots.reliability_diagrams(data.cards)
+        figures["reliability"] = training_plots.reliability_diagrams({card.version: card.reliability for card in data.cards})
+    if data.calibrations:
+        diagrams = {version: found.reliability for version, found in data.calibrations.items()}
+        figures["reliability"] = training_plots.reliability_diagrams(diagrams)
     return figures
 
 
@@ -105,19 +112,28 @@ def make_page(config: Config, data: ReportData, figures: Mapping[str, Figure], p
     spaces = dict(data.spaces) | {name: config.space(name) for name in config.held_out}
     pair = _pair(data.compared, spaces)[: config.report.replays // 2 * 2]
     chosen = choose_regions(data.regions, next(iter(data.detectors)), config.report.replays - len(pair))
-    films = film_all(config, [*pair, *chosen], data.detectors, spaces, progress)
+    films = film_all(config, [*pair, *chosen], partial(_detector, config, data), spaces, progress)
     by_scenario: dict[str, list[Film]] = {}
     for test, film in zip(chosen, films[len(pair) :], strict=True):
         by_scenario.setdefault(test.scenario, []).append(film)
     drawings = {name: _drawing(figure, name) for name, figure in figures.items()}
-    found = (
+    found = [
         _verdict(data, drawings, films[: len(pair)]),
-        sections.regions_section(data.regions, {name: drawings[f"failures_{name}"] for name in data.labels}, by_scenario),
+        _regions(data, drawings, by_scenario),
         _search(data, drawings),
         sections.data_section(data.filters, data.cards, _named(drawings, "border"), _named(drawings, "detection", "reliability")),
-    )
+    ]
+    if data.calibrations:
+        found.append(sections.calibration_section(tuple(data.calibrations.values()), _named(drawings, "reliability")))
     title = "Where does the detector fail, and did retraining help?" if data.cards else "Where does the detector fail?"
     return Page(config.study, _headline(data), tuple(section for section in found if section is not None), title)
+
+
+def _detector(config: Config, data: ReportData, version: str) -> Detector:
+    """A version's detector, calibrated as in its tests."""
+    known = data.calibrations.get(version)
+    section = config.detector if known is None else calibrated(config.detector, known.scaling)
+    return make_detector(section, data.detectors[version])
 
 
 def _pair(compared: ComparedVersions | None, spaces: Mapping[str, Space]) -> list[Chosen]:
@@ -125,15 +141,22 @@ def _pair(compared: ComparedVersions | None, spaces: Mapping[str, Space]) -> lis
 
 
 def _headline(data: ReportData) -> str:
-    return sections.headline(data.regions) if data.compared is None else verdict_section.headline(data.compared.comparison)
+    if data.compared is not None:
+        return verdict_section.headline(data.compared.comparison)
+    return sections.headline(data.regions, data.measures.base_rates)
 
 
 def _verdict(data: ReportData, drawings: Mapping[str, Drawing], films: Sequence[Film]) -> Section | None:
     if data.compared is None:
         return None
-    rounds = verdict_section.rounds_part(data.searched, data.measures.confidence, [drawings["rounds"]]) if "rounds" in drawings else None
+    rounds = verdict_section.rounds_part(data.searched, [drawings["rounds"]]) if "rounds" in drawings else None
     plots = _named(drawings, "comparison", "histogram")
     return verdict_section.verdict_section(data.compared.comparison, data.compared.changes, plots, rounds, films)
+
+
+def _regions(data: ReportData, drawings: Mapping[str, Drawing], films: Mapping[str, Sequence[Film]]) -> Section:
+    plots = {name: drawings[f"failures_{name}"] for name in data.labels}
+    return sections.regions_section(data.regions, data.measures.base_rates, plots, films)
 
 
 def _search(data: ReportData, drawings: Mapping[str, Drawing]) -> Section:
@@ -151,7 +174,11 @@ def _named(drawings: Mapping[str, Drawing], *names: str) -> list[Drawing]:
 
 
 def film_all(
-    config: Config, tests: Sequence[Chosen], detectors: Mapping[str, Path], spaces: Mapping[str, Space], progress: OnProgress
+    config: Config,
+    tests: Sequence[Chosen],
+    detector_of: Callable[[str], Detector],
+    spaces: Mapping[str, Space],
+    progress: OnProgress,
 ) -> list[Film]:
     """Simulate each test again and film it, in the order given; one simulator a scenario, one detector a version."""
     simulators: dict[str, Simulator] = {}
@@ -160,12 +187,9 @@ def film_all(
     with tempfile.TemporaryDirectory() as folder:
         for done, test in enumerate(tests, 1):
             if test.scenario not in simulators:
-                # Partial, because Hydra would turn the scenario into a config.
-                made = instantiate(config.simulator, _partial_=True, _convert_="all")
-                simulators[test.scenario] = made(scenario=config.scenarios[test.scenario])
+                simulators[test.scenario] = make_simulator(config.simulator, config.scenarios[test.scenario], config.car)
             if test.version not in loaded:
-                model = str(detectors[test.version])
-                loaded[test.version] = instantiate(config.detector, model=model, _convert_="all")
+                loaded[test.version] = detector_of(test.version)
             episode = simulators[test.scenario].execute(test.concrete, loaded[test.version], keep_every=1)
             units = {variable.name: variable.unit for variable in spaces[test.scenario].variables}
             replay = Replay(episode, test.heading, test.concrete, config.campaign.failure_threshold_s, units)

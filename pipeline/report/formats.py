@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from pipeline.artefacts.results import Estimate
+
+
+def share(value: float) -> str:
+    """`12.5 %`, of a share in [0, 1]."""
+    return f"{100 * value:.1f} %"
 
 
 def percent(estimate: Estimate) -> str:
     """`12.5 % (8.0 to 18.9)`."""
-    value = f"{100 * estimate.value:.1f} %"
+    value = share(estimate.value)
     return value if estimate.low == estimate.high else f"{value} ({100 * estimate.low:.1f} to {100 * estimate.high:.1f})"
 
 
@@ -27,16 +34,24 @@ def signed(mean: Estimate) -> str:
     return f"{mean.value:+.1f} ({mean.low:+.1f} to {mean.high:+.1f})"
 
 
-def over_seeds(estimate: Estimate | None, having: int, seeds: int, form: str) -> str:
-    """The mean over the seeds that have a value, with the number of these seeds if some have none."""
-    if estimate is None:
-        return "n/a"
-    text = form.format(estimate.value)
+def censored(estimate: Estimate, count: int, seeds: int, form: str, beyond: str) -> str:
+    """A mean over seeds, of which `count` are censored: `37 (20 to 54), 1 of 3 censored`, and `> 80, 3 of 3 censored`.
+
+    form: of one number. beyond: the sign of a bound.
+    """
+    text = f"{beyond} {form.format(estimate.value)}" if count == seeds else form.format(estimate.value)
     if estimate.low != estimate.high:
         text += f" ({form.format(estimate.low)} to {form.format(estimate.high)})"
-    return text if having == seeds else f"{text} in {having} of {seeds} seeds"
+    return f"{text}, {count} of {seeds} censored" if count else text
 
 
 def decimal(value: float | None) -> str:
     """`0.875`, or `n/a`."""
     return "n/a" if value is None else f"{value:.3f}"
+
+
+def aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:
+    """Lines of a table; its first row holds the headers."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    return [lines[0], "  ".join("─" * width for width in widths), *lines[1:]]

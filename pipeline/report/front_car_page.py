@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from pipeline.artefacts.dataset import SEGMENT_COLOURS
 from pipeline.artefacts.front_car_results import DetectorResult, Evaluation, Points
 from pipeline.core.space import Ints, Space
-from pipeline.core.statistics import wilson_interval
 from pipeline.report.page import Drawing, Page, Passage, Section, Table
 from pipeline.report.style import GRID, INK, SERIES, panels, styled, svg
 
@@ -99,8 +98,10 @@ def gallery(names: Sequence[str], images: Sequence[Pixels], classes: Sequence[Pi
     return figure
 
 
-def by_condition(evaluation: Evaluation, space: Space, confidence: float) -> Figure:
-    """Share of test snapshots on which each detector is right, for every value of every condition, with intervals."""
+def by_condition(evaluation: Evaluation, space: Space) -> Figure:
+    """Share of test snapshots on which each detector is right, for every value of every condition.
+
+    Without intervals: the snapshots share a few towns and are spread evenly over the points, so they are no independent samples."""
     rows = [(variable.name, label) for variable in space.variables for label in variable.labels]
     with styled():
         figure, axes = panels(1, 1, width=7.6, height=0.3 * len(rows) + 0.9)
@@ -108,9 +109,7 @@ def by_condition(evaluation: Evaluation, space: Space, confidence: float) -> Fig
         for index, (detector, colour) in enumerate(zip(evaluation.detectors, (EXISTING, GENERATED), strict=True)):
             for place, (name, label) in enumerate(rows):
                 right = [right for point in detector.points if point.values[name] == label for right in point.right]
-                low, high = wilson_interval(sum(right), len(right), confidence)
                 share, y = sum(right) / len(right), place + 0.22 * (2 * index - 1) / 2
-                axis.plot([100 * low, 100 * high], [y, y], color=colour, linewidth=1.6)
                 label_once = f"trained on {detector.learnt_points} points" if place == 0 else None
                 axis.scatter([100 * share], [y], color=colour, s=22, zorder=3, label=label_once)
         axis.set_yticks(range(len(rows)), [f"{name.replace('_', ' ')}: {label}" for name, label in rows])
@@ -121,7 +120,7 @@ def by_condition(evaluation: Evaluation, space: Space, confidence: float) -> Fig
 
 def page(study: str, points: Points, evaluation: Evaluation, figures: Mapping[str, Figure], confidence: float) -> Page:
     """The whole page. figures: name of a drawing function above -> its figure."""
-    sections = (_coverage(points, figures), _snapshots(figures), _detectors(evaluation, figures, confidence))
+    sections = (_coverage(points, figures), _snapshots(figures), _detectors(evaluation, figures))
     return Page(study, _headline(points, evaluation, confidence), sections, title="Does full coverage make a better detector?")
 
 
@@ -163,7 +162,7 @@ def _snapshots(figures: Mapping[str, Figure]) -> Section:
     return Section("Snapshots", (text,), (Passage(plots=(drawing,)),))
 
 
-def _detectors(evaluation: Evaluation, figures: Mapping[str, Figure], confidence: float) -> Section:
+def _detectors(evaluation: Evaluation, figures: Mapping[str, Figure]) -> Section:
     how = (
         "Both detectors look for the vehicle ahead in the ego's lane. They start from the same weights and train on as many images for "
         "as many steps; only the points differ. The test snapshots show other towns, with the same number for every feasible point. A "
@@ -174,11 +173,10 @@ def _detectors(evaluation: Evaluation, figures: Mapping[str, Figure], confidence
     rows = []
     for detector in evaluation.detectors:
         right = _right(detector)
-        low, high = wilson_interval(sum(right), len(right), confidence)
-        share = f"{np.mean(right):.3f} ({low:.3f} to {high:.3f})"
+        share = f"{np.mean(right):.3f}"
         rows.append((f"{detector.learnt_points} points", f"{detector.images}", *(f"{detector.metrics[n]:.3f}" for n in names), share))
     headers = ("trained on", "images", "AP50", "AP50-95", "precision", "recall", "false positives per image", "right snapshots")
-    plot = Drawing(svg(figures["by_condition"]), f"Share of right snapshots by condition, with {100 * confidence:.0f} % intervals.")
+    plot = Drawing(svg(figures["by_condition"]), "Share of right snapshots by condition.")
     parts = (Passage(table=Table(headers, tuple(rows), numbers=(7,))), Passage(title="By operating condition", plots=(plot,)))
     return Section("Detectors", (how,), parts)
 

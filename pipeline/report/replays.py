@@ -104,6 +104,7 @@ def _side_text(replay: Replay, kpi: Kpi) -> str:
         "contact": f"FAILURE: contact at {kpi.impact_speed_mps:.1f} m/s",
         "late": "FAILURE: too late",
         "false_positives": "FAILURE: false positives alone",
+        "false_activation": "FAILURE: braking without need",
     }[kpi.failure_mode]
     seen = "never" if np.isnan(kpi.first_detection_m) else f"{kpi.first_detection_m:.1f} m away"
     lines = [part for line in replay.title.splitlines() for part in textwrap.wrap(line, SIDE_CHARACTERS)]
@@ -173,7 +174,9 @@ def _compose(layout: Layout, kept: KeptFrame) -> Pixels:
     view = canvas[:FRAME_HEIGHT, : layout.frame_width]
     if kept.frame.truth.visible_box is not None:
         _rectangle(view, kept.frame.truth.visible_box, scale, 5, TRUTH)
-    for box, score in zip(kept.detections.boxes, kept.detections.scores, strict=True):
+    for box, score, outcome in zip(kept.detections.boxes, kept.detections.scores, kept.matching.outcomes, strict=True):
+        if outcome == "unreported":
+            continue
         left, top = _rectangle(view, tuple(float(value) for value in box), scale, 2, DETECTION)
         _label(view, f"{score:.2f}", left, top)
     share = min(1.0, kept.frame.time_s / layout.last_s) if layout.last_s > 0 else 0.0

@@ -7,18 +7,27 @@ from collections.abc import Mapping, Sequence
 import pandas as pd
 
 from pipeline.analysis.frame_criteria import MEANINGS
+from pipeline.artefacts.calibration_results import DetectorCalibration
 from pipeline.artefacts.model_card import ModelCard
-from pipeline.artefacts.results import FailureRegion, FailureRegions, Measures, StrategyMeasures, WhiteBoxMeasures, WhiteBoxSet
+from pipeline.artefacts.results import BaseRate, FailureRegion, FailureRegions, Measures, StrategyMeasures, WhiteBoxMeasures, WhiteBoxSet
 from pipeline.report import texts
-from pipeline.report.formats import decimal, over_seeds, percent
+from pipeline.report.failure_tables import CAUSES, NONE, base_rate_sentence, braking_in_search, cause_cells, rate_text
+from pipeline.report.formats import censored, decimal, percent, share
 from pipeline.report.page import Drawing, Film, Passage, Section, Table
 
 METRICS = {"precision": "precision", "recall": "recall", "ap50": "AP50", "ap50_95": "AP50-95"}
 
 
-def headline(found: Sequence[FailureRegions]) -> str:
-    """The result of a search in words, scenario by scenario."""
-    return " ".join(f"{r.label}: {r.failures} of {r.tests} tests fail; failure regions: {len(r.regions)}." for r in found)
+def headline(found: Sequence[FailureRegions], rates: Sequence[BaseRate]) -> str:
+    """The result of a search in words, scenario by scenario, and the base failure rates."""
+    labels = {regions.scenario: regions.label for regions in found}
+    return " ".join([*map(_scenario_headline, found), base_rate_sentence(rates, labels)]).strip()
+
+
+def _scenario_headline(regions: FailureRegions) -> str:
+    if regions.failures == regions.tests > 0:
+        return f"{regions.label}: every test fails ({regions.tests} of {regions.tests})."
+    return f"{regions.label}: {regions.failures} of {regions.tests} tests fail; failure regions: {len(regions.regions)}."
 
 
 def search_section(
@@ -29,23 +38,37 @@ def search_section(
     coverage: Sequence[Drawing],
 ) -> Section:
     """How well the strategies find failures. labels: scenario -> its label. white_box: None leaves its part out."""
-    parts = [_failures_found(measures, labels, plots), _coverage(measures, labels, coverage)]
+    found = [_failures_found(measures, labels, plots), _causes(measures, labels), *_braking(measures, labels)]
+    parts = [*found, _coverage(measures, labels, coverage)]
     if white_box is not None:
         parts.append(_white_box(white_box))
     return Section("Search", (texts.SEARCH.format(confidence=100 * measures.confidence),), tuple(parts))
 
 
 def _failures_found(measures: Measures, labels: Mapping[str, str], plots: Sequence[Drawing]) -> Passage:
-    headers = ("scenario", "strategy", "failures / tests", "failure rate", "F", "C")
-    rows = tuple(_search_row(row, labels[row.scenario], measures.baseline) for row in measures.strategies)
-    return Passage("Failures found", texts.MEASURES.format(baseline=measures.baseline), Table(headers, rows, numbers=(2, 3)), tuple(plots))
+    headers = ("scenario", "strategy", "failures / tests", "failure rate", "base failure rate", "F", "C")
+    bases = {rate.scenario: rate_text(rate) for rate in measures.base_rates}
+    rows = tuple(_search_row(row, labels[row.scenario], bases.get(row.scenario, NONE)) for row in measures.strategies)
+    how = texts.MEASURES.format(baseline=measures.baseline)
+    return Passage("Failures found", how, Table(headers, rows, numbers=(2, 3, 4)), tuple(plots))
 
 
-def _search_row(row: StrategyMeasures, label: str, baseline: str) -> tuple[str, ...]:
+def _search_row(row: StrategyMeasures, label: str, base: str) -> tuple[str, ...]:
     seeds = len(row.seeds)
-    saved = "baseline" if row.strategy == baseline else over_seeds(row.c_measure, row.c_measure_seeds, seeds, "{:.2f}")
-    first = over_seeds(row.f_measure, row.f_measure_seeds, seeds, "{:.0f}")
-    return label, row.strategy, f"{row.failures} / {row.tests - row.errors}", percent(row.rate), first, saved
+    saved = "baseline" if row.c_measure is None else censored(row.c_measure, row.c_measure_censored, seeds, "{:.2f}", "<")
+    first = censored(row.f_measure, row.f_measure_censored, seeds, "{:.0f}", ">")
+    return label, row.strategy, f"{row.failures} / {row.tests - row.errors}", percent(row.rate), base, first, saved
+
+
+def _causes(measures: Measures, labels: Mapping[str, str]) -> Passage:
+    rows = tuple((labels[row.scenario], row.strategy, str(row.failures), *cause_cells(row.causes)) for row in measures.strategies)
+    return Passage("Failures by cause", texts.CAUSES, Table(("scenario", "strategy", "failures", *CAUSES.values()), rows))
+
+
+def _braking(measures: Measures, labels: Mapping[str, str]) -> list[Passage]:
+    """Nothing if all scenarios ask to brake."""
+    found = braking_in_search(measures, labels)
+    return [Passage("Braking without need", texts.BRAKING, Table(found[0], tuple(found[1:]), numbers=(6, 7)))] if found else []
 
 
 def _coverage(measures: Measures, labels: Mapping[str, str], plots: Sequence[Drawing]) -> Passage:
@@ -72,17 +95,21 @@ def _white_box_row(shown: WhiteBoxSet) -> tuple[str, ...]:
     return shown.name, str(shown.images), *(f"{100 * share:.1f} %" for share in shares)
 
 
-def regions_section(found: Sequence[FailureRegions], plots: Mapping[str, Drawing], replays: Mapping[str, Sequence[Film]]) -> Section:
-    """Where the searched version fails, scenario by scenario."""
-    parts = tuple(_scenario_regions(r, plots, replays.get(r.scenario, ())) for r in found)
+def regions_section(
+    found: Sequence[FailureRegions], rates: Sequence[BaseRate], plots: Mapping[str, Drawing], replays: Mapping[str, Sequence[Film]]
+) -> Section:
+    """Where the searched version fails, scenario by scenario. rates: its base failure rates."""
+    bases = {rate.scenario: f" Base failure rate: {rate_text(rate)} {rate.strategy} tests." for rate in rates}
+    parts = tuple(_scenario_regions(r, bases.get(r.scenario, ""), plots, replays.get(r.scenario, ())) for r in found)
     return Section("Failure regions", (texts.REGIONS,), parts)
 
 
-def _scenario_regions(regions: FailureRegions, plots: Mapping[str, Drawing], replays: Sequence[Film]) -> Passage:
+def _scenario_regions(regions: FailureRegions, base: str, plots: Mapping[str, Drawing], replays: Sequence[Film]) -> Passage:
+    every = "Every test fails. " if regions.failures == regions.tests > 0 else ""
     summary = (
-        f"{regions.failures} of {regions.tests} tests fail ({100 * regions.base_rate:.1f} %). Regions: {len(regions.regions)}. "
+        f"{every}{regions.failures} of {regions.tests} tests fail ({100 * regions.failure_rate:.1f} %). Regions: {len(regions.regions)}. "
         f"Failures in no region: {len(regions.unassigned)}. Connected sets of failures (Def. 4.19): {regions.connected}. "
-        f"Not solvable with this camera: {len(regions.not_solvable)}."
+        f"Not solvable with this camera: {len(regions.not_solvable)}.{base}"
     )
     headers = ("region", "rule", "failures", "not solvable", "failures inside rule", "share covered", "failure modes", "found by")
     rows = tuple(_region_row(region, set(regions.not_solvable)) for region in regions.regions)
@@ -98,7 +125,7 @@ def _region_row(region: FailureRegion, not_solvable: set[str]) -> tuple[str, ...
         region.rule,
         str(len(region.members)),
         str(len(set(region.members) & not_solvable)),
-        f"{region.failures_inside} / {region.support} = {percent(region.precision)}",
+        f"{region.failures_inside} / {region.support} = {share(region.precision)}",
         f"{100 * region.recall:.0f} %",
         ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in region.modes if count),
         ", ".join(f"{count} {name}" for name, count in region.strategies.items()),
@@ -131,6 +158,20 @@ def _kept(table: pd.DataFrame, reason: str) -> str:
     if kept == len(rows):
         return f"{kept} kept"
     return f"{len(rows)} rejected" if kept == 0 else f"{kept} kept, {len(rows) - kept} rejected"
+
+
+def calibration_section(calibrations: Sequence[DetectorCalibration], plots: Sequence[Drawing]) -> Section:
+    """How the confidences of detectors under test are calibrated."""
+    headers = ("detector", "slope", "offset", "error before", "error after", "detections", "right")
+    table = Table(headers, tuple(map(_calibration_row, calibrations)))
+    notes = tuple(texts.NOT_CALIBRATED.format(version=found.version) for found in calibrations if not found.fitted)
+    how = texts.CALIBRATION.format(images=calibrations[0].images)
+    return Section("Calibration", (how,), (Passage(table=table, plots=tuple(plots), notes=notes),))
+
+
+def _calibration_row(found: DetectorCalibration) -> tuple[str, ...]:
+    numbers = (found.slope, found.offset, found.errors["uncalibrated"], found.errors["calibrated"])
+    return found.version, *map(decimal, numbers), str(found.detections), str(found.right)
 
 
 def _detection(cards: Sequence[ModelCard], plots: Sequence[Drawing]) -> Passage:

@@ -17,11 +17,18 @@ from pipeline.artefacts.files import write_bytes
 
 INK = "#39424e"
 GRID = "#8f98a3"
-MODE_COLOURS: Mapping[str, str] = {"contact": "#c9372c", "late": "#e8912d", "false_positives": "#8f6bc9", "none": "#7f93ab"}
+MODE_COLOURS: Mapping[str, str] = {
+    "contact": "#c9372c",
+    "late": "#e8912d",
+    "false_positives": "#8f6bc9",
+    "false_activation": "#3a8f9c",
+    "none": "#7f93ab",
+}
 MODE_NAMES: Mapping[str, str] = {
     "contact": "contact",
     "late": "too late (TTC alone)",
     "false_positives": "false positives alone",
+    "false_activation": "braking without need",
     "none": "no failure",
 }
 SERIES = ("#3b7dd8", "#e0682e", "#2a9d78", "#8f6bc9", "#b9912b", "#c9497c", "#5a8f3c", "#4aa3b5", "#a0624a", "#7f93ab")

@@ -19,9 +19,21 @@ MODES = _prose("""
     A test fails when its adjusted time-to-collision (adj. TTC) is at or below the threshold. Adj. TTC is the TTC divided by one
     plus the number of false positives (Eq. 5.3). "By TTC alone" counts the failures that remain without this division.
 """)
+CAUSES = _prose("""
+    Every failure has one cause. Never seen: no detection touches the pedestrian. The next three judge the frames in which a person could
+    see the pedestrian and braking would still have helped. Seen too late: most of them have no detection, or the brake follows too late or
+    too weakly. Box disagrees: most have a box on the pedestrian that does not fit. Confidence too low: most have a fitting box
+    that is not reported. False positives: Eq. 5.3 alone makes the failure. Not solvable by the camera: no such frame comes in time.
+    Braking without need: an emergency braking off any collision path.
+""")
+BRAKING = _prose("""
+    In these scenarios the right answer is not to brake. A false activation is an emergency braking: frames in a row
+    that demand at least 5 m/s². A test with one is a failure. Mean duration: of a false activation. Mean speed loss: of a test with one.
+""")
 TABLE = _prose("""
     Failures on each held-out scenario. Versions retrained with several seeds: mean over the seeds with Student's interval. Single versions,
-    such as base: count with Wilson's interval. For orientation, thesis Table 7.2 counts D_o (base) 21, 69, 40, 25; D_r (random) 11, 5, 44,
+    such as base: count. The count has no interval, because the held-out tests are a designed list and no random sample. The p-values
+    compare versions test by test. For orientation, thesis Table 7.2 counts D_o (base) 21, 69, 40, 25; D_r (random) 11, 5, 44,
     6; D_a (adaptive) 6, 4, 25, 3 on F1* to F4*. The thesis uses another simulator, detector and number of tests.
 """)
 PAIRS = _prose("""
@@ -51,13 +63,16 @@ PAIR = _prose("""
     confidence. Purple line: TTC divided by one plus the false positives so far.
 """)
 SEARCH = _prose("""
-    Every strategy had the same number of tests to find failures. Intervals are {confidence:g} %: Wilson's for rates, Student's over
-    seeds for all other values. With one seed there is no interval over seeds.
+    Every strategy had the same number of tests to find failures. Intervals are {confidence:g} %. The failure rate of random testing has
+    Wilson's interval over all its tests, because they are independent samples of the space. The tests of other strategies depend on each
+    other. Their rates, and all other values, have Student's interval over seeds, and none with one seed.
 """)
 MEASURES = _prose("""
-    F: tests until the first failure. C: share of tests saved compared with {baseline}, for as many failures as {baseline} found. 1
+    Base failure rate: failures of the searched version in {baseline} tests of the same scenario, and their number. F: tests until the
+    first failure. C: share of tests saved compared with {baseline}, for as many failures as {baseline} found. 1
     is best; below 0 is slower than {baseline}. If {baseline} found none, the test after its last one counts as its first failure.
-    n/a: the strategy found too few failures.
+    Censored: a campaign that ended before it found so many failures. It counts as needing more tests than it had (Kaplan-Meier, mean
+    restricted to the longest campaign). If all are censored, F is larger and C smaller than shown.
 """)
 COVERAGE = _prose("""
     Pairs: share of all pairs of variable categories that at least one test, or one failure, covers. Projection: the same, but each
@@ -72,9 +87,10 @@ WHITE_BOX = _prose("""
 """)
 REGIONS = _prose("""
     A region is a group of failures that lie close together in the scenario space. Its rule is a short list of conditions that cover
-    its failures and few passing tests. The rule is fitted to these tests, so its precision is optimistic: confirm it with new
-    tests. A failure is not solvable if full braking from the first frame in which a person could see the pedestrian comes too late.
-    No single-image detector can fix such a failure with this camera.
+    its failures and few passing tests. "every test" means that no condition sets the failures apart. The rule is fitted to these
+    tests, and the search gathers tests near failures. So the share of failures inside is optimistic and has no interval: confirm it
+    with new tests. A failure is not solvable if full braking from the first frame in which a person could see the pedestrian comes
+    too late. No single-image detector can fix such a failure with this camera.
 """)
 NO_FAILURES = _prose("""
     No test failed, so there are no regions. Run more tests, or look at the smallest adj. TTC in the figures of the search.
@@ -87,9 +103,18 @@ DETECTION = _prose("""
     Results on the validation images of the base set. Pedestrians that are too small or too faint to see are ignored, as COCO
     ignores crowds. Retrained versions were trained on other images of the same towns; a shipped base was not.
 """)
+CALIBRATION = _prose("""
+    The confidences are calibrated on {images} validation images of the base set, before any test: calibrated logit = slope · logit +
+    offset (Platt). Error: expected calibration error, the mean distance between confidence and share of right detections. The detector's
+    threshold applies to the calibrated confidence.
+""")
+NOT_CALIBRATED = _prose("""
+    {version} could not be calibrated and keeps its confidences: all or none of its detections are right, or more confident ones are not
+    right more often.
+""")
 FIGURES = {
     "comparison": _prose("""
-        Share of the held-out tests that fail, by failure mode. The line is the confidence interval of the whole bar.
+        Share of the held-out tests that fail, by failure mode.
     """),
     "histogram": _prose("""
         Number of tests by adj. TTC, for base and the newest versions; with several seeds of retraining, the mean over them.
@@ -105,7 +130,7 @@ FIGURES = {
     """),
     "rounds": _prose("""
         Failures on the held-out sequence after each round; round 0 is base. Bars: Student's intervals over the seeds of
-        retraining, Wilson's for single versions.
+        retraining.
     """),
     "border": _prose("""
         Frames closest to the filter's thresholds, each cropped around the pedestrian. Green: kept. Red: rejected. Overrule the

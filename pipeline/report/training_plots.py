@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pipeline.artefacts.model_card import ModelCard
+from pipeline.artefacts.calibration_results import Diagram
 from pipeline.core.lineage import Version
 from pipeline.report.border import Case
 from pipeline.report.style import INK, UNASSIGNED, legend_below, panels, series_colours, styled
@@ -39,27 +39,26 @@ def border_sheet(cases: Sequence[Case], columns: int = 8) -> Figure:
     return figure
 
 
-def reliability_diagrams(cards: Sequence[ModelCard]) -> Figure:
+def reliability_diagrams(diagrams: Mapping[str, Mapping[str, Diagram]]) -> Figure:
     """Share of right detections over their confidence: the first version before and after calibration, all versions after it.
 
-    Versions that differ only by their seed share a colour.
+    diagrams: version -> `uncalibrated` and `calibrated` -> rows of mean score, share of right detections and their number. Versions
+    that differ only by their seed share a colour.
     """
-    groups = [Version.named(card.version).group for card in cards]
+    first, groups = next(iter(diagrams)), [Version.named(version).group for version in diagrams]
     colours = series_colours(list(dict.fromkeys(groups)))
     with styled():
         figure, axes = panels(1, 2, width=4.0, height=3.4)
-        shown: list[tuple[Axes, ModelCard, str, str, str]] = [
-            (axes[0][0], cards[0], groups[0], name, name) for name in cards[0].reliability
-        ]
+        shown: list[tuple[Axes, str, str, str, str]] = [(axes[0][0], first, groups[0], name, name) for name in diagrams[first]]
         labels = [group if group not in groups[:rank] else "" for rank, group in enumerate(groups)]
-        shown += [(axes[0][1], card, group, "calibrated", label) for card, group, label in zip(cards, groups, labels, strict=True)]
-        for axis, card, group, name, label in shown:
-            bins = np.array([one for one in card.reliability.get(name, ()) if one[2] >= FEWEST]).reshape(-1, 3)
+        shown += [(axes[0][1], version, group, "calibrated", label) for version, group, label in zip(diagrams, groups, labels, strict=True)]
+        for axis, version, group, name, label in shown:
+            bins = np.array([one for one in diagrams[version].get(name, ()) if one[2] >= FEWEST]).reshape(-1, 3)
             scores, right, counts = bins.T
             colour, style = (UNASSIGNED, "--") if name == "uncalibrated" else (colours[group], "-")
             axis.plot(scores, right, color=colour, linestyle=style, linewidth=1.4, label=label)
             axis.scatter(scores, right, s=6 + 60 * counts / counts.max(initial=1), color=colour, zorder=3)
-        for axis, title in zip(axes[0], (f"{cards[0].version}, before and after calibration", "all versions, calibrated"), strict=True):
+        for axis, title in zip(axes[0], (f"{first}, before and after calibration", "all versions, calibrated"), strict=True):
             axis.plot([0, 1], [0, 1], color=INK, linewidth=0.8, zorder=1)
             axis.set(title=title, xlabel="confidence", xlim=(0, 1), ylim=(0, 1))
             axis.legend(loc="upper left", fontsize=8)

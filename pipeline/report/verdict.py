@@ -2,27 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 from pipeline.artefacts.comparison_results import Comparison, GroupPair, VersionPair, VersionResult
+from pipeline.artefacts.results import Frequencies
 from pipeline.core.lineage import Version
-from pipeline.report.formats import counted
+from pipeline.report.failure_tables import base_rate_sentence, braking_held_out
+from pipeline.report.formats import aligned, counted
 
 HEADERS = ("version", "failures / tests", "change", "p", "verdict")
 
 
 def verdict_rows(comparison: Comparison) -> list[tuple[str, ...]]:
     """One row a version, columns as `HEADERS`; the champion carries a star."""
-    return [_row(result, comparison.champion) for result in comparison.versions]
+    return [_row(result, comparison) for result in comparison.versions]
 
 
 def verdict_table(comparison: Comparison, report: Path | None = None) -> str:
     """The table, how to read it and, given the path of the page, where to go next."""
     scenarios = " + ".join(comparison.scenarios.values())
-    lines = [f"Held out: {scenarios}; the same tests for every version\n", *_aligned([HEADERS, *verdict_rows(comparison)])]
+    lines = [f"Held out: {scenarios}; the same tests for every version\n", *aligned([HEADERS, *verdict_rows(comparison)])]
     if len(comparison.groups) < len(comparison.versions) or len(comparison.scenarios) > 1:
-        lines += ["", f"Failures by scenario, {_averaged(comparison)}\n", *_aligned([group_headers(comparison), *group_rows(comparison)])]
+        lines += ["", f"Failures by scenario, {_averaged(comparison)}\n", *aligned([group_headers(comparison), *group_rows(comparison)])]
+    if braking := braking_held_out(comparison):
+        lines += ["", "Braking without need\n", *aligned(braking)]
     lines += ["", *verdict_sentences(comparison)]
     if report is not None:
         lines += ["", f"Next: open {report} in a browser; ./run ui compares the versions in MLflow"]
@@ -32,10 +35,11 @@ def verdict_table(comparison: Comparison, report: Path | None = None) -> str:
 def verdict_sentences(comparison: Comparison) -> list[str]:
     """How to read the table, and what qualifies it."""
     alpha = f"{comparison.alpha:g}"
-    sentences = [
+    sentences = [*base_sentences(comparison)]
+    sentences.append(
         f"★ champion: {comparison.champion}. p: exact McNemar test against {comparison.versions[0].version} on the same tests. "
         f"A difference is shown at p ≤ {alpha}, not corrected for several comparisons."
-    ]
+    )
     if (passing := sum(map(comparison.passes, comparison.gate))) > 1:
         chosen = f"{comparison.champion} is the best of {passing} versions that pass, chosen on these tests"
         sentences.append(f"{chosen}: expect more failures on new tests.")
@@ -45,6 +49,22 @@ def verdict_sentences(comparison: Comparison) -> list[str]:
     if errors:
         sentences.append(f"Tests that ended in an error do not count: {errors}.")
     return sentences
+
+
+def base_sentences(comparison: Comparison) -> list[str]:
+    """What every result stands on: the base failure rate, and the base sets of the base and of the study."""
+    rates = base_rate_sentence(comparison.base_rates)
+    found = [rates] if rates else []
+    if comparison.base_set is None:
+        return found
+    trained = "an unknown base set: its card does not say" if comparison.trained_on is None else _base_set(comparison.trained_on)
+    return [*found, f"{comparison.versions[0].version} was trained on {trained}; this study's base set: {_base_set(comparison.base_set)}."]
+
+
+def _base_set(shown: Frequencies) -> str:
+    if shown.uniform:
+        return "a uniform base set (all people and poses equally frequent)"
+    return f"a long-tailed base set (children {shown.children:g} and crouching people {shown.crouching:g} times as frequent as others)"
 
 
 def _rivals(pair: GroupPair) -> bool:
@@ -72,15 +92,24 @@ def _outcomes(paired: VersionPair) -> str:
     return f"passes {fixes} {tests} that {paired.against} fails, fails {regressions} that {paired.against} passes"
 
 
-def _row(result: VersionResult, champion: str) -> tuple[str, ...]:
-    name = f"{result.version} ★" if result.version == champion else result.version
+def _row(result: VersionResult, comparison: Comparison) -> tuple[str, ...]:
+    name = f"{result.version} ★" if result.version == comparison.champion else result.version
     share = f"{result.failures} / {result.tests}"
     if result.paired is None:
-        return name, share, "", "", result.verdict
+        return name, share, "", "", f"{result.verdict}{_kind(comparison)}"
     change = f"{result.change:+d}" if result.change else "0"
     fixes, regressions = len(result.paired.fixes), len(result.paired.regressions)
     detail = f"{change} ({fixes} {'fix' if fixes == 1 else 'fixes'}, {regressions} {'regression' if regressions == 1 else 'regressions'})"
     return name, share, detail, f"{result.paired.p_value:.2g}", result.verdict
+
+
+def _kind(comparison: Comparison) -> str:
+    """The kind of base that a study stands on, as `, uniform base`; empty for detectors that a study only tests."""
+    if comparison.base_set is None:
+        return ""
+    if comparison.trained_on is None:
+        return ", unknown base set"
+    return ", uniform base set" if comparison.trained_on.uniform else ", long-tailed base set"
 
 
 def group_headers(comparison: Comparison) -> tuple[str, ...]:
@@ -103,12 +132,4 @@ def group_rows(comparison: Comparison) -> list[tuple[str, ...]]:
 
 def _averaged(comparison: Comparison) -> str:
     seeds = max(len(group.versions) for group in comparison.groups)
-    several = f"means over {seeds} seeds of retraining with Student's intervals; single versions with Wilson's"
-    return several if seeds > 1 else "one seed of retraining, with Wilson's intervals"
-
-
-def _aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:
-    """Lines of a table; its first row holds the headers."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-    return [lines[0], "  ".join("─" * width for width in widths), *lines[1:]]
+    return f"means over {seeds} seeds of retraining with Student's intervals" if seeds > 1 else "one seed of retraining"

@@ -7,10 +7,9 @@ from collections.abc import Sequence
 import pandas as pd
 
 from pipeline.artefacts.comparison_results import Comparison, VersionResult
-from pipeline.artefacts.results import Estimate
-from pipeline.core.statistics import wilson_interval
 from pipeline.report import texts
-from pipeline.report.formats import mean_text, percent, signed
+from pipeline.report.failure_tables import CAUSES, base_rate_sentence, braking_held_out, cause_cells
+from pipeline.report.formats import mean_text, share, signed
 from pipeline.report.page import Drawing, Film, Passage, Section, Table
 from pipeline.report.verdict import HEADERS, group_headers, group_rows, verdict_rows, verdict_sentences
 
@@ -24,11 +23,12 @@ def headline(comparison: Comparison) -> str:
     *most, last = comparison.scenarios.values()
     where = f"scenarios {', '.join(most)} and {last}" if most else f"scenario {last}"
     tests = comparison.versions[0].tests
-    parts = [f"On the held-out {where}, {base.group} fails {mean_text(base.failures.value)} of {tests} tests.", *_against_base(comparison)]
+    parts = [f"On the held-out {where}, {base.group} fails {mean_text(base.failures.value)} of {tests} tests."]
+    parts += [base_rate_sentence(comparison.base_rates), *_against_base(comparison)]
     seeds = max(len(group.versions) for group in comparison.groups)
     if seeds > 1:
         parts.append(f"Numbers in brackets: mean failures over {seeds} seeds of retraining.")
-    return " ".join(parts)
+    return " ".join(filter(None, parts))
 
 
 def _against_base(comparison: Comparison) -> list[str]:
@@ -57,6 +57,8 @@ def verdict_section(
         Passage(table=Table(HEADERS, tuple(verdict_rows(comparison)), numbers=(1, 2, 3)), notes=tuple(verdict_sentences(comparison))),
         Passage("By scenario", texts.TABLE, Table(group_headers(comparison), tuple(group_rows(comparison)))),
         _modes(comparison.versions, plots),
+        _causes(comparison.versions),
+        *_braking(comparison),
         *_every_pair(comparison),
     ]
     if rounds is not None:
@@ -75,27 +77,46 @@ def _introduction(comparison: Comparison) -> tuple[str, ...]:
     return (f"{texts.VERDICT} {texts.CONTROL}" if with_control else texts.VERDICT,)
 
 
-def rounds_part(searched: pd.DataFrame, confidence: float, plots: Sequence[Drawing]) -> Passage:
+def rounds_part(searched: pd.DataFrame, plots: Sequence[Drawing]) -> Passage:
     """Failures after each round, and what its searches found. searched: rows of all campaigns that versions learn from."""
     valid, rows = searched[searched["status"] == "ok"], []
     for (version, strategy), tests in valid.groupby(["version", "strategy"], sort=False):
         failures = int(tests["failure"].sum())
-        low, high = wilson_interval(failures, len(tests), confidence)
-        rate = percent(Estimate(value=failures / len(tests), low=low, high=high))
-        rows.append((str(version), str(strategy), f"{failures} / {len(tests)}", rate))
+        rows.append((str(version), str(strategy), f"{failures} / {len(tests)}", share(failures / len(tests))))
     table = Table(("searched version", "strategy", "failures / tests", "failure rate"), tuple(rows), numbers=(2, 3))
     return Passage("Round by round", texts.ROUNDS, table, tuple(plots))
 
 
 def _modes(versions: Sequence[VersionResult], plots: Sequence[Drawing]) -> Passage:
-    headers = ("version", "failures", "contact", "too late", "by TTC alone", "false positives alone", "failure rate", "errors")
-    return Passage("Failure modes", texts.MODES, Table(headers, tuple(map(_modes_row, versions)), numbers=(6,)), tuple(plots))
+    headers = (
+        "version",
+        "failures",
+        "contact",
+        "too late",
+        "by TTC alone",
+        "false positives alone",
+        "without need",
+        "failure rate",
+        "errors",
+    )
+    return Passage("Failure modes", texts.MODES, Table(headers, tuple(map(_modes_row, versions)), numbers=(7,)), tuple(plots))
 
 
 def _modes_row(result: VersionResult) -> tuple[str, ...]:
     modes = result.modes
-    counts = (modes.total, modes.contact, modes.late, modes.by_ttc, modes.false_positives)
-    return result.version, *(str(count) for count in counts), percent(result.rate), str(result.errors)
+    counts = (modes.total, modes.contact, modes.late, modes.by_ttc, modes.false_positives, modes.false_activation)
+    return result.version, *(str(count) for count in counts), share(result.rate), str(result.errors)
+
+
+def _causes(versions: Sequence[VersionResult]) -> Passage:
+    rows = tuple((result.version, str(result.failures), *cause_cells(result.causes)) for result in versions)
+    return Passage("Failures by cause", texts.CAUSES, Table(("version", "failures", *CAUSES.values()), rows))
+
+
+def _braking(comparison: Comparison) -> list[Passage]:
+    """Nothing if all held-out scenarios ask to brake."""
+    found = braking_held_out(comparison)
+    return [Passage("Braking without need", texts.BRAKING, Table(found[0], tuple(found[1:]), numbers=(5, 6)))] if found else []
 
 
 def _every_pair(comparison: Comparison) -> list[Passage]:

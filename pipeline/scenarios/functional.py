@@ -10,6 +10,8 @@ from pydantic import Field, field_validator, model_validator
 from pipeline.core.footprints import Rectangle
 from pipeline.core.paths import Path, Pose
 from pipeline.core.space import Space
+from pipeline.core.worlds import Worlds
+from pipeline.scenarios import people as populations
 from pipeline.scenarios.streets import Part, Town, on_asphalt
 
 VehicleKind = Literal["hatchback", "saloon", "van", "bus", "estate", "suv"]
@@ -18,6 +20,8 @@ HALF_LENGTHS_M: dict[VehicleKind, float] = {"hatchback": 1.95, "saloon": 2.25, "
 HALF_WIDTHS_M: dict[VehicleKind, float] = {"hatchback": 0.88, "saloon": 0.89, "van": 0.95, "bus": 1.25, "estate": 0.9, "suv": 0.95}
 EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M = 2.5, 0.95
 ON_PATH_M = 0.25
+CLEAR_M = 2.2
+"""Lateral distance from the middle of the ego's path at which a pedestrian gives no reason to brake: beyond the lane's edge and a step."""
 
 
 class Ego(Part):
@@ -36,9 +40,13 @@ class Ego(Part):
 
 
 class Crossing(Part):
-    """The pedestrian's straight path through the conflict point `at`, which lies on the ego's path: heading in degrees, 90 is to the
-    left of x."""
+    """The pedestrian's straight path through `at`: heading in degrees, 90 is to the left of x.
 
+    role: with `crosses`, `at` lies on the ego's path and is the conflict point. With `stays_clear`, the pedestrian never enters the ego's
+    path, and with `absent` there is none: the right answer is not to brake.
+    """
+
+    role: Literal["crosses", "stays_clear", "absent"] = "crosses"
     at: Waypoint = (0.0, -1.75)
     heading_deg: float = Field(ge=-180, le=180)
 
@@ -76,8 +84,9 @@ class Actor(Part):
 class FunctionalScenario(Part):
     """One functional scenario with its logical scenario space.
 
-    constraints: clauses that every test satisfies; a clause holds if one of its literals `variable = category` or `variable != category`
-    holds.
+    people: number of the population that its pedestrian comes from, which adds the variable `blueprint` with the population's names as the
+    last of the space; without it, the space has no such variable. constraints: clauses that every test satisfies; a clause holds if one of
+    its literals `variable = category` or `variable != category` holds.
     """
 
     label: str
@@ -86,12 +95,28 @@ class FunctionalScenario(Part):
     ego: Ego
     pedestrian: Crossing
     actors: dict[str, Actor] = Field(default_factory=dict)
+    people: int | None = Field(default=None, ge=1)
     space: dict[str, dict[str, Any]]
     constraints: tuple[tuple[str, ...], ...] = ()
 
     def logical_space(self) -> Space:
         """The scenario's variables with its constraints."""
-        return Space.from_dict(self.space, self.constraints)
+        person = {} if self.people is None else {populations.VARIABLE: populations.variable(self.people)}
+        return Space.from_dict({**self.space, **person}, self.constraints)
+
+    @property
+    def worlds(self) -> Worlds:
+        """Fingerprints of its town and of its people."""
+        return Worlds.of(self.town.fingerprint, "" if self.people is None else populations.fingerprint(self.people))
+
+    @property
+    def has_pedestrian(self) -> bool:
+        return self.pedestrian.role != "absent"
+
+    @property
+    def asks_to_brake(self) -> bool:
+        """Whether a pedestrian crosses the ego's path."""
+        return self.pedestrian.role == "crosses"
 
     def conflict_s(self) -> float:
         """Metres along the ego's route to the conflict point."""
@@ -111,6 +136,8 @@ class FunctionalScenario(Part):
     @field_validator("space")
     @classmethod
     def _variables(cls, plain: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+        if populations.VARIABLE in plain:
+            raise ValueError(f"'{populations.VARIABLE}' comes from `people`, the number of a population; constraints may exclude persons")
         try:
             Space.from_dict(plain)
         except TypeError as error:
@@ -128,9 +155,7 @@ class FunctionalScenario(Part):
             route = self.ego.route()
         except ValueError as error:
             raise ValueError(f"ego.path: {error}") from error
-        _, aside = route.project(*self.pedestrian.at)
-        if abs(aside) > ON_PATH_M:
-            raise ValueError(f"pedestrian.at: {self.pedestrian.at} must lie on the ego's path, but lies {abs(aside):.2f} m beside it")
+        self._role_fits(route)
         for s in np.arange(self.start_s() - EGO_HALF_LENGTH_M, self.conflict_s() + EGO_HALF_LENGTH_M, 1.0):
             pose = route.at(float(s))
             if not on_asphalt(self.town, pose.x, pose.y, margin=EGO_HALF_WIDTH_M):
@@ -144,6 +169,29 @@ class FunctionalScenario(Part):
                     raise ValueError(f"actors.{name}: overlaps {other} at the start")
             footprints[name] = footprint
         return self
+
+    def _role_fits(self, route: Path) -> None:
+        _, aside = route.project(*self.pedestrian.at)
+        if self.pedestrian.role == "crosses" and abs(aside) > ON_PATH_M:
+            raise ValueError(f"pedestrian.at: {self.pedestrian.at} must lie on the ego's path, but lies {abs(aside):.2f} m beside it")
+        if self.pedestrian.role == "stays_clear" and (nearest := self._nearest_m(route)) < CLEAR_M:
+            raise ValueError(
+                f"pedestrian: with role 'stays_clear' it must stay {CLEAR_M:g} m beside the middle of the ego's path, "
+                f"but it comes as near as {nearest:.2f} m"
+            )
+
+    def _nearest_m(self, route: Path) -> float:
+        """Smallest distance of any test's pedestrian to the middle of the ego's path, metres."""
+        space = self.logical_space()
+        speed, shift = (next((v for v in space.variables if v.name == name), None) for name in ("pedestrian_speed", "pedestrian_shift"))
+        speeds, shifts = [(v.low, v.high) if v else (0.0, 0.0) for v in (speed, shift)]
+        poses = [
+            self.pedestrian_pose(float(time_s), one, moved)
+            for time_s in np.arange(0, self.ego.horizon_s + 0.5, 0.25)
+            for one in np.linspace(*speeds, 5)
+            for moved in shifts
+        ]
+        return min(abs(route.project(pose.x, pose.y)[1]) for pose in poses)
 
     def _drivable(self, name: str, actor: Actor) -> None:
         try:

@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.core import kpi
+from pipeline.core.car import Car
 from pipeline.core.detections import Detections
-from pipeline.core.episode import Episode, Frame, KeptFrame
+from pipeline.core.episode import Episode, Frame, FrameDetections, KeptFrame
 from pipeline.core.matching import match
-from pipeline.core.signals import SIGNALS, TimeStep
+from pipeline.core.signals import SIGNALS, TimeStep, box_signals
 from pipeline.core.space import Floats, Value
 from pipeline.core.truth import Truth
 from pipeline.protocols import Detector
@@ -52,8 +53,8 @@ PLANTED = (
 class AnalyticSimulator:
     """Executes concrete scenarios by formula. The detector gets a small image, but the outcome depends on the point alone."""
 
-    def __init__(self, scenario: FunctionalScenario) -> None:
-        self._space = scenario.logical_space()
+    def __init__(self, scenario: FunctionalScenario, car: Car) -> None:
+        self._space, self._car = scenario.logical_space(), car
 
     def planted(self, points: Floats) -> NDArray[np.int64]:
         """Index in `PLANTED` of each point's region (n, d), -1 for none, as (n,)."""
@@ -68,17 +69,19 @@ class AnalyticSimulator:
         sees_at = 0.0 if depth >= 1 else SAFE_DETECTION_M - 13 * max(0.0, depth)
         steps: list[TimeStep] = []
         kept: list[KeptFrame] = []
+        found: list[FrameDetections] = []
         distance, speed, time = SPEED_MPS * HORIZON_S, SPEED_MPS, 0.0
         while True:
             frame = _frame(distance, time)
             braking = distance <= sees_at
             detections = detector.detect(frame) if braking else Detections.none()
             if keep_every and len(steps) % keep_every == 0:
-                kept.append(KeptFrame(len(steps), frame, detections, match(detections, frame.truth)))
+                kept.append(KeptFrame(len(steps), frame, detections, match(detections, frame.truth, self._car.criterion)))
+            found.append(FrameDetections(detections, np.zeros(len(detections.boxes), bool)))
             walked = (time - HORIZON_S) * float(concrete["pedestrian_speed"])
             steps.append(_step(frame, distance, speed, braking, walked))
             if distance <= 0 or speed <= kpi.MIN_SPEED_MPS:
-                return Episode.of(steps, kept)
+                return Episode.of(steps, kept, found)
             distance = max(0.0, distance - speed * STEP_S)
             speed = max(0.0, speed - (BRAKE_MPS2 * STEP_S if braking else 0.0))
             time = round(time + STEP_S, 9)
@@ -108,6 +111,7 @@ def _frame(distance: float, time: float) -> Frame:
 
 def _step(frame: Frame, distance: float, speed: float, braking: bool, walked: float) -> TimeStep:
     """distance: metres to the conflict point. walked: metres of the pedestrian past it."""
+    boxes: Mapping[str, Any] = box_signals(frame.truth)
     return replace(
         NOTHING,
         time_s=frame.time_s,
@@ -119,8 +123,13 @@ def _step(frame: Frame, distance: float, speed: float, braking: bool, walked: fl
         gap_m=0.0 if distance <= 0 else distance + 0.1,
         on_collision_path=True,
         contact=distance <= 0,
+        stopping_distance_m=speed**2 / (2 * BRAKE_MPS2),
         brake=float(braking),
+        demand_mps2=BRAKE_MPS2 * braking,
         confidence=float(braking),
+        any_confidence=float(braking),
+        overlap=float(braking),
         visible_pixels=frame.truth.visible_pixels,
         contrast=frame.truth.contrast,
+        **boxes,
     )

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from pipeline.artefacts.calibration_results import DetectorCalibration
 from pipeline.artefacts.folders import Folders
+from pipeline.artefacts.results import read
 from pipeline.artefacts.scenario_space import read_space
-from pipeline.config.schema import Config
+from pipeline.config.schema import JUDGED, Config
 from pipeline.contract import Files, Job, Step, Wildcards
 from pipeline.core.identity import CampaignId
 from pipeline.errors import InputError
 
-TABLES = ("tests", "signals", "frames", "timings")
+TABLES = ("tests", "signals", "detections", "frames", "timings")
 HELD_OUT = "held_out"
 
 
@@ -17,6 +19,7 @@ def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
     return {
         "space": folders.space(wildcards["scenario"]),
         "model": folders.detector(wildcards["version"]),
+        "calibration": folders.calibrations([wildcards["version"]]),
         "earlier": folders.earlier(**wildcards),
     }
 
@@ -25,7 +28,7 @@ def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
     """Sections of a comparison's campaign: the size of the search does not matter, but the same threshold judges all tests."""
     held_out = wildcards["kind"] == HELD_OUT
     budget = ("comparison.tests",) if held_out else ("campaign.tests", "campaign.keep_every")
-    return ("scenarios.{scenario}", "samplers.{strategy}", "simulator", "detector", "campaign.failure_threshold_s", *budget)
+    return ("scenarios.{scenario}", "samplers.{strategy}", "simulator", *JUDGED, *budget)
 
 
 STEP = Step(
@@ -45,6 +48,7 @@ def run(job: Job) -> None:
 
     Except for the timings, the tables depend only on the config, the model and `earlier`, not on the threads or on kills.
     """
+    from pipeline.detectors.calibrated import calibrated
     from pipeline.execution.campaign import CampaignPlan, run_campaign, sampler_seed
     from pipeline.execution.workers import Setup
 
@@ -53,19 +57,23 @@ def run(job: Job) -> None:
     if not model.exists():
         raise InputError(f"{model}: expected the detector of version '{campaign.version}', found none; train it first")
     held_out = wildcards["kind"] == HELD_OUT
+    detector = config.detector
+    for path in job.inputs("calibration"):
+        detector = calibrated(detector, read(path, DetectorCalibration).scaling)
     plan = CampaignPlan(
         campaign=campaign,
         space=read_space(job.input("space"))[1],
         tests=config.comparison.tests if held_out else config.campaign.tests,
         failure_threshold_s=config.campaign.failure_threshold_s,
         strategy=config.samplers[campaign.strategy],
-        strategy_seed=sampler_seed(campaign.scenario, campaign.seed, "base" if held_out else campaign.version),
+        strategy_seed=sampler_seed(campaign, frozen=held_out),
         earlier=job.inputs("earlier"),
         setup=Setup(
             simulator=config.simulator,
             scenario=config.scenarios[campaign.scenario],
-            detector=config.detector,
+            detector=detector,
             model=model,
+            car=config.car,
             keep_every=0 if held_out else config.campaign.keep_every,
         ),
     )

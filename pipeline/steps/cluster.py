@@ -14,24 +14,22 @@ STEP = Step(
     reads=lambda folders, wildcards: {
         "space": folders.space(wildcards["scenario"]),
         "tests": folders.search("tests.parquet", **wildcards),
-        "signals": folders.search("signals.parquet", **wildcards),
     },
     writes=lambda folders: {"regions": folders.regions("{version}", "{scenario}")},
-    sections=("regions", "comparison.confidence"),
+    sections=("regions",),
 )
 
 
 def run(job: Job) -> None:
     """Find the failure regions of one search scenario over all its campaigns against a version.
 
-    Errors are left out; a test that two campaigns executed, such as a common random first batch, counts once.
+    Errors are left out; a test that two campaigns executed counts once.
     """
-    from pipeline.analysis.failure_regions import cluster, not_solvable
+    from pipeline.analysis.failure_regions import cluster
 
     info, logical = read_space(job.input("space"))
     table = pd.concat([read_tests(path) for path in job.inputs("tests")], ignore_index=True)
     table = table[table["status"] == "ok"].drop_duplicates(list(logical.names), ignore_index=True)
-    regions = cluster(info, logical, table, job.config.regions, job.config.comparison.confidence)
-    regions = regions.model_copy(update={"not_solvable": not_solvable(table, job.inputs("signals"))})
+    regions = cluster(info, logical, table, job.config.regions)
     write(job.output("regions"), regions)
     job.progress(1, 1, f"{len(regions.regions)} regions of {regions.failures} failures in {regions.tests} tests")

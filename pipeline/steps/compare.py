@@ -4,10 +4,18 @@ from __future__ import annotations
 
 from pipeline.artefacts.files import write_bytes, write_json
 from pipeline.artefacts.model_card import read_card
-from pipeline.artefacts.results import Measures, read, write
+from pipeline.artefacts.results import Frequencies, Measures, read, write
 from pipeline.artefacts.scenario_space import read_space
 from pipeline.artefacts.tables import write_tests
-from pipeline.contract import Job, Step
+from pipeline.config.schema import Config
+from pipeline.contract import Job, Step, Wildcards
+
+
+def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
+    """A study that only tests detectors has no base set."""
+    own = ("comparison.alpha", "comparison.confidence", "regions", "campaign.failure_threshold_s", "tested")
+    return own if config.tested else (*own, "base_set.rare")
+
 
 STEP = Step(
     "Compare all model versions on the held-out sequence.",
@@ -23,7 +31,7 @@ STEP = Step(
         "changes": f"{folders.root}/changes.csv",
         "metrics": f"{folders.root}/metrics.json",
     },
-    sections=("comparison.alpha", "comparison.confidence", "regions", "campaign.failure_threshold_s", "tested"),
+    sections=_sections,
 )
 
 
@@ -33,7 +41,7 @@ def run(job: Job) -> None:
     The order of the cards, or of detectors that a study only tests, is the order of the versions.
 
     Raises InputError if the versions did not execute the same points in the same order, or if one has no campaign, was judged at another
-    threshold than the config's, or was trained on a held-out town.
+    threshold than the config's, or was trained on a held-out town or on held-out people.
     """
     from pipeline.analysis.comparison import base_regions, changed_tests, compare, flat_metrics
     from pipeline.analysis.held_out import read_held_out
@@ -41,18 +49,22 @@ def run(job: Job) -> None:
 
     config, settings = job.config, job.config.comparison
     known = {info.name: (info, space) for info, space in map(read_space, job.inputs("spaces"))}
-    labels = {name: info.label for name, (info, _) in known.items()}
+    infos = {name: info for name, (info, _) in known.items()}
     cards = [read_card(path) for path in job.inputs("models")]
     refuse_learnt(cards, [info for info, _ in known.values()])
     versions, threshold = [card.version for card in cards] or list(config.tested), config.campaign.failure_threshold_s
-    held_out = read_held_out(job.inputs("tests"), versions, labels, threshold, job.progress)
+    held_out = read_held_out(job.inputs("tests"), versions, infos, threshold, job.progress)
     digest = held_out.digest({name: space.names for name, (_, space) in known.items()})
-    regions = base_regions(held_out, known, config.regions, settings.confidence)
-    result = compare(held_out, digest, regions, settings.alpha, settings.confidence)
+    regions = base_regions(held_out, known, config.regions)
+    measures = read(job.input("measures"), Measures)
+    result = compare(held_out, digest, regions, settings.alpha, settings.confidence).model_copy(update={"base_rates": measures.base_rates})
+    if cards:
+        shown = Frequencies(**config.base_set.rare.model_dump())
+        result = result.model_copy(update={"trained_on": cards[0].frequencies, "base_set": shown})
     write(job.output("comparison"), result)
     first = next(space for _, space in known.values())
     write_tests(job.output("table"), held_out.joined, first)
     changes = changed_tests(result, held_out.joined, first.names)
     write_bytes(job.output("changes"), changes.to_csv(index=False, lineterminator="\n", float_format="%.6g").encode())
     detection = {card.version: card.metrics for card in cards}
-    write_json(job.output("metrics"), flat_metrics(result, read(job.input("measures"), Measures), detection))
+    write_json(job.output("metrics"), flat_metrics(result, measures, detection))

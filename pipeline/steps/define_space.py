@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pipeline.artefacts.scenario_space import ScenarioInfo, write_space
 from pipeline.contract import Job, Step
+from pipeline.scenarios.people import fingerprint
 
 STEP = Step(
     "Write the logical scenario space of a scenario.",
@@ -18,6 +19,7 @@ def run(job: Job) -> None:
 
     name = job.wildcards["scenario"]
     body, space = job.config.scenarios[name], job.config.space(name)
-    pairs = feasible_pairs(space)
-    write_space(job.output("space"), ScenarioInfo(name, body.label, body.description, pairs, body.town.fingerprint), space)
+    pairs, people = feasible_pairs(space), "" if body.people is None else fingerprint(body.people)
+    info = ScenarioInfo(name, body.label, body.description, pairs, body.town.fingerprint, people, asks_to_brake=body.asks_to_brake)
+    write_space(job.output("space"), info, space)
     job.progress(1, 1, f"{len(space)} variables, {pairs} pairs")

@@ -5,13 +5,14 @@ from __future__ import annotations
 
 import pandas as pd
 
+from pipeline.artefacts.calibration_results import DetectorCalibration
 from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.files import write_bytes
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.results import FailureRegions, Measures, read
 from pipeline.artefacts.scenario_space import read_space
 from pipeline.artefacts.tables import read_tests
-from pipeline.config.schema import Config
+from pipeline.config.schema import JUDGED, Config
 from pipeline.contract import Files, Job, Step, Wildcards
 
 
@@ -23,6 +24,7 @@ def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
         "tests": folders.search("tests.parquet", version=version),
         "spaces": folders.spaces(config.search),
         "detectors": list(config.tested.values()),
+        "calibrations": folders.calibrations(config.tested),
     }
     if len(config.tested) > 1:
         files |= {name: f"{folders.root}/{file}" for name, file in COMPARISON.items()}
@@ -35,7 +37,7 @@ COMPARISON = {"comparison": "comparison.json", "table": "comparison.parquet", "c
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
     """All scenarios, because any of them may have a replay."""
     scenarios = tuple(f"scenarios.{name}" for name in (*config.search, *config.held_out))
-    own = ("study", "tested", "report", "simulator", "detector", "strategies", "held_out", "campaign.failure_threshold_s")
+    own = ("study", "tested", "report", "simulator", "strategies", "held_out", *JUDGED)
     return (*own, *scenarios)
 
 
@@ -55,6 +57,8 @@ def run(job: Job) -> None:
     config, version = job.config, job.wildcards["version"]
     infos = {info.name: (info.label, space) for info, space in map(read_space, job.inputs("spaces"))}
     rows = pd.concat([read_tests(path) for path in job.inputs("tests")], ignore_index=True)
+    calibrations = [read(path, DetectorCalibration) for path in job.inputs("calibrations")]
+    calibrations.sort(key=lambda found: found.version != version)  # The page's own detector comes first.
     files = dict(zip(config.tested, job.inputs("detectors"), strict=True))
     compared = None
     if "comparison" in job.reads:
@@ -69,6 +73,7 @@ def run(job: Job) -> None:
         searched=rows,
         spaces={name: space for name, (_, space) in infos.items()},
         labels={name: label for name, (label, _) in infos.items()},
+        calibrations={found.version: found for found in calibrations},
         filters={},
         cards=(),
         detectors={version: files[version], **files},

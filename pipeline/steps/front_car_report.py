@@ -47,7 +47,7 @@ def run(job: Job) -> None:
         "table": draw.table(known, categories, space),
         "growth": draw.growth(known),
         "gallery": draw.gallery([point.name for point in known.points], images, classes),
-        "by_condition": draw.by_condition(result, space, job.config.comparison.confidence),
+        "by_condition": draw.by_condition(result, space),
     }
     for done, (name, figure) in enumerate(figures.items(), 1):
         save_png(figure, plots[name])

@@ -42,7 +42,7 @@ def run(job: Job) -> None:
     checkpoint = job.scratch / "checkpoint.pt"
     plan = Refinement(settings.iterations, settings.batch_size, settings.learning_rate, added_share=0.0, seed=(settings.seed,))
     fitted = retrain(load_weights(weights), ImageSets(images, None, validation), plan, Run(checkpoint, job.threads, job.progress))
-    towns = read_card(job.input("card")).towns
-    origin = Origin(job.wildcards["version"], "base", data, training | {"images": len(images)}, settings.seed, towns)
+    worlds = read_card(job.input("card")).worlds
+    origin = Origin(job.wildcards["version"], "base", data, training | {"images": len(images)}, settings.seed, worlds)
     write_version(job.config, fitted, validation, origin, job.output("card"))
     checkpoint.unlink(missing_ok=True)

@@ -15,7 +15,7 @@ STEP = Step(
         "tests": folders.searches("tests.parquet"),
     },
     writes=lambda folders: {"measures": f"{folders.root}/measures.json", "theta": f"{folders.root}/theta.csv"},
-    sections=("strategies", "comparison.confidence"),
+    sections=lambda config, wildcards: ("strategies", "comparison.confidence", *(f"samplers.{name}" for name in config.strategies)),
 )
 
 
@@ -24,10 +24,13 @@ def run(job: Job) -> None:
 
     Raises InputError for a campaign without its space or its baseline of the same seed.
     """
+    from hydra.utils import get_class
+
     from pipeline.analysis.measures import PROJECTION_K, by_strategy, measure_campaign, summarise, theta_table
 
     baseline, confidence = job.config.strategies[0], job.config.comparison.confidence
-    spaces = {info.name: space for info, space in map(read_space, job.inputs("spaces"))}
+    known = [read_space(path) for path in job.inputs("spaces")]
+    spaces = {info.name: space for info, space in known}
     tables = {}
     for path in job.inputs("tests"):
         table = read_tests(path).sort_values("index")
@@ -36,7 +39,15 @@ def run(job: Job) -> None:
     for done, campaign in enumerate(tables, 1):
         measured.append(measure_campaign(campaign, tables, spaces, baseline))
         job.progress(done, len(tables), str(campaign))
-    groups = tuple(summarise(group, confidence) for group in by_strategy(measured))
-    measures = Measures(confidence=confidence, k=PROJECTION_K, baseline=baseline, campaigns=tuple(measured), strategies=groups)
+    independent = {name for name, section in job.config.samplers.items() if getattr(get_class(section["_target_"]), "independent", False)}
+    groups = tuple(summarise(group, confidence, baseline, independent) for group in by_strategy(measured))
+    measures = Measures(
+        confidence=confidence,
+        k=PROJECTION_K,
+        baseline=baseline,
+        campaigns=tuple(measured),
+        strategies=groups,
+        no_braking=tuple(info.name for info, _ in known if not info.asks_to_brake),
+    )
     write(job.output("measures"), measures)
     write_bytes(job.output("theta"), theta_table(measured).to_csv(index=False, lineterminator="\n").encode())

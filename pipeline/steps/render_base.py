@@ -7,19 +7,18 @@ from typing import Any
 
 from pipeline.artefacts.dataset import Record, Split, move_dataset, remove_leftovers, write_image, write_truth
 from pipeline.artefacts.files import program_sha256, read_json, write_json
-from pipeline.config.schema import held_out_towns
+from pipeline.config.schema import BaseSet, held_out_worlds
 from pipeline.contract import Job, Step
 from pipeline.core.truth import Truth
 from pipeline.execution.pool import render_pool
-from pipeline.scenarios.streets import Town
 
 SHARD_IMAGES = 100
-"""Images per town: few, so that a base set shows many towns and a kill loses little."""
+"""Images per town and population: few, so that a base set shows many of both and a kill loses little."""
 
 STEP = Step(
     "Render the random base training set.",
     writes=lambda folders: folders.written_dataset("base_set"),
-    sections=lambda config, wildcards: ("base_set", "simulator", *held_out_towns(config)),
+    sections=lambda config, wildcards: ("base_set", "simulator", *held_out_worlds(config)),
     parallel=True,
 )
 
@@ -33,9 +32,8 @@ def run(job: Job) -> None:
     images = config.base_set.images
     shards = [(shard, min(SHARD_IMAGES, images - shard * SHARD_IMAGES)) for shard in range(-(-images // SHARD_IMAGES))]
     camera = config.simulator.get("camera", {})
-    held_out = {name: config.scenarios[name].town for name in config.held_out}
     program = program_sha256()
-    jobs = [(*shard, config.base_set.seed, config.base_set.validation_share, camera, held_out, root, program) for shard in shards]
+    jobs = [(*shard, config.base_set, camera, config.unseen, root, program) for shard in shards]
     records: list[Record] = []
     with render_pool(min(job.threads, len(jobs))) as pool:
         for done, shard_records in enumerate(pool.imap(_render_shard, jobs), 1):
@@ -50,20 +48,20 @@ def _shard_file(out: Path, shard: int) -> Path:
     return out / "shards" / f"{shard:04d}.json"
 
 
-def _render_shard(job: tuple[int, int, int, float, dict[str, Any], dict[str, Town], Path, str]) -> list[Record]:
+def _render_shard(job: tuple[int, int, BaseSet, dict[str, Any], dict[str, str], Path, str]) -> list[Record]:
     """Render one town's images, unless its shard file records the same settings and the same code."""
     from pipeline.simulators.mujoco.lens import CameraSettings
     from pipeline.simulators.mujoco.random_scenes import scenes  # Needs a GL library, unlike the parent process.
 
-    shard, count, seed, validation_share, camera, held_out, out, program = job
-    key = {"count": count, "seed": seed, "validation_share": validation_share, "camera": camera, "program": program}
+    shard, count, base_set, camera, unseen, out, program = job
+    key = {**base_set.model_dump(exclude={"images"}), "count": count, "camera": camera, "program": program}
     path = _shard_file(out, shard)
     if path.exists() and (done := read_json(path))["key"] == key:
         return [_record(plain) for plain in done["records"]]
     settings = CameraSettings.model_validate(camera)
     records = []
-    first_validation = count - round(count * validation_share)
-    for i, scene in enumerate(scenes(shard, count, seed, settings, held_out)):
+    first_validation = count - round(count * base_set.validation_share)
+    for i, scene in enumerate(scenes(shard, count, base_set, settings, unseen)):
         split: Split = "val" if i >= first_validation else "train"
         index = shard * SHARD_IMAGES + i
         write_image(out, split, index, scene.image, scene.truth)

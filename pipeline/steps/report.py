@@ -12,7 +12,7 @@ from pipeline.artefacts.model_card import read_card
 from pipeline.artefacts.results import FailureRegions, Measures, WhiteBoxMeasures, read
 from pipeline.artefacts.scenario_space import read_space
 from pipeline.artefacts.tables import read_tests
-from pipeline.config.schema import Config
+from pipeline.config.schema import JUDGED, Config
 from pipeline.contract import Files, Job, Step, Wildcards
 
 
@@ -38,7 +38,7 @@ def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
     """All scenarios, because any of them may have a replay."""
     scenarios = tuple(f"scenarios.{name}" for name in (*config.search, *config.held_out))
-    own = ("study", "report", "filter", "simulator", "detector", "strategies", "adaptive", "held_out", "campaign.failure_threshold_s")
+    own = ("study", "report", "filter", "simulator", "strategies", "adaptive", "held_out", *JUDGED)
     return (*own, *scenarios)
 
 

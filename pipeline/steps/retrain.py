@@ -5,7 +5,7 @@ from __future__ import annotations
 from pipeline.artefacts.dataset import read_dataset
 from pipeline.artefacts.files import sha256
 from pipeline.artefacts.folders import Folders
-from pipeline.config.schema import Config, Retraining, held_out_towns
+from pipeline.config.schema import Config, Retraining, held_out_worlds
 from pipeline.contract import Files, Job, Step, Wildcards
 from pipeline.core.lineage import Version
 
@@ -32,7 +32,7 @@ def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
     own = [f"retraining.{name}" for name in Retraining.model_fields if name not in ("seeds", "rounds")]
     seed = ["retraining.seeds.0"] if Version.named(wildcards["version"]).seed is None else []
     scratch = ["training"] if config.retraining.start == "scratch" else []
-    return (*own, *seed, *scratch, "regions", "detector", *held_out_towns(config))
+    return (*own, *seed, *scratch, "regions", "detector", *held_out_worlds(config))
 
 
 STEP = Step(
@@ -60,7 +60,7 @@ def run(job: Job) -> None:
     config, described = job.config, Version.named(job.wildcards["version"])
     seed = config.retraining.seeds[0] if described.seed is None else described.seed
     truth, weights, checkpoint = job.input("truth"), job.input("weights"), job.scratch / "checkpoint.pt"
-    towns = leakage.refuse_towns(config, truth, job.inputs("spaces"), job.input("parent"))
+    worlds = leakage.refuse_worlds(config, truth, job.inputs("spaces"), job.input("parent"))
     base, validation = (read_dataset(truth.parent, split) for split in ("train", "val"))
     added = None
     if described.kind != "control":
@@ -74,6 +74,6 @@ def run(job: Job) -> None:
     fitted = fit_version(config, weights, ImageSets(base, added, validation), stream, Run(checkpoint, job.threads, job.progress))
     training = settings_taken(config) | {"seed": seed, "round": described.round, "base_images": len(base)}
     training |= {"added_frames": 0 if added is None else len(added)}
-    origin = Origin(str(described), str(described.parent), data, training, seed, towns)
+    origin = Origin(str(described), str(described.parent), data, training, seed, worlds)
     write_version(config, fitted, validation, origin, job.output("card"))
     checkpoint.unlink(missing_ok=True)

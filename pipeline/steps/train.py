@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from pipeline.artefacts.dataset import read_dataset
 from pipeline.artefacts.model_card import read_card, read_curve
-from pipeline.config.schema import Config, held_out_towns
+from pipeline.config.schema import Config, held_out_worlds
 from pipeline.contract import Job, Step, Wildcards
 
 
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
     """Training parameters matter only if the base is trained."""
-    own = ("base", "training") if config.base.source == "trained" else ("base",)
-    return (*own, "detector", *held_out_towns(config))
+    own = ("base", "training", "base_set.rare") if config.base.source == "trained" else ("base",)
+    return (*own, "detector", *held_out_worlds(config))
 
 
 STEP = Step(
@@ -42,14 +42,15 @@ def run(job: Job) -> None:
     if config.base.source == "shipped":
         fitted = Fitted(load_weights(job.input("shipped_weights")), tuple(read_curve(job.input("shipped_curve"))))
         card = read_card(job.input("shipped_card"))
-        leakage.refuse_towns(config, truth, [], job.input("shipped_card"))
-        origin = Origin("base", None, card.data, dict(card.training), card.seed, card.towns)
+        leakage.refuse_worlds(config, truth, [], job.input("shipped_card"))
+        origin = Origin("base", None, card.data, dict(card.training), card.seed, card.worlds)
     else:
-        images, towns = read_dataset(truth.parent, "train"), leakage.refuse_towns(config, truth, [])
+        images, worlds = read_dataset(truth.parent, "train"), leakage.refuse_worlds(config, truth, [])
         settings = config.training.model_dump()
         fitted = train_from_scratch(images, usable(images), validation, settings, Run(checkpoint, job.threads, job.progress))
-        taken = {"images": len(images), **settings}
-        origin = Origin("base", None, {"base_set": images.digest}, taken, config.training.seed, towns)
+        rare = {f"rare_{name}": frequency for name, frequency in config.base_set.rare.model_dump().items()}
+        taken = {"images": len(images), **rare, **settings}
+        origin = Origin("base", None, {"base_set": images.digest}, taken, config.training.seed, worlds)
     write_version(config, fitted, validation, origin, job.output("card"))
     checkpoint.unlink(missing_ok=True)
     job.progress(1, 1, "evaluated")

@@ -71,7 +71,7 @@ def version_metrics(result: VersionResult) -> dict[str, float]:
     """A version's results on the held-out sequence; `failures.<scenario>` beside the total."""
     metrics = {"failures": result.failures, "failures_by_ttc": result.modes.by_ttc, "tests": result.tests, "errors": result.errors}
     metrics |= {f"failures.{scenario}": count for scenario, count in failures_by_scenario(result).items()}
-    rates = {"failure_rate": result.rate.value}
+    rates = {"failure_rate": result.rate}
     if result.paired is not None:
         rates |= {"p_value_against_base": result.paired.p_value, "change_against_base": float(result.change)}
         metrics |= {"fixes": len(result.paired.fixes), "regressions": len(result.paired.regressions)}

@@ -57,6 +57,11 @@ def make_tests(space: Space, keys: dict[str, Any], points: Floats, fog_from: flo
         ttc_s=np.where(error, np.nan, adjusted),
         failure=failed,
         failure_mode=modes,
+        cause=np.select(
+            [modes == "none", modes == "false_positives", np.arange(len(points)) % 2 == 1],
+            ["none", "false_positives", "not_solvable"],
+            "box",
+        ),
         contact=modes == "contact",
     )
     for column, variable in enumerate(space.variables):
@@ -159,7 +164,8 @@ class FabricatedStudy:
         """Write spaces, campaigns and model versions."""
         for name in (*self.config.search, *self.config.held_out):
             scenario = self.config.scenarios[name]
-            info = ScenarioInfo(name, scenario.label, scenario.description, 8084, scenario.town.fingerprint)
+            worlds = (one for _, one in scenario.worlds)
+            info = ScenarioInfo(name, scenario.label, scenario.description, 8084, *worlds, asks_to_brake=scenario.asks_to_brake)
             write_space(self.folder / self.files.space(name), info, self.config.space(name))
         for path in self.search_tests:
             self._search(path)
@@ -217,6 +223,7 @@ class FabricatedStudy:
             reliability={name: ((0.2, 0.3, 20), (0.9, 0.85, 80)) for name in ("uncalibrated", "calibrated")},
             weights_sha256=f"{rank}" * 64,
             towns=(),
+            people=(),
         )
         write_card(path, card)
         path.with_name("weights.safetensors").write_bytes(f"weights {rank}".encode())

@@ -6,14 +6,21 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from pipeline.analysis.failure_regions import cluster
 from pipeline.artefacts.results import FailureRegions, read
 from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.config.schema import Regions
+from pipeline.core import kpi
 from pipeline.core.growth import PointOutcomes, grow_regions
 from pipeline.core.space import Space, Variable
+from pipeline.detectors.scripted import BlindDetector
+from pipeline.simulators.analytic import AnalyticSimulator
+from pipeline.testing import CAR
 from tests.analysis.fabricated import FabricatedStudy, make_tests
+from tests.scenarios import scenario_with
+from tests.spaces import THESIS
 
 SPACE = Space((Variable("fog", "continuous", "%", 0, 100, 10), Variable("sun_altitude", "continuous", "deg", -20, 90, 10)))
 KEYS = {"scenario": "F", "strategy": "random", "version": "base", "seed": 0}
@@ -23,12 +30,12 @@ INFO = ScenarioInfo("F", "F", "", 1)
 def test_planted_region_is_found_with_its_rule() -> None:
     tests = make_tests(SPACE, KEYS, SPACE.sample(400, np.random.default_rng(0)), fog_from=60)
     tests = tests[tests["status"] == "ok"].reset_index(drop=True)
-    result = cluster(INFO, SPACE, tests, Regions(chance_neighbours=1, min_failures=4), confidence=0.95)
+    result = cluster(INFO, SPACE, tests, Regions(chance_neighbours=1, min_failures=4))
     assert len(result.regions) == 1
     region = result.regions[0]
     assert region.rule == "fog >= 60 % and sun_altitude <= 5 deg"
     assert region.failures_inside == len(region.members) == result.failures == region.modes.total
-    assert region.precision.low <= region.precision.value <= region.precision.high
+    assert region.precision == region.failures_inside / region.support
     assert region.recall == 1
     assert result.unassigned == ()
     medoid = region.representatives[0]
@@ -45,15 +52,40 @@ def test_two_corners_are_two_regions() -> None:
     tests["failure"] = np.arange(len(tests)) < 16
     tests["failure_mode"] = np.where(tests["failure"], "late", "none")
     tests["status"] = "ok"
-    result = cluster(INFO, SPACE, tests, Regions(chance_neighbours=0.5, min_failures=3), confidence=0.95)
+    result = cluster(INFO, SPACE, tests, Regions(chance_neighbours=0.5, min_failures=3))
     assert [len(region.members) for region in result.regions] == [8, 8]
     assert {region.support for region in result.regions} == {8}
 
 
 def test_without_failures_there_is_no_region() -> None:
     tests = make_tests(SPACE, KEYS, SPACE.sample(20, np.random.default_rng(0)), fog_from=1000)
-    result = cluster(INFO, SPACE, tests, Regions(chance_neighbours=0.5, min_failures=3), confidence=0.95)
+    result = cluster(INFO, SPACE, tests, Regions(chance_neighbours=0.5, min_failures=3))
     assert (result.failures, result.regions, result.unassigned, result.connected) == (0, (), (), 0)
+
+
+def everywhere(tests: pd.DataFrame) -> FailureRegions:
+    return cluster(INFO, SPACE, tests, Regions(chance_neighbours=0.5, min_failures=4))
+
+
+def test_every_test_fails_is_one_region_that_says_so() -> None:
+    simulator, space = AnalyticSimulator(scenario_with(THESIS), CAR), THESIS
+    points = space.sample(60, np.random.default_rng(0))
+    # At 10 s, every test with a detector that sees nothing is a failure.
+    outcomes = [kpi.evaluate(simulator.execute(space.decode(point), BlindDetector()).signals, 10.0) for point in points]
+    tests = make_tests(space, KEYS, points).assign(status="ok", failure=[found.failure for found in outcomes], failure_mode="late")
+    result = cluster(INFO, space, tests, Regions(chance_neighbours=0.5, min_failures=4))
+    (region,) = result.regions
+    assert (region.rule, region.support, region.failures_inside, region.precision, region.recall) == ("every test", 60, 60, 1, 1)
+    assert set(region.members) == set(tests["test_id"]) and result.unassigned == ()
+
+
+def test_a_few_passing_tests_tell_no_regions_apart() -> None:
+    tests = make_tests(SPACE, KEYS, SPACE.sample(60, np.random.default_rng(0))).assign(status="ok", failure_mode="late")
+    nearly = everywhere(tests.assign(failure=np.arange(60) % 30 > 0))
+    assert [(region.rule, region.failures_inside, region.support) for region in nearly.regions] == [("every test", 58, 60)]
+    # Three failing tests are too few for a region.
+    few = everywhere(tests[:3].assign(failure=True))
+    assert few.regions == () and len(few.unassigned) == 3
 
 
 def test_growing_joins_the_pieces_of_one_cause() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +14,13 @@ from pipeline.analysis.comparison import base_regions, changed_tests, compare
 from pipeline.analysis.held_out import HeldOut
 from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.files import read_json
-from pipeline.artefacts.results import read, write
+from pipeline.artefacts.results import Causes, read, write
 from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.artefacts.tables import read_tests, write_tests
 from pipeline.config.composing import compose
 from pipeline.core.comparison import SequenceTest
 from pipeline.errors import InputError
+from pipeline.report.failure_tables import braking_held_out
 from pipeline.report.verdict import verdict_table
 from tests.analysis.fabricated import FabricatedStudy
 from tests.spaces import SMALL
@@ -27,8 +29,9 @@ LABELS = {"F1star": "F1*"}
 
 
 def table(outcomes: Mapping[str, str]) -> pd.DataFrame:
-    """Tests of versions from strings: '.' passes, 'c' contact, 'l' late, 'f' by false positives alone, 'e' error."""
-    modes = {".": "none", "c": "contact", "l": "late", "f": "false_positives", "e": "none"}
+    """Tests from strings: '.' passes, 'c' contact, 'l' late, 'f' by false positives alone, 'n' braking without need, 'e' error."""
+    modes = {".": "none", "c": "contact", "l": "late", "f": "false_positives", "n": "false_activation", "e": "none"}
+    causes = {".": "none", "c": "never_seen", "l": "box", "f": "false_positives", "n": "false_activation", "e": "none"}
     return pd.DataFrame(
         [
             {
@@ -38,8 +41,12 @@ def table(outcomes: Mapping[str, str]) -> pd.DataFrame:
                 "seed": 0,
                 "index": index,
                 "status": "error" if sign == "e" else "ok",
-                "failure": sign in "clf",
+                "failure": sign in "clfn",
                 "failure_mode": modes[sign],
+                "cause": causes[sign],
+                "false_activations": int(sign == "n"),
+                "false_activation_s": 1.5 * (sign == "n"),
+                "speed_loss_mps": 4.0 * (sign == "n"),
             }
             for version, signs in outcomes.items()
             for index, sign in enumerate(signs)
@@ -70,6 +77,29 @@ def test_counts_pairs_and_exact_p_value() -> None:
     assert (adaptive.change, adaptive.verdict) == (-6, "no difference shown")
     assert result.champion == "base"
     assert result.gate["adaptive"] == "held back: not significantly fewer failures than base (p = 0.07)"
+
+
+def test_failures_are_counted_by_cause() -> None:
+    result = compared(base="cclfn.e", adaptive=".......")
+    assert result.versions[0].causes == Causes(never_seen=2, box=1, false_positives=1, false_activation=1)
+    assert (result.versions[0].modes.by_ttc, result.versions[0].modes.total, result.versions[1].causes.total) == (3, 5, 0)
+
+
+def test_braking_without_need_is_listed_by_version_and_scenario() -> None:
+    sequence = replace(held_out(table({"base": "nn.e", "adaptive": "...."})), no_braking=("F1star",))
+    result = compare(sequence, "digest", [], alpha=0.05, confidence=0.95)
+    headers, base, adaptive = braking_held_out(result)
+    assert dict(zip(headers, base, strict=True)) == {
+        "version": "base",
+        "scenario": "F1*",
+        "tests": "3",
+        "with a false activation": "2",
+        "false activations": "2",
+        "mean duration": "1.50 s",
+        "mean speed loss": "4.0 m/s (14 km/h)",
+    }
+    assert adaptive[2:] == ("4", "0", "0", "–", "–")
+    assert "Braking without need" in verdict_table(result) and "Braking without need" not in verdict_table(compared(base="c"))
 
 
 def test_verdicts() -> None:
@@ -146,8 +176,7 @@ def test_groups_average_over_the_seeds_of_retraining() -> None:
     # Student's t of two seeds is wide: 2 ± 12.7, and no count is below 0.
     assert (first.failures.low, first.failures.high) == pytest.approx((0, 14.706), abs=1e-3) and first.scenarios["F1star"].value == 2
     assert (second.group, second.round, second.failures.value) == ("adaptive-r2", 2, 0)
-    # A single version has Wilson's interval, here of 4 of 8.
-    assert (base.failures.low, base.failures.high) == pytest.approx((8 * 0.2152, 8 * 0.7848), abs=1e-3)
+    assert (base.failures.low, base.failures.high) == (4, 4), "a single version on a designed list has no interval"
     none = compared(base="....", adaptive="c...")
     assert none.groups[1].against_base is None
 
@@ -194,10 +223,10 @@ def test_failures_are_counted_in_the_regions_of_the_base() -> None:
     for version, failed in {"base": np.arange(200) < 30, "adaptive": np.isin(np.arange(200), [3, 4, 150])}.items():
         modes = np.where(failed, "contact", "none")
         ids = [f"F1star-pairwise-{version}-0-{i:05d}" for i in range(200)]
-        tests[version] = rows.assign(test_id=ids, failure=failed, failure_mode=modes, adj_ttc_s=np.where(failed, 0.0, 1.0))
+        tests[version] = rows.assign(test_id=ids, failure=failed, failure_mode=modes, cause="box", adj_ttc_s=np.where(failed, 0.0, 1.0))
     sequence = HeldOut(("base", "adaptive"), LABELS, {("F1star", version): found for version, found in tests.items()})
     spaces = {"F1star": (ScenarioInfo("F1star", "F1*", "", 100), SMALL)}
-    (region,) = base_regions(sequence, spaces, compose("default", []).regions, confidence=0.95)
+    (region,) = base_regions(sequence, spaces, compose("default", []).regions)
     assert (region.scenario, region.name) == ("F1star", "F1* region 1")
     assert region.failures == {"base": 30, "adaptive": 2} and 30 <= region.tests < 60
 

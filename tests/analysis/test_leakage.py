@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.artefacts.dataset import TRUTH_FILE, ImageSet, Record, image_set, write_truth
+from pipeline.artefacts.dataset import TRUTH_FILE, ImageSet, Record, image_set, read_worlds, write_truth
 from pipeline.artefacts.filter_table import COLUMNS, write_filter
 from pipeline.artefacts.model_card import read_card, write_card
 from pipeline.artefacts.scenario_space import ScenarioInfo, write_space
@@ -19,12 +19,15 @@ from pipeline.core.truth import Truth
 from pipeline.errors import InputError
 from pipeline.learning.added_frames import Source, choose
 from pipeline.learning.frame_filter import judge
-from pipeline.learning.leakage import refuse_frames, refuse_towns
+from pipeline.learning.leakage import refuse_frames, refuse_learnt, refuse_worlds
+from pipeline.scenarios.people import fingerprint
 from pipeline.simulators.mujoco import random_scenes
 from pipeline.simulators.mujoco.lens import CameraSettings
+from pipeline.steps.render_base import SHARD_IMAGES
 from tests.analysis.fabricated import FabricatedStudy
 from tests.core.test_model_card import CARD
 from tests.spaces import SMALL
+from tests.studies import ROOT, StudyFolder
 
 
 def noise(count: int, seed: int) -> ImageSet:
@@ -77,39 +80,75 @@ def test_validation_frames_are_refused_by_name() -> None:
         refuse_frames(("F1star",), tests, added, validation)
 
 
-def test_held_out_towns_are_refused_by_name_under_any_config(tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", ["town", "people"])
+def test_held_out_worlds_are_refused_by_name_under_any_config(tmp_path: Path, kind: str) -> None:
     config = compose("default", [])
-    own, unseen = (config.scenarios[name].town.fingerprint for name in ("F1", "F1star"))
+    own, unseen = (dict(config.scenarios[name].worlds)[kind] for name in ("F1", "F1star"))
 
-    def files(base_town: str, driven: str) -> tuple[Path, list[Path]]:
-        write_truth(tmp_path, [Record("train", 0, 64, 32, Truth(), {"town": base_town})])
-        write_space(tmp_path / "F1.json", ScenarioInfo("F1", "F1", "", 1, driven), SMALL)
+    def files(shown: str, driven: str) -> tuple[Path, list[Path]]:
+        worlds = {"town": "another town", "people": "other people"}
+        write_truth(tmp_path, [Record("train", 0, 64, 32, Truth(), worlds | {kind: shown})])
+        world = worlds | {kind: driven}
+        write_space(tmp_path / "F1.json", ScenarioInfo("F1", "F1", "", 1, world["town"], world["people"]), SMALL)
         return tmp_path / TRUTH_FILE, [tmp_path / "F1.json"]
 
-    refuse_towns(config, *files("a random one", own))
-    with pytest.raises(InputError, match=r"truth\.coco\.json shows the town of held-out F1star, so it must not be used for training"):
-        refuse_towns(config, *files(unseen, own))
-    with pytest.raises(InputError, match=r"F1\.json describes the town of held-out F1star, so it must not be used for training"):
-        refuse_towns(config, *files("a random one", unseen))
-    base = tmp_path / "model.json"
-    write_card(base, CARD.model_copy(update={"towns": ("a learnt one",)}))
-    assert refuse_towns(config, *files("a random one", own), base) == tuple(sorted(["a random one", own, "a learnt one"]))
-    write_card(base, CARD.model_copy(update={"towns": ("a learnt one", unseen)}))
-    with pytest.raises(InputError, match=r"model\.json has learnt the town of held-out F1star, so it must not be used for training"):
-        refuse_towns(config, *files("a random one", own), base)
-    write_truth(tmp_path, [Record("train", 0, 64, 32, Truth(), {})])
-    with pytest.raises(InputError, match=r"truth\.coco\.json does not list the towns that its images show"):
-        refuse_towns(config, tmp_path / TRUTH_FILE, [])
+    def learnt(*ones: str) -> Path:
+        field = {"town": "towns", "people": "people"}[kind]
+        write_card(tmp_path / "model.json", CARD.model_copy(update={field: ones}))
+        return tmp_path / "model.json"
+
+    refuse_worlds(config, *files("a random one", own))
+    with pytest.raises(InputError, match=rf"truth\.coco\.json shows the {kind} of held-out F1star, so it must not be used for training"):
+        refuse_worlds(config, *files(unseen, own))
+    with pytest.raises(InputError, match=rf"F1\.json describes the {kind} of held-out F1star, so it must not be used for training"):
+        refuse_worlds(config, *files("a random one", unseen))
+    found = refuse_worlds(config, *files("a random one", own), learnt("a learnt one"))
+    assert [one for what, one in found if what == kind] == sorted({"a random one", own, "a learnt one"})
+    with pytest.raises(InputError, match=rf"model\.json has learnt the {kind} of held-out F1star, so it must not be used for training"):
+        refuse_worlds(config, *files("a random one", own), learnt("a learnt one", unseen))
 
 
-def test_the_shipped_detector_lists_its_training_towns() -> None:
+@pytest.mark.parametrize("attributes", [{}, {"town": "a town"}, {"people": "some"}])
+def test_images_must_list_their_towns_and_people(tmp_path: Path, attributes: dict[str, str]) -> None:
+    write_truth(tmp_path, [Record("train", 0, 64, 32, Truth(), attributes)])
+    with pytest.raises(InputError, match=r"truth\.coco\.json does not list the towns and people that its images show"):
+        refuse_worlds(compose("default", []), tmp_path / TRUTH_FILE, [])
+
+
+@pytest.mark.parametrize(("kind", "update"), [("town", {"towns": ("T",)}), ("people", {"people": ("P",)})])
+def test_a_version_that_has_learnt_a_held_out_world_is_not_compared(kind: str, update: dict[str, tuple[str, ...]]) -> None:
+    held_out = [ScenarioInfo("F2star", "F2*", "", 1, "U", "Q"), ScenarioInfo("F1star", "F1*", "", 1, "T", "P")]
+    refuse_learnt([CARD], held_out)
+    with pytest.raises(InputError, match=f"version 'random' has learnt the {kind} of held-out F1star, so its failures there prove nothing"):
+        refuse_learnt([CARD, CARD.model_copy(update=update)], held_out)
+
+
+def test_scenarios_without_people_share_none() -> None:
+    refuse_learnt([CARD.model_copy(update={"people": ()})], [ScenarioInfo("G1", "G1", "", 1, "T")])
+    assert not CARD.worlds & ScenarioInfo("G1", "G1", "", 1).worlds
+
+
+def test_the_uniform_base_lists_the_worlds_that_its_study_shows() -> None:
     config = compose("base", [])
-    towns = read_card(Path(config.base.weights) / "model.json").towns
-    drawn = {random_scenes._town(np.random.default_rng([config.base_set.seed, shard])).fingerprint for shard in range(400)}
-    assert set(towns) == drawn and len(drawn) == 400
+    card, shards = read_card(ROOT / "models" / "uniform" / "model.json"), config.base_set.images // SHARD_IMAGES
+    drawn = [random_scenes._world(np.random.default_rng([config.base_set.seed, shard])) for shard in range(shards)]
+    assert card.worlds.towns == {town.fingerprint for town, _ in drawn} and len(card.towns) == shards == 240
+    assert card.worlds.people == {fingerprint(people) for _, people in drawn}
 
 
-def test_a_random_town_of_a_held_out_scenario_is_refused_by_name() -> None:
-    town = random_scenes._town(np.random.default_rng([5, 3]))
-    with pytest.raises(InputError, match=r"base_set\.seed 5: random town 3 is the town of held-out F1star"):
-        next(random_scenes.scenes(3, 1, 5, CameraSettings(), {"F2star": compose("default", []).scenarios["F1star"].town, "F1star": town}))
+@pytest.mark.parametrize("kind", ["town", "people"])
+def test_a_random_world_of_a_held_out_scenario_is_refused_by_name(kind: str) -> None:
+    base_set = compose("default", ["base_set.seed=5"]).base_set
+    town, people = random_scenes._world(np.random.default_rng([5, 3]))
+    drawn = {"town": town.fingerprint, "people": fingerprint(people)}[kind]
+    with pytest.raises(InputError, match=rf"base_set\.seed 5 draws the {kind} of held-out F1star for shard 3; choose another seed"):
+        next(random_scenes.scenes(3, 1, base_set, CameraSettings(), {"another": "F2star", drawn: "F1star"}))
+
+
+def test_the_base_set_lists_the_worlds_of_its_images(tmp_path: Path) -> None:
+    study = StudyFolder.composed(tmp_path, "smoke", ["base_set.images=110"])
+    assert study.run("render-base") == 0
+    worlds = [random_scenes._world(np.random.default_rng([1, shard])) for shard in range(2)]
+    shown = read_worlds(study / "base_set")
+    assert shown.towns == {town.fingerprint for town, _ in worlds}
+    assert shown.people == {fingerprint(people) for _, people in worlds}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pandas as pd
@@ -11,10 +12,13 @@ import pytest
 
 from pipeline.analysis.measures import measure_campaign, summarise, theta_table
 from pipeline.artefacts.points import encode_tests
-from pipeline.artefacts.results import CampaignMeasures, Measures, read
+from pipeline.artefacts.results import CampaignMeasures, Causes, FalseActivations, Measures, StrategyMeasures, read
+from pipeline.core.causes import Cause
 from pipeline.core.identity import CampaignId
 from pipeline.core.space import Space, Variable
 from pipeline.errors import InputError
+from pipeline.report.failure_tables import CAUSES, braking_cells
+from pipeline.report.formats import censored
 from tests.analysis.fabricated import FabricatedStudy, make_tests
 
 SPACE = Space((Variable("fog", "continuous", "%", 0, 100, 50), Variable("gait", "categorical", values=("walk", "run"))))
@@ -31,6 +35,10 @@ def rows(strategy: str, failures: Sequence[int], errors: Sequence[int] = ()) -> 
             "status": ["error" if i in errors else "ok" for i in order],
             "failure": failed,
             "failure_mode": ["contact" if f else "none" for f in failed],
+            "cause": ["box" if f else "none" for f in failed],
+            "false_activations": [i % 3 for i in order],
+            "false_activation_s": [0.5 * (i % 3) for i in order],
+            "speed_loss_mps": [2.0] * 5,
             "fog": 0.0,
             "gait": "walk",
         }
@@ -72,6 +80,26 @@ def test_errors_use_budget_but_cover_nothing() -> None:
     assert result.projection_coverage == pytest.approx(1 / 18)
 
 
+def test_failures_by_cause_and_false_activations_by_hand() -> None:
+    result = measured(own=[1, 2, 5], baseline=[3])
+    assert result.causes == Causes(box=3) and result.causes.total == 3
+    # One, two, none, one and two false activations of half a second.
+    found = result.false_activations
+    assert (found.tests, found.braking, found.number, found.mean_duration_s, found.mean_speed_loss_mps) == (5, 4, 6, 0.5, 2)
+    # The second test, with two of them, is an error.
+    assert measured(own=[], baseline=[3], errors=[2]).false_activations.number == 4
+    summary = over_seeds(result, result)
+    assert summary.causes.box == 6 and (summary.false_activations.tests, summary.false_activations.number) == (10, 12)
+    none = FalseActivations(tests=3)
+    assert none.mean_duration_s is none.mean_speed_loss_mps is None
+    assert braking_cells(none) == ("3", "0", "0", "–", "–")
+    assert braking_cells(found) == ("5", "4", "6", "0.50 s", "2.0 m/s (7 km/h)")
+
+
+def test_every_cause_of_a_failure_is_counted_and_named() -> None:
+    assert {*Causes.model_fields, "none"} == set(get_args(Cause)) and [*Causes.model_fields] == [*CAUSES]
+
+
 def test_the_baseline_has_no_c_measure() -> None:
     tables = {CampaignId("F", "random", "base", 0): rows("random", [1])}
     assert measure_campaign(CampaignId("F", "random", "base", 0), tables, {"F": SPACE}, "random").c_measure is None
@@ -87,15 +115,42 @@ def test_missing_baseline_and_space_are_named() -> None:
 
 def test_summary_over_seeds() -> None:
     first, second = measured([1, 2], [4]), measured([5], [])
-    summary = summarise([first, second.model_copy(update={"seed": 1})], 0.95)
+    summary = over_seeds(first, second)
     assert (summary.failures, summary.tests, summary.seeds) == (3, 10, (0, 1))
-    assert summary.rate.value == pytest.approx(0.3)
-    assert summary.rate.low < 0.3 < summary.rate.high
-    assert summary.f_measure is not None
+    # The campaigns' rates, 0.4 and 0.2, in Student's interval: their tests depend on each other. No rate is below 0.
+    assert (summary.rate.value, summary.rate.low, summary.rate.high) == pytest.approx((0.3, 0, 1))
+    assert summary.f_measure_censored == 0
     # Tests until the first failure, 1 and 5: Student's interval of two seeds is 3 ± 25.4, and no F is below 1.
     assert (summary.f_measure.value, summary.f_measure.low) == (3, 1)
     assert summary.f_measure.high == pytest.approx(28.412, abs=1e-3)
     assert summary.failures_per_campaign.value == pytest.approx(1.5)
+
+
+def over_seeds(*campaigns: CampaignMeasures) -> StrategyMeasures:
+    return summarise([c.model_copy(update={"seed": seed}) for seed, c in enumerate(campaigns)], 0.95, "random", {"random"})
+
+
+def test_the_rate_of_independent_tests_has_wilsons_interval() -> None:
+    summary = over_seeds(*(measured([1, 2], [4]).model_copy(update={"strategy": "random", "c_measure": None}) for _ in range(2)))
+    # Wilson's interval of 4 of 10.
+    assert (summary.rate.value, summary.rate.low, summary.rate.high) == pytest.approx((0.4, 0.1682, 0.6873), abs=1e-4)
+    assert summary.c_measure is None and summary.c_measure_censored == 0
+
+
+def test_campaigns_without_a_failure_count_as_censored() -> None:
+    # F is 2, and above 5. With equal budgets, the restricted mean is that of 2 and 5.
+    summary = over_seeds(measured([2], [4]), measured([], [4]))
+    assert (summary.f_measure.value, summary.f_measure_censored) == (3.5, 1)
+    # Of the baseline's four tests, the first needs two and the second more than five.
+    assert summary.c_measure is not None
+    assert summary.c_measure.value == pytest.approx(1 - (0.5 + 1.25) / 2) and summary.c_measure_censored == 1
+
+
+def test_with_all_campaigns_censored_the_estimates_are_bounds() -> None:
+    summary = over_seeds(measured([], [4]), measured([], [2]))
+    assert (summary.f_measure.low, summary.f_measure.value, summary.f_measure.high, summary.f_measure_censored) == (5, 5, 5, 2)
+    assert summary.c_measure is not None and (summary.c_measure.value, summary.c_measure_censored) == (1 - 5 / 2, 2)
+    assert censored(summary.f_measure, 2, 2, "{:.0f}", ">") == "> 5, 2 of 2 censored"
 
 
 def test_theta_table_holds_means_over_seeds() -> None:
@@ -115,7 +170,13 @@ def test_step_writes_the_same_measures_twice(tmp_path: Path) -> None:
     result = read(study.root / "measures.json", Measures)
     assert len(result.campaigns) == 8
     for campaign in result.campaigns:
-        assert campaign.theta[-1] == campaign.failures == campaign.modes.total
+        assert campaign.theta[-1] == campaign.failures == campaign.modes.total == campaign.causes.total
+    assert result.no_braking == ()
+    for rate in result.base_rates:
+        rows = [c for c in result.campaigns if (c.scenario, c.strategy) == (rate.scenario, "random")]
+        assert (rate.version, rate.failures) == ("base", sum(c.failures for c in rows))
+        assert rate.rate.low < rate.failures / rate.tests < rate.rate.high
+    assert [rate.scenario for rate in result.base_rates] == ["F1", "F2"]
     assert sum(campaign.errors for campaign in result.campaigns) > 0
 
 

@@ -15,6 +15,7 @@ from pipeline.core.space import Space, Value
 from pipeline.detectors.scripted import VisiblePixelOracle
 from pipeline.report.replays import Replay, draw_replay, most_telling_frame, render_replay
 from pipeline.simulators.analytic import AnalyticSimulator
+from pipeline.testing import CAR
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +25,7 @@ def space() -> Space:
 
 @pytest.fixture(scope="module")
 def episode(space: Space) -> Episode:
-    simulator = AnalyticSimulator(compose("default", []).scenarios["F1"])
+    simulator = AnalyticSimulator(compose("default", []).scenarios["F1"], CAR)
     concrete = {**space.decode(space.sample(1, np.random.default_rng(0))[0]), "fog": 90.0, "sun_altitude": -15.0}
     return simulator.execute(concrete, VisiblePixelOracle(), keep_every=1)
 

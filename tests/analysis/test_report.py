@@ -14,11 +14,13 @@ from matplotlib.container import ErrorbarContainer
 from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.results import Estimate, FailureRegions, Measures, read
 from pipeline.artefacts.tables import read_tests
-from pipeline.report import texts
+from pipeline.report import sections, texts
 from pipeline.report.border import nearest
 from pipeline.report.comparison_plots import failures_by_round, kpi_histogram
 from pipeline.report.contents import ReportData, draw_figures, make_page
 from pipeline.report.examples import choose_pairs, choose_regions
+from pipeline.report.failure_tables import CAUSES, rate_text
+from pipeline.report.page import Drawing
 from pipeline.report.verdict_section import headline, rounds_part, verdict_section
 from tests.analysis.fabricated import FabricatedStudy
 
@@ -72,6 +74,24 @@ def test_page_says_what_the_artefacts_say(study: FabricatedStudy, page: str) -> 
     assert "adaptive ★" in page
     assert "None" not in re.sub(r"<svg.*?</svg>", "", page, flags=re.DOTALL)
     assert "nan" not in re.sub(r"data:[^\"]*|<svg.*?</svg>", "", page, flags=re.DOTALL)
+
+
+def test_page_says_causes_base_failure_rate_and_base_set(study: FabricatedStudy, page: str) -> None:
+    measures = read(study.root / "measures.json", Measures)
+    assert page.count("Failures by cause</h3>") == 2
+    for name in CAUSES.values():
+        assert f"<th>{name}</th>" in page
+    for rate in measures.base_rates:
+        assert page.count(rate_text(rate)) >= 4, "headline, verdict, regions and search"
+    assert "baseline, unknown base set" in page and "its card does not say" in page
+    assert "Braking without need</h3>" not in page
+
+
+def test_braking_without_need_has_a_table_where_it_is_asked_for(study: FabricatedStudy) -> None:
+    measures = read(study.root / "measures.json", Measures).model_copy(update={"no_braking": ("F2",)})
+    parts = sections.search_section(measures, None, {"F1": "F1", "F2": "F2"}, [], []).parts
+    table = next(part.table for part in parts if part.title == "Braking without need")
+    assert table is not None and [row[:3] for row in table.rows] == [("base", "F2", name) for name in study.config.strategies]
 
 
 def test_same_study_gives_the_same_page(study: FabricatedStudy, page: str) -> None:
@@ -144,16 +164,16 @@ def seeds_of_two(comparison: Comparison) -> Comparison:
 def test_table_of_rounds_lists_each_search() -> None:
     rows = [("base", "random", "ok", True)] * 3 + [("base", "random", "ok", False)] * 5 + [("base", "random", "error", False)]
     rows += [("adaptive", "neural", "ok", True), ("adaptive", "neural", "ok", False)]
-    part = rounds_part(pd.DataFrame(rows, columns=["version", "strategy", "status", "failure"]), 0.95, [])
+    part = rounds_part(pd.DataFrame(rows, columns=["version", "strategy", "status", "failure"]), [])
     assert part.table is not None and [row[:3] for row in part.table.rows] == [("base", "random", "3 / 8"), ("adaptive", "neural", "1 / 2")]
-    assert part.table.rows[1][3].startswith("50.0 % (9.5 to 90.5)")
+    assert part.table.rows[1][3] == "50.0 %"
 
 
 def test_headline_compares_groups_and_names_significant_differences(study: FabricatedStudy) -> None:
     comparison = read(study.root / "comparison.json", Comparison)
     base, *others = comparison.versions
     text = headline(comparison)
-    assert text.startswith(f"On the held-out scenario F1*, base fails {base.failures} of {base.tests} tests.")
+    assert text.startswith(f"On the held-out scenario F1*, base fails {base.failures} of {base.tests} tests. Base failure rate (base")
     better = [f"{result.version} ({result.failures})" for result in others if result.verdict == "better"]
     assert better and f"Fewer failures: {', '.join(better)}." in text
     assert "seeds" not in text
@@ -215,8 +235,17 @@ def test_sections_without_data_are_left_out(study: FabricatedStudy) -> None:
     config = study.config.model_copy(update={"report": study.config.report.model_copy(update={"replays": 1})})
     page = make_page(config, data, figures, lambda *_: None)
     assert [section.title for section in page.sections] == ["Failure regions", "Search"]
-    assert [part.title for part in page.sections[1].parts] == ["Failures found", "Coverage of the scenario space"]
+    assert [part.title for part in page.sections[1].parts] == ["Failures found", "Failures by cause", "Coverage of the scenario space"]
     assert (page.title, page.headline.count("tests fail")) == ("Where does the detector fail?", 2)
+
+
+def test_a_detector_that_fails_every_test_is_said_to(study: FabricatedStudy) -> None:
+    some = read(study.regions[0], FailureRegions)
+    every = some.model_copy(update={"failures": some.tests})
+    assert sections.headline([every], []) == f"{some.label}: every test fails ({some.tests} of {some.tests})."
+    drawing = Drawing("<svg/>", "")
+    texts = [sections.regions_section([found], [], {some.scenario: drawing}, {}).parts[0].text for found in (every, some)]
+    assert texts[0].startswith("Every test fails. ") and "Every test" not in texts[1]
 
 
 def sentences() -> list[str]:

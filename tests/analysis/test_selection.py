@@ -56,7 +56,7 @@ def test_regions_are_groups_and_failures_outside_are_another() -> None:
     failed = (np.arange(300) < 40) | (np.arange(300) % 60 == 59)
     tests = rows.assign(
         test_id=[f"F-a-base-0-{i:05d}" for i in range(300)], status="ok", failure=failed, scenario="F", strategy="a", seed=0,
-        failure_mode=np.where(failed, "contact", "none"), adj_ttc_s=np.where(failed, 0.0, 1.0), impact_speed_mps=0.0,
+        failure_mode=np.where(failed, "contact", "none"), cause="box", adj_ttc_s=np.where(failed, 0.0, 1.0), impact_speed_mps=0.0,
     )  # fmt: skip
     assert concrete(tests.iloc[0], SMALL) == SMALL.decode(centre)
     info = ScenarioInfo("F", "F", "", 100)

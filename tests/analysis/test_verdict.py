@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from pipeline.artefacts.comparison_results import Comparison, GroupPair, GroupResult, ScenarioResult, VersionPair, VersionResult
-from pipeline.artefacts.results import Estimate, Modes
+from pipeline.artefacts.results import BaseRate, Causes, Estimate, FalseActivations, Frequencies, Modes
 from pipeline.core.comparison import SequenceTest, Verdict
 from pipeline.report.verdict import HEADERS, group_headers, group_rows, verdict_rows, verdict_sentences, verdict_table
 
@@ -17,7 +17,7 @@ def paired(version: str, against: str, fixes: int, regressions: int, p_value: fl
     )
 
 
-RATE = Estimate(value=0.1, low=0.0, high=1.0)
+RATE = 0.1
 
 
 def result(version: str, failures: int, verdict: Verdict, pair: VersionPair | None = None, errors: int = 0) -> VersionResult:
@@ -27,9 +27,14 @@ def result(version: str, failures: int, verdict: Verdict, pair: VersionPair | No
         errors=errors,
         failures=failures,
         modes=Modes(contact=failures),
+        causes=Causes(never_seen=failures),
         group=version.partition("-s")[0],
         round=0 if version == "base" else 1,
-        scenarios={"F1star": ScenarioResult(tests=150 - errors, failures=failures, rate=RATE, paired=pair)},
+        scenarios={
+            "F1star": ScenarioResult(
+                tests=150 - errors, failures=failures, rate=RATE, false_activations=FalseActivations(tests=150 - errors), paired=pair
+            )
+        },
         rate=RATE,
         change=0 if pair is None else len(pair.regressions) - len(pair.fixes),
         paired=pair,
@@ -140,3 +145,24 @@ def test_the_best_of_several_is_reported_as_chosen_on_these_tests() -> None:
 def test_errors_are_reported_only_if_there_are_some() -> None:
     assert len(verdict_sentences(comparison(against_random=False))) == 4
     assert verdict_sentences(comparison(errors=3))[-1] == "Tests that ended in an error do not count: 3 of random."
+
+
+RARE = Frequencies(children=0.15, crouching=0.15)
+EVEN = Frequencies(children=1, crouching=1)
+
+
+def test_the_verdict_says_the_base_failure_rate_and_which_base_it_stands_on() -> None:
+    rate = BaseRate(
+        scenario="F1", version="base", strategy="random", tests=1600, failures=40, rate=Estimate(value=0.025, low=0.0184, high=0.0339)
+    )
+    told = comparison().model_copy(update={"base_rates": (rate,), "trained_on": RARE, "base_set": EVEN})
+    assert verdict_sentences(told)[:2] == [
+        "Base failure rate (base, random tests): F1 2.5 % (1.8 to 3.4) of 1,600.",
+        "base was trained on a long-tailed base set (children 0.15 and crouching people 0.15 times as frequent as others); "
+        "this study's base set: a uniform base set (all people and poses equally frequent).",
+    ]
+    assert verdict_rows(told)[0][-1] == "baseline, long-tailed base set"
+    assert verdict_rows(told.model_copy(update={"trained_on": EVEN}))[0][-1] == "baseline, uniform base set"
+    unknown = told.model_copy(update={"trained_on": None})
+    assert verdict_rows(unknown)[0][-1] == "baseline, unknown base set"
+    assert "base was trained on an unknown base set: its card does not say" in verdict_sentences(unknown)[1]

@@ -9,7 +9,7 @@ from pipeline.core import kpi
 from pipeline.detectors.scripted import BlindDetector, VisiblePixelOracle
 from pipeline.protocols import Detector, Simulator
 from pipeline.simulators.analytic import PLANTED, AnalyticSimulator
-from pipeline.testing import check_simulator
+from pipeline.testing import CAR, check_simulator
 from tests.scenarios import scenario_with
 from tests.spaces import SMALL, THESIS
 
@@ -19,14 +19,14 @@ DETECTORS = [VisiblePixelOracle(), BlindDetector()]
 
 @pytest.mark.parametrize("detector", DETECTORS, ids=["oracle", "blind"])
 def test_the_simulator_keeps_the_contract(detector: Detector) -> None:
-    simulator = AnalyticSimulator(SCENARIO)
+    simulator = AnalyticSimulator(SCENARIO, CAR)
     assert isinstance(simulator, Simulator)
     check_simulator(simulator, THESIS, detector, count=6)
 
 
 @pytest.mark.parametrize("detector", DETECTORS, ids=["oracle", "blind"])
 def test_it_fails_exactly_inside_the_planted_regions(detector: Detector) -> None:
-    simulator = AnalyticSimulator(SCENARIO)
+    simulator = AnalyticSimulator(SCENARIO, CAR)
     points = THESIS.sample(400, np.random.default_rng(0))
     failures = [kpi.evaluate(simulator.execute(THESIS.decode(point), detector).signals, 0.1).failure for point in points]
     planted = simulator.planted(points)
@@ -35,17 +35,17 @@ def test_it_fails_exactly_inside_the_planted_regions(detector: Detector) -> None
 
 
 def test_every_region_is_planted() -> None:
-    labels = AnalyticSimulator(SCENARIO).planted(THESIS.sample(4000, np.random.default_rng(0)))
+    labels = AnalyticSimulator(SCENARIO, CAR).planted(THESIS.sample(4000, np.random.default_rng(0)))
     assert set(labels.tolist()) == {-1, *range(len(PLANTED))}
 
 
 def test_frames_are_kept_as_asked() -> None:
     concrete = THESIS.decode(THESIS.sample(1, np.random.default_rng(1))[0])
-    episode = AnalyticSimulator(SCENARIO).execute(concrete, VisiblePixelOracle(), keep_every=3)
+    episode = AnalyticSimulator(SCENARIO, CAR).execute(concrete, VisiblePixelOracle(), keep_every=3)
     rows = len(episode.signals["time_s"])
     assert [kept.step for kept in episode.frames] == list(range(0, rows, 3))
 
 
 def test_a_scenario_of_another_space_is_refused() -> None:
     with pytest.raises(ValueError, match=r"^variables must be \[.+\]; missing \[.+\], unknown \[.+\]$"):
-        AnalyticSimulator(SCENARIO).execute(SMALL.decode(SMALL.sample(1, np.random.default_rng(0))[0]), BlindDetector())
+        AnalyticSimulator(SCENARIO, CAR).execute(SMALL.decode(SMALL.sample(1, np.random.default_rng(0))[0]), BlindDetector())

@@ -12,11 +12,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from pipeline.config.composing import functional_scenario
 from pipeline.core.paths import Pose
+from pipeline.scenarios.people import population
 from pipeline.scenarios.streets import Town
 from pipeline.simulators.mujoco import gait, pedestrian, textures, world
-from pipeline.simulators.mujoco.blueprints import NAMES
+from pipeline.simulators.mujoco.backscatter import Backscatter
 from pipeline.simulators.mujoco.camera import Camera
+from pipeline.simulators.mujoco.culling import HIDDEN_GROUP, Culling
 from pipeline.simulators.mujoco.furniture import lamp_positions
 from pipeline.simulators.mujoco.lens import CameraSettings, Lens
 from pipeline.simulators.mujoco.mesh import Mesh
@@ -109,7 +112,7 @@ def stage() -> Iterator[Stage]:
 def shot(stage: Stage, weather: Weather, name: str = "W 07", x: float = 10.0, y: float = -1.75) -> tuple[np.ndarray, Any]:
     stage.reset(weather, name)
     stage.put("ego", Pose(0, -1.75, 0))
-    stage.place_pedestrian(Pose(x, y, np.pi / 2), gait.pose("walking", 1.0, 1.4))
+    stage.place_pedestrian(Pose(x, y, np.pi / 2), gait.pose("walking", 1.0, 1.4, stage.walker))
     return stage.shoot(np.random.default_rng(0))
 
 
@@ -137,6 +140,28 @@ def test_the_visible_box_is_that_of_a_segmentation_render(stage: Stage, x: float
     assert abs(int(mask.sum()) - truth.visible_pixels) <= 0.03 * mask.sum() + 2
 
 
+@pytest.mark.parametrize("weather", [Weather(sun_azimuth=120, sun_altitude=30), Weather(fog=50, sun_altitude=-15)], ids=["day", "night"])
+def test_leaving_out_what_is_not_in_view_changes_no_pixel(weather: Weather, monkeypatch: pytest.MonkeyPatch) -> None:
+    def images() -> list[bytes]:
+        scenario = functional_scenario("F5")
+        own, route = Stage(scenario.town, scenario.actors, CameraSettings()), scenario.ego.route()
+        own.reset(weather, "W 07")
+        own.place_pedestrian(Pose(0, 0, 0), gait.pose("walking", 1.0, 1.4, own.walker))
+        taken = []
+        for metres in range(20, 100, 10):
+            own.put("ego", route.at(metres))
+            taken.append(own.shoot(np.random.default_rng(0))[0].tobytes())
+            hidden.append(int((own.model.geom_group == HIDDEN_GROUP).sum()))
+        own.close()
+        return taken
+
+    hidden: list[int] = []
+    culled = images()
+    assert min(hidden) > 10
+    monkeypatch.setattr(Culling, "apply", lambda *_: None)
+    assert images() == culled
+
+
 @pytest.fixture(scope="module")
 def plain_stage() -> Iterator[Stage]:
     stage = Stage(TOWN, {}, CameraSettings(**PLAIN))
@@ -152,15 +177,86 @@ def off_grey(stage: Stage, weather: Weather) -> float:
     return float(np.abs(middle - 255 * weather.grey).mean())
 
 
-def test_fog_and_rain_reduce_contrast_and_night_reduces_light(plain_stage: Stage) -> None:
+def test_fog_and_rain_reduce_contrast(plain_stage: Stage) -> None:
     contrasts = [off_grey(plain_stage, Weather(fog=fog)) for fog in (0, 30, 60, 80, 100)]
     assert all(a > b for a, b in pairwise(contrasts))
     assert off_grey(plain_stage, Weather(rain=100)) < contrasts[0]
-    days = [float(shot(plain_stage, Weather(sun_altitude=altitude))[0].mean()) for altitude in (-15, -7, 3, 30)]
-    assert days[0] <= days[1] < days[2] < days[3]
-    # Dusk has no jump but the lamps.
-    steps = [float(shot(plain_stage, Weather(sun_altitude=altitude))[0].mean()) for altitude in np.arange(0.5, 12, 1.0)]
-    assert max(abs(np.diff(steps))) < 10
+
+
+def test_twilight_ends_at_12_degrees_below_the_horizon_and_has_no_jump(plain_stage: Stage) -> None:
+    images = {altitude: shot(plain_stage, Weather(sun_altitude=altitude))[0] for altitude in np.arange(-15, 12.1, 1.0)}
+    assert (images[-15] == images[-12]).all()
+    assert max(abs(np.diff([float(image.mean()) for image in images.values()]))) < 6
+    skies = [float(image[:20, 100:200].mean()) for image in images.values()][3:26]
+    assert min(np.diff(skies)) > 3
+    before, after = (shot(plain_stage, Weather(sun_altitude=altitude))[0].astype(int) for altitude in (0.0, -0.01))
+    assert abs(before - after).mean() < 1
+
+
+def test_daylight_follows_the_illuminance() -> None:
+    weathers = [Weather(sun_altitude=altitude) for altitude in (60, 10, 0, -6, -12, -20)]
+    assert [weather.daylight for weather in weathers] == pytest.approx([1, 1, 0.58, 0.23, 0, 0], abs=0.005)
+    assert [weather.lamplight for weather in weathers] == pytest.approx([0, 0, 0, 0.39, 1, 1], abs=0.005)
+
+
+def test_the_veil_is_the_integral_along_the_ray() -> None:
+    weather, focal = Weather(fog=60, sun_altitude=-20), 277.0
+    lens = Backscatter(320, 192, focal, world.CAMERA_Z_M)
+    black = np.zeros((192, 320, 3), np.uint8)
+    veil, near = (lens.add(black, np.full((192, 320), metres, np.float32), weather)[96, 160, 0] for metres in (200, 10))
+    s = (np.arange(200_000) + 0.5) / 2000  # Metres ahead of the camera, along the optical axis.
+    ahead, aside, below = s + world.CAMERA_X_M - 2.3, 0.65, world.CAMERA_Z_M - 0.7
+    away = np.sqrt(ahead**2 + aside**2 + below**2)
+    cosine = (ahead + 0.035 * below) / away / np.hypot(1, 0.035)
+    light = 2 * 1.5 * np.where(cosine > np.cos(np.radians(34)), np.abs(cosine) ** 9, 0) / (1 + 0.0016 * away**2)
+    extinction = weather.extinction_per_m
+    gained = np.cumsum(light * np.exp(-extinction * (away + s))) / 2000 * extinction * np.pi / 18.8
+    assert veil == pytest.approx(255 * gained[s < 64][-1], abs=2)
+    assert near == pytest.approx(255 * gained[20_000], rel=0.2)
+
+
+def test_fog_scatters_the_headlights_at_night_alone(plain_stage: Stage) -> None:
+    clear, hazy, dense = (shot(plain_stage, Weather(fog=fog, sun_altitude=-20))[0].astype(int) for fog in (0, 40, 80))
+    ahead = [image[70:90, 150:170].mean() - 255 * Weather(sun_altitude=-20).grey.mean() for image in (hazy, dense)]
+    assert ahead[1] > ahead[0]
+    assert dense[70:90, 150:170].mean() > dense[:20, :20].mean() + 20 > clear[:20, :20].mean()
+    rainy = shot(plain_stage, Weather(rain=100, sun_altitude=-20))[0].astype(int)
+    assert rainy[20:40, 150:170].mean() > rainy[20:40, :20].mean()
+    by_day = Weather(fog=100, sun_altitude=20)
+    assert shot(plain_stage, by_day)[0][60:90, 150:170].mean() < 255 * by_day.grey.mean()
+
+
+@pytest.mark.parametrize(("altitude", "deviation"), [(40, 1.0), (-15, 1.7)])
+def test_grain_is_new_in_each_frame_and_known_from_the_seed(altitude: float, deviation: float) -> None:
+    own, plain = (Stage(TOWN, {}, CameraSettings(**{**PLAIN, "noise": noise})) for noise in (True, False))
+    weather = Weather(sun_altitude=altitude)
+    clean = shot(plain, weather)[0].astype(int)
+    shot(own, weather)
+    frames = [own.shoot(np.random.default_rng(seed))[0].astype(int) for seed in (1, 2, 1)]
+    own.close()
+    plain.close()
+    assert (frames[0] == frames[2]).all() and (frames[0] != frames[1]).any()
+    middle = (clean > 8) & (clean < 247)
+    grain = [(frame - clean)[middle] for frame in frames[:2]]
+    assert np.std(grain[0]) == pytest.approx(np.hypot(deviation, 12**-0.5), rel=0.03) and abs(np.mean(grain[0])) < 0.02
+    assert abs(np.corrcoef(grain)[0, 1]) < 0.02
+
+
+@pytest.mark.parametrize(
+    "weather",
+    [Weather(rain=100, sun_altitude=30), Weather(rain=80, fog=40, sun_altitude=-20), Weather(sun_azimuth=5, sun_altitude=9)],
+    ids=["rain", "night", "glare"],
+)
+def test_a_larger_image_shows_the_same_weather(weather: Weather) -> None:
+    images = []
+    for width, height in ((320, 192), (640, 384)):
+        own = Stage(TOWN, {}, CameraSettings(width=width, height=height, noise=False))
+        image = shot(own, weather, x=9.0)[0]
+        own.close()
+        images.append(cv2.resize(image, (320, 192), interpolation=cv2.INTER_AREA).astype(int))
+    smooth = [cv2.blur(image.astype(np.float32), (5, 5)) for image in images]
+    assert abs(smooth[0] - smooth[1]).mean() < 2
+    assert np.std(images[1]) == pytest.approx(np.std(images[0]), rel=0.05)
 
 
 def test_glare_comes_from_the_sun_s_direction(plain_stage: Stage) -> None:
@@ -183,5 +279,6 @@ def test_each_camera_effect_changes_the_image_and_can_be_switched_off(effect: st
 
 
 def test_blueprints_look_different(stage: Stage) -> None:
-    shown = {name: shot(stage, Weather(), name, x=6.0)[0] for name in NAMES}
-    assert len({image.tobytes() for image in shown.values()}) == len(NAMES) == 74
+    names = [*population(1), *population(2)]
+    shown = {name: shot(stage, Weather(), name, x=6.0)[0] for name in names}
+    assert len({image.tobytes() for image in shown.values()}) == len(names) == 148

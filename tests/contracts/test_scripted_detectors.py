@@ -9,8 +9,9 @@ import pytest
 
 from pipeline.core.detections import Detections
 from pipeline.core.episode import Frame
+from pipeline.core.ground import Pinhole
 from pipeline.core.truth import Truth
-from pipeline.detectors.scripted import BlindDetector, VisiblePixelOracle
+from pipeline.detectors.scripted import BlindDetector, EverywhereDetector, VisiblePixelOracle
 from pipeline.protocols import Detector
 from pipeline.testing import check_detector
 
@@ -18,7 +19,10 @@ IMAGE = np.zeros((48, 64, 3), np.uint8)
 BOX = (10.0, 10.0, 20.0, 40.0)
 
 
-@pytest.mark.parametrize("detector", [VisiblePixelOracle(), BlindDetector(), VisiblePixelOracle(model="any"), BlindDetector(model="any")])
+STAND_INS = (VisiblePixelOracle, BlindDetector, EverywhereDetector)
+
+
+@pytest.mark.parametrize("detector", [made for kind in STAND_INS for made in (kind(), kind(model="any"))])
 def test_stand_ins_keep_the_contract(detector: Detector) -> None:
     assert isinstance(detector, Detector)
     check_detector(detector, 64, 48)
@@ -26,10 +30,19 @@ def test_stand_ins_keep_the_contract(detector: Detector) -> None:
 
 def test_the_oracle_sees_what_a_person_sees() -> None:
     oracle = VisiblePixelOracle()
-    seen = oracle.detect(Frame(IMAGE, Truth(BOX, BOX, 30, 30, 6.0)))
+    seen = oracle.detect(Frame(IMAGE, Truth(BOX, BOX, 30, 30, 8.0)))
     assert seen.boxes.tolist() == [list(BOX)] and seen.scores.tolist() == [1]
-    for truth in (Truth(BOX, BOX, 29, 300, 50.0), Truth(BOX, BOX, 300, 300, 5.9), Truth(None, BOX, 0, 300, 0.0)):
+    for truth in (Truth(BOX, BOX, 29, 300, 50.0), Truth(BOX, BOX, 300, 300, 7.9), Truth(None, BOX, 0, 300, 0.0)):
         assert not len(oracle.detect(Frame(IMAGE, truth)).scores)
+
+
+def test_the_person_seen_everywhere_stands_ten_metres_ahead() -> None:
+    found = EverywhereDetector().detect(Frame(np.zeros((192, 320, 3), np.uint8), Truth()))
+    assert found.scores.tolist() == [1]
+    focal = 160 / np.tan(np.radians(30))
+    left, top, right, bottom = found.boxes[0]
+    assert Pinhole(320, 192, focal, 0, 1.35).ground(found.boxes)[0] == pytest.approx((10, 0), abs=0.05)
+    assert 10 / focal * np.array([bottom - top, right - left]) == pytest.approx((1.7, 0.55), abs=0.01)
 
 
 class Restless:

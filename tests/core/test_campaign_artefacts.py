@@ -24,7 +24,7 @@ SPACE = Space((Variable("fog", "continuous", "%", 0, 100, 10), Variable("animati
 
 def row(index: int = 0, **changed: Any) -> dict[str, Any]:
     values: dict[str, Any] = {column.name: {str: "x", int: 1, float: 0.5, bool: True}[column.kind] for column in campaign.TESTS}
-    values |= {"test_id": f"F1-random-base-0-{index:05d}", "index": index, "status": "ok", "failure_mode": "late"}
+    values |= {"test_id": f"F1-random-base-0-{index:05d}", "index": index, "status": "ok", "failure_mode": "late", "cause": "box"}
     return values | {"fog": 12.5, "animation": "drunk"} | changed
 
 

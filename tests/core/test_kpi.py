@@ -101,3 +101,34 @@ def test_post_encroachment_needs_both_in_order_and_no_contact() -> None:
 def test_a_test_without_kpi_has_no_failure_no_count_and_no_number() -> None:
     assert (NO_KPI.failure, NO_KPI.failure_mode, NO_KPI.contact, NO_KPI.false_positives) == (False, "none", False, 0)
     assert all(np.isnan(getattr(NO_KPI, column.name)) for column in KPIS if column.kind is float)
+
+
+def test_braking_without_need_is_a_failure() -> None:
+    # Two emergency brakings of two and one frames, and a soft one; the ego loses 4 m/s.
+    columns: dict[str, list[float]] = {
+        "time_s": [0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6],
+        "ego_speed_mps": [10, 10, 9, 8, 8, 7, 6],
+        "conflict_distance_m": [7, 6, 5, 4, 3, 2, 1],
+        "gap_m": [7, 6, 5, 4, 3, 2, 1],
+        "on_collision_path": [0] * 7,
+        "demand_mps2": [0, 5, 7, 0, 6, 2, 0],
+    }
+    result = kpi(**columns)
+    assert (result.failure, result.failure_mode, result.cause) == (True, "false_activation", "false_activation")
+    assert (result.false_activations, round(result.false_activation_s, 6), result.speed_loss_mps) == (2, 0.3, 4)
+    soft = kpi(**columns | {"demand_mps2": [0, 4.9, 0, 0, 0, 0, 0]})
+    assert (soft.failure, soft.false_activations) == (False, 0)
+    # On a collision path, the same braking is right.
+    assert kpi(**columns | {"on_collision_path": [1] * 7}).false_activations == 0
+
+
+def test_false_positives_of_an_average_frame_depend_on_neither_duration_nor_frame_rate() -> None:
+    once = {"time_s": [0, 1, 2], "false_positives": [1, 0, 0], "false_positives_far": [1, 0, 0]}
+    twice = {name: [*column[:-1], *column[:-1], column[-1]] for name, column in once.items()} | {"time_s": [0, 0.5, 1, 1.5, 2]}
+    one, other = (
+        kpi(**columns, ego_speed_mps=[5.0] * len(columns["time_s"]), conflict_distance_m=[10.0] * len(columns["time_s"]))
+        for columns in (once, twice)
+    )
+    assert one.false_positives_per_frame == other.false_positives_per_frame == 0.5
+    assert one.adj_ttc_per_frame_s == other.adj_ttc_per_frame_s == pytest.approx(2 / 1.5)
+    assert one.adj_ttc_s > other.adj_ttc_s

@@ -21,6 +21,7 @@ CARD = ModelCard(
     reliability={"calibrated": ((0.2, 0.3, 20), (0.9, 0.85, 80))},
     weights_sha256="ef",
     towns=("0123456789abcdef",),
+    people=("fedcba9876543210",),
 )
 
 

@@ -19,6 +19,13 @@ def test_order_stays_even_at_the_edges() -> None:
     assert (scores <= 1).all()
 
 
+def test_undoing_a_calibration_gives_the_scores_back() -> None:
+    calibration, scores = Calibration(1.5, -0.7), np.array([0.01, 0.3, 0.5, 0.999])
+    assert calibration.undo(calibration.apply(scores)) == pytest.approx(scores)
+    # Limits of float: no score is 0 or 1.
+    assert Calibration(0.1, 5).undo([1e-6, 1 - 1e-6]) == pytest.approx([1e-6, 1 - 1e-6])
+
+
 def test_platt_finds_the_calibration_that_made_the_data() -> None:
     rng = np.random.default_rng(0)
     scores = rng.uniform(0.02, 0.98, 20_000)

@@ -54,7 +54,7 @@ def test_text_of_a_condition(condition: Condition, text: str) -> None:
 
 def test_the_empty_rule_holds_everywhere() -> None:
     assert Rule(()).holds(np.zeros((3, 4))).all()
-    assert Rule(()).text(SMALL) == "anywhere"
+    assert Rule(()).text(SMALL) == "every test"
 
 
 def test_members_must_be_failures() -> None:

@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from pipeline.core.statistics import mcnemar, mean_interval, sign_flip, wilson_interval
+from pipeline.core.statistics import censored_mean, mcnemar, mean_interval, sign_flip, wilson_interval
 
 
 def test_wilson_interval_of_known_proportions() -> None:
@@ -70,3 +70,34 @@ def test_sign_flip_is_mcnemar_for_two_versions_and_counts_all_signs_for_more() -
     assert sign_flip(np.zeros(5, int)) == sign_flip(np.array([], int)) == 1
     with pytest.raises(ValueError, match="whole numbers"):
         sign_flip(np.array([0.5]))
+
+
+def test_the_censored_mean_by_hand() -> None:
+    # Kaplan-Meier: 1 until 1, 3/4 until 3 (2 is censored), 3/8 until 5, the largest: 1 + 2 * 3/4 + 2 * 3/8.
+    found = censored_mean([1, 2, 3, 5], [True, False, True, False])
+    assert found.value == pytest.approx(3.25) and found.censored == 2
+    assert found.low < 3.25 < found.high
+
+
+def test_without_censoring_it_is_the_plain_mean() -> None:
+    values = [3.0, 8.0, 2.0, 2.0]
+    found = censored_mean(values, [True] * 4)
+    assert (found.value, found.low, found.high) == pytest.approx((3.75, *mean_interval(values, limits=(0, np.inf))))
+    single = censored_mean([7], [True])
+    assert (single.value, single.low, single.high, single.censored) == (7, 7, 7, 0)
+
+
+def test_censoring_at_one_budget_gives_the_mean_of_what_was_spent() -> None:
+    found, spent = censored_mean([3, 80, 80, 17], [True, False, False, True]), [3, 80, 80, 17]
+    assert (found.value, found.low, found.high) == pytest.approx((45, *mean_interval(spent, limits=(0, np.inf))))
+
+
+def test_if_all_are_censored_the_mean_is_a_bound() -> None:
+    found = censored_mean([80, 60], [False, False])
+    assert (found.value, found.low, found.high, found.censored) == (80, 80, 80, 2)
+
+
+@pytest.mark.parametrize(("values", "reached"), [([], []), ([1, 2], [True]), ([-1], [True]), ([np.inf], [False])])
+def test_the_censored_mean_refuses_other_values(values: list[float], reached: list[bool]) -> None:
+    with pytest.raises(ValueError, match="finite numbers from 0 and as many flags"):
+        censored_mean(values, reached)

@@ -15,7 +15,7 @@ from pipeline.core.truth import Truth
 from pipeline.detectors.yolo import recipe, retraining, training
 from pipeline.detectors.yolo.data import batch
 from pipeline.detectors.yolo.network import Architecture, Yolo, cells, decode
-from pipeline.detectors.yolo.recipe import train_from_scratch
+from pipeline.detectors.yolo.recipe import RELIT_ALL, RELIT_FROM, relit_share, train_from_scratch
 from pipeline.detectors.yolo.retraining import ImageSets, Refinement, mixed_feed, retrain
 from pipeline.detectors.yolo.training import Batch, Fitted, Lesson, Run, Schedule, Validation, fit, initial_model
 from pipeline.errors import InputError
@@ -68,8 +68,9 @@ def test_training_memorises_a_few_images() -> None:
     assert scores[torch.from_numpy(shown)].mean() > 0.5 > 0.2 > scores[torch.from_numpy(~shown)].mean()
 
 
-def test_a_killed_training_reaches_the_same_weights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    images, schedule, checkpoint = people(8, 1), Schedule(2, 5, 1e-3, warm_up=3), tmp_path / "checkpoint.pt"
+@pytest.mark.parametrize("muon", [False, True])
+def test_a_killed_training_reaches_the_same_weights(muon: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    images, schedule, checkpoint = people(8, 1), Schedule(2, 5, 1e-3, warm_up=3, muon=muon), tmp_path / "checkpoint.pt"
     monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
     killed: list[int] = []
 
@@ -221,11 +222,11 @@ SCRATCH = {
 def test_training_from_scratch_resumes_in_every_phase(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     sizes: list[tuple[int, int]] = []
 
-    def counted(images: ImageSet, indices: NDArray[np.int64], size: tuple[int, int], seed: tuple[int, ...]) -> Batch:
+    def counted(images: ImageSet, indices: NDArray[np.int64], size: tuple[int, int], seed: tuple[int, ...], relit: float) -> Batch:
         sizes.append(size)
         if len(sizes) == 4:
             raise KeyboardInterrupt
-        return batch(images, indices, size, seed)
+        return batch(images, indices, size, seed, relit)
 
     uninterrupted = train_from_scratch(streets(), EVERY, streets(), SCRATCH, ALONE)
     monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
@@ -295,3 +296,9 @@ def test_a_training_that_no_longer_improves_ends_early_with_its_best_weights(tmp
     assert same(fitted.model, seen[1])
     again = fit(small(), lesson, Run(checkpoint, threads=1))
     assert len(seen) == 4 and same(again.model, fitted.model)
+
+
+def test_the_first_images_are_shown_as_they_are() -> None:
+    assert relit_share(0) == relit_share(RELIT_FROM) == 0
+    assert relit_share((RELIT_FROM + RELIT_ALL) // 2) == pytest.approx(0.5)
+    assert relit_share(RELIT_ALL) == relit_share(2 * RELIT_ALL) == 1

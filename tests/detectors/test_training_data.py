@@ -37,7 +37,7 @@ def coloured(image: NDArray[np.uint8]) -> NDArray[np.float64]:
 @pytest.mark.parametrize("size", [SIZE, (64, 64)])
 def test_boxes_follow_the_pixels(size: tuple[int, int]) -> None:
     for seed in range(20):
-        shown, boxes = batch(people(), np.arange(4), size, (seed,))
+        shown, boxes = batch(people(), np.arange(4), size, (seed,), relit=0.0)
         assert shown.shape == (4, size[1], size[0], 3)
         for image, box in zip(shown, boxes, strict=True):
             assert coloured(image) == pytest.approx(box, abs=1.6)
@@ -48,6 +48,15 @@ def test_a_batch_depends_on_its_seed_alone() -> None:
     assert np.array_equal(first[0], again[0])
     assert np.array_equal(first[1], again[1])
     assert not np.array_equal(first[0], other[0])
+
+
+def test_only_a_share_of_the_examples_is_relit() -> None:
+    original = {tuple(colour) for image in people().images for colour in image.reshape(-1, 3)}
+    for share, low, high in ((0.0, 0, 0), (0.5, 60, 140), (1.0, 150, 200)):
+        shown = batch(people().take(np.array([1])), np.zeros(200, np.int64), SIZE, (0,), share)[0]
+        # Grey frames change by light alone; warps may add the border's grey.
+        changed = sum(tuple(image[48, 64]) not in original for image in shown)
+        assert low <= changed <= high
 
 
 def test_recolouring_rotates_hues_and_keeps_brightness() -> None:

@@ -49,7 +49,7 @@ def test_batches_accumulate_and_more_images_never_cover_less() -> None:
 
 
 def test_the_shipped_detector_gives_its_activations() -> None:
-    network = load_weights(ROOT / "models" / "base" / "weights.safetensors")
+    network = load_weights(ROOT / "models" / "uniform" / "weights.safetensors")
     images = np.random.default_rng(0).integers(0, 256, (20, 96, 160, 3), np.uint8)
     batches = list(activations(network, images))
     layers = [np.concatenate(values) for values in zip(*batches, strict=True)]

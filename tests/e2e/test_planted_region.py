@@ -17,13 +17,14 @@ from pipeline.core.samplers.random import RandomSampler
 from pipeline.core.space import Floats
 from pipeline.detectors.scripted import BlindDetector
 from pipeline.simulators.analytic import PLANTED, AnalyticSimulator
+from pipeline.testing import CAR
 from tests.scenarios import scenario_with
 from tests.spaces import THESIS
 
 THRESHOLD_S = 0.1
 CHANCE_NEIGHBOURS, MIN_FAILURES, MIN_PRECISION = 0.5, 4, 0.75
 Search = tuple[Floats, Floats]
-SIMULATOR = AnalyticSimulator(scenario_with(THESIS))
+SIMULATOR = AnalyticSimulator(scenario_with(THESIS), CAR)
 
 
 def search(sampler: BatchSampler, tests: int) -> Search:

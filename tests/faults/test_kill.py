@@ -24,6 +24,7 @@ from pipeline.detectors.yolo import training
 from pipeline.detectors.yolo.network import Architecture, Yolo
 from pipeline.detectors.yolo.training import Lesson, Run, Schedule, fit, initial_model
 from pipeline.core.truth import Truth
+from pipeline.core.worlds import Worlds
 from pipeline.learning.versions import Origin, write_version
 
 training.CHECKPOINT_SECONDS = 0.2
@@ -34,7 +35,7 @@ model = initial_model(0, lambda: Yolo(Architecture((8, 8, 8, 8, 8), 8)))
 feed = lambda iteration: (np.roll(images.images, iteration, axis=2), images.boxes)
 print("ready", flush=True)
 fitted = fit(model, Lesson(Schedule(0, 120, 1e-3), feed, "x"), Run(out / "checkpoint.pt", threads=1))
-write_version(compose("base", []), fitted, images, Origin("base", None, {}, {}, 0, ()), out / "model.json")
+write_version(compose("base", []), fitted, images, Origin("base", None, {}, {}, 0, Worlds()), out / "model.json")
 """
 
 FILTER = """

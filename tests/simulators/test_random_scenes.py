@@ -3,22 +3,39 @@
 from __future__ import annotations
 
 from collections import Counter
+from typing import Any
 
 import numpy as np
 import pytest
 
+from pipeline.config.schema import Rarity
+from pipeline.scenarios.people import fingerprint, person
 from pipeline.simulators.mujoco import random_scenes
-from pipeline.simulators.mujoco.blueprints import BLUEPRINTS, CHILDREN, NAMES
 
 
-def test_children_are_shorter_than_one_and_a_half_metres() -> None:
-    assert {name for name in NAMES if BLUEPRINTS[name].height < 1.45} == set(CHILDREN)
-
-
-def test_children_are_rare_in_the_base_set_and_every_blueprint_appears() -> None:
+def conditions(rare: Rarity, count: int) -> list[dict[str, Any]]:
     rng = np.random.default_rng(0)
-    drawn = Counter(random_scenes._drawn(NAMES, set(CHILDREN), rng) for _ in range(40_000))
-    assert set(drawn) == set(NAMES)
-    one_child = sum(drawn[name] for name in CHILDREN) / len(CHILDREN)
-    one_adult = sum(count for name, count in drawn.items() if name not in CHILDREN) / (len(NAMES) - len(CHILDREN))
-    assert one_child / one_adult == pytest.approx(random_scenes.RARE, rel=0.15)
+    return [random_scenes._conditions(1000, rare, rng) for _ in range(count)]
+
+
+@pytest.mark.parametrize(("children", "crouching"), [(0.15, 0.15), (0.4, 1), (1, 1)])
+def test_children_and_crouching_people_are_as_frequent_as_the_setting_says(children: float, crouching: float) -> None:
+    drawn = conditions(Rarity(children=children, crouching=crouching), 20_000)
+    people, poses = Counter(c["blueprint"] for c in drawn), Counter(c["animation"] for c in drawn)
+    assert len(people) == 74 and len(poses) == 6
+    a_child = sum(count for name, count in people.items() if person(name).child) / 8
+    an_adult = sum(count for name, count in people.items() if not person(name).child) / 66
+    assert a_child / an_adult == pytest.approx(children, rel=0.12)
+    assert poses["crouching"] / (len(drawn) - poses["crouching"]) * 5 == pytest.approx(crouching, rel=0.12)
+
+
+def test_conditions_describe_the_person() -> None:
+    for drawn in conditions(Rarity(children=1, crouching=1), 200):
+        shown = person(drawn["blueprint"])
+        assert (drawn["height_m"], drawn["umbrella"], drawn["people"]) == (shown.height, shown.umbrella, fingerprint(1000))
+
+
+def test_each_shard_draws_its_own_town_and_people() -> None:
+    worlds = [random_scenes._world(np.random.default_rng([0, shard])) for shard in range(400)]
+    assert len({town.fingerprint for town, _ in worlds}) == len({people for _, people in worlds}) == 400
+    assert all(people >= random_scenes.FIRST_PEOPLE for _, people in worlds)

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +20,15 @@ from pipeline.artefacts.scenario_space import read_space
 from pipeline.core import kpi
 from pipeline.core.detections import Detections
 from pipeline.core.episode import Episode, Frame
+from pipeline.core.identity import CampaignId
 from pipeline.core.space import Value
 from pipeline.errors import SimulationError
+from pipeline.execution.campaign import sampler_seed
+from pipeline.progress import Progress
 from pipeline.protocols import Detector
 from pipeline.simulators.analytic import AnalyticSimulator
+from tests.spaces import SMALL
+from tests.strategies import strategies
 from tests.studies import ROOT, StudyFolder, arguments
 
 OVERRIDES = ["simulator=analytic", "detector=oracle", "campaign.tests=24", "samplers.neural.batch_size=8"]
@@ -88,6 +94,36 @@ def test_scenarios_with_one_seed_share_no_test(tmp_path: Path) -> None:
         assert study.run("campaign", threads=2, **key("random", scenario, kind)) == 0
         fog[scenario] = set(tables.read_tests(folder(study, "random", scenario, kind) / "tests.parquet")["fog"])
     assert (len(fog["F1"]), len(fog["F1star"])) == (24, 8) and not fog["F1"] & fog["F1star"]
+
+
+def first_batch(campaign: CampaignId, frozen: bool = False) -> set[bytes]:
+    sampler = strategies()[campaign.strategy](SMALL, sampler_seed(campaign, frozen), batch_size=8)
+    return {point.tobytes() for point in sampler.ask()}
+
+
+def test_campaigns_that_differ_in_any_name_share_no_test_of_the_first_batch() -> None:
+    one = CampaignId("F1", "random", "base", 3)
+    changed: list[dict[str, Any]] = [{}, {"scenario": "F2"}, {"strategy": "neural"}, {"version": "adaptive"}, {"seed": 4}]
+    batches = [first_batch(replace(one, **names)) for names in changed]
+    assert len(set.union(*batches)) == sum(map(len, batches)) == 40
+
+
+def test_versions_share_the_held_out_sequence_and_scenarios_do_not() -> None:
+    base = CampaignId("F1star", "pairwise", "base", 0)
+    assert first_batch(base, frozen=True) == first_batch(replace(base, version="adaptive"), frozen=True)
+    assert not first_batch(base, frozen=True) & first_batch(replace(base, scenario="F2star"), frozen=True)
+
+
+def test_progress_counts_every_failure_as_it_comes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: list[tuple[int, str]] = []
+    monkeypatch.setattr(Progress, "__call__", lambda self, done, total, text="": shown.append((done, text)))
+    study = analytic_study(tmp_path, "detector._target_=pipeline.detectors.scripted.BlindDetector")
+    shown.clear()
+    assert study.run("campaign", **key()) == 0
+    failed = tables.read_tests(folder(study) / "tests.parquet").sort_values("index")["failure"].cumsum()
+    assert failed.iloc[-1] > 0
+    # One worker executes the tests in order.
+    assert shown == [(done, f"{count} failures") for done, count in enumerate(failed, 1)]
 
 
 def finished(study: StudyFolder) -> int:

@@ -29,9 +29,17 @@ def test_every_choice_of_a_group_composes(group: str) -> None:
         assert getattr(compose("smoke", [f"{group}={path.stem}"]), group)["_target_"]
 
 
+def test_a_camera_is_chosen_by_its_name() -> None:
+    usual, fine = (compose("default", words).simulator["camera"] for words in ([], ["camera=640x384"]))
+    assert (usual["width"], usual["height"]) == (320, 192)
+    assert fine == {**usual, "width": 640, "height": 384}
+    assert "camera" not in compose("smoke", ["simulator=analytic"]).simulator
+
+
 @pytest.mark.parametrize(
     ("override", "message"),
     [
+        ("camera=640x38", "there is no conf/camera/640x38.yaml; did you mean '640x384'?"),
         ("campaign.testss=3", "unknown key 'campaign.testss'; did you mean 'tests'?"),
         ("+campaign.testss=3", "unknown key 'campaign.testss'; did you mean 'tests'?"),
         ("campaign.tests=0", "campaign.tests: Input should be greater than or equal to 1, got 0"),
@@ -43,6 +51,17 @@ def test_every_choice_of_a_group_composes(group: str) -> None:
             "scenarios.F1star.town=${scenarios.F1.town}",
             "held_out: F1star has the town of F1 (style and seed), which is searched, so training would use it",
         ),
+        (
+            "scenarios.F1star.people=1",
+            "held_out: F1star has the people of F1 (people: 1), which is searched, so training would use them",
+        ),
+        ("scenarios.F1.people=0", "conf/scenario/F1.yaml: scenarios.F1.people: Input should be greater than or equal to 1, got 0"),
+        (
+            "+scenarios.F1.space.blueprint={kind:categorical,values:['W 01']}",
+            "conf/scenario/F1.yaml: scenarios.F1.space: 'blueprint' comes from `people`, the number of a population",
+        ),
+        ("base_set.rare.children=0", "base_set.rare.children: Input should be greater than 0, got 0"),
+        ("base_set.rare.crouching=1.5", "base_set.rare.crouching: Input should be less than or equal to 1, got 1.5"),
         ("seeds=[3,3]", "seeds must differ, got [3, 3]"),
         ("+sampler@samplers.my-neural=neural", "expected letters, digits and _ in a name, as tests are named after it, got 'my-neural'"),
         ("+detector.model=my.onnx", "detector.model is the version under test's; `python -m pipeline test-detector FILE` tests another"),

@@ -14,7 +14,7 @@ from pipeline.__main__ import parser
 ROOT = Path(__file__).resolve().parents[2]
 LONGEST_LINE = 160
 README_WORDS = 900
-LINK = re.compile(r"\]\(([^)\s]+)\)")
+LINK = re.compile(r"(?:\]\(|^\[[^\]\n]+\]: )([^)\s]+)", re.MULTILINE)
 HEADING = re.compile(r"^#+ +(.+?) *$", re.MULTILINE)
 COMMAND = re.compile(r"python -m pipeline\s+([a-z][a-z-]*)(?:\s+([a-z|]+))?")
 SNIPPET = re.compile(r"^```.*?^```|`[^`]+`", re.MULTILINE | re.DOTALL)

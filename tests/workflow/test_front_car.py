@@ -32,7 +32,7 @@ SMALL = [
 
 @pytest.fixture(scope="module")
 def config() -> Config:
-    return compose("front_car", [f"base.weights={ROOT / 'models' / 'base'}", *SMALL])
+    return compose("front_car", [f"base.weights={ROOT / 'models' / 'uniform'}", *SMALL])
 
 
 @pytest.fixture(scope="module")

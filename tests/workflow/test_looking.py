@@ -14,9 +14,9 @@ from pipeline.__main__ import main
 from pipeline.artefacts.dataset import encode_jpeg, read_dataset
 from pipeline.artefacts.tables import read_frames, write_frames
 from pipeline.commands.simulate import concrete_scenario
+from pipeline.commands.top_view import top_view
 from pipeline.config.composing import compose, dump, functional_scenario
 from pipeline.core.paths import Pose
-from pipeline.core.space import Space
 from tests.analysis.fabricated import FabricatedStudy
 
 FOUND = ["fog=80", "rain=20", "pedestrian_speed=2", "pedestrian_shift=0.3", "sun_azimuth=0", "blueprint=M 03"]
@@ -44,7 +44,7 @@ def test_simulate_films_one_test(tmp_path: Path, capsys: pytest.CaptureFixture[s
         (["simulate", "F1", "--out", "film.avi"], "a replay must be an .mp4 or a .gif, got film.avi"),
         (["simulate", "F1", "--model", "docs"], "docs holds neither model.onnx nor weights.safetensors"),
         (["simulate", "F1", "--model", "README.md"], "README.md: expected the folder of a version, got a file"),
-        (["test-detector", "models/base"], "models/base: expected the ONNX file of a detector, got a folder; name the file"),
+        (["test-detector", "models/uniform"], "models/uniform: expected the ONNX file of a detector, got a folder; name the file"),
         (["verdict", "--comparison", "nope.json"], "nope.json: expected a readable file, got No such file"),
         (["compose", "study=smoke", "filter.overrules=nope.csv"], "filter.overrules: expected a CSV, found no file nope.csv"),
         (
@@ -52,6 +52,7 @@ def test_simulate_films_one_test(tmp_path: Path, capsys: pytest.CaptureFixture[s
             "base.weights: expected the folder of a detector, found no file nope/weights.safetensors",
         ),
         (["contact-sheet", "F1", "--out", "sheet.tiff"], "a contact sheet must be a .png or a .jpg, got sheet.tiff"),
+        (["top-view", "F1", "--out", "view.jpg"], "a view from above must be a .png, got view.jpg"),
         (["export-scenario", "F1", "fog=-1"], "fog must be in [0, 100] %, got -1.0"),
         (["export-frames", "nowhere.parquet"], "nowhere.parquet: expected a Parquet file, found none; make it with snakemake"),
     ],
@@ -62,7 +63,7 @@ def test_wrong_arguments_are_named(words: list[str], message: str, capsys: pytes
 
 
 def test_an_omitted_value_equals_its_default() -> None:
-    space = Space.from_dict(functional_scenario("F1").space)
+    space = functional_scenario("F1").logical_space()
     said = [repr(concrete_scenario(space, words)) for words in ([], ["fog=0"], ["fog=0.0", "rain=0"])]
     assert len(set(said)) == 1
 
@@ -78,9 +79,9 @@ def test_a_contact_sheet_has_a_row_per_weather(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["F1", "F5", "F8", "F3star"])
 def test_a_finding_is_exported_as_openscenario(name: str, tmp_path: Path) -> None:
-    out = tmp_path / "find"
-    assert main(["export-scenario", name, *FOUND, "--out", str(out)]) == 0
-    scenario = functional_scenario(name)
+    out, scenario = tmp_path / "find", functional_scenario(name)
+    found = [*FOUND[:-1], f"blueprint={scenario.logical_space().variables[-1].values[39]}"]
+    assert main(["export-scenario", name, *found, "--out", str(out)]) == 0
     story = Xml.parse(out.with_suffix(".xosc")).getroot()
     logic = story.find("RoadNetwork/LogicFile")
     assert logic is not None and logic.attrib["filepath"] == "find.xodr"
@@ -174,3 +175,29 @@ def test_frames_are_exported_as_yolo_coco_and_openlabel(tmp_path: Path) -> None:
                     x, y, width, height = visible["val"]
                     box = images.boxes[int(Path(uri).stem)]
                     assert [x - width / 2, y - height / 2, x + width / 2, y + height / 2] == pytest.approx(box.tolist())
+
+
+def test_a_scenario_without_pedestrian_is_exported_without_one(tmp_path: Path) -> None:
+    assert main(["export-scenario", "N1", "--out", str(tmp_path / "find")]) == 0
+    names = {entity.attrib["name"] for entity in Xml.parse(tmp_path / "find.xosc").getroot().iter("ScenarioObject")}
+    assert names == {"ego", *functional_scenario("N1").actors}
+
+
+def test_a_view_from_above_has_a_panel_per_speed() -> None:
+    figure = top_view(functional_scenario("F7"), [0.0, 1.5])
+    assert [axes.get_title(loc="left") for axes in figure.axes] == ["F7, pedestrian 0 m/s", "F7, pedestrian 1.5 m/s"]
+    standing, walking = (next(line for line in axes.lines if line.get_marker() == "o") for axes in figure.axes)
+    at = np.array(functional_scenario("F7").pedestrian.at)
+    assert np.allclose(standing.get_xydata(), at)
+    # Half a second at 1.5 m/s, and the last 0.2 s before the conflict point.
+    steps = np.hypot(*np.diff(np.asarray(walking.get_xydata()), axis=0).T)
+    assert steps == pytest.approx([0.75] * 6 + [0.3])
+    assert np.allclose(np.asarray(walking.get_xydata())[-1], at)
+
+
+@pytest.mark.parametrize("name", ["N1", "N4"])
+def test_a_view_from_above_shows_a_street_without_conflict(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "view.png"
+    assert main(["top-view", name, "--speeds", "1.4", "--out", str(path)]) == 0
+    view = cv2.imread(str(path))
+    assert view is not None and view.std() > 20

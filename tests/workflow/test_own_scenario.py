@@ -25,7 +25,7 @@ from pipeline.core.measures import pair_coverage
 from pipeline.detectors.scripted import BlindDetector
 from pipeline.errors import InputError
 from pipeline.simulators.analytic import AnalyticSimulator
-from pipeline.testing import check_sampler
+from pipeline.testing import CAR, check_sampler
 from tests.spaces import CONSTRAINED
 from tests.strategies import strategies
 from tests.studies import StudyFolder
@@ -119,7 +119,7 @@ def test_a_full_pairwise_plan_covers_every_feasible_pair_and_breaks_no_clause(te
 
 
 def test_every_strategy_respects_the_constraints(config: Config) -> None:
-    space, simulator = config.space("G1"), AnalyticSimulator(config.scenarios["G1"])
+    space, simulator = config.space("G1"), AnalyticSimulator(config.scenarios["G1"], CAR)
     assert "centred" in config.samplers
     for name in config.samplers:
         sampler = instantiate(config.samplers[name], _partial_=True, _convert_="all")(space=space, seed=1)

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from contextlib import chdir
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from pipeline.__main__ import main
+from pipeline.artefacts.calibration_results import DetectorCalibration
 from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.results import Measures, read
 from pipeline.commands import test_detector
 from pipeline.config.composing import compose
+from pipeline.core.detections import Detections
+from pipeline.core.episode import Frame
 from pipeline.errors import InputError
+from tests.analysis.fabricated import OVERRIDES, FabricatedStudy
 from tests.detectors.test_layouts import export, yolov8
 from tests.studies import ROOT
 
@@ -33,6 +38,47 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
     return tmp_path
+
+
+class Doubtful:
+    """Boxes the pedestrian with less confidence than it deserves: of the boxes with score 0.3, nine in ten are right."""
+
+    def __init__(self, model: str, threshold: float = 0.5, iou: float = 0.5, layout: None = None, person: None = None) -> None:
+        self._threshold = threshold
+
+    def detect(self, frame: Frame) -> Detections:
+        box = frame.truth.visible_box
+        if box is None:
+            return Detections.none()
+        chance = int(frame.image.sum(dtype=np.int64)) % 100
+        score, right = (0.3, chance % 10 > 0) if chance >= 40 else (0.1, chance % 2 > 0)
+        if score < self._threshold:
+            return Detections.none()
+        height, width = frame.image.shape[:2]
+        found = box if right else (0.0, 0.0, width / 8, height / 8)
+        return Detections(np.array([found], np.float32), np.array([score], np.float32))
+
+
+def test_detectors_are_calibrated_before_they_are_tested(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("first", "second"):
+        (folder / f"{name}.bin").write_text(name)
+    named = ["simulator=analytic", f"detector._target_={__name__}.Doubtful", "base_set.images=300"]
+    words = ["test-detector", "first.bin", "second.bin", *SMALL, *named, "--calibrate"]
+    assert main(words) == 0
+    text = capsys.readouterr().out
+    (root,) = (folder / "data").iterdir()
+    for name in ("first_bin", "second_bin"):
+        found = read(root / f"calibration/{name}.json", DetectorCalibration)
+        assert found.fitted and found.images == 90 and 0 < found.right < found.detections
+        # The share of right boxes is 0.9 among those with score 0.3.
+        assert found.scaling.apply(0.3) > 0.7 and found.errors["calibrated"] < found.errors["uncalibrated"] / 2
+        assert f"{name} is calibrated on 90 images: expected calibration error" in text
+        page = (root / f"reports/{name}.html").read_text()
+        assert ">Calibration<" in page and f"{name}, before and after calibration" in page
+    # Called again, nothing is made again.
+    made = {path: path.stat().st_mtime_ns for path in root.rglob("*.json")}
+    assert main(words) == 0
+    assert made == {path: path.stat().st_mtime_ns for path in root.rglob("*.json")}
 
 
 def test_two_detectors_are_tested_compared_and_shown(model: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -58,6 +104,19 @@ def test_two_detectors_are_tested_compared_and_shown(model: Path, folder: Path, 
     made = table.stat().st_mtime_ns
     assert main(words) == 0
     assert table.stat().st_mtime_ns == made and "failure rate" in capsys.readouterr().out
+
+
+def test_braking_without_need_is_printed_for_the_scenarios_that_ask_for_it(tmp_path: Path) -> None:
+    config = compose("default", [*OVERRIDES, "search=[F1,N1]", "aeb.gate=detections"])
+    study = FabricatedStudy(tmp_path, config).make()
+    study.run("measure")
+    for name in config.search:
+        study.run("cluster", version="base", scenario=name)
+    with chdir(tmp_path):
+        lines = test_detector.table(config.model_copy(update={"tested": {"base": "base.onnx"}})).splitlines()
+    start = lines.index("Braking without need")
+    assert [line.split()[:3] for line in lines[start + 4 : start + 6]] == [["base", "N1", name] for name in config.strategies]
+    assert "without need" in lines[0] and lines[start + 6] == ""
 
 
 def test_detectors_of_one_name_are_told_apart_by_content(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from tests.studies import ROOT, StudyFolder
 def test_a_shipped_base_is_calibrated_on_the_same_images_as_the_other_versions(tmp_path: Path) -> None:
     study = StudyFolder.composed(tmp_path, "smoke", ["base_set.images=80", "base_set.validation_share=0.75"])
     assert study.run("render-base") == 0 and study.run("train") == 0
-    validation, made, shipped = read_dataset(study / "base_set", "val"), study / "models/base", ROOT / "models/base"
+    validation, made, shipped = read_dataset(study / "base_set", "val"), study / "models/base", ROOT / "models/uniform"
     export_onnx(tmp_path / "plain.onnx", load_weights(made / "weights.safetensors"), validation.size)
     expected, found = calibrate(detect_all(tmp_path / "plain.onnx", validation), validation), read_card(made / "model.json")
     assert found.calibration == pytest.approx({"slope": expected.slope, "offset": expected.offset})

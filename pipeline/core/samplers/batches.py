@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import KW_ONLY, dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -20,6 +21,9 @@ class BatchSampler(ABC):
 
     space: the space to sample; no point breaks its constraints. seed: from 0. batch_size: tests per batch, at least 1.
     """
+
+    independent: ClassVar[bool] = False
+    """Whether the points are independent samples of the space, so that a binomial interval of the failure rate holds."""
 
     space: Space
     seed: int

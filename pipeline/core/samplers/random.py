@@ -11,5 +11,7 @@ from pipeline.core.space import Floats
 class RandomSampler(BatchSampler):
     """Draws every variable independently and uniformly; ignores test results."""
 
+    independent = True
+
     def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
         return self.space.sample(self.batch_size, rng)

@@ -162,7 +162,7 @@ def relight(image: Images, rng: np.random.Generator) -> Images:
     return np.asarray(cv2.LUT(image, curve[None]), np.uint8)
 
 
-def augmented(image: Images, box: Boxes, size: tuple[int, int], rng: np.random.Generator) -> tuple[Images, Boxes]:
+def augmented(image: Images, box: Boxes, size: tuple[int, int], relit: float, rng: np.random.Generator) -> tuple[Images, Boxes]:
     """One training example of size (w, h) and its box (4,): a crop if the size is below the image's, else the frame."""
     full = (image.shape[1], image.shape[0])
     for _ in range(ATTEMPTS):
@@ -170,16 +170,23 @@ def augmented(image: Images, box: Boxes, size: tuple[int, int], rng: np.random.G
         shown, matrix = show(image, view, size)
         label, left = shown_box(box, matrix, size)
         if left == 0 or left > KEPT_SHARE:
-            return relight(recolour(shown, rng), rng), label
-    shown, matrix = show(image, plain_view(full), size)
-    return relight(recolour(shown, rng), rng), shown_box(box, matrix, size)[0]
+            break
+    else:
+        shown, matrix = show(image, plain_view(full), size)
+        label, _ = shown_box(box, matrix, size)
+    return (relight(recolour(shown, rng), rng) if rng.random() < relit else shown), label
 
 
-def batch(images: ImageSet, indices: NDArray[np.int64], size: tuple[int, int], seed: tuple[int, ...]) -> tuple[Images, Boxes]:
-    """Training examples (n, h, w, 3) uint8 RGB and boxes (n, 4) in their pixels, zeros without a pedestrian."""
+def batch(
+    images: ImageSet, indices: NDArray[np.int64], size: tuple[int, int], seed: tuple[int, ...], relit: float = 1.0
+) -> tuple[Images, Boxes]:
+    """Training examples (n, h, w, 3) uint8 RGB and boxes (n, 4) in their pixels, zeros without a pedestrian.
+
+    relit: share of the examples with other colours and light, in [0, 1].
+    """
     rng = np.random.default_rng(seed)
     shown = np.empty((len(indices), size[1], size[0], 3), np.uint8)
     boxes = np.zeros((len(indices), 4), np.float32)
     for row, index in enumerate(indices):
-        shown[row], boxes[row] = augmented(images.images[index], images.boxes[index], size, rng)
+        shown[row], boxes[row] = augmented(images.images[index], images.boxes[index], size, relit, rng)
     return shown, boxes

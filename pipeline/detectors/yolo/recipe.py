@@ -18,6 +18,10 @@ from pipeline.detectors.yolo.validation import watching
 
 CROP_SIZE = (160, 96)
 CROP_PHASE, FRAME_PHASE = 0, 1
+RELIT_FROM, RELIT_ALL = 30_000, 200_000
+"""Images shown before colours and light change in the first and in all examples: a short training learns more from images as they are."""
+WARM_UP_SHARE = 0.035
+WARM_UP = 200
 
 
 def train_from_scratch(images: ImageSet, indices: NDArray[np.int64], validation: ImageSet, config: Mapping[str, Any], run: Run) -> Fitted:
@@ -26,16 +30,24 @@ def train_from_scratch(images: ImageSet, indices: NDArray[np.int64], validation:
     indices: of the training images. validation: gives the curve and stops the training early if the curve no longer rises.
     """
     seed, size = int(config["seed"]), int(config["batch_size"])
-    schedule = Schedule(int(config["crop_iterations"]), int(config["frame_iterations"]), float(config["learning_rate"]))
+    iterations = int(config["crop_iterations"]), int(config["frame_iterations"])
+    warm_up = min(WARM_UP, round(WARM_UP_SHARE * sum(iterations)))
+    schedule = Schedule(*iterations, float(config["learning_rate"]), warm_up=warm_up, muon=True)
     repeats = hardness(images, int(config["oversampling"]))[indices]
     crops, frames = (Stream(indices, repeats, (seed, phase)) for phase in (CROP_PHASE, FRAME_PHASE))
 
     def feed(iteration: int) -> tuple[Images, Boxes]:
+        relit = relit_share(iteration * size)
         if iteration < schedule.crop_iterations:
-            return batch(images, crops.take(iteration * size, size), CROP_SIZE, (seed, CROP_PHASE, iteration))
+            return batch(images, crops.take(iteration * size, size), CROP_SIZE, (seed, CROP_PHASE, iteration), relit)
         first = (iteration - schedule.crop_iterations) * size
-        return batch(images, frames.take(first, size), images.size, (seed, FRAME_PHASE, iteration))
+        return batch(images, frames.take(first, size), images.size, (seed, FRAME_PHASE, iteration), relit)
 
     identity = hashlib.sha256(json.dumps([dict(config), images.digest], sort_keys=True).encode()).hexdigest()
     watch = watching(validation, int(config["validate_every"]), int(config["patience"]))
     return fit(initial_model(seed, lambda: Yolo(SIZES[config["size"]])), Lesson(schedule, feed, identity, watch), run)
+
+
+def relit_share(shown: int) -> float:
+    """Share of examples with other colours and light, in [0, 1], after `shown` images."""
+    return min(1.0, max(0.0, (shown - RELIT_FROM) / (RELIT_ALL - RELIT_FROM)))

@@ -1,4 +1,4 @@
-"""Training: AdamW, cosine schedule, averaged weights, bfloat16; first on crops, then on full frames.
+"""Training: AdamW or Muon, cosine schedule, averaged weights, bfloat16; first on crops, then on full frames.
 
 The budget counts pixels, not seconds, and a batch depends only on its number, so a killed run resumes from its checkpoint and reaches the
 same weights.
@@ -27,6 +27,7 @@ from pipeline.artefacts.files import write_bytes
 from pipeline.artefacts.model_card import CurvePoint
 from pipeline.detectors.yolo.loss import Loss, detection_loss
 from pipeline.detectors.yolo.network import Yolo, cells, decode
+from pipeline.detectors.yolo.optimiser import Optimiser
 from pipeline.detectors.yolo.threads import use_threads
 from pipeline.errors import InputError
 from pipeline.progress import OnProgress
@@ -47,6 +48,7 @@ class Schedule:
     crop_iterations, frame_iterations: batches of crops, then of full frames; a crop has a quarter of a frame's pixels. learning_rate: its
     peak, after `warm_up` iterations; it falls as a cosine of the pixels shown to `final_share` of it. averaging: limit of the decay of the
     averaged weights, in [0, 1). frozen_statistics: keep the normalisation's statistics, which short runs on few images would spoil.
+    muon: for the hidden kernels, instead of AdamW.
     """
 
     crop_iterations: int
@@ -57,6 +59,7 @@ class Schedule:
     final_share: float = 0.01
     averaging: float = 0.9985
     frozen_statistics: bool = False
+    muon: bool = False
 
     def __post_init__(self) -> None:
         if min(self.crop_iterations, self.frame_iterations) < 0 or self.iterations < 1:
@@ -134,7 +137,7 @@ class State:
     iteration: int
     model: Yolo
     average: Yolo
-    optimiser: torch.optim.AdamW
+    optimiser: Optimiser
     best: dict[str, Tensor]
     sums: Tensor
     curve: list[CurvePoint]
@@ -215,24 +218,18 @@ def _start(model: Yolo, schedule: Schedule, device: torch.device) -> State:
         for module in model.modules():
             if isinstance(module, nn.BatchNorm2d):
                 module.eval()
-    decayed = [parameter for parameter in model.parameters() if parameter.ndim > 1]
-    others = [parameter for parameter in model.parameters() if parameter.ndim <= 1]
-    groups = [{"params": decayed, "weight_decay": schedule.weight_decay}, {"params": others, "weight_decay": 0.0}]
-    optimiser = torch.optim.AdamW(groups, schedule.learning_rate, fused=True)
+    optimiser = Optimiser(model, schedule.weight_decay, schedule.muon)
     return State(0, model, copy.deepcopy(model).eval(), optimiser, {}, torch.zeros(2, device=device), [])
 
 
 def _step(state: State, schedule: Schedule, images: Tensor, boxes: Tensor, device: torch.device) -> Loss:
     centres, strides = (grid.to(device) for grid in cells(images.shape[3], images.shape[2]))
-    for group in state.optimiser.param_groups:
-        group["lr"] = schedule.rate(state.iteration)
     with torch.autocast(device.type, torch.bfloat16):
         output = state.model(images)
     loss = detection_loss(*decode(output, centres, strides), boxes, centres, strides)
-    state.optimiser.zero_grad(set_to_none=True)
     loss.total.backward()  # type: ignore[no-untyped-call]
     nn.utils.clip_grad_norm_(state.model.parameters(), 10.0)
-    state.optimiser.step()
+    state.optimiser.step(schedule.rate(state.iteration))
     state.iteration += 1
     state.sums += torch.stack([loss.scores, loss.boxes])
     if state.iteration % 2 == 0:

@@ -6,6 +6,7 @@ import numpy as np
 import torch
 
 from pipeline.artefacts.dataset import ImageSet
+from pipeline.core.detections import Detections
 from pipeline.detectors.evaluation import evaluate
 from pipeline.detectors.suppression import reported
 from pipeline.detectors.yolo.network import Yolo, cells, decode
@@ -23,9 +24,14 @@ def watching(images: ImageSet, every: int, patience: int) -> Validation:
     return Validation(lambda model: average_precision(model, looked_at), every, patience)
 
 
-@torch.inference_mode()
 def average_precision(model: Yolo, images: ImageSet) -> float:
     """AP50 of visible pedestrians, in [0, 1]; the network may be on any device."""
+    return evaluate(detected(model, images), images, threshold=0.5)["ap50"]
+
+
+@torch.inference_mode()
+def detected(model: Yolo, images: ImageSet) -> list[Detections]:
+    """Detections in each image, with scores from 0.005; the network may be on any device."""
     device = next(model.parameters()).device
     centres, strides = (grid.to(device) for grid in cells(*images.size))
     found = []
@@ -36,4 +42,4 @@ def average_precision(model: Yolo, images: ImageSet) -> float:
             reported("the network in training", b, s, LOWEST_SCORE, NMS_IOU)
             for b, s in zip(boxes.cpu().numpy(), logits.sigmoid().cpu().numpy(), strict=True)
         ]
-    return evaluate(found, images, threshold=0.5)["ap50"]
+    return found

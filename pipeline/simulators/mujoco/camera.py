@@ -12,14 +12,15 @@ from pipeline.core.boxes import Box
 from pipeline.core.truth import Truth
 from pipeline.errors import SimulationError
 
+from .culling import Culling
 from .lens import CameraSettings, Lens, Sun
 from .pedestrian import GROUP
 from .weather import Weather, WeatherControl
 
 MAX_GEOMS = 1500
 DEPTH_TOLERANCE = 1e-4
-RING_PX = 4
-"""Width of the ring around the pedestrian's box that contrast is measured against."""
+RING = 4 / 320
+"""Width of the ring around the pedestrian's box that contrast is measured against, as a share of the image's."""
 
 
 class Camera:
@@ -46,6 +47,7 @@ class Camera:
         self._rgb, self._depth = np.empty((height, width, 3), np.uint8), np.empty((height, width), np.float32)
         self._near, self._far = np.float32(model.vis.map.znear), np.float32(model.vis.map.zfar)
         self.focal_px = height / 2 / np.tan(np.radians(model.cam_fovy[self._view.fixedcamid]) / 2)
+        self._culling = Culling(model, self._view.fixedcamid, width / 2 / self.focal_px, height / 2 / self.focal_px)
         self._weather_control = WeatherControl(model, lamps)
         self._lens = Lens(settings, float(self.focal_px), float(model.cam_pos[self._view.fixedcamid, 2]))
         self._weather = Weather()
@@ -66,6 +68,7 @@ class Camera:
         mujoco.mj_kinematics(model, data)
         self._weather_control.follow(data.body("ego").xpos[:2], data.body("ego").xmat[[0, 3]], self._weather)
         mujoco.mj_camlight(model, data)
+        self._culling.apply(data, bool(self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW]))
         mujoco.mjv_updateScene(model, data, self._all, None, self._view, mujoco.mjtCatBit.mjCAT_ALL, self._scene)
         if self._scene.status:
             raise SimulationError(f"the scene has more than {MAX_GEOMS} geoms")
@@ -168,8 +171,9 @@ def _box(mask: NDArray[np.bool_], left: int, top: int) -> Box | None:
 def _contrast(image: NDArray[np.uint8], visible: NDArray[np.bool_], left: int, top: int, box: Box) -> float:
     """Mean absolute grey-level difference between the visible pixels and the median of the ring around their box."""
     height, width = image.shape[:2]
-    x0, y0 = max(0, int(box[0]) - RING_PX), max(0, int(box[1]) - RING_PX)
-    x1, y1 = min(width, int(box[2]) + RING_PX), min(height, int(box[3]) + RING_PX)
+    ring = max(1, round(RING * width))
+    x0, y0 = max(0, int(box[0]) - ring), max(0, int(box[1]) - ring)
+    x1, y1 = min(width, int(box[2]) + ring), min(height, int(box[3]) + ring)
     grey = image[y0:y1, x0:x1].mean(axis=2)
     inside = np.zeros(grey.shape, bool)
     rows, columns = np.nonzero(visible)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from pipeline.core.paths import Pose
 from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, FunctionalScenario
+from pipeline.scenarios.people import population
 
 from . import gait
-from .blueprints import NAMES
 from .gait import ANIMATIONS
 from .lens import CameraSettings
 from .stage import Stage
@@ -31,14 +31,15 @@ WEATHERS = {
 }
 MOMENTS = (0.0, 0.4, 0.7, 0.9)
 """Shares of the time until ego and pedestrian would meet."""
-LOOKS = ("W 03", "M 11", "W 21", "M 35", "M 02", "W 14", "W 25")
+LOOKS = (2, 47, 20, 71, 38, 13, 24)
+"""The people of a scenario's sheet, by their place in its population."""
 CREW_COLUMNS = 37
 
 
 def scenario_sheet(scenario: FunctionalScenario, camera: Mapping[str, Any], weathers: Mapping[str, Weather] = WEATHERS) -> Pixels:
     """One row per weather, one column per moment of the unbraked encounter: (rows * height, columns * width, 3) RGB."""
     stage = Stage(scenario.town, scenario.actors, CameraSettings.model_validate(dict(camera)))
-    route, rng = scenario.ego.route(), np.random.default_rng(0)
+    route, rng, people = scenario.ego.route(), np.random.default_rng(0), _people(scenario)
     speed, walking = scenario.ego.speed_kmh / 3.6, 1.4
     rows = []
     try:
@@ -46,13 +47,14 @@ def scenario_sheet(scenario: FunctionalScenario, camera: Mapping[str, Any], weat
             tiles = []
             for moment in MOMENTS:
                 time_s = moment * scenario.ego.horizon_s
-                stage.reset(weather, LOOKS[index % len(LOOKS)])
+                stage.reset(weather, people[LOOKS[index % len(LOOKS)]])
                 stage.put("ego", route.at(scenario.start_s() + speed * time_s))
                 for actor, described in scenario.actors.items():
                     stage.put(actor, described.route().at(described.travelled(time_s)))
-                pedestrian = scenario.pedestrian_pose(time_s, walking)
-                animation = ANIMATIONS[index % len(ANIMATIONS)]
-                stage.place_pedestrian(pedestrian, gait.pose(animation, 6 * time_s, walking))
+                posture = gait.pose(ANIMATIONS[index % len(ANIMATIONS)], 6 * time_s, walking, stage.walker)
+                stage.place_pedestrian(scenario.pedestrian_pose(time_s, walking), posture)
+                if not scenario.has_pedestrian:
+                    stage.pedestrian.hide()
                 metres = scenario.conflict_s() - scenario.start_s() - speed * time_s - EGO_HALF_LENGTH_M
                 tiles.append(_captioned(stage.shoot(rng)[0], f"{scenario.label}  {name}  {metres:.0f} m"))
             rows.append(np.hstack(tiles))
@@ -62,25 +64,30 @@ def scenario_sheet(scenario: FunctionalScenario, camera: Mapping[str, Any], weat
 
 
 def crew_sheet(scenario: FunctionalScenario) -> Pixels:
-    """All 74 blueprints in the six animations, two rows of 37 per animation."""
+    """The scenario's 74 people in the six animations, two rows of 37 per animation."""
     stage = Stage(scenario.town, {}, CameraSettings(width=640, height=384, hfov_deg=36))
     route, rows = scenario.ego.route(), []
     try:
         ego = route.at(scenario.conflict_s() - 9)
         for row, animation in enumerate(ANIMATIONS):
             tiles = []
-            for index, name in enumerate(NAMES):
+            for index, name in enumerate(_people(scenario)):
                 stage.reset(WEATHERS["day"], name)
                 stage.put("ego", ego)
                 x, y = scenario.pedestrian.at
                 heading = float(np.radians((90, -60, 180, 30)[index % 4]))
-                stage.place_pedestrian(Pose(x, y, heading), gait.pose(animation, 0.8 * index + row, 1.3))
+                stage.place_pedestrian(Pose(x, y, heading), gait.pose(animation, 0.8 * index + row, 1.3, stage.walker))
                 image, _ = stage.shoot(np.random.default_rng(0))
                 tiles.append(cv2.resize(image[70:370, 235:405], (68, 120), interpolation=cv2.INTER_AREA))
             rows += [np.hstack(tiles[i : i + CREW_COLUMNS]) for i in range(0, len(tiles), CREW_COLUMNS)]
     finally:
         stage.close()
     return np.vstack(rows)
+
+
+def _people(scenario: FunctionalScenario) -> tuple[str, ...]:
+    """The names of the scenario's population, the first if it names none."""
+    return tuple(population(scenario.people or 1))
 
 
 def _captioned(image: Pixels, text: str) -> Pixels:

@@ -6,11 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.scenarios.people import Blueprint
+
 ANIMATIONS = ("walking", "texting", "crouching", "limping", "drunk", "stumble")
 JOINTS = (
     "pitch", "roll", "waist", "neck", "shoulder_l", "shoulder_r", "spread_l", "spread_r", "elbow_l", "elbow_r",
     "hip_l", "hip_r", "knee_l", "knee_r", "ankle_l", "ankle_r",
 )  # fmt: skip
+REFERENCE_HEIGHT_M = 1.75
 STRIDE_AT_REST_M, STRIDE_PER_SPEED_S = 0.7, 0.5
 LEG_M = 0.85
 """Hip to ankle at the reference height."""
@@ -25,42 +28,50 @@ class Posture:
     drop: float = 0.0
 
 
-def phase(distance_m: float, speed_mps: float) -> float:
+def phase(distance_m: float, speed_mps: float, walker: Blueprint) -> float:
     """Gait phase in radians after a walking distance; one cycle is one stride, which grows with speed.
 
     The phase depends on distance, not time, so the feet do not slide and a pedestrian at speed 0 stands still.
     """
-    return 2 * np.pi * distance_m / stride(speed_mps)
+    return 2 * np.pi * distance_m / stride(speed_mps, walker)
 
 
-def stride(speed_mps: float) -> float:
-    """Metres of one gait cycle, two steps."""
-    return STRIDE_AT_REST_M + STRIDE_PER_SPEED_S * speed_mps
+def stride(speed_mps: float, walker: Blueprint) -> float:
+    """Metres of one gait cycle, two steps: it grows with speed and with the walker's height."""
+    return walker.stride * (STRIDE_AT_REST_M + STRIDE_PER_SPEED_S * speed_mps) * walker.height / REFERENCE_HEIGHT_M
 
 
-def pose(animation: str, phase_rad: float, speed_mps: float) -> Posture:
+def pose(animation: str, phase_rad: float, speed_mps: float, walker: Blueprint) -> Posture:
     """Posture of an animation at a phase of the gait cycle; the swing of the legs matches the stride, so the foot on the ground stays
     put."""
+    leg_m = LEG_M * walker.height / REFERENCE_HEIGHT_M
     swing = min(1.0, speed_mps / STANDING_BELOW_MPS)
+    reach = swing * float(np.arcsin(min(1.0, stride(speed_mps, walker) / (4 * leg_m))))
     angles = dict.fromkeys(JOINTS, 0.0)
-    drop = _legs(angles, phase_rad, swing, stride(speed_mps))
+    drop = _legs(angles, phase_rad, reach)
+    _arms(angles, phase_rad, walker.arm_swing * reach)
     drop += _CHARACTERS[animation](angles, phase_rad, min(1.0, speed_mps / 1.6))
+    angles["waist"] += walker.stoop
     return Posture(angles, drop)
 
 
-def _legs(a: dict[str, float], p: float, swing: float, stride_m: float) -> float:
+def _legs(a: dict[str, float], p: float, reach: float) -> float:
     """Each leg stands for half of the cycle, turning back evenly under the hips; in the other half it swings forward, bent."""
-    reach = swing * float(np.arcsin(min(1.0, stride_m / (4 * LEG_M))))
     drop = 0.0
     for side, q in (("l", p), ("r", p + np.pi)):
         a[f"hip_{side}"] = -reach * float(2 / np.pi * np.arcsin(np.sin(q)))
         a[f"knee_{side}"] = 0.06 + 1.5 * reach * max(0.0, float(np.cos(q - 0.2))) ** 2
         a[f"ankle_{side}"] = -0.5 * (a[f"hip_{side}"] + a[f"knee_{side}"])
-        a[f"shoulder_{side}"] = 0.9 * reach * np.sin(q)
-        a[f"elbow_{side}"] = -0.2 - 0.5 * reach
         if np.cos(q) <= 0:
             drop = -LEG_M * (1 - float(np.cos(a[f"hip_{side}"])))
     return drop
+
+
+def _arms(a: dict[str, float], p: float, swing: float) -> None:
+    """Each arm swings against its leg."""
+    for side, q in (("l", p), ("r", p + np.pi)):
+        a[f"shoulder_{side}"] = 0.9 * swing * float(np.sin(q))
+        a[f"elbow_{side}"] = -0.2 - 0.5 * swing
 
 
 def _walking(a: dict[str, float], p: float, swing: float) -> float:

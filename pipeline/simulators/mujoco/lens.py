@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from .backscatter import Backscatter
 from .weather import Weather
 
 
 class CameraSettings(BaseModel):
     """The camera: image size in pixels, horizontal field of view in degrees, frames per second, and its image effects.
 
-    exposure: gain that follows the image's brightness. noise: grain at night. vignetting: darker corners. rain_on_lens: drops.
+    exposure: gain that follows the image's brightness. noise: grain of the sensor. vignetting: darker corners. rain_on_lens: drops.
     distortion: radial coefficient k1 of Brown's model (x_d = x (1 + k1 r^2), normalised image plane); negative is a barrel, 0 none. A
     barrel shows more than the rendered image: its border repeats the outermost pixels.
     jpeg_quality: of the image's compression; null for none.
@@ -57,10 +59,16 @@ class Sun:
 
 Image = NDArray[np.uint8]
 Floats = NDArray[np.float32]
-NOISE_GREY_LEVELS = 2.2
+GRAIN_DAY, GRAIN_NIGHT = 1.0, 1.7
+"""Standard deviation of the sensor's noise before the exposure's gain, grey levels. It is the same for bright and dark pixels, because a
+gamma of about 2 turns photon noise, the square root of the light, into a constant."""
 STREAK_SHEETS = 6
+REFERENCE_WIDTH = 320
+"""Image width that streaks, blurs and rings in pixels are made for; they grow with the image, so that each size shows the same weather."""
 GLARE_HIDDEN = 0.2
 """Share of the glare that remains while the sun is hidden, from the bright sky around it."""
+QUANTILES = np.array([NormalDist().inv_cdf((i + 0.5) / 256) for i in range(256)])
+"""Of the standard normal distribution: a random byte chooses one."""
 MEAN_GREY, GAINS = 100.0, (0.8, 1.3)
 """Target of the exposure, and the limits of its gain."""
 DROPS_FROM_RAIN, DROP_LEVELS = 20.0, 6
@@ -77,16 +85,16 @@ class Lens:
         width, height = settings.width, settings.height
         self._settings = settings
         self._width, self._height, self._focal = width, height, focal_px
+        self._scale = width / REFERENCE_WIDTH
         u, v = np.meshgrid(np.arange(width) - width / 2 + 0.5, np.arange(height) - height / 2 + 0.5)
         # Fog grows with the distance along the ray, not with the depth.
         self._ray = np.sqrt(1 + (u**2 + v**2) / focal_px**2).astype(np.float32)
         self._fall = (np.maximum(v[height // 2 :], 0) / focal_px).astype(np.float32)
         self._camera_height = camera_height_m
         self._glow = _glow(width, height)
+        self._backscatter = Backscatter(width, height, focal_px, camera_height_m)
         rng = np.random.default_rng(3)
         self._streaks = [_streaks(width, height, rng) for _ in range(STREAK_SHEETS)]
-        grain = np.round(rng.normal(0, NOISE_GREY_LEVELS, (2 * height, 2 * width, 1))).astype(np.int16)
-        self._grain = np.repeat(grain, 3, axis=2)
         self._drops = _drops(width, height, rng)
         corner = np.hypot(width, height) / 2
         light = 1 - (1 - CORNER_LIGHT) * ((u**2 + v**2) / corner**2)[..., None]
@@ -111,13 +119,13 @@ class Lens:
         image = self.distort(image)
         if settings.vignetting:
             image = np.asarray(cv2.multiply(image, self._light, scale=1 / 255), np.uint8)
+        gain = 1.0
         if settings.exposure:
             mean = float(image[::4, ::4].mean())
             gain = float(np.clip(np.sqrt(MEAN_GREY / max(mean, 1.0)), *GAINS))
             image = np.asarray(cv2.convertScaleAbs(image, alpha=gain), np.uint8)
-        if settings.noise and weather.night:
-            y, x = rng.integers(self._height), rng.integers(self._width)
-            image = cv2.add(image, self._grain[y : y + self._height, x : x + self._width], dtype=cv2.CV_8U)
+        if settings.noise:
+            image = _grainy(image, gain * (GRAIN_NIGHT + (GRAIN_DAY - GRAIN_NIGHT) * weather.daylight), rng)
         if settings.jpeg_quality is not None:
             coded = cv2.imencode(".jpg", image[..., ::-1], (cv2.IMWRITE_JPEG_QUALITY, settings.jpeg_quality))[1]
             image = np.ascontiguousarray(np.asarray(cv2.imdecode(coded, cv2.IMREAD_COLOR), np.uint8)[..., ::-1])
@@ -153,7 +161,8 @@ class Lens:
         ground = np.abs(below * self._fall - self._camera_height) < GROUND_M
         mirror = (WET_MIRROR * min(1.0, weather.rain / 60)) * np.clip(1.1 - 2.2 * self._fall, 0.25, 1)
         share = np.where(ground, mirror, 0).astype(np.float32)
-        seen = cv2.blur(np.ascontiguousarray(image[:middle][::-1]), (3, 11))[: self._height - middle]
+        kernel = tuple(round(side * self._scale) // 2 * 2 + 1 for side in (3, 11))
+        seen = cv2.blur(np.ascontiguousarray(image[:middle][::-1]), kernel)[: self._height - middle]
         image = image.copy()
         image[middle:] = cv2.blendLinear(image[middle:], seen, 1 - share, share)
         return image
@@ -161,10 +170,12 @@ class Lens:
     def _fog(self, image: Image, distance: Floats, weather: Weather) -> Image:
         if weather.fog <= 0 and weather.rain <= 0:
             return image
-        clear = cv2.exp(distance * self._ray * np.float32(-weather.extinction_per_m))
+        metres = distance * self._ray
+        clear = cv2.exp(metres * np.float32(-weather.extinction_per_m))
         veil = np.empty_like(image)
         veil[:] = np.clip(255 * weather.grey, 0, 255)
-        return np.asarray(cv2.blendLinear(image, veil, clear, 1 - clear), np.uint8)
+        image = np.asarray(cv2.blendLinear(image, veil, clear, 1 - clear), np.uint8)
+        return self._backscatter.add(image, metres, weather) if weather.night else image
 
     def _glare(self, image: Image, weather: Weather, sun: Sun) -> Image:
         strength, (right, up, back) = 230 * weather.sunshine * (GLARE_HIDDEN if sun.hidden else 1.0), sun.direction
@@ -181,15 +192,15 @@ class Lens:
     def _rain(self, image: Image, weather: Weather, rng: np.random.Generator) -> Image:
         share = weather.rain / 100
         sheet = self._streaks[rng.integers(STREAK_SHEETS)]
-        y, x = rng.integers(self._height), rng.integers(self._width)
-        alpha = sheet[y : y + self._height, x : x + self._width] * np.float32(share * (0.35 if weather.night else 0.6))
+        y, x = (int(side * rng.random()) for side in (self._height, self._width))
+        alpha = sheet[y : y + self._height, x : x + self._width] * np.float32(share * (0.35 + 0.25 * weather.daylight))
         drops = np.empty_like(image)
-        drops[:] = np.clip(255 * (0.7 * weather.grey + (0.2 if weather.night else 0.3)), 0, 255)
+        drops[:] = np.clip(255 * (0.7 * weather.grey + 0.2 + 0.1 * weather.daylight), 0, 255)
         image = cv2.blendLinear(image, drops, 1 - alpha, alpha)
         if self._settings.rain_on_lens and weather.rain > DROPS_FROM_RAIN:
             image = self._wet_lens(image, weather)
         if share > 0.3:
-            blurred = cv2.GaussianBlur(image, (0, 0), 0.9 * share * self._width / 320)
+            blurred = cv2.GaussianBlur(image, (0, 0), 0.9 * share * self._scale)
             image = cv2.addWeighted(image, 1 - 0.5 * share, blurred, 0.5 * share, 0)
         return image
 
@@ -199,9 +210,18 @@ class Lens:
         mask = self._drops[level]
         if round(weather.sun_azimuth) % 2:
             mask = np.ascontiguousarray(mask[:, ::-1])
-        small = cv2.blur(cv2.resize(image, (self._width // 8, self._height // 8), interpolation=cv2.INTER_AREA), (3, 3))
+        size = (REFERENCE_WIDTH // 8, max(1, round(self._height / self._scale / 8)))
+        small = cv2.blur(cv2.resize(image, size, interpolation=cv2.INTER_AREA), (3, 3))
         seen = cv2.resize(small[::-1], (self._width, self._height), interpolation=cv2.INTER_LINEAR)
         return np.asarray(cv2.blendLinear(image, seen, 1 - mask, mask), np.uint8)
+
+
+def _grainy(image: Image, deviation: float, rng: np.random.Generator) -> Image:
+    """Add independent Gaussian noise to each channel; standard deviation in grey levels."""
+    table = np.round(deviation * QUANTILES)
+    drawn = rng.integers(0, 2**64, -(-image.size // 8), np.uint64).view(np.uint8)[: image.size].reshape(image.shape)
+    lighter, darker = (cv2.LUT(drawn, np.maximum(half, 0).astype(np.uint8)) for half in (table, -table))
+    return np.asarray(cv2.subtract(cv2.add(image, lighter), darker), np.uint8)
 
 
 def _drops(width: int, height: int, rng: np.random.Generator) -> list[Floats]:
@@ -210,7 +230,7 @@ def _drops(width: int, height: int, rng: np.random.Generator) -> list[Floats]:
     for _ in range(DROP_LEVELS):
         for _ in range(5):
             radius = float(rng.uniform(0.008, 0.022)) * width
-            centre = (int(rng.integers(width)), int(rng.integers(height)))
+            centre = (int(width * rng.random()), int(height * rng.random()))
             axes = (int(radius), int(radius * rng.uniform(1, 1.4)))
             cv2.ellipse(mask, centre, axes, 0, 0, 360, float(rng.uniform(0.45, 0.75)), -1)
         masks.append(np.ascontiguousarray(cv2.GaussianBlur(mask, (0, 0), 0.0035 * width)))
@@ -226,12 +246,12 @@ def _glow(width: int, height: int) -> Floats:
 
 
 def _streaks(width: int, height: int, rng: np.random.Generator) -> Floats:
-    """(2h, 2w) opacity of falling drops, tiled so that any window of the image size shows a different shower."""
-    sheet = np.zeros((2 * height, 2 * width), np.float32)
-    for _ in range(width * height // 90):
-        x, y, length = rng.integers(2 * width), rng.integers(2 * height), int(rng.integers(height // 26, height // 9))
+    """(2h, 2w) opacity of falling drops; any window of the image size shows a different shower."""
+    w, h = REFERENCE_WIDTH, round(height * REFERENCE_WIDTH / width)
+    sheet = np.zeros((2 * h, 2 * w), np.float32)
+    for _ in range(w * h // 90):
+        x, y, length = rng.integers(2 * w), rng.integers(2 * h), int(rng.integers(h // 26, h // 9))
         steps = np.arange(length)
-        sheet[(y + steps) % (2 * height), (x + (0.12 * steps).astype(int)) % (2 * width)] = rng.uniform(0.15, 0.6) * np.sin(
-            np.pi * (steps + 0.5) / length
-        )
-    return sheet
+        opacity = rng.uniform(0.15, 0.6) * np.sin(np.pi * (steps + 0.5) / length)
+        sheet[(y + steps) % (2 * h), (x + (0.12 * steps).astype(int)) % (2 * w)] = opacity
+    return np.asarray(cv2.resize(sheet, (2 * width, 2 * height), interpolation=cv2.INTER_LINEAR), np.float32)

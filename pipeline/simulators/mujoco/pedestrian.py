@@ -5,13 +5,13 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from .blueprints import Blueprint
-from .gait import Posture
+from pipeline.scenarios.people import Blueprint
+
+from .gait import REFERENCE_HEIGHT_M, Posture
 
 GEOM = mujoco.mjtGeom
 GROUP = 2
 """Geom group of the pedestrian: ground truth renders this group alone."""
-REFERENCE_HEIGHT = 1.75
 HIP_HEIGHT = 0.93
 HIDDEN_Z = -50.0
 UMBRELLA = ("canopy", "shaft")
@@ -137,7 +137,7 @@ class Pedestrian:
 
     def dress(self, blueprint: Blueprint) -> None:
         """Apply a blueprint's proportions and colours."""
-        model, k = self._model, blueprint.height / REFERENCE_HEIGHT
+        model, k = self._model, blueprint.height / REFERENCE_HEIGHT_M
         self._scale = k
         for i in self._geoms:
             # A capsule's or cylinder's second size is its half length, which breadth does not scale.

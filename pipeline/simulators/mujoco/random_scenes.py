@@ -1,23 +1,24 @@
-"""Random scenes for the base training set: random spawn and weather (thesis section 5.4); some people appear rarely."""
+"""Random scenes for the base training set: random spawn, weather and people (thesis section 5.4)."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.config.schema import BaseSet, Rarity
 from pipeline.core.footprints import Rectangle
 from pipeline.core.paths import Path, Pose
 from pipeline.core.truth import Truth
 from pipeline.errors import InputError
 from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M, HALF_LENGTHS_M, Actor, VehicleKind
+from pipeline.scenarios.people import fingerprint, population
 from pipeline.scenarios.streets import END_X, LANE_WIDTH, START_X, Junction, Street, Town, streets
 
 from . import gait
-from .blueprints import CHILDREN, NAMES
 from .gait import ANIMATIONS
 from .lens import CameraSettings
 from .stage import Stage, weather_of
@@ -25,8 +26,8 @@ from .stage import Stage, weather_of
 PEDESTRIAN_SHARE = 0.88
 BESIDE_VEHICLE_SHARE = 0.35
 TURNING_SHARE = 0.4
-RARE = 0.15
-"""Frequency of children and of crouching people, relative to others (docs/decisions/0016-long-tailed-base-set.md)."""
+FIRST_PEOPLE = 1000
+"""The lowest number of a random population; lower ones are for scenarios."""
 NEAREST_M, FARTHEST_M = 2.8, 46.0
 OUT_OF_SIGHT = Pose(-500, 0, 0)
 FLEET: tuple[VehicleKind, ...] = ("bus", "hatchback", "saloon", "van", "hatchback", "saloon", "hatchback")
@@ -34,31 +35,39 @@ FLEET: tuple[VehicleKind, ...] = ("bus", "hatchback", "saloon", "van", "hatchbac
 
 @dataclass(frozen=True)
 class Scene:
-    """One labelled random image; attributes are its scenario variables."""
+    """One labelled random image; attributes are its scenario variables, the town, the people, and the person's height and umbrella."""
 
     image: NDArray[np.uint8]
     truth: Truth
     attributes: dict[str, Any]
 
 
-def scenes(shard: int, count: int, seed: int, settings: CameraSettings, held_out: Mapping[str, Town] | None = None) -> Iterator[Scene]:
-    """Yield `count` random scenes in one random urban town; a shard depends on (seed, shard) alone.
+def scenes(shard: int, count: int, base_set: BaseSet, settings: CameraSettings, held_out: Mapping[str, str]) -> Iterator[Scene]:
+    """Yield `count` random scenes in one random urban town with one random population; a shard depends on seed, shard and rarity alone.
 
-    All towns are urban: the suburban style is reserved for the held-out scenarios. held_out: scenario -> its town; InputError if the random
-    town is among them.
+    All towns are urban: the suburban style is reserved for the held-out scenarios. held_out: fingerprint of a town or a population -> the
+    held-out scenario that has it; InputError if the random town or population is among them.
     """
-    rng = np.random.default_rng([seed, shard])
-    town = _town(rng)
-    for name, unseen in (held_out or {}).items():
-        if town.fingerprint == unseen.fingerprint:
-            raise InputError(f"base_set.seed {seed}: random town {shard} is the town of held-out {name}, so training would use it")
+    rng = np.random.default_rng([base_set.seed, shard])
+    town, people = _world(rng)
+    for kind, drawn in (("town", town.fingerprint), ("people", fingerprint(people))):
+        if drawn in held_out:
+            raise InputError(
+                f"base_set.seed {base_set.seed} draws the {kind} of held-out {held_out[drawn]} for shard {shard}; choose another seed"
+            )
     fleet = {f"vehicle{i}": Actor(kind=kind, x_m=0, y_m=0, paint=int(rng.integers(7))) for i, kind in enumerate(FLEET)}
     stage = Stage(town, fleet, settings)
     try:
         for _ in range(count):
-            yield _scene(stage, town, rng)
+            attributes = {"town": town.fingerprint, **_conditions(people, base_set.rare, rng)}
+            yield _scene(stage, town, attributes, rng)
     finally:
         stage.close()
+
+
+def _world(rng: np.random.Generator) -> tuple[Town, int]:
+    """A random town and the number of a random population."""
+    return _town(rng), int(rng.integers(FIRST_PEOPLE, 2**31))
 
 
 def _town(rng: np.random.Generator) -> Town:
@@ -73,17 +82,24 @@ def _town(rng: np.random.Generator) -> Town:
     )
 
 
-def _scene(stage: Stage, town: Town, rng: np.random.Generator) -> Scene:
-    attributes: dict[str, Any] = {
-        "town": town.fingerprint,
+def _conditions(people: int, rare: Rarity, rng: np.random.Generator) -> dict[str, Any]:
+    """Random values of the scenario variables, with what is known of the person. people: number of the population."""
+    persons = population(people)
+    conditions: dict[str, Any] = {
+        "people": fingerprint(people),
         "rain": float(rng.uniform(0, 100)) if rng.random() < 0.7 else 0.0,
         "fog": float(rng.uniform(0, 100)) if rng.random() < 0.7 else 0.0,
         "sun_azimuth": float(rng.uniform(0, 360)),
         "sun_altitude": float(rng.uniform(-20, 90)) if rng.random() < 0.7 else float(rng.uniform(-8, 14)),
-        "animation": _drawn(ANIMATIONS, {"crouching"}, rng),
-        "blueprint": _drawn(NAMES, set(CHILDREN), rng),
+        "animation": _drawn({name: rare.crouching if name == "crouching" else 1.0 for name in ANIMATIONS}, rng),
+        "blueprint": _drawn({name: rare.children if person.child else 1.0 for name, person in persons.items()}, rng),
         "pedestrian_speed": float(rng.uniform(0, 3)),
     }
+    shown = persons[conditions["blueprint"]]
+    return {**conditions, "height_m": shown.height, "umbrella": int(shown.umbrella)}
+
+
+def _scene(stage: Stage, town: Town, attributes: dict[str, Any], rng: np.random.Generator) -> Scene:
     stage.reset(weather_of(attributes), attributes["blueprint"])
     ego = _ego(town, rng)
     stage.put("ego", ego)
@@ -91,7 +107,7 @@ def _scene(stage: Stage, town: Town, rng: np.random.Generator) -> Scene:
     if rng.random() < PEDESTRIAN_SHARE:
         x, y = _spot(ego, vehicles, rng)
         heading, phase = float(rng.uniform(-180, 180)), float(rng.uniform(0, 40))
-        posture = gait.pose(attributes["animation"], phase, attributes["pedestrian_speed"])
+        posture = gait.pose(attributes["animation"], phase, attributes["pedestrian_speed"], stage.walker)
         stage.place_pedestrian(Pose(x, y, float(np.radians(heading))), posture)
     else:
         stage.pedestrian.hide()
@@ -99,9 +115,10 @@ def _scene(stage: Stage, town: Town, rng: np.random.Generator) -> Scene:
     return Scene(image, truth, attributes)
 
 
-def _drawn(values: Sequence[str], rare: Collection[str], rng: np.random.Generator) -> str:
-    weights = np.array([RARE if value in rare else 1.0 for value in values])
-    return str(rng.choice(values, p=weights / weights.sum()))
+def _drawn(frequencies: Mapping[str, float], rng: np.random.Generator) -> str:
+    """One of the names, each as often as its frequency relative to the others."""
+    weights = np.array(list(frequencies.values()))
+    return str(rng.choice(list(frequencies), p=weights / weights.sum()))
 
 
 def _ego(town: Town, rng: np.random.Generator) -> Pose:

@@ -13,10 +13,10 @@ from pipeline.core.space import Value
 from pipeline.core.truth import Truth
 from pipeline.errors import SimulationError
 from pipeline.scenarios.functional import HALF_LENGTHS_M, Actor, VehicleKind
+from pipeline.scenarios.people import population
 from pipeline.scenarios.streets import LANE_WIDTH, Street, Town, streets
 
 from . import gait
-from .blueprints import NAMES
 from .lens import CameraSettings
 from .pedestrian import GROUP
 from .stage import Stage
@@ -43,6 +43,8 @@ MIN_PIXELS = 40
 """A vehicle with fewer visible pixels counts as absent."""
 DRAWS = 40
 AWAY = Pose(-500, 0, 0)
+PEOPLE = 1
+"""The population on the pavements."""
 Point = Mapping[str, str]
 
 
@@ -90,6 +92,7 @@ class _Photographer:
     def __init__(self, stage: Stage, street: Street) -> None:
         self._stage, self._street = stage, street
         self._surfaces = _surfaces(stage)
+        self._people = tuple(population(PEOPLE))
         model = stage.model
         self._body_of = {name: int(model.body(name).rootid[0]) for name in (f"vehicle{i}" for i in range(len(FLEET)))}
         self._root = model.body_rootid[model.geom_bodyid]
@@ -98,7 +101,7 @@ class _Photographer:
         """Draw arrangements of the point until each vehicle that it names is visible."""
         weather = _weather(point["weather"], rng)
         for _ in range(DRAWS):
-            self._stage.reset(weather, str(rng.choice(NAMES)))
+            self._stage.reset(weather, str(rng.choice(self._people)))
             forward, oncoming = self._arrange(point, rng)
             image, _ = self._stage.shoot(rng)
             classes = self._stage.camera.segment(self._classes(forward, oncoming))
@@ -143,7 +146,7 @@ class _Photographer:
             spot = street.pose(ahead, side * (street.edge(side, ahead) + float(rng.uniform(0.6, 2.4))))
             heading, phase = float(rng.uniform(-180, 180)), float(rng.uniform(0, 40))
             where = Pose(spot.x, spot.y, float(np.radians(heading)))
-            stage.place_pedestrian(where, gait.pose(str(rng.choice(gait.ANIMATIONS)), phase, 1.2))
+            stage.place_pedestrian(where, gait.pose(str(rng.choice(gait.ANIMATIONS)), phase, 1.2, stage.walker))
         else:
             stage.pedestrian.hide()
 

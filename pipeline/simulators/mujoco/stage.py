@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from pipeline.core.paths import Pose
 from pipeline.core.truth import Truth
 from pipeline.scenarios.functional import Actor
+from pipeline.scenarios.people import Blueprint, person
 from pipeline.scenarios.streets import Town
 
 from . import gait, world
-from .blueprints import BLUEPRINTS
 from .camera import Camera
 from .furniture import lamp_positions
 from .lens import CameraSettings
@@ -24,7 +24,12 @@ from .weather import Weather
 
 
 class Stage:
-    """One world in this process. Poses: metres and degrees in the world frame (x ahead, y left)."""
+    """One world in this process. Poses: metres and degrees in the world frame (x ahead, y left).
+
+    walker: the person who the pedestrian is in this episode.
+    """
+
+    walker: Blueprint
 
     def __init__(self, town: Town, actors: Mapping[str, Actor], settings: CameraSettings) -> None:
         self.model = world.describe(town, actors, settings.vfov_deg, settings.width, settings.height).compile()
@@ -35,13 +40,16 @@ class Stage:
         self._mocap = {name: int(self.model.body(name).mocapid[0]) for name in ("ego", *actors)}
 
     def reset(self, weather: Weather, blueprint: str) -> None:
-        """Begin a new episode: everything at rest, the pedestrian dressed, the weather set."""
+        """Begin a new episode: everything at rest, the pedestrian dressed as the named person, the weather set."""
         mujoco.mj_resetData(self.model, self.data)
-        self.pedestrian.dress(BLUEPRINTS[blueprint])
+        self.walker = person(blueprint)
+        self.pedestrian.dress(self.walker)
         self.camera.set_weather(weather)
 
-    def launch(self, travelled_m: float, speed_mps: float) -> None:
-        """Start the ego at a speed, at a distance in metres along its route."""
+    def launch(self, travelled_m: float, speed_mps: float, full_brake_mps2: float, build_up_s: float) -> None:
+        """Start the ego at a speed, at a distance in metres along its route; its brake gives `full_brake_mps2` behind a first-order lag."""
+        brake = self.model.actuator("brake")
+        brake.gainprm[0], brake.dynprm[0] = -world.EGO_MASS_KG * full_brake_mps2, max(build_up_s, world.TIMESTEP_S)
         self.data.qpos[self._travelled.qposadr[0]] = travelled_m
         self.data.qvel[self._travelled.dofadr[0]] = speed_mps
 

@@ -14,6 +14,13 @@ from .textures import noise
 
 Floats = NDArray[np.float64]
 LAMPS_ON_BELOW_DEG = 0.0
+SUN_DEG, OUTDOORS_LX = (-12.0, -6.0, 0.0, 10.0), (0.008, 3.4, 400.0, 13700.0)
+"""Illuminance of the ground under a clear sky at altitudes of the sun: the twilights' limits from the Glossary of Meteorology (American
+Meteorological Society), 10 degrees from Haurwitz' clear-sky irradiance at 100 lm/W."""
+LAMPS_LX = 30.0
+"""Illuminance that headlights and street lamps give the road ahead."""
+EXPOSURE_POWER = 0.12
+"""Grey levels rise with this power of the illuminance: the camera's exposure reduces six decades of light to a range of 1 to 6."""
 RANGE_CONTRAST = 0.05
 """Contrast left at the visual range (Koschmieder, as the meteorological optical range is defined)."""
 SKY_SIZE = 128
@@ -44,8 +51,21 @@ class Weather:
 
     @property
     def daylight(self) -> float:
-        """0 at night, 1 with the sun well up; civil twilight between."""
-        return float(np.clip((self.sun_altitude + 6) / 16, 0, 1))
+        """0 once nautical twilight has ended, at -12 degrees; 1 with the sun at 10 degrees or higher."""
+        dark, full = _exposed(OUTDOORS_LX[0]), _exposed(OUTDOORS_LX[-1])
+        return (_exposed(self._outdoors_lx) - dark) / (full - dark)
+
+    @property
+    def lamplight(self) -> float:
+        """Share of the lamps' light that shows beside daylight: 0 by day and just after sunset, 1 at night."""
+        if not self.night:
+            return 0.0
+        outdoors, dark = self._outdoors_lx, OUTDOORS_LX[0]
+        return (_exposed(outdoors + LAMPS_LX) - _exposed(outdoors)) / (_exposed(dark + LAMPS_LX) - _exposed(dark))
+
+    @property
+    def _outdoors_lx(self) -> float:
+        return float(10 ** np.interp(self.sun_altitude, SUN_DEG, np.log10(OUTDOORS_LX)))
 
     @property
     def overcast(self) -> float:
@@ -77,9 +97,14 @@ class Weather:
     def sky(self) -> tuple[Floats, Floats]:
         """Colours at the horizon and at the zenith, (3,) each, 0 to 1."""
         warm = float(np.clip(1 - abs(self.sun_altitude - 2) / 18, 0, 1))
-        horizon = mix(mix([0.035, 0.04, 0.07], [0.74, 0.83, 0.93], self.daylight), [0.96, 0.64, 0.4], 0.65 * warm * self.daylight)
+        horizon = mix([0.035, 0.04, 0.07], mix([0.74, 0.83, 0.93], [0.96, 0.64, 0.4], 0.65 * warm), self.daylight)
         zenith = mix([0.01, 0.012, 0.035], [0.27, 0.46, 0.8], self.daylight)
         return mix(horizon, self.grey, self.overcast), mix(zenith, 0.94 * self.grey, self.overcast)
+
+
+def _exposed(illuminance_lx: float) -> float:
+    """Brightness in the image, up to a factor, of what has this illuminance."""
+    return float(illuminance_lx**EXPOSURE_POWER)
 
 
 class WeatherControl:
@@ -90,6 +115,7 @@ class WeatherControl:
         self._sun = model.light("sun").id
         self._street = [i for i in range(model.nlight) if model.light(i).name.startswith("street")]
         self._heads = [model.light("head_left").id, model.light("head_right").id]
+        self._lamplight = {name: np.array(getattr(model, name)) for name in ("light_diffuse", "light_specular", "light_attenuation")}
         rng = np.random.default_rng(5)
         self._clouds = noise((SKY_SIZE, SKY_SIZE), rng, octaves=4)
         self._texture = int(np.flatnonzero(model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX)[0])
@@ -105,7 +131,7 @@ class WeatherControl:
         clear = mix([0.05, 0.055, 0.085], [0.4, 0.43, 0.48], weather.daylight)
         dull = mix([0.055, 0.055, 0.065], [0.62, 0.63, 0.65], weather.daylight)
         model.vis.headlight.ambient[:] = mix(clear, dull, weather.overcast)
-        model.light_active[self._street + self._heads] = weather.night
+        self._light_lamps(weather)
         for name, emission in (("street_lamp", 1.0), ("lamp_front", 0.9), ("lamp_rear", 0.8)):
             model.mat_emission[model.material(name).id] = emission if weather.night else 0.0
         pane = model.material("window_light").id
@@ -113,6 +139,14 @@ class WeatherControl:
         model.mat_rgba[pane, :3] = (0.95, 0.78, 0.45) if weather.daylight < 0.6 else (0.24, 0.29, 0.33)
         self._wet_road(weather)
         self._paint_sky(weather, context)
+
+    def _light_lamps(self, weather: Weather) -> None:
+        """Fog and rain dim the lamps' light on its way: an exponential, to the second order that OpenGL's attenuation offers."""
+        model, lamps, extinction = self._model, self._street + self._heads, weather.extinction_per_m
+        model.light_active[lamps] = weather.night
+        for name in ("light_diffuse", "light_specular"):
+            getattr(model, name)[lamps] = self._lamplight[name][lamps] * weather.lamplight
+        model.light_attenuation[lamps] = self._lamplight["light_attenuation"][lamps] + (0, extinction, extinction**2 / 2)
 
     def _wet_road(self, weather: Weather) -> None:
         model, wet = self._model, min(1.0, weather.rain / 50)

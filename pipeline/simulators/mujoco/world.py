@@ -7,7 +7,6 @@ from collections.abc import Mapping
 import mujoco
 import numpy as np
 
-from pipeline.core.braking import BRAKE_LAG_S, FULL_BRAKE_MPS2
 from pipeline.scenarios.functional import Actor
 from pipeline.scenarios.streets import Town
 
@@ -17,6 +16,11 @@ EGO_MASS_KG = 1500.0
 TIMESTEP_S = 0.005
 CAMERA_X_M, CAMERA_Z_M = 0.5, 1.35
 STREET_LIGHTS = 4
+HEADLIGHTS_M = {"head_left": (2.3, 0.65, 0.7), "head_right": (2.3, -0.65, 0.7)}
+"""Of each lamp in the ego's frame: x ahead, y left, z up."""
+HEADLIGHT_AXIS, HEADLIGHT_CUTOFF_DEG, HEADLIGHT_EXPONENT, HEADLIGHT_COLOUR = (1.0, 0.0, -0.035), 34.0, 9.0, (1.5, 1.48, 1.35)
+HEADLIGHT_FADE = 0.0016
+"""Loss with the square of the distance in metres: flatter than the inverse square, as the exposure flattens what a camera shows."""
 SHADOW_MAP = 1024
 
 
@@ -74,12 +78,11 @@ def _ego(spec: mujoco.MjSpec, fovy_deg: float) -> None:
     ego = spec.worldbody.add_body(name="ego", mocap=True)
     # MuJoCo's cameras look along their -z: this turns x to the right and y up, seen along the ego's x.
     ego.add_camera(name="camera", pos=(CAMERA_X_M, 0, CAMERA_Z_M), quat=(0.5, 0.5, -0.5, -0.5), fovy=fovy_deg)
-    for name, y in (("head_left", 0.65), ("head_right", -0.65)):
+    for name, position in HEADLIGHTS_M.items():
         ego.add_light(
-            name=name, type=mujoco.mjtLightType.mjLIGHT_SPOT, pos=(2.3, y, 0.7), dir=(1, 0, -0.035), cutoff=34, exponent=9,
-            attenuation=(1, 0, 0.0016), castshadow=False, diffuse=(1.5, 1.48, 1.35), ambient=(0, 0, 0), specular=(0.2, 0.2, 0.2),
+            name=name, type=mujoco.mjtLightType.mjLIGHT_SPOT, pos=position, dir=HEADLIGHT_AXIS, cutoff=HEADLIGHT_CUTOFF_DEG,
+            exponent=HEADLIGHT_EXPONENT, attenuation=(1, 0, HEADLIGHT_FADE), castshadow=False, diffuse=HEADLIGHT_COLOUR,
+            ambient=(0, 0, 0), specular=(0.2, 0.2, 0.2),
         )  # fmt: skip
     brake = spec.add_actuator(name="brake", target="ego_travelled", trntype=mujoco.mjtTrn.mjTRN_JOINT)
     brake.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
-    brake.dynprm[0] = BRAKE_LAG_S
-    brake.gainprm[0] = -EGO_MASS_KG * FULL_BRAKE_MPS2

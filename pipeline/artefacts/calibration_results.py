@@ -1,0 +1,40 @@
+"""calibration/<detector>.json: how the confidences of a detector under test are calibrated, and how reliable they are."""
+
+from __future__ import annotations
+
+from pipeline.artefacts.results import Result
+from pipeline.core.reliability import Calibration
+
+Diagram = tuple[tuple[float, float, int], ...]
+"""Rows of mean score, share of right detections and number of detections."""
+
+
+class DetectorCalibration(Result):
+    """The calibration of one detector, fitted on validation images.
+
+    slope, offset: of the scores' logits; 1 and 0 leave the scores as they are. detector_sha256, images_sha256: what it was fitted to.
+    detections, right: number of detections that it was fitted to, and of the right ones among them. reliability: diagrams of the scores on
+    these images, `uncalibrated` and `calibrated`; errors: their expected calibration errors, in [0, 1].
+    """
+
+    version: str
+    slope: float
+    offset: float
+    detector_sha256: str
+    images_sha256: str
+    images: int
+    detections: int
+    right: int
+    reliability: dict[str, Diagram]
+    errors: dict[str, float]
+
+    @property
+    def scaling(self) -> Calibration:
+        """The calibration that the tests apply."""
+        return Calibration(self.slope, self.offset)
+
+    @property
+    def fitted(self) -> bool:
+        """False if the scores could not be calibrated: all or none of the detections are right, or higher scores are not right more
+        often."""
+        return self.scaling != Calibration()

@@ -1,0 +1,151 @@
+"""Command `rescore`: judges the stored tests of campaigns again, at other IoUs and thresholds."""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pipeline.config.components import STORED_FROM
+from pipeline.config.composing import PARAMS, load
+from pipeline.config.schema import Config
+from pipeline.errors import InputError
+from pipeline.progress import Progress
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from pipeline.core.car import Car
+
+HELP = "Judge stored tests again at other IoUs and thresholds."
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("folders", type=Path, nargs="+", help="folders with campaigns, such as data/default/campaigns")
+    parser.add_argument("--iou", type=float, nargs="+", default=[0.1, 0.2, 0.3, 0.4, 0.5], help="IoU above which a detection matches")
+    parser.add_argument("--threshold", type=float, nargs="+", help="score from which a detection is reported (default: the study's)")
+    parser.add_argument("--drive", action="store_true", help="execute the tests again in which the car would have braked otherwise")
+    parser.add_argument("--workers", type=int, default=2, help="processes for --drive (default: %(default)s)")
+    parser.add_argument("--params", type=Path, default=PARAMS, help="params.yaml of the study (default: %(default)s)")
+    parser.add_argument("--out", type=Path, help="write the table as CSV")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Check that the stored tests follow from their detections; print the failures at each IoU and threshold.
+
+    Exit code 1 if they do not follow.
+    """
+    import pandas as pd
+
+    from pipeline.analysis.rescoring import with_criterion
+
+    config = load(options.params)
+    campaigns = sorted({path.parent for folder in options.folders for path in folder.rglob("tests.parquet")})
+    if not campaigns:
+        raise InputError(f"{', '.join(map(str, options.folders))}: expected campaigns, found no tests.parquet")
+    thresholds = options.threshold or [config.threshold]
+    if min(thresholds) < STORED_FROM:
+        raise InputError(f"--threshold: tests store detections from a score of {STORED_FROM}, got {min(thresholds)}")
+    wrong = [problem for folder in campaigns for problem in disagreements(folder, config)]
+    print("\n".join(wrong) or f"all {len(campaigns)} campaigns: every KPI follows from detections.parquet and signals.parquet")
+    rows = [
+        {"version": version, "threshold": threshold, "iou": iou, **summed([judged(folder, config, car, options) for folder in folders])}
+        for threshold in thresholds
+        for iou in options.iou
+        for car in [with_criterion(config.car, iou, threshold)]
+        for version, folders in by_version(campaigns).items()
+    ]
+    table = pd.DataFrame(rows).fillna(0)
+    table = table.astype({name: int for name in table if name not in ("version", "threshold", "iou")})
+    print(table.to_string(index=False))
+    if options.out:
+        table.to_csv(options.out, index=False)
+    return 1 if wrong else 0
+
+
+def by_version(campaigns: Sequence[Path]) -> dict[str, list[Path]]:
+    """The folders of campaigns by the version that they test."""
+    from pipeline.artefacts.tables import campaign_of, read_tests
+
+    found: dict[str, list[Path]] = {}
+    for folder in campaigns:
+        path = folder / "tests.parquet"
+        found.setdefault(campaign_of(read_tests(path), path).version, []).append(folder)
+    return found
+
+
+def disagreements(folder: Path, config: Config) -> list[str]:
+    """The columns of tests.parquet that differ from what detections.parquet and signals.parquet give, one text each."""
+    import pandas as pd
+
+    from pipeline.analysis.rescoring import kpis, rescored
+    from pipeline.artefacts.tables import read_detections, read_signals
+
+    tests, signals = valid_tests(folder), read_signals(folder / "signals.parquet")
+    again = kpis(rescored(signals, read_detections(folder / "detections.parquet"), config.car), config.campaign.failure_threshold_s)
+    stored = tests.set_index("test_id")[list(again)].reindex(again.index)
+    different = {name: int((~(stored[name].eq(again[name]) | (stored[name].isna() & again[name].isna()))).sum()) for name in again}
+    missing = len(pd.Index(tests["test_id"]).symmetric_difference(again.index))
+    texts = [f"{folder}: {name} differs in {count} of {len(again)} tests" for name, count in different.items() if count]
+    return texts + ([f"{folder}: {missing} tests have no signals, or signals no test"] if missing else [])
+
+
+def valid_tests(folder: Path) -> pd.DataFrame:
+    """The tests of a campaign that are no errors."""
+    from pipeline.artefacts.tables import read_tests
+
+    tests = read_tests(folder / "tests.parquet")
+    return tests[tests["status"] == "ok"]
+
+
+def judged(folder: Path, config: Config, car: Car, options: argparse.Namespace) -> dict[str, int]:
+    """Failures of a campaign with another car, by cause: as driven, and with --drive as the car would have driven."""
+    from pipeline.analysis.rescoring import driven_otherwise, kpis, rescored
+    from pipeline.artefacts.tables import read_detections, read_signals
+
+    tests, signals = valid_tests(folder), read_signals(folder / "signals.parquet")
+    again = rescored(signals, read_detections(folder / "detections.parquet"), car)
+    results, others = kpis(again, config.campaign.failure_threshold_s), driven_otherwise(signals, again)
+    if options.drive and others:
+        results.update(driven(tests[tests["test_id"].isin(others)], config, car, options.workers))
+    failed = results[results["failure"].astype(bool)]
+    causes = failed["cause"].value_counts().sort_index()
+    left = 0 if options.drive else len(others)
+    return {"tests": len(results), "failures": len(failed), "would drive otherwise": left, **{str(k): int(v) for k, v in causes.items()}}
+
+
+def summed(counts: Sequence[dict[str, int]]) -> dict[str, int]:
+    """The sums by name."""
+    names = dict.fromkeys(name for one in counts for name in one)
+    return {name: sum(one.get(name, 0) for one in counts) for name in names}
+
+
+def driven(tests: pd.DataFrame, config: Config, car: Car, workers: int) -> pd.DataFrame:
+    """The KPIs, by test_id, of tests of one campaign that are executed again with another car."""
+    import pandas as pd
+
+    from pipeline.artefacts.folders import Folders
+    from pipeline.artefacts.points import concrete
+    from pipeline.core.kpi import evaluate
+    from pipeline.execution.journal import Journal
+    from pipeline.execution.workers import Execution, Setup, Workers
+
+    scenario, version = str(tests["scenario"].iloc[0]), str(tests["version"].iloc[0])
+    space, model = config.space(scenario), Path(Folders(config).detector(version))
+    rows = {}
+    with tempfile.TemporaryDirectory() as folder:
+        log = Journal(Path(folder) / "journal", "")
+        pool = Workers(workers, Setup(config.simulator, config.scenarios[scenario], config.detector, model, car))
+        jobs = [Execution(i, log.path(i), concrete(row, space)) for i, (_, row) in enumerate(tests.iterrows())]
+        with Progress(f"{scenario}, IoU {car.criterion.iou:g}, threshold {car.criterion.threshold:g}") as progress:
+            try:
+                for done, _ in enumerate(pool.execute(jobs), 1):
+                    progress(done, len(jobs), "driven again")
+            finally:
+                pool.close()
+        for i, test in enumerate(tests["test_id"]):
+            if not (outcome := log.read(i)).is_error:
+                rows[test] = vars(evaluate(outcome.signals, config.campaign.failure_threshold_s))
+    return pd.DataFrame.from_dict(rows, orient="index")

@@ -1,0 +1,56 @@
+"""Why a test failed: what the detector made of the frames in which braking would still have helped."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.core.matching import TOUCH_IOU
+from pipeline.core.visibility import visible
+
+Cause = Literal["none", "not_solvable", "never_seen", "too_late", "box", "confidence", "false_positives", "false_activation"]
+"""none: no failure. not_solvable: no frame in which a person could see the pedestrian came in time, see `solvable`. false_positives,
+false_activation: as the failure mode. Otherwise, by the frames that came in time and in which a person could see the pedestrian:
+
+- never_seen: neither in these frames nor later does any detection touch the pedestrian;
+- confidence: in most of those without a match, a detection fits, but its score is too low to be reported;
+- box: in most of them, a reported detection touches the pedestrian, but its box does not fit;
+- too_late: in most of them there is nothing, or the brake followed too late or too weakly.
+"""
+
+
+def solvable(signals: Mapping[str, NDArray[Any]]) -> bool:
+    """Whether full braking from some frame in which a person could see the pedestrian would have stopped the ego in time.
+
+    signals: columns of a test execution, (t,) each. A person sees what is `visible`. If the answer is no, no detector that judges single
+    images as well as a person could pass the test with this camera: sensor and sight line are the limit. The pedestrian's own motion out of
+    the way does not count.
+    """
+    return bool(_in_time(signals).any())
+
+
+def cause(signals: Mapping[str, NDArray[Any]], failure_mode: str) -> Cause:
+    """The cause of a failure from its signals, (t,) each; failure_mode: as in tests.parquet."""
+    if failure_mode == "none":
+        return "none"
+    if failure_mode == "false_activation":
+        return "false_activation"
+    if failure_mode == "false_positives":
+        return "false_positives"
+    if not solvable(signals):
+        return "not_solvable"
+    overlap, weak = np.asarray(signals["overlap"]), np.asarray(signals["any_confidence"])
+    if not ((overlap > TOUCH_IOU) | (weak > 0)).any():
+        return "never_seen"
+    unmatched = _in_time(signals) & (np.asarray(signals["confidence"]) == 0)
+    low, badly = unmatched & (weak > 0), unmatched & (weak == 0) & (overlap > TOUCH_IOU)
+    counts: dict[Cause, int] = {"too_late": int((unmatched & ~low & ~badly).sum()), "box": int(badly.sum()), "confidence": int(low.sum())}
+    return max(counts, key=lambda one: counts[one])
+
+
+def _in_time(signals: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
+    seen = visible(signals["visible_pixels"], signals["contrast"])
+    return np.asarray(seen & (np.asarray(signals["conflict_distance_m"]) > np.asarray(signals["stopping_distance_m"])))

@@ -1,0 +1,40 @@
+"""Where the right answer is not to brake, only a detector that sees people everywhere fails."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.config.components import make_simulator
+from pipeline.config.composing import compose, functional_scenario
+from pipeline.core import kpi
+from pipeline.core.kpi import Kpi
+from pipeline.detectors.scripted import BlindDetector, EverywhereDetector, VisiblePixelOracle
+from pipeline.protocols import Detector
+
+SMALL = ["simulator.camera.width=96", "simulator.camera.height=64", "aeb.gate=detections", "detector=oracle"]
+NO_BRAKING = ("N1", "N2", "N3", "N4")
+TESTS = 2
+
+
+def judged(scenario: str, detectors: dict[str, Detector]) -> dict[str, list[Kpi]]:
+    """The same random tests with each detector."""
+    config, described = compose("default", SMALL), functional_scenario(scenario)
+    space, simulator = described.logical_space(), make_simulator(config.simulator, described, config.car)
+    tests = [space.decode(point) for point in space.sample(TESTS, np.random.default_rng(4))]
+    return {name: [kpi.evaluate(simulator.execute(t, detector).signals, 0.1) for t in tests] for name, detector in detectors.items()}
+
+
+@pytest.mark.parametrize("scenario", NO_BRAKING)
+def test_only_the_detector_that_sees_people_everywhere_brakes(scenario: str) -> None:
+    found = judged(scenario, {"everywhere": EverywhereDetector(), "blind": BlindDetector(), "oracle": VisiblePixelOracle()})
+    for test in found["everywhere"]:
+        assert (test.failure, test.cause, test.false_activations) == (True, "false_activation", 1)
+        assert test.false_activation_s > 1 and test.speed_loss_mps > 5
+    for test in (*found["blind"], *found["oracle"]):
+        assert (test.failure, test.false_activations) == (False, 0)
+
+
+def test_the_blind_detector_fails_where_braking_is_right() -> None:
+    for test in judged("F1", {"blind": BlindDetector()})["blind"]:
+        assert test.failure and test.cause in ("never_seen", "not_solvable")

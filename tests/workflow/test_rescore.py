@@ -1,0 +1,96 @@
+"""Stored tests follow from their detections, for every brake law, and can be driven again at another IoU."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline.__main__ import main
+from pipeline.artefacts.tables import read_detections, read_tests, write_detections
+from pipeline.core.detections import Detections
+from pipeline.core.episode import Frame
+from tests.studies import StudyFolder
+
+CAMPAIGN: dict[str, Any] = {"kind": "campaigns", "scenario": "F1", "strategy": "random", "version": "base", "seed": 3}
+SMALL = ["simulator.camera.width=96", "simulator.camera.height=64", "campaign.tests=6", "samplers.random.batch_size=6", "search=[F1]"]
+NOISY = ["detector._target_=tests.workflow.test_rescore.Unsure"]
+LAWS = {
+    "thesis": [],
+    "whole range, two of three": ["aeb.brakes_from=0.1", "aeb.votes=2", "aeb.window=3"],
+    "path, threshold": ["aeb.gate=detections", "aeb.law=threshold", "campaign.match_iou=0.3"],
+}
+
+
+class Unsure:
+    """Reports the pedestrian with boxes and scores that jump, and now and then something else."""
+
+    def __init__(self, model: str, threshold: float, iou: float, layout: None, person: None) -> None:
+        self._threshold = threshold
+
+    def detect(self, frame: Frame) -> Detections:
+        """Up to four boxes, drawn anew for each image."""
+        rng = np.random.default_rng(int(frame.image.sum()))
+        height, width = frame.image.shape[:2]
+        true = frame.truth.visible_box or (0.4 * width, 0.5 * height, 0.45 * width, 0.7 * height)
+        size = np.array([true[2] - true[0], true[3] - true[1]] * 2)
+        boxes = np.clip(np.array(true) + rng.normal(0, 0.12, (4, 4)) * size, 0, [width, height] * 2)
+        boxes[3] = (2, 2, 12, 30)
+        scores = np.sort(rng.uniform(0, 1, 4))[::-1]
+        kept = (scores >= self._threshold) & (boxes[:, 2] > boxes[:, 0]) & (boxes[:, 3] > boxes[:, 1])
+        return Detections(boxes[kept].astype(np.float32), scores[kept].astype(np.float32))
+
+
+def executed(root: Path, overrides: list[str]) -> StudyFolder:
+    """A study with one executed campaign."""
+    study = StudyFolder.composed(root, "smoke", [*SMALL, *NOISY, *overrides])
+    assert study.run("define-space", scenario="F1") == 0
+    (study / "models/base").mkdir(parents=True)
+    (study / "models/base/model.onnx").write_bytes(b"the detector needs none")
+    assert study.run("campaign", **CAMPAIGN) == 0
+    return study
+
+
+@pytest.fixture(scope="module", params=LAWS)
+def law(request: pytest.FixtureRequest) -> list[str]:
+    return LAWS[request.param]
+
+
+@pytest.fixture(scope="module")
+def study(law: list[str], tmp_path_factory: pytest.TempPathFactory) -> StudyFolder:
+    return executed(tmp_path_factory.mktemp("study"), law)
+
+
+def folder(study: StudyFolder) -> Path:
+    return study / "/".join(map(str, CAMPAIGN.values()))
+
+
+def rescore(study: StudyFolder, *options: str) -> int:
+    return main(["rescore", str(study / "campaigns"), "--params", str(study.root / "params.yaml"), *options])
+
+
+def test_every_column_follows_from_detections_and_signals(study: StudyFolder, capsys: pytest.CaptureFixture[str]) -> None:
+    assert len(read_detections(folder(study) / "detections.parquet")) > 100
+    assert rescore(study) == 0
+    assert "every KPI follows" in capsys.readouterr().out
+
+
+def test_a_lost_detection_is_noticed(study: StudyFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    copy = shutil.copytree(study / "campaigns", tmp_path / "campaigns")
+    path = next(copy.rglob("detections.parquet"))
+    found = read_detections(path)
+    write_detections(path, found[found["score"] < 0.8])
+    assert main(["rescore", str(copy), "--params", str(study.root / "params.yaml")]) == 1
+    assert "differs in" in capsys.readouterr().out
+
+
+def test_tests_are_driven_again_with_another_criterion(study: StudyFolder, law: list[str], tmp_path: Path) -> None:
+    table = tmp_path / "table.csv"
+    assert rescore(study, "--iou", "0.2", "--threshold", "0.3", "--drive", "--workers", "1", "--out", str(table)) == 0
+    (row,) = pd.read_csv(table).to_dict("records")
+    again = executed(tmp_path / "again", [*law, "campaign.match_iou=0.2", "detector.threshold=0.3"])
+    assert row["failures"] == read_tests(folder(again) / "tests.parquet")["failure"].sum()
