@@ -1,6 +1,6 @@
 """CPU-seconds of a closed-loop test execution, by part.
 
-    python benchmarks/execution.py [--tests 40] [--scenario F1 ...] [--model models/uniform]
+    python benchmarks/execution.py [--tests 40] [--scenario F1 ...] [--model models/uniform] [--camera 640x384]
 
 Runs random tests in one process with one thread and times the parts of each frame. CPU time, not wall time, so that other
 load on the machine does not matter.
@@ -18,7 +18,9 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.config.components import make_simulator
 from pipeline.config.composing import compose, functional_scenario
+from pipeline.config.schema import Config
 from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.yolo.export import onnx_of
 from pipeline.simulators.mujoco import camera, lens
@@ -45,7 +47,9 @@ def main() -> None:
     parser.add_argument("--tests", type=int, default=40, help="tests per scenario")
     parser.add_argument("--scenario", nargs="+", default=["F1", "F2"])
     parser.add_argument("--model", type=Path, default=Path("models/uniform"))
+    parser.add_argument("--camera", default="320x192", help="name of a file in conf/camera (default: %(default)s)")
     options = parser.parse_args()
+    config = compose("default", [f"camera={options.camera}"])
     camera.Camera.shoot = timed("frame", camera.Camera.shoot)  # type: ignore[method-assign]
     camera.Camera._truth = timed("ground truth", camera.Camera._truth)  # type: ignore[method-assign]
     lens.Lens.expose = timed("weather", lens.Lens.expose)  # type: ignore[method-assign]
@@ -53,14 +57,15 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         onnx = onnx_of(options.model, Path(folder))
         for name in options.scenario:
-            measure(name, options.tests, OnnxDetector(onnx, threshold=compose("default", []).detector["threshold"]))
+            measure(config, name, options.tests, OnnxDetector(onnx, threshold=config.threshold))
 
 
-def measure(name: str, tests: int, detector: OnnxDetector) -> None:
+def measure(config: Config, name: str, tests: int, detector: OnnxDetector) -> None:
     """Time one scenario."""
     described = functional_scenario(name)
     space = described.logical_space()
-    simulator = MujocoSimulator(described, compose("default", []).car)
+    simulator = make_simulator(config.simulator, described, config.car)
+    assert isinstance(simulator, MujocoSimulator)
     simulator.execute(space.decode(space.sample(1, np.random.default_rng(0))[0]), detector)  # Warm up.
     SPENT.clear()
     whole, frames = [], 0

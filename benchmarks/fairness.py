@@ -1,8 +1,9 @@
 """Is the world fair? How often the oracle, or another detector, fails in random tests.
 
-`python benchmarks/fairness.py [--tests 300] [--scenario F1 N1] [--detector oracle|blind|everywhere|models/uniform] [--out fairness.csv]`
+`python benchmarks/fairness.py [--tests 300] [--scenario F1 N1] [--detector oracle|blind|everywhere|models/uniform] [--study thesis]
+[--out fairness.csv] [key=value ...]`
 
-Runs all twelve F scenarios with the car of the default study, and N1 to N4, in which the right answer is not to brake, with
+Runs all twelve F scenarios with the car, camera and brake law of a study, and N1 to N4, in which the right answer is not to brake, with
 `aeb.gate=detections`. Finished tests stay in the folder `--journal`, so the same command resumes a killed run.
 """
 
@@ -38,6 +39,8 @@ def main() -> None:
     parser.add_argument("--tests", type=int, default=300, help="tests per scenario")
     parser.add_argument("--scenario", nargs="+", default=[*FAIR, *NO_BRAKING])
     parser.add_argument("--detector", default="oracle", help="oracle, blind, everywhere or the folder of a version")
+    parser.add_argument("--study", default="default", help="whose settings hold (default: %(default)s)")
+    parser.add_argument("overrides", nargs="*", metavar="key=value", help="settings of the study to change, such as camera=640x384")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--journal", type=Path, default=Path("data/fairness"))
     parser.add_argument("--out", type=Path, help="CSV of the table")
@@ -46,7 +49,7 @@ def main() -> None:
     model = model_of(options.detector, folder)
     rows = []
     for name in options.scenario:
-        planned = plan(name, options.detector, model, options.tests)
+        planned = plan(name, options.detector, model, options.tests, options.overrides, options.study)
         with Progress(name) as progress:
             rows.append(row(planned, executed(planned, folder / name, options.workers, progress), progress))
     table = pd.DataFrame(rows)
@@ -64,11 +67,11 @@ def model_of(detector: str, folder: Path) -> Path:
     return folder / "none"
 
 
-def plan(scenario: str, detector: str, model: Path, tests: int) -> CampaignPlan:
+def plan(scenario: str, detector: str, model: Path, tests: int, overrides: Sequence[str] = (), study: str = "default") -> CampaignPlan:
     """Random tests of a scenario in one batch, so that no worker waits for another."""
     described = functional_scenario(scenario)
     gate = "truth" if described.asks_to_brake else "detections"
-    config = compose("default", [f"aeb.gate={gate}", *([f"detector={detector}"] if detector in SCRIPTED else [])])
+    config = compose(study, [f"aeb.gate={gate}", *([f"detector={detector}"] if detector in SCRIPTED else []), *overrides])
     campaign = CampaignId(scenario, "random", "base", 5)
     return CampaignPlan(
         campaign=campaign,

@@ -15,7 +15,7 @@ GRAVITY_MPS2 = 9.81
 WET_FROM_RAIN = 60.0
 """Rain, in %, from which the road is fully wet."""
 EMERGENCY_MPS2 = 5.0
-"""Demanded deceleration from which a braking is an emergency braking (UN Regulation No. 152, section 2)."""
+"""Demanded deceleration from which a braking is an emergency braking: the least that UN Regulation No. 152, 5.2.1.2, asks for."""
 GateKind = Literal["truth", "detections"]
 LawKind = Literal["confidence", "threshold"]
 

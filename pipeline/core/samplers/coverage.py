@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.core.coverage.projection import Demand
 from pipeline.core.coverage.proposals import Proposer
 from pipeline.core.samplers.batches import BatchSampler
-from pipeline.core.space import Floats
+from pipeline.core.space import Floats, Ints, Space
 
 
 @dataclass(eq=False, repr=False, kw_only=True)
@@ -26,19 +26,28 @@ class CoverageSampler(BatchSampler):
     def __post_init__(self) -> None:
         super().__post_init__()
         nothing = np.zeros((0, len(self.space)), dtype=np.int64)
-        if not self._proposer(1, 0).missing(nothing).any():
+        if not _proposer(self.space, self.k, 1, 0).missing(nothing).any():
             raise ValueError("coverage is undefined: the weights of all feasible cells sum to 0")
 
-    def _proposer(self, wanted: int, seed: int) -> Proposer:
-        weights = [wanted * np.asarray(weights) for weights in self.space.weights]
-        return Proposer(Demand(self.space.constraints, self.k, weights, "max"), seed=seed)
-
     def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
-        categories, old, wanted = self.space.categorise(points), len(points), 1
-        while len(categories) < old + self.batch_size:
-            proposal = self._proposer(wanted, int(rng.integers(2**31))).propose(categories, old + self.batch_size - len(categories))
-            if proposal is None:
-                wanted += 1
-            else:
-                categories = np.vstack([categories, proposal.categories])
-        return self.space.within(categories[old:], rng)
+        return self.space.within(propose_categories(self.space, self.k, self.space.categorise(points), self.batch_size, rng), rng)
+
+
+def propose_categories(space: Space, k: int, tested: Ints, count: int, rng: np.random.Generator) -> Ints:
+    """Categories of `count` further tests that raise k-projection coverage most, (count, d), given those of the tests so far, (n, d).
+
+    k: cut to the number of variables. The weights of the space's feasible cells must not all be 0.
+    """
+    categories, wanted = tested, 1
+    while (missing := len(tested) + count - len(categories)) > 0:
+        proposal = _proposer(space, k, wanted, int(rng.integers(2**31))).propose(categories, missing)
+        if proposal is None:
+            wanted += 1
+        else:
+            categories = np.vstack([categories, proposal.categories])
+    return categories[len(tested) :]
+
+
+def _proposer(space: Space, k: int, wanted: int, seed: int) -> Proposer:
+    weights = [wanted * np.asarray(weights) for weights in space.weights]
+    return Proposer(Demand(space.constraints, min(k, len(space)), weights, "max"), seed=seed)

@@ -7,6 +7,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from pipeline.detectors.yolo.muon import Muon
 from pipeline.detectors.yolo.network import ConvUnit, Yolo
 
 MUON_FACTOR = 6.0
@@ -15,7 +16,7 @@ MUON_FACTOR = 6.0
 
 class Optimiser:
     """Muon orthogonalises the momentum of each kernel, seen as a matrix (outputs, inputs), so that a step is equally long in all of its
-    directions (Jordan et al., Muon, 2024). First, last and depthwise kernels, scales and shifts stay with AdamW.
+    directions. First, last and depthwise kernels, scales and shifts stay with AdamW.
     """
 
     def __init__(self, model: Yolo, weight_decay: float, muon: bool) -> None:
@@ -29,7 +30,7 @@ class Optimiser:
             {"params": [parameter for parameter in rest if parameter.ndim <= 1], "weight_decay": 0.0},
         ]
         self._adamw = torch.optim.AdamW(groups, fused=True)
-        self._muon = torch.optim.Muon(self._matrices, weight_decay=0.0) if muon else None
+        self._muon = Muon(self._matrices) if muon else None
 
     def step(self, rate: float) -> None:
         """Take a step at AdamW's learning rate `rate` along the gradients, and clear them."""
@@ -44,7 +45,7 @@ class Optimiser:
         for kernel, matrix in zip(self._kernels, self._matrices, strict=True):
             assert kernel.grad is not None
             matrix.grad, kernel.grad = _channels_last(kernel.grad).reshape(matrix.shape), None
-        self._muon.step()  # type: ignore[no-untyped-call]
+        self._muon.step()
 
     def state_dict(self) -> dict[str, Any]:
         return {"adamw": self._adamw.state_dict(), "muon": self._muon and self._muon.state_dict()}

@@ -1,0 +1,166 @@
+"""Forest-guided testing: failures that differ, where a forest of trees expects them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.ensemble import ExtraTreesRegressor
+
+from pipeline.core.samplers.batches import BatchSampler
+from pipeline.core.samplers.coverage import propose_categories
+from pipeline.core.samplers.features import features
+from pipeline.core.samplers.mutations import mutate
+from pipeline.core.space import Floats, Ints
+
+NEAR_MISS = 0.5
+"""Target of the nearest miss while nothing has failed; a failure's is 1."""
+ENOUGH_FAILURES = 5
+"""Failures from which only failures are mutated; they also halve the weight of near misses."""
+PARENTS = 10
+"""Tests that are mutated while there are fewer failures."""
+CURIOSITY = 0.2
+"""Added to the failure probability in slots that explore, so that a pair counts even where no failure is expected."""
+
+
+@dataclass(eq=False, repr=False, kw_only=True)
+class ForestSampler(BatchSampler):
+    """Chooses each batch greedily for expected failures that show pairs of categories which have not failed yet.
+
+    The first batch covers as many pairs of categories as it can. From then on, extremely randomised trees (Geurts et al., 2006) are fitted
+    to all tests. A failure's target is 1; a test that passed has a fraction, the higher the lower its KPI, so that near misses guide the
+    search until there are failures to learn from. Candidates are random points and mutations of all failures.
+
+    The value of a candidate is P(failure) x gain. P is the mean of some trees, drawn anew for each pick (Thompson sampling): where the
+    trees disagree, picks differ. The gain is the mean of 1 / (1 + n) over its pairs of categories, n being the number of failures that show
+    the pair, expected failures of the batch included. So a known failure mode loses value, but never all of it.
+
+    candidates: size of the candidate set. mutants: its share of mutations, in [0, 1]. kinds: share of a batch whose gain counts the pairs of
+    categorical variables alone. explore: share of a batch for pairs never tested. diverse: false counts expected failures alone, so the
+    search stays in the first failure modes. trees: size of the forest. votes: trees of a pick. failure_threshold_s: a KPI at or below it is
+    a failure. earlier: points (m, d) and KPI (m,) of each earlier campaign on another scenario; the forest learns from them, too.
+    """
+
+    candidates: int = 1500
+    mutants: float = 0.5
+    kinds: float = 0.3
+    explore: float = 0.1
+    diverse: bool = True
+    trees: int = 60
+    votes: int = 20
+    failure_threshold_s: float = 0.1
+    earlier: Sequence[tuple[Floats, Floats]] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.candidates < self.batch_size:
+            raise ValueError(f"candidates must be at least batch_size, {self.batch_size}, got {self.candidates}")
+        for name in ("mutants", "kinds", "explore"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise ValueError(f"{name} must be in [0, 1], got {getattr(self, name)}")
+        if not 1 <= self.votes <= self.trees:
+            raise ValueError(f"votes must be in [1, trees], [1, {self.trees}], got {self.votes}")
+
+    def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
+        seen, target = self._lessons(points, kpi)
+        if np.ptp(target) == 0:
+            return self.space.within(propose_categories(self.space, 2, self.space.categorise(points), self.batch_size, rng), rng)
+        candidates = self._candidate_set(points, kpi, rng)
+        missing = self.batch_size - len(candidates)
+        if missing > 0:  # A finite space is exhausted.
+            return np.concatenate([candidates, self.space.sample(missing, rng)])
+        forest = ExtraTreesRegressor(self.trees, max_features=0.4, random_state=int(rng.integers(2**31)))
+        forest.fit(seen, target)
+        inputs = self._inputs(candidates, len(self.earlier)).astype(np.float32)
+        votes = np.stack([tree.tree_.predict(inputs)[:, 0] for tree in forest.estimators_])
+        return candidates[self._pick(candidates, votes, points, kpi <= self.failure_threshold_s, rng)]
+
+    def _lessons(self, points: Floats, kpi: Floats) -> tuple[Floats, Floats]:
+        """Inputs (n, f) and targets (n,) of all tests without an error, those of earlier campaigns first."""
+        campaigns = [*self.earlier, (points, kpi)]
+        inputs = [self._inputs(tests[~np.isnan(values)], i) for i, (tests, values) in enumerate(campaigns)]
+        targets = [self._targets(values[~np.isnan(values)]) for _, values in campaigns]
+        return np.concatenate(inputs), np.concatenate(targets)
+
+    def _targets(self, kpi: Floats) -> Floats:
+        """1 for a failure, a fraction for a pass: the lower its KPI ranks and the fewer failures there are, the higher."""
+        failed = kpi <= self.failure_threshold_s
+        if len(kpi) < 2 or (kpi == kpi[0]).all():
+            return failed.astype(float)
+        rank = np.argsort(np.argsort(kpi, kind="stable"), kind="stable") / (len(kpi) - 1)
+        near = NEAR_MISS / (1 + failed.sum() / ENOUGH_FAILURES)
+        return np.where(failed, 1.0, near * (1 - rank))
+
+    def _inputs(self, points: Floats, campaign: int) -> Floats:
+        """The forest's inputs (n, f): features of the points and, with earlier campaigns, the campaign one-hot."""
+        inputs = features(self.space, points)
+        if not self.earlier:
+            return inputs
+        own = np.zeros((len(points), len(self.earlier) + 1))
+        own[:, campaign] = 1
+        return np.hstack([inputs, own])
+
+    def _candidate_set(self, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
+        """Random points and mutations, (n, d) with n up to `candidates`; none twice, none tested."""
+        order = np.argsort(np.where(np.isnan(kpi), np.inf, kpi), kind="stable")
+        failures = int((kpi <= self.failure_threshold_s).sum())
+        parents = points[order[: failures if failures >= ENOUGH_FAILURES else PARENTS]]
+        count = round(self.mutants * self.candidates) if len(parents) else 0
+        children = mutate(self.space, parents[rng.integers(len(parents), size=count)], rng) if count else points[:0]
+        drawn = np.concatenate([self.space.sample(self.candidates - count, rng), children])
+        first = np.sort(np.unique(np.concatenate([points, drawn]), axis=0, return_index=True)[1])
+        return drawn[first[first >= len(points)] - len(points)]
+
+    def _pick(self, candidates: Floats, votes: Floats, points: Floats, failed: NDArray[np.bool_], rng: np.random.Generator) -> Ints:
+        """Positions of the `batch_size` candidates to test. votes: (trees, n) failure probability by each tree."""
+        pairs, tested = self._pairs(candidates), self._pairs(points)
+        shown, untested = np.zeros(self._pair_count), np.ones(self._pair_count)
+        np.add.at(shown, tested[failed].ravel(), 1.0)
+        untested[tested.ravel()] = 0
+        free, expected, chosen = np.ones(len(candidates), dtype=bool), votes.mean(axis=0), []
+        explored, kinds = round(self.explore * self.batch_size), round(self.kinds * self.batch_size)
+        for slot in range(self.batch_size):
+            chance = votes[rng.integers(len(votes), size=self.votes)].mean(axis=0) if self.diverse else expected
+            if slot < explored:
+                value = untested[pairs].mean(axis=1) * (CURIOSITY + chance)
+            elif not self.diverse:
+                value = chance
+            else:
+                counted = pairs[:, self._categorical] if slot >= self.batch_size - kinds else pairs
+                value = chance * (1 / (1 + shown))[counted].mean(axis=1)
+            best = int(np.argmax(np.where(free, value, -1.0)))
+            chosen.append(best)
+            free[best] = False
+            shown[pairs[best]] += expected[best]
+            untested[pairs[best]] = 0
+        return np.array(chosen)
+
+    def _pairs(self, points: Floats) -> Ints:
+        """The pairs of categories that each of (n, d) points shows, (n, pairs), as positions among `_pair_count`."""
+        categories, sizes = self.space.categorise(points), self.space.sizes
+        if len(sizes) == 1:
+            return categories
+        cells = [categories[:, i] * sizes[j] + categories[:, j] for i, j in combinations(range(len(sizes)), 2)]
+        return np.column_stack(cells) + self._offsets
+
+    @cached_property
+    def _offsets(self) -> Ints:
+        """Position of the first cell of each pair of variables."""
+        cells = [a * b for a, b in combinations(self.space.sizes, 2)]
+        return np.cumsum([0, *cells[:-1]])
+
+    @property
+    def _pair_count(self) -> int:
+        sizes = self.space.sizes
+        return sizes[0] if len(sizes) == 1 else sum(a * b for a, b in combinations(sizes, 2))
+
+    @cached_property
+    def _categorical(self) -> NDArray[np.bool_]:
+        """(pairs,) those of two categorical variables; all pairs where there is none."""
+        categorical = [variable.kind == "categorical" for variable in self.space.variables]
+        both = np.array([a and b for a, b in combinations(categorical, 2)] or [True])
+        return both if both.any() else np.ones_like(both)
