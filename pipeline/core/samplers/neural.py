@@ -15,6 +15,7 @@ from sklearn.tree import DecisionTreeRegressor
 
 from pipeline.core.distance import mixed_distance, relevance
 from pipeline.core.samplers.batches import BatchSampler
+from pipeline.core.samplers.features import features
 from pipeline.core.space import Floats
 
 GRID: tuple[tuple[tuple[int, ...], float], ...] = (((16,), 1e-2), ((32,), 1e-2), ((16, 16), 1e-1), ((32, 16), 1e-2))
@@ -109,7 +110,7 @@ class NeuralSampler(BatchSampler):
         if self.kinds == 1:
             return np.zeros(len(candidates), dtype=np.int64)
         tree = DecisionTreeRegressor(max_leaf_nodes=self.kinds, min_samples_leaf=MIN_LEAF, random_state=self.seed + index)
-        leaves = tree.fit(self._features(points), kpi).apply(self._features(candidates))
+        leaves = tree.fit(features(self.space, points), kpi).apply(features(self.space, candidates))
         return np.asarray(leaves, dtype=np.int64)
 
     def _spread_out(self, candidates: Floats, order: NDArray[np.int64], kinds: NDArray[np.int64], count: int) -> NDArray[np.int64]:
@@ -147,30 +148,11 @@ class NeuralSampler(BatchSampler):
 
     def _inputs(self, points: Floats, campaign: NDArray[np.int64] | int) -> Floats:
         """The network's inputs: the features and, with earlier campaigns, the campaign one-hot."""
-        features = self._features(points)
+        inputs = features(self.space, points)
         if not self.earlier:
-            return features
+            return inputs
         positions = np.broadcast_to(campaign, len(points))
-        return np.column_stack([features, positions[:, None] == np.arange(len(self.earlier) + 1)])
-
-    def _features(self, points: Floats) -> Floats:
-        """Convert (n, d) points to (n, f) inputs: standardised numbers, cyclic ones as sine and cosine, categories one-hot and by
-        attributes."""
-        columns: list[Floats] = []
-        for j, variable in enumerate(self.space.variables):
-            column = points[:, j]
-            if variable.kind == "categorical":
-                columns.append((column[:, None] == np.arange(variable.size)[None]).astype(float))
-                for _, numbers in variable.attributes:
-                    known = np.array(numbers)
-                    columns.append(((known - known.mean()) / max(float(known.std()), 1e-9))[column.astype(int)][:, None])
-                continue
-            unit = (column - variable.low) / (variable.high - variable.low)
-            if variable.cyclic:
-                columns.append(np.column_stack([np.sin(2 * np.pi * unit), np.cos(2 * np.pi * unit)]))
-            else:
-                columns.append(((unit - 0.5) * np.sqrt(12))[:, None])
-        return np.column_stack(columns)
+        return np.column_stack([inputs, positions[:, None] == np.arange(len(self.earlier) + 1)])
 
 
 def _fit(layers: tuple[int, ...], penalty: float, features: Floats, target: Floats, seed: int) -> MLPRegressor:

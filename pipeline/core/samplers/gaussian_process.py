@@ -1,0 +1,50 @@
+"""Meta-model testing with a Gaussian process (thesis section 4.4.3, Appendix B, and Table 6.1, row 6)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from sklearn.gaussian_process import GaussianProcessRegressor
+from sklearn.gaussian_process.kernels import RBF
+
+from pipeline.core.samplers.meta_model import Hyperparameters, MetaModel, MetaModelSampler
+from pipeline.core.space import Floats
+
+
+@dataclass(eq=False, repr=False, kw_only=True)
+class GaussianProcessSampler(MetaModelSampler):
+    """Predicts the KPI by the posterior mean of a Gaussian process with a radial basis function kernel (Eq. 7 and .11 to .15).
+
+    The KPI is standardised, so that its prior has mean 0 and variance 1. Hyperparameters: `length`, the kernel's sigma, and `noise`, the
+    variance of an observation.
+
+    The prediction of Algorithm 2 is the mean (section 4.4.3). The thesis does not use the deviation in the search; `kappa` does.
+
+    kappa: standard deviations to subtract from the mean, at least 0; above 0, uncertain candidates are tested sooner.
+    """
+
+    grid: ClassVar[tuple[Hyperparameters, ...]] = tuple(
+        {"length": length, "noise": noise} for length in (1.5, 3.0, 6.0) for noise in (0.01, 0.1)
+    )
+
+    kappa: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.kappa >= 0:
+            raise ValueError(f"kappa must be at least 0, got {self.kappa}")
+
+    def rank(self, kpi: Floats, deviation: Floats) -> Floats:
+        """The mean minus `kappa` standard deviations, (n,)."""
+        return kpi - self.kappa * deviation
+
+    def fit(self, inputs: Floats, kpi: Floats, hyperparameters: Hyperparameters, seed: int) -> MetaModel:
+        kernel, noise = RBF(hyperparameters["length"]), hyperparameters["noise"]
+        process = GaussianProcessRegressor(kernel, alpha=noise, optimizer=None, normalize_y=True).fit(inputs, kpi)
+
+        def predict(others: Floats) -> tuple[Floats, Floats]:
+            mean, deviation = process.predict(others, return_std=True)
+            return mean, deviation
+
+        return predict

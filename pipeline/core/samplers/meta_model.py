@@ -1,0 +1,130 @@
+"""Meta-model testing: the tests that a regression predicts to be the worst (thesis Algorithm 2, section 4.4.3)."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from pipeline.core.distance import relevance
+from pipeline.core.samplers.batches import BatchSampler
+from pipeline.core.samplers.features import features
+from pipeline.core.samplers.untested import fill, untested
+from pipeline.core.space import Floats
+
+TEST_SHARE = 0.25
+"""Share of the tests on which hyperparameters are compared."""
+ENOUGH = 8
+"""Fewest tests that are split for a comparison; with fewer, the first hyperparameters of the grid apply."""
+
+MetaModel = Callable[[Floats], tuple[Floats, Floats]]
+"""From inputs (n, f) to the scaled KPI and the standard deviation of each prediction, (n,) and (n,); 0 if the model has none."""
+Hyperparameters = Mapping[str, Any]
+
+
+@dataclass(eq=False, repr=False, kw_only=True)
+class MetaModelSampler(BatchSampler):
+    """Fits a regression of the KPI and tests the candidates with the lowest prediction, and others at random.
+
+    The first batch is random. Then each batch chooses the hyperparameters, fits the model to all tests, predicts a fixed-size candidate
+    set (FSCS) of uniform, untested points and takes from its sampling-relevant ones (Def. 4.20) the lowest b1 and b2 others at random.
+    If too few candidates are relevant, random tests fill the batch. The inputs are numbers and one-hot categories.
+
+    The thesis gives no size of the set, no b1 and b2, and no grid.
+
+    candidates: size of the candidate set, at least the batch size. explore: b2 as a share of the batch, in [0, 1]. failure_threshold_s: a
+    KPI at or below it is a failure. epsilon: radius of the ball, on the mixed distance. omega_threshold: negative; a candidate is relevant
+    above it. tune_every: batches from one choice of hyperparameters to the next, at least 1; the thesis has 1.
+    """
+
+    grid: ClassVar[tuple[Hyperparameters, ...]] = ({},)
+    """The hyperparameters to choose from."""
+
+    candidates: int = 1000
+    explore: float = 0.2
+    failure_threshold_s: float = 0.1
+    epsilon: float = 0.1
+    omega_threshold: int = -5
+    tune_every: int = 5
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.candidates < self.batch_size:
+            raise ValueError(f"candidates must be at least batch_size, {self.batch_size}, got {self.candidates}")
+        if not 0 <= self.explore <= 1:
+            raise ValueError(f"explore must be in [0, 1], got {self.explore}")
+        if not self.epsilon > 0:
+            raise ValueError(f"epsilon must be above 0, got {self.epsilon}")
+        if self.omega_threshold >= 0:
+            raise ValueError(f"omega_threshold must be negative, got {self.omega_threshold}")
+        if self.tune_every < 1:
+            raise ValueError(f"tune_every must be at least 1, got {self.tune_every}")
+        self._tuned: tuple[int, Hyperparameters] = (0, self.grid[0])
+
+    @abstractmethod
+    def fit(self, inputs: Floats, kpi: Floats, hyperparameters: Hyperparameters, seed: int) -> MetaModel:
+        """Fit the model to inputs (n, f) and KPIs scaled to [0, 1], (n,), n at least 1; equal arguments give equal models."""
+
+    def rank(self, kpi: Floats, deviation: Floats) -> Floats:
+        """The order in which candidates are tested, lowest first, from what the model predicts of them, (n,): the KPI."""
+        return kpi
+
+    def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
+        candidates = self.space.sample(self.candidates, rng)
+        observed = ~np.isnan(kpi)
+        if not observed.any():
+            return candidates[: self.batch_size]
+        candidates = candidates[untested(candidates, points)]
+        failures = kpi[observed] <= self.failure_threshold_s
+        omega = relevance(self.space, candidates, points[observed], failures, self.epsilon)
+        relevant = candidates[omega > self.omega_threshold]
+        order = np.argsort(self.rank(*self._predict(index, points, kpi, relevant)), kind="stable") if len(relevant) else np.arange(0)
+        randoms = round(self.explore * self.batch_size)
+        lowest, others = np.split(order, [min(self.batch_size - randoms, len(order))])
+        chosen = relevant[np.concatenate([lowest, rng.permutation(others)[:randoms]])]
+        return fill(self.space, chosen, points, self.batch_size, rng)
+
+    def _predict(self, index: int, points: Floats, kpi: Floats, candidates: Floats) -> tuple[Floats, Floats]:
+        observed = ~np.isnan(kpi)
+        model = self.fit(
+            self._inputs(points[observed]), scaled(kpi[observed]), self._hyperparameters(index, points, kpi), self.seed + index
+        )
+        return model(self._inputs(candidates))
+
+    def _hyperparameters(self, index: int, points: Floats, kpi: Floats) -> Hyperparameters:
+        """Those chosen at the last batch that was due, from the history at that time, so a replay needs no further state."""
+        due = index - (index - 1) % self.tune_every
+        if self._tuned[0] != due:
+            before = slice(due * self.batch_size)
+            observed = ~np.isnan(kpi[before])
+            self._tuned = due, self.tune(self._inputs(points[before][observed]), scaled(kpi[before][observed]), self.seed + due)
+        return self._tuned[1]
+
+    def tune(self, inputs: Floats, kpi: Floats, seed: int) -> Hyperparameters:
+        """The hyperparameters of the grid with the least mean squared error on a random test set, fitted to the others."""
+        if len(self.grid) == 1 or len(inputs) < ENOUGH:
+            return self.grid[0]
+        order = np.random.default_rng([seed, 1]).permutation(len(inputs))
+        test, development = np.split(order, [round(TEST_SHARE * len(order))])
+        models = [self.fit(inputs[development], kpi[development], each, seed) for each in self.grid]
+        return self.grid[int(np.argmin([np.mean((model(inputs[test])[0] - kpi[test]) ** 2) for model in models]))]
+
+    def _inputs(self, points: Floats) -> Floats:
+        return features(self.space, points, attributes=False)
+
+
+def scaled(kpi: Floats) -> Floats:
+    """(n,) KPIs, infinite ones included but no NaN, scaled to [0, 1] from the lowest to the highest (Def. 4.21).
+
+    One very high KPI would make all others look alike. So those that lie above the lowest by more than four times the third quartile, like
+    infinite ones, count as the highest of the others. Equal KPIs are all 0.5.
+    """
+    finite = kpi[np.isfinite(kpi)]
+    if not len(finite) or np.ptp(finite) == 0:
+        return np.where(np.isfinite(kpi), 0.5, np.sign(kpi) / 2 + 0.5)
+    low, quartile = finite.min(), np.quantile(finite, 0.75)
+    high = min(finite.max(), low + 4 * (quartile - low)) if quartile > low else finite.max()
+    return np.asarray((np.clip(kpi, low, high) - low) / (high - low))

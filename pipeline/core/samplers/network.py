@@ -1,0 +1,83 @@
+"""Meta-model testing with a neural network (thesis section 4.4.3 and Table 6.1, row 5)."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any, ClassVar
+
+import numpy as np
+from scipy.optimize import minimize
+from scipy.special import expit
+
+from pipeline.core.samplers.meta_model import Hyperparameters, MetaModel, MetaModelSampler
+from pipeline.core.space import Floats
+
+ITERATIONS = 60
+"""Stopping early is part of the regularisation."""
+
+Layers = list[tuple[Floats, Floats]]
+"""Weights (inputs, outputs) and biases (outputs,) of each layer."""
+
+
+class NetworkSampler(MetaModelSampler):
+    """Predicts the KPI by a feed-forward network: tanh in the hidden layers and a sigmoid at the output, as the KPI is in [0, 1].
+
+    Trained by L-BFGS on the mean squared error and an L2 penalty of the weights. scikit-learn's regressor has no sigmoid output.
+    """
+
+    grid: ClassVar[tuple[Hyperparameters, ...]] = tuple(
+        {"hidden": hidden, "penalty": penalty} for hidden in ((16,), (32,), (32, 16)) for penalty in (1e-3, 1e-2)
+    )
+
+    def fit(self, inputs: Floats, kpi: Floats, hyperparameters: Hyperparameters, seed: int) -> MetaModel:
+        layers = train(inputs, kpi, hyperparameters["hidden"], hyperparameters["penalty"], np.random.default_rng(seed))
+        return lambda others: (forward(layers, others)[-1][:, 0], np.zeros(len(others)))
+
+
+def train(inputs: Floats, kpi: Floats, hidden: tuple[int, ...], penalty: float, rng: np.random.Generator) -> Layers:
+    """A network with `hidden` units in each hidden layer, fitted to inputs (n, f) and KPIs in [0, 1] (n,)."""
+    shapes = list(pairwise((inputs.shape[1], *hidden, 1)))
+    start = [(rng.normal(size=shape) / np.sqrt(shape[0]), np.zeros(shape[1])) for shape in shapes]
+
+    def objective(flat: Floats) -> tuple[float, Floats]:
+        layers = _unpacked(flat, shapes)
+        loss, gradients = loss_and_gradients(layers, inputs, kpi, penalty)
+        return loss, _packed(gradients)
+
+    found: Any = minimize(objective, _packed(start), jac=True, method="L-BFGS-B", options={"maxiter": ITERATIONS})
+    return _unpacked(found.x, shapes)
+
+
+def forward(layers: Layers, inputs: Floats) -> list[Floats]:
+    """The inputs (n, f) and the outputs of each layer; the last are the predictions, (n, 1)."""
+    outputs = [inputs]
+    for weights, biases in layers[:-1]:
+        outputs.append(np.tanh(outputs[-1] @ weights + biases))
+    weights, biases = layers[-1]
+    return [*outputs, expit(outputs[-1] @ weights + biases)]
+
+
+def loss_and_gradients(layers: Layers, inputs: Floats, kpi: Floats, penalty: float) -> tuple[float, Layers]:
+    """Mean squared error plus `penalty` times the mean square of the weights, and its gradients, shaped like the layers."""
+    outputs, count = forward(layers, inputs), len(kpi)
+    error = outputs[-1][:, 0] - kpi
+    loss = float(error @ error + penalty * sum(float(np.sum(weights**2)) for weights, _ in layers)) / count
+    signal = (2 / count * error * outputs[-1][:, 0] * (1 - outputs[-1][:, 0]))[:, None]
+    gradients: Layers = []
+    for (weights, _), before in zip(reversed(layers), reversed(outputs[:-1]), strict=True):
+        gradients.insert(0, (before.T @ signal + 2 * penalty / count * weights, signal.sum(axis=0)))
+        signal = (signal @ weights.T) * (1 - before**2)
+    return loss, gradients
+
+
+def _packed(layers: Layers) -> Floats:
+    return np.concatenate([part.ravel() for layer in layers for part in layer])
+
+
+def _unpacked(flat: Floats, shapes: list[tuple[int, int]]) -> Layers:
+    layers, at = [], 0
+    for inputs, outputs in shapes:
+        end = at + inputs * outputs
+        layers.append((flat[at:end].reshape(inputs, outputs), flat[end : end + outputs]))
+        at = end + outputs
+    return layers
