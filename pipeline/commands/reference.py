@@ -45,7 +45,7 @@ TABLE_TEXTS = {
 CHOICES = """## Strategies, detectors, simulators and cameras
 
 Each is a file in `conf/`; all but cameras name a class and set its parameters. To set a parameter that the
-file does not name, put a plus before it: `+samplers.neural.explore=0.3`.
+file does not name, put a plus before it: `+samplers.forest.explore=0.3`.
 """
 LINE = 120
 

@@ -48,9 +48,9 @@ def rows(strategy: str, failures: Sequence[int], errors: Sequence[int] = ()) -> 
 def measured(own: Sequence[int], baseline: Sequence[int], errors: Sequence[int] = ()) -> CampaignMeasures:
     tables = {
         CampaignId("F", "random", "base", 0): rows("random", baseline),
-        CampaignId("F", "neural", "base", 0): rows("neural", own, errors),
+        CampaignId("F", "forest", "base", 0): rows("forest", own, errors),
     }
-    return measure_campaign(CampaignId("F", "neural", "base", 0), tables, {"F": SPACE}, "random")
+    return measure_campaign(CampaignId("F", "forest", "base", 0), tables, {"F": SPACE}, "random")
 
 
 def test_f_and_c_measure_by_hand() -> None:
@@ -106,11 +106,11 @@ def test_the_baseline_has_no_c_measure() -> None:
 
 
 def test_missing_baseline_and_space_are_named() -> None:
-    tables = {CampaignId("F", "neural", "base", 3): rows("neural", [1])}
-    with pytest.raises(InputError, match="^campaign F-neural-base-3: expected a 'random' campaign of seed 3 beside it, got none$"):
-        measure_campaign(CampaignId("F", "neural", "base", 3), tables, {"F": SPACE}, "random")
-    with pytest.raises(InputError, match=r"^campaign F-neural-base-3: expected the space of scenario 'F', got \[\]$"):
-        measure_campaign(CampaignId("F", "neural", "base", 3), tables, {}, "random")
+    tables = {CampaignId("F", "forest", "base", 3): rows("forest", [1])}
+    with pytest.raises(InputError, match="^campaign F-forest-base-3: expected a 'random' campaign of seed 3 beside it, got none$"):
+        measure_campaign(CampaignId("F", "forest", "base", 3), tables, {"F": SPACE}, "random")
+    with pytest.raises(InputError, match=r"^campaign F-forest-base-3: expected the space of scenario 'F', got \[\]$"):
+        measure_campaign(CampaignId("F", "forest", "base", 3), tables, {}, "random")
 
 
 def test_summary_over_seeds() -> None:
@@ -155,8 +155,8 @@ def test_with_all_campaigns_censored_the_estimates_are_bounds() -> None:
 
 def test_theta_table_holds_means_over_seeds() -> None:
     table = theta_table([measured([1, 2], [4]), measured([5], [])])
-    assert list(table.columns) == ["tests", "F-neural"]
-    assert table["F-neural"].tolist() == [0.5, 1, 1, 1, 1.5]
+    assert list(table.columns) == ["tests", "F-forest"]
+    assert table["F-forest"].tolist() == [0.5, 1, 1, 1, 1.5]
     assert table["tests"].tolist() == [1, 2, 3, 4, 5]
 
 

@@ -163,9 +163,9 @@ def seeds_of_two(comparison: Comparison) -> Comparison:
 
 def test_table_of_rounds_lists_each_search() -> None:
     rows = [("base", "random", "ok", True)] * 3 + [("base", "random", "ok", False)] * 5 + [("base", "random", "error", False)]
-    rows += [("adaptive", "neural", "ok", True), ("adaptive", "neural", "ok", False)]
+    rows += [("adaptive", "forest", "ok", True), ("adaptive", "forest", "ok", False)]
     part = rounds_part(pd.DataFrame(rows, columns=["version", "strategy", "status", "failure"]), [])
-    assert part.table is not None and [row[:3] for row in part.table.rows] == [("base", "random", "3 / 8"), ("adaptive", "neural", "1 / 2")]
+    assert part.table is not None and [row[:3] for row in part.table.rows] == [("base", "random", "3 / 8"), ("adaptive", "forest", "1 / 2")]
     assert part.table.rows[1][3] == "50.0 %"
 
 

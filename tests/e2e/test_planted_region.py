@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hydra.utils import instantiate
 
-from pipeline.config.composing import compose
 from pipeline.core import kpi
 from pipeline.core.growth import PointOutcomes, readable_regions
 from pipeline.core.regions import chance_radius
 from pipeline.core.rules import find_rule
 from pipeline.core.samplers.batches import BatchSampler
-from pipeline.core.samplers.neural import NeuralSampler
+from pipeline.core.samplers.forest import ForestSampler
 from pipeline.core.samplers.random import RandomSampler
 from pipeline.core.space import Floats
 from pipeline.detectors.scripted import BlindDetector
@@ -41,7 +39,7 @@ def search(sampler: BatchSampler, tests: int) -> Search:
 
 @pytest.fixture(scope="module")
 def adaptive_searches() -> list[Search]:
-    return [search(NeuralSampler(THESIS, seed), 160) for seed in range(4)]
+    return [search(ForestSampler(THESIS, seed), 160) for seed in range(4)]
 
 
 @pytest.fixture(scope="module")
@@ -50,36 +48,15 @@ def random_searches() -> list[Search]:
 
 
 def test_the_adaptive_strategy_beats_random_testing(adaptive_searches: list[Search], random_searches: list[Search]) -> None:
-    adaptive = [int(np.sum(values <= THRESHOLD_S)) for _, values in adaptive_searches]
-    random = [int(np.sum(values <= THRESHOLD_S)) for _, values in random_searches]
+    adaptive, random = ([failures_of(found) for found in searches] for searches in (adaptive_searches, random_searches))
     assert sum(adaptive) > 1.5 * sum(random)
     assert all(a > r for a, r in zip(adaptive, random, strict=True))
 
 
-def test_the_shipped_settings_suit_short_campaigns(
-    adaptive_searches: list[Search],
-) -> None:
-    section = compose("default", []).samplers["neural"]
-    shipped = [search(instantiate(section, _partial_=True)(THESIS, seed), 160) for seed in range(4)]
-    assert sum(map(kinds, shipped)) > 1.3 * sum(map(kinds, adaptive_searches))
-
-
-def test_a_common_cause_does_not_take_every_batch() -> None:
-    """Three blueprints always fail, everybody else only limping at night: sharing batches between kinds gives the three fewer tests."""
-
-    def commonest(kinds: int, seed: int) -> int:
-        sampler = NeuralSampler(THESIS, seed, epsilon=0.25, omega_threshold=-3, spread=0.2, kinds=kinds)
-        found = 0
-        for _ in range(6):
-            points = sampler.ask()
-            named = {variable.name: points[:, j] for j, variable in enumerate(THESIS.variables)}
-            common = named["blueprint"] < 3
-            sampler.tell(points, np.where(common | ((named["animation"] < 1) & (named["sun_altitude"] < 0)), 0.0, 1.0))
-            found += int(common.sum())
-        return found
-
-    alone, shared = (sum(commonest(kinds, seed) for seed in range(4)) for kinds in (1, 6))
-    assert shared < 0.7 * alone
+def test_diversity_finds_more_kinds_of_failures_than_exploitation(adaptive_searches: list[Search]) -> None:
+    exploiting = [search(ForestSampler(THESIS, seed, diverse=False, explore=0), 160) for seed in range(4)]
+    assert sum(map(kinds, adaptive_searches)) > 2 * sum(map(kinds, exploiting))
+    assert sum(map(failures_of, exploiting)) > sum(map(failures_of, adaptive_searches))
 
 
 def test_earlier_campaigns_reveal_a_rare_cause() -> None:
@@ -92,15 +69,7 @@ def test_earlier_campaigns_reveal_a_rare_cause() -> None:
         earlier: list[Search] = []
         count = 0
         for campaign in range(4):
-            sampler = NeuralSampler(
-                THESIS,
-                10 * seed + campaign,
-                epsilon=0.25,
-                omega_threshold=-3,
-                spread=0.2,
-                kinds=6,
-                earlier=earlier,
-            )
+            sampler = ForestSampler(THESIS, 10 * seed + campaign, earlier=earlier)
             asked = []
             for _ in range(4):
                 asked.append(sampler.ask())
@@ -113,6 +82,11 @@ def test_earlier_campaigns_reveal_a_rare_cause() -> None:
 
     alone, knowing = (sum(failures(transfer, seed) for seed in range(2)) for transfer in (False, True))
     assert knowing > 1.5 * alone
+
+
+def failures_of(found: Search) -> int:
+    """Number of failures."""
+    return int(np.sum(found[1] <= THRESHOLD_S))
 
 
 def kinds(found: Search) -> int:

@@ -9,7 +9,7 @@ from pipeline.core.coverage.projection import Demand, projection_coverage
 from pipeline.core.measures import pair_coverage
 from pipeline.core.samplers.batches import BatchSampler
 from pipeline.core.samplers.coverage import CoverageSampler
-from pipeline.core.samplers.neural import NeuralSampler
+from pipeline.core.samplers.forest import ForestSampler
 from pipeline.core.samplers.pairwise import PairwiseSampler
 from pipeline.core.samplers.random import RandomSampler
 from pipeline.core.space import Floats, Space, Variable
@@ -76,8 +76,8 @@ def test_samplers_survive_a_history_of_errors(make: Strategy) -> None:
 
 def test_results_of_other_scenarios_guide_the_first_batch() -> None:
     told = SMALL.sample(20, np.random.default_rng(7))
-    taught = NeuralSampler(SMALL, 0, batch_size=40, earlier=[(told, kpi_of(told))])
-    first, blind = taught.ask(), NeuralSampler(SMALL, 0, batch_size=40).ask()
+    taught = ForestSampler(SMALL, 0, batch_size=40, earlier=[(told, kpi_of(told))])
+    first, blind = taught.ask(), ForestSampler(SMALL, 0, batch_size=40).ask()
     assert first[:, 0].mean() > blind[:, 0].mean() + 1  # The KPI falls with x.
 
 

@@ -249,10 +249,10 @@ def test_a_round_learns_from_all_campaigns_before_it(tmp_path: Path) -> None:
     config = compose("smoke", ["retraining.rounds=2", "retraining.seeds=[0,4]"])
     folders = Plan(config, step_names()).folders
     filters = {source: folders.added_filters("adaptive-r2-s4", source) for source in ("adaptive", "random")}
-    assert filters["adaptive"] == ["data/smoke/filter/neural/base.csv", "data/smoke/retrained/filter/neural/adaptive-s4.csv"]
+    assert filters["adaptive"] == ["data/smoke/filter/forest/base.csv", "data/smoke/retrained/filter/forest/adaptive-s4.csv"]
     assert filters["random"] == ["data/smoke/filter/random/base.csv", "data/smoke/retrained/filter/random/random-s4.csv"]
     frames = folders.added("adaptive-r2-s4", "adaptive", "frames.parquet")
-    assert "data/smoke/retrained/campaigns/F2/neural/adaptive-s4/0/frames.parquet" in frames
+    assert "data/smoke/retrained/campaigns/F2/forest/adaptive-s4/0/frames.parquet" in frames
     assert not folders.added_filters("control-r2", "random") and not folders.added("control-r2", "random", "frames.parquet")
     assert folders.parent("adaptive-r2-s4", "model.json") == "data/smoke/retrained/models/adaptive-s4/model.json"
     later = folders.later_search("tests.parquet")
@@ -264,8 +264,8 @@ def test_a_round_learns_from_all_campaigns_before_it(tmp_path: Path) -> None:
 
 def test_a_campaign_waits_for_the_campaigns_that_it_learns_from() -> None:
     folders = plan("search=[F1,F2,F5]", study="retraining").folders
-    key = {"kind": "campaigns", "scenario": "F5", "strategy": "neural", "version": "base", "seed": "0"}
-    assert folders.earlier(**key) == [f"data/retraining/campaigns/{name}/neural/base/0/tests.parquet" for name in ("F1", "F2")]
+    key = {"kind": "campaigns", "scenario": "F5", "strategy": "forest", "version": "base", "seed": "0"}
+    assert folders.earlier(**key) == [f"data/retraining/campaigns/{name}/forest/base/0/tests.parquet" for name in ("F1", "F2")]
     later = folders.earlier(**key | {"kind": "retrained/campaigns", "scenario": "F2", "version": "adaptive"})
     assert later[0].startswith("data/retraining/retrained/campaigns/F1/")
     assert not folders.earlier(**key | {"strategy": "random"}) and not folders.earlier(**key | {"kind": "held_out", "scenario": "F1star"})

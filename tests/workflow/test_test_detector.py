@@ -21,7 +21,7 @@ from tests.analysis.fabricated import OVERRIDES, FabricatedStudy
 from tests.detectors.test_layouts import export, yolov8
 from tests.studies import ROOT
 
-SMALL = ["campaign.tests=6", "search=[F1]", "seeds=[0]", "comparison.tests=6", "samplers.neural.batch_size=3", "report.replays=2"]
+SMALL = ["campaign.tests=6", "search=[F1]", "seeds=[0]", "comparison.tests=6", "samplers.forest.batch_size=3", "report.replays=2"]
 ANALYTIC = [*SMALL, "simulator=analytic", "detector.threshold=0.5"]
 
 

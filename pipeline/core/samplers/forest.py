@@ -15,6 +15,7 @@ from pipeline.core.samplers.batches import BatchSampler
 from pipeline.core.samplers.coverage import propose_categories
 from pipeline.core.samplers.features import features
 from pipeline.core.samplers.mutations import mutate
+from pipeline.core.samplers.untested import fill, untested
 from pipeline.core.space import Floats, Ints
 
 NEAR_MISS = 0.5
@@ -39,7 +40,7 @@ class ForestSampler(BatchSampler):
     trees disagree, picks differ. The gain is the mean of 1 / (1 + n) over its pairs of categories, n being the number of failures that show
     the pair, expected failures of the batch included. So a known failure mode loses value, but never all of it.
 
-    candidates: size of the candidate set. mutants: its share of mutations, in [0, 1]. kinds: share of a batch whose gain counts the pairs of
+    candidates: size of the candidate set. mutants: its share of mutations, in [0, 1]. kinds: share of a batch whose gain counts pairs of
     categorical variables alone. explore: share of a batch for pairs never tested. diverse: false counts expected failures alone, so the
     search stays in the first failure modes. trees: size of the forest. votes: trees of a pick. failure_threshold_s: a KPI at or below it is
     a failure. earlier: points (m, d) and KPI (m,) of each earlier campaign on another scenario; the forest learns from them, too.
@@ -67,12 +68,11 @@ class ForestSampler(BatchSampler):
 
     def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
         seen, target = self._lessons(points, kpi)
-        if np.ptp(target) == 0:
+        if not len(target) or np.ptp(target) == 0:
             return self.space.within(propose_categories(self.space, 2, self.space.categorise(points), self.batch_size, rng), rng)
         candidates = self._candidate_set(points, kpi, rng)
-        missing = self.batch_size - len(candidates)
-        if missing > 0:  # A finite space is exhausted.
-            return np.concatenate([candidates, self.space.sample(missing, rng)])
+        if len(candidates) < self.batch_size:
+            return fill(self.space, candidates, points, self.batch_size, rng)
         forest = ExtraTreesRegressor(self.trees, max_features=0.4, random_state=int(rng.integers(2**31)))
         forest.fit(seen, target)
         inputs = self._inputs(candidates, len(self.earlier)).astype(np.float32)
@@ -112,8 +112,7 @@ class ForestSampler(BatchSampler):
         count = round(self.mutants * self.candidates) if len(parents) else 0
         children = mutate(self.space, parents[rng.integers(len(parents), size=count)], rng) if count else points[:0]
         drawn = np.concatenate([self.space.sample(self.candidates - count, rng), children])
-        first = np.sort(np.unique(np.concatenate([points, drawn]), axis=0, return_index=True)[1])
-        return drawn[first[first >= len(points)] - len(points)]
+        return drawn[untested(drawn, points)]
 
     def _pick(self, candidates: Floats, votes: Floats, points: Floats, failed: NDArray[np.bool_], rng: np.random.Generator) -> Ints:
         """Positions of the `batch_size` candidates to test. votes: (trees, n) failure probability by each tree."""
