@@ -44,6 +44,19 @@ def baseline_cost(baseline: Ints) -> tuple[int, int]:
     return n, f_measure(baseline, n) or len(baseline) + 1
 
 
+def theta_area(theta: Ints) -> float:
+    """Area under a failure sequence (n,) as a share of the area if every test failed, in [0, 1]: early failures count more."""
+    if not len(theta):
+        raise ValueError("the area under Theta is undefined without a test")
+    return float(theta.sum() / (len(theta) * (len(theta) + 1) / 2))
+
+
+def kinds_of(space: Space, failures: Floats) -> int:
+    """Number of kinds of failures (n, d): distinct combinations of the categorical variables, such as person and pose."""
+    columns = [j for j, variable in enumerate(space.variables) if variable.kind == "categorical"]
+    return len({tuple(row) for row in failures[:, columns].tolist()})
+
+
 def feasible_pairs(space: Space) -> int:
     """Number of feasible pairs of categories of different variables."""
     return sum(int(space.constraints.feasible_cells(pair).sum()) for pair in combinations(range(len(space)), 2))

@@ -1,0 +1,121 @@
+"""Compares search strategies in worlds that need no rendering.
+
+    python benchmarks/strategies run [--split judging] [--group trees network] [--strategy neural forest 'neural explore=0'] [--seeds 20]
+    python benchmarks/strategies show [--split judging] [--page docs/results/strategies.md]
+    python benchmarks/strategies truth
+    python benchmarks/strategies list
+
+run: every strategy, seed and world; a rerun does only what is missing or was made by other code. show: tables and figure of the finished
+runs. truth: how true the emulators are. list: strategies, groups and worlds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+from pathlib import Path
+
+import contestants
+import peers
+import recorded
+import runs
+import worlds
+from picture import BUDGETS, failures_against_kinds
+from standings import blocks, markdown, standings
+from truth import truth
+
+from pipeline.artefacts.files import write_bytes
+from pipeline.config.composing import functional_scenario
+from pipeline.errors import InputError
+from pipeline.progress import Progress
+from pipeline.report.style import save_png
+
+RESULTS = Path("data/strategies")
+BEGIN, END = "<!-- tables: begin -->", "<!-- tables: end -->"
+
+
+def main() -> None:
+    """Run one of the commands."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    commands = parser.add_subparsers(dest="command", required=True)
+    run = commands.add_parser("run", help="execute what is missing")
+    run.add_argument("--group", nargs="+", choices=worlds.GROUPS, default=list(worlds.GROUPS))
+    run.add_argument("--strategy", nargs="+", help="default: all of conf/sampler and the ceiling")
+    run.add_argument("--seeds", type=int, default=20)
+    run.add_argument("--tests", type=int, default=1000)
+    run.add_argument("--workers", type=int, default=2)
+    show = commands.add_parser("show", help="tables and figure")
+    show.add_argument("--reference", default="random")
+    show.add_argument("--page", type=Path, help="Markdown page whose tables are replaced, and that gets the figure beside it")
+    for command in (run, show):
+        command.add_argument("--split", choices=list(worlds.SPLITS), default="development", help="which scenarios and seeds")
+        command.add_argument("--results", type=Path, help=f"default: {RESULTS}/<split>.jsonl")
+    check = commands.add_parser("truth", help="cross-validation of the emulators")
+    check.add_argument("--scenario", nargs="+", default=[name for split in worlds.SPLITS.values() for name in split.scenarios])
+    commands.add_parser("list", help="strategies, groups and worlds")
+    options = parser.parse_args()
+    try:
+        {"run": _run, "show": _show, "truth": _truth, "list": _list}[options.command](options)
+    except InputError as error:
+        parser.error(str(error))
+
+
+def _results(options: argparse.Namespace) -> Path:
+    return Path(options.results or RESULTS / f"{options.split}.jsonl")
+
+
+def _run(options: argparse.Namespace) -> None:
+    strategies = options.strategy or [*contestants.known(), contestants.CEILING]
+    wanted = [
+        runs.Run(str(world), strategy, seed, options.tests)
+        for world in worlds.names(options.split, options.group)
+        for seed in worlds.SPLITS[options.split].seeds(options.seeds)
+        for strategy in strategies
+    ]
+    with Progress("strategies") as progress:
+        runs.run_all(wanted, _results(options), options.workers, progress)
+
+
+def _show(options: argparse.Namespace) -> None:
+    rows = runs.read(_results(options))
+    if not rows:
+        raise InputError(
+            f"{_results(options)}: no finished runs; make them with `python benchmarks/strategies run --split {options.split}`"
+        )
+    tables = {(block.group, block.budget): (block, standings(block, options.reference)) for block in blocks(rows)}
+    text = "\n".join(markdown(block, table, options.reference) for block, table in tables.values())
+    print(text)
+    drawn = {key: table for key, (_, table) in tables.items() if key[1] in BUDGETS}
+    picture = (options.page or _results(options)).with_suffix(".png")
+    if drawn:
+        save_png(failures_against_kinds(drawn), picture)
+        print(f"figure: {picture}")
+    if options.page:
+        _fill(options.page, text)
+
+
+def _fill(page: Path, text: str) -> None:
+    """Replace what lies between the marks of a page."""
+    old = page.read_text()
+    if not (marked := re.search(f"{BEGIN}.*{END}", old, re.DOTALL)):
+        raise InputError(f"{page}: expected the lines {BEGIN} and {END}, found none")
+    write_bytes(page, (old[: marked.start()] + f"{BEGIN}\n\n{text}\n{END}" + old[marked.end() :]).encode())
+
+
+def _truth(options: argparse.Namespace) -> None:
+    recordings = [(name, recorded.read(name, functional_scenario(name).logical_space())) for name in options.scenario]
+    for name, recording in recordings:
+        if recording.errors:
+            print(f"{name}: {recording.errors} tests ended in an error and are left out")
+    print(truth(recordings).to_markdown(index=False, floatfmt=".3f"))
+
+
+def _list(options: argparse.Namespace) -> None:
+    print("strategies:", *contestants.known(), contestants.CEILING)
+    print("peers:", *peers.PEERS)
+    for split in worlds.SPLITS:
+        print(f"{split}:", *worlds.names(split, worlds.GROUPS))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,222 @@
+"""The benchmark of search strategies: its worlds are what they claim, and its runs resume."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import ceiling
+import contestants
+import emulators
+import numpy as np
+import pandas as pd
+import pytest
+import recorded
+import runs
+import worlds
+from analytic import AnalyticWorld
+from picture import failures_against_kinds
+from standings import Block, blocks, markdown, standings
+from truth import truth
+
+from pipeline.config.composing import CONF, functional_scenario
+from pipeline.core.car import Car
+from pipeline.core.space import Floats, Space, Variable
+from pipeline.errors import InputError
+from pipeline.progress import Progress
+from tests.spaces import SMALL
+
+THRESHOLD_S = 0.1
+
+
+@pytest.fixture(scope="module")
+def analytic() -> AnalyticWorld:
+    world = worlds.make(worlds.WorldName("F1", worlds.ANALYTIC), 0)
+    assert isinstance(world, AnalyticWorld)
+    return world
+
+
+def outcomes(points: Floats) -> Floats:
+    """KPIs of points of SMALL: kind a fails up to x = 6, the others up to 1."""
+    margin = points[:, 0] - np.where(points[:, 3] == 0, 6, 1)
+    return np.where(margin <= 0, 0.0, 0.2 + margin / 10)
+
+
+@pytest.fixture(scope="module")
+def small() -> recorded.Recorded:
+    points = SMALL.sample(600, np.random.default_rng(0))
+    kpi = outcomes(points)
+    return recorded.Recorded(SMALL, points, kpi, kpi <= THRESHOLD_S, np.arange(600) < 300, 0)
+
+
+@pytest.fixture(scope="module", params=list(emulators.FAMILIES))
+def emulator(request: pytest.FixtureRequest, small: recorded.Recorded) -> emulators.Emulator:
+    return emulators.Emulator(request.param, small)
+
+
+def test_the_analytic_world_equals_the_executed_tests(analytic: AnalyticWorld) -> None:
+    points = analytic.space.sample(250, np.random.default_rng(4))
+    # Half of them near the first region, where the outcome changes.
+    points[:125, analytic.space.names.index("sun_altitude")] = -10
+    points[:125, analytic.space.names.index("fog")] = np.linspace(45, 60, 125)
+    kpi = analytic.kpi(points)
+    assert np.array_equal(kpi, [analytic.executed(point) for point in points])
+    assert len(set(kpi)) > 5 and 20 < np.sum(kpi <= THRESHOLD_S) < 150
+
+
+def test_an_emulated_test_depends_on_its_point_and_the_seed_alone(emulator: emulators.Emulator) -> None:
+    points = SMALL.sample(300, np.random.default_rng(1))
+    world = emulators.EmulatedWorld(emulator, 3, None, THRESHOLD_S)
+    kpi, again = world.kpi(points), emulators.EmulatedWorld(emulator, 3, None, THRESHOLD_S)
+    one_by_one = np.concatenate([again.kpi(point[None]) for point in points[::-1]])[::-1]
+    assert kpi == pytest.approx(one_by_one, abs=1e-9)
+    assert not np.array_equal(kpi, emulators.EmulatedWorld(emulator, 4, None, THRESHOLD_S).kpi(points))
+    assert ((kpi == 0) | (kpi > THRESHOLD_S)).all()
+
+
+def test_an_emulated_world_fails_where_the_recorded_tests_do(emulator: emulators.Emulator) -> None:
+    points = SMALL.sample(2000, np.random.default_rng(2))
+    failed = emulators.EmulatedWorld(emulator, 0, None, THRESHOLD_S).kpi(points) <= THRESHOLD_S
+    assert np.mean(failed == (outcomes(points) <= THRESHOLD_S)) > 0.85
+
+
+@pytest.mark.parametrize("share", [0.015, 0.001])
+def test_a_rare_world_has_its_share_of_failures(emulator: emulators.Emulator, share: float) -> None:
+    world = emulators.EmulatedWorld(emulator, 0, share, THRESHOLD_S)
+    points = SMALL.sample(20_000, np.random.default_rng(9))
+    failed = np.concatenate([world.kpi(part) <= THRESHOLD_S for part in np.array_split(points, 10)])
+    assert failed.mean() == pytest.approx(share, rel=0.6)
+    assert world.shift < 0
+    usual = emulators.EmulatedWorld(emulator, 0, None, THRESHOLD_S).kpi(points[:2000]) <= THRESHOLD_S
+    assert usual[failed[:2000]].all()  # Shifting only removes failures.
+
+
+def test_chance_is_uniform_smooth_in_part_and_white_in_part(small: recorded.Recorded) -> None:
+    world = emulators.EmulatedWorld(emulators.Emulator("trees", small), 0, None, THRESHOLD_S)
+    points = SMALL.sample(4000, np.random.default_rng(3))
+    near = points.copy()
+    near[:, 0] = np.clip(near[:, 0] + 1e-6, 0, 10)
+
+    def chance(at: Floats) -> Floats:
+        return world._chance(at, emulators.features(SMALL, at))
+
+    assert np.histogram(chance(points), bins=5, range=(0, 1))[0] == pytest.approx(np.full(5, 800), rel=0.35)
+    assert 0.3 < np.corrcoef(chance(points), chance(near))[0, 1] < 0.7  # The smooth half stays, the white half is new.
+
+
+def test_too_few_failures_are_named(small: recorded.Recorded) -> None:
+    with pytest.raises(InputError, match="needs 20 failures and 20 other tests, got 0 and"):
+        emulators.fit("trees", small.rows(~small.failed))
+
+
+def test_truth_is_high_where_the_model_can_know(small: recorded.Recorded) -> None:
+    table = truth([("S", small)])
+    assert list(table["half"]) == ["random", "adaptive"] * 2 and set(table["family"]) == set(emulators.FAMILIES)
+    assert (table["auc"] > 0.9).all() and (table["spearman"] > 0.7).all() and (table["brier_skill"] > 0.5).all()
+
+
+def test_a_recorded_table_loses_nothing(tmp_path: Path) -> None:
+    points = recorded.on_grid(SMALL, SMALL.sample(30, np.random.default_rng(0)))
+    rows = [{"strategy": "random", "status": "ok", "adj_ttc_s": 0.25, "failure": False, **SMALL.decode(point)} for point in points]
+    rows[4] |= {"status": "error"}
+    recorded.write(pd.DataFrame(rows), tmp_path / "F1.csv.gz")
+    found = recorded.read("F1", SMALL, tmp_path)
+    assert np.array_equal(found.points, np.delete(points, 4, axis=0)) and found.errors == 1 and found.random.all()
+
+
+def test_rounding_keeps_constraints() -> None:
+    space = Space((Variable("x", "continuous", "m", 0, 10, 1), Variable("kind", "categorical", values=("a", "b"))), (("x != 5", "kind = a"),))
+    points = np.array([[4.49996, 1], [1.23456, 1]])
+    assert recorded.on_grid(space, points).tolist() == [[4.49996, 1], [1.235, 1]]
+
+
+def test_a_missing_recording_names_the_command(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"record.py --scenario F1"):
+        recorded.read("F1", SMALL, tmp_path)
+
+
+class Everywhere:
+    """Every point fails."""
+
+    space = SMALL
+
+    def kpi(self, points: Floats) -> Floats:
+        return np.zeros(len(points))
+
+
+def test_the_ceiling_covers_pairs_at_the_greatest_rate() -> None:
+    space = Space(tuple(Variable(name, "categorical", values=("x", "y")) for name in "abc"))
+    failures = np.array([[0.0, 0, 0], [0, 0, 1], [1, 1, 1], [0, 1, 0]])
+    # 000 covers three pairs, 111 three others, 001 then two (a0-c1 and b0-c1), 010 two (a0-b1 and b1-c0).
+    assert ceiling.greedy(space, failures, 2).tolist() == [[0, 0, 0], [1, 1, 1]]
+    assert len(ceiling.greedy(space, failures, 9)) == 4
+    assert len(ceiling.known_failures(Everywhere(), THRESHOLD_S)) > 50_000
+
+
+def test_every_strategy_of_conf_is_found() -> None:
+    assert contestants.known() == sorted(path.stem for path in (CONF / "sampler").glob("*.yaml"))
+    assert contestants.digest("neural") != contestants.digest("neural explore=0.5") != contestants.digest("random")
+    with pytest.raises(InputError, match="did you mean 'neural'"):
+        contestants.digest("neurall")
+
+
+def test_development_and_judging_share_nothing() -> None:
+    first, second = worlds.SPLITS["development"], worlds.SPLITS["judging"]
+    assert not set(first.scenarios) & set(second.scenarios)
+    assert not set(first.seeds(20)) & set(second.seeds(20))
+
+
+def test_a_killed_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, wanted = tmp_path / "rows.jsonl", [runs.Run("F1-analytic", "random", seed, 120) for seed in range(3)]
+    with Progress("runs") as progress:
+        runs.run_all(wanted, path, 1, progress)
+        whole = path.read_text().splitlines()
+        path.write_text("\n".join(whole[:2]) + "\n" + whole[2][:40])
+        executed: list[runs.Run] = []
+        real = runs.execute
+        monkeypatch.setattr(runs, "execute", lambda run: (executed.append(run), real(run))[1])
+        runs.run_all(wanted, path, 1, progress)
+    assert executed == wanted[2:]
+    timeless = [{key: value for key, value in row.items() if key != "cpu_s"} for row in runs.read(path)]
+    assert timeless == [{key: value for key, value in json.loads(line).items() if key != "cpu_s"} for line in whole]
+
+
+def rows(strategy: str, failures: list[int], world: str = "F1-trees") -> list[dict[str, Any]]:
+    """Campaigns of 120 tests that fail from the start, one a seed."""
+    measured = {"kinds_120": 2, "gamma_t_120": 0.5, "gamma_f_120": 0.1, "area_120": 0.2, "regions_120": 1}
+    return [
+        {"world": world, "strategy": strategy, "seed": seed, "tests": 120, "errors": 0, "cpu_s": 1.2, "failures_120": count}
+        | {"failed_at": list(range(1, count + 1)), **measured}
+        for seed, count in enumerate(failures)
+    ]
+
+
+def test_standings_by_hand() -> None:
+    (block,) = blocks([*rows("random", [2, 4]), *rows("neural", [4, 8]), *rows("ceiling", [120, 120])])
+    assert (block.group, block.budget) == ("trees", 120)
+    table = standings(block, "random").set_index("strategy")
+    neural = table.loc["neural"]
+    assert (neural["failures"], neural["failures_low"], neural["failures_high"]) == (6, 4, 8)
+    assert neural["failures_ratio"] == neural["failures_ratio_low"] == neural["failures_ratio_high"] == 2
+    assert neural["a12"] == 0.875  # One tie of four pairs.
+    assert neural["of_ceiling"] == 1 and neural["ms"] == pytest.approx(10)
+    assert neural["f"] == 1 and neural["cost"] == 1  # Both need n tests for n failures.
+
+
+def test_a_campaign_without_failure_is_censored() -> None:
+    (block,) = blocks([*rows("random", [3, 3]), *rows("neural", [0, 0])])
+    neural = standings(block, "random").set_index("strategy").loc["neural"]
+    assert (neural["f"], neural["f_censored"], neural["cost_censored"]) == (120, 2, 2)
+    text = markdown(block, standings(block, "random"), "random")
+    assert "≥ 120" in text and "1 world, 2 seeds" in text
+
+
+def test_the_figure_has_a_panel_for_each_group() -> None:
+    many = [*rows("random", [2, 4]), *rows("random", [1, 2], "F1-network")]
+    drawn = {(block.group, 300): standings(Block(block.group, 300, block.rows), "random") for block in blocks(many)}
+    assert [axis.get_title(loc="left") for axis in failures_against_kinds(drawn).axes] == ["trees", "network"]
+
+
+def test_the_default_car_is_used(analytic: AnalyticWorld) -> None:
+    assert isinstance(worlds.default_study().car, Car) and functional_scenario("F1").logical_space() == analytic.space
