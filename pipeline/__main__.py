@@ -41,6 +41,8 @@ def parser(only: str = "") -> argparse.ArgumentParser:
         command.arguments(added)
         added.set_defaults(run=command.run)
     for word, name in names(steps).items() if only not in known else ():
+        if word in known:
+            continue
         words.add_parser(word, help=step_help(name), add_help=False)
     return top
 
@@ -51,6 +53,12 @@ def step_help(name: str) -> str:
         return str(import_module(f"pipeline.steps.{name}").STEP.help)
     except ModuleNotFoundError as error:
         return str(missing_extra(error))
+
+
+def calls_step(words: Sequence[str]) -> bool:
+    """Whether the words call a step. Where a command has the same name, the step is the one with `--kind`."""
+    first = words[0] if words else ""
+    return first in names(steps) and (first not in names(commands) or any(word.startswith("--kind") for word in words))
 
 
 def run_step(name: str, arguments: Sequence[str]) -> int:
@@ -78,7 +86,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     first = words[0] if words else ""
     try:
-        if first in names(steps):
+        if calls_step(words):
             return run_step(names(steps)[first], words[1:])
         options = parser(first).parse_args(words)
         code: int = options.run(options)

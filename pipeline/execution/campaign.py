@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import chain
 from pathlib import Path
@@ -22,6 +22,7 @@ from pipeline.artefacts.points import encode_tests
 from pipeline.core.columns import Column
 from pipeline.core.identity import CampaignId
 from pipeline.core.kpi import NO_KPI, Kpi, evaluate
+from pipeline.core.measures import kinds_of
 from pipeline.core.signals import SIGNALS
 from pipeline.core.space import Floats, Space
 from pipeline.execution.journal import Journal, Outcome
@@ -80,8 +81,9 @@ def sampler_seed(campaign: CampaignId, frozen: bool = False) -> int:
     return int.from_bytes(hashlib.sha256(json.dumps(named).encode()).digest()[:4], "big") >> 1
 
 
-def run_campaign(plan: CampaignPlan, out: Path, journal: Path, threads: int, progress: Progress) -> None:
-    """Execute a campaign and write tests, signals, detections, frames and timings.parquet beside `out`, which is tests.parquet.
+def run_campaign(plan: CampaignPlan, out: Path, journal: Path, threads: int, progress: Progress) -> list[Executed]:
+    """Execute a campaign, write tests, signals, detections, frames and timings.parquet beside `out`, which is tests.parquet, and return its
+    tests.
 
     journal: folder of the finished tests of an unfinished campaign; the same plan resumes from it. threads: worker processes; they change
     no table but the timings.
@@ -96,6 +98,7 @@ def run_campaign(plan: CampaignPlan, out: Path, journal: Path, threads: int, pro
         workers.close()
     write(plan, done, out)
     log.remove()
+    return done
 
 
 def search(plan: CampaignPlan, sampler: Sampler, log: Journal, workers: Workers, progress: Progress) -> list[Executed]:
@@ -110,7 +113,7 @@ def search(plan: CampaignPlan, sampler: Sampler, log: Journal, workers: Workers,
         judged: dict[int, Executed] = {}
         for index in _finished(plan, asked, log, workers):
             judged[index] = _judged(asked[index], log.read(index), seconds, plan.failure_threshold_s)
-            progress(len(done) + len(judged), plan.tests, f"{_failures(done) + _failures(judged.values())} failures")
+            progress(len(done) + len(judged), plan.tests, _found(plan.space, [*done, *judged.values()]))
         batch = [judged[index] for index in asked]
         sampler.tell(points, np.array([test.kpi.adj_ttc_s for test in batch]))
         done += batch
@@ -155,8 +158,10 @@ def _judged(point: Floats, outcome: Outcome, sampler_s: float, threshold_s: floa
     return Executed(point, outcome, judged, sampler_s)
 
 
-def _failures(done: Iterable[Executed]) -> int:
-    return sum(test.kpi.failure for test in done)
+def _found(space: Space, done: Sequence[Executed]) -> str:
+    """What a search has found so far, for its progress."""
+    failed = [test.point for test in done if test.kpi.failure]
+    return f"{len(failed)} failures ({len(failed) / len(done):.0%}), {kinds_of(space, np.array(failed)) if failed else 0} kinds"
 
 
 def _empty(expected: Sequence[Column]) -> pd.DataFrame:

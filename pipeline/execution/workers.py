@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -106,6 +107,7 @@ class Workers:
 def _prepare(parent: int, setup: Setup) -> None:
     global _setup
     _setup = setup
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes; the parent ends its workers after their current test.
     # With several threads, sums depend on their number; and the processes already share the cores.
     os.environ.update(OMP_NUM_THREADS="1", LP_NUM_THREADS="0")
     threadpool_limits(1)

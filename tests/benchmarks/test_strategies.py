@@ -126,7 +126,9 @@ def test_a_recorded_table_loses_nothing(tmp_path: Path) -> None:
 
 
 def test_rounding_keeps_constraints() -> None:
-    space = Space((Variable("x", "continuous", "m", 0, 10, 1), Variable("kind", "categorical", values=("a", "b"))), (("x != 5", "kind = a"),))
+    space = Space(
+        (Variable("x", "continuous", "m", 0, 10, 1), Variable("kind", "categorical", values=("a", "b"))), (("x != 5", "kind = a"),)
+    )
     points = np.array([[4.49996, 1], [1.23456, 1]])
     assert recorded.on_grid(space, points).tolist() == [[4.49996, 1], [1.235, 1]]
 

@@ -1,0 +1,138 @@
+"""Command `campaign`: one search by one strategy, live."""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pipeline.config.composing import compose, functional_scenario
+from pipeline.core.identity import CampaignId
+from pipeline.core.measures import kinds_of, pair_coverage
+from pipeline.core.names import nearest
+from pipeline.errors import InputError
+from pipeline.progress import Progress
+
+if TYPE_CHECKING:
+    from pipeline.execution.campaign import CampaignPlan, Executed
+
+OWN = ("scenario", "strategy", "budget", "seed", "model", "out")
+WORDS = """scenario=F1 strategy=forest budget=300 seed=0 model=models/uniform out=FOLDER, each with a default; and overrides of the
+default study, such as camera=640x384 samplers.forest.explore=0.2"""
+STOPPED = 130
+"""Exit code after Ctrl-C, as in a shell."""
+HELP = "Search a scenario for failures with one strategy. Ctrl-C stops it; the same command resumes it."
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("words", nargs="*", metavar="key=value", help=WORDS)
+    parser.add_argument("--threads", type=int, default=2, help="worker processes (default: %(default)s)")
+    parser.epilog = "With --kind, --scenario, --strategy, --version and --seed, the step of a study's workflow runs instead."
+
+
+@dataclass(frozen=True)
+class Search:
+    """What a person asks for. overrides: of the default study."""
+
+    scenario: str = "F1"
+    strategy: str = "forest"
+    budget: int = 300
+    seed: int = 0
+    model: Path = Path("models/uniform")
+    out: Path | None = None
+    overrides: tuple[str, ...] = ()
+
+    @property
+    def folder(self) -> Path:
+        return self.out or Path("data/by_hand", self.scenario, self.strategy, self.model.name, str(self.seed))
+
+
+def run(options: argparse.Namespace) -> int:
+    """Execute the campaign with its progress, write its tables and print what was found."""
+    from pipeline.execution.campaign import run_campaign
+
+    if options.threads < 1:
+        raise InputError(f"--threads must be at least 1, got {options.threads}")
+    search = asked(options.words)
+    plan = planned(search)
+    tests = search.folder / "tests.parquet"
+    try:
+        with Progress(f"{search.scenario}, {search.strategy}") as progress:
+            done = run_campaign(plan, tests, search.folder / "journal", options.threads, progress)
+    except KeyboardInterrupt:
+        print(f"\nstopped; finished tests are in {search.folder}/journal, and the same command resumes")
+        return STOPPED
+    print(summary(plan, done))
+    print(f"tables: {search.folder}/tests.parquet, signals, detections, frames and timings")
+    return 0
+
+
+def asked(words: Sequence[str]) -> Search:
+    """The search of some words; InputError for a wrong one."""
+    values: dict[str, str] = {}
+    overrides: list[str] = []
+    for word in words:
+        key, equals, value = word.partition("=")
+        if not equals:
+            raise InputError(f"expected key=value, got '{word}'")
+        if key in OWN:
+            values[key] = value
+        else:
+            overrides.append(word)
+    numbers = {key: _whole(key, values.pop(key), least) for key, least in (("budget", 1), ("seed", 0)) if key in values}
+    paths = {key: Path(values.pop(key)) for key in ("model", "out") if key in values}
+    return Search(**values, **numbers, **paths, overrides=tuple(overrides))  # type: ignore[arg-type]
+
+
+def planned(search: Search) -> CampaignPlan:
+    """The campaign of a search; exports its detector into the search's folder."""
+    from pipeline.detectors.yolo.export import onnx_of
+    from pipeline.execution.campaign import CampaignPlan, sampler_seed
+    from pipeline.execution.workers import Setup
+
+    scenario = functional_scenario(search.scenario)
+    config = compose("default", [*([] if scenario.asks_to_brake else ["aeb.gate=detections"]), *search.overrides])
+    if search.strategy not in config.samplers:
+        raise InputError(f"strategy: there is no '{search.strategy}'{nearest(search.strategy, config.samplers)}")
+    campaign = CampaignId(search.scenario, search.strategy, search.model.name, search.seed)
+    return CampaignPlan(
+        campaign=campaign,
+        space=scenario.logical_space(),
+        tests=search.budget,
+        failure_threshold_s=config.campaign.failure_threshold_s,
+        strategy=config.samplers[search.strategy],
+        strategy_seed=sampler_seed(campaign),
+        setup=Setup(
+            simulator=config.simulator,
+            scenario=scenario,
+            detector=config.detector,
+            model=onnx_of(search.model, search.folder),
+            car=config.car,
+            keep_every=config.campaign.keep_every,
+        ),
+    )
+
+
+def summary(plan: CampaignPlan, done: Sequence[Executed]) -> str:
+    """Failures, their kinds, causes and pairs of categories; errors apart."""
+    import numpy as np
+
+    failed = [test for test in done if test.kpi.failure]
+    errors = sum(test.outcome.is_error for test in done)
+    judged = len(done) - errors
+    lines = [f"{len(failed)} of {judged} tests fail{f', {errors} errors' if errors else ''}"]
+    if failed:
+        points = np.array([test.point for test in failed])
+        causes = ", ".join(f"{cause} {count}" for cause, count in Counter(test.kpi.cause for test in failed).most_common())
+        lines.append(f"{kinds_of(plan.space, points)} kinds (combinations of person and pose); causes: {causes}")
+        lines.append(f"the failures show {pair_coverage(plan.space, points):.1%} of all pairs of categories")
+    return "\n".join(lines)
+
+
+def _whole(key: str, text: str, least: int) -> int:
+    if not text.isdecimal() or int(text) < least:
+        raise InputError(f"{key} must be a whole number from {least}, got '{text}'")
+    return int(text)
