@@ -18,7 +18,7 @@ class CoverageSampler(BatchSampler):
 
     Once every feasible k-tuple has been tested as often as its weight says, each is wanted that often once more, and so on.
 
-    k: number of categories in a combination, 1 to the number of variables.
+    k: number of categories in a combination, at least 1; a space with fewer variables combines all of them.
     """
 
     k: int = 2
@@ -31,7 +31,7 @@ class CoverageSampler(BatchSampler):
 
     def _proposer(self, wanted: int, seed: int) -> Proposer:
         weights = [wanted * np.asarray(weights) for weights in self.space.weights]
-        return Proposer(Demand(self.space.constraints, self.k, weights, "max"), seed=seed)
+        return Proposer(Demand(self.space.constraints, min(self.k, len(self.space)), weights, "max"), seed=seed)
 
     def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
         categories, old, wanted = self.space.categorise(points), len(points), 1
