@@ -17,7 +17,8 @@ class BatchSampler(ABC):
 
     The i-th batch depends only on the seed, on i and on the history before it. So telling the rows of a journal again, in the order asked
     and in portions of any length, restores the sampler, and asking twice gives the same points. In the middle of a batch `ask` returns the
-    rest of it.
+    rest of it. A batch is always full: on a finite space with fewer points than the budget, strategies that want untested points draw
+    repetitions at random once all points are tested.
 
     space: the space to sample; no point breaks its constraints. seed: from 0. batch_size: tests per batch, at least 1.
     """

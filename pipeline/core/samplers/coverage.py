@@ -18,7 +18,7 @@ class CoverageSampler(BatchSampler):
 
     Once every feasible k-tuple has been tested as often as its weight says, each is wanted that often once more, and so on.
 
-    k: number of categories in a combination, 1 to the number of variables.
+    k: number of categories in a combination, at least 1; a space with fewer variables combines all of them.
     """
 
     k: int = 2

@@ -69,7 +69,9 @@ class ForestSampler(BatchSampler):
     def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
         seen, target = self._lessons(points, kpi)
         if not len(target) or np.ptp(target) == 0:
-            return self.space.within(propose_categories(self.space, 2, self.space.categorise(points), self.batch_size, rng), rng)
+            covering = propose_categories(self.space, 2, self.space.categorise(points), self.batch_size, rng)
+            candidates = self.space.within(covering, rng)
+            return fill(self.space, candidates[untested(candidates, points)], points, self.batch_size, rng)
         candidates = self._candidate_set(points, kpi, rng)
         if len(candidates) < self.batch_size:
             return fill(self.space, candidates, points, self.batch_size, rng)

@@ -73,10 +73,10 @@ class MetaModelSampler(BatchSampler):
         return kpi
 
     def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
-        candidates = self.space.sample(self.candidates, rng)
         observed = ~np.isnan(kpi)
         if not observed.any():
-            return candidates[: self.batch_size]
+            return fill(self.space, np.zeros((0, len(self.space))), points, self.batch_size, rng)
+        candidates = self.space.sample(self.candidates, rng)
         candidates = candidates[untested(candidates, points)]
         failures = kpi[observed] <= self.failure_threshold_s
         omega = relevance(self.space, candidates, points[observed], failures, self.epsilon)
