@@ -1,6 +1,6 @@
 """Compares search strategies in worlds that need no rendering.
 
-    python benchmarks/strategies run [--split judging] [--group trees network] [--strategy neural forest 'neural explore=0'] [--seeds 20]
+    python benchmarks/strategies run [--split judging] [--group trees network] [--strategy forest 'forest explore=0'] [--seeds 20]
     python benchmarks/strategies show [--split judging] [--page docs/results/strategies.md]
     python benchmarks/strategies truth
     python benchmarks/strategies list

@@ -30,7 +30,7 @@ def known() -> list[str]:
 
 
 def make(label: str, space: Space, seed: int) -> Sampler:
-    """A strategy before its first test. label: a name, with changed settings after it, as in `neural explore=0.1`."""
+    """A strategy before its first test. label: a name, with changed settings after it, as in `forest explore=0.2`."""
     if label in peers.PEERS:
         return peers.make(label, space, seed, default_study().campaign.failure_threshold_s)
     # Partial, because Hydra would turn the space, a dataclass, into a config.

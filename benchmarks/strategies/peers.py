@@ -1,7 +1,8 @@
 """Search strategies of other projects by ask and tell, for comparison. They need the packages of requirements.txt.
 
-VerifAI: cross-entropy, multi-armed bandit, Halton and Bayesian optimisation. pymoo: NSGA-II. pyribs: MAP-Elites. Unlike the strategies of
-conf/sampler, a peer cannot be restored by telling its history again, and constraints of a space are not known to it.
+VerifAI: cross-entropy, multi-armed bandit and Halton. pymoo: NSGA-II. pyribs: MAP-Elites. Unlike the strategies of conf/sampler, a peer
+cannot be restored by telling its history again, and it does not know the constraints of a space. VerifAI's Bayesian optimisation is left
+out: it needs GPyOpt, which is archived and fits no NumPy from 2 on.
 """
 
 from __future__ import annotations
@@ -21,7 +22,6 @@ PEERS: Mapping[str, str] = {
     "verifai-ce": "verifai",
     "verifai-mab": "verifai",
     "verifai-halton": "verifai",
-    "verifai-bo": "verifai",
     "pymoo-nsga2": "pymoo",
     "pyribs-map-elites": "ribs",
 }
@@ -30,7 +30,6 @@ VERIFAI = {
     "verifai-ce": "crossEntropySamplerFor",
     "verifai-mab": "multiArmedBanditSamplerFor",
     "verifai-halton": "haltonSamplerFor",
-    "verifai-bo": "bayesianOptimizationSamplerFor",
 }
 BATCH = 20
 ERROR_S = 10.0

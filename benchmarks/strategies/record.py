@@ -1,6 +1,6 @@
 """Records the rendered tests from which the emulators of a scenario are made: half random, half chosen by a strategy.
 
-    python benchmarks/strategies/record.py --scenario F1 [--tests 4000] [--strategy neural] [--threads 2]
+    python benchmarks/strategies/record.py --scenario F1 [--tests 4000] [--strategy forest] [--threads 2]
 
 Executes the default study's car with the shipped uniform base and writes benchmarks/strategies/data/F1.csv.gz, and F1.json about it.
 Finished tests stay in the folder `--journal` until then, so the same command resumes a killed run, unless the program has changed.
@@ -55,7 +55,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenario", required=True)
     parser.add_argument("--tests", type=int, default=4000, help="in all")
-    parser.add_argument("--strategy", default="neural", help="of the second half")
+    parser.add_argument("--strategy", default="forest", help="of the second half")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--threads", type=int, default=2, help="processes that execute tests")
     parser.add_argument("--journal", type=Path, default=Path("data/strategies/recording"))

@@ -6,73 +6,24 @@ import hashlib
 import json
 import multiprocessing
 import os
-import time
-import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-import ceiling
 import contestants
-import numpy as np
 import worlds
-from scores import scores
-from threadpoolctl import threadpool_limits
-from worlds import World, WorldName
+from campaigns import Row, Run, execute
+from worlds import WorldName
 
-from pipeline.core.space import Floats
 from pipeline.progress import Progress
+from pipeline.sources import code_digest
 
-Row = dict[str, Any]
-CODE = ("analytic", "ceiling", "emulators", "recorded", "runs", "scores", "worlds")
-
-
-@dataclass(frozen=True)
-class Run:
-    """One campaign. strategy: see `contestants.make`. seed: of the strategy and of the world, so strategies are paired by it."""
-
-    world: str
-    strategy: str
-    seed: int
-    tests: int
-
-
-def execute(run: Run) -> Row:
-    """The row of a campaign: the run, `cpu_s` that the strategy itself took, and what `scores` gives."""
-    study, name = worlds.default_study(), WorldName.parse(run.world)
-    world, threshold_s = worlds.make(name, run.seed), study.campaign.failure_threshold_s
-    with threadpool_limits(1), warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        if run.strategy == contestants.CEILING:
-            points, spent = ceiling.greedy(world.space, ceiling.known_failures(world, threshold_s), run.tests), 0.0
-            points = np.concatenate([points, world.space.sample(run.tests - len(points), np.random.default_rng(run.seed))])
-            kpi = world.kpi(points)
-        else:
-            points, kpi, spent = search(world, run)
-    regions = study.regions
-    found = scores(world.space, points, kpi, threshold_s, regions.chance_neighbours, regions.min_failures)
-    return {**asdict(run), "digest": digest(run), "cpu_s": spent, **found}
-
-
-def search(world: World, run: Run) -> tuple[Floats, Floats, float]:
-    """Points (n, d) and KPI (n,) of a campaign in order, and the CPU-seconds that asking and telling took."""
-    started = time.process_time()
-    sampler = contestants.make(run.strategy, world.space, run.seed)
-    spent = time.process_time() - started
-    points, kpi = np.zeros((0, len(world.space))), np.zeros(0)
-    while len(kpi) < run.tests:
-        started = time.process_time()
-        asked = sampler.ask()
-        spent += time.process_time() - started
-        values = world.kpi(asked)
-        started = time.process_time()
-        sampler.tell(asked, values)
-        spent += time.process_time() - started
-        points, kpi = np.concatenate([points, asked]), np.concatenate([kpi, values])
-    return points[: run.tests], kpi[: run.tests], spent
+CODE = ("analytic", "campaigns", "ceiling", "emulators", "recorded", "scores", "worlds")
+"""Files of this folder, and modules of the package, that decide what a run gives, whatever its strategy."""
+MODULES = ("pipeline.core.measures", "pipeline.core.regions", "pipeline.core.samplers.features", "pipeline.core.samplers.mutations")
 
 
 def run_all(runs: Iterable[Run], path: Path, processes: int, progress: Progress) -> None:
@@ -83,7 +34,7 @@ def run_all(runs: Iterable[Run], path: Path, processes: int, progress: Progress)
     _end_last_line(path)
     with path.open("a") as file:
         for count, row in enumerate(_executed(missing, processes), 1):
-            file.write(json.dumps(row) + "\n")
+            file.write(json.dumps({**row, "digest": digest(Run(*_key(row)))}) + "\n")
             file.flush()
             text = f"{row['strategy']} on {row['world']}, seed {row['seed']}: {len(row['failed_at'])} failures"
             progress(count, len(missing), text)
@@ -105,9 +56,14 @@ def read(path: Path) -> list[Row]:
 @cache
 def digest(run: Run) -> str:
     """SHA-256 of what a run depends on, beside its own fields."""
+    parts = [_code(), contestants.digest(run.strategy), worlds.digest(WorldName.parse(run.world))]
+    return hashlib.sha256("".join(parts).encode()).hexdigest()
+
+
+@cache
+def _code() -> str:
     own = b"".join((Path(__file__).parent / f"{name}.py").read_bytes() for name in CODE)
-    parts = [own, contestants.digest(run.strategy).encode(), worlds.digest(WorldName.parse(run.world)).encode()]
-    return hashlib.sha256(b"".join(parts)).hexdigest()
+    return hashlib.sha256(own).hexdigest() + "".join(map(code_digest, MODULES))
 
 
 def _executed(runs: Sequence[Run], processes: int) -> Iterator[Row]:

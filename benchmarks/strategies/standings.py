@@ -161,9 +161,9 @@ def markdown(block: Block, table: pd.DataFrame, reference: str) -> str:
             _number(row["ms"], 1),
         ]
         lines.append(f"| {' | '.join(cells)} |")
-    seeds = f"{table['seeds'].min()} to {table['seeds'].max()}" if table["seeds"].nunique() > 1 else f"{table['seeds'].iloc[0]}"
-    worlds = block.rows["world"].nunique()
-    lead = f"### {block.group}, {block.budget} tests\n\n{worlds} {'world' if worlds == 1 else 'worlds'}, {seeds} seeds."
+    fewest, most = table["seeds"].min(), table["seeds"].max()
+    worlds = ", ".join(sorted(block.rows["world"].unique()))
+    lead = f"### {block.group}, {block.budget} tests\n\nWorlds: {worlds}. Seeds: {most if fewest == most else f'{fewest} to {most}'}."
     if errors := int(table["errors"].sum()):
         lead += f" {errors} tests of all campaigns ended in an error."
     return "\n".join([lead, "", *lines, ""])

@@ -16,6 +16,8 @@ from pipeline.config.composing import compose, functional_scenario
 from pipeline.config.schema import Config
 from pipeline.core.space import Floats, Space
 from pipeline.scenarios.functional import FunctionalScenario
+from pipeline.simulators.analytic import AnalyticSimulator
+from pipeline.sources import code_digest
 
 ANALYTIC = "analytic"
 RARITIES: dict[str, float | None] = {"": None, "-rare": 0.015, "-rarest": 0.001}
@@ -91,8 +93,8 @@ def make(name: WorldName, seed: int, folder: Path = recorded.DATA) -> World:
 
 
 def digest(name: WorldName, folder: Path = recorded.DATA) -> str:
-    """Text that changes with the recorded tests of a world; InputError if they are missing."""
-    return "" if name.group == ANALYTIC else recorded.digest(name.scenario, folder)
+    """Text that changes with what a world is made from; InputError if its recorded tests are missing."""
+    return code_digest(AnalyticSimulator.__module__) if name.group == ANALYTIC else recorded.digest(name.scenario, folder)
 
 
 @cache

@@ -16,6 +16,7 @@ import recorded
 import runs
 import worlds
 from analytic import AnalyticWorld
+from campaigns import Run, execute
 from picture import failures_against_kinds
 from standings import Block, blocks, markdown, standings
 from truth import truth
@@ -170,14 +171,13 @@ def test_development_and_judging_share_nothing() -> None:
 
 
 def test_a_killed_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path, wanted = tmp_path / "rows.jsonl", [runs.Run("F1-analytic", "random", seed, 120) for seed in range(3)]
+    path, wanted = tmp_path / "rows.jsonl", [Run("F1-analytic", "random", seed, 120) for seed in range(3)]
     with Progress("runs") as progress:
         runs.run_all(wanted, path, 1, progress)
         whole = path.read_text().splitlines()
         path.write_text("\n".join(whole[:2]) + "\n" + whole[2][:40])
-        executed: list[runs.Run] = []
-        real = runs.execute
-        monkeypatch.setattr(runs, "execute", lambda run: (executed.append(run), real(run))[1])
+        executed: list[Run] = []
+        monkeypatch.setattr(runs, "execute", lambda run: (executed.append(run), execute(run))[1])
         runs.run_all(wanted, path, 1, progress)
     assert executed == wanted[2:]
     timeless = [{key: value for key, value in row.items() if key != "cpu_s"} for row in runs.read(path)]
@@ -211,7 +211,7 @@ def test_a_campaign_without_failure_is_censored() -> None:
     neural = standings(block, "random").set_index("strategy").loc["neural"]
     assert (neural["f"], neural["f_censored"], neural["cost_censored"]) == (120, 2, 2)
     text = markdown(block, standings(block, "random"), "random")
-    assert "≥ 120" in text and "1 world, 2 seeds" in text
+    assert "≥ 120" in text and "Worlds: F1-trees. Seeds: 2." in text
 
 
 def test_the_figure_has_a_panel_for_each_group() -> None:
