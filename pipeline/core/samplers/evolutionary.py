@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.core.samplers.batches import BatchSampler
-from pipeline.core.samplers.untested import fill, untested
+from pipeline.core.samplers.untested import executed, fill, untested
 from pipeline.core.space import Floats
 from pipeline.core.variable import Variable
 
@@ -78,9 +78,12 @@ class EvolutionarySampler(BatchSampler):
         """One child for each test of the batch, as far as valid and untested ones are found, (n, d) with n up to the batch size."""
         slots = np.repeat(np.arange(self.batch_size), ATTEMPTS)
         tried = self._mutated(parents[slots % len(parents)], weights, rng)
-        good = self.space.constraints.holds(self.space.categorise(tried)) & untested(tried, tested)
-        _, first = np.unique(slots[good], return_index=True)
-        return np.asarray(tried[good][first])
+        good = self.space.constraints.holds(self.space.categorise(tried)) & ~executed(tried, tested)
+        children = np.zeros((0, len(self.space)))
+        for slot in range(self.batch_size):
+            attempts = tried[good & (slots == slot)]
+            children = np.concatenate([children, attempts[untested(attempts, children)][:1]])
+        return children
 
     def _mutated(self, parents: Floats, weights: Floats, rng: np.random.Generator) -> Floats:
         """Each of (n, d) parents with one variable changed, (n, d)."""

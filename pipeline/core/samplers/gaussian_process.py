@@ -16,6 +16,8 @@ from pipeline.core.space import Floats
 class GaussianProcessSampler(MetaModelSampler):
     """Predicts the KPI by the posterior mean of a Gaussian process with a radial basis function kernel (Eq. 7 and .11 to .15).
 
+    The search and its other parameters are those of `pipeline.core.samplers.meta_model.MetaModelSampler`.
+
     The KPI is standardised, so that its prior has mean 0 and variance 1. Hyperparameters: `length`, the kernel's sigma, and `noise`, the
     variance of an observation.
 

@@ -11,6 +11,8 @@ from pipeline.core.space import Floats
 class LinearSampler(MetaModelSampler):
     """Predicts the KPI as a weighted sum of the inputs, with an intercept; no hyperparameters.
 
+    The search and its other parameters are those of `pipeline.core.samplers.meta_model.MetaModelSampler`.
+
     Eq. 4.32 has no inverse, because the inputs of a category add up to 1. The solution of Eq. 4.31 with the least norm is used instead.
     """
 

@@ -22,6 +22,8 @@ Layers = list[tuple[Floats, Floats]]
 class NetworkSampler(MetaModelSampler):
     """Predicts the KPI by a feed-forward network: tanh in the hidden layers and a sigmoid at the output, as the KPI is in [0, 1].
 
+    The search and its other parameters are those of `pipeline.core.samplers.meta_model.MetaModelSampler`.
+
     Trained by L-BFGS on the mean squared error and an L2 penalty of the weights. scikit-learn's regressor has no sigmoid output.
     """
 

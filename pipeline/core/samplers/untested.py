@@ -11,6 +11,12 @@ DRAWS = 1000
 """Random points among which `fill` looks for untested ones."""
 
 
+def executed(points: Floats, tested: Floats) -> NDArray[np.bool_]:
+    """Whether each of (n, d) points equals a row of `tested` (m, d), (n,)."""
+    known = set(_keys(tested))
+    return np.array([key in known for key in _keys(points)], dtype=bool)
+
+
 def untested(points: Floats, tested: Floats) -> NDArray[np.bool_]:
     """Whether each of (n, d) points equals no row of `tested` (m, d) and none of the points before it, (n,)."""
     seen, new = set(_keys(tested)), np.zeros(len(points), dtype=bool)
