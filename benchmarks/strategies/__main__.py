@@ -20,6 +20,7 @@ import peers
 import recorded
 import runs
 import worlds
+from campaigns import Run
 from picture import BUDGETS, failures_against_kinds
 from standings import blocks, markdown, standings
 from truth import truth
@@ -67,7 +68,7 @@ def _results(options: argparse.Namespace) -> Path:
 def _run(options: argparse.Namespace) -> None:
     strategies = options.strategy or [*contestants.known(), contestants.CEILING]
     wanted = [
-        runs.Run(str(world), strategy, seed, options.tests)
+        Run(str(world), strategy, seed, options.tests)
         for world in worlds.names(options.split, options.group)
         for seed in worlds.SPLITS[options.split].seeds(options.seeds)
         for strategy in strategies

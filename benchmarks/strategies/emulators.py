@@ -143,7 +143,7 @@ class EmulatedWorld:
         """Uniform numbers of the points, (n,) in (0, 1)."""
         smooth = np.cos(inputs @ self._waves + self._phases).sum(axis=1) * np.sqrt(2 / WAVES)
         white = ndtri(np.clip(_hashed(points, self._seed), EDGE, 1 - EDGE))
-        return np.clip(ndtr(np.sqrt(SMOOTH) * smooth + np.sqrt(1 - SMOOTH) * white), EDGE, 1 - EDGE)
+        return np.asarray(np.clip(ndtr(np.sqrt(SMOOTH) * smooth + np.sqrt(1 - SMOOTH) * white), EDGE, 1 - EDGE))
 
 
 def _log_odds(probability: Floats) -> Floats:

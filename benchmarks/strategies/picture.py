@@ -35,9 +35,8 @@ def failures_against_kinds(tables: Mapping[tuple[str, int], pd.DataFrame]) -> Fi
 def _line(axis: Axes, points: pd.DataFrame, name: str, colour: str, marker: str) -> None:
     axis.plot(points["failures"], points["kinds"], color=colour, linewidth=1, alpha=0.6, zorder=2)
     for row in points.to_dict("records"):
-        for measure, place in (("failures", "xerr"), ("kinds", "yerr")):
-            ends = [[row[measure] - row[f"{measure}_low"]], [row[f"{measure}_high"] - row[measure]]]
-            axis.errorbar(row["failures"], row["kinds"], **{place: ends}, color=colour, linewidth=0.8, zorder=1)
+        x, y = ([[row[name] - row[f"{name}_low"]], [row[f"{name}_high"] - row[name]]] for name in ("failures", "kinds"))
+        axis.errorbar(row["failures"], row["kinds"], xerr=x, yerr=y, color=colour, linewidth=0.8, zorder=1)
         filled = row["budget"] == BUDGETS[-1]
         axis.plot(
             row["failures"],

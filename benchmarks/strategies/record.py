@@ -9,6 +9,7 @@ Finished tests stay in the folder `--journal` until then, so the same command re
 from __future__ import annotations
 
 import argparse
+import shutil
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -71,6 +72,8 @@ def record(options: argparse.Namespace) -> None:
     config, folder = compose("default", []), options.journal / options.scenario
     if options.strategy not in config.samplers:
         raise InputError(f"there is no strategy '{options.strategy}'{nearest(options.strategy, list(config.samplers))}")
+    if options.strategy == "random":
+        raise InputError("--strategy must be another than random, which is the first half")
     model = onnx_of(BASE, folder)
     halves = {"random": options.tests // 2, options.strategy: options.tests - options.tests // 2}
     plans = [_plan(config, options, model, name, tests) for name, tests in halves.items()]
@@ -78,6 +81,7 @@ def record(options: argparse.Namespace) -> None:
     table = pd.concat(tables)
     recorded.write(table, options.out / f"{options.scenario}.csv.gz")
     write_json(options.out / f"{options.scenario}.json", _about(config, options, table))
+    shutil.rmtree(folder)
     print(table.groupby("strategy", sort=False)["failure"].agg(tests="size", failures="sum").to_string())
 
 

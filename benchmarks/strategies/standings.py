@@ -154,7 +154,7 @@ def markdown(block: Block, table: pd.DataFrame, reference: str) -> str:
             _number(row["a12"], 2),
             _spread(row, "kinds", 0),
             _spread(row, "kinds_ratio", 2),
-            *(_percent(row[name]) for name in ("gamma_t", "gamma_f", "of_ceiling", "area")),
+            *(_percent(row["gamma_t"], 0), _percent(row["gamma_f"], 1), _percent(row["of_ceiling"], 0), _percent(row["area"], 0)),
             _number(row["regions"], 1),
             ("≥ " if row["f_censored"] == row["f_count"] else "") + _number(row["f"], 0),
             ("≤ " if row["cost_count"] and row["cost_censored"] == row["cost_count"] else "") + _number(1 - row["cost"], 2),
@@ -180,5 +180,5 @@ def _number(value: float, digits: int) -> str:
     return "–" if np.isnan(value) else "∞" if np.isinf(value) else f"{value:.{digits}f}"
 
 
-def _percent(value: float) -> str:
-    return "–" if np.isnan(value) else f"{100 * value:.0f} %"
+def _percent(value: float, digits: int) -> str:
+    return "–" if np.isnan(value) else f"{100 * value:.{digits}f} %"

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from emulators import FAMILIES, expected_kpi, fit
+from numpy.typing import NDArray
 from recorded import Recorded
 from scipy.stats import spearmanr
 from sklearn.metrics import brier_score_loss, roc_auc_score
@@ -38,7 +39,7 @@ def _rows(scenario: str, recorded: Recorded) -> Iterator[dict[str, Any]]:
                 yield {"scenario": scenario, "family": family, "half": half, "tests": len(failed), **judged}
 
 
-def _judged(probability: Floats, expected: Floats, failed: Floats, kpi: Floats) -> dict[str, float]:
+def _judged(probability: Floats, expected: Floats, failed: NDArray[np.bool_], kpi: Floats) -> dict[str, float]:
     base = float(failed.mean())
     return {
         "spearman": float(spearmanr(expected, kpi).statistic),

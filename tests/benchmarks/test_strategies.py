@@ -16,13 +16,14 @@ import recorded
 import runs
 import worlds
 from analytic import AnalyticWorld
-from campaigns import Run, execute
+from campaigns import Row, Run, execute
 from picture import failures_against_kinds
 from standings import Block, blocks, markdown, standings
 from truth import truth
 
 from pipeline.config.composing import CONF, functional_scenario
 from pipeline.core.car import Car
+from pipeline.core.samplers.features import features
 from pipeline.core.space import Floats, Space, Variable
 from pipeline.errors import InputError
 from pipeline.progress import Progress
@@ -100,7 +101,7 @@ def test_chance_is_uniform_smooth_in_part_and_white_in_part(small: recorded.Reco
     near[:, 0] = np.clip(near[:, 0] + 1e-6, 0, 10)
 
     def chance(at: Floats) -> Floats:
-        return world._chance(at, emulators.features(SMALL, at))
+        return world._chance(at, features(SMALL, at))
 
     assert np.histogram(chance(points), bins=5, range=(0, 1))[0] == pytest.approx(np.full(5, 800), rel=0.35)
     assert 0.3 < np.corrcoef(chance(points), chance(near))[0, 1] < 0.7  # The smooth half stays, the white half is new.
@@ -177,7 +178,12 @@ def test_a_killed_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
         whole = path.read_text().splitlines()
         path.write_text("\n".join(whole[:2]) + "\n" + whole[2][:40])
         executed: list[Run] = []
-        monkeypatch.setattr(runs, "execute", lambda run: (executed.append(run), execute(run))[1])
+
+        def counted(run: Run) -> Row:
+            executed.append(run)
+            return execute(run)
+
+        monkeypatch.setattr(runs, "execute", counted)
         runs.run_all(wanted, path, 1, progress)
     assert executed == wanted[2:]
     timeless = [{key: value for key, value in row.items() if key != "cpu_s"} for row in runs.read(path)]
