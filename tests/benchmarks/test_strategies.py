@@ -160,9 +160,9 @@ def test_the_ceiling_covers_pairs_at_the_greatest_rate() -> None:
 
 def test_every_strategy_of_conf_is_found() -> None:
     assert contestants.known() == sorted(path.stem for path in (CONF / "sampler").glob("*.yaml"))
-    assert contestants.digest("neural") != contestants.digest("neural explore=0.5") != contestants.digest("random")
-    with pytest.raises(InputError, match="did you mean 'neural'"):
-        contestants.digest("neurall")
+    assert contestants.digest("forest") != contestants.digest("forest explore=0.5") != contestants.digest("random")
+    with pytest.raises(InputError, match="did you mean 'forest'"):
+        contestants.digest("foresst")
 
 
 def test_development_and_judging_share_nothing() -> None:
@@ -201,21 +201,21 @@ def rows(strategy: str, failures: list[int], world: str = "F1-trees") -> list[di
 
 
 def test_standings_by_hand() -> None:
-    (block,) = blocks([*rows("random", [2, 4]), *rows("neural", [4, 8]), *rows("ceiling", [120, 120])])
+    (block,) = blocks([*rows("random", [2, 4]), *rows("forest", [4, 8]), *rows("ceiling", [120, 120])])
     assert (block.group, block.budget) == ("trees", 120)
     table = standings(block, "random").set_index("strategy")
-    neural = table.loc["neural"]
-    assert (neural["failures"], neural["failures_low"], neural["failures_high"]) == (6, 4, 8)
-    assert neural["failures_ratio"] == neural["failures_ratio_low"] == neural["failures_ratio_high"] == 2
-    assert neural["a12"] == 0.875  # One tie of four pairs.
-    assert neural["of_ceiling"] == 1 and neural["ms"] == pytest.approx(10)
-    assert neural["f"] == 1 and neural["cost"] == 1  # Both need n tests for n failures.
+    forest = table.loc["forest"]
+    assert (forest["failures"], forest["failures_low"], forest["failures_high"]) == (6, 4, 8)
+    assert forest["failures_ratio"] == forest["failures_ratio_low"] == forest["failures_ratio_high"] == 2
+    assert forest["a12"] == 0.875  # One tie of four pairs.
+    assert forest["of_ceiling"] == 1 and forest["ms"] == pytest.approx(10)
+    assert forest["f"] == 1 and forest["cost"] == 1  # Both need n tests for n failures.
 
 
 def test_a_campaign_without_failure_is_censored() -> None:
-    (block,) = blocks([*rows("random", [3, 3]), *rows("neural", [0, 0])])
-    neural = standings(block, "random").set_index("strategy").loc["neural"]
-    assert (neural["f"], neural["f_censored"], neural["cost_censored"]) == (120, 2, 2)
+    (block,) = blocks([*rows("random", [3, 3]), *rows("forest", [0, 0])])
+    forest = standings(block, "random").set_index("strategy").loc["forest"]
+    assert (forest["f"], forest["f_censored"], forest["cost_censored"]) == (120, 2, 2)
     text = markdown(block, standings(block, "random"), "random")
     assert "≥ 120" in text and "Worlds: F1-trees. Seeds: 2." in text
 
