@@ -43,7 +43,7 @@ def test_a_camera_is_chosen_by_its_name() -> None:
         ("campaign.testss=3", "unknown key 'campaign.testss'; did you mean 'tests'?"),
         ("+campaign.testss=3", "unknown key 'campaign.testss'; did you mean 'tests'?"),
         ("campaign.tests=0", "campaign.tests: Input should be greater than or equal to 1, got 0"),
-        ("strategies=[random,forst]", "strategies: there is no 'neurl'; did you mean 'forest'?"),
+        ("strategies=[random,forst]", "strategies: there is no 'forst'; did you mean 'forest'?"),
         ("adaptive=pairwise", "adaptive: there is no 'pairwise'"),
         ("search=[F1,F22]", "search: there is no conf/scenario/F22.yaml; did you mean 'F2'?"),
         ("held_out=[F1]", "held_out must not be searched: F1 is in both lists"),
