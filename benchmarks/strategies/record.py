@@ -1,14 +1,18 @@
-"""Records the rendered tests from which the emulators of a scenario are made: half random, half chosen by a strategy.
+"""Records rendered campaigns, from which the emulators and the tables of the thesis' grid are made.
 
-    python benchmarks/strategies/record.py --scenario F1 [--tests 4000] [--strategy forest] [--threads 2]
+    python benchmarks/strategies/record.py --study default --scenario F1 [F5 ...] [--threads 2]
+    python benchmarks/strategies/record.py --study thesis
 
-Executes the default study's car with the shipped uniform base and writes benchmarks/strategies/data/F1.csv.gz, and F1.json about it.
-Finished tests stay in the folder `--journal` until then, so the same command resumes a killed run, unless the program has changed.
+Tests the shipped uniform base with a study's car, camera and brake law, and writes benchmarks/strategies/data/STUDY/F1-random.csv.gz and so
+on. `default`: for the emulators, 4,000 tests a scenario, half of them random. `thesis`: the grid of chapter 6, each strategy with 1,000
+tests. A campaign whose table is there is not executed again. Finished tests of the others stay in the folder `--journal`, so the same
+command resumes a killed run, unless the program has changed.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import shutil
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -35,6 +39,8 @@ from pipeline.protocols import Sampler
 BASE = Path("models/uniform")
 DIGITS = 5
 """Significant digits of a recorded KPI."""
+DENSE = {"random": 2000, "forest": 700, "network": 700, "evolutionary": 600}
+"""Tests of each strategy for the emulators. Three strategies search, so that an emulator knows where each of them goes."""
 
 
 @dataclass
@@ -52,12 +58,12 @@ class OnGrid:
 
 
 def main() -> None:
-    """Execute both halves and write the table."""
+    """Execute the campaigns that have no table yet."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--scenario", required=True)
-    parser.add_argument("--tests", type=int, default=4000, help="in all")
-    parser.add_argument("--strategy", default="forest", help="of the second half")
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--study", required=True, choices=["default", "thesis"], help="whose settings hold")
+    parser.add_argument("--scenario", nargs="+", help="default: those that the study searches")
+    parser.add_argument("--strategy", nargs="+", help="default: all of the study")
+    parser.add_argument("--tests", type=int, help="of each campaign")
     parser.add_argument("--threads", type=int, default=2, help="processes that execute tests")
     parser.add_argument("--journal", type=Path, default=Path("data/strategies/recording"))
     parser.add_argument("--out", type=Path, default=recorded.DATA)
@@ -69,25 +75,47 @@ def main() -> None:
 
 
 def record(options: argparse.Namespace) -> None:
-    config, folder = compose("default", []), options.journal / options.scenario
-    if options.strategy not in config.samplers:
-        raise InputError(f"there is no strategy '{options.strategy}'{nearest(options.strategy, list(config.samplers))}")
-    if options.strategy == "random":
-        raise InputError("--strategy must be another than random, which is the first half")
-    model = onnx_of(BASE, folder)
-    halves = {"random": options.tests // 2, options.strategy: options.tests - options.tests // 2}
-    plans = [_plan(config, options, model, name, tests) for name, tests in halves.items()]
-    tables = [_table(plan, _executed(plan, folder, options.threads)) for plan in plans]
-    table = pd.concat(tables)
-    recorded.write(table, options.out / f"{options.scenario}.csv.gz")
-    write_json(options.out / f"{options.scenario}.json", _about(config, options, table))
-    shutil.rmtree(folder)
-    print(table.groupby("strategy", sort=False)["failure"].agg(tests="size", failures="sum").to_string())
+    """Execute what is missing; InputError for an unknown strategy and where tables were recorded with other settings."""
+    config = compose(options.study, [])
+    budgets = DENSE if options.study == "default" else dict.fromkeys(config.strategies, config.campaign.tests)
+    for name in options.strategy or ():
+        if name not in budgets:
+            raise InputError(f"there is no strategy '{name}'{nearest(name, list(budgets))}")
+    out, journal = options.out / options.study, options.journal / options.study
+    for scenario in options.scenario or config.search:
+        for strategy in options.strategy or budgets:
+            path = recorded.path_of(scenario, strategy, out)
+            if path.exists():
+                continue
+            _agree(out, config, strategy)
+            plan = _plan(config, journal, scenario, strategy, options.tests or budgets[strategy])
+            table = _table(plan, _executed(plan, journal / path.stem, options.threads))
+            recorded.write(table, path)
+            shutil.rmtree(journal / path.stem)
+            print(f"{path}: {len(table)} tests, {int(table['failure'].sum())} failures, {int((table['status'] == 'error').sum())} errors")
 
 
-def _plan(config: Config, options: argparse.Namespace, model: Path, strategy: str, tests: int) -> CampaignPlan:
-    described = functional_scenario(options.scenario)
-    campaign = CampaignId(options.scenario, strategy, "base", options.seed)
+def _agree(out: Path, config: Config, strategy: str) -> None:
+    """Keep what the campaigns of a folder are executed with in its settings.json; InputError if its tables had other settings."""
+    path = out / "settings.json"
+    now: dict[str, Any] = {
+        "weights_sha256": sha256(BASE / "weights.safetensors"),
+        "detector": dict(config.detector),
+        "simulator": dict(config.simulator),
+        "car": asdict(config.car),
+        f"strategy {strategy}": dict(config.samplers[strategy]),
+    }
+    now = json.loads(json.dumps(now))
+    known = json.loads(path.read_text()) if path.exists() else {}
+    for key, value in now.items():
+        if known.get(key, value) != value:
+            raise InputError(f"{path}: tables there were recorded with another '{key}'; delete them and this key to record them again")
+    write_json(path, {**known, **now})
+
+
+def _plan(config: Config, folder: Path, scenario: str, strategy: str, tests: int) -> CampaignPlan:
+    described = functional_scenario(scenario)
+    campaign = CampaignId(scenario, strategy, "base", 0)
     # Random tests need no results, so in one batch no process waits for another.
     batch = {"batch_size": tests} if strategy == "random" else {}
     return CampaignPlan(
@@ -97,7 +125,7 @@ def _plan(config: Config, options: argparse.Namespace, model: Path, strategy: st
         failure_threshold_s=config.campaign.failure_threshold_s,
         strategy={**config.samplers[strategy], **batch},
         strategy_seed=sampler_seed(campaign),
-        setup=Setup(config.simulator, described, config.detector, model, config.car),
+        setup=Setup(config.simulator, described, config.detector, onnx_of(BASE, folder), config.car),
     )
 
 
@@ -105,7 +133,7 @@ def _executed(plan: CampaignPlan, folder: Path, threads: int) -> list[Executed]:
     workers = Workers(threads, plan.setup)
     try:
         with Progress(f"{plan.campaign.scenario} {plan.campaign.strategy}") as progress:
-            log = Journal(folder / plan.campaign.strategy, plan.identity)
+            log = Journal(folder, plan.identity)
             if log.discarded:
                 progress.note("the journal belonged to another configuration, model or code and was discarded")
             return search(plan, OnGrid(plan.sampler(), plan.space), log, workers, progress)
@@ -118,24 +146,8 @@ def _table(plan: CampaignPlan, done: Sequence[Executed]) -> pd.DataFrame:
     for test in done:
         kpi = float(f"{test.kpi.adj_ttc_s:.{DIGITS}g}")
         status = "error" if test.outcome.is_error else "ok"
-        row = {"strategy": plan.campaign.strategy, "status": status, "adj_ttc_s": kpi, "failure": test.kpi.failure}
-        rows.append(row | plan.space.decode(test.point))
+        rows.append({"status": status, "adj_ttc_s": kpi, "failure": test.kpi.failure} | plan.space.decode(test.point))
     return pd.DataFrame(rows)
-
-
-def _about(config: Config, options: argparse.Namespace, table: pd.DataFrame) -> dict[str, Any]:
-    """What the tests were executed with."""
-    return {
-        "scenario": options.scenario,
-        "weights_sha256": sha256(BASE / "weights.safetensors"),
-        "detector": dict(config.detector),
-        "car": asdict(config.car),
-        "strategy": {"name": options.strategy, **config.samplers[options.strategy]},
-        "seed": options.seed,
-        "tests": len(table),
-        "errors": int((table["status"] == "error").sum()),
-        "failures": {str(name): int(count) for name, count in table.groupby("strategy")["failure"].sum().items()},
-    }
 
 
 if __name__ == "__main__":

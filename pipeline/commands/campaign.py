@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from pipeline.config.composing import compose, functional_scenario
 from pipeline.core.identity import CampaignId
@@ -19,7 +21,6 @@ from pipeline.progress import Progress
 if TYPE_CHECKING:
     from pipeline.execution.campaign import CampaignPlan, Executed
 
-OWN = ("scenario", "strategy", "budget", "seed", "model", "out")
 WORDS = """scenario=F1 strategy=forest budget=300 seed=0 model=models/uniform out=FOLDER, each with a default; and overrides of the
 default study, such as camera=640x384 samplers.forest.explore=0.2"""
 STOPPED = 130
@@ -72,19 +73,17 @@ def run(options: argparse.Namespace) -> int:
 
 def asked(words: Sequence[str]) -> Search:
     """The search of some words; InputError for a wrong one."""
-    values: dict[str, str] = {}
+    values: dict[str, Any] = {}
     overrides: list[str] = []
     for word in words:
         key, equals, value = word.partition("=")
         if not equals:
             raise InputError(f"expected key=value, got '{word}'")
-        if key in OWN:
-            values[key] = value
+        if key in READ:
+            values[key] = READ[key](key, value)
         else:
             overrides.append(word)
-    numbers = {key: _whole(key, values.pop(key), least) for key, least in (("budget", 1), ("seed", 0)) if key in values}
-    paths = {key: Path(values.pop(key)) for key in ("model", "out") if key in values}
-    return Search(**values, **numbers, **paths, overrides=tuple(overrides))  # type: ignore[arg-type]
+    return Search(**values, overrides=tuple(overrides))
 
 
 def planned(search: Search) -> CampaignPlan:
@@ -118,8 +117,6 @@ def planned(search: Search) -> CampaignPlan:
 
 def summary(plan: CampaignPlan, done: Sequence[Executed]) -> str:
     """Failures, their kinds, causes and pairs of categories; errors apart."""
-    import numpy as np
-
     failed = [test for test in done if test.kpi.failure]
     errors = sum(test.outcome.is_error for test in done)
     judged = len(done) - errors
@@ -132,7 +129,21 @@ def summary(plan: CampaignPlan, done: Sequence[Executed]) -> str:
     return "\n".join(lines)
 
 
-def _whole(key: str, text: str, least: int) -> int:
-    if not text.isdecimal() or int(text) < least:
-        raise InputError(f"{key} must be a whole number from {least}, got '{text}'")
-    return int(text)
+def _whole(least: int) -> Callable[[str, str], int]:
+    def read(key: str, text: str) -> int:
+        if not text.isdecimal() or int(text) < least:
+            raise InputError(f"{key} must be a whole number from {least}, got '{text}'")
+        return int(text)
+
+    return read
+
+
+READ: dict[str, Callable[[str, str], Any]] = {
+    "scenario": lambda _, text: text,
+    "strategy": lambda _, text: text,
+    "budget": _whole(1),
+    "seed": _whole(0),
+    "model": lambda _, text: Path(text),
+    "out": lambda _, text: Path(text),
+}
+"""How each word of our own is read, from its key and text; all others are overrides."""

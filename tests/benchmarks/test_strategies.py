@@ -120,23 +120,23 @@ def test_truth_is_high_where_the_model_can_know(small: recorded.Recorded) -> Non
 
 def test_a_recorded_table_loses_nothing(tmp_path: Path) -> None:
     points = recorded.on_grid(SMALL, SMALL.sample(30, np.random.default_rng(0)))
-    rows = [{"strategy": "random", "status": "ok", "adj_ttc_s": 0.25, "failure": False, **SMALL.decode(point)} for point in points]
+    rows = [{"status": "ok", "adj_ttc_s": 0.25, "failure": False, **SMALL.decode(point)} for point in points]
     rows[4] |= {"status": "error"}
-    recorded.write(pd.DataFrame(rows), tmp_path / "F1.csv.gz")
+    recorded.write(pd.DataFrame(rows[:20]), tmp_path / "F1-random.csv.gz")
+    recorded.write(pd.DataFrame(rows[20:]), tmp_path / "F1-evolutionary.csv.gz")
     found = recorded.read("F1", SMALL, tmp_path)
-    assert np.array_equal(found.points, np.delete(points, 4, axis=0)) and found.errors == 1 and found.random.all()
+    assert np.array_equal(found.points, np.concatenate([points[20:], np.delete(points[:20], 4, axis=0)])) and found.errors == 1
+    assert found.random.tolist() == [False] * 10 + [True] * 19
 
 
-def test_rounding_keeps_constraints() -> None:
-    space = Space(
-        (Variable("x", "continuous", "m", 0, 10, 1), Variable("kind", "categorical", values=("a", "b"))), (("x != 5", "kind = a"),)
-    )
+def test_rounding_keeps_categories() -> None:
+    space = Space((Variable("x", "continuous", "m", 0, 10, 1), Variable("kind", "categorical", values=("a", "b"))))
     points = np.array([[4.49996, 1], [1.23456, 1]])
     assert recorded.on_grid(space, points).tolist() == [[4.49996, 1], [1.235, 1]]
 
 
 def test_a_missing_recording_names_the_command(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"record.py --scenario F1"):
+    with pytest.raises(InputError, match=r"record.py --study .* --scenario F1"):
         recorded.read("F1", SMALL, tmp_path)
 
 
