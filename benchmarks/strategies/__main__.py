@@ -3,10 +3,12 @@
     python benchmarks/strategies run [--split judging] [--group trees network] [--strategy forest 'forest explore=0'] [--seeds 20]
     python benchmarks/strategies show [--split judging] [--page docs/results/strategies.md]
     python benchmarks/strategies truth
+    python benchmarks/strategies grid [--page docs/results/thesis.md]
     python benchmarks/strategies list
 
 run: every strategy, seed and world; a rerun does only what is missing or was made by other code. show: tables and figure of the finished
-runs. truth: how true the emulators are. list: strategies, groups and worlds.
+runs. truth: how true the emulators are. grid: tables and figures of thesis chapter 6 from the recorded campaigns. list: strategies, groups
+and worlds.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ import re
 from pathlib import Path
 
 import contestants
+import grid
 import peers
 import recorded
 import runs
@@ -53,10 +56,12 @@ def main() -> None:
         command.add_argument("--results", type=Path, help=f"default: {RESULTS}/<split>.jsonl")
     check = commands.add_parser("truth", help="cross-validation of the emulators")
     check.add_argument("--scenario", nargs="+", default=[name for split in worlds.SPLITS.values() for name in split.scenarios])
+    grid_ = commands.add_parser("grid", help="tables and figures of thesis chapter 6")
+    grid_.add_argument("--page", type=Path, help="Markdown page whose tables are replaced, and that gets the figures beside it")
     commands.add_parser("list", help="strategies, groups and worlds")
     options = parser.parse_args()
     try:
-        {"run": _run, "show": _show, "truth": _truth, "list": _list}[options.command](options)
+        {"run": _run, "show": _show, "truth": _truth, "grid": _grid, "list": _list}[options.command](options)
     except InputError as error:
         parser.error(str(error))
 
@@ -109,6 +114,16 @@ def _truth(options: argparse.Namespace) -> None:
         if recording.errors:
             print(f"{name}: {recording.errors} tests ended in an error and are left out")
     print(truth(recordings).to_markdown(index=False, floatfmt=".3f"))
+
+
+def _grid(options: argparse.Namespace) -> None:
+    campaigns = grid.read()
+    text = grid.markdown(campaigns)
+    print(text)
+    if options.page:
+        for name, figure in grid.figures(campaigns, grid.threshold_s()):
+            save_png(figure, options.page.with_name(f"{options.page.stem}-{name}.png"))
+        _fill(options.page, text)
 
 
 def _list(options: argparse.Namespace) -> None:

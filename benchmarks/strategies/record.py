@@ -146,7 +146,8 @@ def _table(plan: CampaignPlan, done: Sequence[Executed]) -> pd.DataFrame:
     for test in done:
         kpi = float(f"{test.kpi.adj_ttc_s:.{DIGITS}g}")
         status = "error" if test.outcome.is_error else "ok"
-        rows.append({"status": status, "adj_ttc_s": kpi, "failure": test.kpi.failure} | plan.space.decode(test.point))
+        judged = {"adj_ttc_s": kpi, **{name: getattr(test.kpi, name) for name in recorded.JUDGED}}
+        rows.append({"status": status, **judged, **plan.space.decode(test.point)})
     return pd.DataFrame(rows)
 
 

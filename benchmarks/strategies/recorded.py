@@ -18,6 +18,8 @@ from pipeline.errors import InputError
 DATA = Path(__file__).parent / "data"
 DENSE = DATA / "default"
 """The campaigns from which the emulators are made."""
+JUDGED = ("failure", "failure_mode", "cause")
+"""Columns of a table after status and adj_ttc_s, as in tests.parquet; the scenario's variables follow."""
 GRAIN = 1e-4
 """Points are executed on a grid this fine, as a share of a variable's range, so few digits hold them without loss."""
 
@@ -76,7 +78,7 @@ def _digits(span: float) -> int:
 
 
 def write(table: pd.DataFrame, path: Path) -> None:
-    """Write the rows: status, adj_ttc_s, failure and the scenario's variables; the same rows give the same bytes."""
+    """Write the rows of a campaign in order; the same rows give the same bytes."""
     text = table.to_csv(index=False, lineterminator="\n", float_format="%.9g")
     write_bytes(path, gzip.compress(text.encode(), 9, mtime=0))
 

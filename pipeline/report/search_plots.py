@@ -18,20 +18,24 @@ MARKERS = ("o", "s", "^", "D", "v", "P")
 
 
 def kpi_scatter(tests: pd.DataFrame, strategies: Sequence[str], label: str, threshold_s: float) -> Figure:
-    """adj. TTC over the position in the campaign, one panel per strategy (thesis Fig. 6.1), with the mean of each batch.
+    """`kpi_panels` of one scenario: a panel for each strategy. tests: rows of its campaigns, columns of tests.parquet."""
+    return kpi_panels({f"{label} · {strategy}": tests[tests["strategy"] == strategy] for strategy in strategies}, threshold_s)
 
-    tests: rows of one scenario's campaigns, columns of tests.parquet. Tests that ended in an error are left out.
+
+def kpi_panels(campaigns: Mapping[str, pd.DataFrame], threshold_s: float, columns: int = 3) -> Figure:
+    """adj. TTC over the position in the campaign, one panel for each title (thesis Fig. 6.1), with the mean of each batch.
+
+    campaigns: tests by title, columns of tests.parquet. Tests that ended in an error are left out.
     """
-    tests = tests[tests["status"] == "ok"]
     with styled():
-        figure, axes = wrapped(len(strategies), 3, height=3.1, ylabel="adj. TTC (s)")
-        for axis, strategy in zip(axes, strategies, strict=True):
-            chosen = tests[tests["strategy"] == strategy]
+        figure, axes = wrapped(len(campaigns), columns, height=3.1, ylabel="adj. TTC (s)")
+        for axis, (title, tests) in zip(axes, campaigns.items(), strict=True):
+            chosen = tests[tests["status"] == "ok"]
             _scatter_modes(axis, chosen)
             batches = chosen.groupby("batch").agg(index=("index", "mean"), adj_ttc_s=("adj_ttc_s", "mean"))
             axis.plot(batches["index"] + 1, batches["adj_ttc_s"], color=INK, linewidth=1.4, label="batch mean", zorder=3)
             axis.axhline(threshold_s, color=MODE_COLOURS["contact"], linestyle="--", linewidth=1, zorder=2)
-            axis.set(title=f"{label} · {strategy}", xlabel="test")
+            axis.set(title=title, xlabel="test")
         axes[0].set_ylim(bottom=-0.04)
         legend_below(figure, axes)
     return figure
@@ -79,27 +83,34 @@ def theta_curves(measures: Measures, labels: Mapping[str, str]) -> Figure:
 def parallel_coordinates(tests: pd.DataFrame, space: Space, regions: FailureRegions) -> Figure:
     """Every failure of a scenario as a line through the values of its variables (thesis Fig. 6.3), coloured by region.
 
-    tests: rows of the scenario's campaigns. Axes run from the lowest value of a variable (bottom) to the highest.
+    tests: rows of the scenario's campaigns.
     """
     failures = tests[tests["failure"]].set_index("test_id")
-    names = [region.name for region in regions.regions]
-    colours = series_colours(names)
-    groups = [("in no region", UNASSIGNED, regions.unassigned)]
-    groups += [(region.name, colours[region.name], region.members) for region in regions.regions]
+    groups = {"in no region": regions.unassigned} | {region.name: region.members for region in regions.regions}
+    chosen = {name: failures.loc[failures.index.intersection(list(members))] for name, members in groups.items()}
+    return parallel_lines(chosen, space, f"{regions.label}: {regions.failures} failures")
+
+
+def parallel_lines(groups: Mapping[str, pd.DataFrame], space: Space, title: str) -> Figure:
+    """Tests as lines through the values of their variables, a colour for each group that has any; the first group is grey.
+
+    groups: rows with a column for each variable. Axes run from the lowest value of a variable (bottom) to the highest.
+    """
+    first, *others = groups
+    colours = {first: UNASSIGNED, **series_colours(others)}
     with styled():
         figure, axes = panels(1, 1, width=10.4, height=3.8)
         axis = axes[0][0]
         axis.grid(False)
-        for name, colour, members in groups:
-            rows = failures.loc[failures.index.intersection(list(members))]
+        for name, rows in groups.items():
             if len(rows) == 0:
                 continue
             heights = np.column_stack([_heights(variable, rows[variable.name]) for variable in space.variables])
             alpha = float(np.clip(6 / len(rows), 0.3, 0.9))
-            lines = axis.plot(np.arange(len(space)), heights.T, color=colour, alpha=alpha, linewidth=1.3)
+            lines = axis.plot(np.arange(len(space)), heights.T, color=colours[name], alpha=alpha, linewidth=1.3)
             lines[0].set_label(f"{name} ({len(rows)})")
         _vertical_axes(axis, space)
-        axis.set_title(f"{regions.label}: {regions.failures} failures")
+        axis.set_title(title)
         legend_below(figure, [axis])
     return figure
 

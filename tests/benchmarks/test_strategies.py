@@ -9,6 +9,7 @@ from typing import Any
 import ceiling
 import contestants
 import emulators
+import grid
 import numpy as np
 import pandas as pd
 import pytest
@@ -138,6 +139,24 @@ def test_rounding_keeps_categories() -> None:
 def test_a_missing_recording_names_the_command(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"record.py --study .* --scenario F1"):
         recorded.read("F1", SMALL, tmp_path)
+
+
+def test_the_grid_counts_what_was_recorded(tmp_path: Path) -> None:
+    space = functional_scenario("F5").logical_space()
+    for strategy, failures in (("random", (3,)), ("evolutionary", (1, 2, 5))):
+        points = space.sample(40, np.random.default_rng(failures[0]))
+        rows = [
+            {"status": "ok", "adj_ttc_s": 0.0 if i in failures else 2.0, "failure": i in failures, "failure_mode": "contact", "cause": "-"}
+            | space.decode(point)
+            for i, point in enumerate(points)
+        ]
+        recorded.write(pd.DataFrame(rows), recorded.path_of("F5", strategy, tmp_path))
+    campaigns = grid.read(tmp_path)
+    text = grid.markdown(campaigns)
+    assert "| random | 1 / 0 |" in text and "| evolutionary | 3 / 24 |" in text
+    assert "| evolutionary | 0.50 / 0.93 |" in text  # The first failure after 2 tests instead of 4.
+    assert "F5 2.5% (0.4 to 12.9)" in text
+    assert [name for name, _ in grid.figures(campaigns, THRESHOLD_S)] == ["random", "random-failures"]
 
 
 class Everywhere:

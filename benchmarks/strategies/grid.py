@@ -1,0 +1,189 @@
+"""The tables and figures of thesis chapter 6 from our own campaigns of `study=thesis`, beside the thesis' numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import recorded
+from matplotlib.figure import Figure
+
+from pipeline.config.composing import compose, functional_scenario
+from pipeline.core.measures import c_measure, failure_sequence, kinds_of, pair_coverage
+from pipeline.core.space import Floats, Space
+from pipeline.core.statistics import wilson_interval
+from pipeline.report.search_plots import kpi_panels, parallel_lines
+
+GRID = recorded.DATA / "thesis"
+BATCH = 20
+NAMES = {
+    "random": "Random Testing",
+    "pairwise": "Pair-wise",
+    "evolutionary": "Evolutionary",
+    "linear": "LR",
+    "network": "NNR",
+    "gaussian_process": "GPR",
+}
+"""Our strategies by their names in the thesis; `forest` is ours alone."""
+SCENARIOS = tuple(f"F{number}" for number in range(1, 9))
+THESIS_FAILURES = {
+    "random": (1, 4, 2, 0, 0, 0, 6, 0),
+    "pairwise": (0, 1, 0, 2, 0, 2, 4, 0),
+    "evolutionary": (1, 28, 6, 19, 24, 91, 118, 11),
+    "linear": (0, 36, 32, 13, 4, 38, 63, 7),
+    "network": (3, 42, 38, 23, 15, 38, 159, 21),
+    "gaussian_process": (3, 40, 11, 15, 12, 38, 107, 8),
+}
+"""Thesis Tables 6.3 and 6.4, F1 to F8."""
+THESIS_SAVED = {
+    "pairwise": (None, None, None, 0.34, None, 0.58, None, None),
+    "evolutionary": (0.75, 0.57, -2.35, 0.98, 0.93, 0.79, 0.79, 0.75),
+    "linear": (None, 0.77, 0.58, 0.82, 0.86, 0.92, 0.80, 0.84),
+    "network": (-0.12, 0.88, 0.85, 0.92, 1.00, 0.87, 0.79, 0.79),
+    "gaussian_process": (-0.08, 0.70, 0.35, 0.85, 0.84, 0.94, 0.83, 0.97),
+}
+"""Thesis Table 6.5; None: fewer failures than random testing."""
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """tests: its rows in order, with the columns of tests.parquet that the plots read. points: (n, d)."""
+
+    scenario: str
+    strategy: str
+    space: Space
+    tests: pd.DataFrame
+    points: Floats
+
+    @property
+    def failures(self) -> int:
+        return int(self.tests["failure"].sum())
+
+    @property
+    def failing(self) -> Floats:
+        chosen: Floats = self.points[self.tests["failure"].to_numpy(bool)]
+        return chosen
+
+
+Grid = Mapping[tuple[str, str], Campaign]
+"""Campaigns by scenario and strategy."""
+Cell = Callable[[Grid, Campaign], str]
+
+
+def read(folder: Path = GRID) -> Grid:
+    """The recorded campaigns; InputError if there is none."""
+    grid = {}
+    for scenario in SCENARIOS:
+        if not any(folder.glob(f"{scenario}-*.csv.gz")):
+            continue
+        space = functional_scenario(scenario).logical_space()
+        for strategy, path in recorded.paths_of(scenario, folder).items():
+            tests, points = recorded.campaign(path, space)
+            place = np.arange(len(tests))
+            grid[scenario, strategy] = Campaign(
+                scenario, strategy, space, tests.assign(index=place, batch=place // BATCH, seed=0, strategy=strategy), points
+            )
+    if not grid:
+        recorded.paths_of(SCENARIOS[0], folder)  # Names the command.
+    return grid
+
+
+def markdown(grid: Grid) -> str:
+    """Failures (Tables 6.3, 6.4), C-measure (6.5) and pair coverage (6.6), ours / the thesis', and kinds of failures."""
+    scenarios = [scenario for scenario in SCENARIOS if any(key[0] == scenario for key in grid)]
+    strategies = [name for name in [*NAMES, *sorted({key[1] for key in grid} - set(NAMES))] if any(key[1] == name for key in grid)]
+    parts: list[tuple[str, Cell]] = [
+        ("### Failures in 1,000 tests (Tables 6.3 and 6.4): ours / thesis", _failures),
+        ("### Tests saved against random testing, C (Table 6.5): ours / thesis", _saved),
+        ("### Share of pairs that the failures cover, γ_f in % (Table 6.6)", _coverage(failing=True)),
+        ("### Share of pairs that the tests cover, γ_t in % (Table 6.6)", _coverage(failing=False)),
+        ("### Kinds of failures: different pairs of person and pose (not in the thesis)", _kinds),
+    ]
+    return "\n".join(f"{heading}\n\n{_table(grid, strategies, scenarios, cell)}\n" for heading, cell in parts) + "\n" + _rates(grid)
+
+
+def _table(grid: Grid, strategies: Sequence[str], scenarios: Sequence[str], cell: Cell) -> str:
+    lines = [f"| strategy | {' | '.join(scenarios)} |", "|---" * (len(scenarios) + 1) + "|"]
+    for strategy in strategies:
+        cells = [cell(grid, grid[scenario, strategy]) if (scenario, strategy) in grid else "" for scenario in scenarios]
+        if any(cells):
+            lines.append(f"| {strategy} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _failures(_: Grid, campaign: Campaign) -> str:
+    theirs = THESIS_FAILURES.get(campaign.strategy)
+    return str(campaign.failures) + (f" / {theirs[SCENARIOS.index(campaign.scenario)]}" if theirs else "")
+
+
+def _saved(grid: Grid, campaign: Campaign) -> str:
+    if campaign.strategy == "random" or (campaign.scenario, "random") not in grid:
+        return ""
+    sequences = [failure_sequence(each.tests["failure"]) for each in (campaign, grid[campaign.scenario, "random"])]
+    theirs = THESIS_SAVED.get(campaign.strategy)
+    ours = _number(c_measure(*sequences)[1])
+    return ours + (f" / {_number(theirs[SCENARIOS.index(campaign.scenario)])}" if theirs else "")
+
+
+def _number(value: float | None) -> str:
+    return "n/a" if value is None else f"{value:.2f}"
+
+
+def _coverage(failing: bool) -> Cell:
+    def cell(_: Grid, campaign: Campaign) -> str:
+        points = campaign.failing if failing else campaign.points
+        return f"{100 * pair_coverage(campaign.space, points):.1f}"
+
+    return cell
+
+
+def _kinds(_: Grid, campaign: Campaign) -> str:
+    return str(kinds_of(campaign.space, campaign.failing))
+
+
+def _rates(grid: Grid) -> str:
+    """One sentence: how often random tests fail, with Wilson intervals."""
+    said = []
+    for (scenario, strategy), campaign in grid.items():
+        if strategy == "random":
+            valid = int((campaign.tests["status"] == "ok").sum())
+            low, high = wilson_interval(campaign.failures, valid)
+            said.append(f"{scenario} {campaign.failures / valid:.1%} ({100 * low:.1f} to {100 * high:.1f})")
+    return f"Random tests that fail, with 95 % intervals: {', '.join(said)}.\n"
+
+
+def figures(grid: Grid, threshold_s: float) -> Iterator[tuple[str, Figure]]:
+    """Name and figure: random tests of all scenarios (Figures 6.1, 6.2), and failures as lines (Figures 6.3, 6.5)."""
+    random = {scenario: campaign for (scenario, strategy), campaign in grid.items() if strategy == "random"}
+    if random:
+        yield "random", kpi_panels({scenario: each.tests for scenario, each in random.items()}, threshold_s, columns=4)
+        most = max(random.values(), key=lambda each: each.failures)
+        title = f"{most.scenario}, random testing: {most.failures} failures"
+        yield "random-failures", parallel_lines({"random": most.tests[most.tests["failure"]]}, most.space, title)
+    both = [scenario for scenario in random if {(scenario, name) for name in ("evolutionary", "gaussian_process")} <= set(grid)]
+    if both:
+        # As the thesis did: where the lead of evolutionary testing is largest.
+        scenario = max(both, key=lambda name: grid[name, "evolutionary"].failures - grid[name, "gaussian_process"].failures)
+        for strategy in ("evolutionary", "gaussian_process"):
+            yield f"{strategy.replace('_', '-')}-failures", _shared(grid[scenario, strategy])
+
+
+def _shared(campaign: Campaign) -> Figure:
+    """The failures as lines; those that share the most frequent value of a continuous variable have a colour (Figure 6.5)."""
+    failing = campaign.tests[campaign.tests["failure"]]
+    continuous = [variable.name for variable in campaign.space.variables if variable.kind == "continuous"]
+    counts = {name: failing[name].value_counts() for name in continuous} if len(failing) else {}
+    title = f"{campaign.scenario}, {campaign.strategy}: {campaign.failures} failures"
+    if not counts:
+        return parallel_lines({"failures": failing}, campaign.space, title)
+    name = max(counts, key=lambda each: counts[each].iloc[0])
+    value = counts[name].index[0]
+    same = failing[name] == value
+    return parallel_lines({"others": failing[~same], f"{name} = {value:g}": failing[same]}, campaign.space, title)
+
+
+def threshold_s() -> float:
+    return compose("thesis", []).campaign.failure_threshold_s
