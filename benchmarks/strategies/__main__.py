@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import re
+import tempfile
 from pathlib import Path
 
 import contestants
@@ -25,11 +26,13 @@ import runs
 import worlds
 from campaigns import Run
 from picture import BUDGETS, failures_against_kinds
+from record import BASE
 from standings import blocks, markdown, standings
 from truth import truth
 
 from pipeline.artefacts.files import write_bytes
 from pipeline.config.composing import functional_scenario
+from pipeline.detectors.yolo.export import onnx_of
 from pipeline.errors import InputError
 from pipeline.progress import Progress
 from pipeline.report.style import save_png
@@ -123,6 +126,10 @@ def _grid(options: argparse.Namespace) -> None:
     if options.page:
         for name, figure in grid.figures(campaigns, grid.threshold_s()):
             save_png(figure, options.page.with_name(f"{options.page.stem}-{name}.png"))
+        if most := grid.most_failing(campaigns):
+            with tempfile.TemporaryDirectory() as folder:
+                picture = grid.extracts(most, onnx_of(BASE, Path(folder)))
+            picture.save(options.page.with_name(f"{options.page.stem}-extracts.jpg"), quality=85)
         _fill(options.page, text)
 
 

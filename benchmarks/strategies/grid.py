@@ -10,11 +10,14 @@ import numpy as np
 import pandas as pd
 import recorded
 from matplotlib.figure import Figure
+from PIL import Image
 
+from pipeline.config.components import make_detector, make_simulator
 from pipeline.config.composing import compose, functional_scenario
 from pipeline.core.measures import c_measure, failure_sequence, kinds_of, pair_coverage
 from pipeline.core.space import Floats, Space
 from pipeline.core.statistics import wilson_interval
+from pipeline.report.replays import Replay, draw_replay, most_telling_frame
 from pipeline.report.search_plots import kpi_panels, parallel_lines
 
 GRID = recorded.DATA / "thesis"
@@ -160,7 +163,7 @@ def figures(grid: Grid, threshold_s: float) -> Iterator[tuple[str, Figure]]:
     random = {scenario: campaign for (scenario, strategy), campaign in grid.items() if strategy == "random"}
     if random:
         yield "random", kpi_panels({scenario: each.tests for scenario, each in random.items()}, threshold_s, columns=4)
-        most = max(random.values(), key=lambda each: each.failures)
+    if most := most_failing(grid):
         title = f"{most.scenario}, random testing: {most.failures} failures"
         yield "random-failures", parallel_lines({"random": most.tests[most.tests["failure"]]}, most.space, title)
     both = [scenario for scenario in random if {(scenario, name) for name in ("evolutionary", "gaussian_process")} <= set(grid)]
@@ -185,5 +188,27 @@ def _shared(campaign: Campaign) -> Figure:
     return parallel_lines({"others": failing[~same], f"{name} = {value:g}": failing[same]}, campaign.space, title)
 
 
+def extracts(campaign: Campaign, model: Path, count: int = 2) -> Image.Image:
+    """The most telling moments of the first failures, one below the other (Figure 6.4). model: an ONNX file. Executes them again."""
+    study, scenario = compose("thesis", []), functional_scenario(campaign.scenario)
+    simulator, detector = make_simulator(study.simulator, scenario, study.car), make_detector(study.detector, model)
+    moments = []
+    for place, point in enumerate(campaign.failing[:count], 1):
+        concrete = campaign.space.decode(point)
+        episode = simulator.execute(concrete, detector, keep_every=1)
+        title = f"{campaign.scenario}, {campaign.strategy}: failure {place} of {campaign.failures}"
+        units = {variable.name: variable.unit for variable in campaign.space.variables}
+        replay = Replay(episode, title, concrete, study.campaign.failure_threshold_s, units)
+        moments.append(draw_replay(replay)[most_telling_frame(episode)])
+    return Image.fromarray(np.concatenate(moments))
+
+
 def threshold_s() -> float:
+    """adj. TTC of a failure, in seconds."""
     return compose("thesis", []).campaign.failure_threshold_s
+
+
+def most_failing(grid: Grid) -> Campaign | None:
+    """The random campaign with most failures; None if no random test failed."""
+    random = [campaign for (_, strategy), campaign in grid.items() if strategy == "random" and campaign.failures]
+    return max(random, key=lambda each: each.failures, default=None)
