@@ -19,6 +19,7 @@ from pipeline.artefacts.comparison_results import (
     GroupResult,
     RegionResult,
     ScenarioResult,
+    SecondIou,
     VersionPair,
     VersionResult,
 )
@@ -57,6 +58,14 @@ def compare(held_out: HeldOut, digest: str, regions: Sequence[RegionResult], alp
         gate={versions[0]: "the reference"} | {version: results.reason(version, found) for version, found in gates.items()},
         no_braking=held_out.no_braking,
     )
+
+
+def compared_again(held_out: HeldOut, iou: float, alpha: float, confidence: float) -> SecondIou:
+    """The groups of versions once more, on the same tests judged at a second IoU."""
+    results = _Results(held_out, alpha, confidence)
+    groups = results.groups()
+    pairs = tuple(results.group_pair(against, group) for against, group in combinations(groups, 2))
+    return SecondIou(iou=iou, groups=groups, group_pairs=pairs)
 
 
 @dataclass(frozen=True)

@@ -97,6 +97,14 @@ class GroupPair(Result):
         return self.p_value <= alpha and not self.difference.low <= 0 <= self.difference.high
 
 
+class SecondIou(Result):
+    """The groups and their pairs on the same tests, judged and, where the brake would have acted otherwise, driven with another IoU."""
+
+    iou: float
+    groups: tuple[GroupResult, ...]
+    group_pairs: tuple[GroupPair, ...]
+
+
 class RegionResult(Result):
     """A failure region of the base on the held-out sequence, and each version's failures among the tests inside its rule."""
 
@@ -113,6 +121,7 @@ class Comparison(Result):
     pairs: exact McNemar test of every pair of versions, `against` is the earlier one; group_pairs: the same for groups. no_braking:
     held-out scenarios in which the right answer is not to brake. base_rates: of the search scenarios. trained_on: the base set that the
     base was trained on; null if its card does not say. base_set: the base set of this study; null for one that only tests detectors.
+    iou: at which detections match. second: null if the study asks for no second IoU.
     """
 
     strategy: str
@@ -131,6 +140,8 @@ class Comparison(Result):
     base_rates: tuple[BaseRate, ...] = ()
     trained_on: Frequencies | None = None
     base_set: Frequencies | None = None
+    iou: float = 0.5
+    second: SecondIou | None = None
 
     def pair(self, version: str, against: str) -> VersionPair | None:
         """The comparison of a version with an earlier one; None if either is missing."""

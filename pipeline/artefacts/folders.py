@@ -106,6 +106,11 @@ class Folders:
         root = f"{self.root}/held_out"
         return [f"{root}/{a}/{chosen.strategy}/{version}/{chosen.seed}/{name}" for a in config.held_out for version in config.versions]
 
+    @property
+    def second_iou(self) -> list[str]:
+        """The comparison's tests judged at a second IoU, if the study asks for it."""
+        return self.held_out("second_iou.parquet") if self.config.comparison.second_iou else []
+
     def feeding(self, version: str, source: str) -> list[Version]:
         """The versions whose random or adaptive campaigns feed a version; none for a control."""
         described = Version.named(version)

@@ -102,50 +102,29 @@ def valid_tests(folder: Path) -> pd.DataFrame:
 
 def judged(folder: Path, config: Config, car: Car, options: argparse.Namespace) -> dict[str, int]:
     """Failures of a campaign with another car, by cause: as driven, and with --drive as the car would have driven."""
-    from pipeline.analysis.rescoring import driven_otherwise, kpis, rescored
-    from pipeline.artefacts.tables import read_detections, read_signals
+    from pipeline.artefacts.folders import Folders
+    from pipeline.artefacts.tables import campaign_of, read_tests
+    from pipeline.execution.again import driven_again, judged_again
+    from pipeline.execution.workers import Setup
 
-    tests, signals = valid_tests(folder), read_signals(folder / "signals.parquet")
-    again = rescored(signals, read_detections(folder / "detections.parquet"), car)
-    results, others = kpis(again, config.campaign.failure_threshold_s), driven_otherwise(signals, again)
-    if options.drive and others:
-        results.update(driven(tests[tests["test_id"].isin(others)], config, car, options.workers))
-    failed = results[results["failure"].astype(bool)]
+    path, threshold = folder / "tests.parquet", config.campaign.failure_threshold_s
+    campaign = campaign_of(read_tests(path), path)
+    again = judged_again(folder, car, threshold)
+    tests, left = again.tests, len(again.others)
+    if options.drive and again.others:
+        model = Path(Folders(config).detector(campaign.version))
+        setup = Setup(config.simulator, config.scenarios[campaign.scenario], config.detector, model, car)
+        label = f"{campaign.scenario}, IoU {car.criterion.iou:g}, threshold {car.criterion.threshold:g}"
+        with tempfile.TemporaryDirectory() as scratch, Progress(label) as progress:
+            journal, space = Path(scratch) / "journal", config.space(campaign.scenario)
+            tests, left = driven_again(again, space, setup, threshold, journal, options.workers, progress), 0
+    valid = tests[tests["status"] == "ok"]
+    failed = valid[valid["failure"].astype(bool)]
     causes = failed["cause"].value_counts().sort_index()
-    left = 0 if options.drive else len(others)
-    return {"tests": len(results), "failures": len(failed), "would drive otherwise": left, **{str(k): int(v) for k, v in causes.items()}}
+    return {"tests": len(valid), "failures": len(failed), "would drive otherwise": left, **{str(k): int(v) for k, v in causes.items()}}
 
 
 def summed(counts: Sequence[dict[str, int]]) -> dict[str, int]:
     """The sums by name."""
     names = dict.fromkeys(name for one in counts for name in one)
     return {name: sum(one.get(name, 0) for one in counts) for name in names}
-
-
-def driven(tests: pd.DataFrame, config: Config, car: Car, workers: int) -> pd.DataFrame:
-    """The KPIs, by test_id, of tests of one campaign that are executed again with another car."""
-    import pandas as pd
-
-    from pipeline.artefacts.folders import Folders
-    from pipeline.artefacts.points import concrete
-    from pipeline.core.kpi import evaluate
-    from pipeline.execution.journal import Journal
-    from pipeline.execution.workers import Execution, Setup, Workers
-
-    scenario, version = str(tests["scenario"].iloc[0]), str(tests["version"].iloc[0])
-    space, model = config.space(scenario), Path(Folders(config).detector(version))
-    rows = {}
-    with tempfile.TemporaryDirectory() as folder:
-        log = Journal(Path(folder) / "journal", "")
-        pool = Workers(workers, Setup(config.simulator, config.scenarios[scenario], config.detector, model, car))
-        jobs = [Execution(i, log.path(i), concrete(row, space)) for i, (_, row) in enumerate(tests.iterrows())]
-        with Progress(f"{scenario}, IoU {car.criterion.iou:g}, threshold {car.criterion.threshold:g}") as progress:
-            try:
-                for done, _ in enumerate(pool.execute(jobs), 1):
-                    progress(done, len(jobs), "driven again")
-            finally:
-                pool.close()
-        for i, test in enumerate(tests["test_id"]):
-            if not (outcome := log.read(i)).is_error:
-                rows[test] = vars(evaluate(outcome.signals, config.campaign.failure_threshold_s))
-    return pd.DataFrame.from_dict(rows, orient="index")

@@ -113,6 +113,8 @@ class HeldOutSequence(_Section):
     """Significance level of each paired test, without correction for several tests."""
     confidence: Share
     """Confidence level of all intervals."""
+    second_iou: float | None = Field(ge=0.1, lt=1)
+    """Another IoU at which held-out tests are judged again, to show whether a verdict depends on `campaign.match_iou`; null: none."""
 
 
 class Rarity(_Section):

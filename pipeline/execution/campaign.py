@@ -17,7 +17,7 @@ from hydra.utils import instantiate
 from threadpoolctl import threadpool_limits
 
 from pipeline.artefacts import tables
-from pipeline.artefacts.files import program_sha256, sha256
+from pipeline.artefacts.files import sha256
 from pipeline.artefacts.points import encode_tests
 from pipeline.core.columns import Column
 from pipeline.core.identity import CampaignId
@@ -48,10 +48,8 @@ class CampaignPlan:
     @property
     def identity(self) -> str:
         """Digest of everything that the campaign's tests depend on."""
-        setup, strategy = self.setup, (self.strategy, self.strategy_seed, self.tests)
-        settings = [setup.simulator, setup.scenario.model_dump(), setup.detector, asdict(setup.car), *strategy, setup.keep_every]
-        files = [sha256(setup.model), [sha256(path) for path in self.earlier], program_sha256()]
-        return hashlib.sha256(json.dumps([settings, *files], sort_keys=True).encode()).hexdigest()
+        parts = [self.setup.identity, self.strategy, self.strategy_seed, self.tests, [sha256(path) for path in self.earlier]]
+        return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
     def sampler(self) -> Sampler:
         """The strategy before its first test."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import multiprocessing
 import os
 import signal
@@ -10,13 +12,14 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from threadpoolctl import threadpool_limits
 
+from pipeline.artefacts.files import program_sha256, sha256
 from pipeline.config.components import make_detector, make_simulator
 from pipeline.core.car import Car
 from pipeline.core.detections import Detections
@@ -51,6 +54,12 @@ class Setup:
     model: Path
     car: Car
     keep_every: int = 0
+
+    @property
+    def identity(self) -> str:
+        """Digest of everything that the outcome of a test depends on, beside its concrete scenario."""
+        settings = [self.simulator, self.scenario.model_dump(), self.detector, asdict(self.car), self.keep_every]
+        return hashlib.sha256(json.dumps([settings, sha256(self.model), program_sha256()], sort_keys=True).encode()).hexdigest()
 
 
 _setup: Setup

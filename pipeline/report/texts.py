@@ -30,6 +30,10 @@ BRAKING = _prose("""
     In these scenarios the right answer is not to brake. A false activation is an emergency braking: frames in a row
     that demand at least 5 m/s². A test with one is a failure. Mean duration: of a false activation. Mean speed loss: of a test with one.
 """)
+SECOND_IOU = _prose("""
+    Detections match the pedestrian above an IoU of {first:g}. Does the verdict hang on it? Here, the same tests are judged at {second:g}
+    from their stored detections. Those in which the car would have braked otherwise are driven again.
+""")
 TABLE = _prose("""
     Failures on each held-out scenario. Versions retrained with several seeds: mean over the seeds with Student's interval. Single versions,
     such as base: count. The count has no interval, because the held-out tests are a designed list and no random sample. The p-values

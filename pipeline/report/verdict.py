@@ -44,11 +44,31 @@ def verdict_sentences(comparison: Comparison) -> list[str]:
         chosen = f"{comparison.champion} is the best of {passing} versions that pass, chosen on these tests"
         sentences.append(f"{chosen}: expect more failures on new tests.")
     sentences += [_group_sentence(comparison, pair) for pair in comparison.group_pairs if _rivals(pair)]
+    sentences += second_sentences(comparison)
     sentences += [f"{version} {reason}." for version, reason in comparison.gate.items() if version != comparison.versions[0].version]
     errors = ", ".join(f"{result.errors} of {result.version}" for result in comparison.versions if result.errors)
     if errors:
         sentences.append(f"Tests that ended in an error do not count: {errors}.")
     return sentences
+
+
+def second_sentences(comparison: Comparison) -> list[str]:
+    """Failures at the second IoU, and whether the differences shown at the first are shown there, too; nothing without a second IoU."""
+    second = comparison.second
+    if second is None:
+        return []
+    counts = ", ".join(f"{group.group} {counted(group.failures)}" for group in second.groups)
+    sentences = [f"Failures at an IoU of {second.iou:g} instead of {comparison.iou:g}: {counts}."]
+    for first, again in zip(comparison.group_pairs, second.group_pairs, strict=True):
+        if first.shown(comparison.alpha):
+            found = "it, too, is shown" if holds(first, again, comparison.alpha) else "it is not shown"
+            sentences.append(f"The difference of {first.group} from {first.against}: at {second.iou:g}, {found} (p = {again.p_value:.2g}).")
+    return sentences
+
+
+def holds(first: GroupPair, again: GroupPair, alpha: float) -> bool:
+    """Whether a difference shown at the first IoU is shown at the second, with the same sign."""
+    return again.shown(alpha) and again.difference.value * first.difference.value > 0
 
 
 def base_sentences(comparison: Comparison) -> list[str]:

@@ -9,9 +9,9 @@ import pandas as pd
 from pipeline.artefacts.comparison_results import Comparison, VersionResult
 from pipeline.report import texts
 from pipeline.report.failure_tables import CAUSES, base_rate_sentence, braking_held_out, cause_cells
-from pipeline.report.formats import mean_text, share, signed
+from pipeline.report.formats import counted, mean_text, share, signed
 from pipeline.report.page import Drawing, Film, Passage, Section, Table
-from pipeline.report.verdict import HEADERS, group_headers, group_rows, verdict_rows, verdict_sentences
+from pipeline.report.verdict import HEADERS, group_headers, group_rows, holds, verdict_rows, verdict_sentences
 
 CHANGES = 20
 """Rows shown of changes.csv."""
@@ -25,6 +25,7 @@ def headline(comparison: Comparison) -> str:
     tests = comparison.versions[0].tests
     parts = [f"On the held-out {where}, {base.group} fails {mean_text(base.failures.value)} of {tests} tests."]
     parts += [base_rate_sentence(comparison.base_rates), *_against_base(comparison)]
+    parts += _at_second_iou(comparison)
     seeds = max(len(group.versions) for group in comparison.groups)
     if seeds > 1:
         parts.append(f"Numbers in brackets: mean failures over {seeds} seeds of retraining.")
@@ -44,6 +45,20 @@ def _against_base(comparison: Comparison) -> list[str]:
     return [f"{verdict}: {', '.join(failures[pair.group] for pair in chosen)}." for verdict, chosen in by_verdict.items() if chosen]
 
 
+def _at_second_iou(comparison: Comparison) -> list[str]:
+    """Whether what is shown against the base is shown at the second IoU, too; nothing if nothing is shown or there is no second IoU."""
+    second, base = comparison.second, comparison.groups[0].group
+    if second is None:
+        return []
+    both = list(zip(comparison.group_pairs, second.group_pairs, strict=True))
+    shown = [(first, again) for first, again in both if first.against == base and first.shown(comparison.alpha)]
+    if not shown:
+        return []
+    lost = [first.group for first, again in shown if not holds(first, again, comparison.alpha)]
+    found = f"this is not shown for {', '.join(lost)}" if lost else "this is shown, too"
+    return [f"At an IoU of {second.iou:g} instead of {comparison.iou:g}, {found}."]
+
+
 def verdict_section(
     comparison: Comparison,
     changes: pd.DataFrame,
@@ -59,6 +74,7 @@ def verdict_section(
         _modes(comparison.versions, plots),
         _causes(comparison.versions),
         *_braking(comparison),
+        *_second_iou(comparison),
         *_every_pair(comparison),
     ]
     if rounds is not None:
@@ -117,6 +133,28 @@ def _braking(comparison: Comparison) -> list[Passage]:
     """Nothing if all held-out scenarios ask to brake."""
     found = braking_held_out(comparison)
     return [Passage("Braking without need", texts.BRAKING, Table(found[0], tuple(found[1:]), numbers=(5, 6)))] if found else []
+
+
+def _second_iou(comparison: Comparison) -> list[Passage]:
+    """Failures of the groups at both IoUs; nothing without a second one."""
+    second = comparison.second
+    if second is None:
+        return []
+    base, pairs = comparison.groups[0].group, {(pair.group, pair.against): pair for pair in second.group_pairs}
+    rows = []
+    for first, again in zip(comparison.groups, second.groups, strict=True):
+        pair = pairs.get((again.group, base))
+        change = (signed(pair.difference), f"{pair.p_value:.2g}") if pair else ("", "")
+        rows.append((first.group, counted(first.failures), counted(again.failures), *change))
+    headers = (
+        "version",
+        f"failures at {comparison.iou:g}",
+        f"failures at {second.iou:g}",
+        f"difference from {base} at {second.iou:g}",
+        "p",
+    )
+    text = texts.SECOND_IOU.format(first=comparison.iou, second=second.iou)
+    return [Passage("At another IoU", text, Table(headers, tuple(rows), numbers=(3,)))]
 
 
 def _every_pair(comparison: Comparison) -> list[Passage]:

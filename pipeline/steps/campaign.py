@@ -6,7 +6,7 @@ from pipeline.artefacts.calibration_results import DetectorCalibration
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.results import read
 from pipeline.artefacts.scenario_space import read_space
-from pipeline.config.schema import JUDGED, Config
+from pipeline.config.schema import JUDGED, Config, Target
 from pipeline.contract import Files, Job, Step, Wildcards
 from pipeline.core.identity import CampaignId
 from pipeline.errors import InputError
@@ -18,10 +18,24 @@ HELD_OUT = "held_out"
 def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
     return {
         "space": folders.space(wildcards["scenario"]),
-        "model": folders.detector(wildcards["version"]),
-        "calibration": folders.calibrations([wildcards["version"]]),
+        **detector_files(folders, wildcards["version"]),
         "earlier": folders.earlier(**wildcards),
     }
+
+
+def detector_files(folders: Folders, version: str) -> dict[str, Files]:
+    """What `detector` reads, and the detector's file."""
+    return {"model": folders.detector(version), "calibration": folders.calibrations([version])}
+
+
+def detector(job: Job) -> Target:
+    """The detector's section of the config, calibrated if the study calibrates it."""
+    from pipeline.detectors.calibrated import calibrated
+
+    section = job.config.detector
+    for path in job.inputs("calibration"):
+        section = calibrated(section, read(path, DetectorCalibration).scaling)
+    return section
 
 
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
@@ -48,7 +62,6 @@ def run(job: Job) -> None:
 
     Except for the timings, the tables depend only on the config, the model and `earlier`, not on the threads or on kills.
     """
-    from pipeline.detectors.calibrated import calibrated
     from pipeline.execution.campaign import CampaignPlan, run_campaign, sampler_seed
     from pipeline.execution.workers import Setup
 
@@ -57,9 +70,6 @@ def run(job: Job) -> None:
     if not model.exists():
         raise InputError(f"{model}: expected the detector of version '{campaign.version}', found none; train it first")
     held_out = wildcards["kind"] == HELD_OUT
-    detector = config.detector
-    for path in job.inputs("calibration"):
-        detector = calibrated(detector, read(path, DetectorCalibration).scaling)
     plan = CampaignPlan(
         campaign=campaign,
         space=read_space(job.input("space"))[1],
@@ -71,7 +81,7 @@ def run(job: Job) -> None:
         setup=Setup(
             simulator=config.simulator,
             scenario=config.scenarios[campaign.scenario],
-            detector=detector,
+            detector=detector(job),
             model=model,
             car=config.car,
             keep_every=0 if held_out else config.campaign.keep_every,

@@ -13,7 +13,8 @@ from pipeline.contract import Job, Step, Wildcards
 
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
     """A study that only tests detectors has no base set."""
-    own = ("comparison.alpha", "comparison.confidence", "regions", "campaign.failure_threshold_s", "tested")
+    judged = ("campaign.failure_threshold_s", "campaign.match_iou", "comparison.second_iou")
+    own = ("comparison.alpha", "comparison.confidence", "regions", "tested", *judged)
     return own if config.tested else (*own, "base_set.rare")
 
 
@@ -22,6 +23,7 @@ STEP = Step(
     reads=lambda folders, wildcards: {
         "spaces": folders.spaces(folders.config.held_out),
         "tests": folders.held_out("tests.parquet"),
+        "second_iou": folders.second_iou,
         "models": folders.cards,
         "measures": f"{folders.root}/measures.json",
     },
@@ -43,7 +45,7 @@ def run(job: Job) -> None:
     Raises InputError if the versions did not execute the same points in the same order, or if one has no campaign, was judged at another
     threshold than the config's, or was trained on a held-out town or on held-out people.
     """
-    from pipeline.analysis.comparison import base_regions, changed_tests, compare, flat_metrics
+    from pipeline.analysis.comparison import base_regions, changed_tests, compare, compared_again, flat_metrics
     from pipeline.analysis.held_out import read_held_out
     from pipeline.learning.leakage import refuse_learnt
 
@@ -58,6 +60,10 @@ def run(job: Job) -> None:
     regions = base_regions(held_out, known, config.regions)
     measures = read(job.input("measures"), Measures)
     result = compare(held_out, digest, regions, settings.alpha, settings.confidence).model_copy(update={"base_rates": measures.base_rates})
+    if settings.second_iou:
+        again = read_held_out(job.inputs("second_iou"), versions, infos, threshold, job.progress)
+        second = compared_again(again, settings.second_iou, settings.alpha, settings.confidence)
+        result = result.model_copy(update={"iou": config.campaign.match_iou, "second": second})
     if cards:
         shown = Frequencies(**config.base_set.rare.model_dump())
         result = result.model_copy(update={"trained_on": cards[0].frequencies, "base_set": shown})

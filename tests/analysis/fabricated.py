@@ -206,7 +206,9 @@ class FabricatedStudy:
         points = sampler.ask()
         for path in (path for path in self.held_out_tests if path.parts[-5] == name):
             keys = {"scenario": name, "strategy": "pairwise", "version": path.parts[-3], "seed": 0}
-            write_tests(path, make_tests(space, keys, points, FOG_FROM[path.parts[-3]]), space)
+            tests = make_tests(space, keys, points, FOG_FROM[path.parts[-3]])
+            write_tests(path, tests, space)
+            write_tests(path.with_name("second_iou.parquet"), tests, space)
 
     def _model(self, version: str, path: Path, rank: int) -> None:
         card = ModelCard(

@@ -4,10 +4,21 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.artefacts.comparison_results import Comparison, GroupPair, GroupResult, ScenarioResult, VersionPair, VersionResult
+import pytest
+
+from pipeline.artefacts.comparison_results import (
+    Comparison,
+    GroupPair,
+    GroupResult,
+    ScenarioResult,
+    SecondIou,
+    VersionPair,
+    VersionResult,
+)
 from pipeline.artefacts.results import BaseRate, Causes, Estimate, FalseActivations, Frequencies, Modes
 from pipeline.core.comparison import SequenceTest, Verdict
 from pipeline.report.verdict import HEADERS, group_headers, group_rows, verdict_rows, verdict_sentences, verdict_table
+from pipeline.report.verdict_section import headline
 
 
 def paired(version: str, against: str, fixes: int, regressions: int, p_value: float) -> VersionPair:
@@ -72,6 +83,27 @@ def comparison(*, errors: int = 0, against_random: bool = True, seeds: int = 2) 
         champion="adaptive",
         gate={"base": "the reference", "control": "held back: so", "random": "held back: so", "adaptive": "passes: so"},
     )
+
+
+def at_second_iou(difference: float, p_value: float) -> Comparison:
+    """A comparison of two groups, shown to differ by -15 at the first IoU."""
+    first, groups = comparison(seeds=1), (group("base", 12, 12, 1.0), group("adaptive", 5, 5, 0.4))
+    pair = group_pair("adaptive", "base", 0.001)
+    again = pair.model_copy(update={"difference": Estimate(value=difference, low=difference, high=difference), "p_value": p_value})
+    second = SecondIou(iou=0.3, groups=groups, group_pairs=(again,))
+    return first.model_copy(update={"group_pairs": (pair,), "second": second})
+
+
+@pytest.mark.parametrize(("difference", "p_value", "found"), [(-7, 0.02, True), (-7, 0.2, False), (7, 0.02, False)])
+def test_a_difference_holds_at_the_second_iou_if_it_is_shown_there_with_the_same_sign(
+    difference: float, p_value: float, found: bool
+) -> None:
+    compared = at_second_iou(difference, p_value)
+    text = " ".join(verdict_sentences(compared))
+    assert "Failures at an IoU of 0.3 instead of 0.5: base 12, adaptive 5." in text
+    assert ("at 0.3, it, too, is shown" in text) == found and ("at 0.3, it is not shown" in text) != found
+    assert ("At an IoU of 0.3 instead of 0.5, this is shown, too." in headline(compared)) == found
+    assert ("this is not shown for adaptive" in headline(compared)) != found
 
 
 def test_rows_show_failures_change_and_verdict() -> None:

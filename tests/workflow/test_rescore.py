@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Mapping
+from contextlib import chdir
 from pathlib import Path
 from typing import Any
 
@@ -45,13 +47,13 @@ class Unsure:
         return Detections(boxes[kept].astype(np.float32), scores[kept].astype(np.float32))
 
 
-def executed(root: Path, overrides: list[str]) -> StudyFolder:
+def executed(root: Path, overrides: list[str], campaign: Mapping[str, Any] = CAMPAIGN) -> StudyFolder:
     """A study with one executed campaign."""
     study = StudyFolder.composed(root, "smoke", [*SMALL, *NOISY, *overrides])
-    assert study.run("define-space", scenario="F1") == 0
+    assert study.run("define-space", scenario=campaign["scenario"]) == 0
     (study / "models/base").mkdir(parents=True)
     (study / "models/base/model.onnx").write_bytes(b"the detector needs none")
-    assert study.run("campaign", **CAMPAIGN) == 0
+    assert study.run("campaign", **campaign) == 0
     return study
 
 
@@ -70,7 +72,8 @@ def folder(study: StudyFolder) -> Path:
 
 
 def rescore(study: StudyFolder, *options: str) -> int:
-    return main(["rescore", str(study / "campaigns"), "--params", str(study.root / "params.yaml"), *options])
+    with chdir(study.root):
+        return main(["rescore", "data/smoke/campaigns", *options])
 
 
 def test_every_column_follows_from_detections_and_signals(study: StudyFolder, capsys: pytest.CaptureFixture[str]) -> None:
@@ -94,3 +97,15 @@ def test_tests_are_driven_again_with_another_criterion(study: StudyFolder, law: 
     (row,) = pd.read_csv(table).to_dict("records")
     again = executed(tmp_path / "again", [*law, "campaign.match_iou=0.2", "detector.threshold=0.3"])
     assert row["failures"] == read_tests(folder(again) / "tests.parquet")["failure"].sum()
+
+
+def test_held_out_tests_at_a_second_iou_equal_a_study_with_that_iou(law: list[str], tmp_path: Path) -> None:
+    held_out = CAMPAIGN | {"kind": "held_out", "scenario": "F1star"}
+    small = ["held_out=[F1star]", "comparison.tests=6", "comparison.strategy=random"]
+    first = executed(tmp_path / "first", [*law, *small, "comparison.second_iou=0.7"], held_out)
+    assert first.run("second-iou", **{name: value for name, value in held_out.items() if name != "kind"}) == 0
+    other = executed(tmp_path / "other", [*law, *small, "campaign.match_iou=0.7"], held_out)
+    folders = [study / "/".join(map(str, held_out.values())) for study in (first, other)]
+    found, expected = read_tests(folders[0] / "second_iou.parquet"), read_tests(folders[1] / "tests.parquet")
+    pd.testing.assert_frame_equal(found, expected)
+    assert not found.equals(read_tests(folders[0] / "tests.parquet"))

@@ -1,0 +1,64 @@
+"""Stored tests judged with another car: from their detections, and driven again where that car would have braked otherwise."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from pipeline.analysis.rescoring import driven_otherwise, kpis, rescored
+from pipeline.artefacts.points import concrete
+from pipeline.artefacts.tables import read_detections, read_signals, read_tests
+from pipeline.core.car import Car
+from pipeline.core.kpi import NO_KPI, evaluate
+from pipeline.core.space import Space, Value
+from pipeline.execution.journal import Journal
+from pipeline.execution.workers import Execution, Setup, Workers
+from pipeline.progress import OnProgress
+
+
+@dataclass(frozen=True)
+class Again:
+    """tests: rows of tests.parquet, judged with another car but driven as they were. others: test_id of those that it drives otherwise."""
+
+    tests: pd.DataFrame
+    others: tuple[str, ...]
+
+
+def judged_again(folder: Path, car: Car, failure_threshold_s: float) -> Again:
+    """Judge the tests of a campaign's folder with another car; tests that ended in an error stay errors."""
+    tests, signals = read_tests(folder / "tests.parquet").set_index("test_id"), read_signals(folder / "signals.parquet")
+    again = rescored(signals, read_detections(folder / "detections.parquet"), car)
+    judged = kpis(again, failure_threshold_s)
+    tests.loc[judged.index, judged.columns] = judged.astype(tests[judged.columns].dtypes.to_dict())
+    return Again(tests.reset_index(), tuple(driven_otherwise(signals, again)))
+
+
+def driven_again(
+    again: Again, space: Space, setup: Setup, failure_threshold_s: float, journal: Path, threads: int, progress: OnProgress
+) -> pd.DataFrame:
+    """The tests, with those that the car drives otherwise executed again. journal: folder from which a killed call resumes."""
+    rows = again.tests.set_index("test_id")
+    points = [concrete(rows.loc[test], space) for test in again.others]
+    log, workers = Journal(journal, _identity(setup, points)), Workers(threads, setup)
+    jobs = [Execution(i, log.path(i), point) for i, point in enumerate(points) if i not in log]
+    try:
+        for done, _ in enumerate(workers.execute(jobs), 1 + len(points) - len(jobs)):
+            progress(done, len(points), "driven again")
+    finally:
+        workers.close()
+    for i, test in enumerate(again.others):
+        outcome = log.read(i)
+        judged = NO_KPI if outcome.is_error else evaluate(outcome.signals, failure_threshold_s)
+        now = {"status": "error" if outcome.is_error else "ok", "reason": outcome.reason, **asdict(judged)}
+        rows.loc[test, list(now)] = list(now.values())
+    log.remove()
+    return rows.reset_index()[list(again.tests)]
+
+
+def _identity(setup: Setup, points: Sequence[Mapping[str, Value]]) -> str:
+    return hashlib.sha256(json.dumps([setup.identity, points], sort_keys=True).encode()).hexdigest()
