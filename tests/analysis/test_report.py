@@ -178,7 +178,8 @@ def test_headline_compares_groups_and_names_significant_differences(study: Fabri
     assert better and f"Fewer failures: {', '.join(better)}." in text
     assert "seeds" not in text
 
-    two = seeds_of_two(comparison).model_copy(update={"scenarios": {"F1star": "F1*", "F2star": "F2*", "F3star": "F3*"}})
+    labels = {"F1star": "F1*", "F2star": "F2*", "F3star": "F3*"}
+    two = seeds_of_two(comparison).model_copy(update={"scenarios": labels, "second": None})
     assert "scenarios F1*, F2* and F3*, base fails" in headline(two)
     assert headline(two).endswith("Numbers in brackets: mean failures over 2 seeds of retraining.")
     half = comparison.groups[-1].model_copy(update={"failures": Estimate(value=1 / 3, low=0, high=1)})
