@@ -22,7 +22,8 @@ from pipeline.config.components import make_simulator
 from pipeline.config.composing import compose, functional_scenario
 from pipeline.config.schema import Config
 from pipeline.detectors.onnx import OnnxDetector
-from pipeline.detectors.yolo.export import onnx_of
+from pipeline.detectors.yolo.export import export_onnx
+from pipeline.detectors.yolo.weights import load_weights
 from pipeline.simulators.mujoco import camera, lens
 from pipeline.simulators.mujoco.simulator import MujocoSimulator
 
@@ -55,7 +56,9 @@ def main() -> None:
     lens.Lens.expose = timed("weather", lens.Lens.expose)  # type: ignore[method-assign]
     OnnxDetector.detect = timed("inference", OnnxDetector.detect)  # type: ignore[method-assign]
     with tempfile.TemporaryDirectory() as folder:
-        onnx = onnx_of(options.model, Path(folder))
+        onnx, settings = Path(folder) / "model.onnx", config.simulator["camera"]
+        # At the camera's size, whatever size the weights learnt from: the cost is the same.
+        export_onnx(onnx, load_weights(options.model / "weights.safetensors"), (settings["width"], settings["height"]))
         for name in options.scenario:
             measure(config, name, options.tests, OnnxDetector(onnx, threshold=config.threshold))
 
