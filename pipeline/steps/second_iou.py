@@ -6,6 +6,7 @@ from pipeline.artefacts.scenario_space import read_space
 from pipeline.artefacts.tables import write_tests
 from pipeline.config.schema import JUDGED
 from pipeline.contract import Job, Step
+from pipeline.errors import InputError
 from pipeline.steps import campaign
 
 FOLDER = "held_out/{scenario}/{strategy}/{version}/{seed}"
@@ -26,7 +27,6 @@ STEP = Step(
 def run(job: Job) -> None:
     """Write the tests as tests.parquet has them, in its order; InputError if the study asks for no second IoU."""
     from pipeline.analysis.rescoring import with_criterion
-    from pipeline.errors import InputError
     from pipeline.execution.again import driven_again, judged_again
     from pipeline.execution.workers import Setup
 
