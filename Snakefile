@@ -21,6 +21,7 @@ PLAN = plan(
         "filter",  # the frames that are fit for training
         "white_box",  # the neurons that each strategy's frames reach
         "retrain",  # D_r, D_a and the control
+        "second_iou",  # the held-out sequence at another IoU
         "compare",  # every version on the held-out sequence
         "report",  # one page with plots and films
         "track",  # MLflow
