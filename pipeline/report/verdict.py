@@ -61,8 +61,8 @@ def second_sentences(comparison: Comparison) -> list[str]:
     sentences = [f"Failures at an IoU of {second.iou:g} instead of {comparison.iou:g}: {counts}."]
     for first, again in zip(comparison.group_pairs, second.group_pairs, strict=True):
         if first.shown(comparison.alpha):
-            found = "it, too, is shown" if holds(first, again, comparison.alpha) else "it is not shown"
-            sentences.append(f"The difference of {first.group} from {first.against}: at {second.iou:g}, {found} (p = {again.p_value:.2g}).")
+            found = "is shown, too" if holds(first, again, comparison.alpha) else "is not shown"
+            sentences.append(f"At {second.iou:g}, the difference of {first.group} from {first.against} {found} (p = {again.p_value:.2g}).")
     return sentences
 
 

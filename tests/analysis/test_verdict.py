@@ -101,7 +101,8 @@ def test_a_difference_holds_at_the_second_iou_if_it_is_shown_there_with_the_same
     compared = at_second_iou(difference, p_value)
     text = " ".join(verdict_sentences(compared))
     assert "Failures at an IoU of 0.3 instead of 0.5: base 12, adaptive 5." in text
-    assert ("at 0.3, it, too, is shown" in text) == found and ("at 0.3, it is not shown" in text) != found
+    assert ("At 0.3, the difference of adaptive from base is shown, too" in text) == found
+    assert ("At 0.3, the difference of adaptive from base is not shown" in text) != found
     assert ("At an IoU of 0.3 instead of 0.5, this is shown, too." in headline(compared)) == found
     assert ("this is not shown for adaptive" in headline(compared)) != found
 
