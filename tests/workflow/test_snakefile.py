@@ -146,7 +146,7 @@ def test_a_stale_job_takes_all_jobs_after_it_along(tmp_path: Path) -> None:
     assert planned(folder) == {"cluster": 1, "report": 1, "track": 1, "all": 1}
     (folder / "params.yaml").write_text(dump(compose("smoke", ["base_set.seed=5"]), "test"))
     jobs = planned(folder)
-    after = {"train", "campaign", "measure", "cluster", "filter", "white_box", "retrain", "compare", "report", "track"}
+    after = {"train", "campaign", "measure", "cluster", "filter", "white_box", "retrain", "second_iou", "compare", "report", "track"}
     assert set(jobs) == {"render_base", "all"} | after and jobs["campaign"] == 8
 
 
