@@ -84,7 +84,7 @@ def names(split: str, groups: Iterable[str]) -> list[WorldName]:
 
 
 @lru_cache(maxsize=4)
-def make(name: WorldName, seed: int, folder: Path = recorded.DATA) -> World:
+def make(name: WorldName, seed: int, folder: Path = recorded.DENSE) -> World:
     """A world; the seed draws the chance of emulated tests. folder: of the recorded tests. InputError if they are missing."""
     threshold_s = default_study().campaign.failure_threshold_s
     if name.group == ANALYTIC:
@@ -92,7 +92,7 @@ def make(name: WorldName, seed: int, folder: Path = recorded.DATA) -> World:
     return EmulatedWorld(_emulator(name.scenario, name.family, folder), seed, name.share, threshold_s)
 
 
-def digest(name: WorldName, folder: Path = recorded.DATA) -> str:
+def digest(name: WorldName, folder: Path = recorded.DENSE) -> str:
     """Text that changes with what a world is made from; InputError if its recorded tests are missing."""
     return code_digest(AnalyticSimulator.__module__) if name.group == ANALYTIC else recorded.digest(name.scenario, folder)
 
