@@ -113,7 +113,8 @@ def _table(grid: Grid, strategies: Sequence[str], scenarios: Sequence[str], cell
     for strategy in strategies:
         cells = [cell(grid, grid[scenario, strategy]) if (scenario, strategy) in grid else "" for scenario in scenarios]
         if any(cells):
-            lines.append(f"| {strategy} | {' | '.join(cells)} |")
+            label = f"{strategy} ({NAMES[strategy]})" if strategy in NAMES else strategy
+            lines.append(f"| {label} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
 

@@ -60,12 +60,12 @@ def compare(held_out: HeldOut, digest: str, regions: Sequence[RegionResult], alp
     )
 
 
-def compared_again(held_out: HeldOut, iou: float, alpha: float, confidence: float) -> SecondIou:
-    """The groups of versions once more, on the same tests judged at a second IoU."""
+def compared_again(held_out: HeldOut, iou: float, first: float, alpha: float, confidence: float) -> SecondIou:
+    """The groups of versions once more, on the same tests judged at a second IoU instead of the first."""
     results = _Results(held_out, alpha, confidence)
     groups = results.groups()
     pairs = tuple(results.group_pair(against, group) for against, group in combinations(groups, 2))
-    return SecondIou(iou=iou, groups=groups, group_pairs=pairs)
+    return SecondIou(iou=iou, first=first, groups=groups, group_pairs=pairs)
 
 
 @dataclass(frozen=True)

@@ -98,9 +98,13 @@ class GroupPair(Result):
 
 
 class SecondIou(Result):
-    """The groups and their pairs on the same tests, judged and, where the brake would have acted otherwise, driven with another IoU."""
+    """The groups and their pairs on the same tests, judged and, where the brake would have acted otherwise, driven with another IoU.
+
+    iou: at which detections match here; first: in the comparison itself.
+    """
 
     iou: float
+    first: float
     groups: tuple[GroupResult, ...]
     group_pairs: tuple[GroupPair, ...]
 
@@ -121,7 +125,7 @@ class Comparison(Result):
     pairs: exact McNemar test of every pair of versions, `against` is the earlier one; group_pairs: the same for groups. no_braking:
     held-out scenarios in which the right answer is not to brake. base_rates: of the search scenarios. trained_on: the base set that the
     base was trained on; null if its card does not say. base_set: the base set of this study; null for one that only tests detectors.
-    iou: at which detections match. second: null if the study asks for no second IoU.
+    second: null if the study asks for no second IoU.
     """
 
     strategy: str
@@ -140,7 +144,6 @@ class Comparison(Result):
     base_rates: tuple[BaseRate, ...] = ()
     trained_on: Frequencies | None = None
     base_set: Frequencies | None = None
-    iou: float = 0.5
     second: SecondIou | None = None
 
     def pair(self, version: str, against: str) -> VersionPair | None:

@@ -51,6 +51,26 @@ class Search:
         return self.out or Path("data/by_hand", self.scenario, self.strategy, self.model.name, str(self.seed))
 
 
+def _whole(least: int) -> Callable[[str, str], int]:
+    def read(key: str, text: str) -> int:
+        if not text.isdecimal() or int(text) < least:
+            raise InputError(f"{key} must be a whole number from {least}, got '{text}'")
+        return int(text)
+
+    return read
+
+
+READ: dict[str, Callable[[str, str], Any]] = {
+    "scenario": lambda _, text: text,
+    "strategy": lambda _, text: text,
+    "budget": _whole(1),
+    "seed": _whole(0),
+    "model": lambda _, text: Path(text),
+    "out": lambda _, text: Path(text),
+}
+"""How each word of our own is read, from its key and text; all others are overrides."""
+
+
 def run(options: argparse.Namespace) -> int:
     """Execute the campaign with its progress, write its tables and print what was found."""
     from pipeline.execution.campaign import run_campaign
@@ -127,23 +147,3 @@ def summary(plan: CampaignPlan, done: Sequence[Executed]) -> str:
         lines.append(f"{kinds_of(plan.space, points)} kinds (combinations of person and pose); causes: {causes}")
         lines.append(f"the failures show {pair_coverage(plan.space, points):.1%} of all pairs of categories")
     return "\n".join(lines)
-
-
-def _whole(least: int) -> Callable[[str, str], int]:
-    def read(key: str, text: str) -> int:
-        if not text.isdecimal() or int(text) < least:
-            raise InputError(f"{key} must be a whole number from {least}, got '{text}'")
-        return int(text)
-
-    return read
-
-
-READ: dict[str, Callable[[str, str], Any]] = {
-    "scenario": lambda _, text: text,
-    "strategy": lambda _, text: text,
-    "budget": _whole(1),
-    "seed": _whole(0),
-    "model": lambda _, text: Path(text),
-    "out": lambda _, text: Path(text),
-}
-"""How each word of our own is read, from its key and text; all others are overrides."""

@@ -58,7 +58,7 @@ def second_sentences(comparison: Comparison) -> list[str]:
     if second is None:
         return []
     counts = ", ".join(f"{group.group} {counted(group.failures)}" for group in second.groups)
-    sentences = [f"Failures at an IoU of {second.iou:g} instead of {comparison.iou:g}: {counts}."]
+    sentences = [f"Failures at an IoU of {second.iou:g} instead of {second.first:g}: {counts}."]
     for first, again in zip(comparison.group_pairs, second.group_pairs, strict=True):
         if first.shown(comparison.alpha):
             found = "is shown, too" if holds(first, again, comparison.alpha) else "is not shown"

@@ -55,8 +55,8 @@ def _at_second_iou(comparison: Comparison) -> list[str]:
     if not shown:
         return []
     lost = [first.group for first, again in shown if not holds(first, again, comparison.alpha)]
-    found = f"this is not shown for {', '.join(lost)}" if lost else "this is shown, too"
-    return [f"At an IoU of {second.iou:g} instead of {comparison.iou:g}, {found}."]
+    found = f"not shown at {second.iou:g} for {', '.join(lost)}" if lost else f"shown at {second.iou:g}, too"
+    return [f"What is shown at an IoU of {second.first:g} is {found}."]
 
 
 def verdict_section(
@@ -148,12 +148,12 @@ def _second_iou(comparison: Comparison) -> list[Passage]:
         rows.append((first.group, counted(first.failures), counted(again.failures), *change))
     headers = (
         "version",
-        f"failures at {comparison.iou:g}",
+        f"failures at {second.first:g}",
         f"failures at {second.iou:g}",
         f"difference from {base} at {second.iou:g}",
         "p",
     )
-    text = texts.SECOND_IOU.format(first=comparison.iou, second=second.iou)
+    text = texts.SECOND_IOU.format(first=second.first, second=second.iou)
     return [Passage("At another IoU", text, Table(headers, tuple(rows), numbers=(3,)))]
 
 

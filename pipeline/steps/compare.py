@@ -62,8 +62,8 @@ def run(job: Job) -> None:
     result = compare(held_out, digest, regions, settings.alpha, settings.confidence).model_copy(update={"base_rates": measures.base_rates})
     if settings.second_iou:
         again = read_held_out(job.inputs("second_iou"), versions, infos, threshold, job.progress)
-        second = compared_again(again, settings.second_iou, settings.alpha, settings.confidence)
-        result = result.model_copy(update={"iou": config.campaign.match_iou, "second": second})
+        ious = settings.second_iou, config.campaign.match_iou
+        result = result.model_copy(update={"second": compared_again(again, *ious, settings.alpha, settings.confidence)})
     if cards:
         shown = Frequencies(**config.base_set.rare.model_dump())
         result = result.model_copy(update={"trained_on": cards[0].frequencies, "base_set": shown})

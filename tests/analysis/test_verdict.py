@@ -90,7 +90,7 @@ def at_second_iou(difference: float, p_value: float) -> Comparison:
     first, groups = comparison(seeds=1), (group("base", 12, 12, 1.0), group("adaptive", 5, 5, 0.4))
     pair = group_pair("adaptive", "base", 0.001)
     again = pair.model_copy(update={"difference": Estimate(value=difference, low=difference, high=difference), "p_value": p_value})
-    second = SecondIou(iou=0.3, groups=groups, group_pairs=(again,))
+    second = SecondIou(iou=0.3, first=0.5, groups=groups, group_pairs=(again,))
     return first.model_copy(update={"group_pairs": (pair,), "second": second})
 
 
@@ -103,8 +103,8 @@ def test_a_difference_holds_at_the_second_iou_if_it_is_shown_there_with_the_same
     assert "Failures at an IoU of 0.3 instead of 0.5: base 12, adaptive 5." in text
     assert ("At 0.3, the difference of adaptive from base is shown, too" in text) == found
     assert ("At 0.3, the difference of adaptive from base is not shown" in text) != found
-    assert ("At an IoU of 0.3 instead of 0.5, this is shown, too." in headline(compared)) == found
-    assert ("this is not shown for adaptive" in headline(compared)) != found
+    assert ("What is shown at an IoU of 0.5 is shown at 0.3, too." in headline(compared)) == found
+    assert ("What is shown at an IoU of 0.5 is not shown at 0.3 for adaptive." in headline(compared)) != found
 
 
 def test_rows_show_failures_change_and_verdict() -> None:

@@ -153,8 +153,8 @@ def test_the_grid_counts_what_was_recorded(tmp_path: Path) -> None:
         recorded.write(pd.DataFrame(rows), recorded.path_of("F5", strategy, tmp_path))
     campaigns = grid.read(tmp_path)
     text = grid.markdown(campaigns)
-    assert "| random | 1 / 0 |" in text and "| evolutionary | 3 / 24 |" in text
-    assert "| evolutionary | 0.50 / 0.93 |" in text  # The first failure after 2 tests instead of 4.
+    assert "| random (Random Testing) | 1 / 0 |" in text and "| evolutionary (Evolutionary) | 3 / 24 |" in text
+    assert "| evolutionary (Evolutionary) | 0.50 / 0.93 |" in text  # The first failure after 2 tests instead of 4.
     assert "F5 2.5% (0.4 to 12.9)" in text
     assert [name for name, _ in grid.figures(campaigns, THRESHOLD_S)] == ["random", "random-failures"]
 
