@@ -47,6 +47,7 @@ def main() -> None:
     commands = parser.add_subparsers(dest="command", required=True)
     run = commands.add_parser("run", help="execute what is missing")
     run.add_argument("--group", nargs="+", choices=worlds.GROUPS, default=list(worlds.GROUPS))
+    run.add_argument("--scenario", nargs="+", help="default: all of the split")
     run.add_argument("--strategy", nargs="+", help="default: all of conf/sampler and the ceiling")
     run.add_argument("--seeds", type=int, default=20)
     run.add_argument("--tests", type=int, default=1000)
@@ -78,6 +79,7 @@ def _run(options: argparse.Namespace) -> None:
     wanted = [
         Run(str(world), strategy, seed, options.tests)
         for world in worlds.names(options.split, options.group)
+        if world.scenario in (options.scenario or [world.scenario])
         for seed in worlds.SPLITS[options.split].seeds(options.seeds)
         for strategy in strategies
     ]

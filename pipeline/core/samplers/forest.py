@@ -9,21 +9,25 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr
 from sklearn.ensemble import ExtraTreesRegressor
+from sklearn.linear_model import BayesianRidge
 
 from pipeline.core.samplers.batches import BatchSampler
 from pipeline.core.samplers.coverage import propose_categories
 from pipeline.core.samplers.features import features
+from pipeline.core.samplers.meta_model import scaled
 from pipeline.core.samplers.mutations import mutate
 from pipeline.core.samplers.untested import fill, untested
 from pipeline.core.space import Floats, Ints
 
-NEAR_MISS = 0.5
-"""Target of the nearest miss while nothing has failed; a failure's is 1."""
 ENOUGH_FAILURES = 5
-"""Failures from which only failures are mutated; they also halve the weight of near misses."""
+"""Failures from which only failures are mutated."""
 PARENTS = 10
 """Tests that are mutated while there are fewer failures."""
+TREE_FEATURES = 0.7
+"""Share of the inputs that a tree tries at each of its nodes."""
+EDGE = 1e-9
 CURIOSITY = 0.2
 """Added to the failure probability in slots that explore, so that a pair counts even where no failure is expected."""
 
@@ -32,23 +36,25 @@ CURIOSITY = 0.2
 class ForestSampler(BatchSampler):
     """Chooses each batch greedily for expected failures that show pairs of categories which have not failed yet.
 
-    The first batch covers as many pairs of categories as it can. From then on, extremely randomised trees (Geurts et al., 2006) are fitted
-    to all tests. A failure's target is 1; a test that passed has a fraction, the higher the lower its KPI, so that near misses guide the
-    search until there are failures to learn from. Candidates are random points and mutations of all failures.
+    The first batch covers as many pairs of categories as it can. From then on, candidates are random points and mutations of all failures,
+    and the value of a candidate is P(failure) x gain.
 
-    The value of a candidate is P(failure) x gain. P is the mean of some trees, drawn anew for each pick (Thompson sampling): where the
-    trees disagree, picks differ. The gain is the mean of 1 / (1 + n) over its pairs of categories, n being the number of failures that show
-    the pair, expected failures of the batch included. So a known failure mode loses value, but never all of it.
+    P is the mean of two models' probabilities. Extremely randomised trees (Geurts et al., 2006) learn which tests failed, and know how
+    variables act together. A Bayesian linear regression of the KPI (Tipping, 2001) learns from near misses, too, so that it leads while
+    failures are few. For each pick, some trees are drawn anew (Thompson sampling): where the trees disagree, picks differ.
+
+    The gain is the mean of 1 / (1 + n)^2 over the candidate's pairs of categories, n being the number of failures that show the pair,
+    expected failures of the batch included. So a known failure mode loses value, but never all of it.
 
     candidates: size of the candidate set. mutants: its share of mutations, in [0, 1]. kinds: share of a batch whose gain counts pairs of
     categorical variables alone. explore: share of a batch for pairs never tested. diverse: false counts expected failures alone, so the
     search stays in the first failure modes. trees: size of the forest. votes: trees of a pick. failure_threshold_s: a KPI at or below it is
-    a failure. earlier: points (m, d) and KPI (m,) of each earlier campaign on another scenario; the forest learns from them, too.
+    a failure. earlier: points (m, d) and KPI (m,) of each earlier campaign on another scenario; both models learn from them, too.
     """
 
-    candidates: int = 1500
-    mutants: float = 0.5
-    kinds: float = 0.3
+    candidates: int = 3000
+    mutants: float = 0.75
+    kinds: float = 0.2
     explore: float = 0.1
     diverse: bool = True
     trees: int = 60
@@ -67,38 +73,38 @@ class ForestSampler(BatchSampler):
             raise ValueError(f"votes must be in [1, trees], [1, {self.trees}], got {self.votes}")
 
     def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
-        seen, target = self._lessons(points, kpi)
-        if not len(target) or np.ptp(target) == 0:
+        inputs, observed = self._lessons(points, kpi)
+        if not len(observed) or (observed == observed[0]).all():
             covering = propose_categories(self.space, 2, self.space.categorise(points), self.batch_size, rng)
             candidates = self.space.within(covering, rng)
             return fill(self.space, candidates[untested(candidates, points)], points, self.batch_size, rng)
         candidates = self._candidate_set(points, kpi, rng)
         if len(candidates) < self.batch_size:
             return fill(self.space, candidates, points, self.batch_size, rng)
-        forest = ExtraTreesRegressor(self.trees, max_features=0.4, random_state=int(rng.integers(2**31)))
-        forest.fit(seen, target)
-        inputs = self._inputs(candidates, len(self.earlier)).astype(np.float32)
-        votes = np.stack([tree.tree_.predict(inputs)[:, 0] for tree in forest.estimators_])
+        votes = self._votes(inputs, observed, self._inputs(candidates, len(self.earlier)), rng)
         return candidates[self._pick(candidates, votes, points, kpi <= self.failure_threshold_s, rng)]
 
     def _lessons(self, points: Floats, kpi: Floats) -> tuple[Floats, Floats]:
-        """Inputs (n, f) and targets (n,) of all tests without an error, those of earlier campaigns first."""
+        """Inputs (n, f) and KPI (n,) of all tests without an error, those of earlier campaigns first."""
         campaigns = [*self.earlier, (points, kpi)]
         inputs = [self._inputs(tests[~np.isnan(values)], i) for i, (tests, values) in enumerate(campaigns)]
-        targets = [self._targets(values[~np.isnan(values)]) for _, values in campaigns]
-        return np.concatenate(inputs), np.concatenate(targets)
+        return np.concatenate(inputs), np.concatenate([values[~np.isnan(values)] for _, values in campaigns])
 
-    def _targets(self, kpi: Floats) -> Floats:
-        """1 for a failure, a fraction for a pass: the lower its KPI ranks and the fewer failures there are, the higher."""
-        failed = kpi <= self.failure_threshold_s
-        if len(kpi) < 2 or (kpi == kpi[0]).all():
-            return failed.astype(float)
-        rank = np.argsort(np.argsort(kpi, kind="stable"), kind="stable") / (len(kpi) - 1)
-        near = NEAR_MISS / (1 + failed.sum() / ENOUGH_FAILURES)
-        return np.where(failed, 1.0, near * (1 - rank))
+    def _votes(self, inputs: Floats, kpi: Floats, others: Floats, rng: np.random.Generator) -> Floats:
+        """The failure probability of other inputs (m, f) by each tree, averaged with the linear model's, (trees, m)."""
+        forest = ExtraTreesRegressor(self.trees, max_features=TREE_FEATURES, random_state=int(rng.integers(2**31)))
+        forest.fit(inputs, kpi <= self.failure_threshold_s)
+        rows = others.astype(np.float32)
+        return (np.stack([tree.tree_.predict(rows)[:, 0] for tree in forest.estimators_]) + self._linear(inputs, kpi, others)) / 2
+
+    def _linear(self, inputs: Floats, kpi: Floats, others: Floats) -> Floats:
+        """The probability (m,) that the KPI of other inputs is at or below the threshold, by a linear model with normal scatter."""
+        *observed, threshold = scaled(np.append(kpi, self.failure_threshold_s))
+        mean, deviation = BayesianRidge().fit(inputs, observed).predict(others, return_std=True)
+        return np.asarray(ndtr((threshold - mean) / np.maximum(deviation, EDGE)))
 
     def _inputs(self, points: Floats, campaign: int) -> Floats:
-        """The forest's inputs (n, f): features of the points and, with earlier campaigns, the campaign one-hot."""
+        """The models' inputs (n, f): features of the points and, with earlier campaigns, the campaign one-hot."""
         inputs = features(self.space, points)
         if not self.earlier:
             return inputs
@@ -132,7 +138,7 @@ class ForestSampler(BatchSampler):
                 value = chance
             else:
                 counted = pairs[:, self._categorical] if slot >= self.batch_size - kinds else pairs
-                value = chance * (1 / (1 + shown))[counted].mean(axis=1)
+                value = chance * (1 / (1 + shown) ** 2)[counted].mean(axis=1)
             best = int(np.argmax(np.where(free, value, -1.0)))
             chosen.append(best)
             free[best] = False
