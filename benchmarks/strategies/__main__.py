@@ -1,14 +1,15 @@
 """Compares search strategies in worlds that need no rendering.
 
     python benchmarks/strategies run [--split judging] [--group trees network] [--strategy forest 'forest explore=0'] [--seeds 20]
+    python benchmarks/strategies keep [--split judging]
     python benchmarks/strategies show [--split judging] [--page docs/results/strategies.md]
     python benchmarks/strategies truth
     python benchmarks/strategies grid [--page docs/results/thesis.md]
     python benchmarks/strategies list
 
-run: every strategy, seed and world; a rerun does only what is missing or was made by other code. show: tables and figure of the finished
-runs. truth: how true the emulators are. grid: tables and figures of thesis chapter 6 from the recorded campaigns. list: strategies, groups
-and worlds.
+run: every strategy, seed and world; a rerun does only what is missing or was made by other code. keep: publish the finished runs in
+benchmarks/strategies/results. show: tables and figure of the finished runs. truth: how true the emulators are. grid: tables and figures of
+thesis chapter 6 from the recorded campaigns. list: strategies, groups and worlds.
 """
 
 from __future__ import annotations
@@ -19,10 +20,12 @@ import tempfile
 from pathlib import Path
 
 import contestants
+import duels
 import grid
 import peers
 import recorded
 import runs
+import variants
 import worlds
 from campaigns import Run
 from picture import BUDGETS, failures_against_kinds
@@ -55,7 +58,8 @@ def main() -> None:
     show = commands.add_parser("show", help="tables and figure")
     show.add_argument("--reference", default="random")
     show.add_argument("--page", type=Path, help="Markdown page whose tables are replaced, and that gets the figure beside it")
-    for command in (run, show):
+    keep = commands.add_parser("keep", help="publish the finished runs in the repository")
+    for command in (run, keep, show):
         command.add_argument("--split", choices=list(worlds.SPLITS), default="development", help="which scenarios and seeds")
         command.add_argument("--results", type=Path, help=f"default: {RESULTS}/<split>.jsonl")
     check = commands.add_parser("truth", help="cross-validation of the emulators")
@@ -65,7 +69,7 @@ def main() -> None:
     commands.add_parser("list", help="strategies, groups and worlds")
     options = parser.parse_args()
     try:
-        {"run": _run, "show": _show, "truth": _truth, "grid": _grid, "list": _list}[options.command](options)
+        {"run": _run, "keep": _keep, "show": _show, "truth": _truth, "grid": _grid, "list": _list}[options.command](options)
     except InputError as error:
         parser.error(str(error))
 
@@ -87,6 +91,11 @@ def _run(options: argparse.Namespace) -> None:
         runs.run_all(wanted, _results(options), options.workers, progress)
 
 
+def _keep(options: argparse.Namespace) -> None:
+    for path in runs.keep(_results(options)):
+        print(path)
+
+
 def _show(options: argparse.Namespace) -> None:
     rows = runs.read(_results(options))
     if not rows:
@@ -94,7 +103,7 @@ def _show(options: argparse.Namespace) -> None:
             f"{_results(options)}: no finished runs; make them with `python benchmarks/strategies run --split {options.split}`"
         )
     tables = {(block.group, block.budget): (block, standings(block, options.reference)) for block in blocks(rows)}
-    text = "\n".join(markdown(block, table, options.reference) for block, table in tables.values())
+    text = "\n".join([duels.markdown(rows), "", *(markdown(block, table, options.reference) for block, table in tables.values())])
     print(text)
     drawn = {key: table for key, (_, table) in tables.items() if key[1] in BUDGETS}
     picture = (options.page or _results(options)).with_suffix(".png")
@@ -137,6 +146,7 @@ def _grid(options: argparse.Namespace) -> None:
 
 def _list(options: argparse.Namespace) -> None:
     print("strategies:", *contestants.known(), contestants.CEILING)
+    print("variants:", *variants.VARIANTS)
     print("peers:", *peers.PEERS)
     for split in worlds.SPLITS:
         print(f"{split}:", *worlds.names(split, worlds.GROUPS))

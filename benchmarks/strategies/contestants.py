@@ -1,4 +1,4 @@
-"""The strategies that search: every file of conf/sampler, with changed settings where asked, and peers of other projects."""
+"""The strategies that search: every file of conf/sampler, with changed settings where asked, variants, and peers of other projects."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from importlib.metadata import version
 from typing import Any
 
 import peers
+import variants
 import yaml
 from hydra.utils import instantiate
 from worlds import default_study
@@ -33,6 +34,9 @@ def make(label: str, space: Space, seed: int) -> Sampler:
     """A strategy before its first test. label: a name, with changed settings after it, as in `forest explore=0.2`."""
     if label in peers.PEERS:
         return peers.make(label, space, seed, default_study().campaign.failure_threshold_s)
+    if _name(label) in variants.VARIANTS:
+        settings = {key: value for key, value in _section(label).items() if key != "_target_"}
+        return variants.VARIANTS[_name(label)](space=space, seed=seed, **settings)
     # Partial, because Hydra would turn the space, a dataclass, into a config.
     made: Sampler = instantiate(_section(label), _partial_=True, _convert_="all")(space=space, seed=seed)
     return made
@@ -47,16 +51,20 @@ def digest(label: str) -> str:
     else:
         section = _section(label)
         about = [json.dumps(section, sort_keys=True), code_digest(section["_target_"].rpartition(".")[0])]
+        about += [inspect.getsource(variants)] if _name(label) in variants.VARIANTS else []
     return hashlib.sha256("".join(about).encode()).hexdigest()
 
 
+def _name(label: str) -> str:
+    return label.split()[0]
+
+
 def _section(label: str) -> Mapping[str, Any]:
-    name, *changes = label.split()
-    samplers = default_study().samplers
-    if name not in samplers:
-        raise InputError(f"there is no strategy '{name}'{nearest(name, [*samplers, *peers.PEERS, CEILING])}")
-    section = dict(samplers[name])
-    for change in changes:
+    name, samplers = _name(label), default_study().samplers
+    if name not in samplers and name not in variants.VARIANTS:
+        raise InputError(f"there is no strategy '{name}'{nearest(name, [*samplers, *variants.VARIANTS, *peers.PEERS, CEILING])}")
+    section = dict(samplers["forest" if name in variants.VARIANTS else name])
+    for change in label.split()[1:]:
         key, _, value = change.partition("=")
         section[key] = yaml.safe_load(value)
     return section

@@ -1,4 +1,7 @@
-"""Runs campaigns in processes and keeps one JSON line of each, so that the same command does only what is missing."""
+"""Runs campaigns in processes and keeps one JSON line of each, so that the same command does only what is missing.
+
+Runs that the repository publishes lie in `KEPT`, a table for each group of worlds.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +17,9 @@ from pathlib import Path
 from typing import Any
 
 import contestants
+import numpy as np
+import pandas as pd
+import recorded
 import worlds
 from campaigns import Row, Run, execute
 from worlds import WorldName
@@ -24,6 +30,8 @@ from pipeline.sources import code_digest
 CODE = ("analytic", "campaigns", "ceiling", "emulators", "recorded", "scores", "worlds")
 """Files of this folder, and modules of the package, that decide what a run gives, whatever its strategy."""
 MODULES = ("pipeline.core.measures", "pipeline.core.regions", "pipeline.core.samplers.features", "pipeline.core.samplers.mutations")
+
+KEPT = Path(__file__).parent / "results"
 
 
 def run_all(runs: Iterable[Run], path: Path, processes: int, progress: Progress) -> None:
@@ -40,9 +48,9 @@ def run_all(runs: Iterable[Run], path: Path, processes: int, progress: Progress)
             progress(count, len(missing), text)
 
 
-def read(path: Path) -> list[Row]:
-    """The newest line of each run; a line that a kill cut short is left out."""
-    newest: dict[tuple[Any, ...], Row] = {}
+def read(path: Path, kept: Path = KEPT) -> list[Row]:
+    """The newest line of each run, those of the file after those in the repository; a line that a kill cut short is left out."""
+    newest = {_key(row): row for table in sorted(kept.glob(f"{path.stem}-*.csv.gz")) for row in _kept(table)}
     for line in path.read_text().splitlines() if path.exists() else []:
         try:
             row = json.loads(line)
@@ -51,6 +59,25 @@ def read(path: Path) -> list[Row]:
         newest.pop(_key(row), None)
         newest[_key(row)] = row
     return list(newest.values())
+
+
+def keep(path: Path, kept: Path = KEPT) -> list[Path]:
+    """Publish the rows of `read`, sorted, a table for each group of worlds; equal rows give equal bytes."""
+    groups: dict[str, list[Row]] = {}
+    for row in sorted(read(path, kept), key=_key):
+        marks = np.isin(np.arange(1, row["tests"] + 1), row["failed_at"])
+        groups.setdefault(WorldName.parse(row["world"]).group, []).append({**row, "failed_at": np.packbits(marks).tobytes().hex()})
+    paths = []
+    for group, rows in groups.items():
+        paths.append(kept / f"{path.stem}-{group}.csv.gz")
+        recorded.write(pd.DataFrame(rows).round(6), paths[-1])
+    return paths
+
+
+def _kept(path: Path) -> Iterator[Row]:
+    for row in pd.read_csv(path, dtype={"failed_at": str}).to_dict("records"):
+        marks = np.unpackbits(np.frombuffer(bytes.fromhex(row["failed_at"]), np.uint8))
+        yield {**row, "failed_at": (np.flatnonzero(marks) + 1).tolist()}
 
 
 @cache

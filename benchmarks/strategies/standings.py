@@ -17,7 +17,7 @@ from pipeline.core.space import Floats, Ints
 from pipeline.core.statistics import bootstrap_mean, bootstrap_ratio, censored_mean, vargha_delaney
 
 CONFIDENCE = 0.95
-INTERVALS = ("failures", "kinds")
+INTERVALS = ("failures", "kinds", "gamma_f")
 """Measures with an interval, and with a ratio to the reference."""
 
 
@@ -143,8 +143,8 @@ def _censored(name: str, values: Sequence[tuple[float, bool]]) -> dict[str, floa
 
 def markdown(block: Block, table: pd.DataFrame, reference: str) -> str:
     """A heading and a table, best pair coverage of failures last."""
-    heading = ["strategy", "failures", f"× {reference}", "A12", "kinds", f"× {reference}", "γ_t", "γ_f", "of ceiling", "Θ area", "regions"]
-    heading += ["F", "C_n", "ms a test"]
+    heading = ["strategy", "failures", f"× {reference}", "A12", "kinds", f"× {reference}", "γ_t", "γ_f, %", f"× {reference}"]
+    heading += ["of ceiling", "Θ area", "regions", "F", "C_n", "ms a test"]
     lines = [f"| {' | '.join(heading)} |", "|---" * len(heading) + "|"]
     for row in table.sort_values("gamma_f", kind="stable").to_dict("records"):
         cells = [
@@ -154,7 +154,11 @@ def markdown(block: Block, table: pd.DataFrame, reference: str) -> str:
             _number(row["a12"], 2),
             _spread(row, "kinds", 0),
             _spread(row, "kinds_ratio", 2),
-            *(_percent(row["gamma_t"], 0), _percent(row["gamma_f"], 1), _percent(row["of_ceiling"], 0), _percent(row["area"], 0)),
+            _percent(row["gamma_t"], 0),
+            _spread(row, "gamma_f", 1, 100),
+            _spread(row, "gamma_f_ratio", 2),
+            _percent(row["of_ceiling"], 0),
+            _percent(row["area"], 0),
             _number(row["regions"], 1),
             ("≥ " if row["f_censored"] == row["f_count"] else "") + _number(row["f"], 0),
             ("≤ " if row["cost_count"] and row["cost_censored"] == row["cost_count"] else "") + _number(1 - row["cost"], 2),
@@ -169,11 +173,12 @@ def markdown(block: Block, table: pd.DataFrame, reference: str) -> str:
     return "\n".join([lead, "", *lines, ""])
 
 
-def _spread(row: dict[str, Any], name: str, digits: int) -> str:
+def _spread(row: dict[str, Any], name: str, digits: int, scale: float = 1) -> str:
     """A number with its interval."""
     if np.isnan(row.get(name, np.nan)):
         return "–"
-    return f"{_number(row[name], digits)} ({_number(row[f'{name}_low'], digits)}–{_number(row[f'{name}_high'], digits)})"
+    value, low, high = (_number(scale * row[key], digits) for key in (name, f"{name}_low", f"{name}_high"))
+    return f"{value} ({low}–{high})"
 
 
 def _number(value: float, digits: int) -> str:

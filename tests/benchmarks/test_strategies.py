@@ -8,6 +8,7 @@ from typing import Any
 
 import ceiling
 import contestants
+import duels
 import emulators
 import grid
 import numpy as np
@@ -15,6 +16,7 @@ import pandas as pd
 import pytest
 import recorded
 import runs
+import variants
 import worlds
 from analytic import AnalyticWorld
 from campaigns import Row, Run, execute
@@ -184,6 +186,19 @@ def test_every_strategy_of_conf_is_found() -> None:
         contestants.digest("foresst")
 
 
+@pytest.mark.parametrize("name", variants.VARIANTS)
+def test_a_variant_searches(name: str) -> None:
+    space = functional_scenario("F3").logical_space()
+    sampler = contestants.make(f"{name} batch_size=30", space, 0)
+    for _ in range(2):
+        points = sampler.ask()
+        sampler.tell(points, np.where(points[:, -1] < 5, 0.0, 1.0 + points[:, 0]))
+    last = sampler.ask()
+    assert last.shape == (30, len(space))
+    assert np.mean(last[:, -1] < 5) > 0.3  # One in fifteen random tests.
+    assert contestants.digest(name) != contestants.digest("forest")
+
+
 def test_development_and_judging_share_nothing() -> None:
     first, second = worlds.SPLITS["development"], worlds.SPLITS["judging"]
     assert not set(first.scenarios) & set(second.scenarios)
@@ -209,6 +224,22 @@ def test_a_killed_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     assert timeless == [{key: value for key, value in json.loads(line).items() if key != "cpu_s"} for line in whole]
 
 
+def test_published_runs_are_read_as_they_were(tmp_path: Path) -> None:
+    path, wanted = tmp_path / "rows.jsonl", [Run(world, "random", 0, 120) for world in ("F1-analytic", "F5-analytic")]
+    with Progress("runs") as progress:
+        runs.run_all(wanted, path, 1, progress)
+        before = runs.read(path, tmp_path)
+        (table,) = runs.keep(path, tmp_path)
+        assert table == tmp_path / "rows-analytic.csv.gz"
+        path.unlink()
+        after = runs.read(path, tmp_path)
+        bits = table.read_bytes()
+        runs.keep(path, tmp_path)
+    rounded = [{key: round(value, 6) if isinstance(value, float) else value for key, value in row.items()} for row in before]
+    assert after == rounded
+    assert table.read_bytes() == bits
+
+
 def rows(strategy: str, failures: list[int], world: str = "F1-trees") -> list[dict[str, Any]]:
     """Campaigns of 120 tests that fail from the start, one a seed."""
     measured = {"kinds_120": 2, "gamma_t_120": 0.5, "gamma_f_120": 0.1, "area_120": 0.2, "regions_120": 1}
@@ -229,6 +260,14 @@ def test_standings_by_hand() -> None:
     assert forest["a12"] == 0.875  # One tie of four pairs.
     assert forest["of_ceiling"] == 1 and forest["ms"] == pytest.approx(10)
     assert forest["f"] == 1 and forest["cost"] == 1  # Both need n tests for n failures.
+
+
+def test_duels_by_hand() -> None:
+    two = [rows("forest", [6, 12], world) + rows("network", [2, 4], world) for world in ("F1-trees", "F1-network-rare")]
+    longer = [{**row, **{key.replace("120", "300"): value for key, value in row.items()}, "tests": 300} for pair in two for row in pair]
+    lines = duels.markdown(longer).splitlines()
+    assert lines[2].startswith("| as recorded | 300 | 3.00 (3.00–3.00) | 1.00 (1.00–1.00) |") and lines[2].endswith("| – | – |")
+    assert lines[3].startswith("| 1.5 % fail | 300 | 3.00 (3.00–3.00) |") and len(lines) == 4
 
 
 def test_a_campaign_without_failure_is_censored() -> None:
