@@ -14,7 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -88,11 +88,11 @@ def record(options: argparse.Namespace) -> None:
             if path.exists():
                 continue
             _agree(out, config, strategy)
-            plan = _plan(config, journal, scenario, strategy, options.tests or budgets[strategy])
-            table = _table(plan, _executed(plan, journal / path.stem, options.threads))
-            recorded.write(table, path)
-            shutil.rmtree(journal / path.stem)
-            print(f"{path}: {len(table)} tests, {int(table['failure'].sum())} failures, {int((table['status'] == 'error').sum())} errors")
+            # Random tests need no results, so in one batch no process waits for another.
+            tests = options.tests or budgets[strategy]
+            settings = {**config.samplers[strategy], **({"batch_size": tests} if strategy == "random" else {})}
+            plan = campaign_plan(config, journal, CampaignId(scenario, strategy, "base", 0), settings, tests)
+            record_campaign(plan, plan.sampler(), path, journal / path.stem, options.threads)
 
 
 def _agree(out: Path, config: Config, strategy: str) -> None:
@@ -113,32 +113,34 @@ def _agree(out: Path, config: Config, strategy: str) -> None:
     write_json(path, {**known, **now})
 
 
-def _plan(config: Config, folder: Path, scenario: str, strategy: str, tests: int) -> CampaignPlan:
-    described = functional_scenario(scenario)
-    campaign = CampaignId(scenario, strategy, "base", 0)
-    # Random tests need no results, so in one batch no process waits for another.
-    batch = {"batch_size": tests} if strategy == "random" else {}
+def campaign_plan(config: Config, folder: Path, campaign: CampaignId, settings: Mapping[str, Any], tests: int) -> CampaignPlan:
+    """A campaign on the shipped uniform base. folder: for the exported model."""
+    described = functional_scenario(campaign.scenario)
     return CampaignPlan(
         campaign=campaign,
         space=described.logical_space(),
         tests=tests,
         failure_threshold_s=config.campaign.failure_threshold_s,
-        strategy={**config.samplers[strategy], **batch},
+        strategy=settings,
         strategy_seed=sampler_seed(campaign),
         setup=Setup(config.simulator, described, config.detector, onnx_of(BASE, folder), config.car),
     )
 
 
-def _executed(plan: CampaignPlan, folder: Path, threads: int) -> list[Executed]:
-    workers = Workers(threads, plan.setup)
+def record_campaign(plan: CampaignPlan, sampler: Sampler, path: Path, folder: Path, threads: int) -> None:
+    """Execute a campaign, resuming from the journal in `folder`, and write its table."""
+    workers, campaign = Workers(threads, plan.setup), plan.campaign
     try:
-        with Progress(f"{plan.campaign.scenario} {plan.campaign.strategy}") as progress:
+        with Progress(f"{campaign.scenario} {campaign.strategy} {campaign.seed}") as progress:
             log = Journal(folder, plan.identity)
             if log.discarded:
                 progress.note("the journal belonged to another configuration, model or code and was discarded")
-            return search(plan, OnGrid(plan.sampler(), plan.space), log, workers, progress)
+            table = _table(plan, search(plan, OnGrid(sampler, plan.space), log, workers, progress))
     finally:
         workers.close()
+    recorded.write(table, path)
+    shutil.rmtree(folder)
+    print(f"{path}: {len(table)} tests, {int(table['failure'].sum())} failures, {int((table['status'] == 'error').sum())} errors")
 
 
 def _table(plan: CampaignPlan, done: Sequence[Executed]) -> pd.DataFrame:

@@ -1,0 +1,94 @@
+"""Does the order of the benchmark hold where every test is rendered?
+
+    python benchmarks/strategies/confirm.py [--scenario F1 F5 F7 F8] [--strategy forest network] [--threads 2]
+
+Each strategy searches each scenario with three seeds, 300 rendered tests each, on the shipped uniform base with the default study's
+settings. Writes benchmarks/strategies/data/confirmation/SEED/SCENARIO-STRATEGY.csv.gz and prints the table of all that are there. Finished
+tables and tests are kept, so the same command resumes. verifai-ce and other peers need the environment of requirements.txt.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import contestants
+import numpy as np
+import pandas as pd
+import recorded
+from record import campaign_plan, record_campaign
+from scores import scores
+
+from pipeline.config.composing import compose, functional_scenario
+from pipeline.config.schema import Config
+from pipeline.core.identity import CampaignId
+from pipeline.errors import InputError
+
+SCENARIOS = ("F1", "F5", "F7", "F8")
+"""None of them served development, and F7 not the emulators either."""
+STRATEGIES = ("forest", "exploit", "evolutionary", "gaussian_process", "network")
+SEEDS = (1, 2, 3)
+"""0 are the tests from which the emulators learnt."""
+TESTS = 300
+DATA = recorded.DATA / "confirmation"
+
+
+def main() -> None:
+    """Execute the campaigns that have no table yet, and print what all found."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scenario", nargs="+", default=list(SCENARIOS))
+    parser.add_argument("--strategy", nargs="+", default=list(STRATEGIES))
+    parser.add_argument("--threads", type=int, default=2, help="processes that execute tests")
+    parser.add_argument("--journal", type=Path, default=Path("data/strategies/confirmation"))
+    parser.add_argument("--out", type=Path, default=DATA)
+    options = parser.parse_args()
+    try:
+        for scenario in options.scenario:
+            for seed in SEEDS:
+                for strategy in options.strategy:
+                    _confirm(compose("default", []), CampaignId(scenario, strategy, "base", seed), options)
+        print(markdown(measured(options.out)))
+    except InputError as error:
+        parser.error(str(error))
+
+
+def _confirm(config: Config, campaign: CampaignId, options: argparse.Namespace) -> None:
+    path = recorded.path_of(campaign.scenario, campaign.strategy, options.out / str(campaign.seed))
+    if not path.exists():
+        plan = campaign_plan(config, options.journal, campaign, {"strategy": contestants.digest(campaign.strategy)}, TESTS)
+        sampler = contestants.make(campaign.strategy, plan.space, plan.strategy_seed)
+        record_campaign(plan, sampler, path, options.journal / str(campaign.seed) / path.stem, options.threads)
+
+
+def measured(folder: Path = DATA) -> pd.DataFrame:
+    """A row for each recorded campaign: `scenario`, `strategy`, `seed`, `tests`, and failures, kinds and γ_f after all of them."""
+    config, rows = compose("default", []), []
+    for path in sorted(folder.glob("*/*.csv.gz")):
+        scenario, _, strategy = path.name.removesuffix(".csv.gz").partition("-")
+        space = functional_scenario(scenario).logical_space()
+        table, points = recorded.campaign(path, space)
+        kpi = table["adj_ttc_s"].to_numpy(float)
+        kpi[table["status"] != "ok"] = np.nan
+        found = scores(
+            space, points, kpi, config.campaign.failure_threshold_s, config.regions.chance_neighbours, config.regions.min_failures
+        )
+        measures = {name: found[f"{name}_{len(table)}"] for name in ("failures", "kinds", "gamma_f")}
+        rows.append({"scenario": scenario, "strategy": strategy, "seed": int(path.parent.name), "tests": len(table), **measures})
+    return pd.DataFrame(rows)
+
+
+def markdown(rows: pd.DataFrame) -> str:
+    """Means over seeds with their lowest and highest, a row for each strategy and scenario."""
+    lines = ["| scenario | strategy | seeds | failures | kinds | γ_f, % |", "|---|---|---|---|---|---|"]
+    for (scenario, strategy), group in rows.groupby(["scenario", "strategy"]) if len(rows) else ():
+        cells = [_spread(group["failures"]), _spread(group["kinds"]), _spread(100 * group["gamma_f"])]
+        lines.append(f"| {scenario} | {strategy} | {len(group)} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _spread(values: pd.Series) -> str:
+    return f"{values.mean():.0f} ({values.min():.0f}–{values.max():.0f})"
+
+
+if __name__ == "__main__":
+    main()
