@@ -17,7 +17,7 @@ from sklearn.linear_model import BayesianRidge
 from sklearn.neural_network import MLPRegressor
 
 from pipeline.core.samplers.features import features
-from pipeline.core.samplers.forest import ForestSampler
+from pipeline.core.samplers.forest import LINEAR_TRUST, ForestSampler
 from pipeline.core.samplers.meta_model import scaled
 from pipeline.core.space import Floats
 
@@ -26,8 +26,8 @@ from pipeline.core.space import Floats
 class TreesAlone(ForestSampler):
     """Without the linear model: while nothing has failed, all candidates are alike."""
 
-    def _votes(self, inputs: Floats, kpi: Floats, others: Floats, rng: np.random.Generator) -> Floats:
-        return 2 * super()._votes(inputs, kpi, others, rng) - self._linear(inputs, kpi, others)
+    def _linear(self, inputs: Floats, kpi: Floats, others: Floats) -> Floats:
+        return np.zeros(len(others))
 
 
 @dataclass(eq=False, repr=False, kw_only=True)
@@ -39,14 +39,24 @@ class LinearAlone(ForestSampler):
 
 
 @dataclass(eq=False, repr=False, kw_only=True)
+class Mean(ForestSampler):
+    """The mean of the two models' probabilities instead of a noisy-or."""
+
+    def _votes(self, inputs: Floats, kpi: Floats, others: Floats, rng: np.random.Generator) -> Floats:
+        linear = self._linear(inputs, kpi, others)
+        joined = super()._votes(inputs, kpi, others, rng)
+        trees = (joined - LINEAR_TRUST * linear) / (1 - LINEAR_TRUST * linear)
+        return (trees + linear) / 2
+
+
+@dataclass(eq=False, repr=False, kw_only=True)
 class Boosting(ForestSampler):
     """Boosted trees instead of the forest; they give one vote."""
 
     def _votes(self, inputs: Floats, kpi: Floats, others: Floats, rng: np.random.Generator) -> Floats:
         settings = {"n_estimators": 60, "subsample": 0.7, "max_features": 0.4, "random_state": int(rng.integers(2**31))}
-        boosted = GradientBoostingRegressor(**settings).fit(inputs, kpi <= self.failure_threshold_s)
-        chance = (np.clip(boosted.predict(others), 0, 1) + self._linear(inputs, kpi, others)) / 2
-        return np.tile(chance, (self.trees, 1))
+        known = np.clip(GradientBoostingRegressor(**settings).fit(inputs, kpi <= self.failure_threshold_s).predict(others), 0, 1)
+        return np.tile(known + (1 - known) * LINEAR_TRUST * self._linear(inputs, kpi, others), (self.trees, 1))
 
 
 @dataclass(eq=False, repr=False, kw_only=True)
@@ -95,6 +105,7 @@ class Transfer(ForestSampler):
 VARIANTS: dict[str, type[ForestSampler]] = {
     "forest-trees-alone": TreesAlone,
     "forest-linear-alone": LinearAlone,
+    "forest-mean": Mean,
     "forest-boosting": Boosting,
     "forest-level-set": LevelSet,
     "forest-deep-kernel": DeepKernel,

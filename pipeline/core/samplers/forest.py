@@ -27,6 +27,8 @@ PARENTS = 10
 """Tests that are mutated while there are fewer failures."""
 TREE_FEATURES = 0.7
 """Share of the inputs that a tree tries at each of its nodes."""
+LINEAR_TRUST = 0.75
+"""What the linear model's probability counts where the trees expect no failure."""
 EDGE = 1e-9
 CURIOSITY = 0.2
 """Added to the failure probability in slots that explore, so that a pair counts even where no failure is expected."""
@@ -39,9 +41,10 @@ class ForestSampler(BatchSampler):
     The first batch covers as many pairs of categories as it can. From then on, candidates are random points and mutations of all failures,
     and the value of a candidate is P(failure) x gain.
 
-    P is the mean of two models' probabilities. Extremely randomised trees (Geurts et al., 2006) learn which tests failed, and know how
-    variables act together. A Bayesian linear regression of the KPI (Tipping, 2001) learns from near misses, too, so that it leads while
-    failures are few. For each pick, some trees are drawn anew (Thompson sampling): where the trees disagree, picks differ.
+    P comes from two models. Extremely randomised trees (Geurts et al., 2006) learn which tests failed, and know how variables act
+    together. A Bayesian linear regression of the KPI (Tipping, 2001) learns from near misses, too, so it leads while failures are few. They
+    are joined as a noisy-or: what the trees know to fail cannot gain from the linear model, which would prefer tests in which all causes
+    meet. For each pick, some trees are drawn anew (Thompson sampling): where the trees disagree, picks differ.
 
     The gain is the mean of 1 / (1 + n)^2 over the candidate's pairs of categories, n being the number of failures that show the pair,
     expected failures of the batch included. So a known failure mode loses value, but never all of it.
@@ -54,7 +57,7 @@ class ForestSampler(BatchSampler):
 
     candidates: int = 3000
     mutants: float = 0.75
-    kinds: float = 0.2
+    kinds: float = 0.1
     explore: float = 0.1
     diverse: bool = True
     trees: int = 60
@@ -91,11 +94,12 @@ class ForestSampler(BatchSampler):
         return np.concatenate(inputs), np.concatenate([values[~np.isnan(values)] for _, values in campaigns])
 
     def _votes(self, inputs: Floats, kpi: Floats, others: Floats, rng: np.random.Generator) -> Floats:
-        """The failure probability of other inputs (m, f) by each tree, averaged with the linear model's, (trees, m)."""
+        """The failure probability of other inputs (m, f) by each tree, joined with the linear model's, (trees, m)."""
         forest = ExtraTreesRegressor(self.trees, max_features=TREE_FEATURES, random_state=int(rng.integers(2**31)))
         forest.fit(inputs, kpi <= self.failure_threshold_s)
         rows = others.astype(np.float32)
-        return (np.stack([tree.tree_.predict(rows)[:, 0] for tree in forest.estimators_]) + self._linear(inputs, kpi, others)) / 2
+        known = np.stack([tree.tree_.predict(rows)[:, 0] for tree in forest.estimators_])
+        return known + (1 - known) * LINEAR_TRUST * self._linear(inputs, kpi, others)
 
     def _linear(self, inputs: Floats, kpi: Floats, others: Floats) -> Floats:
         """The probability (m,) that the KPI of other inputs is at or below the threshold, by a linear model with normal scatter."""
