@@ -36,7 +36,7 @@ def postgresql(folder: Path) -> Iterator[str]:
     data = folder / "postgresql"
     data.mkdir()
     if user:
-        for path in (data, *list(folder.parents)[:2], folder):
+        for path in (data, *list(folder.parents)[:3], folder):  # With pytest-xdist, there is one more.
             path.chmod(0o755)
         os.chown(data, pwd.getpwnam("postgres").pw_uid, pwd.getpwnam("postgres").pw_gid)
     data.chmod(0o700)
