@@ -4,12 +4,14 @@
     python benchmarks/strategies keep [--split judging]
     python benchmarks/strategies show [--split judging] [--page docs/results/strategies.md]
     python benchmarks/strategies truth
+    python benchmarks/strategies models
     python benchmarks/strategies grid [--page docs/results/thesis.md]
     python benchmarks/strategies list
 
 run: every strategy, seed and world; a rerun does only what is missing or was made by other code. keep: publish the finished runs in
-benchmarks/strategies/results. show: tables and figure of the finished runs. truth: how true the emulators are. grid: tables and figures of
-thesis chapter 6 from the recorded campaigns. list: strategies, groups and worlds.
+benchmarks/strategies/results. show: tables and figure of the finished runs. truth: how true the emulators are. models: how well the models
+of the forest and of its variants predict rendered tests. grid: tables and figures of thesis chapter 6 from the recorded campaigns. list:
+strategies, groups and worlds.
 """
 
 from __future__ import annotations
@@ -29,6 +31,7 @@ import variants
 import worlds
 from campaigns import Run
 from picture import BUDGETS, failures_against_kinds
+from predictions import predictions
 from record import BASE
 from standings import blocks, markdown, standings
 from truth import truth
@@ -64,12 +67,15 @@ def main() -> None:
         command.add_argument("--results", type=Path, help=f"default: {RESULTS}/<split>.jsonl")
     check = commands.add_parser("truth", help="cross-validation of the emulators")
     check.add_argument("--scenario", nargs="+", default=[name for split in worlds.SPLITS.values() for name in split.scenarios])
+    commands.add_parser("models", help="how well the forest's models and their variants predict rendered tests")
     grid_ = commands.add_parser("grid", help="tables and figures of thesis chapter 6")
     grid_.add_argument("--page", type=Path, help="Markdown page whose tables are replaced, and that gets the figures beside it")
     commands.add_parser("list", help="strategies, groups and worlds")
     options = parser.parse_args()
     try:
-        {"run": _run, "keep": _keep, "show": _show, "truth": _truth, "grid": _grid, "list": _list}[options.command](options)
+        {"run": _run, "keep": _keep, "show": _show, "truth": _truth, "models": _models, "grid": _grid, "list": _list}[options.command](
+            options
+        )
     except InputError as error:
         parser.error(str(error))
 
@@ -128,6 +134,10 @@ def _truth(options: argparse.Namespace) -> None:
         if recording.errors:
             print(f"{name}: {recording.errors} tests ended in an error and are left out")
     print(truth(recordings).to_markdown(index=False, floatfmt=".3f"))
+
+
+def _models(options: argparse.Namespace) -> None:
+    print(predictions().to_markdown(index=False, floatfmt=".3f"))
 
 
 def _grid(options: argparse.Namespace) -> None:

@@ -112,3 +112,10 @@ VARIANTS: dict[str, type[ForestSampler]] = {
     "forest-no-attributes": NoAttributes,
     "forest-transfer": Transfer,
 }
+
+
+def expected(model: ForestSampler, points: Floats, kpi: Floats, others: Floats) -> Floats:
+    """The failure probability of other points (m, d), as (m,), by the models of a search that has seen points (n, d) and their KPI (n,)."""
+    inputs, observed = model._lessons(points, kpi)
+    votes = model._votes(inputs, observed, model._inputs(others, len(model.earlier)), np.random.default_rng(0))
+    return np.asarray(votes.mean(axis=0))

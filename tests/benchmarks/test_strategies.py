@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
 import ceiling
+import confirm
 import contestants
 import duels
 import emulators
@@ -21,6 +23,7 @@ import worlds
 from analytic import AnalyticWorld
 from campaigns import Row, Run, execute
 from picture import failures_against_kinds
+from predictions import BEGINNINGS, predictions
 from standings import Block, blocks, markdown, standings
 from truth import truth
 
@@ -143,22 +146,34 @@ def test_a_missing_recording_names_the_command(tmp_path: Path) -> None:
         recorded.read("F1", SMALL, tmp_path)
 
 
-def test_the_grid_counts_what_was_recorded(tmp_path: Path) -> None:
+def write_campaign(path: Path, failures: Collection[int], tests: int) -> None:
+    """A recorded campaign on F5 of which some tests fail."""
     space = functional_scenario("F5").logical_space()
+    rows = [
+        {"status": "ok", "adj_ttc_s": 0.0 if i in failures else 2.0, "failure": i in failures, "failure_mode": "contact", "cause": "-"}
+        | space.decode(point)
+        for i, point in enumerate(space.sample(tests, np.random.default_rng(min(failures))))
+    ]
+    recorded.write(pd.DataFrame(rows), path)
+
+
+def test_the_grid_counts_what_was_recorded(tmp_path: Path) -> None:
     for strategy, failures in (("random", (3,)), ("evolutionary", (1, 2, 5))):
-        points = space.sample(40, np.random.default_rng(failures[0]))
-        rows = [
-            {"status": "ok", "adj_ttc_s": 0.0 if i in failures else 2.0, "failure": i in failures, "failure_mode": "contact", "cause": "-"}
-            | space.decode(point)
-            for i, point in enumerate(points)
-        ]
-        recorded.write(pd.DataFrame(rows), recorded.path_of("F5", strategy, tmp_path))
+        write_campaign(recorded.path_of("F5", strategy, tmp_path), failures, 40)
     campaigns = grid.read(tmp_path)
     text = grid.markdown(campaigns)
     assert "| random (Random Testing) | 1 / 0 |" in text and "| evolutionary (Evolutionary) | 3 / 24 |" in text
     assert "| evolutionary (Evolutionary) | 0.50 / 0.93 |" in text  # The first failure after 2 tests instead of 4.
     assert "F5 2.5% (0.4 to 12.9)" in text
     assert [name for name, _ in grid.figures(campaigns, THRESHOLD_S)] == ["random", "random-failures"]
+
+
+def test_confirmation_shows_means_over_seeds(tmp_path: Path) -> None:
+    for seed, failures in ((1, range(10)), (2, range(20, 50))):
+        write_campaign(recorded.path_of("F5", "forest", tmp_path / str(seed)), failures, 120)
+    rows = confirm.measured(tmp_path)
+    assert rows["failures"].tolist() == [10, 30] and rows["seed"].tolist() == [1, 2]
+    assert "| F5 | forest | 2 | 20 (10–30) |" in confirm.markdown(rows)
 
 
 class Everywhere:
@@ -197,6 +212,11 @@ def test_a_variant_searches(name: str) -> None:
     assert last.shape == (30, len(space))
     assert np.mean(last[:, -1] < 5) > 0.3  # One in fifteen random tests.
     assert contestants.digest(name) != contestants.digest("forest")
+
+
+def test_models_are_judged_on_other_campaigns() -> None:
+    (row,) = predictions(["forest-linear-alone"], ["F3"]).to_dict("records")
+    assert list(row) == ["model", *BEGINNINGS, "mean"] and 0.6 < row["mean"] < 0.95
 
 
 def test_development_and_judging_share_nothing() -> None:
