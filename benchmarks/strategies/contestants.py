@@ -47,7 +47,7 @@ def digest(label: str) -> str:
     if label == CEILING:
         return ""
     if label in peers.PEERS:
-        about = [version(peers.PEERS[label]), inspect.getsource(peers)]
+        about = [version(peers.PEERS[label]), inspect.getsource(peers.kind_of(label))]
     else:
         section = _section(label)
         about = [json.dumps(section, sort_keys=True), code_digest(section["_target_"].rpartition(".")[0])]

@@ -1,8 +1,8 @@
 """Search strategies of other projects by ask and tell, for comparison. They need the packages of requirements.txt.
 
-VerifAI: cross-entropy, multi-armed bandit and Halton. pymoo: NSGA-II. pyribs: MAP-Elites. Unlike the strategies of conf/sampler, a peer
-cannot be restored by telling its history again, and it does not know the constraints of a space. VerifAI's Bayesian optimisation is left
-out: it needs GPyOpt, which is archived and fits no NumPy from 2 on.
+VerifAI: cross-entropy, multi-armed bandit, Halton and Bayesian. pymoo: NSGA-II. pyribs: MAP-Elites. Unlike the strategies of conf/sampler,
+a peer cannot be restored by telling its history again, and it does not know the constraints of a space. VerifAI's Bayesian optimisation
+fits a Gaussian process anew for every test, which takes seconds: 1,000 tests of it take hours.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ PEERS: Mapping[str, str] = {
     "verifai-ce": "verifai",
     "verifai-mab": "verifai",
     "verifai-halton": "verifai",
+    "verifai-bayesian": "verifai",
     "pymoo-nsga2": "pymoo",
     "pyribs-map-elites": "ribs",
 }
@@ -30,6 +31,7 @@ VERIFAI = {
     "verifai-ce": "crossEntropySamplerFor",
     "verifai-mab": "multiArmedBanditSamplerFor",
     "verifai-halton": "haltonSamplerFor",
+    "verifai-bayesian": "bayesianOptimizationSamplerFor",
 }
 BATCH = 20
 ERROR_S = 10.0
@@ -39,17 +41,22 @@ ERROR_S = 10.0
 def make(name: str, space: Space, seed: int, failure_threshold_s: float) -> Sampler:
     """A peer before its first test; InputError if its package is missing."""
     try:
-        if name in VERIFAI:
-            return VerifaiSampler(space, seed, VERIFAI[name], failure_threshold_s)
-        return Nsga2(space, seed) if name == "pymoo-nsga2" else MapElites(space, seed)
+        return kind_of(name)(space, seed, name, failure_threshold_s)
     except ImportError as error:
         raise InputError(f"{name} needs the packages of benchmarks/strategies/requirements.txt: {error}") from error
+
+
+def kind_of(name: str) -> type[VerifaiSampler] | type[Nsga2] | type[MapElites]:
+    """The class of a peer."""
+    if name in VERIFAI:
+        return VerifaiSampler
+    return Nsga2 if name == "pymoo-nsga2" else MapElites
 
 
 class VerifaiSampler:
     """A sampler of VerifAI, told after every test, which is its most favourable case."""
 
-    def __init__(self, space: Space, seed: int, factory: str, failure_threshold_s: float) -> None:
+    def __init__(self, space: Space, seed: int, name: str, failure_threshold_s: float) -> None:
         from verifai.features import Box, DiscreteBox, Feature, FeatureSpace
         from verifai.samplers.feature_sampler import FeatureSampler
 
@@ -60,7 +67,13 @@ class VerifaiSampler:
             for j, v in enumerate(space.variables)
         }
         self._space, self._threshold_s = space, failure_threshold_s
-        self._sampler: Any = getattr(FeatureSampler, factory)(FeatureSpace(domains))
+        more: dict[str, Any] = {}
+        if name == "verifai-bayesian":
+            import GPyOpt  # noqa: F401  # VerifAI hides why it cannot be imported.
+            from dotmap import DotMap
+
+            more = {"BO_params": DotMap(init_num=BATCH)}
+        self._sampler: Any = getattr(FeatureSampler, VERIFAI[name])(FeatureSpace(domains), **more)
 
     def ask(self) -> Floats:
         self._sample, self._info = self._sampler.getSample()
@@ -77,7 +90,7 @@ class VerifaiSampler:
 class Nsga2:
     """NSGA-II of pymoo on the unit cube: the KPI, and the distance to the nearest earlier test, which keeps it from one place."""
 
-    def __init__(self, space: Space, seed: int) -> None:
+    def __init__(self, space: Space, seed: int, name: str, failure_threshold_s: float) -> None:
         from pymoo.algorithms.moo.nsga2 import NSGA2
         from pymoo.core.problem import Problem
         from pymoo.core.termination import NoTermination
@@ -105,7 +118,7 @@ class Nsga2:
 class MapElites:
     """MAP-Elites of pyribs: the lowest KPI of every kind, varied by Gaussian steps on the unit cube."""
 
-    def __init__(self, space: Space, seed: int) -> None:
+    def __init__(self, space: Space, seed: int, name: str, failure_threshold_s: float) -> None:
         from ribs.archives import GridArchive
         from ribs.emitters import GaussianEmitter
         from ribs.schedulers import Scheduler

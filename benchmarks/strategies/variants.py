@@ -5,12 +5,14 @@ Settings alone make others, such as `forest kinds=0`; see the module of the fore
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
 import recorded
 from scipy.special import ndtr
 from sklearn.ensemble import GradientBoostingRegressor
+from sklearn.exceptions import ConvergenceWarning
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 from sklearn.linear_model import BayesianRidge
@@ -78,7 +80,9 @@ class DeepKernel(ForestSampler):
     def _linear(self, inputs: Floats, kpi: Floats, others: Floats) -> Floats:
         *observed, threshold = scaled(np.append(kpi, self.failure_threshold_s))
         settings = {"hidden_layer_sizes": (32,), "activation": "tanh", "solver": "lbfgs", "alpha": 1.0, "max_iter": 60, "random_state": 0}
-        network = MLPRegressor(**settings).fit(inputs, observed)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ConvergenceWarning)  # Stopping early is part of the regularisation.
+            network = MLPRegressor(**settings).fit(inputs, observed)
         own, new = (np.tanh(rows @ network.coefs_[0] + network.intercepts_[0]) for rows in (inputs, others))
         mean, deviation = BayesianRidge().fit(own, observed).predict(new, return_std=True)
         return np.asarray(ndtr((threshold - mean) / np.maximum(deviation, 1e-9)))
