@@ -64,7 +64,8 @@ def unknown_commands(text: str, top: argparse.ArgumentParser) -> list[str]:
 @pytest.mark.parametrize("name", documents())
 def test_no_line_is_long(name: str) -> None:
     lines = (ROOT / name).read_text().splitlines()
-    assert [number for number, line in enumerate(lines, 1) if len(line) > LONGEST_LINE] == []
+    # A row of a table cannot be wrapped.
+    assert [number for number, line in enumerate(lines, 1) if len(line) > LONGEST_LINE and not line.startswith("|")] == []
 
 
 def test_the_readme_is_short() -> None:
