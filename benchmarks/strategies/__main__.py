@@ -72,10 +72,9 @@ def main() -> None:
     grid_.add_argument("--page", type=Path, help="Markdown page whose tables are replaced, and that gets the figures beside it")
     commands.add_parser("list", help="strategies, groups and worlds")
     options = parser.parse_args()
+    chosen = {"run": _run, "keep": _keep, "show": _show, "truth": _truth, "models": _models, "grid": _grid, "list": _list}
     try:
-        {"run": _run, "keep": _keep, "show": _show, "truth": _truth, "models": _models, "grid": _grid, "list": _list}[options.command](
-            options
-        )
+        chosen[options.command](options)
     except InputError as error:
         parser.error(str(error))
 

@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from peers import VERIFAI
+from picture import BUDGETS
 from standings import CONFIDENCE, Block, blocks
-from worlds import RARITIES, WorldName
+from worlds import ANALYTIC, WorldName
 
 from pipeline.core.statistics import bootstrap_ratio
 
 DEFAULT, THESIS, GREEDY = "forest", "network", "exploit"
-BUDGETS = (300, 1000)
-KINDS_OF_WORLDS = {"": "as recorded", "-rare": "1.5 % fail", "-rarest": "0.1 % fail"}
 
 
 def markdown(rows: Sequence[dict[str, Any]]) -> str:
@@ -40,9 +39,10 @@ def markdown(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def _kind(group: str) -> str:
-    name = WorldName("", group)
-    rarity = group.removeprefix(name.family)
-    return KINDS_OF_WORLDS[rarity] if rarity in RARITIES and name.family != "analytic" else group
+    if group == ANALYTIC:
+        return group
+    share = WorldName("", group).share
+    return f"{100 * share:g} % fail" if share else "as recorded"
 
 
 def _ratio(group: Sequence[Block], measure: str, ours: str, others: Sequence[str]) -> str:
