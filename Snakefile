@@ -19,6 +19,7 @@ PLAN = plan(
         "measure",  # how well each strategy finds failures
         "cluster",  # failure regions and their rules
         "filter",  # the frames that are fit for training
+        "render_scenes",  # new random scenes, for arms that learn from them
         "white_box",  # the neurons that each strategy's frames reach
         "retrain",  # D_r, D_a and the control
         "second_iou",  # the held-out sequence at another IoU

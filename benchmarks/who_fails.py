@@ -1,4 +1,4 @@
-"""Failures of a study's versions by group of pedestrians: per search strategy, and on each held-out sequence per kind of version and seed.
+"""Failures of a study's versions by group of pedestrians: per search strategy, and on each held-out sequence per version and seed.
 
 Unfinished campaigns are left out, so it also works on a running study. For adaptive against random and control, it prints round by round
 the difference of the means, Student's interval over the common seeds and the sign-flip test over the tests. Last comes the number of
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from pipeline.artefacts.points import encode_tests
 from pipeline.artefacts.scenario_space import read_space
 from pipeline.artefacts.tables import read_tests
-from pipeline.core.lineage import RETRAINED, Version
+from pipeline.core.lineage import Version
 from pipeline.core.space import Floats, Space
 from pipeline.core.statistics import mean_interval, sign_flip
 
@@ -53,15 +53,14 @@ def read(study: Path, pattern: str) -> pd.DataFrame:
 
 
 def by_version(tests: pd.DataFrame) -> dict[str, dict[int, NDArray[np.int64]]]:
-    """Kind of version -> seed -> (n,) failures, 0 or 1, on the common tests; versions without all tests are left out."""
+    """Group of versions -> seed -> (n,) failures, 0 or 1, on the common tests; versions without all tests are left out."""
     tests = tests.sort_values(["scenario", "index"])
     found: dict[str, dict[int, NDArray[np.int64]]] = defaultdict(dict)
     full = tests.groupby("version").size().max()
     for version, rows in sorted(tests.groupby("version"), key=lambda item: Version.named(item[0]).seed or 0):
         if len(rows) == full:
             found[Version.named(version).group][Version.named(version).seed or 0] = rows["failure"].to_numpy(np.int64)
-    kinds = ("base", *RETRAINED)
-    return dict(sorted(found.items(), key=lambda item: (Version.named(item[0]).round, kinds.index(Version.named(item[0]).kind))))
+    return dict(sorted(found.items(), key=lambda item: Version.named(item[0]).round))
 
 
 def cell(failures: Iterable[NDArray[np.int64]], chosen: NDArray[np.bool_]) -> str:
@@ -94,7 +93,7 @@ def main() -> None:
 
 
 def print_table(tests: pd.DataFrame) -> None:
-    """Print failures by kind of version, on one sequence per scenario."""
+    """Print failures by version, on one sequence per scenario."""
     versions = by_version(tests)
     one = tests[tests["version"] == tests["version"].mode()[0]].sort_values(["scenario", "index"])
     rows = [(name, (one["scenario"] == name).to_numpy()) for name in one["scenario"].unique()]
@@ -111,8 +110,8 @@ def print_table(tests: pd.DataFrame) -> None:
 
 
 def difference(versions: dict[str, dict[int, NDArray[np.int64]]], other: str, chosen: NDArray[np.bool_], number: int = 1) -> str:
-    """Adaptive minus another kind in a round, over their common seeds."""
-    adaptive, rival = (versions.get(str(Version(kind, number)), {}) for kind in ("adaptive", other))
+    """Adaptive minus another arm in a round, over their common seeds."""
+    adaptive, rival = (versions.get(str(Version(arm, number)), {}) for arm in ("adaptive", other))
     if not (common := adaptive.keys() & rival.keys()):
         return ""
     each = np.stack([adaptive[seed][chosen] - rival[seed][chosen] for seed in sorted(common)])

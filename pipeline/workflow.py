@@ -24,7 +24,7 @@ from pipeline.config.composing import PARAMS, load, validate
 from pipeline.config.declared import value_at
 from pipeline.config.schema import Config
 from pipeline.contract import VERDICT_FOLLOWS, Files, Step, Wildcards, step_of
-from pipeline.core.lineage import PATTERN
+from pipeline.core.lineage import BASE
 from pipeline.errors import InputError
 from pipeline.sources import code_digest
 
@@ -85,7 +85,7 @@ class Plan:
         return {
             "scenario": "|".join(config.scenarios),
             "strategy": "|".join(config.samplers),
-            "version": "|".join([PATTERN, *config.tested]),
+            "version": "|".join(dict.fromkeys([BASE, *map(str, config.versions)])),
             "seed": r"\d+",
         }
 

@@ -89,10 +89,10 @@ class ImageSet:
         """Width and height of the images, pixels."""
         return int(self.images.shape[2]), int(self.images.shape[1])
 
-    def take(self, indices: NDArray[np.int64]) -> ImageSet:
-        """The images at the given indices, as a set without a digest."""
+    def take(self, indices: NDArray[np.int64], digest: str = "") -> ImageSet:
+        """The images at the given indices."""
         boxes, whole_boxes = self.boxes[indices], self.whole_boxes[indices]
-        return ImageSet(self.images[indices], boxes, whole_boxes, self.visible_pixels[indices], self.contrast[indices])
+        return ImageSet(self.images[indices], boxes, whole_boxes, self.visible_pixels[indices], self.contrast[indices], digest)
 
 
 def image_set(labelled: Sequence[tuple[NDArray[np.uint8], Truth]], digest: str = "") -> ImageSet:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from pipeline.config.schema import Config
@@ -76,15 +76,28 @@ class Folders:
         """The failure regions of a version on a scenario."""
         return f"{self.root}/regions/{version}/{scenario}.json"
 
-    def search(self, name: str, scenario: str | None = None, strategy: str | None = None, version: str = "base") -> list[str]:
-        """The file `name` of the search campaigns against a version: of all, or of one scenario or strategy.
+    def search(
+        self,
+        name: str,
+        scenario: str | None = None,
+        strategy: str | None = None,
+        version: str = "base",
+        seeds: Sequence[int] | None = None,
+    ) -> list[str]:
+        """The file `name` of the search campaigns against a version: of all, or of one scenario, one strategy or some seeds.
 
         Campaigns of later rounds, which test retrained versions, are stored with these versions.
         """
-        config = self.config
+        config, described = self.config, self.config.version(version)
+        if seeds is None:
+            seeds = config.own_seeds(described) if described.round else config.seeds
         scenarios, strategies = [scenario] if scenario else config.search, [strategy] if strategy else config.strategies
-        root = f"{self.root}/{'retrained/' if Version.named(version).round else ''}campaigns"
-        return [f"{root}/{a}/{b}/{version}/{seed}/{name}" for a in scenarios for b in strategies for seed in config.seeds]
+        root = f"{self._where(described)}/campaigns"
+        return [f"{root}/{a}/{b}/{version}/{seed}/{name}" for a in scenarios for b in strategies for seed in seeds]
+
+    def _where(self, version: Version) -> str:
+        """The folder of what belongs to a version."""
+        return f"{self.root}/retrained" if version.round else self.root
 
     def searches(self, name: str) -> list[str]:
         """The file `name` of the search campaigns against every version that was not retrained."""
@@ -95,10 +108,10 @@ class Folders:
         return [f"{self.root}/{kind}/{a}/{strategy}/{version}/{seed}/tests.parquet" for a in self.config.earlier(scenario, strategy)]
 
     def later_search(self, name: str) -> list[str]:
-        """The file `name` of the campaigns that later rounds train on: each kind's strategy against its earlier versions."""
+        """The file `name` of the campaigns that later rounds train on: each arm's strategy against its earlier versions."""
         sources = self.config.sources
-        tested = dict.fromkeys(v for version in self.config.versions for v in version.tested if v.kind in sources)
-        return [path for v in tested for path in self.search(name, strategy=sources[v.kind], version=str(v))]
+        tested = dict.fromkeys(v for version in self.config.versions for v in version.tested if v.arm in sources)
+        return [path for v in tested for path in self.search(name, strategy=sources[v.arm], version=str(v))]
 
     def held_out(self, name: str) -> list[str]:
         """The file `name` of the comparison's campaigns."""
@@ -111,27 +124,28 @@ class Folders:
         """The comparison's tests judged at a second IoU, if the study asks for it."""
         return self.held_out("second_iou.parquet") if self.config.comparison.second_iou else []
 
-    def feeding(self, version: str, source: str) -> list[Version]:
-        """The versions whose random or adaptive campaigns feed a version; none for a control."""
-        described = Version.named(version)
-        return [] if described.kind == "control" else [replace(v, kind=source) if v.round else v for v in described.tested]
+    def added(self, version: str, arm: str, name: str) -> list[str]:
+        """The file `name` of the campaigns that feed an arm's version of the same round and seed as `version`."""
+        config, described = self.config, self.config.version(version)
+        strategy, seeds = config.sources[arm], config.own_seeds(described)
+        return [path for v in _tested(described, arm) for path in self.search(name, strategy=strategy, version=str(v), seeds=seeds)]
 
-    def added(self, version: str, source: str, name: str) -> list[str]:
-        """The file `name` of the campaigns of a source that feed a version."""
-        strategy = self.config.sources[source]
-        return [path for v in self.feeding(version, source) for path in self.search(name, strategy=strategy, version=str(v))]
+    def added_filters(self, version: str, arm: str) -> list[str]:
+        """The filter tables of these campaigns."""
+        return [self.filter(self.config.sources[arm], str(v)) for v in _tested(self.config.version(version), arm)]
 
-    def added_filters(self, version: str, source: str) -> list[str]:
-        """The filter tables of the campaigns of a source that feed a version."""
-        return [self.filter(self.config.sources[source], str(v)) for v in self.feeding(version, source)]
+    def scenes(self, version: str, arm: str) -> str:
+        """The data set, below the study's folder, of the new scenes that feed an arm's version of the same seed as `version`."""
+        described, seeds = self.config.version(version), self.config.retraining.seeds
+        return f"retrained/scenes/{self.config.arms[arm]}/{seeds[0] if described.seed is None else described.seed}"
 
     def filter(self, strategy: str, version: str = "base") -> str:
         """The filter table of a strategy's campaigns against a version."""
-        return f"{self.root}/{'retrained/' if Version.named(version).round else ''}filter/{strategy}/{version}.csv"
+        return f"{self._where(self.config.version(version))}/filter/{strategy}/{version}.csv"
 
     def model(self, version: str, name: str) -> str:
         """The file `name` of a model version."""
-        return f"{self.root}/{'retrained/' if Version.named(version).round else ''}models/{version}/{name}"
+        return f"{self._where(self.config.version(version))}/models/{version}/{name}"
 
     def detector(self, version: str) -> str:
         """The file that tests of a version load."""
@@ -147,7 +161,7 @@ class Folders:
 
     def parent(self, version: str, name: str) -> str:
         """The file `name` of the version that a version is retrained from."""
-        return self.model(str(Version.named(version).parent), name)
+        return self.model(str(self.config.version(version).parent), name)
 
     @property
     def cards(self) -> list[str]:
@@ -157,3 +171,8 @@ class Folders:
     def models(self, name: str) -> list[str]:
         """The file `name` of every model version."""
         return [self.model(str(version), name) for version in self.config.versions]
+
+
+def _tested(version: Version, arm: str) -> list[Version]:
+    """The versions whose campaigns feed an arm's version of the same round and seed, oldest first."""
+    return [replace(v, arm=arm) if v.round else v for v in version.tested]

@@ -13,7 +13,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 
 from pipeline.core.braking import Aeb, GateKind, LawKind, Vehicle
 from pipeline.core.car import Car
-from pipeline.core.lineage import Version, versions
+from pipeline.core.lineage import BASE, Version, versions
 from pipeline.core.matching import Criterion
 from pipeline.core.names import nearest
 from pipeline.core.space import Space
@@ -25,6 +25,9 @@ Share = Annotated[float, Field(gt=0, lt=1)]
 
 
 DetectorName = Annotated[str, Field(pattern=r"^[A-Za-z0-9]\w*$")]
+ArmName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+BASE_SET, NEW_SCENES, BALANCED_SCENES = "base_set", "new_scenes", "balanced_scenes"
+"""What an arm may learn from, beside a strategy's frames."""
 
 
 def _has_target(section: dict[str, Any]) -> dict[str, Any]:
@@ -171,10 +174,13 @@ class Training(_Section):
 
 
 class Retraining(_Section):
-    """Retraining of the versions control, random and adaptive, all with the same number of steps."""
+    """Retraining of the versions of all arms, with the same number of steps."""
 
     seeds: tuple[Seed, ...] = Field(min_length=1)
-    """Seeds of the choice of frames, of order and augmentation; each makes a version of each kind."""
+    """Seeds of the choice of frames, of order and augmentation; each makes a version of each arm."""
+    searches: Literal["all", "own"]
+    """`all`: each version learns from the campaigns of all `seeds` of the study; `own`: only from those of its own seed, so that versions
+    of an arm differ by their search, too."""
     rounds: int = Field(ge=1, le=20)
     """Number of rounds; each repeats search, filter and retraining on the newest versions."""
     start: Literal["parent", "scratch"]
@@ -188,11 +194,11 @@ class Retraining(_Section):
     learning_rate: float = Field(gt=0, lt=1)
     """The highest of the schedule."""
     added_share: Share
-    """Share of a batch that comes from the campaigns; the rest, and all of the control's, comes from the base set."""
+    """Share of a batch that comes from the added frames; the rest, and all of a control's, comes from the base set."""
     added_frames: int = Field(ge=1)
-    """Largest number of added frames per round; it never exceeds the number of frames of the smaller source."""
+    """Largest number of added frames per round; it never exceeds the number of frames of the smallest source."""
     empty_share: Share
-    """Share of the added frames without a visible pedestrian; the same for both sources."""
+    """Share of the added frames without a visible pedestrian; the same for all sources."""
 
 
 class Filter(_Section):
@@ -252,9 +258,11 @@ class Config(_Section):
     held_out: tuple[str, ...] = Field(min_length=1)
     """Scenarios used only for the comparison."""
     strategies: tuple[str, ...] = Field(min_length=1)
-    """Test strategies of the search; the first is the baseline and feeds D_r."""
-    adaptive: str
-    """The strategy that feeds D_a."""
+    """Test strategies of the search; the first is the baseline of the measures."""
+    arms: dict[ArmName, str] = Field(min_length=1)
+    """The versions that each round retrains, by name, and the source of their added frames: a strategy of the search; `base_set`, which
+    adds none (a control); `new_scenes`, random scenes as in the base set, but new ones; or `balanced_scenes`, new ones in which all people
+    and poses are equally frequent. The verdict compares the arm `adaptive` with every other."""
     scenarios: dict[str, FunctionalScenario]
     """The functional scenarios of both lists, from conf/scenario."""
     samplers: dict[str, Target]
@@ -293,13 +301,23 @@ class Config(_Section):
                     f"campaign.transfer: {other} has another space than {self.search[0]}, but earlier campaigns need the same space"
                 )
         _known("comparison.strategy", self.comparison.strategy, self.samplers)
-        _known("adaptive", self.adaptive, self.strategies)
+        for arm, source in self.arms.items() if self.goal == "report" else ():
+            _known(f"arms.{arm}", source, (*self.strategies, BASE_SET, NEW_SCENES, BALANCED_SCENES))
+        if BASE in self.arms:
+            raise ValueError(f"arms: '{BASE}' is the version before retraining; choose another name")
         for key, seeds in {"seeds": self.seeds, "retraining.seeds": self.retraining.seeds}.items():
             if len(set(seeds)) < len(seeds):
                 raise ValueError(f"{key} must differ, got {list(seeds)}")
+        if self.retraining.searches == "own" and self.retraining.seeds != self.seeds:
+            raise ValueError(
+                f"retraining.seeds must be {list(self.seeds)}, the seeds of the search, because retraining.searches is 'own', got "
+                f"{list(self.retraining.seeds)}"
+            )
         for name in self.samplers:
             if not re.fullmatch(r"\w+", name):
                 raise ValueError(f"samplers: expected letters, digits and _ in a name, as tests are named after it, got '{name}'")
+            if name in (BASE_SET, NEW_SCENES, BALANCED_SCENES):
+                raise ValueError(f"samplers: '{name}' is a source of arms already; choose another name")
         if both := set(self.search) & set(self.held_out):
             raise ValueError(f"held_out must not be searched: {', '.join(sorted(both))} is in both lists")
         for unseen in self.held_out:
@@ -325,8 +343,6 @@ class Config(_Section):
             raise ValueError("tested: goal 'detectors' needs at least one detector, as in +tested.mine=best.onnx")
         if self.calibrate and self.goal != "detectors":
             raise ValueError(f"calibrate: only goal 'detectors' calibrates detectors under test, got goal '{self.goal}'")
-        if self.adaptive == self.strategies[0]:
-            raise ValueError(f"adaptive must differ from the baseline, the first of strategies, got '{self.adaptive}' for both")
         return self
 
     def earlier(self, scenario: str, strategy: str) -> tuple[str, ...]:
@@ -337,13 +353,18 @@ class Config(_Section):
 
     @property
     def sources(self) -> dict[str, str]:
-        """The strategies that supply training frames, by the kind of version that is trained on them."""
-        return {"random": self.strategies[0], "adaptive": self.adaptive}
+        """The strategies that supply training frames, by the arm that learns from them."""
+        return {arm: source for arm, source in self.arms.items() if source in self.strategies}
+
+    @property
+    def learns_from_scenes(self) -> bool:
+        """Whether an arm learns from new random scenes."""
+        return not {NEW_SCENES, BALANCED_SCENES}.isdisjoint(self.arms.values())
 
     @property
     def searched(self) -> frozenset[tuple[str, str]]:
         """Strategy and version of every search campaign, those of later rounds included."""
-        later = {(self.sources[v.kind], str(v)) for version in self.versions for v in version.tested if v.kind in self.sources}
+        later = {(self.sources[v.arm], str(v)) for version in self.versions for v in version.tested if v.arm in self.sources}
         return frozenset(later.union((strategy, "base") for strategy in self.strategies))
 
     @property
@@ -351,7 +372,17 @@ class Config(_Section):
         """The model versions of the study."""
         if self.goal == "detectors":
             return tuple(map(Version, self.tested))
-        return versions(self.retraining.rounds, self.retraining.seeds)
+        return versions(self.arms, self.retraining.rounds, self.retraining.seeds)
+
+    def version(self, name: str) -> Version:
+        """The version of a name, which may be a detector that the study only tests."""
+        return Version(name) if name in self.tested else Version.named(name)
+
+    def own_seeds(self, version: Version) -> tuple[int, ...]:
+        """The seeds of the campaigns against a retrained version, which are also those of the campaigns that it learnt from."""
+        if self.retraining.searches == "all":
+            return self.seeds
+        return (self.seeds[0] if version.seed is None else version.seed,)
 
     @property
     def threshold(self) -> float:
@@ -390,7 +421,7 @@ JUDGED = ("detector", "vehicle", "aeb", "campaign.match_iou", "campaign.failure_
 """The keys that determine how a detector's report becomes motion and a KPI."""
 
 FAN_OUT = (
-    *("study", "search", "held_out", "seeds", "strategies", "adaptive", "retraining.rounds", "retraining.seeds"),
+    *("study", "search", "held_out", "seeds", "strategies", "arms", "retraining.rounds", "retraining.seeds", "retraining.searches"),
     *("comparison.strategy", "comparison.seed", "campaign.transfer"),
 )
 """The keys that determine a study's jobs and the files that they read."""

@@ -1,46 +1,42 @@
 """The model versions of a study: their names, their parents and the campaigns that feed them (thesis chapter 7).
 
-`base` (D_o) is tested first. Each round retrains three kinds from their predecessors: `random` (D_r) and `adaptive` (D_a) on frames of
-campaigns against them, `control` on no new data. Retraining with several seeds makes several versions of each kind.
+`base` (D_o) is tested first. Each round retrains a version of every arm from its predecessor: `random` (D_r) and `adaptive` (D_a) on frames
+of campaigns against it, `control` on no new data. Retraining with several seeds makes several versions of each arm.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from pipeline.errors import InputError
 
-RETRAINED = ("control", "random", "adaptive")
-PATTERN = r"base|(?:control|random|adaptive)(?:-r(?:[2-9]|[1-9]\d+))?(?:-s\d+)?"
-"""Pattern of all version names, as a regular expression."""
-NAME = re.compile(r"(control|random|adaptive)(?:-r([2-9]|[1-9]\d+))?(?:-s(\d+))?")
+BASE = "base"
+NAME = re.compile(r"(\w+)(?:-r([2-9]|[1-9]\d+))?(?:-s(\d+))?")
 
 
 @dataclass(frozen=True)
 class Version:
-    """A model version. kind: `base`, one of `RETRAINED`, or the name of a detector that a study only tests. round: 0 for versions that
-    are not retrained, else from 1. seed: of retraining; None for the study's first seed."""
+    """A model version. arm: its arm in the study, `base`, or the name of a detector that a study only tests. round: from 1; 0 for a
+    version that is not retrained. seed: of retraining; None for the study's first seed."""
 
-    kind: str = "base"
+    arm: str = BASE
     round: int = 0
     seed: int | None = None
 
     def __str__(self) -> str:
         """Its name: `base`, `adaptive`, `adaptive-r2`, `adaptive-s1`, `adaptive-r2-s1`."""
-        return self.kind + (f"-r{self.round}" if self.round > 1 else "") + (f"-s{self.seed}" if self.seed is not None else "")
+        return self.arm + (f"-r{self.round}" if self.round > 1 else "") + (f"-s{self.seed}" if self.seed is not None else "")
 
     @staticmethod
     def named(name: str) -> Version:
-        """The version of a name; InputError if it is neither a version's nor a plain word, which names a detector."""
+        """The version of a name, retrained unless it is `base`; InputError for any other text."""
         found = NAME.fullmatch(name)
-        if found is None:
-            if not re.fullmatch(r"\w+", name):
-                raise InputError(f"expected the name of a version, as base or adaptive-r2-s1, got '{name}'")
-            return Version(name)
-        kind, number, seed = found.groups()
-        return Version(kind, int(number or 1), None if seed is None else int(seed))
+        if found is None or (found[1] == BASE and name != BASE):
+            raise InputError(f"expected the name of a version, as base or adaptive-r2-s1, got '{name}'")
+        arm, number, seed = found.groups()
+        return Version() if arm == BASE else Version(arm, int(number or 1), None if seed is None else int(seed))
 
     @property
     def parent(self) -> Version | None:
@@ -60,7 +56,7 @@ class Version:
         return () if self.parent is None else (*self.parent.tested, self.parent)
 
 
-def versions(rounds: int, seeds: Sequence[int]) -> tuple[Version, ...]:
-    """All versions of a study: the base, then by round and kind one version per seed of retraining."""
+def versions(arms: Iterable[str], rounds: int, seeds: Sequence[int]) -> tuple[Version, ...]:
+    """All versions of a study: the base, then by round and arm one version per seed of retraining."""
     suffixes = [None, *seeds[1:]]
-    return (Version(), *(Version(kind, number, seed) for number in range(1, rounds + 1) for kind in RETRAINED for seed in suffixes))
+    return (Version(), *(Version(arm, number, seed) for number in range(1, rounds + 1) for arm in arms for seed in suffixes))

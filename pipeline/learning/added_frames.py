@@ -1,15 +1,17 @@
-"""The campaign frames that a version is trained on besides the base set."""
+"""The images that a version is trained on besides the base set: frames of campaigns, or new random scenes."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
+import numpy as np
 import pandas as pd
 
-from pipeline.artefacts.dataset import ImageSet, decode_jpeg, image_set
+from pipeline.artefacts.dataset import ImageSet, decode_jpeg, image_set, read_dataset
 from pipeline.artefacts.filter_table import read_filter
 from pipeline.artefacts.scenario_space import read_space
 from pipeline.artefacts.tables import frame_truth, read_frames, read_tests
@@ -18,55 +20,82 @@ from pipeline.core.lineage import Version
 from pipeline.errors import InputError
 from pipeline.learning import selection
 
+FRAME = ["test_id", "step"]
+
+
+class Source(Protocol):
+    """Where added frames come from."""
+
+    def pool(self) -> pd.DataFrame:
+        """The frames that may be drawn: columns of `selection.POOL`."""
+
+    def read(self, chosen: pd.DataFrame) -> ImageSet:
+        """The images and labels of drawn rows of the pool."""
+
 
 @dataclass(frozen=True)
-class Source:
-    """The source of added frames: the filter tables and the tests of one strategy's campaigns."""
+class Campaigns:
+    """Frames of one strategy's campaigns. filters, tests, frames: files of these campaigns. spaces: of the searched scenarios."""
 
+    config: Config
     filters: Sequence[Path]
     tests: Sequence[Path]
+    spaces: Sequence[Path]
+    frames: Sequence[Path] = ()
 
-    def read(self) -> tuple[pd.DataFrame, pd.DataFrame]:
-        """The verdict on every frame, and every test; InputError that names a test in the filter tables that no campaign has."""
+    def pool(self) -> pd.DataFrame:
+        """The frames that the filter keeps, of the tests that `retraining.selection` takes; a filter table has other campaigns', too."""
         judged = pd.concat([read_filter(path) for path in self.filters], ignore_index=True)
         tests = pd.concat([read_tests(path) for path in self.tests], ignore_index=True)
-        if unknown := sorted(set(judged["test_id"]) - set(tests["test_id"])):
-            names = ", ".join(map(str, self.filters))
-            raise InputError(f"{names}: expected frames of the campaigns' tests, got one of test {unknown[0]!r}; run filter again")
-        return judged, tests
+        known = {info.name: (info, space) for info, space in map(read_space, self.spaces)}
+        groups = selection.groups(self.config.retraining.selection, tests, known, self.config.regions)
+        scenarios = dict(zip(tests["test_id"], tests["scenario"], strict=True))
+        return selection.pool(judged[judged["test_id"].isin(list(scenarios))], groups, scenarios)
+
+    def read(self, chosen: pd.DataFrame) -> ImageSet:
+        """InputError if a frame is missing from the campaigns' frames.parquet."""
+        rows = pd.concat([read_frames(path).merge(chosen[FRAME], on=FRAME) for path in self.frames], ignore_index=True)
+        if len(rows) != len(chosen):
+            raise InputError(
+                f"the filter names {len(chosen)} frames, {len(rows)} of them are in {', '.join(map(str, self.frames))}; run filter again"
+            )
+        rows = rows.sort_values(FRAME, ignore_index=True)
+        labels = rows.drop(columns="image").to_csv(index=False).encode()
+        digest = hashlib.sha256(labels + b"".join(rows["image"])).hexdigest()
+        return image_set([(decode_jpeg(row["image"]), frame_truth(row)) for _, row in rows.iterrows()], digest)
 
 
-def choose(config: Config, sources: dict[str, Source], version: Version, spaces: Sequence[Path], seed: int) -> pd.DataFrame:
-    """Choose the frames that a version is trained on: test_id, step and scenario, at most as many as the other source has.
+@dataclass(frozen=True)
+class Scenes:
+    """Images of a set of random scenes. truth: its truth.coco.json."""
 
-    The draw depends on the seed and on the frames alone.
+    config: Config
+    truth: Path
+
+    def pool(self) -> pd.DataFrame:
+        """The images without a pedestrian, and those with one that is as visible as the filter demands of a frame."""
+        images, section = read_dataset(self.truth.parent, "train"), self.config.filter
+        pixels, place = images.visible_pixels, np.arange(len(images))
+        clear = (pixels >= section.min_visible_pixels) & (images.contrast * np.sqrt(pixels) >= section.min_detectability)
+        rows = pd.DataFrame({"test_id": "", "step": place, "empty": pixels == 0, "group": selection.ANY, "scenario": ""})
+        return rows[rows["empty"] | clear].reset_index(drop=True)
+
+    def read(self, chosen: pd.DataFrame) -> ImageSet:
+        images, places = read_dataset(self.truth.parent, "train"), chosen["step"].to_numpy(np.int64)
+        digest = hashlib.sha256(f"{images.digest} {places.tolist()}".encode()).hexdigest()
+        return images.take(places, digest)
+
+
+def choose(config: Config, sources: Mapping[str, Source], version: Version, seed: int) -> pd.DataFrame:
+    """Draw the frames that a version learns from: rows of its arm's pool, at most as many as the pool of every other arm has.
+
+    sources: of every arm that adds frames. The draw depends on the seed and on the pools alone.
     """
     settings = config.retraining
-    known = {info.name: (info, space) for info, space in map(read_space, spaces)}
-    pools: dict[str, pd.DataFrame] = {}
-    scenarios: dict[str, str] = {}
-    for name, source in sources.items():
-        judged, tests = source.read()
-        scenarios |= dict(zip(tests["test_id"], tests["scenario"], strict=True))
-        groups = selection.groups(settings.selection, tests, known, config.regions)
-        pools[name] = selection.pool(judged, groups)
-    count = min(settings.added_frames * version.round, *(selection.capacity(pool, settings.empty_share) for pool in pools.values()))
+    pools = {name: source.pool() for name, source in sources.items()}
+    capacities = {name: selection.capacity(pool, settings.empty_share) for name, pool in pools.items()}
+    count = min(settings.added_frames * version.round, *capacities.values())
     if count == 0:
-        tables = " and ".join(str(path) for source in sources.values() for path in source.filters)
-        raise InputError(f"{tables}: no frame is left to train on; run more tests, or relax `filter` or `retraining.selection`")
-    chosen = selection.draw(pools[version.kind], count, settings.empty_share, seed)
-    return chosen.assign(scenario=chosen["test_id"].map(scenarios))
-
-
-def read_added(chosen: pd.DataFrame, paths: Sequence[Path]) -> ImageSet:
-    """The images and labels of the chosen frames; InputError if a frame is missing from the campaigns' frames.parquet."""
-    keys = ["test_id", "step"]
-    rows = pd.concat([read_frames(path).merge(chosen[keys], on=keys) for path in paths], ignore_index=True)
-    if len(rows) != len(chosen):
-        raise InputError(
-            f"the filter names {len(chosen)} frames, {len(rows)} of them are in {', '.join(map(str, paths))}; run filter again"
-        )
-    rows = rows.sort_values(keys, ignore_index=True)
-    labels = rows.drop(columns="image").to_csv(index=False).encode()
-    digest = hashlib.sha256(labels + b"".join(rows["image"])).hexdigest()
-    return image_set([(decode_jpeg(row["image"]), frame_truth(row)) for _, row in rows.iterrows()], digest)
+        none = ", ".join(name for name, capacity in capacities.items() if not capacity)
+        raise InputError(f"arms: no frame is left to train {none} on; run more tests, or relax `filter` or `retraining.selection`")
+    return selection.draw(pools[version.arm], count, settings.empty_share, seed)

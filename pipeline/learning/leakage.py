@@ -16,15 +16,15 @@ from pipeline.core.worlds import Worlds
 from pipeline.errors import InputError
 
 
-def refuse_worlds(config: Config, base_set: Path, spaces: Sequence[Path], parent: Path | None = None) -> Worlds:
+def refuse_worlds(config: Config, image_sets: Sequence[Path], spaces: Sequence[Path], parent: Path | None = None) -> Worlds:
     """All towns and people in a version's training data. InputError with the name of a held-out scenario if its town or its people are
     among them.
 
     Compares the fingerprints that the files were made from, possibly by an older config. A concrete scenario is a town and the values of
-    its variables, so one in another town is another one. base_set: its truth.coco.json. spaces: of the searched scenarios. parent:
+    its variables, so one in another town is another one. image_sets: their truth.coco.json. spaces: of the searched scenarios. parent:
     model.json of the version that training continues from.
     """
-    found = {f"{base_set} shows": read_worlds(base_set.parent)}
+    found = {f"{path} shows": read_worlds(path.parent) for path in image_sets}
     found |= {f"{path} describes": read_space(path)[0].worlds for path in spaces}
     if parent is not None:
         found[f"{parent} has learnt"] = read_card(parent).worlds

@@ -12,6 +12,8 @@ from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.config.schema import Regions
 from pipeline.core.space import Space
 
+POOL = ["test_id", "step", "empty", "group", "scenario"]
+"""Columns of a pool of frames: empty: no visible pedestrian; group: rows are drawn in equal numbers from each; scenario: '' for none."""
 ANY = ""
 """The only group if nothing is balanced."""
 
@@ -36,14 +38,15 @@ def groups(selection: str, tests: pd.DataFrame, spaces: Mapping[str, tuple[Scena
     return found
 
 
-def pool(judged: pd.DataFrame, grouped: Mapping[str, str]) -> pd.DataFrame:
-    """The frames that may be drawn: test_id, step, empty (no visible pedestrian) and group, in a fixed order.
+def pool(judged: pd.DataFrame, grouped: Mapping[str, str], scenarios: Mapping[str, str]) -> pd.DataFrame:
+    """The frames that may be drawn, in a fixed order, with the columns `POOL`.
 
-    judged: rows of filter tables.
+    judged: rows of filter tables. grouped, scenarios: group and scenario by test.
     """
     rows = judged[judged["kept"] & judged["test_id"].isin(list(grouped))]
-    rows = rows.assign(empty=rows["visible_pixels"] == 0, group=rows["test_id"].map(grouped))
-    return rows[["test_id", "step", "empty", "group"]].sort_values(["test_id", "step"], ignore_index=True)
+    ids = rows["test_id"]
+    rows = rows.assign(empty=rows["visible_pixels"] == 0, group=ids.map(grouped), scenario=ids.map(scenarios))
+    return rows[POOL].sort_values(["test_id", "step"], ignore_index=True)
 
 
 def capacity(rows: pd.DataFrame, empty_share: float) -> int:
@@ -53,8 +56,8 @@ def capacity(rows: pd.DataFrame, empty_share: float) -> int:
 
 
 def draw(rows: pd.DataFrame, count: int, empty_share: float, seed: int) -> pd.DataFrame:
-    """Draw `count` frames, test_id and step, without replacement: a share of them empty, the others from each group in numbers as equal
-    as the groups allow."""
+    """Draw `count` rows of a pool without replacement: a share of them empty, the others from each group in numbers as equal as the groups
+    allow."""
     rng = np.random.default_rng(seed)
     empty = rows[rows["empty"]]
     wanted = round(count * empty_share)
@@ -66,4 +69,4 @@ def draw(rows: pd.DataFrame, count: int, empty_share: float, seed: int) -> pd.Da
         part = min(len(group), -(-left // rest))
         parts.append(group.iloc[np.sort(rng.choice(len(group), part, replace=False))])
         left -= part
-    return pd.concat(parts)[["test_id", "step"]].sort_values(["test_id", "step"], ignore_index=True)
+    return pd.concat(parts).sort_values(["test_id", "step"], ignore_index=True)

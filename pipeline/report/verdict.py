@@ -88,9 +88,9 @@ def _base_set(shown: Frequencies) -> str:
 
 
 def _rivals(pair: GroupPair) -> bool:
-    """Whether it answers thesis chapter 7: adaptive frames against random ones, or against no new frames, in the same round."""
+    """Whether it answers thesis chapter 7: adaptive frames against those of another arm, or against none, in the same round."""
     group, against = Version.named(pair.group), Version.named(pair.against)
-    return group.kind == "adaptive" and against.kind in ("random", "control") and group.round == against.round
+    return "adaptive" in (group.arm, against.arm) and group.round == against.round
 
 
 def _group_sentence(comparison: Comparison, pair: GroupPair) -> str:

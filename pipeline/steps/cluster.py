@@ -13,7 +13,7 @@ STEP = Step(
     "Group the failures of a scenario into regions.",
     reads=lambda folders, wildcards: {
         "space": folders.space(wildcards["scenario"]),
-        "tests": folders.search("tests.parquet", **wildcards),
+        "tests": folders.search("tests.parquet", wildcards["scenario"], version=wildcards["version"]),
     },
     writes=lambda folders: {"regions": folders.regions("{version}", "{scenario}")},
     sections=("regions",),

@@ -16,7 +16,7 @@ from pipeline.contract import Job, Step, Wildcards
 
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
     """Only a person's table needs the list of campaigns, because it may name frames of any of them."""
-    known = ("goal", "search", "seeds", "strategies", "adaptive", "campaign.tests", "retraining.rounds", "retraining.seeds")
+    known = ("goal", "search", "seeds", "strategies", "arms", "campaign.tests", "retraining.rounds", "retraining.seeds")
     return ("filter", *(known if config.filter.overrules else ()))
 
 

@@ -29,7 +29,7 @@ def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
         "frames": folders.search("frames.parquet"),
         "later_tests": folders.later_search("tests.parquet"),
         "spaces": folders.spaces(config.search),
-        "filters": [folders.filter(strategy) for strategy in config.sources.values()],
+        "filters": [folders.filter(strategy) for strategy in dict.fromkeys(config.sources.values())],
         "models": folders.models("model.json"),
         "detectors": folders.models("model.onnx"),
     }
@@ -38,7 +38,7 @@ def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
     """All scenarios, because any of them may have a replay."""
     scenarios = tuple(f"scenarios.{name}" for name in (*config.search, *config.held_out))
-    own = ("study", "report", "filter", "simulator", "strategies", "adaptive", "held_out", *JUDGED)
+    own = ("study", "report", "filter", "simulator", "strategies", "arms", "held_out", *JUDGED)
     return (*own, *scenarios)
 
 
@@ -60,8 +60,9 @@ def run(job: Job) -> None:
     infos = {info.name: (info.label, space) for info, space in map(read_space, job.inputs("spaces"))}
     rows = pd.concat([read_tests(path) for path in job.inputs("tests")], ignore_index=True)
     cards = tuple(read_card(path) for path in job.inputs("models"))
-    learnt = rows[rows["strategy"].isin(config.sources.values())]
-    filters = dict(zip(config.sources.values(), map(read_filter, job.inputs("filters")), strict=True))
+    sources = list(dict.fromkeys(config.sources.values()))
+    learnt = rows[rows["strategy"].isin(sources)]
+    filters = dict(zip(sources, map(read_filter, job.inputs("filters")), strict=True))
     data = ReportData(
         measures=read(job.input("measures"), Measures),
         white_box=read(job.input("white_box"), WhiteBoxMeasures),

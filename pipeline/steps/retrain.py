@@ -1,38 +1,46 @@
-"""Step `retrain`: makes the versions random (D_r), adaptive (D_a) and control of a round from their predecessors (thesis section 7.1)."""
+"""Step `retrain`: makes an arm's version of a round, such as D_r or D_a, from its predecessor (thesis section 7.1)."""
 
 from __future__ import annotations
 
 from pipeline.artefacts.dataset import read_dataset
 from pipeline.artefacts.files import sha256
 from pipeline.artefacts.folders import Folders
-from pipeline.config.schema import Config, Retraining, held_out_worlds
+from pipeline.config.schema import BASE_SET, Config, Retraining, held_out_worlds
 from pipeline.contract import Files, Job, Step, Wildcards
 from pipeline.core.lineage import Version
 
 
 def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
-    version = wildcards["version"]
+    config, version = folders.config, wildcards["version"]
     files: dict[str, Files] = {
         **folders.dataset("base_set"),
         "parent": folders.parent(version, "model.json"),
         "weights": folders.parent(version, "weights.safetensors"),
-        "spaces": folders.spaces(folders.config.search),
+        "spaces": folders.spaces(config.search),
     }
-    for source in ("random", "adaptive"):
-        files[f"{source}_filters"] = folders.added_filters(version, source)
-        files[f"{source}_tests"] = folders.added(version, source, "tests.parquet")
-    if (kind := Version.named(version).kind) in folders.config.sources:
-        files["frames"] = folders.added(version, kind, "frames.parquet")
+    own = Version.named(version).arm
+    if config.arms[own] == BASE_SET:
+        return files
+    for arm, source in config.arms.items():
+        if arm in config.sources:
+            files[f"{arm}_filters"] = folders.added_filters(version, arm)
+            files[f"{arm}_tests"] = folders.added(version, arm, "tests.parquet")
+        elif source != BASE_SET:
+            truth, images = folders.dataset(folders.scenes(version, arm)).values()
+            files |= {f"{arm}_scenes": truth, f"{arm}_images": images}
+    if own in config.sources:
+        files["frames"] = folders.added(version, own, "frames.parquet")
     return files
 
 
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
     """Another round or seed adds versions and leaves the present ones unchanged; section `training` only matters for training from
-    scratch."""
-    own = [f"retraining.{name}" for name in Retraining.model_fields if name not in ("seeds", "rounds")]
+    scratch, the filter's limits only for new scenes, as campaigns are filtered before."""
+    own = [f"retraining.{name}" for name in Retraining.model_fields if name not in ("seeds", "rounds", "searches")]
     seed = ["retraining.seeds.0"] if Version.named(wildcards["version"]).seed is None else []
     scratch = ["training"] if config.retraining.start == "scratch" else []
-    return (*own, *seed, *scratch, "regions", "detector", *held_out_worlds(config))
+    limits = ["filter.min_visible_pixels", "filter.min_detectability"] if config.learns_from_scenes else []
+    return (*own, *seed, *scratch, *limits, "regions", "detector", *held_out_worlds(config))
 
 
 STEP = Step(
@@ -47,26 +55,31 @@ STEP = Step(
 def run(job: Job) -> None:
     """Retrain and write the weights, the ONNX file, the training curve and the card of the version.
 
-    Reads both sources, because both versions get the same number of added frames; a control gets none. A killed training resumes from its
-    checkpoint.
+    Reads the sources of all arms, because all get the same number of added frames; a control gets none. A killed training resumes from
+    its checkpoint.
     """
     from pipeline.detectors.yolo.retraining import ImageSets
     from pipeline.detectors.yolo.training import Run
     from pipeline.learning import leakage
-    from pipeline.learning.added_frames import Source, choose, read_added
+    from pipeline.learning.added_frames import Campaigns, Scenes, Source, choose
     from pipeline.learning.fitting import fit_version, settings_taken
     from pipeline.learning.versions import Origin, write_version
 
     config, described = job.config, Version.named(job.wildcards["version"])
     seed = config.retraining.seeds[0] if described.seed is None else described.seed
     truth, weights, checkpoint = job.input("truth"), job.input("weights"), job.scratch / "checkpoint.pt"
-    worlds = leakage.refuse_worlds(config, truth, job.inputs("spaces"), job.input("parent"))
+    arms = [name.removesuffix("_filters") for name in job.reads if name.endswith("_filters")]
+    scenes = {name.removesuffix("_scenes"): job.input(name) for name in job.reads if name.endswith("_scenes")}
+    worlds = leakage.refuse_worlds(config, [truth, *scenes.values()], job.inputs("spaces"), job.input("parent"))
     base, validation = (read_dataset(truth.parent, split) for split in ("train", "val"))
     added = None
-    if described.kind != "control":
-        sources = {name: Source(job.inputs(f"{name}_filters"), job.inputs(f"{name}_tests")) for name in ("random", "adaptive")}
-        chosen = choose(config, sources, described, job.inputs("spaces"), seed)
-        added = read_added(chosen, job.inputs("frames"))
+    if arms or scenes:
+        sources: dict[str, Source] = {arm: Scenes(config, path) for arm, path in scenes.items()}
+        for arm in arms:
+            frames = job.inputs("frames") if arm == described.arm else ()
+            sources[arm] = Campaigns(config, job.inputs(f"{arm}_filters"), job.inputs(f"{arm}_tests"), job.inputs("spaces"), frames)
+        chosen = choose(config, sources, described, seed)
+        added = sources[described.arm].read(chosen)
         leakage.refuse_frames(config.held_out, chosen, added, validation)
     data = {"base_set": base.digest, "parent": sha256(weights)} | ({} if added is None else {"added": added.digest})
     # The same batches again would teach a second round nothing new.

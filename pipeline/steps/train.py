@@ -42,10 +42,10 @@ def run(job: Job) -> None:
     if config.base.source == "shipped":
         fitted = Fitted(load_weights(job.input("shipped_weights")), tuple(read_curve(job.input("shipped_curve"))))
         card = read_card(job.input("shipped_card"))
-        leakage.refuse_worlds(config, truth, [], job.input("shipped_card"))
+        leakage.refuse_worlds(config, [truth], [], job.input("shipped_card"))
         origin = Origin("base", None, card.data, dict(card.training), card.seed, card.worlds)
     else:
-        images, worlds = read_dataset(truth.parent, "train"), leakage.refuse_worlds(config, truth, [])
+        images, worlds = read_dataset(truth.parent, "train"), leakage.refuse_worlds(config, [truth], [])
         settings = config.training.model_dump()
         fitted = train_from_scratch(images, usable(images), validation, settings, Run(checkpoint, job.threads, job.progress))
         rare = {f"rare_{name}": frequency for name, frequency in config.base_set.rare.model_dump().items()}

@@ -20,6 +20,7 @@ ROWS = pd.DataFrame(
     }
 )
 TESTS = pd.DataFrame({"test_id": ROWS["test_id"].unique(), "status": "ok", "failure": np.arange(40) < 12, "scenario": "F"})
+SCENARIOS = dict.fromkeys(TESTS["test_id"], "F")
 
 
 def test_all_and_failures() -> None:
@@ -29,18 +30,18 @@ def test_all_and_failures() -> None:
 
 
 def test_a_share_is_empty_and_both_sources_have_enough_frames() -> None:
-    rows = selection.pool(ROWS, dict.fromkeys(TESTS["test_id"][:12], ""))
+    rows = selection.pool(ROWS, dict.fromkeys(TESTS["test_id"][:12], ""), SCENARIOS)
     assert (len(rows), int(rows["empty"].sum())) == (36, 12)
     assert selection.capacity(rows, 0.25) == 32 and selection.capacity(rows, 0.5) == 24
     drawn = selection.draw(rows, 32, 0.25, seed=0)
-    assert len(drawn) == 32 and (drawn["step"] == 0).sum() == 8
+    assert len(drawn) == 32 and (drawn["step"] == 0).sum() == 8 and (drawn["scenario"] == "F").all()
     assert drawn.equals(selection.draw(rows, 32, 0.25, seed=0)) and not drawn.equals(selection.draw(rows, 30, 0.25, seed=0))
     assert not drawn.duplicated().any()
 
 
 def test_small_groups_give_all_frames_and_large_groups_the_rest() -> None:
     grouped = {test: "small" if i < 2 else "large" for i, test in enumerate(TESTS["test_id"][:20])}
-    rows = selection.pool(ROWS, grouped)
+    rows = selection.pool(ROWS, grouped, SCENARIOS)
     drawn = selection.draw(rows, 24, 0.25, seed=3)
     shown = drawn[drawn["step"] > 0]["test_id"].map(grouped).value_counts()
     assert (shown["small"], shown["large"]) == (4, 14)

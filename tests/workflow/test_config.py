@@ -44,7 +44,13 @@ def test_a_camera_is_chosen_by_its_name() -> None:
         ("+campaign.testss=3", "unknown key 'campaign.testss'; did you mean 'tests'?"),
         ("campaign.tests=0", "campaign.tests: Input should be greater than or equal to 1, got 0"),
         ("strategies=[random,forst]", "strategies: there is no 'forst'; did you mean 'forest'?"),
-        ("adaptive=pairwise", "adaptive: there is no 'pairwise'"),
+        ("arms.adaptive=pairwise", "arms.adaptive: there is no 'pairwise'"),
+        ("+arms.base=random", "arms: 'base' is the version before retraining; choose another name"),
+        ("+arms.New=random", "arms.New"),
+        (
+            "retraining.searches=own",
+            "retraining.seeds must be [0, 1], the seeds of the search, because retraining.searches is 'own', got [0]",
+        ),
         ("search=[F1,F22]", "search: there is no conf/scenario/F22.yaml; did you mean 'F2'?"),
         ("held_out=[F1]", "held_out must not be searched: F1 is in both lists"),
         (

@@ -148,7 +148,7 @@ def test_a_strategy_is_found_by_laws_and_by_the_configuration(conf: Path, config
     assert set(strategies(conf)) - set(strategies()) == {"centred"}
     assert config.samplers["centred"] == {"_target_": "own_strategies.Centred", "batch_size": 8}
     check_sampler(lambda: strategies(conf)["centred"](CONSTRAINED, 5), CONSTRAINED)
-    chosen = compose("smoke", ["strategies=[random,centred]", "adaptive=centred", "+samplers.centred.hurry=2"])
+    chosen = compose("smoke", ["strategies=[random,centred]", "arms.adaptive=centred", "+samplers.centred.hurry=2"])
     assert chosen.samplers["centred"]["hurry"] == 2
     with pytest.raises(InputError, match="unknown key 'samplers.centred.hury'; did you mean 'hurry'?"):
         compose("smoke", ["+samplers.centred.hury=2"])

@@ -253,7 +253,10 @@ def test_a_round_learns_from_all_campaigns_before_it(tmp_path: Path) -> None:
     assert filters["random"] == ["data/smoke/filter/random/base.csv", "data/smoke/retrained/filter/random/random-s4.csv"]
     frames = folders.added("adaptive-r2-s4", "adaptive", "frames.parquet")
     assert "data/smoke/retrained/campaigns/F2/forest/adaptive-s4/0/frames.parquet" in frames
-    assert not folders.added_filters("control-r2", "random") and not folders.added("control-r2", "random", "frames.parquet")
+    own = Plan(compose("smoke", ["retraining.rounds=2", "seeds=[0,4]", "retraining.seeds=[0,4]", "retraining.searches=own"]), step_names())
+    root, alone = "data/smoke/retrained/campaigns", own.folders.added("adaptive-r2-s4", "adaptive", "frames.parquet")
+    assert {path.split("/")[-2] for path in alone} == {"4"} and f"{root}/F2/forest/adaptive-s4/4/frames.parquet" in alone
+    assert [path.split("/")[-3:-1] for path in own.folders.later_search("tests.parquet")[:2]] == [["random", "0"], ["random", "0"]]
     assert folders.parent("adaptive-r2-s4", "model.json") == "data/smoke/retrained/models/adaptive-s4/model.json"
     later = folders.later_search("tests.parquet")
     assert "data/smoke/retrained/campaigns/F2/random/random/0/tests.parquet" in later and len(set(later)) == len(later) == 4 * 2

@@ -1,0 +1,39 @@
+"""Step `render_scenes`: renders random scenes for the arms that learn from new images instead of campaigns."""
+
+from __future__ import annotations
+
+from pipeline.config.schema import BALANCED_SCENES, NEW_SCENES, BaseSet, Config, Rarity, held_out_worlds
+from pipeline.contract import Job, Step
+
+SPARE = 1.5
+"""Scenes per frame to add: some show a pedestrian too little, and `retraining.empty_share` needs enough without one."""
+FIRST_SEED = 10_000
+"""Added to a version's seed, so that new scenes show other towns and people than the base set."""
+SOURCES = rf"{NEW_SCENES}|{BALANCED_SCENES}"
+
+STEP = Step(
+    "Render new random scenes to learn from.",
+    writes=lambda folders: folders.written_dataset("retrained/scenes/{source}/{seed}"),
+    sections=lambda config, wildcards: (
+        *("base_set", "simulator", "retraining.added_frames", "retraining.rounds"),
+        *held_out_worlds(config),
+    ),
+    wildcards={"source": SOURCES},
+    parallel=True,
+)
+
+
+def run(job: Job) -> None:
+    """Render enough scenes for every frame that an arm may add, all of them for training."""
+    from pipeline.execution.image_sets import Drawing, render_images
+
+    config, source, seed = job.config, job.wildcards["source"], int(job.wildcards["seed"])
+    drawing = Drawing(_section(config, source, seed), config.simulator.get("camera", {}), config.unseen)
+    render_images(drawing, job.scratch, job.output("truth").parent, job.threads, job.progress)
+
+
+def _section(config: Config, source: str, seed: int) -> BaseSet:
+    """How the scenes are drawn: as those of the base set, or with all people and poses equally frequent."""
+    count = round(SPARE * config.retraining.added_frames * config.retraining.rounds)
+    rare = Rarity(children=1, crouching=1) if source == BALANCED_SCENES else config.base_set.rare
+    return config.base_set.model_copy(update={"images": count, "validation_share": 0.0, "seed": FIRST_SEED + seed, "rare": rare})
