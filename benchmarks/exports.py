@@ -1,4 +1,4 @@
-"""Do the exports follow the standards? Checks all twelve scenarios and a curved street against ASAM's schemas.
+"""Do the exports follow the standards? Checks all scenarios and a curved street against ASAM's schemas.
 
     python benchmarks/exports.py [--frames frames.parquet]
 
