@@ -2,22 +2,22 @@
 
     python benchmarks/strategies run [--split judging] [--group trees network] [--strategy forest 'forest explore=0'] [--seeds 20]
     python benchmarks/strategies keep [--split judging]
-    python benchmarks/strategies show [--split judging] [--page docs/results/strategies.md]
+    python benchmarks/strategies answer
+    python benchmarks/strategies show [--split judging] [--figure strategies.png]
     python benchmarks/strategies truth
     python benchmarks/strategies models
-    python benchmarks/strategies grid [--page docs/results/thesis.md]
+    python benchmarks/strategies grid [--figures FOLDER]
     python benchmarks/strategies list
 
 run: every strategy, seed and world; a rerun does only what is missing or was made by other code. keep: publish the finished runs in
-benchmarks/strategies/results. show: tables and figure of the finished runs. truth: how true the emulators are. models: how well the models
-of the forest and of its variants predict rendered tests. grid: tables and figures of thesis chapter 6 from the recorded campaigns. list:
-strategies, groups and worlds.
+benchmarks/strategies/results. answer: which expectations hold. show: tables and figure of the finished runs. truth: how true the
+emulators are. models: how well the models of the forest and of its variants predict rendered tests. grid: tables and figures of thesis
+chapter 6 from the recorded campaigns. list: strategies, groups and worlds.
 """
 
 from __future__ import annotations
 
 import argparse
-import re
 import tempfile
 from pathlib import Path
 
@@ -29,14 +29,13 @@ import recorded
 import runs
 import variants
 import worlds
-from campaigns import Run
+from campaigns import Row, Run
 from picture import BUDGETS, failures_against_kinds
 from predictions import predictions
 from record import BASE
 from standings import blocks, markdown, standings
 from truth import truth
 
-from pipeline.artefacts.files import write_bytes
 from pipeline.config.composing import functional_scenario
 from pipeline.detectors.yolo.export import onnx_of
 from pipeline.errors import InputError
@@ -44,7 +43,6 @@ from pipeline.progress import Progress
 from pipeline.report.style import save_png
 
 RESULTS = Path("data/strategies")
-BEGIN, END = "<!-- tables: begin -->", "<!-- tables: end -->"
 
 
 def main() -> None:
@@ -60,19 +58,30 @@ def main() -> None:
     run.add_argument("--workers", type=int, default=2)
     show = commands.add_parser("show", help="tables and figure")
     show.add_argument("--reference", default="random")
-    show.add_argument("--page", type=Path, help="Markdown page whose tables are replaced, and that gets the figure beside it")
+    show.add_argument("--figure", type=Path, help="PNG of failures against kinds")
+    answer = commands.add_parser("answer", help="which expectations hold")
     keep = commands.add_parser("keep", help="publish the finished runs in the repository")
-    for command in (run, keep, show):
-        command.add_argument("--split", choices=list(worlds.SPLITS), default="development", help="which scenarios and seeds")
+    for command in (run, keep, show, answer):
+        split = "judging" if command is answer else "development"
+        command.add_argument("--split", choices=list(worlds.SPLITS), default=split, help="which scenarios and seeds (default: %(default)s)")
         command.add_argument("--results", type=Path, help=f"default: {RESULTS}/<split>.jsonl")
     check = commands.add_parser("truth", help="cross-validation of the emulators")
     check.add_argument("--scenario", nargs="+", default=[name for split in worlds.SPLITS.values() for name in split.scenarios])
     commands.add_parser("models", help="how well the forest's models and their variants predict rendered tests")
     grid_ = commands.add_parser("grid", help="tables and figures of thesis chapter 6")
-    grid_.add_argument("--page", type=Path, help="Markdown page whose tables are replaced, and that gets the figures beside it")
+    grid_.add_argument("--figures", type=Path, help="folder for the figures")
     commands.add_parser("list", help="strategies, groups and worlds")
     options = parser.parse_args()
-    chosen = {"run": _run, "keep": _keep, "show": _show, "truth": _truth, "models": _models, "grid": _grid, "list": _list}
+    chosen = {
+        "run": _run,
+        "keep": _keep,
+        "answer": _answer,
+        "show": _show,
+        "truth": _truth,
+        "models": _models,
+        "grid": _grid,
+        "list": _list,
+    }
     try:
         chosen[options.command](options)
     except InputError as error:
@@ -101,30 +110,30 @@ def _keep(options: argparse.Namespace) -> None:
         print(path)
 
 
+def _answer(options: argparse.Namespace) -> None:
+    print(duels.answer(duels.ratios(_finished(options))))
+
+
 def _show(options: argparse.Namespace) -> None:
+    rows = _finished(options)
+    tables = {(block.group, block.budget): (block, standings(block, options.reference)) for block in blocks(rows)}
+    print(
+        "\n".join(
+            [duels.markdown(duels.ratios(rows)), "", *(markdown(block, table, options.reference) for block, table in tables.values())]
+        )
+    )
+    drawn = {key: table for key, (_, table) in tables.items() if key[1] in BUDGETS}
+    if options.figure and drawn:
+        save_png(failures_against_kinds(drawn), options.figure)
+
+
+def _finished(options: argparse.Namespace) -> list[Row]:
     rows = runs.read(_results(options))
     if not rows:
         raise InputError(
             f"{_results(options)}: no finished runs; make them with `python benchmarks/strategies run --split {options.split}`"
         )
-    tables = {(block.group, block.budget): (block, standings(block, options.reference)) for block in blocks(rows)}
-    text = "\n".join([duels.markdown(rows), "", *(markdown(block, table, options.reference) for block, table in tables.values())])
-    print(text)
-    drawn = {key: table for key, (_, table) in tables.items() if key[1] in BUDGETS}
-    picture = (options.page or _results(options)).with_suffix(".png")
-    if drawn:
-        save_png(failures_against_kinds(drawn), picture)
-        print(f"figure: {picture}")
-    if options.page:
-        _fill(options.page, text)
-
-
-def _fill(page: Path, text: str) -> None:
-    """Replace what lies between the marks of a page."""
-    old = page.read_text()
-    if not (marked := re.search(f"{BEGIN}.*{END}", old, re.DOTALL)):
-        raise InputError(f"{page}: expected the lines {BEGIN} and {END}, found none")
-    write_bytes(page, (old[: marked.start()] + f"{BEGIN}\n\n{text}\n{END}" + old[marked.end() :]).encode())
+    return rows
 
 
 def _truth(options: argparse.Namespace) -> None:
@@ -141,16 +150,15 @@ def _models(options: argparse.Namespace) -> None:
 
 def _grid(options: argparse.Namespace) -> None:
     campaigns = grid.read()
-    text = grid.markdown(campaigns)
-    print(text)
-    if options.page:
-        for name, figure in grid.figures(campaigns, grid.threshold_s()):
-            save_png(figure, options.page.with_name(f"{options.page.stem}-{name}.png"))
-        if most := grid.most_failing(campaigns):
-            with tempfile.TemporaryDirectory() as folder:
-                picture = grid.extracts(most, onnx_of(BASE, Path(folder)))
-            picture.save(options.page.with_name(f"{options.page.stem}-extracts.jpg"), quality=85)
-        _fill(options.page, text)
+    print(grid.markdown(campaigns))
+    if not options.figures:
+        return
+    for name, figure in grid.figures(campaigns, grid.threshold_s()):
+        save_png(figure, options.figures / f"thesis-{name}.png")
+    if most := grid.most_failing(campaigns):
+        with tempfile.TemporaryDirectory() as folder:
+            picture = grid.extracts(most, onnx_of(BASE, Path(folder)))
+        picture.save(options.figures / "thesis-extracts.jpg", quality=85)
 
 
 def _list(options: argparse.Namespace) -> None:

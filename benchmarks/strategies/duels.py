@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,46 +16,113 @@ from worlds import ANALYTIC, WorldName
 from pipeline.core.statistics import bootstrap_ratio
 
 DEFAULT, THESIS, GREEDY = "forest", "network", "exploit"
+BEST = "best of VerifAI"
+SYMBOLS = {"failures": "failures", "kinds": "kinds", "gamma_f": "γ_f"}
+RECORDED, RARE, RAREST = "as recorded", "1.5 % fail", "0.1 % fail"
 
 
-def markdown(rows: Sequence[dict[str, Any]]) -> str:
-    """A table of ratios with intervals, a row for each kind of worlds (both families of emulators together) and budget."""
-    tables: dict[tuple[str, int], list[Block]] = {}
+@dataclass(frozen=True)
+class Duel:
+    """What two strategies are compared in. other: a strategy, or `BEST`."""
+
+    measure: str
+    ours: str
+    other: str
+
+    def __str__(self) -> str:
+        return f"{SYMBOLS[self.measure]}, {self.ours} / {self.other}"
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """Ratio of two means with its interval over seeds."""
+
+    value: float
+    low: float
+    high: float
+
+    def __str__(self) -> str:
+        return f"{self.value:.2f} ({self.low:.2f}–{self.high:.2f})"
+
+
+FAILURES, KINDS, PAIRS = (Duel(measure, DEFAULT, THESIS) for measure in SYMBOLS)
+PEER_PAIRS, PEER_FAILURES = Duel("gamma_f", DEFAULT, BEST), Duel("failures", GREEDY, BEST)
+EXPECTED = (
+    (FAILURES, RECORDED, 300, 1.5),
+    (FAILURES, RECORDED, 1000, 1.1),
+    (KINDS, RECORDED, 300, 1.3),
+    (KINDS, RECORDED, 1000, 1.3),
+    (PAIRS, RECORDED, 300, 1.4),
+    (PAIRS, RECORDED, 1000, 1.25),
+    (FAILURES, RARE, 300, 2.5),
+    (PAIRS, RARE, 300, 1.5),
+    (FAILURES, RAREST, 300, 2.5),
+    (PAIRS, RAREST, 300, 1.5),
+    (FAILURES, ANALYTIC, 1000, 1.2),
+    (PAIRS, ANALYTIC, 1000, 1.15),
+    (PEER_PAIRS, RECORDED, 300, 1.9),
+    (PEER_PAIRS, RECORDED, 1000, 1.6),
+    (PEER_FAILURES, RECORDED, 300, 0.97),
+    (PEER_FAILURES, RECORDED, 1000, 0.97),
+)
+"""Duel, worlds, tests and the smallest ratio; fixed before the runs that judge."""
+Ratios = Mapping[tuple[Duel, str, int], Ratio]
+
+
+def ratios(rows: Sequence[dict[str, Any]]) -> Ratios:
+    """Every duel in every kind of worlds (both families of emulators together) after each budget, as far as it was run."""
+    groups: dict[tuple[str, int], list[Block]] = {}
     for block in blocks(rows):
         if block.budget in BUDGETS:
-            tables.setdefault((_kind(block.group), block.budget), []).append(block)
-    peers = sorted(VERIFAI)
-    columns = {
-        f"failures, {DEFAULT} / {THESIS}": ("failures", DEFAULT, [THESIS]),
-        f"kinds, {DEFAULT} / {THESIS}": ("kinds", DEFAULT, [THESIS]),
-        f"γ_f, {DEFAULT} / {THESIS}": ("gamma_f", DEFAULT, [THESIS]),
-        f"γ_f, {DEFAULT} / best of VerifAI": ("gamma_f", DEFAULT, peers),
-        f"failures, {GREEDY} / best of VerifAI": ("failures", GREEDY, peers),
-    }
-    lines = [f"| worlds | tests | {' | '.join(columns)} |", "|---" * (len(columns) + 2) + "|"]
-    for (kind, budget), group in tables.items():
-        cells = [_ratio(group, *claim) for claim in columns.values()]
+            groups.setdefault((_kind(block.group), block.budget), []).append(block)
+    duels = (FAILURES, KINDS, PAIRS, PEER_PAIRS, PEER_FAILURES)
+    found = {(duel, kind, budget): _ratio(group, duel) for (kind, budget), group in groups.items() for duel in duels}
+    return {key: ratio for key, ratio in found.items() if ratio is not None}
+
+
+def markdown(found: Ratios) -> str:
+    """A table of the ratios, a row for each kind of worlds and budget."""
+    duels = list(dict.fromkeys(duel for duel, _, _ in found))
+    lines = [f"| worlds | tests | {' | '.join(map(str, duels))} |", "|---" * (len(duels) + 2) + "|"]
+    for kind, budget in dict.fromkeys((kind, budget) for _, kind, budget in found):
+        cells = [str(found.get((duel, kind, budget), "–")) for duel in duels]
         lines.append(f"| {kind} | {budget:,} | {' | '.join(cells)} |")
     return "\n".join(lines)
+
+
+def answer(found: Ratios) -> str:
+    """How many expectations hold, those that do not, and the table of all."""
+    rows, short = [], []
+    for duel, kind, budget, least in EXPECTED:
+        ratio = found.get((duel, kind, budget))
+        reached = "not run" if ratio is None else "yes" if ratio.value >= least else "**no**"
+        rows.append(f"| {duel} | {kind} | {budget:,} | {least:g} | {ratio or '–'} | {reached} |")
+        if ratio is not None and ratio.value < least:
+            short.append(f"{duel} after {budget:,} tests, {kind}: {ratio.value:.2f} instead of {least:g}")
+    judged = sum((duel, kind, budget) in found for duel, kind, budget, _ in EXPECTED)
+    missed = f" **What fell short:** {'; '.join(short)}." if short else ""
+    head = f"{judged - len(short)} of {judged} expectations hold.{missed}"
+    table = ["| ratio | worlds | tests | expected at least | found | reached |", "|---|---|---|---|---|---|", *rows]
+    return "\n".join([head, "", *table])
 
 
 def _kind(group: str) -> str:
     if group == ANALYTIC:
         return group
     share = WorldName("", group).share
-    return f"{100 * share:g} % fail" if share else "as recorded"
+    return f"{100 * share:g} % fail" if share else RECORDED
 
 
-def _ratio(group: Sequence[Block], measure: str, ours: str, others: Sequence[str]) -> str:
-    """Ratio of the means over the worlds and seeds that both have, and the interval over seeds; of others, the best is compared."""
-    values = {name: pd.concat([block.values(name, measure).stack() for block in group]) for name in [ours, *others]}
+def _ratio(group: Sequence[Block], duel: Duel) -> Ratio | None:
+    """Ratio of the means over the worlds and seeds that both have; None if one was not run."""
+    others = sorted(VERIFAI) if duel.other == BEST else [duel.other]
+    values = {name: pd.concat([block.values(name, duel.measure).stack() for block in group]) for name in [duel.ours, *others]}
     known = [name for name in others if len(values[name])]
-    if not known or not len(values[ours]):
-        return "–"
+    if not known or not len(values[duel.ours]):
+        return None
     best = max(known, key=lambda name: float(values[name].mean()))
-    seeds = pd.concat({"own": values[ours], "other": values[best]}, axis=1).dropna().groupby("seed").mean()
+    seeds = pd.concat({"own": values[duel.ours], "other": values[best]}, axis=1).dropna().groupby("seed").mean()
     own, other = seeds["own"].to_numpy(float), seeds["other"].to_numpy(float)
     if not other.sum():
-        return "–"
-    low, high = bootstrap_ratio(own, other, np.random.default_rng(0), CONFIDENCE)
-    return f"{own.mean() / other.mean():.2f} ({low:.2f}–{high:.2f})"
+        return None
+    return Ratio(own.mean() / other.mean(), *bootstrap_ratio(own, other, np.random.default_rng(0), CONFIDENCE))

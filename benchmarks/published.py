@@ -1,0 +1,92 @@
+"""Prints tables of docs/results from the outcomes that are published beside them.
+
+    python benchmarks/published.py oracle | base-rates | learning | length
+
+`python -m pipeline results write` puts them into the pages.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from pipeline.core.statistics import wilson_interval
+
+RESULTS = Path("docs/results")
+THESIS_RANDOM = (1, 4, 2, 0, 0, 0, 6, 0)
+"""Failures of 1,000 random tests, F1 to F8 (thesis Table 6.3)."""
+THESIS_TESTS = 1000
+LENGTHS = (500, *range(1000, 10_000, 1000))
+
+
+def main() -> None:
+    tables: dict[str, Callable[[], str]] = {"oracle": oracle, "base-rates": base_rates, "learning": learning, "length": length}
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("table", choices=list(tables))
+    print(tables[parser.parse_args().table]())
+
+
+def oracle() -> str:
+    """Failures of the visible-pixel oracle in random tests."""
+    rows = pd.read_csv(RESULTS / "fairness-oracle.csv")
+    failures, tests, excused = (int(rows[name].sum()) for name in ("failures", "tests", "not_solvable"))
+    lines = [
+        f"{failures} of {tests:,} tests fail, {excused} of them not solvable.",
+        "",
+        *header("scenario", "failures", "rate, 95 %", "of these not solvable", "false activations"),
+    ]
+    for row in rows.itertuples():
+        braking = "–" if str(row.scenario).startswith("F") else str(row.false_activations)
+        lines.append(f"| {label(str(row.scenario))} | {row.failures} | {rate(row.failures, row.tests)} | {row.not_solvable} | {braking} |")
+    return "\n".join(lines)
+
+
+def base_rates() -> str:
+    """Failures of the uniform base in random tests, by two studies' settings, beside the thesis'."""
+    studies = [pd.read_csv(RESULTS / f"fairness-{name}.csv").set_index("scenario") for name in ("thesis", "default")]
+    lines = header("scenario", "`study=thesis`", "default settings", "the thesis")
+    for place, scenario in enumerate(studies[0].index):
+        counts = [(int(rows.loc[scenario, "failures"]), int(rows.loc[scenario, "tests"])) for rows in studies]
+        lines.append(line(str(scenario), [*counts, (THESIS_RANDOM[place], THESIS_TESTS)]))
+    totals = [(int(rows["failures"].sum()), int(rows["tests"].sum())) for rows in studies]
+    return "\n".join([*lines, line("all", [*totals, (sum(THESIS_RANDOM), THESIS_TESTS * len(THESIS_RANDOM))])])
+
+
+def line(name: str, counts: Sequence[tuple[int, int]]) -> str:
+    return f"| {name} | {' | '.join(f'{failures} of {tests:,}, {rate(failures, tests)}' for failures, tests in counts)} |"
+
+
+def learning() -> str:
+    """Average precision at the end of each training in learning.csv."""
+    rows = pd.read_csv(RESULTS / "learning.csv").groupby("training", sort=False).tail(1)
+    lines = header("training", "images shown", "AP50", "AP50-95", "CPU-s")
+    for row in rows.sort_values("shown", kind="stable").itertuples():
+        lines.append(f"| {row.training} | {row.shown:,} | {row.new_ap50:.3f} | {row.new_ap50_95:.3f} | {row.cpu_s:.0f} |")
+    return "\n".join(lines)
+
+
+def length() -> str:
+    """The uniform base's average precision after some batches."""
+    curve = pd.read_csv("models/uniform/curve.csv").set_index("iteration")["ap50"]
+    return "\n".join([*header("batches", "AP50"), *(f"| {batches:,} | {curve[batches]:.2f} |" for batches in LENGTHS)])
+
+
+def header(*names: str) -> list[str]:
+    return [f"| {' | '.join(names)} |", "|---" * len(names) + "|"]
+
+
+def rate(failures: int, tests: int) -> str:
+    """Percentage with its Wilson interval."""
+    low, high = wilson_interval(failures, tests)
+    return f"{failures / tests:.1%} ({100 * low:.1f} to {100 * high:.1f})".replace("%", " %")
+
+
+def label(scenario: str) -> str:
+    return scenario.replace("star", r"\*")
+
+
+if __name__ == "__main__":
+    main()

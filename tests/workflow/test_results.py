@@ -1,0 +1,59 @@
+"""Published numbers follow from published outcomes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pipeline.__main__ import main
+from pipeline.commands.results import blocks, published
+
+SCRIPT = "import sys; rows = open(sys.argv[1]).read().split(); print(f'| failures |\\n|---|\\n| {sum(map(int, rows))} |')"
+
+
+@pytest.fixture
+def page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "count.py").write_text(SCRIPT)
+    (tmp_path / "outcomes.csv").write_text("1\n0\n1\n")
+    (tmp_path / "docs").mkdir()
+    (tmp_path / "README.md").write_text("# No numbers\n")
+    page = tmp_path / "docs" / "found.md"
+    page.write_text("# Found\n\n<!-- made by: python count.py outcomes.csv -->\nold\n<!-- end -->\n\nText after it.\n")
+    assert main(["results", "write"]) == 0
+    return page
+
+
+def test_written_pages_pass(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert page.read_text().endswith("-->\n\n| failures |\n|---|\n| 2 |\n\n<!-- end -->\n\nText after it.\n")
+    assert [(block.command, block.line) for block in blocks(page)] == [("python count.py outcomes.csv", 3)]
+    assert main(["results", "verify"]) == 0
+    assert capsys.readouterr().out == "1 pages follow from their outcomes\n"
+    before = page.read_bytes()
+    assert main(["results", "write"]) == 0 and page.read_bytes() == before
+
+
+def test_a_changed_number_is_found(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page.write_text(page.read_text().replace("| 2 |", "| 3 |"))
+    assert main(["results", "verify"]) == 1
+    said = "docs/found.md, line 3: expected what `python count.py outcomes.csv` prints, got another text\n"
+    assert capsys.readouterr().out == f"{said}  page    | 3 |\n  command | 2 |\n"
+
+
+def test_a_changed_outcome_is_found(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("outcomes.csv").write_text("1\n1\n1\n")
+    assert main(["results", "verify", str(page)]) == 1
+    assert "page    | 2 |\n  command | 3 |" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("command", "told"), [("rm -r docs", "begins with 'python'"), ("python none.py", "ended with 2")])
+def test_a_command_that_does_not_work_is_named(page: Path, command: str, told: str, capsys: pytest.CaptureFixture[str]) -> None:
+    page.write_text(f"<!-- made by: {command} -->\n<!-- end -->\n")
+    assert main(["results", "verify"]) == 2
+    assert told in capsys.readouterr().err
+
+
+def test_the_pages_of_the_repository_have_blocks() -> None:
+    names = {page.name for page in published(Path(__file__).resolve().parents[2])}
+    assert "strategies.md" in names
