@@ -2,7 +2,7 @@
 
     python benchmarks/strategies run [--split judging] [--group trees network] [--strategy forest 'forest explore=0'] [--seeds 20]
     python benchmarks/strategies keep [--split judging]
-    python benchmarks/strategies answer
+    python benchmarks/strategies answer | choose
     python benchmarks/strategies show [--split judging] [--figure strategies.png]
     python benchmarks/strategies truth
     python benchmarks/strategies models
@@ -10,9 +10,9 @@
     python benchmarks/strategies list
 
 run: every strategy, seed and world; a rerun does only what is missing or was made by other code. keep: publish the finished runs in
-benchmarks/strategies/results. answer: which expectations hold. show: tables and figure of the finished runs. truth: how true the
-emulators are. models: how well the models of the forest and of its variants predict rendered tests. grid: tables and figures of thesis
-chapter 6 from the recorded campaigns. list: strategies, groups and worlds.
+benchmarks/strategies/results. answer: which expectations hold. choose: what each strategy finds in 300 tests. show: tables and figure of
+the finished runs. truth: how true the emulators are. models: how well the models of the forest and of its variants predict rendered
+tests. grid: tables and figures of thesis chapter 6 from the recorded campaigns. list: strategies, groups and worlds.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ import argparse
 import tempfile
 from pathlib import Path
 
+import choosing
 import contestants
 import duels
 import grid
@@ -60,9 +61,10 @@ def main() -> None:
     show.add_argument("--reference", default="random")
     show.add_argument("--figure", type=Path, help="PNG of failures against kinds")
     answer = commands.add_parser("answer", help="which expectations hold")
+    choose = commands.add_parser("choose", help="what each strategy finds in 300 tests")
     keep = commands.add_parser("keep", help="publish the finished runs in the repository")
-    for command in (run, keep, show, answer):
-        split = "judging" if command is answer else "development"
+    for command in (run, keep, show, answer, choose):
+        split = "judging" if command in (answer, choose) else "development"
         command.add_argument("--split", choices=list(worlds.SPLITS), default=split, help="which scenarios and seeds (default: %(default)s)")
         command.add_argument("--results", type=Path, help=f"default: {RESULTS}/<split>.jsonl")
     check = commands.add_parser("truth", help="cross-validation of the emulators")
@@ -76,6 +78,7 @@ def main() -> None:
         "run": _run,
         "keep": _keep,
         "answer": _answer,
+        "choose": _choose,
         "show": _show,
         "truth": _truth,
         "models": _models,
@@ -112,6 +115,10 @@ def _keep(options: argparse.Namespace) -> None:
 
 def _answer(options: argparse.Namespace) -> None:
     print(duels.answer(duels.ratios(_finished(options))))
+
+
+def _choose(options: argparse.Namespace) -> None:
+    print(choosing.markdown(_finished(options)))
 
 
 def _show(options: argparse.Namespace) -> None:

@@ -74,7 +74,7 @@ def ratios(rows: Sequence[dict[str, Any]]) -> Ratios:
     groups: dict[tuple[str, int], list[Block]] = {}
     for block in blocks(rows):
         if block.budget in BUDGETS:
-            groups.setdefault((_kind(block.group), block.budget), []).append(block)
+            groups.setdefault((kind_of(block.group), block.budget), []).append(block)
     duels = (FAILURES, KINDS, PAIRS, PEER_PAIRS, PEER_FAILURES)
     found = {(duel, kind, budget): _ratio(group, duel) for (kind, budget), group in groups.items() for duel in duels}
     return {key: ratio for key, ratio in found.items() if ratio is not None}
@@ -106,7 +106,8 @@ def answer(found: Ratios) -> str:
     return "\n".join([head, "", *table])
 
 
-def _kind(group: str) -> str:
+def kind_of(group: str) -> str:
+    """The worlds of a group in words, the same for both families of emulators."""
     if group == ANALYTIC:
         return group
     share = WorldName("", group).share
