@@ -43,7 +43,8 @@ class RiseLimit:
     """How far a version's failure rate may be above the base's on one part.
 
     tests: valid for both versions. fixes, regressions: number of tests that only the base, and only the version fails. limit: one-sided
-    upper confidence limit of the rise, in [-1, 1]. judgement: see `judge_limit`.
+    upper confidence limit of the rise, in [-1, 1]. It treats the tests as a sample of tests like these; the sequence is a designed list, so
+    its confidence is nominal. judgement: see `judge_limit`.
     """
 
     name: str
@@ -76,8 +77,8 @@ class Gate:
         """No more errors, fewer failures, also over the seeds, and no limit above the margin. A part that is too small to judge does not
         hold the version back.
 
-        The limits need no correction for their number: the version must keep all of them, so one that exceeds the margin in a judged part
-        passes with a probability of about 1 - confidence at most.
+        The limits need no correction for their number: the version must keep all of them, so one that truly exceeds the margin in a judged
+        part passes with a probability of about 1 - confidence at most.
         """
         return not self.more_errors and self.fewer and self.fewer_over_seeds and not self.limits_that_are("above the margin")
 

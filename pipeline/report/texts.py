@@ -42,7 +42,7 @@ TABLE = _prose("""
 """)
 LIMITS = _prose("""
     How far a version's failure rate may be above that of {base}: one-sided upper limit of the rise, {confidence:g} % (Tango's score
-    method for pairs). The gate holds a version back if a limit is above the margin of {margin:g} %. Too small: even without any
+    method for pairs), as if the tests were a sample of tests like these. The gate holds a version back if a limit is above the margin of {margin:g} %. Too small: even without any
     difference, so few tests could not show a rise within the margin. They do not hold a version back. Groups pool the scenarios
     and overlap.
 """)
