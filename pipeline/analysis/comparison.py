@@ -11,12 +11,14 @@ import numpy as np
 import pandas as pd
 
 from pipeline.analysis.failure_regions import cluster
+from pipeline.analysis.gate import gate_reason, parts_of
 from pipeline.analysis.held_out import HeldOut
 from pipeline.analysis.measures import count_causes, count_false_activations, count_modes, series_name
 from pipeline.artefacts.comparison_results import (
     Comparison,
     GroupPair,
     GroupResult,
+    LimitResult,
     RegionResult,
     ScenarioResult,
     SecondIou,
@@ -28,7 +30,8 @@ from pipeline.artefacts.results import Estimate, Measures
 from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.config.schema import Regions
 from pipeline.core import comparison as core
-from pipeline.core.comparison import Gate, Interval, SequenceOutcomes
+from pipeline.core.comparison import Bools, Interval, SequenceOutcomes
+from pipeline.core.gate import Gate, Part, Policy, champion, gate
 from pipeline.core.lineage import Version
 from pipeline.core.rules import find_rule
 from pipeline.core.space import Space
@@ -37,32 +40,38 @@ CHANGED = ("adj_ttc_s", "failure_mode", "false_positives", "first_detection_m")
 """KPIs listed for a changed test, before and after."""
 
 
-def compare(held_out: HeldOut, digest: str, regions: Sequence[RegionResult], alpha: float, confidence: float) -> Comparison:
-    """Count failures, compare versions pair by pair and judge them. digest: of the sequence. regions: of the base. alpha: of each paired
-    test. confidence: of all intervals."""
-    results = _Results(held_out, alpha, confidence)
+def compare(held_out: HeldOut, named: Mapping[str, Bools], digest: str, regions: Sequence[RegionResult], policy: Policy) -> Comparison:
+    """Count failures, compare versions pair by pair and judge them. named: the named groups of tests, name -> (n,) bool. digest: of the
+    sequence. regions: of the base."""
+    results = _Results(held_out, policy)
     versions, groups = held_out.versions, results.groups()
-    gates = {version: results.gate(version) for version in versions[1:]}
+    group_pairs = tuple(results.group_pair(against, group) for against, group in combinations(groups, 2))
+    over_seeds = {pair.group: pair for pair in group_pairs if pair.against == groups[0].group}
+    parts = parts_of(held_out, named)
+    gates = {version: results.gate(version, over_seeds[Version.named(version).group], parts) for version in versions[1:]}
+    base, *others = (results.version(version, gates.get(version)) for version in versions)
+    reasons = {other.version: gate_reason(gates[other.version], base, other, over_seeds[other.group], policy) for other in others}
     return Comparison(
         strategy=str(held_out.joined["strategy"].iloc[0]),
         scenarios=dict(held_out.labels),
         sequence_digest=digest,
-        confidence=confidence,
-        alpha=alpha,
-        versions=tuple(map(results.version, versions)),
+        confidence=policy.confidence,
+        alpha=policy.alpha,
+        margin=policy.margin,
+        versions=(base, *others),
         groups=groups,
-        group_pairs=tuple(results.group_pair(against, group) for against, group in combinations(groups, 2)),
+        group_pairs=group_pairs,
         pairs=tuple(results.pair(against, version) for against, version in combinations(versions, 2)),
         regions=tuple(regions),
-        champion=core.champion(results.outcomes, [version for version, found in gates.items() if found.passes]),
-        gate={versions[0]: "the reference"} | {version: results.reason(version, found) for version, found in gates.items()},
+        champion=champion(results.outcomes, [version for version, found in gates.items() if found.passes]),
+        gate={base.version: "the reference"} | reasons,
         no_braking=held_out.no_braking,
     )
 
 
-def compared_again(held_out: HeldOut, iou: float, first: float, alpha: float, confidence: float) -> SecondIou:
+def compared_again(held_out: HeldOut, iou: float, first: float, policy: Policy) -> SecondIou:
     """The groups of versions once more, on the same tests judged at a second IoU instead of the first."""
-    results = _Results(held_out, alpha, confidence)
+    results = _Results(held_out, policy)
     groups = results.groups()
     pairs = tuple(results.group_pair(against, group) for against, group in combinations(groups, 2))
     return SecondIou(iou=iou, first=first, groups=groups, group_pairs=pairs)
@@ -73,8 +82,7 @@ class _Results:
     """The parts of a comparison, as comparison.json stores them."""
 
     held_out: HeldOut
-    alpha: float
-    confidence: float
+    policy: Policy
 
     @cached_property
     def outcomes(self) -> dict[str, SequenceOutcomes]:
@@ -98,7 +106,8 @@ class _Results:
             p_value=found.p_value,
         )
 
-    def version(self, version: str) -> VersionResult:
+    def version(self, version: str, found: Gate | None) -> VersionResult:
+        """found: by the gate; None for the base."""
         outcomes, described = self.outcomes[version], Version.named(version)
         rows = self.held_out.rows(version)
         valid = rows[rows["status"] == "ok"]
@@ -116,7 +125,8 @@ class _Results:
             rate=outcomes.rate,
             change=0 if paired is None else len(paired.regressions) - len(paired.fixes),
             paired=paired,
-            verdict="baseline" if paired is None else core.pair(self.outcomes[self.base], outcomes).verdict(self.alpha),
+            verdict="baseline" if paired is None else core.pair(self.outcomes[self.base], outcomes).verdict(self.policy.alpha),
+            limits=() if found is None else tuple(LimitResult(**asdict(limit)) for limit in found.limits),
         )
 
     def scenario(self, version: str, scenario: str) -> ScenarioResult:
@@ -138,20 +148,20 @@ class _Results:
 
     def group(self, name: str, versions: Sequence[str]) -> GroupResult:
         members, base = [self.outcomes[version] for version in versions], self.outcomes[self.base].failures
-        failures = _estimate(core.group_failures(members, self.confidence))
+        failures = _estimate(core.group_failures(members, self.policy.confidence))
         parts = {scenario: [member.at(rows) for member in members] for scenario, rows in self.held_out.scenarios.items()}
         return GroupResult(
             group=name,
             round=Version.named(versions[0]).round,
             versions=tuple(versions),
             failures=failures,
-            scenarios={scenario: _estimate(core.group_failures(part, self.confidence)) for scenario, part in parts.items()},
+            scenarios={scenario: _estimate(core.group_failures(part, self.policy.confidence)) for scenario, part in parts.items()},
             against_base=failures.value / base if base else None,
         )
 
     def group_pair(self, against: GroupResult, group: GroupResult) -> GroupPair:
         before, after = ([self.outcomes[version] for version in found.versions] for found in (against, group))
-        found = core.pair_groups(before, after, self.confidence)
+        found = core.pair_groups(before, after, self.policy.confidence)
         return GroupPair(
             group=group.group,
             against=against.group,
@@ -160,21 +170,10 @@ class _Results:
             p_value=found.p_value,
         )
 
-    def gate(self, version: str) -> Gate:
-        return core.gate(self.outcomes[self.base], self.outcomes[version], self.held_out.scenarios, self.alpha)
-
-    def reason(self, version: str, found: Gate) -> str:
-        """Why the gate passes a version or holds it back."""
-        p_value = core.pair(self.outcomes[self.base], self.outcomes[version]).p_value
-        more, worse = (", ".join(self.held_out.labels[name] for name in names) for names in (found.more, found.worse))
-        if found.more_errors:
-            return f"held back: {self.outcomes[version].errors} errors, {self.outcomes[self.base].errors} with {self.base}"
-        if not found.better:
-            return f"held back: not significantly fewer failures than {self.base} (p = {p_value:.2g})"
-        if worse:
-            return f"held back: significantly more failures than {self.base} on {worse}"
-        scenarios = f"more on {more} but not significantly" if more else "more on no scenario"
-        return f"passes: significantly fewer failures than {self.base} (p = {p_value:.2g}), {scenarios}"
+    def gate(self, version: str, over_seeds: GroupPair, parts: Sequence[Part]) -> Gate:
+        """over_seeds: the version's group against the base."""
+        fewer_over_seeds = over_seeds.shows_fewer(self.policy.alpha)
+        return gate(self.outcomes[self.base], self.outcomes[version], fewer_over_seeds, parts, self.policy)
 
 
 def _estimate(interval: Interval) -> Estimate:

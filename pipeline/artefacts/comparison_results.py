@@ -8,6 +8,7 @@ from pydantic import BeforeValidator, PlainSerializer
 
 from pipeline.artefacts.results import BaseRate, Causes, Estimate, FalseActivations, Frequencies, Modes, Result
 from pipeline.core.comparison import SequenceTest, Verdict
+from pipeline.core.gate import Judgement, Measure
 
 TestName = Annotated[
     SequenceTest,
@@ -38,12 +39,29 @@ class ScenarioResult(Result):
     paired: VersionPair | None
 
 
+class LimitResult(Result):
+    """How far a version's failure rate may be above the base's on the `tests` of a scenario or of a named group that are valid for both.
+
+    name: printed name of the scenario, or name of the group. measure: false activations are the failures of tests that ask not to brake.
+    limit: one-sided upper confidence limit of the rise (Tango 1998), as a share of tests. judgement: against the comparison's margin; a
+    part that is too small to judge does not hold the version back. See `pipeline.core.gate`.
+    """
+
+    name: str
+    measure: Measure
+    tests: int
+    fixes: int
+    regressions: int
+    limit: float
+    judgement: Judgement
+
+
 class VersionResult(Result):
     """One model version on the frozen held-out sequence.
 
     group: name shared by versions that differ only by the seed of retraining; round: of retraining, 0 for the base. tests: valid
     executions. rate: failures per valid test. change: regressions minus fixes, over the tests that are valid for this version and the
-    base. scenarios: results by scenario.
+    base. scenarios: results by scenario. limits: of the rise in each scenario and named group; none for the base.
     """
 
     version: str
@@ -59,6 +77,7 @@ class VersionResult(Result):
     change: int
     paired: VersionPair | None
     verdict: Verdict
+    limits: tuple[LimitResult, ...]
 
 
 class GroupResult(Result):
@@ -96,6 +115,10 @@ class GroupPair(Result):
         for an effect in up to a fifth of cases."""
         return self.p_value <= alpha and not self.difference.low <= 0 <= self.difference.high
 
+    def shows_fewer(self, alpha: float) -> bool:
+        """Whether a difference is shown, and `group` has fewer failures than `against`."""
+        return self.shown(alpha) and self.difference.value < 0
+
 
 class SecondIou(Result):
     """The groups and their pairs on the same tests, judged and, where the brake would have acted otherwise, driven with another IoU.
@@ -125,7 +148,8 @@ class Comparison(Result):
     pairs: exact McNemar test of every pair of versions, `against` is the earlier one; group_pairs: the same for groups. no_braking:
     held-out scenarios in which the right answer is not to brake. base_rates: of the search scenarios. trained_on: the base set that the
     base was trained on; null if its card does not say. base_set: the base set of this study; null for one that only tests detectors.
-    second: null if the study asks for no second IoU.
+    second: null if the study asks for no second IoU. margin: highest rise of a failure rate over the base's that the gate tolerates, as a
+    share of tests. gate: of each version, why the gate passes it or holds it back.
     """
 
     strategy: str
@@ -133,6 +157,7 @@ class Comparison(Result):
     sequence_digest: str
     confidence: float
     alpha: float
+    margin: float
     versions: tuple[VersionResult, ...]
     groups: tuple[GroupResult, ...]
     group_pairs: tuple[GroupPair, ...]

@@ -115,7 +115,10 @@ class HeldOutSequence(_Section):
     alpha: Share
     """Significance level of each paired test, without correction for several tests."""
     confidence: Share
-    """Confidence level of all intervals."""
+    """Confidence level of all intervals and limits."""
+    margin: Share
+    """Highest rise of the failure rate over the base's, as a share of tests, that a champion may have in a held-out scenario or a named
+    group, such as children or night. The rise's upper confidence limit must not exceed it."""
     second_iou: float | None = Field(ge=0.1, lt=1)
     """Another IoU at which held-out tests are judged again, to show whether a verdict depends on `campaign.match_iou`; null: none."""
 

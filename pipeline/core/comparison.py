@@ -1,16 +1,15 @@
-"""Model versions on the same tests: test by test, group by group, and the choice of the champion (thesis section 7.3)."""
+"""Model versions on the same tests: test by test and group by group (thesis section 7.3)."""
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.core.statistics import mcnemar, mcnemar_p_value, mean_interval, sign_flip
+from pipeline.core.statistics import mcnemar, mean_interval, sign_flip
 
 Bools = NDArray[np.bool_]
 Verdict = Literal["baseline", "better", "worse", "no difference shown"]
@@ -114,20 +113,6 @@ class GroupDifference:
     p_value: float
 
 
-@dataclass(frozen=True)
-class Gate:
-    """The gate's comparison of a version with the base. more, worse: scenarios with more, and with significantly more failures."""
-
-    more_errors: bool
-    better: bool
-    more: tuple[str, ...]
-    worse: tuple[str, ...]
-
-    @property
-    def passes(self) -> bool:
-        return self.better and not self.more_errors and not self.worse
-
-
 def judge(fixes: int, regressions: int, p_value: float, alpha: float) -> Verdict:
     """The verdict on a version against another: a difference counts if its exact p-value is at most alpha, without correction for several
     comparisons.
@@ -167,33 +152,3 @@ def group_failures(versions: Sequence[SequenceOutcomes], confidence: float) -> I
 
 def _mean(counts: Sequence[int], confidence: float, least: float = 0) -> Interval:
     return Interval(float(np.mean(counts)), *mean_interval(counts, confidence, limits=(least, np.inf)))
-
-
-def gate(base: SequenceOutcomes, version: SequenceOutcomes, scenarios: Mapping[str, Bools], alpha: float) -> Gate:
-    """Check whether a version may be champion: no more errors than the base, significantly fewer failures, and on no scenario significantly
-    more.
-
-    scenarios: name -> (n,) bool, the tests of that scenario.
-    """
-    parts = {name: (base.at(rows), version.at(rows)) for name, rows in scenarios.items()}
-    more = tuple(name for name, (before, after) in parts.items() if after.failures > before.failures)
-    worse = tuple(name for name in more if pair(*parts[name]).verdict(alpha) == "worse")
-    return Gate(version.errors > base.errors, pair(base, version).verdict(alpha) == "better", more, worse)
-
-
-def champion(outcomes: Mapping[str, SequenceOutcomes], passing: Collection[str]) -> str:
-    """The champion: of the versions that pass the gate, the one with the fewest failures, then the fewest by TTC alone, on the tests
-    that are valid for every version; if none passes, the first version, the base."""
-    valid = np.all([found.valid for found in outcomes.values()], axis=0)
-    counts = {name: (int(outcomes[name].failed[valid].sum()), int(outcomes[name].by_ttc[valid].sum())) for name in outcomes}
-    return min((name for name in outcomes if name in passing), key=counts.__getitem__, default=next(iter(outcomes)))
-
-
-def clearly_better(fixes: Sequence[SequenceTest], regressions: Sequence[SequenceTest], p_value: float, alpha: float) -> bool:
-    """Whether a version fails significantly less than another in total, and significantly more on no scenario.
-
-    fixes, regressions: tests that only the other, and only this version fails. p_value: over all tests, of the exact McNemar test.
-    """
-    fewer, more = (Counter(test.scenario for test in tests) for tests in (fixes, regressions))
-    worse = any(judge(fewer[name], more[name], mcnemar_p_value(fewer[name], more[name]), alpha) == "worse" for name in more)
-    return judge(len(fixes), len(regressions), p_value, alpha) == "better" and not worse

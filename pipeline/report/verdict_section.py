@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from pipeline.artefacts.comparison_results import Comparison, VersionResult
+from pipeline.artefacts.comparison_results import Comparison, LimitResult, VersionResult
 from pipeline.report import texts
 from pipeline.report.failure_tables import CAUSES, base_rate_sentence, braking_held_out, cause_cells
 from pipeline.report.formats import counted, mean_text, share, signed
@@ -70,15 +70,15 @@ def verdict_section(
     base = comparison.versions[0].version
     parts = [
         Passage(table=Table(HEADERS, tuple(verdict_rows(comparison)), numbers=(1, 2, 3)), notes=tuple(verdict_sentences(comparison))),
+        *_limits(comparison),
         Passage("By scenario", texts.TABLE, Table(group_headers(comparison), tuple(group_rows(comparison)))),
+        *([] if rounds is None else [rounds]),
         _modes(comparison.versions, plots),
         _causes(comparison.versions),
         *_braking(comparison),
         *_second_iou(comparison),
         *_every_pair(comparison),
     ]
-    if rounds is not None:
-        parts.insert(2, rounds)
     if comparison.regions:
         parts.append(Passage(f"Failure regions of {base}", texts.HELD_OUT_REGIONS.format(base=base), _regions(comparison)))
     if len(changes):
@@ -155,6 +155,30 @@ def _second_iou(comparison: Comparison) -> list[Passage]:
     )
     text = texts.SECOND_IOU.format(first=second.first, second=second.iou)
     return [Passage("At another IoU", text, Table(headers, tuple(rows), numbers=(3,)))]
+
+
+def _limits(comparison: Comparison) -> list[Passage]:
+    """The limits that the gate compares with the margin, folded away; nothing if only the base was compared."""
+    judged = [result for result in comparison.versions if result.limits]
+    if not judged:
+        return []
+    rows = tuple(_limits_row(limits) for limits in zip(*(result.limits for result in judged), strict=True))
+    table = Table(("scenario or group", "tests", *(result.version for result in judged)), rows, numbers=tuple(range(2, len(judged) + 2)))
+    text = texts.LIMITS.format(base=comparison.versions[0].version, confidence=100 * comparison.confidence, margin=100 * comparison.margin)
+    return [Passage("", text, table, folded=f"The gate: how far the failure rate may rise, by scenario and group ({len(rows)})")]
+
+
+def _limits_row(limits: Sequence[LimitResult]) -> tuple[str, ...]:
+    """One scenario or group: its tests and the limit of each version. Versions with errors there have fewer tests."""
+    first, tests = limits[0], sorted({limit.tests for limit in limits})
+    name = first.name if first.measure == "failures" else f"{first.name}, {first.measure}"
+    return name, "–".join(map(str, dict.fromkeys((tests[0], tests[-1])))), *map(_limit, limits)
+
+
+def _limit(limit: LimitResult) -> str:
+    if limit.judgement == "too small to judge":
+        return "too small"
+    return f"{share(limit.limit)} (above)" if limit.judgement == "above the margin" else share(limit.limit)
 
 
 def _every_pair(comparison: Comparison) -> list[Passage]:

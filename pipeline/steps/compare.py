@@ -14,7 +14,7 @@ from pipeline.contract import Job, Step, Wildcards
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
     """A study that only tests detectors has no base set."""
     judged = ("campaign.failure_threshold_s", "campaign.match_iou", "comparison.second_iou")
-    own = ("comparison.alpha", "comparison.confidence", "regions", "tested", *judged)
+    own = ("comparison.alpha", "comparison.confidence", "comparison.margin", "regions", "tested", *judged)
     return own if config.tested else (*own, "base_set.rare")
 
 
@@ -47,6 +47,9 @@ def run(job: Job) -> None:
     """
     from pipeline.analysis.comparison import base_regions, changed_tests, compare, compared_again, flat_metrics
     from pipeline.analysis.held_out import read_held_out
+    from pipeline.analysis.named_groups import named_groups
+    from pipeline.artefacts.points import encode_tests
+    from pipeline.core.gate import Policy
     from pipeline.learning.leakage import refuse_learnt
 
     config, settings = job.config, job.config.comparison
@@ -59,16 +62,17 @@ def run(job: Job) -> None:
     digest = held_out.digest({name: space.names for name, (_, space) in known.items()})
     regions = base_regions(held_out, known, config.regions)
     measures = read(job.input("measures"), Measures)
-    result = compare(held_out, digest, regions, settings.alpha, settings.confidence).model_copy(update={"base_rates": measures.base_rates})
+    first, policy = next(space for _, space in known.values()), Policy(settings.alpha, settings.confidence, settings.margin)
+    named = named_groups(first, encode_tests(held_out.rows(versions[0]), first))
+    result = compare(held_out, named, digest, regions, policy).model_copy(update={"base_rates": measures.base_rates})
     if settings.second_iou:
         again = read_held_out(job.inputs("second_iou"), versions, infos, threshold, job.progress)
         ious = settings.second_iou, config.campaign.match_iou
-        result = result.model_copy(update={"second": compared_again(again, *ious, settings.alpha, settings.confidence)})
+        result = result.model_copy(update={"second": compared_again(again, *ious, policy)})
     if cards:
         shown = Frequencies(**config.base_set.rare.model_dump())
         result = result.model_copy(update={"trained_on": cards[0].frequencies, "base_set": shown})
     write(job.output("comparison"), result)
-    first = next(space for _, space in known.values())
     write_tests(job.output("table"), held_out.joined, first)
     changes = changed_tests(result, held_out.joined, first.names)
     write_bytes(job.output("changes"), changes.to_csv(index=False, lineterminator="\n", float_format="%.6g").encode())

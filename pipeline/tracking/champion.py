@@ -1,11 +1,11 @@
-"""Moves the alias `champion` after a comparison: only to a version that was compared with the current holder and is better."""
+"""Moves the alias `champion` after a comparison: only to a version that was compared with the holder and is better."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from pipeline.artefacts.comparison_results import Comparison
-from pipeline.core.comparison import clearly_better
+from pipeline.artefacts.comparison_results import Comparison, VersionPair
+from pipeline.core.comparison import Verdict, judge
 from pipeline.tracking.contents import WEIGHTS
 from pipeline.tracking.registry import Registry
 
@@ -15,32 +15,32 @@ CHAMPION = "champion"
 def successor(comparison: Comparison, holder: str | None) -> tuple[str | None, str]:
     """The version that takes the alias, or None if the alias stays; and the reason.
 
-    holder: the version of the comparison that has the alias, None if the holder did not execute these tests. A holder that the gate now
-    holds back loses the alias; a holder that passes, or the base, loses it to a version that fails significantly less in total and
-    significantly more on no scenario.
+    holder: the version of the comparison that has the alias, None if the holder did not execute these tests. It loses the alias only to the
+    comparison's champion, the best version that passes the gate or else the base, and only if that fails significantly less. A holder that
+    the gate holds back keeps the alias otherwise: not having shown to be better than the base is no proof of being worse.
     """
     best, base = comparison.champion, comparison.versions[0].version
     if holder is None:
         return None, "champion stays with a version that did not execute these tests; to compare with it, set base.weights to its folder"
     if holder == best:
         return None, f"champion stays with {holder}"
-    if holder != base and not comparison.passes(holder):
-        return best, f"champion moves to {best}, as {holder} is {comparison.gate[holder]}"
-    if better(comparison, best, holder):
+    if fails_less(comparison, best, holder):
         return best, f"champion moves from {holder} to {best}, which fails significantly less"
-    return None, f"champion stays with {holder}: {best} does not fail significantly less than it"
+    found = "" if holder == base or comparison.passes(holder) else f" ({holder} is {comparison.gate[holder]})"
+    return None, f"champion stays with {holder}: {best} does not fail significantly less than it{found}"
 
 
-def better(comparison: Comparison, version: str, other: str) -> bool:
-    """Whether a version fails significantly less than another in total, and significantly more on no scenario (exact McNemar tests)."""
-    pair = comparison.pair(version, other)
-    if pair is not None:
-        fixes, regressions = pair.fixes, pair.regressions
-    elif (pair := comparison.pair(other, version)) is not None:
-        fixes, regressions = pair.regressions, pair.fixes
-    else:
-        raise ValueError(f"expected both {version} and {other} in the comparison")
-    return clearly_better(fixes, regressions, pair.p_value, comparison.alpha)
+def fails_less(comparison: Comparison, version: str, other: str) -> bool:
+    """Whether a version fails significantly less than another (exact McNemar test); ValueError if they were not compared."""
+    if (pair := comparison.pair(version, other)) is not None:
+        return _verdict(pair, comparison.alpha) == "better"
+    if (pair := comparison.pair(other, version)) is not None:
+        return _verdict(pair, comparison.alpha) == "worse"
+    raise ValueError(f"expected both {version} and {other} in the comparison")
+
+
+def _verdict(pair: VersionPair, alpha: float) -> Verdict:
+    return judge(len(pair.fixes), len(pair.regressions), pair.p_value, alpha)
 
 
 def point_champion(registry: Registry, model: str, compared: Comparison, numbers: Mapping[str, str], weights: Mapping[str, str]) -> str:

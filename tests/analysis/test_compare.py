@@ -18,7 +18,8 @@ from pipeline.artefacts.results import Causes, read, write
 from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.artefacts.tables import read_tests, write_tests
 from pipeline.config.composing import compose
-from pipeline.core.comparison import SequenceTest
+from pipeline.core.comparison import Bools, SequenceTest
+from pipeline.core.gate import Policy
 from pipeline.errors import InputError
 from pipeline.report.failure_tables import braking_held_out
 from pipeline.report.verdict import verdict_table
@@ -26,6 +27,7 @@ from tests.analysis.fabricated import FabricatedStudy
 from tests.spaces import SMALL
 
 LABELS = {"F1star": "F1*"}
+POLICY = Policy(alpha=0.05, confidence=0.95, margin=0.1)
 
 
 def table(outcomes: Mapping[str, str]) -> pd.DataFrame:
@@ -61,8 +63,18 @@ def held_out(tests: pd.DataFrame) -> HeldOut:
     return HeldOut(tuple(tests["version"].unique()), labels, tables)
 
 
+def compared_on(sequence: HeldOut, **named: Bools) -> Comparison:
+    """named: the named groups of its tests."""
+    return compare(sequence, named, "digest", [], POLICY)
+
+
 def compared(**outcomes: str) -> Comparison:
-    return compare(held_out(table(outcomes)), "digest", [], alpha=0.05, confidence=0.95)
+    return compared_on(held_out(table(outcomes)))
+
+
+def scenarios(**outcomes: Mapping[str, str]) -> HeldOut:
+    """Several scenarios: name -> version -> outcomes."""
+    return held_out(pd.concat([table(found).assign(scenario=name) for name, found in outcomes.items()], ignore_index=True))
 
 
 def test_counts_pairs_and_exact_p_value() -> None:
@@ -87,7 +99,7 @@ def test_failures_are_counted_by_cause() -> None:
 
 def test_braking_without_need_is_listed_by_version_and_scenario() -> None:
     sequence = replace(held_out(table({"base": "nn.e", "adaptive": "...."})), no_braking=("F1star",))
-    result = compare(sequence, "digest", [], alpha=0.05, confidence=0.95)
+    result = compared_on(sequence)
     headers, base, adaptive = braking_held_out(result)
     assert dict(zip(headers, base, strict=True)) == {
         "version": "base",
@@ -134,19 +146,85 @@ def test_champion(outcomes: dict[str, str], champion: str) -> None:
     assert result.gate["base"] == "the reference" and result.passes(champion) == (champion != "base")
 
 
-def test_a_version_that_is_worse_somewhere_is_held_back() -> None:
-    first, second = table({"base": "c" * 20 + "." * 10, "adaptive": "." * 30}), table({"base": "." * 9, "adaptive": "c" * 7 + ".."})
-    tests = pd.concat([first, second.assign(scenario="F2star")], ignore_index=True)
-    result = compare(held_out(tests), "digest", [], alpha=0.05, confidence=0.95)
+BETTER = {"base": "c" * 30 + "." * 30, "adaptive": "." * 60}
+
+
+def test_a_version_that_may_be_worse_somewhere_is_held_back() -> None:
+    result = compared_on(scenarios(F1star=BETTER, F2star={"base": "." * 60, "adaptive": "ccc" + "." * 57}))
+    # Wilson's one-sided limit of 3 of 60, because there are no fixes.
     assert result.versions[1].verdict == "better" and result.champion == "base"
-    assert result.gate["adaptive"] == "held back: significantly more failures than base on F2*"
+    assert result.gate["adaptive"] == "held back: the failure rate may rise by up to 11.9 % (F2*), more than the margin of 10 %"
+    assert [(limit.name, limit.tests, limit.fixes, limit.regressions, limit.judgement) for limit in result.versions[1].limits] == [
+        ("F1*", 60, 30, 0, "within the margin"),
+        ("F2*", 60, 0, 3, "above the margin"),
+    ]
+    assert result.versions[0].limits == () and result.margin == 0.1
 
 
-def test_the_gate_names_a_scenario_with_more_failures_that_are_not_significant() -> None:
-    first, second = table({"base": "c" * 20 + "." * 10, "adaptive": "." * 30}), table({"base": "." * 9, "adaptive": "ccc......"})
-    tests = pd.concat([first, second.assign(scenario="F2star")], ignore_index=True)
-    result = compare(held_out(tests), "digest", [], alpha=0.05, confidence=0.95)
-    assert result.champion == "adaptive" and result.gate["adaptive"].endswith("more on F2* but not significantly")
+def test_a_rise_within_the_margin_passes() -> None:
+    result = compared_on(scenarios(F1star=BETTER, F2star={"base": "." * 60, "adaptive": "cc" + "." * 58}))
+    assert result.champion == "adaptive"
+    assert result.gate["adaptive"] == (
+        "passes: significantly fewer failures than base (p = 2.5e-07), in no scenario or group a rise above 10 % (95 % upper limits)"
+    )
+
+
+def test_a_named_group_that_may_be_worse_holds_a_version_back() -> None:
+    """Five regressions of 120 tests in all, but of 30 at night, in both scenarios."""
+    few = {"base": "." * 60, "adaptive": "ccc" + "." * 57}
+    sequence = scenarios(F1star={"base": "." * 15 + "c" * 45, "adaptive": "cc" + "." * 58}, F2star=few)
+    night = np.tile(np.arange(60) < 15, 2)
+    wide = replace(POLICY, margin=0.15)
+    assert compare(sequence, {}, "digest", [], wide).passes("adaptive")
+    result = compare(sequence, {"night": night, "day": ~night}, "digest", [], wide)
+    assert result.gate["adaptive"] == "held back: the failure rate may rise by up to 30.5 % (night), more than the margin of 15 %"
+    assert [(limit.name, limit.tests) for limit in result.versions[1].limits] == [("F1*", 60), ("F2*", 60), ("night", 30), ("day", 90)]
+
+
+def test_a_group_that_is_too_small_to_judge_is_named_and_holds_nothing_back() -> None:
+    children = np.arange(60) >= 36  # 4 of these 24 tests regress.
+    tests = table({"base": "c" * 36 + "." * 24, "adaptive": "." * 56 + "cccc"})
+    result = compared_on(held_out(tests), children=children, adults=~children)
+    assert result.gate["adaptive"].endswith("a rise above 10 % (95 % upper limits); too small to judge: children")
+    assert [limit.judgement for limit in result.versions[1].limits] == ["within the margin", "too small to judge", "within the margin"]
+
+
+def test_a_version_that_passes_without_a_part_to_judge_claims_no_limit() -> None:
+    assert compared(base=EIGHT, control=NONE).gate["control"] == (
+        "passes: significantly fewer failures than base (p = 0.0078); too small to judge: F1*"
+    )
+
+
+def test_false_activations_are_limited_apart_from_failures() -> None:
+    """Fewer failures among children do not make up for more false activations there."""
+    brake, calm = {"base": "c" * 40 + "." * 20, "adaptive": "." * 60}, {"base": "." * 60, "adaptive": "n" * 4 + "." * 56}
+    sequence = replace(scenarios(F1star=brake, N1=calm), no_braking=("N1",))
+    children = np.tile(np.arange(60) < 30, 2)
+    result = compared_on(sequence, children=children, adults=~children)
+    limits = [(limit.name, limit.measure, limit.tests, limit.regressions) for limit in result.versions[1].limits]
+    assert limits == [
+        *[("F1*", "failures", 60, 0), ("children", "failures", 30, 0), ("adults", "failures", 30, 0)],
+        *[("N1", "false activations", 60, 4), ("children", "false activations", 30, 4), ("adults", "false activations", 30, 0)],
+    ]
+    assert result.gate["adaptive"] == (
+        "held back: the rate of false activations may rise by up to 14.0 % (N1), 26.6 % (children), more than the margin of 10 %"
+    )
+    assert (
+        "too small to judge: false activations in N1"
+        in compared_on(replace(scenarios(F1star=brake, N1={"base": "..", "adaptive": ".."}), no_braking=("N1",))).gate["adaptive"]
+    )
+
+
+def test_a_version_whose_other_seeds_are_no_better_is_held_back() -> None:
+    seeds = {"base": "c" * 30 + "." * 30, "adaptive": "." * 60, "adaptive-s1": "c" * 29 + "." * 31}
+    result = compared(**seeds)
+    assert result.versions[1].verdict == "better" and result.champion == "base"
+    # Differences of -30 and -1: Student's interval of two seeds is -15.5 ± 12.706 * 14.5.
+    assert result.gate["adaptive"] == (
+        "held back: over all its seeds, adaptive does not show fewer failures than base (-15.5, -199.7 to +168.7; p = 1.9e-09)"
+    )
+    alike = compared(**seeds | {"adaptive-s1": "." * 60})
+    assert alike.passes("adaptive") and alike.passes("adaptive-s1")
 
 
 def test_a_version_with_more_errors_is_held_back() -> None:
@@ -205,7 +283,7 @@ def test_one_seed_leaves_mcnemar() -> None:
 
 def test_changed_tests_are_listed_with_both_results() -> None:
     tests = table({"base": "cc.", "adaptive": "c.f"}).assign(adj_ttc_s=0.5, false_positives=1, first_detection_m=9.0, fog=[10, 20, 30] * 2)
-    result = compare(held_out(tests), "digest", [], alpha=0.05, confidence=0.95)
+    result = compared_on(held_out(tests))
     changes = changed_tests(result, tests, ["fog"])
     assert changes[["version", "change", "index", "failure_mode_before", "failure_mode_after", "fog"]].to_numpy().tolist() == [
         ["adaptive", "regression", 2, "none", "false_positives", 30],

@@ -87,6 +87,15 @@ def test_page_says_causes_base_failure_rate_and_base_set(study: FabricatedStudy,
     assert "Braking without need</h3>" not in page
 
 
+def test_page_shows_the_limits_of_the_gate(study: FabricatedStudy, page: str) -> None:
+    comparison = read(study.root / "comparison.json", Comparison)
+    limits = comparison.versions[1].limits
+    assert [limit.name for limit in limits[:2]] == ["F1*", "animation = walking"] and limits[-2].name == "night"
+    assert f"by scenario and group ({len(limits)})</summary>" in page
+    for limit in limits:
+        assert f">{limit.name}</td>" in re.sub(r">\s+", ">", page)
+
+
 def test_braking_without_need_has_a_table_where_it_is_asked_for(study: FabricatedStudy) -> None:
     measures = read(study.root / "measures.json", Measures).model_copy(update={"no_braking": ("F2",)})
     parts = sections.search_section(measures, None, {"F1": "F1", "F2": "F2"}, [], []).parts

@@ -60,6 +60,7 @@ def test_registered_versions_carry_failures_and_lineage(study: FabricatedStudy) 
     for result in comparison.versions:
         tags = versions[result.version].tags
         assert tags["failures"] == str(result.failures)
+        assert tags["gate"] == comparison.gate[result.version]
         assert tags["failures.F1star"] == str(result.scenarios["F1star"].failures)
         run_data = store.get_run(versions[result.version].run_id).data
         assert run_data.metrics["failures"] == result.failures
@@ -117,10 +118,11 @@ def test_a_later_comparison_moves_the_alias_and_registers_nothing_again(study: F
     comparison = read(path, Comparison)
     held = store.get_model_version_by_alias("detector", "champion")
     assert held.tags["version"] == comparison.champion == "adaptive"
-    # More tests show that it is no better.
+    # More tests show that it is worse than the base.
     worse = tuple(v.model_copy(update={"failures": 99}) if v.version == "adaptive" else v for v in comparison.versions)
     gate = {**comparison.gate, "adaptive": "held back: so"}
-    write(path, comparison.model_copy(update={"champion": "base", "gate": gate, "versions": worse}))
+    lost = tuple(pair.model_copy(update={"fixes": pair.regressions, "regressions": pair.fixes}) for pair in comparison.pairs)
+    write(path, comparison.model_copy(update={"champion": "base", "gate": gate, "versions": worse, "pairs": lost}))
     run(study)
     champion = store.get_model_version_by_alias("detector", "champion")
     assert champion.tags["version"] == "base"
@@ -132,7 +134,7 @@ def test_a_later_comparison_moves_the_alias_and_registers_nothing_again(study: F
     best = store.search_logged_models([experiment], order_by=[{"field_name": "metrics.failures", "ascending": False}])
     assert best[0].name == "default-adaptive"
     (parent,) = store.search_runs([experiment], "attributes.run_name = 'default'")
-    assert "Champion moves to base, as adaptive is held back: so." in parent.data.tags["mlflow.note.content"]
+    assert "Champion moves from adaptive to base, which fails significantly less." in parent.data.tags["mlflow.note.content"]
     assert everything(study) == (counted[0] + 1, *counted[1:])  # The comparison itself is a new run.
     path.write_bytes(before)
     run(study)

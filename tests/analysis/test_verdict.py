@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from pipeline.artefacts.comparison_results import (
     Comparison,
     GroupPair,
     GroupResult,
+    LimitResult,
     ScenarioResult,
     SecondIou,
     VersionPair,
@@ -17,8 +19,10 @@ from pipeline.artefacts.comparison_results import (
 )
 from pipeline.artefacts.results import BaseRate, Causes, Estimate, FalseActivations, Frequencies, Modes
 from pipeline.core.comparison import SequenceTest, Verdict
+from pipeline.core.gate import Judgement, Measure
+from pipeline.report.page import Table
 from pipeline.report.verdict import HEADERS, group_headers, group_rows, verdict_rows, verdict_sentences, verdict_table
-from pipeline.report.verdict_section import headline
+from pipeline.report.verdict_section import headline, verdict_section
 
 
 def paired(version: str, against: str, fixes: int, regressions: int, p_value: float) -> VersionPair:
@@ -31,7 +35,9 @@ def paired(version: str, against: str, fixes: int, regressions: int, p_value: fl
 RATE = 0.1
 
 
-def result(version: str, failures: int, verdict: Verdict, pair: VersionPair | None = None, errors: int = 0) -> VersionResult:
+def result(
+    version: str, failures: int, verdict: Verdict, pair: VersionPair | None = None, errors: int = 0, limits: tuple[LimitResult, ...] = ()
+) -> VersionResult:
     return VersionResult(
         version=version,
         tests=150 - errors,
@@ -50,6 +56,7 @@ def result(version: str, failures: int, verdict: Verdict, pair: VersionPair | No
         change=0 if pair is None else len(pair.regressions) - len(pair.fixes),
         paired=pair,
         verdict=verdict,
+        limits=limits,
     )
 
 
@@ -70,6 +77,7 @@ def comparison(*, errors: int = 0, against_random: bool = True, seeds: int = 2) 
         sequence_digest="digest",
         confidence=0.95,
         alpha=0.05,
+        margin=0.1,
         versions=(
             result("base", 20, "baseline"),
             result("control", 20, "no difference shown", paired("control", "base", 2, 2, 1.0)),
@@ -146,6 +154,31 @@ def test_sentences_name_level_and_adaptive_against_random() -> None:
     )
     outcome = "passes 15 tests that random fails, fails 0 that random passes"
     assert against == f"adaptive against random: {outcome} (p = 6.1e-05, exact McNemar test)."
+
+
+def limit(measure: Measure, name: str, tests: int, value: float, judgement: Judgement) -> LimitResult:
+    return LimitResult(name=name, measure=measure, tests=tests, fixes=0, regressions=0, limit=value, judgement=judgement)
+
+
+def test_the_limits_of_the_gate_are_a_folded_table() -> None:
+    random = (limit("failures", "F1*", 150, 0.142, "above the margin"), limit("false activations", "night", 24, 0.5, "too small to judge"))
+    adaptive = (
+        limit("failures", "F1*", 147, -0.04, "within the margin"),
+        limit("false activations", "night", 24, 0.1, "too small to judge"),
+    )
+    base = comparison()
+    versions = (base.versions[0], result("random", 3, "better", limits=random), result("adaptive", 2, "better", limits=adaptive))
+    section = verdict_section(base.model_copy(update={"versions": versions}), pd.DataFrame(), [], None, [])
+    (part,) = (part for part in section.parts if part.folded.startswith("The gate"))
+    assert part.table == Table(
+        ("scenario or group", "tests", "random", "adaptive"),
+        (("F1*", "147–150", "14.2 % (above)", "-4.0 %"), ("night, false activations", "24", "too small", "too small")),
+        numbers=(2, 3),
+    )
+    assert "95 %" in part.text and "margin of 10 %" in part.text
+    assert not any(
+        part.folded for part in verdict_section(comparison(seeds=1), pd.DataFrame(), [], None, []).parts if "gate" in part.folded
+    )
 
 
 def test_several_seeds_are_judged_together() -> None:

@@ -10,9 +10,6 @@ import pytest
 from pipeline.core.comparison import (
     SequenceOutcomes,
     SequenceTest,
-    champion,
-    clearly_better,
-    gate,
     group_failures,
     judge,
     pair,
@@ -68,33 +65,3 @@ def test_groups_are_paired_by_seed_and_a_single_version_with_each_seed() -> None
     assert (found.tests, found.difference.value) == (5, -3)
     # Sums of the 32 sign patterns at least as far as 6: +-8 twice; +-6, by flipping one of the two ones, four times.
     assert found.p_value == 6 / 32
-
-
-def test_the_gate_checks_errors_the_total_and_each_scenario() -> None:
-    scenarios = {"a": np.arange(30) < 20, "b": np.arange(30) >= 20}
-    base = outcomes("c" * 20 + "." * 10)
-    assert gate(base, outcomes("." * 30), scenarios, 0.05).passes
-    assert not gate(base, outcomes("e" + "." * 29), scenarios, 0.05).passes
-    assert not gate(base, base, scenarios, 0.05).better
-    some = gate(base, outcomes("." * 20 + "ccc" + "." * 7), scenarios, 0.05)
-    assert (some.more, some.worse, some.passes) == (("b",), (), True)
-    many = gate(base, outcomes("." * 20 + "c" * 7 + "..."), scenarios, 0.05)
-    assert (many.more, many.worse, many.better, many.passes) == (("b",), ("b",), True, False)
-
-
-def test_the_champion_fails_least_on_the_tests_that_all_executed() -> None:
-    versions = {"base": outcomes("cccc"), "one": outcomes("c..e"), "two": outcomes("f..c"), "three": outcomes("cc..")}
-    # The last test counts for no version: one and two fail once each, two by false positives.
-    assert champion(versions, ["one", "two", "three"]) == "two"
-    assert champion(versions, ["one", "three"]) == "one"
-    assert champion(versions, []) == "base"
-
-
-def test_a_clearly_better_version_is_worse_on_no_scenario() -> None:
-    def tests(scenario: str, count: int) -> list[SequenceTest]:
-        return [SequenceTest(scenario, index) for index in range(count)]
-
-    assert clearly_better(tests("a", 20), tests("b", 3), 0.0005, 0.05)
-    assert not clearly_better(tests("a", 20), tests("b", 6), 0.009, 0.05)
-    assert not clearly_better(tests("a", 20), [], 0.06, 0.05)
-    assert not clearly_better([], tests("a", 20), 0.001, 0.05)

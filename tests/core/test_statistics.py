@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
+from math import comb
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from pipeline.core.statistics import (
     censored_mean,
     mcnemar,
     mean_interval,
+    paired_rise_limit,
     sign_flip,
     vargha_delaney,
     wilson_interval,
@@ -68,6 +70,48 @@ def test_mcnemar_of_equal_versions_and_unequal_lists() -> None:
     assert mcnemar([True, False], [True, False]).p_value == 1
     with pytest.raises(ValueError, match="equal length"):
         mcnemar([True], [True, False])
+
+
+@pytest.mark.parametrize(
+    ("regressions", "fixes", "tests", "low", "high"),
+    # Fagerland, Lydersen & Laake 2017, chapter 8: Tango's 95 % intervals of Bentur et al. 2009 and Cavo et al. 2012.
+    [(1, 7, 21, -0.5172, -0.0260), (6, 16, 161, -0.1240, -0.0054)],
+)
+def test_the_rise_limits_of_published_tables(regressions: int, fixes: int, tests: int, low: float, high: float) -> None:
+    assert paired_rise_limit(regressions, fixes, tests, 0.975) == pytest.approx(high, abs=5e-5)
+    # The lower limit is the upper one of the reverse comparison.
+    assert -paired_rise_limit(fixes, regressions, tests, 0.975) == pytest.approx(low, abs=5e-5)
+
+
+def test_the_rise_limit_without_discordant_tests_and_at_its_ends() -> None:
+    z2 = 1.6448536**2
+    assert paired_rise_limit(0, 0, 40, 0.95) == pytest.approx(z2 / (40 + z2))
+    # With regressions alone, it is the upper end of Wilson's interval of their share.
+    assert paired_rise_limit(5, 0, 10, 0.975) == pytest.approx(wilson_interval(5, 10)[1])
+    assert paired_rise_limit(0, 40, 40, 0.95) == pytest.approx((z2 - 40) / (z2 + 40))
+    assert paired_rise_limit(3, 0, 3, 0.95) == paired_rise_limit(0, 0, 0, 0.95) == 1
+
+
+def test_the_rise_limit_refuses_impossible_counts() -> None:
+    with pytest.raises(ValueError, match="regressions and fixes must be counts among 10 tests, got 6 and 5"):
+        paired_rise_limit(6, 5, 10, 0.95)
+    with pytest.raises(ValueError, match=r"confidence must be in \(0, 1\), got 1"):
+        paired_rise_limit(1, 1, 10, 1)
+
+
+@pytest.mark.parametrize("tests", [30, 60])
+def test_the_rise_limit_has_its_nominal_coverage(tests: int) -> None:
+    """Over every possible outcome, weighted by its probability: what a simulation approaches."""
+    outcomes = [(regressions, fixes) for regressions in range(tests + 1) for fixes in range(tests + 1 - regressions)]
+    limits = {outcome: paired_rise_limit(*outcome, tests, 0.95) for outcome in outcomes}
+    for up, down in [(0.1, 0.0), (0.1, 0.05), (0.1, 0.1), (0.05, 0.2), (0.3, 0.2), (0.2, 0.4)]:
+        held = 0.0
+        for (regressions, fixes), limit in limits.items():
+            neither = tests - regressions - fixes
+            ways = comb(tests, regressions) * comb(tests - regressions, fixes)
+            held += (limit >= up - down) * ways * up**regressions * down**fixes * (1 - up - down) ** neither
+        # Counts are whole numbers, so no method hits 0.95 everywhere. A two-sided limit would hold in 0.975 of cases.
+        assert 0.925 < held < 0.97
 
 
 def test_sign_flip_is_mcnemar_for_two_versions_and_counts_all_signs_for_more() -> None:

@@ -18,7 +18,7 @@ from pipeline.core.detections import Detections
 from pipeline.core.distance import mixed_distance
 from pipeline.core.matching import match
 from pipeline.core.measures import f_measure, failure_sequence
-from pipeline.core.statistics import mcnemar, wilson_interval
+from pipeline.core.statistics import mcnemar, paired_rise_limit, wilson_interval
 from pipeline.core.truth import Truth
 from tests.spaces import SMALL
 
@@ -168,3 +168,15 @@ def test_mcnemar_is_symmetric(tests: list[tuple[bool, bool]]) -> None:
     one, other = mcnemar(before, after), mcnemar(after, before)
     assert one.tests == len(tests) and one.change == -other.change
     assert one.p_value == other.p_value and 0 < one.p_value <= 1
+
+
+@given(st.integers(0, 60), st.integers(0, 60), st.integers(0, 60), st.sampled_from([0.8, 0.95, 0.99]))
+def test_the_rise_limit_rises_with_regressions_and_falls_with_fixes(regressions: int, fixes: int, others: int, confidence: float) -> None:
+    tests, rounding = regressions + fixes + others, 1e-12
+    limit = paired_rise_limit(regressions, fixes, tests, confidence)
+    assert -1 <= limit <= 1
+    assert tests == 0 or limit >= (regressions - fixes) / tests - rounding
+    if others:
+        assert paired_rise_limit(regressions + 1, fixes, tests, confidence) >= limit - rounding
+        assert paired_rise_limit(regressions, fixes + 1, tests, confidence) <= limit + rounding
+        assert paired_rise_limit(regressions, fixes, tests, 0.999) >= limit - rounding

@@ -1,0 +1,120 @@
+"""The gate that a model version must pass to become champion, and the choice of the champion."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from pipeline.core.comparison import Bools, SequenceOutcomes, pair
+from pipeline.core.statistics import paired_rise_limit
+
+Measure = Literal["failures", "false activations"]
+"""False activations are the failures of tests that ask not to brake."""
+Judgement = Literal["within the margin", "above the margin", "too small to judge"]
+
+
+@dataclass(frozen=True)
+class Policy:
+    """What a comparison asks for.
+
+    alpha: significance level of each paired test. confidence: of every interval and limit. margin: highest rise of a failure rate over the
+    base's, as a share of tests, that the gate tolerates.
+    """
+
+    alpha: float
+    confidence: float
+    margin: float
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of the held-out tests: those of a scenario or of a named group. rows: (n,) bool, in the order of the sequence."""
+
+    name: str
+    measure: Measure
+    rows: Bools
+
+
+@dataclass(frozen=True)
+class RiseLimit:
+    """How far a version's failure rate may be above the base's on one part.
+
+    tests: valid for both versions. fixes, regressions: number of tests that only the base, and only the version fails. limit: one-sided
+    upper confidence limit of the rise, in [-1, 1]. It treats the tests as a sample of tests like these; the sequence is a designed list, so
+    its confidence is nominal. judgement: see `judge_limit`.
+    """
+
+    name: str
+    measure: Measure
+    tests: int
+    fixes: int
+    regressions: int
+    limit: float
+    judgement: Judgement
+
+
+@dataclass(frozen=True)
+class Gate:
+    """The gate's findings on a version.
+
+    more_errors: than the base has. fewer: it fails significantly less than the base on the whole sequence. fewer_over_seeds: so do the
+    versions that differ from it only by their seed, all together. limits: of every part.
+    """
+
+    more_errors: bool
+    fewer: bool
+    fewer_over_seeds: bool
+    limits: tuple[RiseLimit, ...]
+
+    def limits_that_are(self, judgement: Judgement) -> tuple[RiseLimit, ...]:
+        return tuple(limit for limit in self.limits if limit.judgement == judgement)
+
+    @property
+    def passes(self) -> bool:
+        """No more errors, fewer failures, also over the seeds, and no limit above the margin. A part that is too small to judge does not
+        hold the version back.
+
+        The limits need no correction for their number: the version must keep all of them, so one that truly exceeds the margin in a judged
+        part passes with a probability of about 1 - confidence at most.
+        """
+        return not self.more_errors and self.fewer and self.fewer_over_seeds and not self.limits_that_are("above the margin")
+
+
+def judge_limit(limit: float, tests: int, policy: Policy) -> Judgement:
+    """Compare an upper limit with the margin.
+
+    A part is too small to judge if not even two versions with equal results on all its tests could meet the margin. With 95 % confidence
+    and a margin of 10 %, these are parts of fewer than 25 tests.
+    """
+    if paired_rise_limit(0, 0, tests, policy.confidence) > policy.margin:
+        return "too small to judge"
+    return "above the margin" if limit > policy.margin else "within the margin"
+
+
+def limit_rise(base: SequenceOutcomes, version: SequenceOutcomes, part: Part, policy: Policy) -> RiseLimit:
+    """The upper limit of the rise on one part."""
+    found = pair(base.at(part.rows), version.at(part.rows))
+    fixes, regressions = int(found.fixed.sum()), int(found.regressed.sum())
+    limit = paired_rise_limit(regressions, fixes, found.tests, policy.confidence)
+    return RiseLimit(part.name, part.measure, found.tests, fixes, regressions, limit, judge_limit(limit, found.tests, policy))
+
+
+def gate(base: SequenceOutcomes, version: SequenceOutcomes, fewer_over_seeds: bool, parts: Sequence[Part], policy: Policy) -> Gate:
+    """Check whether a version may become champion; see `Gate`."""
+    return Gate(
+        more_errors=version.errors > base.errors,
+        fewer=pair(base, version).verdict(policy.alpha) == "better",
+        fewer_over_seeds=fewer_over_seeds,
+        limits=tuple(limit_rise(base, version, part, policy) for part in parts),
+    )
+
+
+def champion(outcomes: Mapping[str, SequenceOutcomes], passing: Collection[str]) -> str:
+    """The champion: of the versions that pass the gate, the one with the fewest failures, then the fewest by TTC alone, on the tests
+    that are valid for every version; if none passes, the first version, the base."""
+    valid = np.all([found.valid for found in outcomes.values()], axis=0)
+    counts = {name: (int(outcomes[name].failed[valid].sum()), int(outcomes[name].by_ttc[valid].sum())) for name in outcomes}
+    return min((name for name in outcomes if name in passing), key=counts.__getitem__, default=next(iter(outcomes)))
