@@ -41,10 +41,10 @@ TABLE = _prose("""
     6; D_a (adaptive) 6, 4, 25, 3 on F1* to F4*. The thesis uses another simulator, detector and number of tests.
 """)
 LIMITS = _prose("""
-    How far a version's failure rate may be above that of {base}: one-sided upper limit of the rise, {confidence:g} % (Tango's score
-    method for pairs), as if the tests were a sample of tests like these. The gate holds a version back if a limit is above the margin of
-    {margin:g} %. Too small: even without any difference, so few tests could not show a rise within the margin. They do not hold a version
-    back. Groups pool the scenarios and overlap.
+    How far a version's failure rate may be above that of {base}: one-sided upper {confidence:g} % limit of the rise (Tango's score
+    method for pairs). It treats the tests as a sample of tests like these. The gate holds a version back if a limit is above the
+    margin of {margin:g} %. Too small: even without any difference, so few tests could not show a rise within the margin. They do
+    not hold a version back. Groups pool the scenarios and overlap.
 """)
 PAIRS = _prose("""
     Fixes: tests that the version passes and the other one ("against") fails. Regressions: the reverse. p: exact McNemar test on the tests
