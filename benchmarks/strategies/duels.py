@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,8 @@ from pipeline.core.statistics import bootstrap_ratio
 DEFAULT, THESIS, GREEDY = "forest", "network", "exploit"
 BEST = "best of VerifAI"
 SYMBOLS = {"failures": "failures", "kinds": "kinds", "gamma_f": "γ_f"}
+LINE = 128
+"""Length of a line of prose."""
 RECORDED, RARE, RAREST = "as recorded", "1.5 % fail", "0.1 % fail"
 
 
@@ -91,7 +94,7 @@ def markdown(found: Ratios) -> str:
 
 
 def answer(found: Ratios) -> str:
-    """How many expectations hold, those that do not, and the table of all."""
+    """The expectations that do not hold, how many do, and the table of all."""
     rows, short = [], []
     for duel, kind, budget, least in EXPECTED:
         ratio = found.get((duel, kind, budget))
@@ -100,8 +103,8 @@ def answer(found: Ratios) -> str:
         if ratio is not None and ratio.value < least:
             short.append(f"{duel} after {budget:,} tests, {kind}: {ratio.value:.2f} instead of {least:g}")
     judged = sum((duel, kind, budget) in found for duel, kind, budget, _ in EXPECTED)
-    missed = f" **What fell short:** {'; '.join(short)}." if short else ""
-    head = f"{judged - len(short)} of {judged} expectations hold.{missed}"
+    missed = f"**What fell short:** {'; '.join(short)}. " if short else ""
+    head = fill(f"{missed}{judged - len(short)} of {judged} expectations hold.", LINE)
     table = ["| ratio | worlds | tests | expected at least | found | reached |", "|---|---|---|---|---|---|", *rows]
     return "\n".join([head, "", *table])
 
