@@ -31,6 +31,8 @@ CODE = ("analytic", "campaigns", "ceiling", "emulators", "recorded", "scores", "
 """Files of this folder, and modules of the package, that decide what a run gives, whatever its strategy."""
 MODULES = ("pipeline.core.measures", "pipeline.core.regions", "pipeline.core.samplers.features", "pipeline.core.samplers.mutations")
 
+DIGITS = 6
+"""Decimals of a measure: unpublished and published runs give the same tables."""
 KEPT = Path(__file__).parent / "results"
 
 
@@ -53,7 +55,7 @@ def read(path: Path, kept: Path = KEPT) -> list[Row]:
     newest = {_key(row): row for table in sorted(kept.glob(f"{path.stem}-*.csv.gz")) for row in _kept(table)}
     for line in path.read_text().splitlines() if path.exists() else []:
         try:
-            row = json.loads(line)
+            row = {key: round(value, DIGITS) if isinstance(value, float) else value for key, value in json.loads(line).items()}
         except ValueError:
             continue
         newest.pop(_key(row), None)
@@ -70,7 +72,7 @@ def keep(path: Path, kept: Path = KEPT) -> list[Path]:
     paths = []
     for group, rows in groups.items():
         paths.append(kept / f"{path.stem}-{group}.csv.gz")
-        recorded.write(pd.DataFrame(rows).round(6), paths[-1])
+        recorded.write(pd.DataFrame(rows), paths[-1])
     return paths
 
 
