@@ -9,6 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from pipeline.analysis.measures import count_modes
+from pipeline.analysis.named_groups import named_groups
 from pipeline.artefacts.points import concrete, encode_tests
 from pipeline.artefacts.results import FailureRegion, FailureRegions, Representative, Role
 from pipeline.artefacts.scenario_space import ScenarioInfo
@@ -71,6 +72,7 @@ def _region(name: str, tested: _Tested, members: Bools) -> FailureRegion:
         failures_inside=hits,
         precision=hits / max(1, support),
         recall=float(inside[members].mean()),
+        groups=tuple(name for name, belongs in named_groups(tested.space, tested.points[inside]).items() if belongs.all()),
         representatives=_representatives(tested.space, rows, tested.points[members]),
     )
 

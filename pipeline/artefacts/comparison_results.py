@@ -142,6 +142,27 @@ class RegionResult(Result):
     failures: dict[str, int]
 
 
+class Count(Result):
+    """Valid tests, and how many of them fail."""
+
+    tests: int
+    failures: int
+
+
+class PlantedGroup(Result):
+    """A group of people or poses that the base was trained on rarely.
+
+    group: its name. frequency: relative to others, in (0, 1). searched: strategy -> its tests of the group. regions: the base's regions
+    with rules that name the group. held_out: version -> the held-out tests of the group.
+    """
+
+    group: str
+    frequency: float
+    searched: dict[str, Count]
+    regions: tuple[str, ...]
+    held_out: dict[str, Count]
+
+
 class Comparison(Result):
     """All versions on one frozen sequence. The file names a fix or a regression `<scenario>-<index>`, with five digits.
 
@@ -149,7 +170,7 @@ class Comparison(Result):
     held-out scenarios in which the right answer is not to brake. base_rates: of the search scenarios. trained_on: the base set that the
     base was trained on; null if its card does not say. base_set: the base set of this study; null for one that only tests detectors.
     second: null if the study asks for no second IoU. margin: highest rise of a failure rate over the base's that the gate tolerates, as a
-    share of tests. gate: of each version, why the gate passes it or holds it back.
+    share of tests. gate: of each version, why the gate passes it or holds it back. planted: the groups that the base was trained on rarely.
     """
 
     strategy: str
@@ -170,6 +191,7 @@ class Comparison(Result):
     trained_on: Frequencies | None = None
     base_set: Frequencies | None = None
     second: SecondIou | None = None
+    planted: tuple[PlantedGroup, ...] = ()
 
     def pair(self, version: str, against: str) -> VersionPair | None:
         """The comparison of a version with an earlier one; None if either is missing."""

@@ -222,7 +222,7 @@ class FailureRegion(Result):
 
     support: tests inside the rule; failures_inside: those that failed; precision: their ratio. It has no interval: adaptive strategies
     gather their tests where failures are, and the rule is fitted to these tests, so they are no independent samples. recall: share of
-    the region's members that the rule covers.
+    the region's members that the rule covers. groups: named groups, such as `children`, to which every test inside the rule belongs.
     """
 
     name: str
@@ -234,6 +234,7 @@ class FailureRegion(Result):
     failures_inside: int
     precision: float
     recall: float
+    groups: tuple[str, ...] = ()
     representatives: tuple[Representative, ...]
 
 

@@ -40,6 +40,11 @@ TABLE = _prose("""
     compare versions test by test. For orientation, thesis Table 7.2 counts D_o (base) 21, 69, 40, 25; D_r (random) 11, 5, 44,
     6; D_a (adaptive) 6, 4, 25, 3 on F1* to F4*. The thesis uses another simulator, detector and number of tests.
 """)
+PLANTED = _prose("""
+    People and poses that the base set shows rarely, so we know what a search ought to find. Frequency: relative to others. Search: failures
+    / tests of the group in the campaigns. Named by: failure regions with a rule that holds for this group alone. Held out: failures / tests
+    of the group on the held-out sequence.
+""")
 LIMITS = _prose("""
     How far a version's failure rate may be above that of {base}: one-sided upper {confidence:g} % limit of the rise (Tango's score
     method for pairs). It treats the tests as a sample of tests like these. The gate holds a version back if a limit is above the

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.artefacts.comparison_results import Comparison, GroupPair, VersionPair, VersionResult
+from pipeline.artefacts.comparison_results import Comparison, Count, GroupPair, VersionPair, VersionResult
 from pipeline.artefacts.results import Frequencies
 from pipeline.core.lineage import Version
 from pipeline.report.failure_tables import base_rate_sentence, braking_held_out
@@ -24,6 +24,8 @@ def verdict_table(comparison: Comparison, report: Path | None = None) -> str:
     lines = [f"Held out: {scenarios}; the same tests for every version\n", *aligned([HEADERS, *verdict_rows(comparison)])]
     if len(comparison.groups) < len(comparison.versions) or len(comparison.scenarios) > 1:
         lines += ["", f"Failures by scenario, {_averaged(comparison)}\n", *aligned([group_headers(comparison), *group_rows(comparison)])]
+    if planted := planted_rows(comparison):
+        lines += ["", "Planted blind spots: people and poses that the base set shows rarely\n", *aligned(planted)]
     if braking := braking_held_out(comparison):
         lines += ["", "Braking without need\n", *aligned(braking)]
     lines += ["", *verdict_sentences(comparison)]
@@ -153,3 +155,23 @@ def group_rows(comparison: Comparison) -> list[tuple[str, ...]]:
 def _averaged(comparison: Comparison) -> str:
     seeds = max(len(group.versions) for group in comparison.groups)
     return f"means over {seeds} seeds of retraining with Student's intervals" if seeds > 1 else "one seed of retraining"
+
+
+def planted_rows(comparison: Comparison) -> list[tuple[str, ...]]:
+    """A row for each group that the base was trained on rarely, under a header: what the searches found in it, and the failures of each
+    version among its held-out tests, as failures / tests. Empty without such a group."""
+    if not comparison.planted:
+        return []
+    strategies = list(dict.fromkeys(name for group in comparison.planted for name in group.searched))
+    versions = [result.version for result in comparison.versions]
+    header = ("group", "frequency", *(f"search, {name}" for name in strategies), "named by", *(f"held out, {name}" for name in versions))
+    rows = []
+    for group in comparison.planted:
+        searched = (_share(group.searched.get(name)) for name in strategies)
+        held_out = (_share(group.held_out.get(name)) for name in versions)
+        rows.append((group.group, f"{group.frequency:g}", *searched, ", ".join(group.regions) or "no rule", *held_out))
+    return [header, *rows]
+
+
+def _share(count: Count | None) -> str:
+    return "" if count is None else f"{count.failures} / {count.tests}"

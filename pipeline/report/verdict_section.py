@@ -11,7 +11,7 @@ from pipeline.report import texts
 from pipeline.report.failure_tables import CAUSES, base_rate_sentence, braking_held_out, cause_cells
 from pipeline.report.formats import counted, mean_text, share, signed
 from pipeline.report.page import Drawing, Film, Passage, Section, Table
-from pipeline.report.verdict import HEADERS, group_headers, group_rows, holds, verdict_rows, verdict_sentences
+from pipeline.report.verdict import HEADERS, group_headers, group_rows, holds, planted_rows, verdict_rows, verdict_sentences
 
 CHANGES = 20
 """Rows shown of changes.csv."""
@@ -70,6 +70,7 @@ def verdict_section(
     base = comparison.versions[0].version
     parts = [
         Passage(table=Table(HEADERS, tuple(verdict_rows(comparison)), numbers=(1, 2, 3)), notes=tuple(verdict_sentences(comparison))),
+        *_planted(comparison),
         *_limits(comparison),
         Passage("By scenario", texts.TABLE, Table(group_headers(comparison), tuple(group_rows(comparison)))),
         *([] if rounds is None else [rounds]),
@@ -86,6 +87,11 @@ def verdict_section(
     if replays:
         parts.append(Passage("Replays of changed tests", texts.PAIR, replays=tuple(replays)))
     return Section("Verdict", _introduction(comparison), tuple(parts))
+
+
+def _planted(comparison: Comparison) -> list[Passage]:
+    header, *rows = planted_rows(comparison) or [()]
+    return [Passage("Planted blind spots", texts.PLANTED, Table(header, tuple(rows)))] if rows else []
 
 
 def _introduction(comparison: Comparison) -> tuple[str, ...]:

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from pipeline.artefacts.files import write_bytes, write_json
+from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.model_card import read_card
-from pipeline.artefacts.results import Frequencies, Measures, read, write
+from pipeline.artefacts.results import FailureRegions, Frequencies, Measures, read, write
 from pipeline.artefacts.scenario_space import read_space
-from pipeline.artefacts.tables import write_tests
+from pipeline.artefacts.tables import read_tests, write_tests
 from pipeline.config.schema import Config
-from pipeline.contract import Job, Step, Wildcards
+from pipeline.contract import Files, Job, Step, Wildcards
+
+if TYPE_CHECKING:
+    from pipeline.analysis.planted import Searched
 
 
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
@@ -18,15 +24,24 @@ def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
     return own if config.tested else (*own, "base_set.rare")
 
 
-STEP = Step(
-    "Compare all model versions on the held-out sequence.",
-    reads=lambda folders, wildcards: {
-        "spaces": folders.spaces(folders.config.held_out),
+def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
+    config = folders.config
+    files: dict[str, Files] = {
+        "spaces": folders.spaces(config.held_out),
         "tests": folders.held_out("tests.parquet"),
         "second_iou": folders.second_iou,
         "models": folders.cards,
         "measures": f"{folders.root}/measures.json",
-    },
+    }
+    if config.tested:
+        return files
+    searched = {"searched": folders.search("tests.parquet"), "searched_spaces": folders.spaces(config.search)}
+    return files | searched | {"regions": [folders.regions("base", scenario) for scenario in config.search]}
+
+
+STEP = Step(
+    "Compare all model versions on the held-out sequence.",
+    reads=_reads,
     writes=lambda folders: {
         "comparison": f"{folders.root}/comparison.json",
         "table": f"{folders.root}/comparison.parquet",
@@ -48,6 +63,7 @@ def run(job: Job) -> None:
     from pipeline.analysis.comparison import base_regions, changed_tests, compare, compared_again, flat_metrics
     from pipeline.analysis.held_out import read_held_out
     from pipeline.analysis.named_groups import named_groups
+    from pipeline.analysis.planted import planted_groups
     from pipeline.artefacts.points import encode_tests
     from pipeline.core.gate import Policy
     from pipeline.learning.leakage import refuse_learnt
@@ -70,11 +86,23 @@ def run(job: Job) -> None:
         ious = settings.second_iou, config.campaign.match_iou
         result = result.model_copy(update={"second": compared_again(again, *ious, policy)})
     if cards:
-        shown = Frequencies(**config.base_set.rare.model_dump())
-        result = result.model_copy(update={"trained_on": cards[0].frequencies, "base_set": shown})
+        shown, learnt = Frequencies(**config.base_set.rare.model_dump()), cards[0].frequencies
+        planted = () if learnt is None else tuple(planted_groups(learnt, _searched(job), held_out, named))
+        result = result.model_copy(update={"trained_on": learnt, "base_set": shown, "planted": planted})
     write(job.output("comparison"), result)
     write_tests(job.output("table"), held_out.joined, first)
     changes = changed_tests(result, held_out.joined, first.names)
     write_bytes(job.output("changes"), changes.to_csv(index=False, lineterminator="\n", float_format="%.6g").encode())
     detection = {card.version: card.metrics for card in cards}
     write_json(job.output("metrics"), flat_metrics(result, measures, detection))
+
+
+def _searched(job: Job) -> Searched:
+    """The searches of the base."""
+    import pandas as pd
+
+    from pipeline.analysis.planted import Searched
+
+    rows = pd.concat([read_tests(path) for path in job.inputs("searched")], ignore_index=True)
+    spaces = {info.name: space for info, space in map(read_space, job.inputs("searched_spaces"))}
+    return Searched(rows[rows["status"] == "ok"], spaces, [read(path, FailureRegions) for path in job.inputs("regions")])

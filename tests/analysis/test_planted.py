@@ -1,0 +1,59 @@
+"""What became of the people and poses that the base set shows rarely."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pipeline.analysis.failure_regions import cluster
+from pipeline.artefacts.comparison_results import Comparison, Count
+from pipeline.artefacts.model_card import read_card, write_card
+from pipeline.artefacts.results import read
+from pipeline.artefacts.scenario_space import ScenarioInfo
+from pipeline.artefacts.tables import read_tests
+from pipeline.config.composing import compose
+from pipeline.report.verdict import planted_rows, verdict_table
+from pipeline.scenarios.people import person
+from tests.analysis.fabricated import FabricatedStudy, make_tests
+
+
+def test_the_group_that_was_rare_is_counted_in_the_searches_and_in_the_held_out_tests(tmp_path: Path) -> None:
+    study = FabricatedStudy(tmp_path).make()
+    card = read_card(study.cards[0])
+    write_card(study.cards[0], card.model_copy(update={"training": {**card.training, "rare_children": 0.15, "rare_crouching": 1.0}}))
+    study.analyse()
+    comparison = read(study.root / "comparison.json", Comparison)
+    (planted,) = comparison.planted
+    assert (planted.group, planted.frequency) == ("children", 0.15)
+    searched = pd.concat(map(read_tests, study.search_tests))
+    children = searched[searched["blueprint"].map(lambda name: person(name).child) & (searched["status"] == "ok")]
+    expected = children.groupby("strategy")["failure"].agg(["size", "sum"])
+    assert planted.searched == {name: Count(tests=row["size"], failures=row["sum"]) for name, row in expected.iterrows()}
+    for path in study.held_out_tests:
+        rows = read_tests(path)
+        rows = rows[rows["blueprint"].map(lambda name: person(name).child) & (rows["status"] == "ok")]
+        assert planted.held_out[path.parts[-3]] == Count(tests=len(rows), failures=int(rows["failure"].sum()))
+    header, row = planted_rows(comparison)
+    assert header[:4] == ("group", "frequency", "search, random", "search, forest") and len(header) == len(row) == 9
+    assert "Planted blind spots" in verdict_table(comparison)
+
+
+def test_a_base_of_a_uniform_set_has_no_planted_group(tmp_path: Path) -> None:
+    comparison = read(FabricatedStudy(tmp_path).make().analyse().root / "comparison.json", Comparison)
+    assert comparison.planted == () and planted_rows(comparison) == []
+
+
+def test_a_rule_names_the_group_that_all_of_its_tests_belong_to() -> None:
+    config = compose("default", [])
+    space, rng = config.space("F1"), np.random.default_rng(0)
+    points = space.sample(800, rng)
+    tests = make_tests(space, {"scenario": "F1", "strategy": "random", "version": "base", "seed": 0}, points)
+    failed = tests["animation"] == "crouching"
+    tests = tests.assign(
+        failure=failed, status="ok", failure_mode=np.where(failed, "contact", "none"), cause=np.where(failed, "box", "none")
+    )
+    found = cluster(ScenarioInfo("F1", "F1", "", 100), space, tests, config.regions)
+    assert found.regions and all("animation = crouching" in region.groups for region in found.regions)
+    assert not any("children" in region.groups for region in found.regions)
