@@ -50,6 +50,7 @@ class Ratio:
 
 FAILURES, KINDS, PAIRS = (Duel(measure, DEFAULT, THESIS) for measure in SYMBOLS)
 PEER_PAIRS, PEER_FAILURES = Duel("gamma_f", DEFAULT, BEST), Duel("failures", GREEDY, BEST)
+DUELS = (FAILURES, KINDS, PAIRS, PEER_PAIRS, PEER_FAILURES)
 EXPECTED = (
     (FAILURES, RECORDED, 300, 1.5),
     (FAILURES, RECORDED, 1000, 1.1),
@@ -78,17 +79,15 @@ def ratios(rows: Sequence[dict[str, Any]]) -> Ratios:
     for block in blocks(rows):
         if block.budget in BUDGETS:
             groups.setdefault((kind_of(block.group), block.budget), []).append(block)
-    duels = (FAILURES, KINDS, PAIRS, PEER_PAIRS, PEER_FAILURES)
-    found = {(duel, kind, budget): _ratio(group, duel) for (kind, budget), group in groups.items() for duel in duels}
+    found = {(duel, kind, budget): _ratio(group, duel) for (kind, budget), group in groups.items() for duel in DUELS}
     return {key: ratio for key, ratio in found.items() if ratio is not None}
 
 
 def markdown(found: Ratios) -> str:
     """A table of the ratios, a row for each kind of worlds and budget."""
-    duels = list(dict.fromkeys(duel for duel, _, _ in found))
-    lines = [f"| worlds | tests | {' | '.join(map(str, duels))} |", "|---" * (len(duels) + 2) + "|"]
+    lines = [f"| worlds | tests | {' | '.join(map(str, DUELS))} |", "|---" * (len(DUELS) + 2) + "|"]
     for kind, budget in dict.fromkeys((kind, budget) for _, kind, budget in found):
-        cells = [str(found.get((duel, kind, budget), "–")) for duel in duels]
+        cells = [str(found.get((duel, kind, budget), "–")) for duel in DUELS]
         lines.append(f"| {kind} | {budget:,} | {' | '.join(cells)} |")
     return "\n".join(lines)
 

@@ -44,7 +44,8 @@ def run_all(runs: Iterable[Run], path: Path, processes: int, progress: Progress)
     _end_last_line(path)
     with path.open("a") as file:
         for count, row in enumerate(_executed(missing, processes), 1):
-            file.write(json.dumps({**row, "digest": digest(Run(*_key(row)))}) + "\n")
+            rounded = {key: round(value, DIGITS) if isinstance(value, float) else value for key, value in row.items()}
+            file.write(json.dumps({**rounded, "digest": digest(Run(*_key(row)))}) + "\n")
             file.flush()
             text = f"{row['strategy']} on {row['world']}, seed {row['seed']}: {len(row['failed_at'])} failures"
             progress(count, len(missing), text)
@@ -55,7 +56,7 @@ def read(path: Path, kept: Path = KEPT) -> list[Row]:
     newest = {_key(row): row for table in sorted(kept.glob(f"{path.stem}-*.csv.gz")) for row in _kept(table)}
     for line in path.read_text().splitlines() if path.exists() else []:
         try:
-            row = {key: round(value, DIGITS) if isinstance(value, float) else value for key, value in json.loads(line).items()}
+            row = json.loads(line)
         except ValueError:
             continue
         newest.pop(_key(row), None)

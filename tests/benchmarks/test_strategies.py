@@ -306,3 +306,15 @@ def test_the_figure_has_a_panel_for_each_group() -> None:
 
 def test_the_default_car_is_used(analytic: AnalyticWorld) -> None:
     assert isinstance(worlds.default_study().car, Car) and functional_scenario("F1").logical_space() == analytic.space
+
+
+def test_the_answer_names_what_fell_short() -> None:
+    found = {
+        (duels.FAILURES, duels.RECORDED, 300): duels.Ratio(1.6, 1.5, 1.7),
+        (duels.KINDS, duels.RECORDED, 300): duels.Ratio(1.0, 0.9, 1.1),
+    }
+    head, _, *table = duels.answer(found).split("\n")
+    short = "kinds, forest / network after 300 tests, as recorded: 1.00 instead of 1.3"
+    assert head == f"**What fell short:** {short}. 1 of 2 expectations hold."
+    assert "| failures, forest / network | as recorded | 300 | 1.5 | 1.60 (1.50–1.70) | yes |" in table
+    assert sum(line.endswith("not run |") for line in table) == len(duels.EXPECTED) - 2

@@ -16,7 +16,7 @@ NAMES = sorted(path.stem for path in (CONF / "scenario").glob("[FN]*.yaml"))
 
 
 def test_all_scenarios_exist() -> None:
-    assert sorted([f"F{i}" for i in range(1, 9)] + [f"F{i}star" for i in range(1, 5)] + [f"N{i}" for i in range(1, 5)]) == NAMES
+    assert sorted([f"F{i}" for i in range(1, 9)] + [f"F{i}star" for i in range(1, 7)] + [f"N{i}" for i in range(1, 5)]) == NAMES
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name.startswith("F")])
