@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from pipeline.core.measures import pair_coverage
 from pipeline.core.samplers.batches import BatchSampler
 from pipeline.core.samplers.coverage import CoverageSampler
 from pipeline.core.samplers.forest import ForestSampler
+from pipeline.core.samplers.mixed import MixedSampler
 from pipeline.core.samplers.pairwise import PairwiseSampler
 from pipeline.core.samplers.random import RandomSampler
 from pipeline.core.space import Floats, Space, Variable
@@ -79,6 +82,33 @@ def test_results_of_other_scenarios_guide_the_first_batch() -> None:
     taught = ForestSampler(SMALL, 0, batch_size=40, earlier=[(told, kpi_of(told))])
     first, blind = taught.ask(), ForestSampler(SMALL, 0, batch_size=40).ask()
     assert first[:, 0].mean() > blind[:, 0].mean() + 1  # The KPI falls with x.
+
+
+@pytest.mark.parametrize("uniform", [0.0, 0.3, 0.5, 1.0])
+def test_a_mixture_draws_its_share_at_random_and_guides_the_rest(uniform: float) -> None:
+    samplers = [MixedSampler(SMALL, 0, batch_size=10, uniform=uniform) for _ in range(2)]
+    first = samplers[0].ask()
+    low, high = (np.where(np.arange(10) % 2 == i, -1.0, 1.0) for i in range(2))
+    asked = []
+    for sampler, kpi in zip(samplers, (low, high), strict=True):
+        sampler.tell(first, kpi)
+        asked.append(sampler.ask())
+    drawn = round(uniform * 10)
+    assert np.array_equal(asked[0][:drawn], asked[1][:drawn])
+    assert drawn == 10 or not np.array_equal(asked[0][drawn:], asked[1][drawn:])
+
+
+def test_a_mixture_that_is_not_told_attributes_searches_as_if_there_were_none() -> None:
+    nameless = Variable("person", "categorical", values=tuple("abcde"))
+    heights = replace(nameless, attributes=(("height_m", (1.0, 1.1, 1.7, 1.8, 1.9)),))
+    asked: dict[tuple[bool, bool], Floats] = {}
+    for person, told in ((heights, True), (heights, False), (nameless, False)):
+        sampler = MixedSampler(Space((person, *SMALL.variables)), 0, batch_size=20, uniform=0.0, attributes=told)
+        points = sampler.ask()
+        sampler.tell(points, np.where(points[:, 0] < 2, -1.0, 1.0))
+        asked[person is heights, told] = sampler.ask()
+    assert np.array_equal(asked[True, False], asked[False, False])
+    assert not np.array_equal(asked[True, True], asked[True, False])
 
 
 def test_the_pairwise_plan_comes_first_and_random_tests_after_it() -> None:

@@ -1,0 +1,58 @@
+"""Half forest-guided, half random testing: the search whose frames a detector learns from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from pipeline.core.samplers.batches import BatchSampler
+from pipeline.core.samplers.forest import ForestSampler
+from pipeline.core.samplers.untested import fill, untested
+from pipeline.core.space import Floats, Space
+
+
+@dataclass(eq=False, repr=False, kw_only=True)
+class MixedSampler(BatchSampler):
+    """Fills a share of each batch with random tests and leaves the rest to forest-guided testing, which learns from both.
+
+    A detector that learns from failures alone forgets what it could do: failures crowd in darkness, rain and fog. Random tests show it the
+    rest of the space, as a defensive mixture does in importance sampling (Owen and Zhou, 2000).
+
+    uniform: share of random tests, in [0, 1]; they come first in each batch. attributes: whether the forest knows the attributes of
+    categories, such as a person's height. failure_threshold_s, earlier: as in `ForestSampler`.
+    """
+
+    uniform: float = 0.5
+    attributes: bool = True
+    failure_threshold_s: float = 0.1
+    earlier: Sequence[tuple[Floats, Floats]] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not 0 <= self.uniform <= 1:
+            raise ValueError(f"uniform must be in [0, 1], got {self.uniform}")
+
+    def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
+        drawn = fill(self.space, points[:0], points, self._random, rng)
+        if self._random == self.batch_size:
+            return drawn
+        guided = self._guide._choose(index, points, kpi, rng)
+        return fill(self.space, np.concatenate([drawn, guided[untested(guided, drawn)]]), points, self.batch_size, rng)
+
+    @property
+    def _random(self) -> int:
+        return round(self.uniform * self.batch_size)
+
+    @cached_property
+    def _guide(self) -> ForestSampler:
+        space = self.space if self.attributes else _without_attributes(self.space)
+        return ForestSampler(
+            space, self.seed, batch_size=self.batch_size - self._random, failure_threshold_s=self.failure_threshold_s, earlier=self.earlier
+        )
+
+
+def _without_attributes(space: Space) -> Space:
+    return replace(space, variables=tuple(replace(variable, attributes=()) for variable in space.variables))
