@@ -32,21 +32,23 @@ def compose(study: str, overrides: Sequence[str]) -> Config:
 
     if study not in (studies := _choices("study")):
         raise InputError(f"there is no study '{study}'{nearest(study, studies)}")
-    # The study comes after the strategies, because it may change their parameters.
-    first = [*(f"+sampler@samplers.{name}={name}" for name in _choices("sampler")), f"+study={study}"]
+    samplers = [f"+sampler@samplers.{name}={name}" for name in _choices("sampler")]
     with initialize_config_dir(str(CONF), version_base="1.3"):
 
-        def composed(words: Sequence[str]) -> Any:
-            return OmegaConf.to_container(hydra_compose("config", overrides=[*first, *words]), resolve=True)
+        def composed(words: Sequence[str], scenarios: Sequence[str] = ()) -> Any:
+            # The study comes after strategies and scenarios, because it may change them.
+            return OmegaConf.to_container(
+                hydra_compose("config", overrides=[*samplers, *scenarios, f"+study={study}", *words]), resolve=True
+            )
 
         plain = composed([])
         try:
             # The overrides of a study decide which scenarios it needs; the scenarios' overrides come last.
             chosen = [word for word in overrides if not word.lstrip("+~").startswith("scenario")]
             scenarios = _scenarios(composed(chosen) if chosen else plain)
-            plain = composed(scenarios)
+            plain = composed([], scenarios)
             if overrides:
-                plain = composed([*scenarios, *overrides])
+                plain = composed(overrides, scenarios)
         except (HydraException, OmegaConfBaseException) as error:
             raise InputError(_override_message(plain, overrides) or f"overrides: {str(error).splitlines()[0]}") from error
     config = validate(plain, "conf/")

@@ -191,7 +191,7 @@ class Retraining(_Section):
     selection: Literal["all", "failures", "regions"]
     """Kept frames to add: of `all` tests, of `failures`, or of failures with equal numbers from every failure region (`regions`)."""
     batch_size: int = Field(ge=2, le=4096)
-    """Full frames per step."""
+    """Images per step."""
     iterations: int = Field(ge=1)
     """Steps."""
     learning_rate: float = Field(gt=0, lt=1)

@@ -73,6 +73,12 @@ class Schedule:
     def iterations(self) -> int:
         return self.crop_iterations + self.frame_iterations
 
+    def phase(self, iteration: int) -> str:
+        """What the iteration, counted from 1, shows; empty if all iterations show the same."""
+        if not self.crop_iterations or not self.frame_iterations:
+            return ""
+        return "crops, " if iteration <= self.crop_iterations else "full frames, "
+
     def rate(self, iteration: int) -> float:
         """Learning rate of an iteration, counted from 0."""
         crops, frames = min(iteration, self.crop_iterations), max(0, iteration - self.crop_iterations)
@@ -177,7 +183,7 @@ def fit(model: Yolo, lesson: Lesson, run: Run) -> Fitted:
         if state.iteration % FINITE_EVERY == 0 or state.iteration == schedule.iterations:
             _check_finite(losses, state.iteration, schedule)
         if progress is not None and (state.iteration % 10 == 0 or state.iteration == schedule.iterations):
-            progress(state.iteration, schedule.iterations, _text(state.iteration <= schedule.crop_iterations, losses, state.curve))
+            progress(state.iteration, schedule.iterations, schedule.phase(state.iteration) + _text(losses, state.curve))
         if validation is not None and (state.iteration % validation.every == 0 or state.iteration == schedule.iterations):
             _check_finite(losses, state.iteration, schedule)
             _look(state, schedule, validation)
@@ -298,8 +304,8 @@ def _resume(path: Path, identity: str, state: State, device: torch.device) -> No
     state.iteration = int(found["iteration"])
 
 
-def _text(crops: bool, losses: deque[Loss], curve: list[CurvePoint]) -> str:
+def _text(losses: deque[Loss], curve: list[CurvePoint]) -> str:
     scores = sum(float(loss.scores) for loss in losses) / len(losses)
     boxes = sum(float(loss.boxes) for loss in losses) / len(losses)
     validated = f", AP50 {curve[-1].ap50:.3f}" if curve else ""
-    return f"{'crops' if crops else 'full frames'}, loss: scores {scores:.2f}, boxes {boxes:.3f}{validated}"
+    return f"loss: scores {scores:.2f}, boxes {boxes:.3f}{validated}"
