@@ -11,10 +11,12 @@ are published as a row for each held-out test and a column for each version: 0 p
 from __future__ import annotations
 
 import argparse
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from scipy.stats import ttest_1samp
 
 from pipeline.artefacts.tables import read_tests
 from pipeline.core.statistics import mean_interval
@@ -30,6 +32,10 @@ BASES = {
     ),
 }
 """The overrides of each base. With a uniform base, new scenes are balanced anyway; three arms are left out to save a third of the time."""
+VERSIONS = ["base", "control", "fresh", "balanced", "random", "pairwise", "coverage", "untold", "adaptive"]
+PRIMARY = ("long_tailed", "random")
+"""The primary question: does `adaptive` fail less than this version of this base?"""
+ALPHA = 0.05
 TEST = ["scenario", "index", "animation", "blueprint"]
 PASSED, FAILED, ERROR = 0, 1, 2
 
@@ -91,41 +97,81 @@ def published(folder: Path = PUBLISHED) -> dict[tuple[str, int], pd.DataFrame]:
 
 def answer(pieces: dict[tuple[str, int], pd.DataFrame]) -> str:
     """Failures of every version, and what `adaptive` fails less than each of them, over the seeds of a base."""
-    parts = [
-        f"{len(pieces)} of {len(BASES) * len(SEEDS)} pieces are published.",
-        *(_of_base(base, [pieces[base, seed] for seed in SEEDS if (base, seed) in pieces]) for base in BASES),
-    ]
-    return "\n\n".join(part for part in parts if part)
+    failed = {base: _failures([pieces[base, seed] for seed in SEEDS if (base, seed) in pieces]) for base in BASES}
+    found = {(base, name): _contrast(failed[base], name) for base in BASES for name in failed[base] if name != "adaptive"}
+    _adjust([contrast for question, contrast in found.items() if question != PRIMARY])
+    parts = [f"{len(pieces)} of {len(BASES) * len(SEEDS)} pieces are published."]
+    for base, counts in failed.items():
+        if counts:
+            tests = next(len(table) for (of, _), table in pieces.items() if of == base)
+            parts += [_table(base, tests, counts, {name: contrast for (of, name), contrast in found.items() if of == base})]
+    return "\n\n".join(parts)
 
 
-def _of_base(base: str, tables: list[pd.DataFrame]) -> str:
-    if not tables:
-        return ""
-    versions = [name for name in tables[0].columns if name not in TEST]
-    versions.sort(key=["base", "control", "fresh", "balanced", "random", "pairwise", "coverage", "untold", "adaptive"].index)
-    failed = {name: np.array([_failures(table, name) for table in tables]) for name in versions}
+@dataclass
+class Contrast:
+    """How many more failures `adaptive` has than another version, over the searches of a base."""
+
+    mean: float
+    low: float
+    high: float
+    margin: float
+    """Smallest effect of interest: a tenth of the base's failures."""
+    p_value: float
+    """Student's t-test of the mean; 1 for a single search. Adjusted by Holm's method if the question is not the primary one."""
+
+    @property
+    def verdict(self) -> str:
+        if self.p_value <= ALPHA:
+            return "fewer" if self.mean < 0 else "more"
+        return "equivalent" if -self.margin < self.low and self.high < self.margin else "not shown"
+
+
+def _contrast(failed: dict[str, np.ndarray], name: str) -> Contrast:
+    differences = failed["adaptive"] - failed[name]
+    if len(differences) == 1:
+        return Contrast(differences.mean(), -np.inf, np.inf, 0.0, 1.0)
+    p_value = 1.0 if not differences.any() else float(ttest_1samp(differences, 0).pvalue)
+    return Contrast(differences.mean(), *mean_interval(differences), failed["base"].mean() / 10, p_value)
+
+
+def _adjust(contrasts: list[Contrast]) -> None:
+    """Holm's step-down method: with probability 1 - ALPHA, no contrast without a difference is called shown."""
+    adjusted = 0.0
+    for rank, contrast in enumerate(sorted(contrasts, key=lambda each: each.p_value)):
+        adjusted = max(adjusted, min(1.0, (len(contrasts) - rank) * contrast.p_value))
+        contrast.p_value = adjusted
+
+
+def _table(base: str, tests: int, failed: dict[str, np.ndarray], contrasts: dict[str, Contrast]) -> str:
     lines = [
-        f"**Base `{base}`**, {len(tables)} searches, {len(tables[0])} held-out tests each:",
+        f"**Base `{base}`**, {len(failed['base'])} searches, {tests} held-out tests each:",
         "",
-        "| version | failures, by search | mean (95 %) | `adaptive` minus it, mean (95 %) |",
-        "|---|---|---|---|",
+        "| version | failures, by search | mean (95 %) | `adaptive` minus it, mean (95 %) | p | `adaptive` fails |",
+        "|---|---|---|---|---|---|",
     ]
-    for name in versions:
-        difference = "–" if name == "adaptive" else _interval(failed["adaptive"] - failed[name])
-        each = ", ".join(str(count) for count in failed[name])
-        lines.append(f"| `{name}` | {each} | {_interval(failed[name])} | {difference} |")
+    for name, counts in failed.items():
+        each = ", ".join(str(count) for count in counts)
+        row = f"| `{name}` | {each} | {_mean(counts.mean(), *mean_interval(counts))} |"
+        if name == "adaptive":
+            lines.append(f"{row} – | – | – |")
+        else:
+            found = contrasts[name]
+            lines.append(f"{row} {_mean(found.mean, found.low, found.high)} | {found.p_value:.3f} | {found.verdict} |")
     return "\n".join(lines)
 
 
-def _failures(table: pd.DataFrame, version: str) -> int:
-    """Failures of a version among the tests that no version ended in an error."""
-    versions = [name for name in table.columns if name not in TEST]
-    return int((table.loc[(table[versions] != ERROR).all(axis=1), version] == FAILED).sum())
+def _failures(tables: list[pd.DataFrame]) -> dict[str, np.ndarray]:
+    """By version, (searches,) failures among the tests that no version ended in an error."""
+    if not tables:
+        return {}
+    versions = [name for name in VERSIONS if name in tables[0].columns]
+    judged = [table.loc[(table[versions] != ERROR).all(axis=1), versions] for table in tables]
+    return {name: np.array([int((table[name] == FAILED).sum()) for table in judged]) for name in versions}
 
 
-def _interval(values: np.ndarray) -> str:
-    low, high = mean_interval(values)
-    return f"{values.mean():.1f}" if len(values) == 1 else f"{values.mean():.1f} ({low:.1f} to {high:.1f})"
+def _mean(mean: float, low: float, high: float) -> str:
+    return f"{mean:.1f}" if low == high or not np.isfinite(low) else f"{mean:.1f} ({low:.1f} to {high:.1f})"
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 from numpy.typing import NDArray
+from torch import nn
 
 from pipeline.artefacts.dataset import ImageSet, image_set
 from pipeline.core.boxes import iou
@@ -46,7 +47,7 @@ def people(count: int, seed: int) -> ImageSet:
     return image_set(scenes, f"people {count} {seed}")
 
 
-def same(first: Yolo, second: Yolo) -> bool:
+def same(first: nn.Module, second: nn.Module) -> bool:
     other = second.state_dict()
     return all(torch.equal(value, other[name]) for name, value in first.state_dict().items())
 

@@ -48,8 +48,8 @@ def test_a_camera_is_chosen_by_its_name() -> None:
         ("+arms.base=random", "arms: 'base' is the version before retraining; choose another name"),
         ("+arms.New=random", "arms.New"),
         (
-            "retraining.searches=own",
-            "retraining.seeds must be [0, 1], the seeds of the search, because retraining.searches is 'own', got [0]",
+            "retraining={searches:own,seeds:[1]}",
+            "retraining.seeds must be [0], the seeds of the search, because retraining.searches is 'own', got [1]",
         ),
         ("search=[F1,F22]", "search: there is no conf/scenario/F22.yaml; did you mean 'F2'?"),
         ("held_out=[F1]", "held_out must not be searched: F1 is in both lists"),

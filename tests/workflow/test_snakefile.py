@@ -249,13 +249,13 @@ def test_a_round_learns_from_all_campaigns_before_it(tmp_path: Path) -> None:
     config = compose("smoke", ["retraining.rounds=2", "retraining.seeds=[0,4]"])
     folders = Plan(config, step_names()).folders
     filters = {source: folders.added_filters("adaptive-r2-s4", source) for source in ("adaptive", "random")}
-    assert filters["adaptive"] == ["data/smoke/filter/forest/base.csv", "data/smoke/retrained/filter/forest/adaptive-s4.csv"]
+    assert filters["adaptive"] == ["data/smoke/filter/mixed/base.csv", "data/smoke/retrained/filter/mixed/adaptive-s4.csv"]
     assert filters["random"] == ["data/smoke/filter/random/base.csv", "data/smoke/retrained/filter/random/random-s4.csv"]
     frames = folders.added("adaptive-r2-s4", "adaptive", "frames.parquet")
-    assert "data/smoke/retrained/campaigns/F2/forest/adaptive-s4/0/frames.parquet" in frames
+    assert "data/smoke/retrained/campaigns/F2/mixed/adaptive-s4/0/frames.parquet" in frames
     own = Plan(compose("smoke", ["retraining.rounds=2", "seeds=[0,4]", "retraining.seeds=[0,4]", "retraining.searches=own"]), step_names())
     root, alone = "data/smoke/retrained/campaigns", own.folders.added("adaptive-r2-s4", "adaptive", "frames.parquet")
-    assert {path.split("/")[-2] for path in alone} == {"4"} and f"{root}/F2/forest/adaptive-s4/4/frames.parquet" in alone
+    assert {path.split("/")[-2] for path in alone} == {"4"} and f"{root}/F2/mixed/adaptive-s4/4/frames.parquet" in alone
     assert [path.split("/")[-3:-1] for path in own.folders.later_search("tests.parquet")[:2]] == [["random", "0"], ["random", "0"]]
     assert folders.parent("adaptive-r2-s4", "model.json") == "data/smoke/retrained/models/adaptive-s4/model.json"
     later = folders.later_search("tests.parquet")
@@ -266,9 +266,9 @@ def test_a_round_learns_from_all_campaigns_before_it(tmp_path: Path) -> None:
 
 
 def test_a_campaign_waits_for_the_campaigns_that_it_learns_from() -> None:
-    folders = plan("search=[F1,F2,F5]", study="retraining").folders
-    key = {"kind": "campaigns", "scenario": "F5", "strategy": "forest", "version": "base", "seed": "0"}
-    assert folders.earlier(**key) == [f"data/retraining/campaigns/{name}/forest/base/0/tests.parquet" for name in ("F1", "F2")]
+    folders = plan("search=[F1,F2,F5]", "campaign.transfer=[mixed]", study="retraining").folders
+    key = {"kind": "campaigns", "scenario": "F5", "strategy": "mixed", "version": "base", "seed": "0"}
+    assert folders.earlier(**key) == [f"data/retraining/campaigns/{name}/mixed/base/0/tests.parquet" for name in ("F1", "F2")]
     later = folders.earlier(**key | {"kind": "retrained/campaigns", "scenario": "F2", "version": "adaptive"})
     assert later[0].startswith("data/retraining/retrained/campaigns/F1/")
     assert not folders.earlier(**key | {"strategy": "random"}) and not folders.earlier(**key | {"kind": "held_out", "scenario": "F1star"})
@@ -277,4 +277,4 @@ def test_a_campaign_waits_for_the_campaigns_that_it_learns_from() -> None:
 def test_every_version_executes_the_sequences_of_one_seed() -> None:
     paths = [Path(path) for path in plan("comparison.seed=3", study="retraining").folders.held_out("tests.parquet")]
     seeds = {(path.parts[-5], path.parts[-2]) for path in paths}
-    assert len(paths) == 40 and seeds == {(f"F{i}star", "3") for i in range(1, 5)}
+    assert len(paths) == 6 * 9 and seeds == {(f"F{i}star", "3") for i in range(1, 7)}

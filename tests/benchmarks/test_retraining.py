@@ -1,0 +1,65 @@
+"""The retraining experiment's answer: counts, intervals and verdicts by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import retraining
+
+
+def piece(tests: int = 100, **failed: int) -> pd.DataFrame:
+    """A published piece: of each version, the first tests fail."""
+    keys = {"scenario": "F1star", "index": range(tests), "animation": "walking", "blueprint": "W 01"}
+    return pd.DataFrame({**keys, **{version: (np.arange(tests) < count).astype(int) for version, count in failed.items()}})
+
+
+def long_tailed(adaptive: list[int], random: list[int], base: int = 50) -> dict[tuple[str, int], pd.DataFrame]:
+    pairs = enumerate(zip(adaptive, random, strict=True))
+    return {("long_tailed", seed): piece(base=base, random=other, adaptive=count) for seed, (count, other) in pairs}
+
+
+def rows(answer: str, version: str) -> list[list[str]]:
+    """The cells of a version's row in the table of each base."""
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in answer.splitlines() if line.startswith(f"| `{version}`")]
+
+
+def row(answer: str, version: str) -> list[str]:
+    (cells,) = rows(answer, version)
+    return cells
+
+
+def test_means_and_intervals_by_hand() -> None:
+    answer = retraining.answer(long_tailed(adaptive=[10, 12, 14], random=[20, 20, 20]))
+    assert "3 of 10 pieces are published." in answer and "3 searches, 100 held-out tests each" in answer
+    # Differences -10, -8, -6: mean -8, standard error 2 / sqrt(3), t quantile 4.303 with two degrees of freedom.
+    assert row(answer, "random") == ["`random`", "20, 20, 20", "20.0", "-8.0 (-13.0 to -3.0)", "0.020", "fewer"]
+    assert row(answer, "adaptive")[2] == "12.0 (7.0 to 17.0)"
+
+
+def test_equal_within_a_tenth_of_the_base_is_equivalent() -> None:
+    close = retraining.answer(long_tailed(adaptive=[10, 11, 10, 9], random=[10, 10, 11, 10]))
+    apart = retraining.answer(long_tailed(adaptive=[1, 20, 10, 9], random=[10, 10, 11, 10]))
+    assert row(close, "random")[-1] == "equivalent" and row(apart, "random")[-1] == "not shown"
+
+
+def test_one_search_shows_nothing() -> None:
+    assert row(retraining.answer(long_tailed(adaptive=[0], random=[50])), "random")[-2:] == ["1.000", "not shown"]
+
+
+def test_a_test_with_an_error_counts_for_no_version() -> None:
+    pieces = long_tailed(adaptive=[10, 12], random=[20, 20])
+    for table in pieces.values():
+        table.loc[0, "base"] = retraining.ERROR
+    assert row(retraining.answer(pieces), "adaptive")[1] == "9, 11"
+
+
+def test_secondary_questions_share_their_alpha() -> None:
+    """Holm: two p-values of 0.04 are 0.08 each; the primary question stays as it is."""
+    contrasts = [retraining.Contrast(-1.0, -2.0, -0.1, 0.0, p_value) for p_value in (0.04, 0.04, 0.001)]
+    retraining._adjust(contrasts)
+    assert [round(each.p_value, 6) for each in contrasts] == [0.08, 0.08, 0.003]
+    # The largest of three secondary p-values is left as it is, the middle one doubles.
+    alone = long_tailed(adaptive=[10, 14, 11], random=[50, 51, 50], base=20)
+    both = {**alone, **{("uniform", seed): table for (_, seed), table in alone.items()}}
+    assert [cells[-2] for cells in rows(retraining.answer(alone), "base")] == ["0.020"]
+    assert [cells[-2] for cells in rows(retraining.answer(both), "base")] == ["0.040", "0.040"]
