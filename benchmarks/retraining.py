@@ -16,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from outcomes import failures, of_study, write
 from scipy.stats import ttest_1samp
 
-from pipeline.artefacts.tables import read_tests
 from pipeline.core.statistics import mean_interval
 
 PUBLISHED = Path("docs/results/retraining")
@@ -36,8 +36,6 @@ VERSIONS = ["base", "control", "fresh", "balanced", "random", "pairwise", "cover
 PRIMARY = ("long_tailed", "random")
 """The primary question: does `adaptive` fail less than this version of this base?"""
 ALPHA = 0.05
-TEST = ["scenario", "index", "animation", "blueprint"]
-PASSED, FAILED, ERROR = 0, 1, 2
 
 
 def main() -> None:
@@ -55,8 +53,7 @@ def main() -> None:
         print(answer(published()))
     else:
         path = piece_path(options.base, options.seed)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        outcomes(STUDY, options.seed).to_csv(path, index=False, compression={"method": "gzip", "mtime": 0})
+        write(of_study(STUDY, options.seed), path)
         print(path)
 
 
@@ -73,20 +70,6 @@ def plan() -> str:
 
 def piece_path(base: str, seed: int, folder: Path = PUBLISHED) -> Path:
     return folder / f"{base}-{seed}.csv.gz"
-
-
-def outcomes(study: Path, seed: int) -> pd.DataFrame:
-    """A row for each held-out test: `TEST`, and a column for each version. SystemExit if the study holds another seed."""
-    parts = [read_tests(path) for path in sorted(study.glob("held_out/*/*/*/*/tests.parquet"))]
-    searched = {path.parent.name for path in study.glob("campaigns/*/*/base/*/tests.parquet")}
-    if not parts or searched != {str(seed)}:
-        raise SystemExit(f"{study}: expected a finished study whose searches have seed {seed}, found {sorted(searched) or 'none'}")
-    tests = pd.concat(parts, ignore_index=True)
-    tests["outcome"] = np.where(tests["status"] != "ok", ERROR, tests["failure"].astype(int))
-    table = tests.pivot(index=TEST, columns="version", values="outcome")
-    if table.isna().to_numpy().any():
-        raise SystemExit(f"{study}: the versions were not tested on the same tests; finish the study with ./run")
-    return table.astype(int).reset_index()
 
 
 def published(folder: Path = PUBLISHED) -> dict[tuple[str, int], pd.DataFrame]:
@@ -165,9 +148,8 @@ def _failures(tables: list[pd.DataFrame]) -> dict[str, np.ndarray]:
     """By version, (searches,) failures among the tests that no version ended in an error."""
     if not tables:
         return {}
-    versions = [name for name in VERSIONS if name in tables[0].columns]
-    judged = [table.loc[(table[versions] != ERROR).all(axis=1), versions] for table in tables]
-    return {name: np.array([int((table[name] == FAILED).sum()) for table in judged]) for name in versions}
+    counts = [failures(table) for table in tables]
+    return {name: np.array([count[name] for count in counts]) for name in VERSIONS if name in counts[0]}
 
 
 def _mean(mean: float, low: float, high: float) -> str:

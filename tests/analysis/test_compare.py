@@ -321,7 +321,7 @@ def test_step_on_files(tmp_path: Path) -> None:
     metrics = read_json(study.root / "metrics.json")
     assert metrics["adaptive"]["failures"] == result.versions[3].failures
     assert metrics["base"]["ap50"] == 0.88
-    assert "c_measure" in metrics["F1-forest"]
+    assert "c_measure" in metrics["F1-mixed"]
     text = verdict_table(result, study.root / "report.html")
     assert "adaptive ★" in text
     assert "F1*" in text

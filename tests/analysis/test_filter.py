@@ -66,7 +66,7 @@ def run(study: FabricatedStudy, overrules: Path) -> pd.DataFrame:
 
 def test_a_person_overrules(tmp_path: Path) -> None:
     study, path = FabricatedStudy(tmp_path).make(), tmp_path / "overrules.csv"
-    path.write_text("test_id,step,keep\nF1-random-base-0-00001,1,true\nF1-random-base-0-00001,4,no\nF1-forest-base-0-00001,1,true\n")
+    path.write_text("test_id,step,keep\nF1-random-base-0-00001,1,true\nF1-random-base-0-00001,4,no\nF1-mixed-base-0-00001,1,true\n")
     table = run(study, path)
     assert len(table) == 4 * 6 * 5
     assert table.loc[("F1-random-base-0-00001", 1)][["kept", "reason"]].tolist() == [True, "overruled (was few_pixels)"]
@@ -81,9 +81,9 @@ def test_a_person_overrules(tmp_path: Path) -> None:
         ("F1-randon-base-0-00001,1,true", "line 2: expected a kept frame"),
         ("F1-random-adaptive-r9-s7-0-00001,1,true", "line 2: expected a kept frame"),
         ("F1-random-control-0-00001,1,true", "line 2: expected a kept frame"),
-        ("F1star-forest-base-0-00001,1,true", "line 2: expected a kept frame"),
-        ("F1-forest-base-7-00001,1,true", "line 2: expected a kept frame"),
-        ("F1-forest-base-0-00060,1,true", "line 2: expected a kept frame"),
+        ("F1star-mixed-base-0-00001,1,true", "line 2: expected a kept frame"),
+        ("F1-mixed-base-7-00001,1,true", "line 2: expected a kept frame"),
+        ("F1-mixed-base-0-00060,1,true", "line 2: expected a kept frame"),
         ("F1-random-base-0-00001,1,maybe", "line 2: keep must be true or false, got 'maybe'"),
         ("F1-random-base-0-00001,1.5,true", "line 2: step must be a whole number"),
         (",1,true", "line 2: test_id is missing"),

@@ -21,7 +21,7 @@ def overruled(*rows: tuple[str, int, bool]) -> pd.DataFrame:
 
 
 def test_rows_for_other_tables_are_ignored() -> None:
-    others = [("F1-forest-base-1-00059", 3, True), ("F1-forest-adaptive-0-00000", 0, False), ("F1-random-random-1-00007", 0, True)]
+    others = [("F1-mixed-base-1-00059", 3, True), ("F1-mixed-adaptive-0-00000", 0, False), ("F1-random-random-1-00007", 0, True)]
     table = overruled(("F1-random-base-0-00001", 0, False), *others, ("F1-random-base-0-00001", 5, True))
     assert table["kept"].tolist() == [False, True]
     assert table["reason"].tolist() == ["overruled (was visible)", "overruled (was few_pixels)"]
@@ -31,14 +31,14 @@ def test_rows_for_other_tables_are_ignored() -> None:
     "test_id",
     [
         "F1-random-base-0-00002",  # No frame of this test was kept.
-        "F1star-forest-base-0-00001",  # Held out.
-        "F9-forest-base-0-00001",
+        "F1star-mixed-base-0-00001",  # Held out.
+        "F9-mixed-base-0-00001",
         "F1-neurol-base-0-00001",
-        "F1-forest-adaptive-r2-0-00001",  # The last round's version has no search.
-        "F1-forest-base-2-00001",
-        "F1-forest-base-0-00060",
-        "F1-forest-base-0-1",
-        "F1-forest",
+        "F1-mixed-adaptive-r2-0-00001",  # The last round's version has no search.
+        "F1-mixed-base-2-00001",
+        "F1-mixed-base-0-00060",
+        "F1-mixed-base-0-1",
+        "F1-mixed",
     ],
 )
 def test_a_row_about_an_unknown_test_is_refused(test_id: str) -> None:

@@ -36,7 +36,7 @@ def test_the_group_that_was_rare_is_counted_in_the_searches_and_in_the_held_out_
         rows = rows[rows["blueprint"].map(lambda name: person(name).child) & (rows["status"] == "ok")]
         assert planted.held_out[path.parts[-3]] == Count(tests=len(rows), failures=int(rows["failure"].sum()))
     header, row = planted_rows(comparison)
-    assert header[:4] == ("group", "frequency", "search, random", "search, forest") and len(header) == len(row) == 9
+    assert header[:4] == ("group", "frequency", "search, random", "search, mixed") and len(header) == len(row) == 9
     assert "Planted blind spots" in verdict_table(comparison)
 
 

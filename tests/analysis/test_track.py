@@ -84,10 +84,10 @@ def test_logged_models_can_be_ordered_by_failures(study: FabricatedStudy) -> Non
 def test_theta_is_a_series(study: FabricatedStudy) -> None:
     store = client(study)
     experiment = store.get_experiment_by_name("blindspot/default").experiment_id
-    (campaign,) = store.search_runs([experiment], "attributes.run_name = 'default/F1/forest/base/0'")
+    (campaign,) = store.search_runs([experiment], "attributes.run_name = 'default/F1/mixed/base/0'")
     points = store.get_metric_history(campaign.info.run_id, "failures_found")
     theta = read_json(study.root / "measures.json")["campaigns"][2]
-    assert (theta["strategy"], theta["seed"]) == ("forest", 0)
+    assert (theta["strategy"], theta["seed"]) == ("mixed", 0)
     assert [point.value for point in sorted(points, key=lambda p: p.step)] == theta["theta"]
 
 

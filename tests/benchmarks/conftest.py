@@ -1,4 +1,4 @@
-"""Makes a script of the folder benchmarks importable. The folder itself must not be on the path: its `coverage.py` would hide a package."""
+"""Makes scripts of the folder benchmarks importable. The folder itself must not be on the path: its `coverage.py` would hide a package."""
 
 import importlib
 from pathlib import Path
@@ -7,4 +7,5 @@ import pytest
 
 with pytest.MonkeyPatch.context() as patch:
     patch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "benchmarks"))
-    importlib.import_module("retraining")
+    for script in ("outcomes", "retraining", "default_study"):
+        importlib.import_module(script)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import outcomes
 import pandas as pd
 import retraining
 
@@ -49,7 +50,7 @@ def test_one_search_shows_nothing() -> None:
 def test_a_test_with_an_error_counts_for_no_version() -> None:
     pieces = long_tailed(adaptive=[10, 12], random=[20, 20])
     for table in pieces.values():
-        table.loc[0, "base"] = retraining.ERROR
+        table.loc[0, "base"] = outcomes.ERROR
     assert row(retraining.answer(pieces), "adaptive")[1] == "9, 11"
 
 

@@ -31,7 +31,7 @@ from tests.spaces import SMALL
 from tests.strategies import strategies
 from tests.studies import ROOT, StudyFolder, arguments
 
-OVERRIDES = ["simulator=analytic", "detector=oracle", "campaign.tests=24", "samplers.forest.batch_size=8"]
+OVERRIDES = ["simulator=analytic", "detector=oracle", "campaign.tests=24", "samplers.mixed.batch_size=8"]
 FILES = ("tests.parquet", "signals.parquet", "frames.parquet")
 MODEL = "models/base/model.onnx"
 
@@ -46,11 +46,11 @@ def analytic_study(root: Path, *overrides: str) -> StudyFolder:
     return study
 
 
-def key(strategy: str = "forest", scenario: str = "F1", kind: str = "campaigns") -> dict[str, Any]:
+def key(strategy: str = "mixed", scenario: str = "F1", kind: str = "campaigns") -> dict[str, Any]:
     return {"kind": kind, "scenario": scenario, "strategy": strategy, "version": "base", "seed": 3}
 
 
-def folder(study: StudyFolder, strategy: str = "forest", scenario: str = "F1", kind: str = "campaigns") -> Path:
+def folder(study: StudyFolder, strategy: str = "mixed", scenario: str = "F1", kind: str = "campaigns") -> Path:
     return study / "/".join(map(str, key(strategy, scenario, kind).values()))
 
 
@@ -85,7 +85,7 @@ def test_a_campaign_with_earlier_tests_chooses_other_tests(tmp_path: Path) -> No
     assert same(folder(taught), folder(alone)) and not same(folder(taught, scenario="F2"), folder(alone, scenario="F2"))
 
 
-TAUGHT = {"taught": "[forest]", "again": "[forest]", "alone": "[]"}
+TAUGHT = {"taught": "[mixed]", "again": "[mixed]", "alone": "[]"}
 
 
 def test_scenarios_with_one_seed_share_no_test(tmp_path: Path) -> None:
@@ -103,7 +103,7 @@ def first_batch(campaign: CampaignId, frozen: bool = False) -> set[bytes]:
 
 def test_campaigns_that_differ_in_any_name_share_no_test_of_the_first_batch() -> None:
     one = CampaignId("F1", "random", "base", 3)
-    changed: list[dict[str, Any]] = [{}, {"scenario": "F2"}, {"strategy": "forest"}, {"version": "adaptive"}, {"seed": 4}]
+    changed: list[dict[str, Any]] = [{}, {"scenario": "F2"}, {"strategy": "mixed"}, {"version": "adaptive"}, {"seed": 4}]
     batches = [first_batch(replace(one, **names)) for names in changed]
     assert len(set.union(*batches)) == sum(map(len, batches)) == 40
 
@@ -200,9 +200,9 @@ def test_bad_files_end_with_exit_code_2(
 
 def test_a_truncated_table_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     study = analytic_study(tmp_path)
-    for strategy in ("random", "forest"):
+    for strategy in ("random", "mixed"):
         assert study.run("campaign", threads=2, **key(strategy) | {"seed": 0}) == 0
-    table = study / "campaigns/F1/forest/base/0/tests.parquet"
+    table = study / "campaigns/F1/mixed/base/0/tests.parquet"
     table.write_bytes(table.read_bytes()[:-200])
     assert study.run("cluster", scenario="F1", version="base") == 2
     assert f"data/smoke/{table.relative_to(study / '')}: expected a Parquet file, it is truncated or foreign" in capsys.readouterr().err

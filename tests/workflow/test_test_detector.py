@@ -21,7 +21,7 @@ from tests.analysis.fabricated import OVERRIDES, FabricatedStudy
 from tests.detectors.test_layouts import export, yolov8
 from tests.studies import ROOT
 
-SMALL = ["campaign.tests=6", "search=[F1]", "seeds=[0]", "comparison.tests=6", "samplers.forest.batch_size=3", "report.replays=2"]
+SMALL = ["campaign.tests=6", "search=[F1]", "seeds=[0]", "comparison.tests=6", "samplers.mixed.batch_size=3", "report.replays=2"]
 ANALYTIC = [*SMALL, "simulator=analytic", "detector.threshold=0.5"]
 
 
@@ -69,10 +69,10 @@ def test_detectors_are_calibrated_before_they_are_tested(folder: Path, capsys: p
     (root,) = (folder / "data").iterdir()
     for name in ("first_bin", "second_bin"):
         found = read(root / f"calibration/{name}.json", DetectorCalibration)
-        assert found.fitted and found.images == 90 and 0 < found.right < found.detections
+        assert found.fitted and found.images == 150 and 0 < found.right < found.detections
         # The share of right boxes is 0.9 among those with score 0.3.
         assert found.scaling.apply(0.3) > 0.7 and found.errors["calibrated"] < found.errors["uncalibrated"] / 2
-        assert f"{name} is calibrated on 90 images: expected calibration error" in text
+        assert f"{name} is calibrated on 150 images: expected calibration error" in text
         page = (root / f"reports/{name}.html").read_text()
         assert ">Calibration<" in page and f"{name}, before and after calibration" in page
     # Called again, nothing is made again.
