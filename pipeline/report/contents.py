@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
-import cv2
 import pandas as pd
 from matplotlib.figure import Figure
 
@@ -16,20 +15,24 @@ from pipeline.artefacts.calibration_results import DetectorCalibration
 from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.model_card import ModelCard
 from pipeline.artefacts.results import FailureRegions, Measures, WhiteBoxMeasures
-from pipeline.config.components import make_detector, make_simulator
+from pipeline.config.components import make_detector
 from pipeline.config.schema import Config
 from pipeline.core.space import Space
 from pipeline.detectors.calibrated import calibrated
 from pipeline.progress import OnProgress
-from pipeline.protocols import Detector, Simulator
+from pipeline.protocols import Detector
 from pipeline.report import comparison_plots, search_plots, sections, texts, training_plots, verdict_section
+from pipeline.report.before_after import before_after
 from pipeline.report.border import Case, cases, nearest
-from pipeline.report.examples import Chosen, choose_pairs, choose_regions
-from pipeline.report.page import Drawing, Film, Page, Section
+from pipeline.report.examples import Chosen, Fix, choose_fixes, choose_pairs, choose_regions
+from pipeline.report.page import BeforeAfter, Drawing, Film, Page, Section
 from pipeline.report.replays import Replay, draw_replay, most_telling_frame, render_replay
-from pipeline.report.style import data_uri, svg
+from pipeline.report.reruns import Reruns
+from pipeline.report.style import data_uri, jpeg_uri, svg
 
 BORDER_CASES = 32
+FIXES = 3
+"""Fixes shown as stills."""
 
 
 @dataclass(frozen=True)
@@ -108,17 +111,21 @@ def _comparison_figures(compared: ComparedVersions, threshold_s: float) -> dict[
 
 
 def make_page(config: Config, data: ReportData, figures: Mapping[str, Figure], progress: OnProgress) -> Page:
-    """The page with its replays, which are simulated again: the same test gives the same frames."""
+    """The page with its stills and replays, whose tests are simulated again."""
     spaces = dict(data.spaces) | {name: config.space(name) for name in config.held_out}
-    pair = _pair(data.compared, spaces)[: config.report.replays // 2 * 2]
+    fixes, pair = _changes(data.compared, spaces)
+    pair = pair[: config.report.replays // 2 * 2]
     chosen = choose_regions(data.regions, next(iter(data.detectors)), config.report.replays - len(pair))
-    films = film_all(config, [*pair, *chosen], partial(_detector, config, data), spaces, progress)
+    reruns = Reruns(config, partial(_detector, config, data), 2 * len(fixes) + len(pair) + len(chosen), progress)
+    stills = [_stills(reruns, fix, config.campaign.failure_threshold_s) for fix in fixes]
+    films = [_film(reruns, test, spaces[test.scenario], config.campaign.failure_threshold_s) for test in pair]
     by_scenario: dict[str, list[Film]] = {}
-    for test, film in zip(chosen, films[len(pair) :], strict=True):
+    for test in chosen:
+        film = _film(reruns, test, spaces[test.scenario], config.campaign.failure_threshold_s)
         by_scenario.setdefault(test.scenario, []).append(film)
     drawings = {name: _drawing(figure, name) for name, figure in figures.items()}
     found = [
-        _verdict(data, drawings, films[: len(pair)]),
+        _verdict(data, drawings, stills, films),
         _regions(data, drawings, by_scenario),
         _search(data, drawings),
         sections.data_section(data.filters, data.cards, _named(drawings, "border"), _named(drawings, "detection", "reliability")),
@@ -136,8 +143,12 @@ def _detector(config: Config, data: ReportData, version: str) -> Detector:
     return make_detector(section, data.detectors[version])
 
 
-def _pair(compared: ComparedVersions | None, spaces: Mapping[str, Space]) -> list[Chosen]:
-    return [] if compared is None else choose_pairs(compared.comparison, compared.tests, spaces)
+def _changes(compared: ComparedVersions | None, spaces: Mapping[str, Space]) -> tuple[list[Fix], list[Chosen]]:
+    """Tests whose outcome retraining changed: for stills and for replays."""
+    if compared is None:
+        return [], []
+    found = compared.comparison, compared.tests, spaces
+    return choose_fixes(*found, FIXES), choose_pairs(*found)
 
 
 def _headline(data: ReportData) -> str:
@@ -146,12 +157,12 @@ def _headline(data: ReportData) -> str:
     return sections.headline(data.regions, data.measures.base_rates)
 
 
-def _verdict(data: ReportData, drawings: Mapping[str, Drawing], films: Sequence[Film]) -> Section | None:
+def _verdict(data: ReportData, drawings: Mapping[str, Drawing], stills: Sequence[BeforeAfter], films: Sequence[Film]) -> Section | None:
     if data.compared is None:
         return None
     rounds = verdict_section.rounds_part(data.searched, [drawings["rounds"]]) if "rounds" in drawings else None
     plots = _named(drawings, "comparison", "histogram")
-    return verdict_section.verdict_section(data.compared.comparison, data.compared.changes, plots, rounds, films)
+    return verdict_section.verdict_section(data.compared.comparison, data.compared.changes, plots, rounds, stills, films)
 
 
 def _regions(data: ReportData, drawings: Mapping[str, Drawing], films: Mapping[str, Sequence[Film]]) -> Section:
@@ -173,34 +184,20 @@ def _named(drawings: Mapping[str, Drawing], *names: str) -> list[Drawing]:
     return [drawings[name] for name in names if name in drawings]
 
 
-def film_all(
-    config: Config,
-    tests: Sequence[Chosen],
-    detector_of: Callable[[str], Detector],
-    spaces: Mapping[str, Space],
-    progress: OnProgress,
-) -> list[Film]:
-    """Simulate each test again and film it, in the order given; one simulator a scenario, one detector a version."""
-    simulators: dict[str, Simulator] = {}
-    loaded: dict[str, Detector] = {}
-    films = []
+def _stills(reruns: Reruns, fix: Fix, threshold_s: float) -> BeforeAfter:
+    heading, _, _ = fix.before.heading.rpartition(" · ")
+    values = (group.rpartition(" = ")[2] for group in fix.groups)
+    versions, episodes = (fix.before.version, fix.after.version), (reruns.execute(fix.before), reruns.execute(fix.after))
+    return before_after(f"{heading}: {', '.join(values)}", versions, episodes, threshold_s)
+
+
+def _film(reruns: Reruns, test: Chosen, space: Space, threshold_s: float) -> Film:
+    episode = reruns.execute(test)
+    units = {variable.name: variable.unit for variable in space.variables}
+    replay = Replay(episode, test.heading, test.concrete, threshold_s, units)
     with tempfile.TemporaryDirectory() as folder:
-        for done, test in enumerate(tests, 1):
-            if test.scenario not in simulators:
-                simulators[test.scenario] = make_simulator(config.simulator, config.scenarios[test.scenario], config.car)
-            if test.version not in loaded:
-                loaded[test.version] = detector_of(test.version)
-            episode = simulators[test.scenario].execute(test.concrete, loaded[test.version], keep_every=1)
-            units = {variable.name: variable.unit for variable in spaces[test.scenario].variables}
-            replay = Replay(episode, test.heading, test.concrete, config.campaign.failure_threshold_s, units)
-            films.append(_film(replay, test.reason, Path(folder)))
-            progress(done, len(tests), test.heading)
-    return films
-
-
-def _film(replay: Replay, reason: str, folder: Path) -> Film:
-    video, poster = folder / "replay.mp4", folder / "poster.jpg"
-    render_replay(replay, video)
-    still = draw_replay(replay)[most_telling_frame(replay.episode)]
-    cv2.imwrite(str(poster), cv2.cvtColor(still, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 80])
-    return Film(replay.title, reason, data_uri(video, "video/mp4"), data_uri(poster, "image/jpeg"))
+        video = Path(folder) / "replay.mp4"
+        render_replay(replay, video)
+        return Film(
+            test.heading, test.reason, data_uri(video.read_bytes(), "video/mp4"), jpeg_uri(draw_replay(replay)[most_telling_frame(episode)])
+        )

@@ -1,4 +1,4 @@
-"""Which tests the report replays."""
+"""Which tests the report shows: as stills before and after retraining, and as replays."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from itertools import zip_longest
 
 import pandas as pd
 
-from pipeline.artefacts.comparison_results import Comparison
-from pipeline.artefacts.points import concrete
+from pipeline.analysis.named_groups import named_groups
+from pipeline.artefacts.comparison_results import Comparison, VersionPair
+from pipeline.artefacts.points import concrete, encode_tests
 from pipeline.artefacts.results import FailureRegions
 from pipeline.core.comparison import SequenceTest
 from pipeline.core.space import Space, Value
@@ -26,6 +27,15 @@ class Chosen:
     heading: str
     reason: str
     concrete: Mapping[str, Value]
+
+
+@dataclass(frozen=True)
+class Fix:
+    """A test that `before` fails and `after` passes. groups: the named groups that it belongs to."""
+
+    groups: tuple[str, ...]
+    before: Chosen
+    after: Chosen
 
 
 def choose_regions(found: Sequence[FailureRegions], version: str, limit: int) -> list[Chosen]:
@@ -53,23 +63,50 @@ def choose_pairs(comparison: Comparison, table: pd.DataFrame, spaces: Mapping[st
 
     table: rows of comparison.parquet. Empty if no version changes any outcome.
     """
+    paired = _changed(comparison)
+    if paired is None:
+        return []
+    changes = [*((test, "fix") for test in paired.fixes[:1]), *((test, "regression") for test in paired.regressions[:1])]
+    return [chosen for change in changes for chosen in _both(comparison, paired, change, table, spaces)]
+
+
+def choose_fixes(comparison: Comparison, table: pd.DataFrame, spaces: Mapping[str, Space], limit: int) -> list[Fix]:
+    """At most `limit` fixes of the version that `choose_pairs` shows. They cover as many groups that the base set shows rarely as
+    possible, then as many other named groups; the first in the sequence wins a tie."""
+    paired = _changed(comparison)
+    if paired is None:
+        return []
+    rare = {group.group for group in comparison.planted}
+    left = {test: _groups(test, table, spaces[test.scenario]) for test in paired.fixes}
+    shown: set[str] = set()
+    chosen: list[Fix] = []
+    while left and len(chosen) < limit:
+        test = max(left, key=lambda test: (len(left[test] & rare - shown), len(left[test] - shown)))
+        groups = left.pop(test)
+        shown |= groups
+        chosen.append(Fix(tuple(sorted(groups)), *_both(comparison, paired, (test, "fix"), table, spaces)))
+    return chosen
+
+
+def _changed(comparison: Comparison) -> VersionPair | None:
+    """The retrained version whose changes are shown, beside base: the champion, or the one with the fewest failures, if it changes any
+    outcome."""
     ranked = sorted((r for r in comparison.versions if r.paired), key=lambda r: (r.version != comparison.champion, r.failures))
-    for result in ranked:
-        assert result.paired is not None
-        if result.paired.fixes or result.paired.regressions:
-            fixes, regressions = result.paired.fixes[:1], result.paired.regressions[:1]
-            changes = [*((test, "fix") for test in fixes), *((test, "regression") for test in regressions)]
-            versions = (result.paired.against, result.version)
-            return [chosen for change in changes for chosen in _both(comparison, versions, change, table, spaces)]
-    return []
+    return next((r.paired for r in ranked if r.paired and (r.paired.fixes or r.paired.regressions)), None)
+
+
+def _groups(test: SequenceTest, table: pd.DataFrame, space: Space) -> set[str]:
+    rows = table[(table["scenario"] == test.scenario) & (table["index"] == test.index)].head(1)
+    return {name for name, members in named_groups(space, encode_tests(rows, space)).items() if members[0]}
 
 
 def _both(
-    comparison: Comparison, versions: tuple[str, str], changed: tuple[SequenceTest, str], table: pd.DataFrame, spaces: Mapping[str, Space]
+    comparison: Comparison, paired: VersionPair, changed: tuple[SequenceTest, str], table: pd.DataFrame, spaces: Mapping[str, Space]
 ) -> list[Chosen]:
     """A test with both versions. changed: the test, and which change it is."""
     (test, change), scenario = changed, changed[0].scenario
     rows = table[(table["scenario"] == scenario) & (table["index"] == test.index)].set_index("version")
     heading = f"{comparison.scenarios[scenario]} · {comparison.strategy} · {test.index:05d}"
-    reason = f"A {change} of {versions[1]} on a held-out test."
+    reason = f"A {change} of {paired.version} on a held-out test."
+    versions = (paired.against, paired.version)
     return [Chosen(scenario, v, f"{heading} · {v}", reason, concrete(rows.loc[v], spaces[scenario])) for v in versions]

@@ -37,6 +37,23 @@ class Film:
 
 
 @dataclass(frozen=True)
+class Still:
+    """An image as a data: address."""
+
+    caption: str
+    image: str
+
+
+@dataclass(frozen=True)
+class BeforeAfter:
+    """One test with two versions."""
+
+    title: str
+    before: Still
+    after: Still
+
+
+@dataclass(frozen=True)
 class Passage:
     """A titled part of a section; empty fields are left out. notes: a list below the table. folded: the label that opens the table."""
 
@@ -45,6 +62,7 @@ class Passage:
     table: Table | None = None
     plots: tuple[Drawing, ...] = ()
     replays: tuple[Film, ...] = ()
+    stills: tuple[BeforeAfter, ...] = ()
     notes: tuple[str, ...] = ()
     folded: str = ""
 

@@ -92,6 +92,34 @@ def draw_replay(replay: Replay) -> list[Pixels]:
     return [_compose(layout, kept) for kept in replay.episode.frames]
 
 
+def draw_view(kept: KeptFrame) -> Pixels:
+    """A camera frame, `FRAME_HEIGHT` high, with the true box and the reported detections: (height, width, 3) uint8 RGB."""
+    image = kept.frame.image
+    scale = FRAME_HEIGHT / image.shape[0]
+    view: Pixels = np.asarray(
+        cv2.resize(image, (round(FRAME_HEIGHT * image.shape[1] / image.shape[0] / 2) * 2, FRAME_HEIGHT), interpolation=cv2.INTER_CUBIC)
+    )
+    if kept.frame.truth.visible_box is not None:
+        _rectangle(view, kept.frame.truth.visible_box, scale, 5, TRUTH)
+    for box, score, outcome in zip(kept.detections.boxes, kept.detections.scores, kept.matching.outcomes, strict=True):
+        if outcome == "unreported":
+            continue
+        left, top = _rectangle(view, tuple(float(value) for value in box), scale, 2, DETECTION)
+        _label(view, f"{score:.2f}", left, top)
+    return view
+
+
+def outcome_text(kpi: Kpi) -> str:
+    """How a test ended, in a few words."""
+    return {
+        "none": "no failure",
+        "contact": f"contact at {kpi.impact_speed_mps:.1f} m/s",
+        "late": "too late",
+        "false_positives": "false positives alone",
+        "false_activation": "braking without need",
+    }[kpi.failure_mode]
+
+
 def most_telling_frame(episode: Episode) -> int:
     """Index of a kept frame three quarters through those that show the pedestrian; 0 if none does."""
     shown = [index for index, kept in enumerate(episode.frames) if kept.frame.truth.visible_box is not None]
@@ -99,13 +127,7 @@ def most_telling_frame(episode: Episode) -> int:
 
 
 def _side_text(replay: Replay, kpi: Kpi) -> str:
-    result = {
-        "none": "no failure",
-        "contact": f"FAILURE: contact at {kpi.impact_speed_mps:.1f} m/s",
-        "late": "FAILURE: too late",
-        "false_positives": "FAILURE: false positives alone",
-        "false_activation": "FAILURE: braking without need",
-    }[kpi.failure_mode]
+    result = outcome_text(kpi) if kpi.failure_mode == "none" else f"FAILURE: {outcome_text(kpi)}"
     seen = "never" if np.isnan(kpi.first_detection_m) else f"{kpi.first_detection_m:.1f} m away"
     lines = [part for line in replay.title.splitlines() for part in textwrap.wrap(line, SIDE_CHARACTERS)]
     lines += ["", f"adj. TTC {kpi.adj_ttc_s:.2f} s (TTC alone {kpi.ttc_s:.2f} s)", *textwrap.wrap(result, SIDE_CHARACTERS)]
@@ -167,18 +189,8 @@ def _draw_signals(axis: Axes, episode: Episode, kpi: Kpi, threshold_s: float) ->
 
 def _compose(layout: Layout, kept: KeptFrame) -> Pixels:
     canvas = layout.canvas.copy()
-    image = kept.frame.image
-    scale = FRAME_HEIGHT / image.shape[0]
-    large = cv2.resize(image, (layout.frame_width, FRAME_HEIGHT), interpolation=cv2.INTER_CUBIC)
-    canvas[:FRAME_HEIGHT, : layout.frame_width] = large
     view = canvas[:FRAME_HEIGHT, : layout.frame_width]
-    if kept.frame.truth.visible_box is not None:
-        _rectangle(view, kept.frame.truth.visible_box, scale, 5, TRUTH)
-    for box, score, outcome in zip(kept.detections.boxes, kept.detections.scores, kept.matching.outcomes, strict=True):
-        if outcome == "unreported":
-            continue
-        left, top = _rectangle(view, tuple(float(value) for value in box), scale, 2, DETECTION)
-        _label(view, f"{score:.2f}", left, top)
+    view[:] = draw_view(kept)
     share = min(1.0, kept.frame.time_s / layout.last_s) if layout.last_s > 0 else 0.0
     column = round(layout.signal_left + share * (layout.signal_right - layout.signal_left))
     canvas[layout.signal_top : layout.signal_bottom, column - 1 : column + 1] = CURSOR

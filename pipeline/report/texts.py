@@ -73,6 +73,10 @@ CHANGES = _prose("""
     Tests whose outcome differs between {base} and {of}, regressions first. The table shows {shown} of the {all} rows in changes.csv,
     which covers all versions.
 """)
+STILLS = _prose("""
+    Three held-out tests, or fewer, that the upper version fails and the lower one passes. Both see the same camera image. Blue: the
+    true pedestrian. Red: the detections with their confidence. A replay below shows a regression, if there is one.
+""")
 PAIR = _prose("""
     The same concrete scenario with both versions, side by side. Blue: the true pedestrian. Red: the detections with their
     confidence. Purple line: TTC divided by one plus the false positives so far.

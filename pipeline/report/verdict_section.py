@@ -10,7 +10,7 @@ from pipeline.artefacts.comparison_results import Comparison, LimitResult, Versi
 from pipeline.report import texts
 from pipeline.report.failure_tables import CAUSES, base_rate_sentence, braking_held_out, cause_cells
 from pipeline.report.formats import counted, mean_text, share, signed
-from pipeline.report.page import Drawing, Film, Passage, Section, Table
+from pipeline.report.page import BeforeAfter, Drawing, Film, Passage, Section, Table
 from pipeline.report.verdict import HEADERS, group_headers, group_rows, holds, planted_rows, verdict_rows, verdict_sentences
 
 CHANGES = 20
@@ -64,13 +64,16 @@ def verdict_section(
     changes: pd.DataFrame,
     plots: Sequence[Drawing],
     rounds: Passage | None,
+    stills: Sequence[BeforeAfter],
     replays: Sequence[Film],
 ) -> Section:
-    """The comparison of the model versions. changes: rows of changes.csv. rounds: `rounds_part`, if there are several."""
+    """The comparison of the model versions. changes: rows of changes.csv. rounds: `rounds_part`, if there are several. stills: of fixes."""
     base = comparison.versions[0].version
     parts = [
-        Passage(table=Table(HEADERS, tuple(verdict_rows(comparison)), numbers=(1, 2, 3)), notes=tuple(verdict_sentences(comparison))),
+        Passage(table=Table(HEADERS, tuple(verdict_rows(comparison)), numbers=(1, 2, 3))),
+        *([Passage("Before and after", texts.STILLS, stills=tuple(stills))] if stills else []),
         *_planted(comparison),
+        Passage("What the verdict rests on", notes=tuple(verdict_sentences(comparison))),
         *_limits(comparison),
         Passage("By scenario", texts.TABLE, Table(group_headers(comparison), tuple(group_rows(comparison)))),
         *([] if rounds is None else [rounds]),

@@ -18,7 +18,7 @@ from pipeline.report import sections, texts
 from pipeline.report.border import nearest
 from pipeline.report.comparison_plots import failures_by_round, kpi_histogram
 from pipeline.report.contents import ReportData, draw_figures, make_page
-from pipeline.report.examples import choose_pairs, choose_regions
+from pipeline.report.examples import choose_fixes, choose_pairs, choose_regions
 from pipeline.report.failure_tables import CAUSES, rate_text
 from pipeline.report.page import Drawing
 from pipeline.report.verdict_section import headline, rounds_part, verdict_section
@@ -139,6 +139,26 @@ def test_pairs_are_a_fix_and_a_regression_of_the_champion(study: FabricatedStudy
     assert choose_pairs(same, table, {}) == []
 
 
+def test_fixes_show_rare_groups_first_and_then_other_groups(study: FabricatedStudy) -> None:
+    comparison = read(study.root / "comparison.json", Comparison)
+    table, spaces = read_tests(study.root / "comparison.parquet"), {"F1star": study.config.space("F1star")}
+    rare = {group.group for group in comparison.planted}
+    fixes = choose_fixes(comparison, table, spaces, 3)
+    assert len(fixes) == 3 and len({fix.before.heading for fix in fixes}) == 3
+    assert rare <= set(fixes[0].groups) | set(fixes[1].groups)
+    for fix in fixes:
+        assert (fix.before.version, fix.after.version) == ("base", comparison.champion) and fix.before.concrete == fix.after.concrete
+        assert f"animation = {fix.before.concrete['animation']}" in fix.groups
+    assert choose_fixes(comparison, table, spaces, 1) == fixes[:1]
+    assert choose_fixes(comparison.model_copy(update={"versions": comparison.versions[:1]}), table, spaces, 3) == []
+
+
+def test_first_screen_shows_fixes_before_and_after(page: str) -> None:
+    first = page.partition("Planted blind spots")[0]
+    assert first.count("<img ") == 6 and "Before and after" in first
+    assert len(re.findall(r"<figcaption>base: (contact at [0-9.]+ m/s|too late|false positives alone|no failure)</figcaption>", first)) == 3
+
+
 def test_border_cases_are_nearest_to_the_thresholds_and_half_are_kept() -> None:
     rows = [
         ("a", 25, 40, True),
@@ -218,7 +238,7 @@ def test_regressions_come_first(study: FabricatedStudy) -> None:
     rows = (
         pd.read_csv(study.root / "changes.csv").query("version == @comparison.champion").head(3).assign(change=["fix", "regression", "fix"])
     )
-    parts = verdict_section(comparison, rows, [], None, []).parts
+    parts = verdict_section(comparison, rows, [], None, [], []).parts
     table = next(part.table for part in parts if part.title == "Fixes and regressions")
     assert table is not None and [row[2] for row in table.rows] == ["regression", "fix", "fix"]
 

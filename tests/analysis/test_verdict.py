@@ -168,7 +168,7 @@ def test_the_limits_of_the_gate_are_a_folded_table() -> None:
     )
     base = comparison()
     versions = (base.versions[0], result("random", 3, "better", limits=random), result("adaptive", 2, "better", limits=adaptive))
-    section = verdict_section(base.model_copy(update={"versions": versions}), pd.DataFrame(), [], None, [])
+    section = verdict_section(base.model_copy(update={"versions": versions}), pd.DataFrame(), [], None, [], [])
     (part,) = (part for part in section.parts if part.folded.startswith("The gate"))
     assert part.table == Table(
         ("scenario or group", "tests", "random", "adaptive"),
@@ -177,7 +177,7 @@ def test_the_limits_of_the_gate_are_a_folded_table() -> None:
     )
     assert "95 %" in part.text and "margin of 10 %" in part.text
     assert not any(
-        part.folded for part in verdict_section(comparison(seeds=1), pd.DataFrame(), [], None, []).parts if "gate" in part.folded
+        part.folded for part in verdict_section(comparison(seeds=1), pd.DataFrame(), [], None, [], []).parts if "gate" in part.folded
     )
 
 

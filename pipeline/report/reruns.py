@@ -1,0 +1,37 @@
+"""Tests simulated again for the report: the same test gives the same frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from pipeline.config.components import make_simulator
+from pipeline.config.schema import Config
+from pipeline.core.episode import Episode
+from pipeline.progress import OnProgress
+from pipeline.protocols import Detector, Simulator
+from pipeline.report.examples import Chosen
+
+
+class Reruns:
+    """Simulates tests again and keeps all their frames; one simulator a scenario, one detector a version.
+
+    detector_of: makes a version's detector. total: number of tests to come, for `progress`.
+    """
+
+    def __init__(self, config: Config, detector_of: Callable[[str], Detector], total: int, progress: OnProgress) -> None:
+        self._config, self._detector_of, self._total, self._progress = config, detector_of, total, progress
+        self._simulators: dict[str, Simulator] = {}
+        self._detectors: dict[str, Detector] = {}
+        self._done = 0
+
+    def execute(self, test: Chosen) -> Episode:
+        """The episode of a test."""
+        if test.scenario not in self._simulators:
+            scenario = self._config.scenarios[test.scenario]
+            self._simulators[test.scenario] = make_simulator(self._config.simulator, scenario, self._config.car)
+        if test.version not in self._detectors:
+            self._detectors[test.version] = self._detector_of(test.version)
+        episode = self._simulators[test.scenario].execute(test.concrete, self._detectors[test.version], keep_every=1)
+        self._done += 1
+        self._progress(self._done, self._total, test.heading)
+        return episode

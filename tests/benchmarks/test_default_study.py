@@ -1,0 +1,43 @@
+"""The answer about the default study: counts, p-values and verdicts by hand."""
+
+from __future__ import annotations
+
+import default_study
+import numpy as np
+import pandas as pd
+
+
+def study(**failed: range) -> pd.DataFrame:
+    """A published study of 20 tests. failed: the tests that a version fails."""
+    keys = {"scenario": "F1star", "index": range(20), "animation": "walking", "blueprint": "W 01"}
+    return pd.DataFrame({**keys, **{version: np.isin(np.arange(20), tests).astype(int) for version, tests in failed.items()}})
+
+
+def answer(*studies: pd.DataFrame) -> str:
+    verdicts = pd.DataFrame({"champion": "random", "minutes": [14.0, 16.0, np.nan][: len(studies)]}, index=range(len(studies)))
+    return default_study.answer(dict(enumerate(studies)), verdicts)
+
+
+def test_counts_and_p_values_by_hand() -> None:
+    better = study(base=range(10), control=range(6), random=range(3), adaptive=range(1))
+    worse = study(base=range(1), control=range(1), random=range(3), adaptive=range(10))
+    text = answer(better, worse)
+    # Nine fixes without a regression: p = 2 / 2**9; five: 2 / 2**5.
+    assert "| 0 | 20 | 10 | 6 | 3 | 1 | 0.0039 | 0.0625 | `random` | 14.0 |" in text
+    assert "| 1 | 20 | 1 | 1 | 3 | 10 | 1.0000 | 1.0000 | `random` | 16.0 |" in text
+    assert (
+        "2 of 5 studies are published. Version `adaptive` fails significantly less than the base in 1 of them, and less than `control` in 0"
+        in text
+    )
+    # Differences -2 and +7: mean 2.5, standard error 4.5, t quantile 12.706 with one degree of freedom.
+    assert "It leaves +2.5 failures (-54.7 to +59.7) compared with `random`. A study takes 15 minutes (median)." in text
+
+
+def test_a_resumed_study_has_no_time() -> None:
+    same = study(base=range(2), control=range(2), random=range(2), adaptive=range(2))
+    text = answer(same, same, same)
+    assert text.splitlines()[-1].endswith("| `random` | resumed |") and "15 minutes (median)" in text
+
+
+def test_nothing_is_said_without_a_study() -> None:
+    assert default_study.answer({}, pd.DataFrame()) == "No study is published."
