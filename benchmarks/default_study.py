@@ -1,4 +1,4 @@
-"""Does the default study end in a shown improvement? Five of them, each from a fresh clone to the verdict, with a seed of its own.
+"""Does the default study end in a shown improvement? Ten of them, each from a fresh clone to the verdict, with a seed of its own.
 
     python benchmarks/default_study.py run 0 1 2     clone, set up, execute and publish these seeds; a quarter of an hour each
     python benchmarks/default_study.py answer        the tables of docs/results/default.md
@@ -24,7 +24,7 @@ from pipeline.core.statistics import mcnemar, mean_interval
 
 PUBLISHED = Path("docs/results/default")
 CLONES = Path(".cache/default_study")
-SEEDS = range(5)
+SEEDS = range(10)
 VERSIONS = ["base", "control", "random", "adaptive"]
 ALPHA = 0.05
 

@@ -24,6 +24,7 @@ from pathlib import Path
 import choosing
 import contestants
 import duels
+import former
 import grid
 import peers
 import recorded
@@ -171,6 +172,7 @@ def _grid(options: argparse.Namespace) -> None:
 def _list(options: argparse.Namespace) -> None:
     print("strategies:", *contestants.known(), contestants.CEILING)
     print("variants:", *variants.VARIANTS)
+    print("former:", *former.SAMPLERS)
     print("peers:", *peers.PEERS)
     for split in worlds.SPLITS:
         print(f"{split}:", *worlds.names(split, worlds.GROUPS))

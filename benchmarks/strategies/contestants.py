@@ -1,4 +1,4 @@
-"""The strategies that search: every file of conf/sampler, with changed settings where asked, variants, and peers of other projects."""
+"""The strategies that search: every file of conf/sampler, with changed settings where asked, variants, the former default, and peers."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from importlib.metadata import version
 from typing import Any
 
+import former
 import peers
 import variants
 import yaml
@@ -34,6 +35,8 @@ def make(label: str, space: Space, seed: int) -> Sampler:
     """A strategy before its first test. label: a name, with changed settings after it, as in `forest explore=0.2`."""
     if label in peers.PEERS:
         return peers.make(label, space, seed, default_study().campaign.failure_threshold_s)
+    if label in former.SAMPLERS:
+        return former.SAMPLERS[label](space, seed, failure_threshold_s=default_study().campaign.failure_threshold_s)
     if _name(label) in variants.VARIANTS:
         settings = {key: value for key, value in _section(label).items() if key != "_target_"}
         return variants.VARIANTS[_name(label)](space=space, seed=seed, **settings)
@@ -48,6 +51,8 @@ def digest(label: str) -> str:
         return ""
     if label in peers.PEERS:
         about = [version(peers.PEERS[label]), inspect.getsource(peers.kind_of(label))]
+    elif label in former.SAMPLERS:
+        about = [inspect.getsource(former)]
     else:
         section = _section(label)
         about = [json.dumps(section, sort_keys=True), code_digest(section["_target_"].rpartition(".")[0])]
@@ -62,7 +67,9 @@ def _name(label: str) -> str:
 def _section(label: str) -> Mapping[str, Any]:
     name, samplers = _name(label), default_study().samplers
     if name not in samplers and name not in variants.VARIANTS:
-        raise InputError(f"there is no strategy '{name}'{nearest(name, [*samplers, *variants.VARIANTS, *peers.PEERS, CEILING])}")
+        raise InputError(
+            f"there is no strategy '{name}'{nearest(name, [*samplers, *variants.VARIANTS, *former.SAMPLERS, *peers.PEERS, CEILING])}"
+        )
     section = dict(samplers["forest" if name in variants.VARIANTS else name])
     for change in label.split()[1:]:
         key, _, value = change.partition("=")

@@ -1,4 +1,4 @@
-"""The claims of the page: the default strategy against the thesis' network, and against the best sampler of VerifAI."""
+"""The claims of the page: the default strategy against the thesis' network, the default before it, and the best sampler of VerifAI."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from worlds import ANALYTIC, WorldName
 
 from pipeline.core.statistics import bootstrap_ratio
 
-DEFAULT, THESIS, GREEDY = "forest", "network", "exploit"
+DEFAULT, THESIS, FORMER, GREEDY = "forest", "network", "neural", "exploit"
 BEST = "best of VerifAI"
 SYMBOLS = {"failures": "failures", "kinds": "kinds", "gamma_f": "γ_f"}
 LINE = 128
@@ -49,8 +49,9 @@ class Ratio:
 
 
 FAILURES, KINDS, PAIRS = (Duel(measure, DEFAULT, THESIS) for measure in SYMBOLS)
+FORMER_FAILURES, FORMER_PAIRS = Duel("failures", DEFAULT, FORMER), Duel("gamma_f", DEFAULT, FORMER)
 PEER_PAIRS, PEER_FAILURES = Duel("gamma_f", DEFAULT, BEST), Duel("failures", GREEDY, BEST)
-DUELS = (FAILURES, KINDS, PAIRS, PEER_PAIRS, PEER_FAILURES)
+DUELS = (FAILURES, KINDS, PAIRS, FORMER_FAILURES, FORMER_PAIRS, PEER_PAIRS, PEER_FAILURES)
 EXPECTED = (
     (FAILURES, RECORDED, 300, 1.5),
     (FAILURES, RECORDED, 1000, 1.1),
@@ -64,6 +65,8 @@ EXPECTED = (
     (PAIRS, RAREST, 300, 1.5),
     (FAILURES, ANALYTIC, 1000, 1.2),
     (PAIRS, ANALYTIC, 1000, 1.15),
+    *((FORMER_FAILURES, kind, budget, 1.25) for kind in (RECORDED, RARE, ANALYTIC) for budget in (300, 1000)),
+    *((FORMER_PAIRS, kind, budget, 1.15) for kind in (RECORDED, RARE, ANALYTIC) for budget in (300, 1000)),
     (PEER_PAIRS, RECORDED, 300, 1.9),
     (PEER_PAIRS, RECORDED, 1000, 1.6),
     (PEER_FAILURES, RECORDED, 300, 0.97),

@@ -7,8 +7,7 @@ import numpy as np
 from pipeline.core.episode import Episode, KeptFrame
 from pipeline.core.kpi import evaluate
 from pipeline.report.page import BeforeAfter, Still
-from pipeline.report.replays import draw_view, outcome_text
-from pipeline.report.style import jpeg_uri
+from pipeline.report.replays import draw_view, jpeg_uri, outcome_text
 
 
 def before_after(title: str, versions: tuple[str, str], episodes: tuple[Episode, Episode], threshold_s: float) -> BeforeAfter:

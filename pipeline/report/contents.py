@@ -26,9 +26,9 @@ from pipeline.report.before_after import before_after
 from pipeline.report.border import Case, cases, nearest
 from pipeline.report.examples import Chosen, Fix, choose_fixes, choose_pairs, choose_regions
 from pipeline.report.page import BeforeAfter, Drawing, Film, Page, Section
-from pipeline.report.replays import Replay, draw_replay, most_telling_frame, render_replay
+from pipeline.report.replays import Replay, draw_replay, jpeg_uri, most_telling_frame, render_replay
 from pipeline.report.reruns import Reruns
-from pipeline.report.style import data_uri, jpeg_uri, svg
+from pipeline.report.style import data_uri, svg
 
 BORDER_CASES = 32
 FIXES = 3

@@ -24,7 +24,7 @@ from PIL import Image
 from pipeline.core.episode import Episode, KeptFrame
 from pipeline.core.kpi import Kpi, evaluate, ttc
 from pipeline.core.space import Value
-from pipeline.report.style import GRID, INK, styled
+from pipeline.report.style import GRID, INK, data_uri, styled
 
 Pixels = NDArray[np.uint8]
 TRUTH, DETECTION, CURSOR = (70, 140, 255), (235, 60, 50), (214, 40, 40)
@@ -118,6 +118,12 @@ def outcome_text(kpi: Kpi) -> str:
         "false_positives": "false positives alone",
         "false_activation": "braking without need",
     }[kpi.failure_mode]
+
+
+def jpeg_uri(image: Pixels) -> str:
+    """An image, (height, width, 3) RGB, as a data: address."""
+    _, content = cv2.imencode(".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 80])
+    return data_uri(content.tobytes(), "image/jpeg")
 
 
 def most_telling_frame(episode: Episode) -> int:

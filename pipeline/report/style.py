@@ -8,13 +8,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-import cv2
 import matplotlib
-import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from pipeline.artefacts.files import write_bytes
 
@@ -127,9 +124,3 @@ def save_png(figure: Figure, path: Path) -> None:
 def data_uri(content: bytes, media_type: str) -> str:
     """A file's content as a data: address, so that a page needs no other file."""
     return f"data:{media_type};base64,{base64.b64encode(content).decode('ascii')}"
-
-
-def jpeg_uri(image: NDArray[np.uint8]) -> str:
-    """An image, (height, width, 3) RGB, as a data: address."""
-    _, content = cv2.imencode(".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 80])
-    return data_uri(content.tobytes(), "image/jpeg")
