@@ -188,8 +188,10 @@ class Retraining(_Section):
     """Number of rounds; each repeats search, filter and retraining on the newest versions."""
     start: Literal["parent", "scratch"]
     """`parent` continues from the version before, `scratch` trains anew with section `training` on the base set and the added frames."""
-    selection: Literal["all", "failures", "regions"]
-    """Kept frames to add: of `all` tests, of `failures`, or of failures with equal numbers from every failure region (`regions`)."""
+    selection: Literal["all", "failures", "regions", "causes", "unsure", "missed"]
+    """Kept frames to add: of `all` tests; of `failures`; of failures with equal numbers from every failure region (`regions`); of all tests
+    with equal numbers of every cause and of passing tests (`causes`); of all tests, more often where the detector was `unsure` of the
+    pedestrian or `missed` it."""
     batch_size: int = Field(ge=2, le=4096)
     """Images per step."""
     iterations: int = Field(ge=1)

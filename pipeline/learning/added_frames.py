@@ -48,9 +48,10 @@ class Campaigns:
         judged = pd.concat([read_filter(path) for path in self.filters], ignore_index=True)
         tests = pd.concat([read_tests(path) for path in self.tests], ignore_index=True)
         known = {info.name: (info, space) for info, space in map(read_space, self.spaces)}
-        groups = selection.groups(self.config.retraining.selection, tests, known, self.config.regions)
+        taken = self.config.retraining.selection
+        groups = selection.groups(taken, tests, known, self.config.regions)
         scenarios = dict(zip(tests["test_id"], tests["scenario"], strict=True))
-        return selection.pool(judged[judged["test_id"].isin(list(scenarios))], groups, scenarios)
+        return selection.pool(judged[judged["test_id"].isin(list(scenarios))], groups, scenarios, taken)
 
     def read(self, chosen: pd.DataFrame) -> ImageSet:
         """InputError if a frame is missing from the campaigns' frames.parquet."""
@@ -77,7 +78,7 @@ class Scenes:
         images, section = read_dataset(self.truth.parent, "train"), self.config.filter
         pixels, place = images.visible_pixels, np.arange(len(images))
         clear = (pixels >= section.min_visible_pixels) & (images.contrast * np.sqrt(pixels) >= section.min_detectability)
-        rows = pd.DataFrame({"test_id": "", "step": place, "empty": pixels == 0, "group": selection.ANY, "scenario": ""})
+        rows = pd.DataFrame({"test_id": "", "step": place, "empty": pixels == 0, "group": selection.ANY, "scenario": "", "weight": 1.0})
         return rows[rows["empty"] | clear].reset_index(drop=True)
 
     def read(self, chosen: pd.DataFrame) -> ImageSet:

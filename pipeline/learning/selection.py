@@ -1,8 +1,8 @@
-"""Selects kept frames for training: of all tests, of failures, or balanced over failure regions."""
+"""Selects kept frames for training: of all tests or of failures, balanced over regions or causes, or by how the detector did in them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import pandas as pd
@@ -10,22 +10,34 @@ import pandas as pd
 from pipeline.analysis.failure_regions import cluster
 from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.config.schema import Regions
-from pipeline.core.space import Space
+from pipeline.core.space import Floats, Space
 
-POOL = ["test_id", "step", "empty", "group", "scenario"]
-"""Columns of a pool of frames: empty: no visible pedestrian; group: rows are drawn in equal numbers from each; scenario: '' for none."""
+POOL = ["test_id", "step", "empty", "group", "scenario", "weight"]
+"""Columns of a pool of frames: empty: no visible pedestrian; group: rows are drawn in equal numbers from each; scenario: '' for none;
+weight: how often a row is drawn, relative to others of its group."""
 ANY = ""
 """The only group if nothing is balanced."""
+LEAST = 0.05
+"""Weight of frames that teach least, so that a pool never runs dry."""
+WEIGHTS: Mapping[str, Callable[[Floats], Floats]] = {
+    "unsure": lambda confidence: LEAST + 4 * confidence * (1 - confidence),
+    "missed": lambda confidence: LEAST - np.log(np.maximum(confidence, LEAST)),
+}
+"""Selection -> weight of frames by the confidence, (n,), with which the searched version detected the pedestrian in them. `unsure`: the
+variance of a coin with that bias; `missed`: the log loss."""
 
 
 def groups(selection: str, tests: pd.DataFrame, spaces: Mapping[str, tuple[ScenarioInfo, Space]], section: Regions) -> dict[str, str]:
     """test_id -> group, for the tests with frames that may be added.
 
-    selection: `all` tests, `failures`, or failures by `regions`, each region a group, plus one group per scenario for failures in no
-    region. tests: rows of all campaigns of one source.
+    selection: `all` tests, `failures`, all tests by `causes`, each cause a group and passing tests another, or failures by `regions`, each
+    region a group, plus one group per scenario for failures in no region; those of `WEIGHTS` take all tests. tests: rows of all campaigns
+    of one source.
     """
-    if selection == "all":
+    if selection == "all" or selection in WEIGHTS:
         return dict.fromkeys(tests["test_id"], ANY)
+    if selection == "causes":
+        return dict(zip(tests["test_id"], tests["cause"], strict=True))
     failed = tests[tests["failure"]]
     if selection == "failures":
         return dict.fromkeys(failed["test_id"], ANY)
@@ -38,14 +50,15 @@ def groups(selection: str, tests: pd.DataFrame, spaces: Mapping[str, tuple[Scena
     return found
 
 
-def pool(judged: pd.DataFrame, grouped: Mapping[str, str], scenarios: Mapping[str, str]) -> pd.DataFrame:
+def pool(judged: pd.DataFrame, grouped: Mapping[str, str], scenarios: Mapping[str, str], selection: str = "all") -> pd.DataFrame:
     """The frames that may be drawn, in a fixed order, with the columns `POOL`.
 
-    judged: rows of filter tables. grouped, scenarios: group and scenario by test.
+    judged: rows of filter tables. grouped, scenarios: group and scenario by test. selection: as for `groups`.
     """
     rows = judged[judged["kept"] & judged["test_id"].isin(list(grouped))]
     ids = rows["test_id"]
     rows = rows.assign(empty=rows["visible_pixels"] == 0, group=ids.map(grouped), scenario=ids.map(scenarios))
+    rows = rows.assign(weight=WEIGHTS[selection](rows["confidence"].to_numpy(float)) if selection in WEIGHTS else 1.0)
     return rows[POOL].sort_values(["test_id", "step"], ignore_index=True)
 
 
@@ -67,6 +80,9 @@ def draw(rows: pd.DataFrame, count: int, empty_share: float, seed: int) -> pd.Da
     for rest, (_, group) in zip(range(len(shown), 0, -1), sorted(shown.items(), key=lambda item: (len(item[1]), item[0])), strict=True):
         # The smallest first: larger groups make up for what it lacks.
         part = min(len(group), -(-left // rest))
-        parts.append(group.iloc[np.sort(rng.choice(len(group), part, replace=False))])
+        weight = group["weight"].to_numpy(float)
+        # Without weights, numpy draws in another way.
+        shares = None if (weight == weight[0]).all() else weight / weight.sum()
+        parts.append(group.iloc[np.sort(rng.choice(len(group), part, replace=False, p=shares))])
         left -= part
     return pd.concat(parts).sort_values(["test_id", "step"], ignore_index=True)

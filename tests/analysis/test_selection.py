@@ -17,6 +17,7 @@ ROWS = pd.DataFrame(
         "step": [0, 2, 4, 6] * 40,
         "kept": [True, True, True, False] * 40,
         "visible_pixels": [0, 50, 90, 90] * 40,
+        "confidence": [0.0, 0.5, 0.99, 0.0] * 40,
     }
 )
 TESTS = pd.DataFrame({"test_id": ROWS["test_id"].unique(), "status": "ok", "failure": np.arange(40) < 12, "scenario": "F"})
@@ -37,6 +38,24 @@ def test_a_share_is_empty_and_both_sources_have_enough_frames() -> None:
     assert len(drawn) == 32 and (drawn["step"] == 0).sum() == 8 and (drawn["scenario"] == "F").all()
     assert drawn.equals(selection.draw(rows, 32, 0.25, seed=0)) and not drawn.equals(selection.draw(rows, 30, 0.25, seed=0))
     assert not drawn.duplicated().any()
+
+
+def test_unsure_and_missed_frames_are_drawn_more_often() -> None:
+    everything = dict.fromkeys(TESTS["test_id"], "")
+    unsure = selection.draw(selection.pool(ROWS, everything, SCENARIOS, "unsure"), 40, 0.25, seed=0)
+    # Of the 30 frames with a pedestrian: step 2 has confidence 0.5 (weight 1.05), step 4 0.99 (weight 0.09).
+    assert (unsure["step"] == 0).sum() == 10 and (unsure["step"] == 2).sum() > 22
+    rows = ROWS.assign(confidence=ROWS["step"].map({0: 0.0, 2: 0.0, 4: 0.5, 6: 0.0}))
+    missed = selection.pool(rows, everything, SCENARIOS, "missed").groupby("step")["weight"].first()
+    assert np.isclose(missed[2], 0.05 + np.log(20)) and np.isclose(missed[4], 0.05 + np.log(2))
+
+
+def test_causes_are_groups_and_so_are_passing_tests() -> None:
+    tests = TESTS.assign(cause=["box"] * 4 + ["never_seen"] * 8 + ["none"] * 28)
+    groups = selection.groups("causes", tests, {}, Regions(chance_neighbours=0.5, min_failures=4))
+    drawn = selection.draw(selection.pool(ROWS, groups, SCENARIOS, "causes"), 32, 0.25, seed=0)
+    # 24 frames with a pedestrian, 8 a group; "box" has just 8.
+    assert drawn[drawn["step"] > 0]["test_id"].map(groups).value_counts().to_dict() == {"box": 8, "never_seen": 8, "none": 8}
 
 
 def test_small_groups_give_all_frames_and_large_groups_the_rest() -> None:
