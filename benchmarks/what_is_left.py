@@ -60,7 +60,9 @@ class Helped:
             return found
         helped = iou(found.boxes, [truth])[:, 0] > self.least
         boxes = np.where(helped[:, None] & self.boxes, np.asarray(truth, np.float32), found.boxes)
-        return Detections(boxes.astype(np.float32), np.where(helped & self.scores, 1.0, found.scores).astype(np.float32))
+        scores = np.where(helped & self.scores, 1.0, found.scores)
+        order = np.argsort(-scores, kind="stable")
+        return Detections(boxes[order].astype(np.float32), scores[order].astype(np.float32))
 
 
 @dataclass(frozen=True)
