@@ -6,13 +6,15 @@
     python benchmarks/strategies show [--split judging] [--figure strategies.png]
     python benchmarks/strategies truth
     python benchmarks/strategies models
+    python benchmarks/strategies ablation
     python benchmarks/strategies grid [--figures FOLDER]
     python benchmarks/strategies list
 
 run: every strategy, seed and world; a rerun does only what is missing or was made by other code. keep: publish the finished runs in
 benchmarks/strategies/results. answer: which expectations hold. choose: what each strategy finds in 300 tests. show: tables and figure of
 the finished runs. truth: how true the emulators are. models: how well the models of the forest and of its variants predict rendered
-tests. grid: tables and figures of thesis chapter 6 from the recorded campaigns. list: strategies, groups and worlds.
+tests. ablation: what each part of the forest is worth, in the development worlds. grid: tables and figures of thesis chapter 6 from the
+recorded campaigns. list: strategies, groups and worlds.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ import argparse
 import tempfile
 from pathlib import Path
 
+import ablation
 import choosing
 import contestants
 import duels
@@ -64,7 +67,8 @@ def main() -> None:
     answer = commands.add_parser("answer", help="which expectations hold")
     choose = commands.add_parser("choose", help="what each strategy finds in 300 tests")
     keep = commands.add_parser("keep", help="publish the finished runs in the repository")
-    for command in (run, keep, show, answer, choose):
+    ablate = commands.add_parser("ablation", help="what each part of the forest is worth")
+    for command in (run, keep, show, answer, choose, ablate):
         split = "judging" if command in (answer, choose) else "development"
         command.add_argument("--split", choices=list(worlds.SPLITS), default=split, help="which scenarios and seeds (default: %(default)s)")
         command.add_argument("--results", type=Path, help=f"default: {RESULTS}/<split>.jsonl")
@@ -83,6 +87,7 @@ def main() -> None:
         "show": _show,
         "truth": _truth,
         "models": _models,
+        "ablation": _ablation,
         "grid": _grid,
         "list": _list,
     }
@@ -154,6 +159,10 @@ def _truth(options: argparse.Namespace) -> None:
 
 def _models(options: argparse.Namespace) -> None:
     print(predictions().to_markdown(index=False, floatfmt=".3f"))
+
+
+def _ablation(options: argparse.Namespace) -> None:
+    print(ablation.markdown(_finished(options)))
 
 
 def _grid(options: argparse.Namespace) -> None:

@@ -78,12 +78,17 @@ Ratios = Mapping[tuple[Duel, str, int], Ratio]
 
 def ratios(rows: Sequence[dict[str, Any]]) -> Ratios:
     """Every duel in every kind of worlds (both families of emulators together) after each budget, as far as it was run."""
+    found = {(duel, *kind): ratio(group, duel) for kind, group in kinds(rows).items() for duel in DUELS}
+    return {key: one for key, one in found.items() if one is not None}
+
+
+def kinds(rows: Sequence[dict[str, Any]]) -> dict[tuple[str, int], list[Block]]:
+    """The blocks of every kind of worlds, both families of emulators together, after each budget."""
     groups: dict[tuple[str, int], list[Block]] = {}
     for block in blocks(rows):
         if block.budget in BUDGETS:
             groups.setdefault((kind_of(block.group), block.budget), []).append(block)
-    found = {(duel, kind, budget): _ratio(group, duel) for (kind, budget), group in groups.items() for duel in DUELS}
-    return {key: ratio for key, ratio in found.items() if ratio is not None}
+    return groups
 
 
 def markdown(found: Ratios) -> str:
@@ -99,11 +104,11 @@ def answer(found: Ratios) -> str:
     """The expectations that do not hold, how many do, and the table of all."""
     rows, short = [], []
     for duel, kind, budget, least in EXPECTED:
-        ratio = found.get((duel, kind, budget))
-        reached = "not run" if ratio is None else "yes" if ratio.value >= least else "**no**"
-        rows.append(f"| {duel} | {kind} | {budget:,} | {least:g} | {ratio or '–'} | {reached} |")
-        if ratio is not None and ratio.value < least:
-            short.append(f"{duel} after {budget:,} tests, {kind}: {ratio.value:.2f} instead of {least:g}")
+        one = found.get((duel, kind, budget))
+        reached = "not run" if one is None else "yes" if one.value >= least else "**no**"
+        rows.append(f"| {duel} | {kind} | {budget:,} | {least:g} | {one or '–'} | {reached} |")
+        if one is not None and one.value < least:
+            short.append(f"{duel} after {budget:,} tests, {kind}: {one.value:.2f} instead of {least:g}")
     judged = sum((duel, kind, budget) in found for duel, kind, budget, _ in EXPECTED)
     missed = f"**What fell short:** {'; '.join(short)}. " if short else ""
     head = fill(f"{missed}{judged - len(short)} of {judged} expectations hold.", LINE)
@@ -119,7 +124,7 @@ def kind_of(group: str) -> str:
     return f"{100 * share:g} % fail" if share else RECORDED
 
 
-def _ratio(group: Sequence[Block], duel: Duel) -> Ratio | None:
+def ratio(group: Sequence[Block], duel: Duel) -> Ratio | None:
     """Ratio of the means over the worlds and seeds that both have; None if one was not run."""
     others = sorted(VERIFAI) if duel.other == BEST else [duel.other]
     values = {name: pd.concat([block.values(name, duel.measure).stack() for block in group]) for name in [duel.ours, *others]}

@@ -7,6 +7,7 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
+import ablation
 import ceiling
 import confirm
 import contestants
@@ -289,6 +290,14 @@ def test_duels_by_hand() -> None:
     lines = duels.markdown(duels.ratios(longer)).splitlines()
     assert lines[2].startswith("| as recorded | 300 | 3.00 (3.00–3.00) | 1.00 (1.00–1.00) |") and lines[2].endswith("| – | – |")
     assert lines[3].startswith("| 1.5 % fail | 300 | 3.00 (3.00–3.00) |") and len(lines) == 4
+
+
+def test_the_ablation_divides_by_the_default() -> None:
+    many = [*rows("forest", [6, 12]), *rows("forest kinds=0", [3, 6])]
+    longer = [{**row, **{key.replace("120", "300"): value for key, value in row.items()}, "tests": 300} for row in many]
+    head, _, *table = ablation.markdown(longer).split("\n")
+    assert head == "| failures, × `forest` | as recorded, 300 |"
+    assert "| no slots for kinds | 0.50 (0.50–0.50) |" in table and "| no trees | – |" in table
 
 
 def test_a_campaign_without_failure_is_censored() -> None:

@@ -1,0 +1,39 @@
+"""What each part of the default strategy is worth: campaigns in the development worlds with one part changed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from duels import DEFAULT, SYMBOLS, Duel, kinds, ratio
+
+CHANGES = {
+    "forest-trees-alone": "no linear model",
+    "forest-linear-alone": "no trees",
+    "forest-mean": "mean of both models instead of the noisy-or",
+    "forest-boosting": "boosted trees",
+    "forest-level-set": "level set of a Gaussian process",
+    "forest-deep-kernel": "deep kernel instead of the linear model",
+    "forest-no-attributes": "no attributes of categories",
+    "forest votes=60": "no drawing of trees",
+    "forest mutants=0": "no mutations among the candidates",
+    "forest explore=0": "no slots for pairs never tested",
+    "forest kinds=0": "no slots for kinds",
+    "forest diverse=false": "no gain for new pairs (`exploit`)",
+}
+"""Strategy -> what differs from the default, in words."""
+SEEDS = 5
+
+
+def markdown(rows: Sequence[dict[str, Any]]) -> str:
+    """A table for each measure: the ratio to the default, a row for each change, a column for each kind of worlds and budget."""
+    groups = {kind: group for kind, group in kinds(rows).items() if any(DEFAULT in block.strategies for block in group)}
+    tables = []
+    for measure, symbol in SYMBOLS.items():
+        lines = [f"| {symbol}, × `{DEFAULT}` | {' | '.join(f'{kind}, {budget:,}' for kind, budget in groups)} |"]
+        lines += ["|---" * (len(groups) + 1) + "|"]
+        for strategy, words in CHANGES.items():
+            cells = [str(ratio(group, Duel(measure, strategy, DEFAULT)) or "–") for group in groups.values()]
+            lines.append(f"| {words} | {' | '.join(cells)} |")
+        tables.append("\n".join(lines))
+    return "\n\n".join(tables)
