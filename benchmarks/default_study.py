@@ -13,6 +13,7 @@ import shutil
 import subprocess
 import time
 from pathlib import Path
+from textwrap import fill
 
 import numpy as np
 import pandas as pd
@@ -27,6 +28,8 @@ CLONES = Path(".cache/default_study")
 SEEDS = range(10)
 VERSIONS = ["base", "control", "random", "adaptive"]
 ALPHA = 0.05
+LINE = 128
+"""Length of a line of prose."""
 
 
 def main() -> None:
@@ -74,10 +77,14 @@ def answer(pieces: dict[int, pd.DataFrame], verdicts: pd.DataFrame) -> str:
     counts = [failures(piece) for piece in pieces.values()]
     ahead = np.array([count["adaptive"] - count["random"] for count in counts])
     low, high = mean_interval(ahead)
-    lines = [
+    interval = f" ({low:+.1f} to {high:+.1f})" if len(ahead) > 1 else ""
+    head = (
         f"{len(pieces)} of {len(SEEDS)} studies are published. Version `adaptive` fails significantly less than the base "
-        f"in {better['base']} of them, and less than `control` in {better['control']}. It leaves {ahead.mean():+.1f} failures "
-        f"({low:+.1f} to {high:+.1f}) compared with `random`. A study takes {verdicts['minutes'].median():.0f} minutes (median).",
+        f"in {better['base']} of them, and less than `control` in {better['control']}. It leaves {ahead.mean():+.1f} failures"
+        f"{interval} compared with `random`. A study takes {verdicts['minutes'].median():.0f} minutes (median)."
+    )
+    lines = [
+        fill(head, LINE),
         "",
         "| seed | tests | base | `control` | `random` | `adaptive` | p, against base | p, against `control` | champion | minutes |",
         "|---|---|---|---|---|---|---|---|---|---|",
