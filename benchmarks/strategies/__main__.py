@@ -7,14 +7,15 @@
     python benchmarks/strategies truth
     python benchmarks/strategies models
     python benchmarks/strategies ablation
+    python benchmarks/strategies confirmed
     python benchmarks/strategies grid [--figures FOLDER]
     python benchmarks/strategies list
 
 run: every strategy, seed and world; a rerun does only what is missing or was made by other code. keep: publish the finished runs in
 benchmarks/strategies/results. answer: which expectations hold. choose: what each strategy finds in 300 tests. show: tables and figure of
 the finished runs. truth: how true the emulators are. models: how well the models of the forest and of its variants predict rendered
-tests. ablation: what each part of the forest is worth, in the development worlds. grid: tables and figures of thesis chapter 6 from the
-recorded campaigns. list: strategies, groups and worlds.
+tests. ablation: what each part of the forest is worth, in the development worlds. confirmed: what the strategies found in
+rendered campaigns. grid: tables and figures of thesis chapter 6 from the recorded campaigns. list: strategies, groups and worlds.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from pathlib import Path
 
 import ablation
 import choosing
+import confirm
 import contestants
 import duels
 import former
@@ -75,6 +77,7 @@ def main() -> None:
     check = commands.add_parser("truth", help="cross-validation of the emulators")
     check.add_argument("--scenario", nargs="+", default=[name for split in worlds.SPLITS.values() for name in split.scenarios])
     commands.add_parser("models", help="how well the forest's models and their variants predict rendered tests")
+    commands.add_parser("confirmed", help="what the strategies found in rendered campaigns")
     grid_ = commands.add_parser("grid", help="tables and figures of thesis chapter 6")
     grid_.add_argument("--figures", type=Path, help="folder for the figures")
     commands.add_parser("list", help="strategies, groups and worlds")
@@ -88,6 +91,7 @@ def main() -> None:
         "truth": _truth,
         "models": _models,
         "ablation": _ablation,
+        "confirmed": _confirmed,
         "grid": _grid,
         "list": _list,
     }
@@ -163,6 +167,10 @@ def _models(options: argparse.Namespace) -> None:
 
 def _ablation(options: argparse.Namespace) -> None:
     print(ablation.markdown(_finished(options)))
+
+
+def _confirmed(options: argparse.Namespace) -> None:
+    print(confirm.answer(confirm.measured()))
 
 
 def _grid(options: argparse.Namespace) -> None:

@@ -173,9 +173,15 @@ def test_the_grid_counts_what_was_recorded(tmp_path: Path) -> None:
 def test_confirmation_shows_means_over_seeds(tmp_path: Path) -> None:
     for seed, failures in ((1, range(10)), (2, range(20, 50))):
         write_campaign(recorded.path_of("F5", "forest", tmp_path / str(seed)), failures, 120)
+    write_campaign(recorded.path_of("F5", "network", tmp_path / "1"), range(15), 120)
+    write_campaign(recorded.path_of("F8", "forest", tmp_path / "1"), range(5), 120)
     rows = confirm.measured(tmp_path)
-    assert rows["failures"].tolist() == [10, 30] and rows["seed"].tolist() == [1, 2]
-    assert "| F5 | forest | 2 | 20 (10–30) |" in confirm.markdown(rows)
+    of_forest = rows[(rows["scenario"] == "F5") & (rows["strategy"] == "forest")]
+    assert of_forest["failures"].tolist() == [10, 30] and of_forest["seed"].tolist() == [1, 2]
+    text = confirm.answer(rows)
+    assert "| F5 | forest | 2 | 20 (10–30) |" in text
+    # F8 has no campaign of the other, so it does not count.
+    assert text.startswith("Rendered, `forest` finds more failures than `network` in 1 of 1 scenarios")
 
 
 class Everywhere:
