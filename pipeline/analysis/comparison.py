@@ -28,7 +28,7 @@ from pipeline.artefacts.comparison_results import (
 from pipeline.artefacts.points import encode_tests
 from pipeline.artefacts.results import Estimate, Measures
 from pipeline.artefacts.scenario_space import ScenarioInfo
-from pipeline.config.schema import Regions
+from pipeline.config.sections import Regions
 from pipeline.core import comparison as core
 from pipeline.core.comparison import Bools, Interval, SequenceOutcomes
 from pipeline.core.gate import Gate, Part, Policy, champion, gate

@@ -13,7 +13,7 @@ from pipeline.analysis.named_groups import named_groups
 from pipeline.artefacts.points import concrete, encode_tests
 from pipeline.artefacts.results import FailureRegion, FailureRegions, Representative, Role
 from pipeline.artefacts.scenario_space import ScenarioInfo
-from pipeline.config.schema import Regions
+from pipeline.config.sections import Regions
 from pipeline.core.distance import mixed_distance
 from pipeline.core.growth import PointOutcomes, readable_regions
 from pipeline.core.regions import NOISE, chance_radius, connected_failures, medoid

@@ -11,7 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from pipeline.artefacts.dataset import decode_jpeg
-from pipeline.config.schema import Filter
+from pipeline.config.sections import Filter
 from pipeline.core.boxes import iou
 from pipeline.core.signals import SIDES
 

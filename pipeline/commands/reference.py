@@ -25,7 +25,7 @@ PASSED = ("space", "seed", "model", "scenario", "camera", "car")
 """Parameters set by other keys of a study."""
 HEAD = """# Configuration
 
-Made by `python -m pipeline reference` from `pipeline/config/schema.py` and `conf/`. Each line gives a key, its value in
+Made by `python -m pipeline reference` from `pipeline/config/` and `conf/`. Each line gives a key, its value in
 `study=default`, its range in brackets and its meaning.
 """
 COLUMNS_HEAD = """# Columns of a campaign's tables

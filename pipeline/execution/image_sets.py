@@ -9,7 +9,7 @@ from typing import Any
 
 from pipeline.artefacts.dataset import Record, Split, move_dataset, remove_leftovers, write_image, write_truth
 from pipeline.artefacts.files import program_sha256, read_json, write_json
-from pipeline.config.schema import BaseSet
+from pipeline.config.sections import BaseSet
 from pipeline.core.truth import Truth
 from pipeline.execution.pool import render_pool
 from pipeline.progress import OnProgress

@@ -10,7 +10,8 @@ import pandas as pd
 
 from pipeline.analysis.frame_criteria import CRITERIA, shows
 from pipeline.artefacts.filter_table import COLUMNS
-from pipeline.config.schema import Config, Filter
+from pipeline.config.schema import Config
+from pipeline.config.sections import Filter
 from pipeline.core.identity import CampaignId
 from pipeline.errors import InputError
 

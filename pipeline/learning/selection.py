@@ -9,7 +9,7 @@ import pandas as pd
 
 from pipeline.analysis.failure_regions import cluster
 from pipeline.artefacts.scenario_space import ScenarioInfo
-from pipeline.config.schema import Regions
+from pipeline.config.sections import Regions
 from pipeline.core.space import Floats, Space
 
 POOL = ["test_id", "step", "empty", "group", "scenario", "weight"]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from pipeline.config.schema import BALANCED_SCENES, NEW_SCENES, BaseSet, Config, Rarity, held_out_worlds
+from pipeline.config.schema import BALANCED_SCENES, NEW_SCENES, Config, held_out_worlds
+from pipeline.config.sections import BaseSet, Rarity
 from pipeline.contract import Job, Step
 
 SPARE = 1.5

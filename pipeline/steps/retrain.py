@@ -5,7 +5,8 @@ from __future__ import annotations
 from pipeline.artefacts.dataset import read_dataset
 from pipeline.artefacts.files import sha256
 from pipeline.artefacts.folders import Folders
-from pipeline.config.schema import BASE_SET, Config, Retraining, held_out_worlds
+from pipeline.config.schema import BASE_SET, Config, held_out_worlds
+from pipeline.config.sections import Retraining
 from pipeline.contract import Files, Job, Step, Wildcards
 from pipeline.core.lineage import Version
 

@@ -11,7 +11,7 @@ import pandas as pd
 from pipeline.analysis.failure_regions import cluster
 from pipeline.artefacts.results import FailureRegions, read
 from pipeline.artefacts.scenario_space import ScenarioInfo
-from pipeline.config.schema import Regions
+from pipeline.config.sections import Regions
 from pipeline.core import kpi
 from pipeline.core.growth import PointOutcomes, grow_regions
 from pipeline.core.space import Space, Variable

@@ -11,7 +11,7 @@ import pytest
 from pipeline.analysis.frame_criteria import CRITERIA, KEPT, MEANINGS, Criterion
 from pipeline.artefacts.dataset import encode_jpeg
 from pipeline.artefacts.filter_table import read_filter, read_overrules
-from pipeline.config.schema import Filter
+from pipeline.config.sections import Filter
 from pipeline.core.signals import SIDES
 from pipeline.errors import InputError
 from pipeline.learning import frame_filter

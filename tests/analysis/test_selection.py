@@ -7,7 +7,7 @@ import pandas as pd
 
 from pipeline.artefacts.points import concrete
 from pipeline.artefacts.scenario_space import ScenarioInfo
-from pipeline.config.schema import Regions
+from pipeline.config.sections import Regions
 from pipeline.learning import selection
 from tests.spaces import SMALL
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.config.schema import Rarity
+from pipeline.config.sections import Rarity
 from pipeline.scenarios.people import fingerprint, person
 from pipeline.simulators.mujoco import random_scenes
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.config.schema import BaseSet, Rarity
+from pipeline.config.sections import BaseSet, Rarity
 from pipeline.core.footprints import Rectangle
 from pipeline.core.paths import Path, Pose
 from pipeline.core.truth import Truth

@@ -1,0 +1,216 @@
+"""The sections of params.yaml: every key with its range and meaning."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from pipeline.core.braking import GateKind, LawKind
+
+Seed = Annotated[int, Field(ge=0)]
+Share = Annotated[float, Field(gt=0, lt=1)]
+
+
+class Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Raise AttributeError: only keys that `declared` left out are missing."""
+            if name in type(self).model_fields:
+                raise AttributeError(f"'{name}' of {type(self).__name__} is read but not declared; add it to the step's sections")
+            return super().__getattr__(name)
+
+
+class Campaign(Section):
+    """One search campaign: a strategy, a scenario, a model version, a seed."""
+
+    tests: int = Field(ge=1, le=100_000)
+    """Test budget."""
+    keep_every: int = Field(ge=0, le=1000)
+    """Keep every n-th frame for retraining; 0 keeps none."""
+    failure_threshold_s: float = Field(gt=0, le=10)
+    """A test with an adjusted TTC at or below it is a failure (Eq. 6.1)."""
+    match_iou: float = Field(ge=0.1, lt=1)
+    """A detection matches the pedestrian if it overlaps the visible box by more than this IoU."""
+    transfer: tuple[str, ...]
+    """Strategies with campaigns that learn from those on earlier scenarios in `search`; these campaigns run one after another."""
+
+
+class VehicleSection(Section):
+    """The ego's brakes."""
+
+    dry_friction: float = Field(gt=0, le=1.5)
+    """Peak friction between tyre and dry road."""
+    wet_friction: float = Field(gt=0, le=1.5)
+    """The same on a fully wet road, from 60 % rain; between, it falls evenly."""
+    build_up_s: float = Field(ge=0, le=2)
+    """Time constant of the lag between demand and deceleration; 90 % are reached after 2.3 of them."""
+    latency_s: float = Field(ge=0, le=2)
+    """From the exposure of a frame to the brake demand that it causes."""
+
+
+class AebSection(Section):
+    """The law of the automatic emergency brake."""
+
+    gate: GateKind
+    """`truth` follows the detections that match the true pedestrian, as the thesis does; `detections` any detection in the ego's path."""
+    law: LawKind
+    """`confidence` brakes in proportion to the best score, as the thesis does; `threshold` brakes fully."""
+    brakes_from: float | None = Field(ge=0, le=1)
+    """Lowest score that brakes; null is the detector's own threshold, 0.05 is the whole range."""
+    votes: int = Field(ge=1, le=20)
+    """The brake acts if at least this many of the last `window` frames ask for it."""
+    window: int = Field(ge=1, le=20)
+    """Number of frames that vote."""
+    margin_m: float = Field(ge=0, le=5)
+    """Metres on each side of the ego that still belong to its path, for gate `detections`."""
+
+    @model_validator(mode="after")
+    def _can_vote(self) -> AebSection:
+        if self.votes > self.window:
+            raise ValueError(f"votes must be at most window, got {self.votes} of {self.window}")
+        return self
+
+
+class HeldOutSequence(Section):
+    """The frozen held-out sequence on which all model versions are compared."""
+
+    tests: int = Field(ge=1, le=100_000)
+    """Number of tests of the pair-wise sequence to execute."""
+    strategy: str
+    """The test strategy that makes the sequence; it must not learn from results."""
+    seed: Seed
+    """Seed of the sequences; each held-out scenario has its own sequence."""
+    alpha: Share
+    """Significance level of each paired test, without correction for several tests."""
+    confidence: Share
+    """Confidence level of all intervals and limits."""
+    margin: Share
+    """Highest rise of the failure rate over the base's, as a share of tests, that a champion may have in a held-out scenario or a named
+    group, such as children or night. The rise's upper confidence limit must not exceed it."""
+    second_iou: float | None = Field(ge=0.1, lt=1)
+    """Another IoU at which held-out tests are judged again, to show whether a verdict depends on `campaign.match_iou`; null: none."""
+
+
+class Rarity(Section):
+    """Frequencies of people and poses that a base set may show rarely, relative to the others; 1 shows all equally often."""
+
+    children: float = Field(gt=0, le=1)
+    """Frequency of a child relative to an adult."""
+    crouching: float = Field(gt=0, le=1)
+    """Frequency of the pose `crouching` relative to another."""
+
+
+class BaseSet(Section):
+    """The random base training set."""
+
+    images: int = Field(ge=10, le=1_000_000)
+    """Number of images, training and validation together."""
+    validation_share: float = Field(gt=0, lt=0.9)
+    """Share of each town's images used for validation."""
+    seed: Seed
+    """Seed of towns, people, scenes and weather."""
+    rare: Rarity
+
+
+class Base(Section):
+    """The origin of the model version `base`."""
+
+    source: Literal["shipped", "trained"]
+    """`shipped` takes `weights`, `trained` trains from scratch on the base set."""
+    weights: str
+    """Folder of the shipped detector."""
+
+
+class Training(Section):
+    """Training from scratch."""
+
+    size: Literal["nano", "small"]
+    """Size of the network: 1.1 or 2.6 million parameters."""
+    seed: Seed
+    """Seed of weights, order and augmentation."""
+    batch_size: int = Field(ge=1, le=4096)
+    """Images per step."""
+    crop_iterations: int = Field(ge=0)
+    """Batches of crops, with a quarter of a frame's pixels."""
+    frame_iterations: int = Field(ge=0)
+    """Batches of full frames after the crops: only full frames show near pedestrians whole."""
+    learning_rate: float = Field(gt=0, lt=1)
+    """The highest of the schedule."""
+    oversampling: int = Field(ge=1, le=20)
+    """Number of times an epoch shows an image with a pedestrian that is hard to find."""
+    validate_every: int = Field(ge=1)
+    """Iterations between evaluations on 500 validation images."""
+    patience: int = Field(ge=1)
+    """Evaluations without a better AP50 after which training stops with the best weights."""
+
+
+class Retraining(Section):
+    """Retraining of the versions of all arms, with the same number of steps."""
+
+    seeds: tuple[Seed, ...] = Field(min_length=1)
+    """Seeds of the choice of frames, of order and augmentation; each makes a version of each arm."""
+    searches: Literal["all", "own"]
+    """`all`: each version learns from the campaigns of all `seeds` of the study; `own`: only from those of its own seed, so that versions
+    of an arm differ by their search, too."""
+    rounds: int = Field(ge=1, le=20)
+    """Number of rounds; each repeats search, filter and retraining on the newest versions."""
+    start: Literal["parent", "scratch"]
+    """`parent` continues from the version before, `scratch` trains anew with section `training` on the base set and the added frames."""
+    selection: Literal["all", "failures", "regions", "causes", "unsure", "missed"]
+    """Kept frames to add: of `all` tests; of `failures`; of failures with equal numbers from every failure region (`regions`); of all tests
+    with equal numbers of every cause and of passing tests (`causes`); of all tests, more often where the detector was `unsure` of the
+    pedestrian or `missed` it."""
+    batch_size: int = Field(ge=2, le=4096)
+    """Images per step."""
+    iterations: int = Field(ge=1)
+    """Steps."""
+    learning_rate: float = Field(gt=0, lt=1)
+    """The highest of the schedule."""
+    added_share: Share
+    """Share of a batch that comes from the added frames; the rest, and all of a control's, comes from the base set."""
+    added_frames: int = Field(ge=1)
+    """Largest number of added frames per round; it never exceeds the number of frames of the smallest source."""
+    empty_share: Share
+    """Share of the added frames without a visible pedestrian; the same for all sources."""
+
+
+class Filter(Section):
+    """Filter of campaign frames for training."""
+
+    min_visible_pixels: int = Field(ge=0)
+    """A pedestrian with fewer visible pixels is not a fair label."""
+    min_detectability: float = Field(ge=0)
+    """Contrast to the surroundings in grey levels times the square root of the visible pixels; below it a person hardly sees the
+    pedestrian."""
+    overrules: str | None
+    """A person's CSV with test_id, step, keep."""
+
+
+class Regions(Section):
+    """Failure regions."""
+
+    chance_neighbours: float = Field(gt=0, le=10)
+    """Sets the radius of the density clusters: if failures were spread evenly over the space, each would have this many neighbours
+    within it."""
+    min_failures: int = Field(ge=2)
+    """Smallest number of failures within the radius to form a region."""
+
+
+class Report(Section):
+    """The report."""
+
+    replays: int = Field(ge=0, le=100)
+    """Largest number of replay videos."""
+
+
+class Tracking(Section):
+    """MLflow."""
+
+    experiment: str
+    """Name of the MLflow experiment."""
+    model_name: str
+    """Name of the registered model."""
