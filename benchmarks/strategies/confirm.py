@@ -10,20 +10,20 @@ tables and tests are kept, so the same command resumes. verifai-ce and other pee
 from __future__ import annotations
 
 import argparse
+from functools import cache
 from pathlib import Path
 from textwrap import fill
 
 import contestants
-import numpy as np
 import pandas as pd
 import recorded
 from duels import DEFAULT, LINE, THESIS
 from record import campaign_plan, record_campaign
-from scores import scores
 
 from pipeline.config.composing import compose, functional_scenario
 from pipeline.config.schema import Config
 from pipeline.core.identity import CampaignId
+from pipeline.core.measures import kinds_of, pair_coverage
 from pipeline.errors import InputError
 
 SCENARIOS = ("F1", "F5", "F7", "F8")
@@ -64,18 +64,14 @@ def _confirm(config: Config, campaign: CampaignId, options: argparse.Namespace) 
 
 def measured(folder: Path = DATA) -> pd.DataFrame:
     """A row for each recorded campaign: `scenario`, `strategy`, `seed`, `tests`, and failures, kinds and γ_f after all of them."""
-    config, rows = compose("default", []), []
+    rows, space_of = [], cache(lambda scenario: functional_scenario(scenario).logical_space())
     for path in sorted(folder.glob("*/*.csv.gz")):
         scenario, _, strategy = path.name.removesuffix(".csv.gz").partition("-")
-        space = functional_scenario(scenario).logical_space()
+        space = space_of(scenario)
         table, points = recorded.campaign(path, space)
-        kpi = table["adj_ttc_s"].to_numpy(float)
-        kpi[table["status"] != "ok"] = np.nan
-        found = scores(
-            space, points, kpi, config.campaign.failure_threshold_s, config.regions.chance_neighbours, config.regions.min_failures
-        )
-        measures = {name: found[f"{name}_{len(table)}"] for name in ("failures", "kinds", "gamma_f")}
-        rows.append({"scenario": scenario, "strategy": strategy, "seed": int(path.parent.name), "tests": len(table), **measures})
+        failing = points[table["failure"].to_numpy(bool)]
+        found = {"failures": len(failing), "kinds": kinds_of(space, failing), "gamma_f": pair_coverage(space, failing)}
+        rows.append({"scenario": scenario, "strategy": strategy, "seed": int(path.parent.name), "tests": len(table), **found})
     return pd.DataFrame(rows)
 
 

@@ -41,16 +41,13 @@ def compose(study: str, overrides: Sequence[str]) -> Config:
                 hydra_compose("config", overrides=[*samplers, *scenarios, f"+study={study}", *words]), resolve=True
             )
 
-        plain = composed([])
         try:
             # The overrides of a study decide which scenarios it needs; the scenarios' overrides come last.
             chosen = [word for word in overrides if not word.lstrip("+~").startswith("scenario")]
-            scenarios = _scenarios(composed(chosen) if chosen else plain)
-            plain = composed([], scenarios)
-            if overrides:
-                plain = composed(overrides, scenarios)
+            plain = composed(overrides, _scenarios(composed(chosen)))
         except (HydraException, OmegaConfBaseException) as error:
-            raise InputError(_override_message(plain, overrides) or f"overrides: {str(error).splitlines()[0]}") from error
+            shipped = composed([], _scenarios(composed([])))
+            raise InputError(_override_message(shipped, overrides) or f"overrides: {str(error).splitlines()[0]}") from error
     config = validate(plain, "conf/")
     check_targets(config)
     return config
