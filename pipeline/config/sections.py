@@ -161,9 +161,9 @@ class Retraining(Section):
     start: Literal["parent", "scratch"]
     """`parent` continues from the version before, `scratch` trains anew with section `training` on the base set and the added frames."""
     selection: Literal["all", "failures", "regions", "causes", "unsure", "missed"]
-    """Kept frames to add: of `all` tests; of `failures`; of failures with equal numbers from every failure region (`regions`); of all tests
-    with equal numbers of every cause and of passing tests (`causes`); of all tests, more often where the detector was `unsure` of the
-    pedestrian or `missed` it."""
+    """Kept frames to add. `all`: of all tests. `failures`: of failures. `regions`: of failures, as many of every failure region.
+    `causes`: of all tests, as many of every cause and of passing tests. `unsure`, `missed`: of all tests, more often where the detector was
+    unsure of the pedestrian or missed it."""
     batch_size: int = Field(ge=2, le=4096)
     """Images per step."""
     iterations: int = Field(ge=1)
