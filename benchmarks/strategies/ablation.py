@@ -22,7 +22,6 @@ CHANGES = {
     "forest diverse=false": "no gain for new pairs (`exploit`)",
 }
 """Strategy -> what differs from the default, in words."""
-SEEDS = 5
 
 
 def markdown(rows: Sequence[dict[str, Any]]) -> str:
