@@ -15,19 +15,18 @@ from pipeline.artefacts.calibration_results import DetectorCalibration
 from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.model_card import ModelCard
 from pipeline.artefacts.results import FailureRegions, Measures, WhiteBoxMeasures
-from pipeline.config.components import make_detector
 from pipeline.config.schema import Config
 from pipeline.core.space import Space
-from pipeline.detectors.calibrated import calibrated
 from pipeline.progress import OnProgress
 from pipeline.protocols import Detector
 from pipeline.report import comparison_plots, search_plots, sections, texts, training_plots, verdict_section
 from pipeline.report.before_after import before_after
 from pipeline.report.border import Case, cases, nearest
 from pipeline.report.examples import Chosen, Fix, choose_fixes, choose_pairs, choose_regions
+from pipeline.report.explorer import explorer
 from pipeline.report.page import BeforeAfter, Drawing, Film, Page, Section
 from pipeline.report.replays import Replay, draw_replay, jpeg_uri, most_telling_frame, render_replay
-from pipeline.report.reruns import Reruns
+from pipeline.report.reruns import Reruns, calibrated_detector
 from pipeline.report.style import data_uri, svg
 
 BORDER_CASES = 32
@@ -49,8 +48,9 @@ class ReportData:
     """Everything that a report shows; a section whose data are None or empty is left out.
 
     tests: search scenario -> rows of all its campaigns. searched: rows of the campaigns that versions learn from, round by round.
-    detectors: version -> ONNX file, the searched version first. filters: strategy -> its filter table. border: frames at the border of
-    the filters. calibrations: of detectors that are only tested, if the study calibrates them.
+    detectors: version -> ONNX file, the searched version first. frames: frames.parquet of the search. filters: strategy ->
+    its filter table. border: frames at the border of the filters. calibrations: of detectors that are only tested, if the study
+    calibrates them.
     """
 
     measures: Measures
@@ -59,6 +59,7 @@ class ReportData:
     spaces: Mapping[str, Space]
     labels: Mapping[str, str]
     detectors: Mapping[str, Path]
+    frames: Sequence[Path]
     white_box: WhiteBoxMeasures | None
     compared: ComparedVersions | None
     searched: pd.DataFrame
@@ -133,14 +134,19 @@ def make_page(config: Config, data: ReportData, figures: Mapping[str, Figure], p
     if data.calibrations:
         found.append(sections.calibration_section(tuple(data.calibrations.values()), _named(drawings, "reliability")))
     title = "Where does the detector fail, and did retraining help?" if data.cards else "Where does the detector fail?"
-    return Page(config.study, _headline(data), tuple(section for section in found if section is not None), title)
+    shown = tuple(section for section in found if section is not None)
+    return Page(config.study, _headline(data), shown, title, explorer(_all_tests(data), spaces, data.regions, data.frames))
+
+
+def _all_tests(data: ReportData) -> pd.DataFrame:
+    """Every row of the search, of later rounds and of the comparison once."""
+    held_out = [] if data.compared is None else [data.compared.tests]
+    return pd.concat([*data.tests.values(), data.searched, *held_out], ignore_index=True).drop_duplicates("test_id", ignore_index=True)
 
 
 def _detector(config: Config, data: ReportData, version: str) -> Detector:
     """A version's detector, calibrated as in its tests."""
-    known = data.calibrations.get(version)
-    section = config.detector if known is None else calibrated(config.detector, known.scaling)
-    return make_detector(section, data.detectors[version])
+    return calibrated_detector(config, data.detectors[version], data.calibrations.get(version))
 
 
 def _changes(compared: ComparedVersions | None, spaces: Mapping[str, Space]) -> tuple[list[Fix], list[Chosen]]:
@@ -199,5 +205,9 @@ def _film(reruns: Reruns, test: Chosen, space: Space, threshold_s: float) -> Fil
         video = Path(folder) / "replay.mp4"
         render_replay(replay, video)
         return Film(
-            test.heading, test.reason, data_uri(video.read_bytes(), "video/mp4"), jpeg_uri(draw_replay(replay)[most_telling_frame(episode)])
+            test.test_id,
+            test.heading,
+            test.reason,
+            data_uri(video.read_bytes(), "video/mp4"),
+            jpeg_uri(draw_replay(replay)[most_telling_frame(episode)]),
         )

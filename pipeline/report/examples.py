@@ -22,6 +22,7 @@ ROLES = {"medoid": "most typical failure", "worst": "worst failure", "furthest":
 class Chosen:
     """One test to replay with one version. heading: first line on the film; reason: why it was chosen."""
 
+    test_id: str
     scenario: str
     version: str
     heading: str
@@ -46,6 +47,7 @@ def choose_regions(found: Sequence[FailureRegions], version: str, limit: int) ->
         queues.append(
             [
                 Chosen(
+                    r.test_id,
                     regions.scenario,
                     version,
                     f"{regions.label} · {r.strategy} · seed {r.seed} · {r.test_id.rsplit('-', 1)[1]}",
@@ -109,4 +111,7 @@ def _both(
     heading = f"{comparison.scenarios[scenario]} · {comparison.strategy} · {test.index:05d}"
     reason = f"A {change} of {paired.version} on a held-out test."
     versions = (paired.against, paired.version)
-    return [Chosen(scenario, v, f"{heading} · {v}", reason, concrete(rows.loc[v], spaces[scenario])) for v in versions]
+    return [
+        Chosen(str(rows.loc[v, "test_id"]), scenario, v, f"{heading} · {v}", reason, concrete(rows.loc[v], spaces[scenario]))
+        for v in versions
+    ]

@@ -1,4 +1,4 @@
-"""The report as one HTML page that loads nothing from elsewhere: figures are inline SVG, films are data: addresses."""
+"""The report as one HTML page that loads nothing from elsewhere: figures are inline SVG, films are data: addresses, scripts are inline."""
 
 from __future__ import annotations
 
@@ -6,6 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from pipeline.report.explorer import Explorer
+
+ASSETS = Path(__file__).parent / "assets"
 
 
 @dataclass(frozen=True)
@@ -30,6 +35,7 @@ class Drawing:
 class Film:
     """A replay: video and poster as data: addresses."""
 
+    test_id: str
     title: str
     caption: str
     video: str
@@ -78,16 +84,22 @@ class Section:
 
 @dataclass(frozen=True)
 class Page:
-    """The whole page. headline: the result in one or two sentences."""
+    """The whole page. headline: the result in one or two sentences. explorer: every test, if the page shows them."""
 
     study: str
     headline: str
     sections: tuple[Section, ...]
     title: str = "Where does the detector fail, and did retraining help?"
+    explorer: Explorer | None = None
 
 
 def render(page: Page) -> str:
     """The page as HTML; texts and cells are escaped."""
     loader = FileSystemLoader(Path(__file__).parent)
     environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    return environment.get_template("page.html.jinja").render(page=page)
+    return environment.get_template("page.html.jinja").render(page=page, asset=_asset)
+
+
+def _asset(name: str) -> Markup:
+    """A script or style of ours; the page's own data never pass here."""
+    return Markup((ASSETS / name).read_text())

@@ -131,6 +131,11 @@ NOT_CALIBRATED = _prose("""
     {version} could not be calibrated and keeps its confidences: all or none of its detections are right, or more confident ones are not
     right more often.
 """)
+EXPLORER = _prose("""
+    Click a column's title to sort by it. The field below it filters: text, "a | b", "< 0.1", ">= 40", "5 .. 10" or "= M 03".
+    In the first plot, drag along an axis to choose a range. In the second, press "Choose an area" and drag a rectangle. Click
+    a test to see it and the command that executes it again.
+""")
 FIGURES = {
     "comparison": _prose("""
         Share of the held-out tests that fail, by failure mode.

@@ -22,6 +22,7 @@ def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
         "measures": f"{folders.root}/measures.json",
         "regions": [folders.regions(version, scenario) for scenario in config.search],
         "tests": folders.search("tests.parquet", version=version),
+        "frames": folders.search("frames.parquet", version=version),
         "spaces": folders.spaces(config.search),
         "detectors": list(config.tested.values()),
         "calibrations": folders.calibrations(config.tested),
@@ -77,6 +78,7 @@ def run(job: Job) -> None:
         filters={},
         cards=(),
         detectors={version: files[version], **files},
+        frames=job.inputs("frames"),
         border=(),
     )
     figures = draw_figures(data, list(config.strategies), config.campaign.failure_threshold_s)

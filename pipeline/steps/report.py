@@ -79,6 +79,7 @@ def run(job: Job) -> None:
         filters=filters,
         cards=cards,
         detectors=dict(zip((card.version for card in cards), job.inputs("detectors"), strict=True)),
+        frames=job.inputs("frames"),
         border=border_cases(config, filters, job.inputs("frames")),
     )
     figures = draw_figures(data, list(config.strategies), config.campaign.failure_threshold_s)

@@ -46,7 +46,9 @@ def test_a_folded_table_opens_by_a_click_and_has_notes_below() -> None:
 
 
 def test_film_keeps_its_data_addresses() -> None:
-    film = Film("F1 · random", "R1, most typical failure.", "data:video/mp4;base64,AAAA+/=", "data:image/jpeg;base64,BBBB")
+    film = Film(
+        "F1-random-base-0-00001", "F1 · random", "R1, most typical failure.", "data:video/mp4;base64,AAAA+/=", "data:image/jpeg;base64,BBBB"
+    )
     text = page(Passage("replays", replays=(film,)))
     assert 'src="data:video/mp4;base64,AAAA+/="' in text
     assert 'poster="data:image/jpeg;base64,BBBB"' in text

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import signal
 import socket
 import subprocess
@@ -16,20 +15,14 @@ from pathlib import Path
 from urllib.error import URLError
 
 import pytest
-from playwright.sync_api import Page, expect, sync_playwright
+from playwright.sync_api import Page, expect
 
 from pipeline.tracking.registry import Registration, Registry
 from pipeline.tracking.runs import Content, Tracker
+from tests.browser import browser_page
 
 SHOTS = Path("data/test-artefacts")
 FAILURES = {"base": 21, "control": 20, "random": 11, "adaptive": 6}
-
-
-def chromium() -> str:
-    """The system's Chromium; playwright's is not downloaded."""
-    found = next((path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None)
-    assert found, "no Chromium on this machine; as root: apt-get install -y --no-install-recommends chromium"
-    return found
 
 
 def register(root: Path) -> Path:
@@ -114,10 +107,7 @@ def open_saved(page: Page, address: str) -> None:
 
 def test_versions_compare_in_the_browser(address: str) -> None:
     SHOTS.mkdir(parents=True, exist_ok=True)
-    with sync_playwright() as playwright:
-        # Chromium's sandbox does not work for root in a container.
-        browser = playwright.chromium.launch(executable_path=chromium(), args=["--no-sandbox", "--disable-gpu"])
-        page = browser.new_page(viewport={"width": 1700, "height": 1300})
+    with browser_page(1700, 1300) as page:
         page.set_default_timeout(60_000)
         expect.set_options(timeout=60_000)
         try:
@@ -125,5 +115,4 @@ def test_versions_compare_in_the_browser(address: str) -> None:
             open_saved(page, address)
         finally:
             page.screenshot(path=SHOTS / "mlflow-comparison.png")
-            browser.close()
     assert (SHOTS / "mlflow-comparison.png").stat().st_size > 20_000

@@ -1,0 +1,85 @@
+"""Command `replay`: an executed test of the study once more, as a film, checked against its row."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+
+import pandas as pd
+
+from pipeline.artefacts.calibration_results import DetectorCalibration
+from pipeline.artefacts.folders import Folders
+from pipeline.artefacts.points import concrete
+from pipeline.artefacts.results import read
+from pipeline.artefacts.tables import read_tests
+from pipeline.config.composing import PARAMS, load
+from pipeline.core import kpi
+from pipeline.core.columns import columns
+from pipeline.core.kpi import Kpi
+from pipeline.core.names import nearest
+from pipeline.errors import InputError
+
+HELP = "Execute a test of the study again, write its replay and compare it with its row."
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("test", metavar="TEST_ID", help="as in tests.parquet and on the report, such as F1-forest-base-0-00012")
+    parser.add_argument("--params", type=Path, default=PARAMS, help="configuration of the study (default: %(default)s)")
+    parser.add_argument("--out", type=Path, default=Path("replay.mp4"), help=".mp4 or .gif (default: %(default)s)")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Print whether the test ends as recorded; exit code 1 if it does not."""
+    from pipeline.report.examples import Chosen
+    from pipeline.report.replays import Replay, render_replay
+    from pipeline.report.reruns import Reruns, calibrated_detector
+
+    if options.out.suffix not in (".mp4", ".gif"):
+        raise InputError(f"--out: a replay must be an .mp4 or a .gif, got {options.out.name}")
+    config = load(options.params)
+    folders = Folders(config)
+    row = recorded(folders, options.test)
+    version, space = str(row["version"]), config.space(str(row["scenario"]))
+    known = [read(Path(path), DetectorCalibration) for path in folders.calibrations([version])]
+    test = Chosen(options.test, str(row["scenario"]), version, options.test, "", concrete(row, space))
+    detector = calibrated_detector(config, Path(folders.detector(version)), known[0] if known else None)
+    episode = Reruns(config, lambda _: detector, 1, lambda *_: None).execute(test)
+    units = {variable.name: variable.unit for variable in space.variables}
+    threshold_s = config.campaign.failure_threshold_s
+    render_replay(Replay(episode, options.test, test.concrete, threshold_s, units), options.out, frames_per_second=10)
+    found = kpi.evaluate(episode.signals, threshold_s)
+    changed = differences(row, found)
+    ended = found.failure_mode if found.failure else "no failure"
+    print(f"{options.out}: {ended}, adj. TTC {found.adj_ttc_s:.2f} s, {', '.join(changed) or 'as recorded'}")
+    return 1 if changed else 0
+
+
+def recorded(folders: Folders, test: str) -> pd.Series:
+    """The row of a test; InputError if the study has no such test, or if it ended in an error."""
+    tables = campaigns(folders)
+    campaign = test.rpartition("-")[0]
+    if not tables:
+        raise InputError(f"study {folders.config.study} has no executed campaign here; make it with ./run")
+    if campaign not in tables:
+        raise InputError(f"study {folders.config.study} has no campaign '{campaign}'{nearest(campaign, list(tables))}")
+    table = read_tests(tables[campaign]).set_index("test_id", drop=False)
+    if test not in table.index:
+        raise InputError(f"{tables[campaign]} has the tests {table.index[0]} to {table.index[-1]}, got {test}")
+    row = table.loc[test]
+    if row["status"] == "error":
+        raise InputError(f"{test} ended in an error, so there is nothing to replay: {row['reason']}")
+    return row
+
+
+def campaigns(folders: Folders) -> Mapping[str, Path]:
+    """The table of each executed campaign of a study, by the beginning of its tests' names."""
+    paths = map(Path, [*folders.searches("tests.parquet"), *folders.later_search("tests.parquet"), *folders.held_out("tests.parquet")])
+    return {"-".join(path.parts[-5:-1]): path for path in paths if path.is_file()}
+
+
+def differences(row: pd.Series, found: Kpi) -> list[str]:
+    """Every KPI that differs from the row, in words."""
+    named = {column.name: getattr(found, column.name) for column in columns(Kpi)}
+    both = [(name, row[name], value) for name, value in named.items() if name in row.index]
+    return [f"{name} {value} instead of {was}" for name, was, value in both if not (was == value or (pd.isna(was) and pd.isna(value)))]

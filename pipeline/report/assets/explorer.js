@@ -1,0 +1,252 @@
+// Every test of the study: a table, two plots that choose rows of it, and the chosen test in detail.
+"use strict";
+(async () => {
+  const { init, Tabulator } = libraries;
+  const at = id => document.getElementById(id);
+  const PASSED = "no failure", DRAWN = 3000, FEW = 14;
+  const { fields, colours } = await unpacked(at("explorer-data").textContent);
+  const thumbnails = JSON.parse(at("explorer-thumbnails").textContent);
+  const rows = asRows(fields);
+  const named = Object.fromEntries(fields.map(field => [field.name, field]));
+  const axes = [named.adj_ttc_s, ...fields.filter(field => field.variable)];
+  const brushed = new Map();  // What each plot chooses: a function of a row.
+  const parallel = chart("explorer-parallel"), scatter = chart("explorer-scatter");
+
+  const table = new Tabulator("#explorer-table", {
+    data: rows, columns: fields.map(column), height: "420px", rowFormatter: reachable, placeholder: "No test is left.",
+    initialSort: [{ column: "adj_ttc_s", dir: "asc" }],
+  });
+  table.on("rowClick", (_, row) => choose(row.getData()));
+  table.on("tableBuilt", label);
+  let drawn = null;
+  table.on("dataFiltered", (_, left) => {
+    say(left.map(row => row.getData()));
+    const filters = JSON.stringify(table.getHeaderFilters());
+    if (filters !== drawn) { drawn = filters; draw(rows.filter(kept(table.getHeaderFilters()))); }
+  });
+  parallel.on("axisareaselected", event => {
+    const field = named[event.parallelAxisId], areas = event.intervals;
+    brush(field.name, areas.length ? row => areas.some(([low, high]) => within(ordinal(field, row), low, high)) : null);
+  });
+  scatter.on("brushEnd", ({ areas: [area] }) => {
+    if (!area) return brush("scatter", null);
+    const [[left, right], [low, high]] = area.coordRange;
+    brush("scatter", row => within(row.index, left, right) && within(row.adj_ttc_s, low, high));
+  });
+  for (const plot of [parallel, scatter]) plot.on("click", event => event.data && choose(rows[event.data.row ?? event.data.value[2]]));
+  at("explorer-area").onclick = () => area(at("explorer-area").getAttribute("aria-pressed") !== "true");
+  at("explorer-reset").onclick = reset;
+  at("explorer-copy").onclick = copy;
+  addEventListener("resize", () => { parallel.resize(); scatter.resize(); });
+  draw(rows);
+  at("explorer").setAttribute("data-ready", "");
+
+  async function unpacked(text) {
+    const bytes = Uint8Array.from(atob(text), character => character.charCodeAt(0));
+    return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).json();
+  }
+
+  function asRows(fields) {
+    return Array.from(fields[0].codes, (_, number) => {
+      const row = { number };
+      for (const field of fields) row[field.name] = field.numbers ? field.numbers[number] : field.known[field.codes[number]] ?? "";
+      return row;
+    });
+  }
+
+  function chart(id) {
+    return init(at(id), null, { renderer: "canvas" });
+  }
+
+  function column(field) {
+    const isNumber = Boolean(field.numbers);
+    return {
+      title: words(field), field: field.name, frozen: field.name === "test", sorter: isNumber ? "number" : "string",
+      sorterParams: { alignEmptyValues: "bottom" }, hozAlign: isNumber ? "right" : "left", formatter: cell => shown(cell.getValue()),
+      headerFilter: "input", headerFilterFunc: matches, headerFilterPlaceholder: isNumber ? "< 0.1" : "text",
+      minWidth: isNumber ? 84 : 110,
+    };
+  }
+
+  function words(field) {
+    const [, name, unit] = /^(.*?)(?:_(s|m|mps))?$/.exec(field.name);
+    const of = field.unit || { m: "m", s: "s", mps: "m/s" }[unit] || "";
+    return name.replaceAll("_", " ").replace("ttc", "TTC").replace("adj ", "adj. ") + (of ? ` (${of})` : "");
+  }
+
+  function shown(value) {
+    return value === null ? "" : typeof value === "number" ? String(+value.toPrecision(4)) : value;
+  }
+
+  // `text`, `a | b`, `< 0.1`, `>= 40`, `= M 03`, `5 .. 10`
+  function matches(term, value) {
+    return term.split("|").some(part => matchesOne(part.trim(), value));
+  }
+
+  function matchesOne(term, value) {
+    const range = /^(-?[\d.]+)\s*\.\.\s*(-?[\d.]+)$/.exec(term), comparison = /^(<=|>=|<|>|=)\s*(.+)$/.exec(term);
+    if (range) return within(value, Number(range[1]), Number(range[2]));
+    if (!comparison) return shown(value).toLowerCase().includes(term.toLowerCase());
+    const [, sign, text] = comparison, limit = typeof value === "number" ? Number(text) : text;
+    if (value === null) return false;
+    return { "<": value < limit, "<=": value <= limit, ">": value > limit, ">=": value >= limit, "=": value === limit }[sign];
+  }
+
+  function within(value, low, high) {
+    return value !== null && value !== "" && low <= value && value <= high;
+  }
+
+  function kept(filters) {
+    return row => filters.every(({ field, value }) => matches(value, row[field]));
+  }
+
+  function brush(name, chooses) {
+    if (chooses) brushed.set(name, chooses); else brushed.delete(name);
+    if (brushed.size) table.setFilter(row => [...brushed.values()].every(chooses => chooses(row))); else table.clearFilter();
+  }
+
+  function reset() {
+    area(false);
+    brushed.clear();
+    table.clearFilter();
+    table.clearHeaderFilter();
+    drawn = null;
+    draw(rows);
+  }
+
+  function say(left) {
+    const count = all => `${all.length} tests, ${all.filter(failed).length} failures`;
+    at("explorer-count").textContent = left.length === rows.length ? count(rows) : `${count(left)} of ${count(rows)}`;
+  }
+
+  function failed(row) {
+    return row.end !== PASSED && row.end !== "error";
+  }
+
+  function ordinal(field, row) {
+    return field.numbers ? row[field.name] : field.known.indexOf(row[field.name]);
+  }
+
+  function draw(left) {
+    const ink = getComputedStyle(at("explorer")).color;
+    const valid = left.filter(row => row.end !== "error"), failures = valid.filter(failed);
+    const some = [...evenly(valid.filter(row => !failed(row)), Math.max(0, DRAWN - failures.length)), ...evenly(failures, DRAWN)];
+    at("explorer-drawn").textContent = some.length < valid.length ? `The plots show ${some.length} of ${valid.length} tests, failures first.` : "";
+    drawParallel(some, ink);
+    drawScatter(some, ink);
+  }
+
+  function evenly(all, count) {
+    return all.length <= count ? all : Array.from({ length: count }, (_, place) => all[Math.floor(place * all.length / count)]);
+  }
+
+  function drawParallel(some, ink) {
+    const present = axes.filter(field => some.some(row => row[field.name] !== null && row[field.name] !== ""));
+    parallel.setOption({
+      animation: false, aria: { enabled: true }, textStyle: { color: ink },
+      parallel: { left: 60, right: 60, top: 64, bottom: 24, parallelAxisDefault: { nameTextStyle: { color: ink }, axisLabel: { color: ink } } },
+      parallelAxis: present.map((field, dim) => ({
+        dim, id: field.name, name: words(field).replaceAll(" ", "\n"), nameLocation: "end", ...axis(field, ink),
+        areaSelectStyle: { color: colours["contact"], opacity: 0.2, width: 18 },
+      })),
+      series: ends(some).map(([end, ended]) => ({
+        type: "parallel", name: end, inactiveOpacity: 0.03, activeOpacity: end === PASSED ? 0.25 : 0.8,
+        lineStyle: { color: colours[end], width: 1, opacity: end === PASSED ? 0.15 : 0.6 },
+        data: ended.map(row => ({ row: row.number, value: present.map(field => row[field.name] === "" || row[field.name] === null ? "-" : row[field.name]) })),
+      })),
+    }, true);
+    for (const field of axes) brushed.delete(field.name);
+  }
+
+  function axis(field, ink) {
+    if (field.numbers) return { type: "value", min: field.low ?? 0, ...("high" in field ? { max: field.high } : {}) };
+    return { type: "category", data: field.known.filter(Boolean), axisLabel: { show: field.known.length <= FEW, color: ink } };
+  }
+
+  function drawScatter(some, ink) {
+    scatter.setOption({
+      animation: false, aria: { enabled: true }, textStyle: { color: ink }, brush: { xAxisIndex: 0, yAxisIndex: 0, throttleType: "debounce" },
+      grid: { left: 56, right: 20, top: 30, bottom: 44 }, tooltip: { formatter: ({ value }) => value[3] },
+      xAxis: { type: "value", name: "number of the test in its campaign", nameLocation: "middle", nameGap: 26, ...drawnIn(ink) },
+      yAxis: { type: "value", name: "adj. TTC (s)", ...drawnIn(ink) },
+      series: ends(some).map(([end, ended]) => ({
+        type: "scatter", name: end, symbolSize: end === PASSED ? 4 : 7, itemStyle: { color: colours[end], opacity: end === PASSED ? 0.45 : 0.9 },
+        data: ended.map(row => [row.index, row.adj_ttc_s, row.number, row.test]),
+      })),
+    }, true);
+    brushed.delete("scatter");
+    at("explorer-legend").replaceChildren(...ends(some).map(([end]) => badge(end)));
+  }
+
+  function drawnIn(ink) {
+    return { axisLabel: { color: ink }, nameTextStyle: { color: ink }, splitLine: { lineStyle: { color: ink, opacity: 0.12 } } };
+  }
+
+  // Passed tests first, so that failures are drawn over them.
+  function ends(some) {
+    const order = [PASSED, ...Object.keys(colours).filter(end => end !== PASSED)];
+    return order.map(end => [end, some.filter(row => row.end === end)]).filter(([, ended]) => ended.length);
+  }
+
+  function badge(end) {
+    const shown = document.createElement("span"), dot = document.createElement("i");
+    dot.style.background = colours[end];
+    shown.append(dot, end);
+    return shown;
+  }
+
+  function area(on) {
+    at("explorer-area").setAttribute("aria-pressed", String(on));
+    scatter.dispatchAction({ type: "takeGlobalCursor", key: "brush", brushOption: { brushType: on ? "rect" : false, brushMode: "single" } });
+    if (!on) { scatter.dispatchAction({ type: "brush", areas: [] }); brush("scatter", null); }
+  }
+
+  function label() {
+    for (const input of document.querySelectorAll("#explorer-table input")) {
+      const title = input.closest(".tabulator-col").querySelector(".tabulator-col-title").textContent;
+      input.setAttribute("aria-label", `Filter ${title}`);
+    }
+  }
+
+  function reachable(row) {
+    const element = row.getElement();
+    element.tabIndex = 0;
+    element.onkeydown = event => { if (event.key === "Enter") choose(row.getData()); };
+  }
+
+  function choose(row) {
+    at("explorer-one").hidden = false;
+    at("explorer-title").textContent = `${row.test}: ${row.end}`;
+    at("explorer-command").textContent = `python -m pipeline replay ${row.test}`;
+    at("explorer-view").replaceChildren(view(row));
+    at("explorer-values").replaceChildren(...fields.slice(1).flatMap(field => pair(words(field), shown(row[field.name]))));
+    at("explorer-one").scrollIntoView({ block: "nearest" });
+  }
+
+  function view(row) {
+    const film = at(`film-${row.test}`), image = thumbnails[row.test];
+    const shown = document.createElement(film ? "video" : image ? "img" : "p");
+    if (film) Object.assign(shown, { src: film.src, poster: film.poster, controls: true, loop: true, muted: true, autoplay: true });
+    else if (image) Object.assign(shown, { src: image, alt: `A moment of test ${row.test}` });
+    else shown.textContent = "This test has no picture here. The command above makes its film.";
+    return shown;
+  }
+
+  function pair(name, value) {
+    if (value === "") return [];
+    const term = document.createElement("dt"), text = document.createElement("dd");
+    [term.textContent, text.textContent] = [name, value];
+    return [term, text];
+  }
+
+  async function copy() {
+    try {
+      await navigator.clipboard.writeText(at("explorer-command").textContent);
+      at("explorer-copy").textContent = "Copied";
+    } catch {
+      getSelection().selectAllChildren(at("explorer-command"));
+      at("explorer-copy").textContent = "Press Ctrl-C";
+    }
+    setTimeout(() => { at("explorer-copy").textContent = "Copy"; }, 1500);
+  }
+})();

@@ -1,0 +1,108 @@
+"""The report in a real headless Chromium: its table sorts and filters, its plots choose rows, a click shows a test."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from playwright.sync_api import Page, expect
+
+from pipeline.artefacts.tables import read_tests
+from tests.analysis.fabricated import FabricatedStudy
+from tests.browser import browser_page
+
+SHOTS = Path("data/test-artefacts")
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> FabricatedStudy:
+    made = FabricatedStudy(tmp_path_factory.mktemp("study")).make().analyse()
+    made.run("report")
+    return made
+
+
+@pytest.fixture(scope="module")
+def rows(study: FabricatedStudy) -> pd.DataFrame:
+    return pd.concat(map(read_tests, [*study.search_tests, *study.held_out_tests]), ignore_index=True)
+
+
+@pytest.fixture
+def page(study: FabricatedStudy) -> Iterator[Page]:
+    """The report, which must not complain, load anything or run over the edge."""
+    said: list[str] = []
+    with browser_page(1600, 1000) as opened:
+        opened.on("console", lambda message: said.append(message.text))
+        opened.on("pageerror", lambda error: said.append(str(error)))
+        opened.on("request", lambda request: said.append(request.url) if not request.url.startswith(("file:", "data:")) else None)
+        opened.goto(f"file://{study.root / 'report.html'}")
+        opened.wait_for_selector("#explorer[data-ready]")
+        yield opened
+        SHOTS.mkdir(parents=True, exist_ok=True)
+        opened.locator("#explorer").screenshot(path=SHOTS / "report-explorer.png")
+    assert said == []
+
+
+def type_filter(page: Page, column: str, text: str) -> None:
+    page.get_by_label(f"Filter {column}", exact=True).press_sequentially(text)
+
+
+def counted(rows: pd.DataFrame, chosen: pd.Series | None = None) -> str:
+    if chosen is None:
+        return f"{len(rows)} tests, {int(rows['failure'].sum())} failures"
+    return f"{counted(rows[chosen])} of {counted(rows)}"
+
+
+def test_filters_count_as_the_tables_do(page: Page, rows: pd.DataFrame) -> None:
+    count = page.locator("#explorer-count")
+    expect(count).to_have_text(counted(rows))
+    type_filter(page, "fog (%)", ">= 60")
+    expect(count).to_have_text(counted(rows, rows["fog"] >= 60))
+    type_filter(page, "animation", "walking | limping")
+    both = (rows["fog"] >= 60) & rows["animation"].isin(["walking", "limping"])
+    expect(count).to_have_text(counted(rows, both))
+    page.get_by_role("button", name="Show all tests").click()
+    expect(count).to_have_text(counted(rows))
+
+
+def test_a_click_on_a_title_sorts(page: Page, rows: pd.DataFrame) -> None:
+    page.locator(".tabulator-col[tabulator-field=fog] .tabulator-col-title").click()
+    first = page.locator(".tabulator-row .tabulator-cell[tabulator-field=fog]").first
+    expect(first).to_have_text(f"{rows['fog'].min():.4g}")
+
+
+def test_an_area_of_the_plot_chooses_rows(page: Page, rows: pd.DataFrame) -> None:
+    page.get_by_role("button", name="Choose an area").click()
+    drag(page, "#explorer-scatter", (0.3, 0.3), (0.6, 0.95))
+    expect(page.locator("#explorer-count")).to_have_text(re.compile(rf"^\d+ tests, \d+ failures of {counted(rows)}$"))
+    page.get_by_role("button", name="Choose an area").click()
+    expect(page.locator("#explorer-count")).to_have_text(counted(rows))
+
+
+def test_a_range_of_an_axis_chooses_rows(page: Page, rows: pd.DataFrame) -> None:
+    left = 60 / page.locator("#explorer-parallel").bounding_box()["width"]  # type: ignore[index]
+    drag(page, "#explorer-parallel", (left, 0.3), (left, 0.6))
+    expect(page.locator("#explorer-count")).to_have_text(re.compile(rf"^\d+ tests, 0 failures of {counted(rows)}$"))
+
+
+def drag(page: Page, plot: str, start: tuple[float, float], end: tuple[float, float]) -> None:
+    """Drag the mouse between two places, as shares of the plot's width and height."""
+    page.locator(plot).scroll_into_view_if_needed()
+    box = page.locator(plot).bounding_box()
+    assert box is not None
+    (x, y), (to_x, to_y) = [(box["x"] + at[0] * box["width"], box["y"] + at[1] * box["height"]) for at in (start, end)]
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(to_x, to_y, steps=8)
+    page.mouse.up()
+
+
+def test_a_test_shows_its_command_and_its_film(page: Page) -> None:
+    test = str(page.locator("video").first.get_attribute("id")).removeprefix("film-")
+    type_filter(page, "test", test)
+    page.locator(".tabulator-row").filter(has_text=test).focus()
+    page.keyboard.press("Enter")
+    expect(page.locator("#explorer-command")).to_have_text(f"python -m pipeline replay {test}")
+    expect(page.locator("#explorer-view video")).to_be_visible()

@@ -1,0 +1,64 @@
+"""`replay` executes a test again and says whether it ends as recorded."""
+
+from __future__ import annotations
+
+from contextlib import chdir
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pipeline.__main__ import main
+from pipeline.artefacts.tables import read_tests, write_tests
+from pipeline.config.composing import functional_scenario
+from tests.studies import StudyFolder
+
+CAMPAIGN: dict[str, Any] = {"kind": "campaigns", "scenario": "F1", "strategy": "random", "version": "base", "seed": 0}
+TEST = "F1-random-base-0-00002"
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> StudyFolder:
+    made = StudyFolder.composed(
+        tmp_path_factory.mktemp("study"), "smoke", ["simulator=analytic", "detector=oracle", "campaign.tests=4", "seeds=[0]"]
+    )
+    assert made.run("define-space", scenario="F1") == 0
+    (made / "models/base").mkdir(parents=True)
+    (made / "models/base/model.onnx").write_bytes(b"the oracle needs none")
+    assert made.run("campaign", **CAMPAIGN) == 0
+    return made
+
+
+def table(study: StudyFolder) -> Path:
+    return study / "/".join(map(str, CAMPAIGN.values())) / "tests.parquet"
+
+
+def replay(study: StudyFolder, test: str = TEST) -> int:
+    with chdir(study.root):
+        return main(["replay", test])
+
+
+def test_a_test_ends_as_recorded(study: StudyFolder, capsys: pytest.CaptureFixture[str]) -> None:
+    assert replay(study) == 0
+    assert capsys.readouterr().out.endswith("s, as recorded\n")
+    assert (study.root / "replay.mp4").stat().st_size > 1000
+
+
+def test_another_outcome_is_told(study: StudyFolder, capsys: pytest.CaptureFixture[str]) -> None:
+    rows, space = read_tests(table(study)), functional_scenario("F1").logical_space()
+    write_tests(table(study), rows.assign(false_positives=7), space)
+    assert replay(study) == 1
+    assert "false_positives 0 instead of 7" in capsys.readouterr().out
+    write_tests(table(study), rows, space)
+
+
+@pytest.mark.parametrize(
+    ("test", "message"),
+    [
+        ("F1-random-base-0-00009", "has the tests F1-random-base-0-00000 to F1-random-base-0-00003, got F1-random-base-0-00009"),
+        ("F1-radom-base-0-00001", "study smoke has no campaign 'F1-radom-base-0'; did you mean 'F1-random-base-0'?"),
+    ],
+)
+def test_unknown_tests_are_named(study: StudyFolder, capsys: pytest.CaptureFixture[str], test: str, message: str) -> None:
+    assert replay(study, test) == 2
+    assert message in capsys.readouterr().err
