@@ -8,10 +8,14 @@ from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pipeline import commands, steps
-from pipeline.errors import InputError, missing_extra
+from pipeline.core.names import check_name, nearest
+from pipeline.errors import InputError, missing_extra, one_line, shown
+
+if TYPE_CHECKING:
+    from pipeline.config.schema import Config
 
 PROGRAM = "python -m pipeline"
 PARAMS = Path("params.yaml")
@@ -64,6 +68,7 @@ def calls_step(words: Sequence[str]) -> bool:
 def run_step(name: str, arguments: Sequence[str]) -> int:
     """Run one step by hand on the files of the study; its wildcards become options."""
     from pipeline.artefacts.folders import Folders
+    from pipeline.config.components import check_components
     from pipeline.config.composing import load
     from pipeline.contract import order_of, perform, step_of
 
@@ -77,8 +82,22 @@ def run_step(name: str, arguments: Sequence[str]) -> int:
     for wildcard in wildcards:
         options.add_argument(f"--{wildcard}", required=True, help=step.wildcards.get(wildcard))
     given = vars(options.parse_args(arguments))
+    for wildcard in wildcards:
+        check_wildcard(wildcard, given[wildcard], config)
+    check_components(config)
     perform(order_of(name, config, {wildcard: given[wildcard] for wildcard in wildcards}, BY_HAND, given["threads"]), config)
     return 0
+
+
+def check_wildcard(wildcard: str, value: str, config: Config) -> None:
+    """InputError for a value that cannot be in a path or that the study does not know."""
+    try:
+        check_name(value, "-")
+    except ValueError as error:
+        raise InputError(f"--{wildcard}: {error}") from error
+    known = {"scenario": list(config.scenarios), "strategy": list(config.samplers), "version": ["base", *map(str, config.versions)]}
+    if value not in known.get(wildcard, [value]):
+        raise InputError(f"--{wildcard}: there is no {shown(value)}{nearest(value, known[wildcard])}")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -92,7 +111,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code: int = options.run(options)
     except (InputError, ModuleNotFoundError) as error:
         said = missing_extra(error) if isinstance(error, ModuleNotFoundError) else error
-        print(f"blindspot {first}: {said}", file=sys.stderr)
+        print(f"blindspot {one_line(f'{first}: {said}')}", file=sys.stderr)
         return 2
     return code
 

@@ -4,10 +4,26 @@ from __future__ import annotations
 
 import re
 from importlib.metadata import requires
+from typing import Any
+
+LONGEST_VALUE, LONGEST_MESSAGE = 80, 600
+"""Characters of a value in a message, and of a message."""
 
 
 class InputError(ValueError):
     """Bad input from outside (a key, a file, a machine); its message says what to do. The command line exits with 2."""
+
+
+def shown(value: Any) -> str:
+    """A value as a message shows it: one line, without control characters, cut where it is long."""
+    text = repr(value)
+    return text if len(text) <= LONGEST_VALUE else f"{text[:LONGEST_VALUE]}…"
+
+
+def one_line(error: Exception | str) -> str:
+    """A message on one line, without control characters, cut where it is long."""
+    text = " ".join("".join(sign if sign.isprintable() else " " for sign in str(error)).split())
+    return text if len(text) <= LONGEST_MESSAGE else f"{text[:LONGEST_MESSAGE]}…"
 
 
 class SimulationError(RuntimeError):

@@ -20,12 +20,13 @@ from snakemake.settings.types import DAGSettings, StorageSettings
 
 from pipeline import steps
 from pipeline.artefacts.folders import Folders
+from pipeline.config.components import check_components
 from pipeline.config.composing import PARAMS, load, validate
 from pipeline.config.declared import value_at
 from pipeline.config.schema import Config
 from pipeline.contract import VERDICT_FOLLOWS, Files, Step, Wildcards, step_of
 from pipeline.core.lineage import BASE
-from pipeline.errors import InputError
+from pipeline.errors import InputError, one_line
 from pipeline.sources import code_digest
 
 STAGES = {
@@ -260,13 +261,15 @@ def plan(config: Mapping[str, Any], storage: StorageSettings, steps: Sequence[st
     """The plan of Snakemake's config: params.yaml with the changes from the command line."""
     stored = storage.default_storage_provider is not None
     try:
-        return Plan(validate(dict(config), str(PARAMS)), tuple(steps), stored)
+        checked = validate(config, str(PARAMS))
+        check_components(checked)
+        return Plan(checked, tuple(steps), stored)
     except InputError as error:
         _end(error)
 
 
 def _end(error: InputError) -> NoReturn:
-    print(f"error: {error}", file=sys.stderr)
+    print(f"error: {one_line(error)}", file=sys.stderr)
     sys.exit(2)
 
 

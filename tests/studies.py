@@ -24,11 +24,13 @@ class StudyFolder:
     @staticmethod
     def composed(root: Path, study: str, overrides: Sequence[str] = ()) -> StudyFolder:
         """A new folder for a study; the shipped detector is the repository's."""
-        return StudyFolder.of(root, compose(study, [f"base.weights={ROOT / 'models' / 'uniform'}", *overrides]))
+        return StudyFolder.of(root, compose(study, ["base.weights=models/uniform", *overrides]))
 
     @staticmethod
     def of(root: Path, config: Config) -> StudyFolder:
         root.mkdir(parents=True, exist_ok=True)
+        if not (root / "models").exists():
+            (root / "models").symlink_to(ROOT / "models")
         (root / "params.yaml").write_text(dump(config, "test"))
         return StudyFolder(root, config.study)
 

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 WORDS = """ONNX files (ours, YOLOv5, YOLOv8/11 or end to end), or what the study's detector takes; and Hydra overrides, such as
 campaign.tests=40 search=[F1,F5] detector=mine"""
+LONGEST_STEM = 40
+"""Characters of a file's name that a detector's name keeps."""
 HELP = "Search for the failures of any detectors, and compare several; trains nothing."
 
 
@@ -68,7 +70,7 @@ def study_of(files: Sequence[Path], chosen: Config, calibrate: bool = False) -> 
     chosen: the study whose scenarios, strategies and budgets it takes. calibrate: whether their confidences are calibrated first.
     """
     digests = [sha256(path) for path in files]
-    stems = [re.sub(r"\W", "_", path.name.removesuffix(".onnx")).lstrip("_") or "detector" for path in files]
+    stems = [re.sub("[^A-Za-z0-9]", "_", path.name.removesuffix(".onnx")).strip("_")[:LONGEST_STEM] or "detector" for path in files]
     names = [stem if stems.count(stem) == 1 else f"{stem}_{digest[:4]}" for stem, digest in zip(stems, digests, strict=True)]
     if len(set(names)) < len(names):
         raise InputError(f"expected different detectors, got {', '.join(map(str, files))} with the same content")

@@ -3,59 +3,103 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
+from pydantic import BaseModel, ConfigDict, ValidationError, create_model
+from pydantic.errors import PydanticUserError
+
+from pipeline.config.messages import message
 from pipeline.config.schema import Config
 from pipeline.core.car import Car
 from pipeline.core.names import nearest
-from pipeline.errors import InputError
-from pipeline.protocols import Detector, Simulator
+from pipeline.core.space import Space
+from pipeline.errors import InputError, shown
+from pipeline.protocols import Detector, Sampler, Simulator
 from pipeline.scenarios.functional import FunctionalScenario
 
 STORED_FROM = 0.05
 """Lowest score of a detection that a test stores."""
 
 
+@dataclass(frozen=True)
+class Kind:
+    """What a class must be. given: parameters that it gets from the pipeline and must take. offered: others that it may take."""
+
+    protocol: type
+    given: tuple[str, ...]
+    offered: tuple[str, ...] = ()
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        return tuple(name for name, member in vars(self.protocol).items() if inspect.isfunction(member) and not name.startswith("_"))
+
+
+SIMULATOR = Kind(Simulator, ("scenario", "car"))
+DETECTOR = Kind(Detector, ("model",))
+SAMPLER = Kind(Sampler, ("space", "seed"), ("earlier",))
+
+
 def make_simulator(section: Mapping[str, Any], scenario: FunctionalScenario, car: Car) -> Simulator:
     """The simulator of a section of the config."""
-    from hydra.utils import instantiate  # Not part of the core.
-
-    # Partial, because Hydra would turn the scenario into a config.
-    made: Simulator = instantiate(section, _partial_=True, _convert_="all")(scenario=scenario, car=car)
+    made: Simulator = component("simulator", SIMULATOR, section)(scenario=scenario, car=car)
     return made
 
 
 def make_detector(section: Mapping[str, Any], model: Path) -> Detector:
     """The detector of a section of the config. It also gives detections below its threshold, from `STORED_FROM`: the car ignores them."""
-    from hydra.utils import instantiate
-
-    if "threshold" in section:
-        section = {**section, "threshold": min(STORED_FROM, float(section["threshold"]))}
-    made: Detector = instantiate(section, _partial_=True, _convert_="all")(model=str(model))
+    checked = component("detector", DETECTOR, section)
+    lower = {"threshold": min(STORED_FROM, float(section["threshold"]))} if "threshold" in section else {}
+    made: Detector = checked(model=str(model), **lower)
     return made
 
 
-def check_targets(config: Config) -> None:
-    """Check that each `_target_` exists and accepts the keys beside it, and that named files exist; InputError that names the key."""
-    sections = {"simulator": config.simulator, "detector": config.detector}
-    sections |= {f"samplers.{name}": section for name, section in config.samplers.items()}
-    for key, section in sections.items():
-        parameters = _parameters(f"{key}._target_", section["_target_"])
-        for name in section:
-            if name != "_target_" and name not in parameters:
-                raise InputError(f"unknown key '{key}.{name}'{nearest(name, parameters)}")
-    if "model" in config.detector:
-        raise InputError("detector.model is the version under test's; `python -m pipeline test-detector FILE` tests another detector")
+def make_sampler(section: Mapping[str, Any], space: Space, seed: int, **earlier: Any) -> Sampler:
+    """The strategy of a section of the config. earlier: tests of earlier campaigns."""
+    made: Sampler = component("sampler", SAMPLER, section)(space=space, seed=seed, **earlier)
+    return made
+
+
+def component(key: str, kind: Kind, section: Mapping[str, Any]) -> Callable[..., Any]:
+    """The class of a section with its settings, which lacks only what the pipeline gives; InputError that names the key.
+
+    Only a class of the right kind is made, and nothing that a value in the section names.
+    """
+    found = _class(f"{key}._target_", kind, section["_target_"])
+    return partial(found, **_settings(key, kind, found, {name: value for name, value in section.items() if name != "_target_"}))
+
+
+def check_components(config: Config) -> None:
+    """Check every class and all its settings, and that named files exist; InputError that names the key.
+
+    Strategies are made. Of simulators and detectors, which need OpenGL and a model, the signature is checked.
+    """
+    component("simulator", SIMULATOR, config.simulator)
+    component("detector", DETECTOR, config.detector)
+    for name, section in config.samplers.items():
+        used = config.search if name in config.strategies else config.held_out if name == config.comparison.strategy else config.search[:1]
+        made = component(f"samplers.{name}", SAMPLER, section)
+        for scenario in used:
+            try:
+                made(space=config.space(scenario), seed=0)
+            except ValueError as error:
+                raise InputError(f"samplers.{name}: {error}") from error
     if config.filter.overrules is not None and not Path(config.filter.overrules).is_file():
         raise InputError(f"filter.overrules: expected a CSV, found no file {config.filter.overrules}")
     if config.base.source == "shipped" and not (weights := Path(config.base.weights) / "weights.safetensors").is_file():
         raise InputError(f"base.weights: expected the folder of a detector, found no file {weights}")
-    learning = {
-        name for name, section in config.samplers.items() if "earlier" in _parameters(f"samplers.{name}._target_", section["_target_"])
-    }
+    _check_learning(config)
+
+
+def _check_learning(config: Config) -> None:
+    """The strategies that learn from other campaigns, and that do not."""
+    found = {name: _class(f"samplers.{name}._target_", SAMPLER, section["_target_"]) for name, section in config.samplers.items()}
+    learning = {name for name, made in found.items() if "earlier" in inspect.signature(made).parameters}
     for name in config.campaign.transfer:
         if name not in learning:
             target = config.samplers[name]["_target_"]
@@ -64,10 +108,72 @@ def check_targets(config: Config) -> None:
         raise InputError(f"comparison.strategy: '{frozen}' learns from results, so each version would get different tests")
 
 
-def _parameters(key: str, target: str) -> list[str]:
+def _class(key: str, kind: Kind, target: str) -> type:
     module, _, name = target.rpartition(".")
     try:
         found = getattr(import_module(module), name)
-    except (ImportError, AttributeError) as error:
-        raise InputError(f"{key}: there is no '{target}' ({error})") from error
-    return [parameter for parameter in inspect.signature(found).parameters if parameter != "self"]
+    except InputError:
+        raise
+    except Exception as error:  # A foreign module may raise anything.
+        raise InputError(f"{key}: there is no {shown(target)} ({error})") from error
+    wanted = f"{key}: expected a class with {' and '.join(kind.methods)}, a {kind.protocol.__name__}"
+    if not isinstance(found, type) or not all(callable(getattr(found, method, None)) for method in kind.methods):
+        raise InputError(f"{wanted}, got {shown(target)}")
+    if inspect.isabstract(found) or getattr(found, "_is_protocol", False):
+        raise InputError(f"{wanted} that can be made; {shown(target)} is only the base of others")
+    parameters = inspect.signature(found).parameters
+    for given in kind.given:
+        if given not in parameters and not any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
+            raise InputError(f"{key}: {shown(target)} must take the parameter '{given}'")
+    return found
+
+
+def _settings(key: str, kind: Kind, found: type, values: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of a section as the annotations of its class want them."""
+    for name in (*kind.given, *kind.offered):
+        if name in values:
+            raise InputError(f"{key}.{name} is given by the study; leave it out{TESTED if name == 'model' else ''}")
+    parameters = {name: p for name, p in inspect.signature(found).parameters.items() if name not in (*kind.given, *kind.offered)}
+    if open_ended := any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
+        parameters = {name: p for name, p in parameters.items() if p.kind is not p.VAR_KEYWORD}
+    for name in () if open_ended else values:
+        if name not in parameters:
+            raise InputError(f"unknown key '{key}.{name}'{nearest(name, parameters)}")
+    schema = _schema(found, parameters)
+    try:
+        checked = schema.model_validate_json(json.dumps({name: value for name, value in values.items() if name in parameters}))
+    except ValidationError as error:
+        raise InputError(message(error, schema, f"{key}.")) from error
+    return {**values, **{name: getattr(checked, name) for name in checked.model_fields_set}}
+
+
+TESTED = ": `python -m pipeline test-detector FILE` tests another detector"
+
+
+def _schema(found: type, parameters: Mapping[str, inspect.Parameter]) -> type[BaseModel]:
+    """The signature of a class as a strict schema; a parameter with an annotation that says nothing to pydantic may be anything."""
+    config = ConfigDict(strict=True, allow_inf_nan=False, arbitrary_types_allowed=True, protected_namespaces=())
+    hints = _hints(found)
+    fields: dict[str, Any] = {
+        name: (hints.get(name, Any), ... if parameter.default is parameter.empty else parameter.default)
+        for name, parameter in parameters.items()
+        if parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
+    }
+    made: type[BaseModel]
+    try:
+        made = create_model(found.__name__, __config__=config, **fields)
+    except PydanticUserError:
+        anything: dict[str, Any] = {name: (Any, default) for name, (_, default) in fields.items()}
+        made = create_model(found.__name__, __config__=config, **anything)
+    return made
+
+
+def _hints(found: type) -> dict[str, Any]:
+    """The annotations of the constructor's parameters; those of a dataclass are its fields', which it may inherit from other modules."""
+    hints: dict[str, Any] = {}
+    for described in (found, inspect.getattr_static(found, "__init__")):
+        try:
+            hints |= get_type_hints(described, include_extras=True)
+        except (NameError, TypeError, AttributeError):
+            continue
+    return hints

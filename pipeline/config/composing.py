@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import yaml
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
-from pipeline.config.components import check_targets
+from pipeline.config.components import check_components
+from pipeline.config.messages import message
 from pipeline.config.schema import Config
+from pipeline.config.yaml_text import read_yaml
 from pipeline.core.names import nearest
-from pipeline.errors import InputError
+from pipeline.errors import InputError, shown
 from pipeline.scenarios.functional import FunctionalScenario
 
 CONF = Path(__file__).resolve().parents[1] / "conf"
@@ -31,14 +34,16 @@ def compose(study: str, overrides: Sequence[str]) -> Config:
     from omegaconf.errors import OmegaConfBaseException
 
     if study not in (studies := _choices("study")):
-        raise InputError(f"there is no study '{study}'{nearest(study, studies)}")
+        raise InputError(f"there is no study {shown(study)}{nearest(study, studies)}")
     samplers = [f"+sampler@samplers.{name}={name}" for name in _choices("sampler")]
     with initialize_config_dir(str(CONF), version_base="1.3"):
 
         def composed(words: Sequence[str], scenarios: Sequence[str] = ()) -> Any:
             # The study comes after strategies and scenarios, because it may change them.
             return OmegaConf.to_container(
-                hydra_compose("config", overrides=[*samplers, *scenarios, f"+study={study}", *words]), resolve=True
+                hydra_compose("config", overrides=[*samplers, *scenarios, f"+study={study}", *words]),
+                resolve=True,
+                throw_on_missing=True,
             )
 
         try:
@@ -48,9 +53,21 @@ def compose(study: str, overrides: Sequence[str]) -> Config:
         except (HydraException, OmegaConfBaseException) as error:
             shipped = composed([], _scenarios(composed([])))
             raise InputError(_override_message(shipped, overrides) or f"overrides: {str(error).splitlines()[0]}") from error
+        except (yaml.YAMLError, UnicodeDecodeError) as error:
+            raise InputError(_unreadable() or f"{CONF}: {error}") from error
     config = validate(plain, "conf/")
-    check_targets(config)
+    check_components(config)
     return config
+
+
+def _unreadable() -> str:
+    """What is wrong with the first file of conf/ that is not YAML."""
+    for path in sorted(CONF.rglob("*.yaml")):
+        try:
+            read_yaml(path)
+        except InputError as error:
+            return str(error)
+    return ""
 
 
 def _choices(group: str) -> list[str]:
@@ -63,7 +80,8 @@ def _scenarios(plain: Any) -> list[str]:
     files = _choices("scenario")
     words = []
     for key in ("search", "held_out"):
-        for name in plain[key] if isinstance(plain[key], list) else []:
+        named = plain.get(key)
+        for name in named if isinstance(named, list) else []:
             if name not in files:
                 raise InputError(f"{key}: there is no conf/scenario/{name}.yaml{nearest(str(name), files)}")
             words.append(f"+scenario@scenarios.{name}={name}")
@@ -100,48 +118,23 @@ def dump(config: Config, command: str) -> str:
 
 
 def load(path: Path = PARAMS) -> Config:
-    """Read params.yaml; InputError that names the file and key."""
+    """Read params.yaml; InputError that names the file and key. It checks the schema alone, `check_components` the rest."""
     try:
-        plain = yaml.safe_load(path.read_text())
+        plain = read_yaml(path)
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file; make it with `python -m pipeline compose study=default`") from error
-    except yaml.YAMLError as error:
-        mark, problem = getattr(error, "problem_mark", None), getattr(error, "problem", None) or str(error).splitlines()[0]
-        raise InputError(f"{path}{f', line {mark.line + 1}' if mark else ''}: not valid YAML ({problem})") from error
     return validate(plain, str(path))
 
 
 def validate(plain: Any, source: str) -> Config:
     """Check plain data against the schema; InputError that names the source and the first wrong key."""
     try:
-        return Config.model_validate(plain)
+        # As JSON, because only then does the strict schema take lists for tuples.
+        return Config.model_validate_json(json.dumps(plain))
     except ValidationError as error:
-        message = _message(error)
-        if source == "conf/" and (scenario := re.match(r"scenarios\.(\w+)", message)):
+        said = message(error, Config)
+        if source == "conf/" and (scenario := re.match(r"scenarios\.(\w+)", said)):
             source = f"conf/scenario/{scenario[1]}.yaml"
-        raise InputError(f"{source}: {message}") from error
-
-
-def _message(error: ValidationError) -> str:
-    # An unknown key often explains a missing one, so it comes first.
-    first = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
-    path = [str(part) for part in first["loc"]]
-    if first["type"] == "extra_forbidden":
-        return f"unknown key '{'.'.join(path)}'{nearest(path[-1], _keys(path[:-1]))}"
-    key, text = ".".join(path), first["msg"].removeprefix("Value error, ")
-    if first["type"] == "missing":
-        return f"key '{key}' is missing"
-    got = "" if isinstance(first["input"], dict) else f", got {first['input']!r}"
-    return f"{key}: {text}{got}" if key else text
-
-
-def _keys(path: Sequence[str]) -> list[str]:
-    """Known keys of the section at a path of the schema."""
-    model: Any = Config
-    for part in path:
-        fields = getattr(model, "model_fields", {})
-        if part in fields:
-            model = fields[part].annotation
-        if get_args(model):
-            model = next((a for a in get_args(model) if isinstance(a, type) and issubclass(a, BaseModel)), model)
-    return list(getattr(model, "model_fields", {}))
+        raise InputError(f"{source}: {said}") from error
+    except (TypeError, ValueError, RecursionError) as error:  # Such as a date or a number of 5,000 digits.
+        raise InputError(f"{source}: expected text, numbers, lists and mappings alone ({error})") from error

@@ -5,7 +5,6 @@ Hydra composes `conf/` into params.yaml once (`compose`); everything else reads 
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from itertools import product
 from typing import Annotated, Any, Literal
@@ -23,7 +22,7 @@ from pipeline.config.sections import (
     Report,
     Retraining,
     Section,
-    Seed,
+    Title,
     Tracking,
     Training,
     VehicleSection,
@@ -36,9 +35,8 @@ from pipeline.core.names import nearest
 from pipeline.core.space import Space
 from pipeline.scenarios.front_car import FrontCar
 from pipeline.scenarios.functional import FunctionalScenario
+from pipeline.scenarios.parts import Name, Seed
 
-DetectorName = Annotated[str, Field(pattern=r"^[A-Za-z0-9]\w*$")]
-ArmName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 BASE_SET, NEW_SCENES, BALANCED_SCENES = "base_set", "new_scenes", "balanced_scenes"
 """What an arm may learn from, beside a strategy's frames."""
 
@@ -56,12 +54,12 @@ Target = Annotated[dict[str, Any], AfterValidator(_has_target)]
 class Config(Section):
     """A study."""
 
-    study: str = Field(pattern=r"^[a-z0-9_-]+$")
+    study: Title
     """Name of the study; results are in data/<study>."""
     goal: Literal["report", "base", "front_car", "detectors"]
     """`report` runs the loop, `base` stops at the trained base detector, `front_car` runs the front-car study, `detectors` tests the
     detectors in `tested` and retrains none."""
-    tested: dict[DetectorName, str]
+    tested: dict[Name, str]
     """The detectors that goal `detectors` tests, by name and file; the others are compared with the first."""
     calibrate: bool
     """Whether goal `detectors` calibrates the detectors' confidences on the validation images of the base set before it tests them."""
@@ -73,13 +71,13 @@ class Config(Section):
     """Scenarios used only for the comparison."""
     strategies: tuple[str, ...] = Field(min_length=1)
     """Test strategies of the search; the first is the baseline of the measures."""
-    arms: dict[ArmName, str] = Field(min_length=1)
+    arms: dict[Name, str] = Field(min_length=1)
     """The versions that each round retrains, by name, and the source of their added frames: a strategy of the search; `base_set`, which
     adds none (a control); `new_scenes`, random scenes as in the base set, but new ones; or `balanced_scenes`, new ones in which all people
     and poses are equally frequent. The verdict compares the arm `adaptive` with every other."""
-    scenarios: dict[str, FunctionalScenario]
+    scenarios: dict[Name, FunctionalScenario]
     """The functional scenarios of both lists, from conf/scenario."""
-    samplers: dict[str, Target]
+    samplers: dict[Name, Target]
     """The test strategies, from conf/sampler."""
     simulator: Target
     """The simulator that executes tests, from conf/simulator."""
@@ -119,8 +117,6 @@ class Config(Section):
         if BASE in self.arms:
             raise ValueError(f"arms: '{BASE}' is the version before retraining; choose another name")
         for name in self.samplers:
-            if not re.fullmatch(r"\w+", name):
-                raise ValueError(f"samplers: expected letters, digits and _ in a name, as tests are named after it, got '{name}'")
             if name in (BASE_SET, NEW_SCENES, BALANCED_SCENES):
                 raise ValueError(f"samplers: '{name}' is a source of arms already; choose another name")
         return self

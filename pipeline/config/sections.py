@@ -2,18 +2,35 @@
 
 from __future__ import annotations
 
+import os
+from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, Field, model_validator
 
 from pipeline.core.braking import GateKind, LawKind
+from pipeline.core.names import check_name
+from pipeline.errors import shown
+from pipeline.scenarios.parts import MOST, STRICT, Seed
 
-Seed = Annotated[int, Field(ge=0)]
 Share = Annotated[float, Field(gt=0, lt=1)]
+Title = Annotated[str, AfterValidator(partial(check_name, joints="-"))]
+"""A name that no other name is made from."""
+
+
+def _in_project(path: str) -> str:
+    # A link in the project may lead elsewhere: whoever made it meant it.
+    if not path or Path(os.path.relpath(path)).parts[:1] == ("..",):
+        raise ValueError(f"expected a path inside the project; link what lies elsewhere into it, got {shown(path)}")
+    return path
+
+
+InProject = Annotated[str, AfterValidator(_in_project)]
 
 
 class Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    model_config = STRICT
 
     if not TYPE_CHECKING:
 
@@ -121,7 +138,7 @@ class Base(Section):
 
     source: Literal["shipped", "trained"]
     """`shipped` takes `weights`, `trained` trains from scratch on the base set."""
-    weights: str
+    weights: InProject
     """Folder of the shipped detector."""
 
 
@@ -134,17 +151,17 @@ class Training(Section):
     """Seed of weights, order and augmentation."""
     batch_size: int = Field(ge=1, le=4096)
     """Images per step."""
-    crop_iterations: int = Field(ge=0)
+    crop_iterations: int = Field(ge=0, le=MOST)
     """Batches of crops, with a quarter of a frame's pixels."""
-    frame_iterations: int = Field(ge=0)
+    frame_iterations: int = Field(ge=0, le=MOST)
     """Batches of full frames after the crops: only full frames show near pedestrians whole."""
     learning_rate: float = Field(gt=0, lt=1)
     """The highest of the schedule."""
     oversampling: int = Field(ge=1, le=20)
     """Number of times an epoch shows an image with a pedestrian that is hard to find."""
-    validate_every: int = Field(ge=1)
+    validate_every: int = Field(ge=1, le=MOST)
     """Iterations between evaluations on 500 validation images."""
-    patience: int = Field(ge=1)
+    patience: int = Field(ge=1, le=MOST)
     """Evaluations without a better AP50 after which training stops with the best weights."""
 
 
@@ -166,13 +183,13 @@ class Retraining(Section):
     unsure of the pedestrian or missed it."""
     batch_size: int = Field(ge=2, le=4096)
     """Images per step."""
-    iterations: int = Field(ge=1)
+    iterations: int = Field(ge=1, le=MOST)
     """Steps."""
     learning_rate: float = Field(gt=0, lt=1)
     """The highest of the schedule."""
     added_share: Share
     """Share of a batch that comes from the added frames; the rest, and all of a control's, comes from the base set."""
-    added_frames: int = Field(ge=1)
+    added_frames: int = Field(ge=1, le=MOST)
     """Largest number of added frames per round; it never exceeds the number of frames of the smallest source."""
     empty_share: Share
     """Share of the added frames without a visible pedestrian; the same for all sources."""
@@ -181,12 +198,12 @@ class Retraining(Section):
 class Filter(Section):
     """Filter of campaign frames for training."""
 
-    min_visible_pixels: int = Field(ge=0)
+    min_visible_pixels: int = Field(ge=0, le=MOST)
     """A pedestrian with fewer visible pixels is not a fair label."""
-    min_detectability: float = Field(ge=0)
+    min_detectability: float = Field(ge=0, le=MOST)
     """Contrast to the surroundings in grey levels times the square root of the visible pixels; below it a person hardly sees the
     pedestrian."""
-    overrules: str | None
+    overrules: InProject | None
     """A person's CSV with test_id, step, keep."""
 
 
@@ -196,7 +213,7 @@ class Regions(Section):
     chance_neighbours: float = Field(gt=0, le=10)
     """Sets the radius of the density clusters: if failures were spread evenly over the space, each would have this many neighbours
     within it."""
-    min_failures: int = Field(ge=2)
+    min_failures: int = Field(ge=2, le=MOST)
     """Smallest number of failures within the radius to form a region."""
 
 
@@ -210,7 +227,7 @@ class Report(Section):
 class Tracking(Section):
     """MLflow."""
 
-    experiment: str
+    experiment: Annotated[str, AfterValidator(partial(check_name, joints="-/"))]
     """Name of the MLflow experiment."""
-    model_name: str
+    model_name: Title
     """Name of the registered model."""

@@ -1,16 +1,33 @@
-"""Hints for unknown names."""
+"""The one pattern of all names that become a path, a wildcard or an entry of a registry, and hints for unknown names."""
 
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable
 
+from pipeline.errors import shown
+
 FEW = 12
+WORD = "[A-Za-z0-9][A-Za-z0-9_]*"
+LONGEST_NAME = 60
+
+
+def check_name(name: str, joints: str = "") -> str:
+    """The name, if it is a word of ASCII letters, digits and _ that begins with a letter or digit; ValueError for any other.
+
+    So it means nothing to a shell, a regular expression, a file system or a database. joints: characters that may join several words. Names
+    that are themselves joined, as those of versions and tests, have none.
+    """
+    if len(name) > LONGEST_NAME or not re.fullmatch(f"{WORD}(?:[{joints}]{WORD})*" if joints else WORD, name):
+        joined = f", joined by {' or '.join(joints)}" if joints else ""
+        raise ValueError(f"expected letters, digits and _{joined}, at most {LONGEST_NAME}, as a path is named after it, got {shown(name)}")
+    return name
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
     """'; did you mean …?' with the nearest known name, or the list of them, or its beginning."""
     choices = sorted(known)
-    if close := difflib.get_close_matches(name, choices, n=1, cutoff=0.5):
+    if close := difflib.get_close_matches(name, choices, n=1, cutoff=0.5) if len(name) <= LONGEST_NAME else []:
         return f"; did you mean '{close[0]}'?"
     return f"; known are {', '.join(choices if len(choices) <= FEW else [*choices[:FEW], '…'])}"

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+
+from pipeline.core.names import nearest
+from pipeline.errors import shown
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -17,8 +20,35 @@ Value = float | str
 """A variable's value: a number in its unit, or the name of a category."""
 Kind = Literal["continuous", "integer", "categorical"]
 TOLERANCE = 1e-9
+LARGEST = 1e9
+"""Largest bound of a number."""
 HEAVIEST = 1000
 """Largest weight of a category: products over six variables stay exact."""
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST
+
+
+def _are_numbers(values: Any) -> bool:
+    return isinstance(values, list | tuple) and all(map(_is_number, values))
+
+
+def _are_names(values: Any) -> bool:
+    return isinstance(values, list | tuple) and all(isinstance(value, str) for value in values)
+
+
+PLAIN: Mapping[str, tuple[str, Callable[[Any], bool]]] = {
+    "kind": (f"one of {', '.join(get_args(Kind))}", lambda value: isinstance(value, str) and value in get_args(Kind)),
+    "unit": ("text", lambda value: isinstance(value, str)),
+    **dict.fromkeys(("low", "high", "step"), ("a number", _is_number)),
+    "cyclic": ("true or false", lambda value: isinstance(value, bool)),
+    "values": ("a list of names", _are_names),
+    "attributes": ("lists of numbers by name", lambda value: isinstance(value, Mapping) and all(map(_are_numbers, value.values()))),
+    "cuts": ("a list of numbers", _are_numbers),
+    "weights": ("a list of numbers", _are_numbers),
+}
+"""The keys of a variable in plain data, what each expects, and whether a value is of that type."""
 
 
 @dataclass(frozen=True)
@@ -207,7 +237,15 @@ class Variable:
 
     @staticmethod
     def from_dict(name: str, plain: Mapping[str, Any]) -> Variable:
-        """The variable of plain data; TypeError for an unknown key, ValueError for a value that `Variable` rejects."""
+        """The variable of plain data; ValueError for an unknown key, a value of a wrong type and one that `Variable` rejects."""
+        for key, value in plain.items():
+            if key not in PLAIN:
+                raise ValueError(f"unknown key '{name}.{key}'{nearest(key, PLAIN)}")
+            expected, is_right = PLAIN[key]
+            if not is_right(value):
+                raise ValueError(f"{name}.{key}: expected {expected}, got {shown(value)}")
+        if "kind" not in plain:
+            raise ValueError(f"key '{name}.kind' is missing")
         values: dict[str, Any] = {key: tuple(value) if key in ("values", "cuts", "weights") else value for key, value in plain.items()}
         if "attributes" in values:
             values["attributes"] = tuple((key, tuple(float(number) for number in numbers)) for key, numbers in values["attributes"].items())

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from pipeline.config.components import DETECTOR, component
 from pipeline.core.detections import Detections
 from pipeline.core.episode import Frame
 from pipeline.core.reliability import Calibration
@@ -16,14 +17,14 @@ from pipeline.protocols import Detector
 class CalibratedDetector:
     """Runs another detector and calibrates its scores; boxes and their order stay the same.
 
-    detector: makes the other detector from `model`, its file, and from `threshold`, if given. slope, offset: of the calibration.
+    detector: the section of the other detector. slope, offset: of the calibration.
     threshold: smallest calibrated score reported, as for detectors whose files hold their calibration.
     """
 
-    def __init__(self, detector: Callable[..., Detector], slope: float, offset: float, model: str, threshold: float | None = None) -> None:
+    def __init__(self, detector: dict[str, Any], slope: float, offset: float, model: str, threshold: float | None = None) -> None:
         self._calibration = Calibration(slope, offset)
         lowest = {} if threshold is None else {"threshold": float(self._calibration.undo(threshold))}
-        self._detector = detector(model=model, **lowest)
+        self._detector: Detector = component("detector", DETECTOR, detector)(model=model, **lowest)
 
     def detect(self, frame: Frame) -> Detections:
         """Return the pedestrians in the image, with calibrated scores."""
@@ -36,4 +37,4 @@ def calibrated(section: Mapping[str, Any], calibration: Calibration) -> dict[str
     target = f"{CalibratedDetector.__module__}.{CalibratedDetector.__qualname__}"
     threshold = {"threshold": section["threshold"]} if "threshold" in section else {}
     scaling = {"slope": calibration.slope, "offset": calibration.offset}
-    return {"_target_": target, "detector": {**section, "_partial_": True}, **scaling, **threshold}
+    return {"_target_": target, "detector": dict(section), **scaling, **threshold}

@@ -2,15 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from importlib import import_module
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import AfterValidator
 
 from pipeline.core.detections import Detections
 from pipeline.core.episode import Frame
-from pipeline.detectors.suppression import check_thresholds, inside, reported
-from pipeline.errors import InputError, SimulationError
+from pipeline.detectors.suppression import Share, inside, reported
+from pipeline.errors import InputError, SimulationError, shown
+
+
+def _named(function: str) -> Callable[..., Any]:
+    """The function of a dotted name; ValueError that says why there is none."""
+    module, _, name = function.rpartition(".")
+    try:
+        found = getattr(import_module(module), name)
+    except Exception as error:  # A foreign module may raise anything.
+        raise ValueError(f"there is no {shown(function)} ({error})") from error
+    if not callable(found):
+        raise ValueError(f"expected a function, got {shown(function)} of type {type(found).__name__}")
+    made: Callable[..., Any] = found
+    return made
+
+
+def _is_function(name: str) -> str:
+    _named(name)
+    return name
+
+
+FunctionName = Annotated[str, AfterValidator(_is_function)]
 
 
 class FunctionDetector:
@@ -22,15 +45,11 @@ class FunctionDetector:
     InputError if there is no such function. Any exception in it, and any result of another shape, becomes a SimulationError.
     """
 
-    def __init__(self, function: str, threshold: float = 0.5, iou: float = 0.45, model: str | None = None) -> None:
-        check_thresholds(threshold, iou)
-        module, _, name = function.rpartition(".")
+    def __init__(self, function: FunctionName, threshold: Share = 0.5, iou: Share = 0.45, model: str | None = None) -> None:
         try:
-            self._function: Any = getattr(import_module(module), name)
-        except (ImportError, AttributeError, ValueError) as error:
-            raise InputError(f"detector.function: there is no '{function}' ({error})") from error
-        if not callable(self._function):
-            raise InputError(f"detector.function: expected a function, got {function} of type {type(self._function).__name__}")
+            self._function = _named(function)
+        except ValueError as error:
+            raise InputError(f"detector.function: {error}") from error
         self._name, self._threshold, self._iou = function, threshold, iou
 
     def detect(self, frame: Frame) -> Detections:

@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.core.detections import Detections
 from pipeline.core.episode import Frame
 from pipeline.detectors.layouts import person_class
-from pipeline.detectors.suppression import check_thresholds, inside, reported
+from pipeline.detectors.suppression import Share, inside, reported
 from pipeline.errors import InputError, SimulationError
 
 PICKLES = ("*.bin", "*.pt", "*.pth", "*.ckpt")
@@ -24,8 +24,7 @@ class HuggingFaceDetector:
     InputError if the folder is not such a model, or its only weights need pickle.
     """
 
-    def __init__(self, model: str | Path, threshold: float = 0.5, iou: float = 0.45, person: str | int | None = None) -> None:
-        check_thresholds(threshold, iou)
+    def __init__(self, model: str | Path, threshold: Share = 0.5, iou: Share = 0.45, person: str | int | None = None) -> None:
         try:
             from transformers import AutoImageProcessor, AutoModelForObjectDetection
         except ImportError as error:

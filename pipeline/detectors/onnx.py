@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import onnxruntime
 from numpy.typing import NDArray
 from onnxruntime.capi import onnxruntime_pybind11_state as ort
+from pydantic import Field
 
 from pipeline.core.detections import Detections
 from pipeline.core.episode import Frame
 from pipeline.detectors import layouts
 from pipeline.detectors.layouts import LAYOUTS, Layout, Letterbox
-from pipeline.detectors.suppression import check_thresholds, inside, reported
+from pipeline.detectors.suppression import Share, inside, reported
 from pipeline.errors import InputError, SimulationError
 
 OURS = "input 'image' (n, h, w, 3) uint8 RGB; outputs 'boxes' (n, cells, 4) in pixels and 'scores' (n, cells) in [0, 1]"
@@ -45,17 +46,12 @@ class OnnxDetector:
     def __init__(
         self,
         model: str | Path,
-        threshold: float = 0.5,
-        iou: float = 0.45,
-        threads: int = 1,
+        threshold: Share = 0.5,
+        iou: Share = 0.45,
+        threads: Annotated[int, Field(ge=1, le=1024)] = 1,
         layout: Layout | None = None,
         person: str | int | None = None,
     ) -> None:
-        check_thresholds(threshold, iou)
-        if threads < 1:
-            raise InputError(f"detector.threads must be at least 1, got {threads}")
-        if layout is not None and layout not in LAYOUTS:
-            raise InputError(f"detector.layout must be one of {', '.join(LAYOUTS)}, got '{layout}'")
         self._model, self._threshold, self._iou = Path(model), threshold, iou
         self._session = _session(self._model, threads)
         first = self._session.get_inputs()[0]

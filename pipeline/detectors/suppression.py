@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from pipeline.core.boxes import nms
 from pipeline.core.detections import Detections
-from pipeline.errors import InputError, SimulationError
+from pipeline.errors import SimulationError
 
 CANDIDATES = 300
 """Largest number of boxes before suppression; far more than people on a street."""
 ROUNDING = 1e-3
 """Tolerance of scores outside [0, 1], for rounding in half precision."""
 Floats = NDArray[np.float32]
-
-
-def check_thresholds(threshold: float, iou: float) -> None:
-    """InputError that names the value that is not in (0, 1)."""
-    for name, value in {"threshold": threshold, "iou": iou}.items():
-        if not 0 < value < 1:
-            raise InputError(f"detector.{name} must be in (0, 1), got {value}")
+Share = Annotated[float, Field(gt=0, lt=1)]
+"""A threshold of scores or of IoU. Whoever makes a detector from a config checks it."""
 
 
 def reported(model: object, boxes: Floats, scores: Floats, threshold: float, iou: float) -> Detections:

@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.core.detections import Detections
 from pipeline.core.episode import Frame
 from pipeline.detectors.layouts import person_class
-from pipeline.detectors.suppression import check_thresholds, inside, reported
+from pipeline.detectors.suppression import Share, inside, reported
 from pipeline.errors import InputError
 
 
@@ -22,9 +22,8 @@ class UltralyticsDetector:
     """
 
     def __init__(
-        self, model: str | Path, threshold: float = 0.5, iou: float = 0.45, person: str | int | None = None, trusted: bool = False
+        self, model: str | Path, threshold: Share = 0.5, iou: Share = 0.45, person: str | int | None = None, trusted: bool = False
     ) -> None:
-        check_thresholds(threshold, iou)
         path = Path(model)
         if path.suffix != ".onnx" and not trusted:
             raise InputError(

@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from hydra.utils import instantiate
 from threadpoolctl import threadpool_limits
 
 from pipeline.artefacts import tables
 from pipeline.artefacts.files import sha256
 from pipeline.artefacts.points import encode_tests
+from pipeline.config.components import make_sampler
 from pipeline.core.columns import Column
 from pipeline.core.identity import CampaignId
 from pipeline.core.kpi import NO_KPI, Kpi, evaluate
@@ -33,7 +33,7 @@ from pipeline.protocols import Sampler
 
 @dataclass(frozen=True)
 class CampaignPlan:
-    """What a campaign executes. strategy: for Hydra to instantiate. earlier: tests.parquet of the campaigns that its strategy learns
+    """What a campaign executes. strategy: its section of the config. earlier: tests.parquet of the campaigns that its strategy learns
     from."""
 
     campaign: CampaignId
@@ -54,9 +54,7 @@ class CampaignPlan:
     def sampler(self) -> Sampler:
         """The strategy before its first test."""
         history = {"earlier": [_history(path, self.space) for path in self.earlier]} if self.earlier else {}
-        # Partial, because Hydra would turn the space, a dataclass, into a config.
-        made: Sampler = instantiate(self.strategy, _partial_=True, _convert_="all")(space=self.space, seed=self.strategy_seed, **history)
-        return made
+        return make_sampler(self.strategy, self.space, self.strategy_seed, **history)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from typing import Any
 
 from pipeline.config.composing import PARAMS, validate
 from pipeline.contract import Order, perform
-from pipeline.errors import InputError
+from pipeline.errors import InputError, one_line
 
 
 def main(job: Any) -> None:
@@ -23,7 +23,7 @@ def main(job: Any) -> None:
     try:
         perform(order, validate(job.config, str(PARAMS)))
     except InputError as error:
-        sys.exit(f"blindspot {job.rule}: {error}")
+        sys.exit(f"blindspot {job.rule}: {one_line(error)}")
 
 
 if __name__ == "__main__":  # Worker processes import this file, too.

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from pipeline.core.space import Ints, Space, Variable
+from pipeline.scenarios.parts import MOST, Part, Seed
 
 CONDITIONS: Mapping[str, tuple[str, ...]] = {
     "weather": ("sunny", "cloudy", "rainy"),
@@ -20,10 +21,12 @@ CONDITIONS: Mapping[str, tuple[str, ...]] = {
 """All values of the operating conditions. lanes: in the ego's direction. current_lane: counted from the nearside kerb."""
 
 
-class SnapshotSpace(BaseModel):
-    """The operating conditions of a study: values of each, and clauses."""
+def _as_name(value: object) -> object:
+    return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
 
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+class SnapshotSpace(Part):
+    """The operating conditions of a study: values of each, and clauses."""
 
     variables: dict[str, tuple[str, ...]]
     """Values of each operating condition, at least one of those that can be rendered."""
@@ -36,7 +39,7 @@ class SnapshotSpace(BaseModel):
         """Accept whole numbers as names of values."""
         if not isinstance(plain, Mapping):
             return plain
-        return {name: [str(value) for value in values] if isinstance(values, list | tuple) else values for name, values in plain.items()}
+        return {name: tuple(map(_as_name, values)) if isinstance(values, list | tuple) else values for name, values in plain.items()}
 
     @model_validator(mode="after")
     def _can_be_rendered(self) -> SnapshotSpace:
@@ -64,17 +67,15 @@ class SnapshotSpace(BaseModel):
         return np.asarray(every[space.constraints.holds(every)], np.int64)
 
 
-class FrontCar(BaseModel):
+class FrontCar(Part):
     """The front-car study: from a few random points to full coverage, and what a detector gains from it."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
     space: SnapshotSpace
     k: int = Field(ge=1, le=6)
     """k of the projection coverage that the proposals bring to 100 %."""
     existing: int = Field(ge=1, le=1000)
     """Number of random points at the start."""
-    seed: int = Field(ge=0)
+    seed: Seed
     """Seed of points, towns and everything that the conditions leave open."""
     images: int = Field(ge=20, le=100_000)
     """Number of snapshots to train each detector, training and validation together, shared evenly among its points."""
@@ -84,7 +85,7 @@ class FrontCar(BaseModel):
     """Number of test snapshots of every feasible point, in separate towns."""
     batch_size: int = Field(ge=2, le=4096)
     """Frames per step."""
-    iterations: int = Field(ge=1)
+    iterations: int = Field(ge=1, le=MOST)
     """Number of training steps of each detector, from the shipped detector's weights."""
     learning_rate: float = Field(gt=0, lt=1)
     """The highest of the schedule."""

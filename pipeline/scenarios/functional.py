@@ -12,7 +12,8 @@ from pipeline.core.paths import Path, Pose
 from pipeline.core.space import Space
 from pipeline.core.worlds import Worlds
 from pipeline.scenarios import people as populations
-from pipeline.scenarios.streets import Part, Town, on_asphalt
+from pipeline.scenarios.parts import MOST, Name, Part
+from pipeline.scenarios.streets import Town, on_asphalt
 
 VehicleKind = Literal["hatchback", "saloon", "van", "bus", "estate", "suv"]
 Waypoint = tuple[float, float]
@@ -66,7 +67,7 @@ class Actor(Part):
     corner_radius_m: float = Field(default=7.75, gt=0, le=60)
     speed_kmh: float = Field(default=0, ge=0, le=130)
     starts_s: float = Field(default=0, ge=0, le=60)
-    paint: int = Field(default=0, ge=0)
+    paint: int = Field(default=0, ge=0, le=MOST)
 
     def route(self) -> Path:
         heading = np.radians(self.heading_deg)
@@ -94,9 +95,9 @@ class FunctionalScenario(Part):
     town: Town
     ego: Ego
     pedestrian: Crossing
-    actors: dict[str, Actor] = Field(default_factory=dict)
-    people: int | None = Field(default=None, ge=1)
-    space: dict[str, dict[str, Any]]
+    actors: dict[Name, Actor] = Field(default_factory=dict)
+    people: int | None = Field(default=None, ge=1, le=1_000_000)
+    space: dict[Name, dict[str, Any]]
     constraints: tuple[tuple[str, ...], ...] = ()
 
     def logical_space(self) -> Space:
@@ -138,10 +139,7 @@ class FunctionalScenario(Part):
     def _variables(cls, plain: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
         if populations.VARIABLE in plain:
             raise ValueError(f"'{populations.VARIABLE}' comes from `people`, the number of a population; constraints may exclude persons")
-        try:
-            Space.from_dict(plain)
-        except TypeError as error:
-            raise ValueError(str(error)) from error
+        Space.from_dict(plain)
         return plain
 
     @model_validator(mode="after")

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from pipeline.core.paths import Piece, Pose
+from pipeline.scenarios.parts import Part, Seed
 
 LANE_WIDTH = 3.5
 PAVEMENT_WIDTH = 3.0
@@ -26,12 +27,6 @@ SHARPEST = 1 / 50
 """The strongest curvature of a street, 1/m: beyond it the houses on the inner side would meet."""
 Side = Literal["left", "right"]
 OnStreet = Annotated[float, Field(ge=START_X + 5, le=END_X - 5)]
-
-
-class Part(BaseModel):
-    """A part of a scenario's description: unknown keys are errors."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class Junction(Part):
@@ -57,7 +52,7 @@ class Town(Part):
     """
 
     style: Literal["urban", "suburban"] = "urban"
-    seed: int = Field(ge=0)
+    seed: Seed
     lanes_ahead: int = Field(default=1, ge=1, le=2)
     curvature_1pm: float = Field(default=0.0, ge=-SHARPEST, le=SHARPEST)
     bus_bay: tuple[OnStreet, OnStreet] | None = None

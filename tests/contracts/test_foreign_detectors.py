@@ -133,7 +133,7 @@ def test_a_threshold_that_reports_all_or_nothing_is_refused(threshold: float) ->
         ("nowhere.detect", "there is no 'nowhere.detect' (No module named 'nowhere')"),
         (f"{__name__}.missing", f"there is no '{__name__}.missing' (module '{__name__}' has no attribute 'missing')"),
         ("detect", "there is no 'detect' (Empty module name)"),
-        (f"{__name__}.IMAGE", f"expected a function, got {__name__}.IMAGE of type ndarray"),
+        (f"{__name__}.IMAGE", f"expected a function, got '{__name__}.IMAGE' of type ndarray"),
     ],
 )
 def test_a_missing_function_is_an_input_error(name: str, message: str) -> None:

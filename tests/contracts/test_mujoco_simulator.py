@@ -27,7 +27,7 @@ NAMES = sorted(path.stem for path in CONF.glob("F*.yaml"))
 def described(name: str) -> FunctionalScenario:
     plain = {**yaml.safe_load((CONF / "_space.yaml").read_text()), **yaml.safe_load((CONF / f"{name}.yaml").read_text())}
     del plain["defaults"]
-    return FunctionalScenario.model_validate(plain)
+    return FunctionalScenario.model_validate_json(json.dumps(plain))
 
 
 def man(scenario: FunctionalScenario) -> str:

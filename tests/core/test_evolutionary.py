@@ -85,11 +85,11 @@ def test_variables_with_more_impact_change_more_often() -> None:
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"initial": 0}, "initial must be at least 1, got 0"),
-        ({"parents": 0}, "parents must be at least 1, got 0"),
+        ({"initial": 0}, r"initial must be in \[1, 100000\], got 0"),
+        ({"parents": 0}, r"parents must be in \[1, 1000\], got 0"),
         ({"explore": 1.5}, r"explore must be in \[0, 1\], got 1.5"),
         ({"impact": -1.0}, r"impact must be in \[0, 1\], got -1.0"),
-        ({"step": 0.0}, "step must be above 0, got 0.0"),
+        ({"step": 0.0}, r"step must be in \(0, 1\], got 0.0"),
     ],
 )
 def test_wrong_settings_are_named(settings: dict[str, float], message: str) -> None:

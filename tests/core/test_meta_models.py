@@ -81,7 +81,7 @@ def test_a_gaussian_process_has_the_posterior_of_the_appendix() -> None:
 
 def test_kappa_prefers_uncertain_candidates() -> None:
     assert list(GaussianProcessSampler(LINE, 0, kappa=2.0).rank(np.array([0.5, 0.4]), np.array([0.2, 0.1]))) == pytest.approx([0.1, 0.2])
-    with pytest.raises(ValueError, match="kappa must be at least 0, got -1"):
+    with pytest.raises(ValueError, match=r"kappa must be in \[0, 100\], got -1"):
         GaussianProcessSampler(LINE, 0, kappa=-1)
 
 
@@ -137,9 +137,9 @@ def test_random_tests_fill_a_batch_without_relevant_candidates() -> None:
     [
         ({"candidates": 5}, "candidates must be at least batch_size, 20, got 5"),
         ({"explore": 1.5}, r"explore must be in \[0, 1\], got 1.5"),
-        ({"epsilon": 0.0}, "epsilon must be above 0, got 0.0"),
-        ({"omega_threshold": 0}, "omega_threshold must be negative, got 0"),
-        ({"tune_every": 0}, "tune_every must be at least 1, got 0"),
+        ({"epsilon": 0.0}, r"epsilon must be in \(0, 10\], got 0.0"),
+        ({"omega_threshold": 0}, r"omega_threshold must be in \[-100000, 0\), got 0"),
+        ({"tune_every": 0}, r"tune_every must be in \[1, 1000\], got 0"),
     ],
 )
 def test_wrong_settings_are_named(settings: dict[str, float], message: str) -> None:

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hydra.utils import instantiate
 
+from pipeline.config.components import DETECTOR, component
 from pipeline.core.detections import Detections
 from pipeline.core.episode import Frame
 from pipeline.core.reliability import Calibration
@@ -32,7 +32,7 @@ class Fixed:
 
 def made(calibration: Calibration, **settings: Any) -> Any:
     section = calibrated({"_target_": f"{__name__}.Fixed", **settings}, calibration)
-    return instantiate(section, model="best.onnx", _convert_="all")
+    return component("detector", DETECTOR, section)(model="best.onnx")
 
 
 @pytest.mark.parametrize("threshold", [0.05, 0.3, 0.55, 0.97])

@@ -148,8 +148,6 @@ def test_wrong_settings_are_named(tmp_path: Path) -> None:
         OnnxDetector(export(tmp_path / "a.onnx", yolov8(), "{0: 'cat', 1: 'dog', 2: 'car'}"))
     with pytest.raises(InputError, match=r"detector.person must be in \[0, 3\), got 7"):
         OnnxDetector(export(tmp_path / "b.onnx", yolov8()), person=7)
-    with pytest.raises(InputError, match="detector.layout must be one of"):
-        OnnxDetector(export(tmp_path / "c.onnx", yolov8()), layout="yolov3")  # type: ignore[arg-type]
     hostile = tmp_path / "best.pt"
     hostile.write_bytes(b"\x80\x04cos\nsystem\n.")
     with pytest.raises(InputError, match=r"a .pt file can run code when read, so it is not opened; export it to ONNX"):

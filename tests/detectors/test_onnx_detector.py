@@ -9,6 +9,7 @@ import pytest
 import torch
 from onnx import TensorProto, helper
 
+from pipeline.config.components import make_detector
 from pipeline.core.boxes import iou
 from pipeline.core.episode import Frame
 from pipeline.core.reliability import Calibration
@@ -95,15 +96,15 @@ def test_another_image_size_is_refused(file: Path) -> None:
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"threshold": 0}, r"^detector\.threshold must be in \(0, 1\), got 0$"),
-        ({"threshold": 1.5}, r"^detector\.threshold must be in \(0, 1\), got 1\.5$"),
-        ({"iou": 1}, r"^detector\.iou must be in \(0, 1\), got 1$"),
-        ({"threads": 0}, r"^detector\.threads must be at least 1, got 0$"),
+        ({"threshold": 0}, "detector.threshold: Input should be greater than 0, got 0"),
+        ({"threshold": 1.5}, "detector.threshold: Input should be less than 1, got 1.5"),
+        ({"iou": 1}, "detector.iou: Input should be less than 1, got 1"),
+        ({"threads": 0}, "detector.threads: Input should be greater than or equal to 1, got 0"),
     ],
 )
 def test_wrong_settings_are_named(file: Path, wrong: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        OnnxDetector(file, **wrong)
+        make_detector({"_target_": "pipeline.detectors.onnx.OnnxDetector", **wrong}, file)
 
 
 def test_missing_and_damaged_files_are_named(file: Path, tmp_path: Path) -> None:

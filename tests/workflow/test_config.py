@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
+import shutil
 from pathlib import Path
 
 import pytest
 
 from pipeline.__main__ import main
+from pipeline.config import composing
 from pipeline.config.composing import CONF, compose, dump, load
 from pipeline.errors import InputError
 
@@ -26,7 +28,8 @@ def test_every_study_composes_and_survives_a_round_trip(study: str, tmp_path: Pa
 @pytest.mark.parametrize("group", ["detector", "simulator"])
 def test_every_choice_of_a_group_composes(group: str) -> None:
     for path in (CONF / group).glob("*.yaml"):
-        assert getattr(compose("smoke", [f"{group}={path.stem}"]), group)["_target_"]
+        needed = ["detector.function=math.sqrt"] if path.stem == "function" else []
+        assert getattr(compose("smoke", [f"{group}={path.stem}", *needed]), group)["_target_"]
 
 
 def test_a_camera_is_chosen_by_its_name() -> None:
@@ -46,7 +49,7 @@ def test_a_camera_is_chosen_by_its_name() -> None:
         ("strategies=[random,forst]", "strategies: there is no 'forst'; did you mean 'forest'?"),
         ("arms.adaptive=pairwise", "arms.adaptive: there is no 'pairwise'"),
         ("+arms.base=random", "arms: 'base' is the version before retraining; choose another name"),
-        ("+arms.New=random", "arms.New"),
+        ("+arms.new-one=random", "arms.new-one: expected letters, digits and _, at most 60, as a path is named after it, got 'new-one'"),
         (
             "retraining={searches:own,seeds:[1]}",
             "retraining.seeds must be [0], the seeds of the search, because retraining.searches is 'own', got [1]",
@@ -69,8 +72,8 @@ def test_a_camera_is_chosen_by_its_name() -> None:
         ("base_set.rare.children=0", "base_set.rare.children: Input should be greater than 0, got 0"),
         ("base_set.rare.crouching=1.5", "base_set.rare.crouching: Input should be less than or equal to 1, got 1.5"),
         ("seeds=[3,3]", "seeds must differ, got [3, 3]"),
-        ("+sampler@samplers.my-forest=forest", "expected letters, digits and _ in a name, as tests are named after it, got 'my-forest'"),
-        ("+detector.model=my.onnx", "detector.model is the version under test's; `python -m pipeline test-detector FILE` tests another"),
+        ("+sampler@samplers.my-forest=forest", "samplers.my-forest: expected letters, digits and _, at most 60"),
+        ("+detector.model=my.onnx", "detector.model is given by the study; leave it out: `python -m pipeline test-detector FILE` tests"),
         ("scenarios.F1.space.fog.low=200", "scenarios.F1.space: variable 'fog': low must be below high, got 200"),
         (
             "+scenarios.F1.constraints=[['animation != crouchin']]",
@@ -103,6 +106,38 @@ def test_a_camera_is_chosen_by_its_name() -> None:
         ("samplers.forest._target_=pipeline.nowhere.Sampler", "samplers.forest._target_: there is no 'pipeline.nowhere.Sampler'"),
         ("campaign.transfer=[random]", "campaign.transfer: 'random' (pipeline.core.samplers.random.RandomSampler) takes no tests of other"),
         ("campaign.transfer=[pairwise]", "campaign.transfer: there is no 'pairwise'"),
+        ("tracking.experiment=../../../../x", "tracking.experiment: expected letters, digits and _, joined by - or /, at most 60"),
+        ("tracking.experiment=a//b", "tracking.experiment: expected letters,"),
+        ("tracking.model_name=a/b", "tracking.model_name: expected letters, digits and _, joined by -, at most 60"),
+        (f"tracking.model_name={'x' * 5000}", f"at most 60, as a path is named after it, got '{'x' * 79}…"),
+        (
+            "base.weights=../elsewhere",
+            "base.weights: expected a path inside the project; link what lies elsewhere into it",
+        ),
+        ("filter.overrules=/etc/passwd", "filter.overrules: expected a path inside the project"),
+        ("simulator.camera.width=abc", "simulator.camera.width: Input should be a valid integer, got 'abc'"),
+        ("simulator.camera.width=0", "simulator.camera.width: Input should be greater than or equal to 64, got 0"),
+        ("simulator.camera.hfov_deg=200", "simulator.camera.hfov_deg: Input should be less than or equal to 120, got 200"),
+        ("simulator.camera.rate_hz=0", "simulator.camera.rate_hz: Input should be greater than or equal to 2, got 0"),
+        ("+simulator.camera.widht=64", "unknown key 'simulator.camera.widht'; did you mean 'width'?"),
+        ("+simulator.car=1", "simulator.car is given by the study; leave it out"),
+        ("detector.threshold=2", "detector.threshold: Input should be less than 1, got 2"),
+        ("detector=function", "overrides: Missing mandatory value: function"),
+        ("samplers.forest.batch_size=-3", "samplers.forest: batch_size must be in [1, 1000], got -3"),
+        ("samplers.forest.batch_size='20'", "samplers.forest.batch_size: Input should be a valid integer, got '20'"),
+        ("samplers.coverage.k=99", "samplers.coverage: k must be in [1, 6], got 99"),
+        ("samplers.coverage.k=6", "samplers.coverage: k must be smaller, as the space has"),
+        (
+            "samplers.forest._target_=builtins.type",
+            "expected a class with ask and tell, a Sampler, got 'builtins.type'",
+        ),
+        ("detector._target_=pipeline.protocols.Detector", "detector._target_: expected a class with detect, a Detector that can be made"),
+        ("detector._target_=os.system", "detector._target_: expected a class with detect, a Detector, got 'os.system'"),
+        ("scenarios.F1.space.rain.kind=continous", "rain.kind: expected one of continuous, integer, categorical, got 'continous'"),
+        ("scenarios.F1.space.rain.low=x", "conf/scenario/F1.yaml: scenarios.F1.space: rain.low: expected a number, got 'x'"),
+        ("campaign.tests='80'", "campaign.tests: Input should be a valid integer, got '80'"),
+        ("campaign.tests=true", "campaign.tests: Input should be a valid integer, got True"),
+        ("campaign.failure_threshold_s=nan", "campaign.failure_threshold_s: Input should be a finite number, got nan"),
         ("base_set.validation_share=1.5", "base_set.validation_share: Input should be less than 0.9, got 1.5"),
     ],
 )
@@ -135,3 +170,34 @@ def test_a_missing_params_file_names_the_command_that_makes_it(tmp_path: Path, c
     missing = tmp_path / "params.yaml"
     assert main(["define-space", "--scenario", "F1", "--out", str(tmp_path / "x.json"), "--params", str(missing)]) == 2
     assert "compose study=default" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (b"study: a\nstudy: b\n", "line 2: not valid YAML (the key 'study' appears twice)"),
+        (b"study: caf\xe9\n", "expected UTF-8 text, got the byte 0xe9 at 10"),
+        (b"a: &x [1]\nb: [*x, *x]\n", "line 2: not valid YAML (the alias *x is not allowed: write the value again)"),
+        (b"true: 1\n", "line 1: not valid YAML (expected text as a key, got 'true')"),
+        (b"a: 2024-02-30\n", "not valid YAML (day is out of range for month)"),
+        (b"a: 2024-02-28\n", "expected text, numbers, lists and mappings alone"),
+        (b"a: " + b"[" * 5000, "nested too deeply"),
+        (b"[1, 2]", "Input should be an object, got [1, 2]"),
+        (b"", "Input should be an object, got None"),
+    ],
+)
+def test_a_file_that_is_no_config_is_named(text: bytes, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "params.yaml"
+    path.write_bytes(text)
+    with pytest.raises(InputError, match=f"^{re.escape(str(path))}.*{re.escape(message)}"):
+        load(path)
+
+
+def test_a_wrong_file_of_conf_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shutil.copytree(CONF, tmp_path / "conf")
+    monkeypatch.setattr(composing, "CONF", tmp_path / "conf")
+    camera = tmp_path / "conf" / "camera" / "320x192.yaml"
+    for text, message in ((b"width: 1\nwidth: 2\n", "the key 'width' appears twice"), (b"width: \xe9\n", "expected UTF-8 text")):
+        camera.write_bytes(b"# @package simulator.camera\n" + text)
+        with pytest.raises(InputError, match=f"^{re.escape(str(camera))}.*{message}"):
+            compose("default", [])

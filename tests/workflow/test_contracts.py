@@ -138,7 +138,7 @@ def noting(watch: Watch, opens: Callable[..., Any]) -> Callable[..., Any]:
 
 @pytest.mark.parametrize("study", SMALL)
 def test_every_step_reads_and_writes_what_it_declares(study: str, tmp_path: Path, watch: Watch) -> None:
-    overrides = [f"base.weights={ROOT / 'models' / 'uniform'}", *SMALL[study]]
+    overrides = ["base.weights=models/uniform", *SMALL[study]]
     plan = Plan(compose("default" if study == "detectors" else study, overrides), step_names())
     for file in plan.config.tested.values():
         onnx_of(ROOT / "models" / "uniform", tmp_path).rename(tmp_path / file)

@@ -19,7 +19,7 @@ from pipeline.config.schema import Config
 from pipeline.core.coverage.projection import Demand
 from pipeline.core.coverage.proposals import Proposer
 from pipeline.report.front_car_page import first_covering
-from tests.studies import ROOT, StudyFolder
+from tests.studies import StudyFolder
 
 SMALL = [
     "front_car.images=33",
@@ -32,7 +32,7 @@ SMALL = [
 
 @pytest.fixture(scope="module")
 def config() -> Config:
-    return compose("front_car", [f"base.weights={ROOT / 'models' / 'uniform'}", *SMALL])
+    return compose("front_car", ["base.weights=models/uniform", *SMALL])
 
 
 @pytest.fixture(scope="module")

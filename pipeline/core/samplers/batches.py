@@ -20,7 +20,7 @@ class BatchSampler(ABC):
     rest of it. A batch is always full: on a finite space with fewer points than the budget, strategies that want untested points draw
     repetitions at random once all points are tested.
 
-    space: the space to sample; no point breaks its constraints. seed: from 0. batch_size: tests per batch, at least 1.
+    space: the space to sample; no point breaks its constraints. seed: from 0. batch_size: tests per batch, 1 to 1000.
     """
 
     independent: ClassVar[bool] = False
@@ -32,13 +32,20 @@ class BatchSampler(ABC):
     batch_size: int = 20
 
     def __post_init__(self) -> None:
-        if self.batch_size < 1:
-            raise ValueError(f"batch_size must be at least 1, got {self.batch_size}")
-        if self.seed < 0:
-            raise ValueError(f"seed must be at least 0, got {self.seed}")
+        self.limit("[1, 1000]", "batch_size")
+        self.limit("[0, inf)", "seed")
         self._points: Floats = np.zeros((0, len(self.space)))
         self._kpi: Floats = np.zeros(0)
         self._batch: tuple[int, Floats] | None = None
+
+    def limit(self, interval: str, *names: str) -> None:
+        """ValueError for a parameter outside an interval, such as `[0, 1]` or `(0, 10]`."""
+        low, high = map(float, interval[1:-1].split(", "))
+        for name in names:
+            value = getattr(self, name)
+            inside = (low < value or (value == low and interval[0] == "[")) and (value < high or (value == high and interval[-1] == "]"))
+            if not inside:
+                raise ValueError(f"{name} must be in {interval}, got {value}")
 
     def ask(self) -> Floats:
         """The points of the current batch that have no result yet, (b, d), 1 to `batch_size` of them."""

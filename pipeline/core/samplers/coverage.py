@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.core.coverage.projection import Demand
-from pipeline.core.coverage.proposals import Proposer
 from pipeline.core.samplers.batches import BatchSampler
 from pipeline.core.space import Floats, Ints, Space
+
+if TYPE_CHECKING:
+    from pipeline.core.coverage.proposals import Proposer
+
+MOST_CELLS = 10_000_000
+"""Combinations of categories that fit into memory."""
 
 
 @dataclass(eq=False, repr=False, kw_only=True)
@@ -18,15 +23,17 @@ class CoverageSampler(BatchSampler):
 
     Once every feasible k-tuple has been tested as often as its weight says, each is wanted that often once more, and so on.
 
-    k: number of categories in a combination, at least 1; a space with fewer variables combines all of them.
+    k: number of categories in a combination, 1 to 6; a space with fewer variables combines all of them.
     """
 
     k: int = 2
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        nothing = np.zeros((0, len(self.space)), dtype=np.int64)
-        if not _proposer(self.space, self.k, 1, 0).missing(nothing).any():
+        self.limit("[1, 6]", "k")
+        if (cells := _cells(self.space, self.k)) > MOST_CELLS:
+            raise ValueError(f"k must be smaller, as the space has {cells:,} combinations of {self.k} categories, got {self.k}")
+        if not _wanted(self.space):
             raise ValueError("coverage is undefined: the weights of all feasible cells sum to 0")
 
     def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
@@ -48,6 +55,24 @@ def propose_categories(space: Space, k: int, tested: Ints, count: int, rng: np.r
     return categories[len(tested) :]
 
 
+def _cells(space: Space, k: int) -> int:
+    """Number of combinations of `k` categories, feasible or not: the elementary symmetric polynomial of the sizes."""
+    found = [1, *[0] * min(k, len(space))]
+    for size in space.sizes:
+        for order in range(len(found) - 1, 0, -1):
+            found[order] += found[order - 1] * size
+    return found[-1]
+
+
+def _wanted(space: Space) -> bool:
+    """Whether any feasible cell has a weight: the largest of its categories' weights, so a category that a feasible point has is enough."""
+    categories = ((variable, category) for variable, weights in enumerate(space.weights) for category in np.flatnonzero(weights))
+    return any(space.constraints.satisfiable({variable: int(category)}) for variable, category in categories)
+
+
 def _proposer(space: Space, k: int, wanted: int, seed: int) -> Proposer:
+    from pipeline.core.coverage.projection import Demand  # Both compile, and every study makes every strategy to check it.
+    from pipeline.core.coverage.proposals import Proposer
+
     weights = [wanted * np.asarray(weights) for weights in space.weights]
     return Proposer(Demand(space.constraints, min(k, len(space)), weights, "max"), seed=seed)

@@ -30,8 +30,8 @@ class EvolutionarySampler(BatchSampler):
 
     The thesis gives no values, and leaves open the step, the tie and how impact is estimated.
 
-    initial: n_e, rounded up to whole batches, at least 1. parents: l, at least 1; k is the batch size divided by all parents. explore:
-    random parents per parent, in [0, 1]. step: standard deviation of a number's step as a share of its range, above 0. impact: share of
+    initial: n_e, rounded up to whole batches, at least 1. parents: l, 1 to 1000; k is the batch size divided by all parents. explore:
+    random parents per parent, in [0, 1]. step: standard deviation of a number's step as a share of its range, in (0, 1]. impact: share of
     the mutations whose variable is drawn in proportion to impact, in [0, 1]; the others draw it uniformly.
     """
 
@@ -43,14 +43,10 @@ class EvolutionarySampler(BatchSampler):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("initial", "parents"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
-        for name in ("explore", "impact"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise ValueError(f"{name} must be in [0, 1], got {getattr(self, name)}")
-        if not self.step > 0:
-            raise ValueError(f"step must be above 0, got {self.step}")
+        self.limit("[1, 100000]", "initial")
+        self.limit("[1, 1000]", "parents")
+        self.limit("[0, 1]", "explore", "impact")
+        self.limit("(0, 1]", "step")
 
     def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
         finite = np.isfinite(kpi)

@@ -9,9 +9,6 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
-from sklearn.ensemble import ExtraTreesRegressor
-from sklearn.linear_model import BayesianRidge
 
 from pipeline.core.samplers.batches import BatchSampler
 from pipeline.core.samplers.coverage import propose_categories
@@ -69,9 +66,10 @@ class ForestSampler(BatchSampler):
         super().__post_init__()
         if self.candidates < self.batch_size:
             raise ValueError(f"candidates must be at least batch_size, {self.batch_size}, got {self.candidates}")
-        for name in ("mutants", "kinds", "explore"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise ValueError(f"{name} must be in [0, 1], got {getattr(self, name)}")
+        self.limit("[1, 100000]", "candidates")
+        self.limit("[0, 1]", "mutants", "kinds", "explore")
+        self.limit("[1, 1000]", "trees")
+        self.limit("(0, 10]", "failure_threshold_s")
         if not 1 <= self.votes <= self.trees:
             raise ValueError(f"votes must be in [1, trees], [1, {self.trees}], got {self.votes}")
 
@@ -95,6 +93,8 @@ class ForestSampler(BatchSampler):
 
     def _votes(self, inputs: Floats, kpi: Floats, others: Floats, rng: np.random.Generator) -> Floats:
         """The failure probability of other inputs (m, f) by each tree, joined with the linear model's, (trees, m)."""
+        from sklearn.ensemble import ExtraTreesRegressor  # Takes seconds, and every study makes every strategy to check it.
+
         forest = ExtraTreesRegressor(self.trees, max_features=TREE_FEATURES, random_state=int(rng.integers(2**31)))
         forest.fit(inputs, kpi <= self.failure_threshold_s)
         rows = others.astype(np.float32)
@@ -103,6 +103,9 @@ class ForestSampler(BatchSampler):
 
     def _linear(self, inputs: Floats, kpi: Floats, others: Floats) -> Floats:
         """The probability (m,) that the KPI of other inputs is at or below the threshold, by a linear model with normal scatter."""
+        from scipy.special import ndtr
+        from sklearn.linear_model import BayesianRidge
+
         *observed, threshold = scaled(np.append(kpi, self.failure_threshold_s))
         mean, deviation = BayesianRidge().fit(inputs, observed).predict(others, return_std=True)
         return np.asarray(ndtr((threshold - mean) / np.maximum(deviation, EDGE)))

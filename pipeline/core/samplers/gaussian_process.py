@@ -5,9 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from sklearn.gaussian_process import GaussianProcessRegressor
-from sklearn.gaussian_process.kernels import RBF
-
 from pipeline.core.samplers.meta_model import Hyperparameters, MetaModel, MetaModelSampler
 from pipeline.core.space import Floats
 
@@ -23,7 +20,7 @@ class GaussianProcessSampler(MetaModelSampler):
 
     The prediction of Algorithm 2 is the mean (section 4.4.3). The thesis does not use the deviation in the search; `kappa` does.
 
-    kappa: standard deviations to subtract from the mean, at least 0; above 0, uncertain candidates are tested sooner.
+    kappa: standard deviations to subtract from the mean, 0 to 100; above 0, uncertain candidates are tested sooner.
     """
 
     grid: ClassVar[tuple[Hyperparameters, ...]] = tuple(
@@ -34,14 +31,16 @@ class GaussianProcessSampler(MetaModelSampler):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not self.kappa >= 0:
-            raise ValueError(f"kappa must be at least 0, got {self.kappa}")
+        self.limit("[0, 100]", "kappa")
 
     def rank(self, kpi: Floats, deviation: Floats) -> Floats:
         """The mean minus `kappa` standard deviations, (n,)."""
         return kpi - self.kappa * deviation
 
     def fit(self, inputs: Floats, kpi: Floats, hyperparameters: Hyperparameters, seed: int) -> MetaModel:
+        from sklearn.gaussian_process import GaussianProcessRegressor  # Takes seconds, and every study makes every strategy to check it.
+        from sklearn.gaussian_process.kernels import RBF
+
         kernel, noise = RBF(hyperparameters["length"]), hyperparameters["noise"]
         process = GaussianProcessRegressor(kernel, alpha=noise, optimizer=None, normalize_y=True).fit(inputs, kpi)
 

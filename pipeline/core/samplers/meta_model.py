@@ -36,8 +36,8 @@ class MetaModelSampler(BatchSampler):
     The thesis gives no size of the set, no b1 and b2, and no grid.
 
     candidates: size of the candidate set, at least the batch size. explore: b2 as a share of the batch, in [0, 1]. failure_threshold_s: a
-    KPI at or below it is a failure. epsilon: radius of the ball, on the mixed distance. omega_threshold: negative; a candidate is relevant
-    above it. tune_every: batches from one choice of hyperparameters to the next, at least 1; the thesis has 1.
+    KPI at or below it is a failure. epsilon: radius of the ball, on the mixed distance, in (0, 10]. omega_threshold: negative; a candidate
+    is relevant above it. tune_every: batches from one choice of hyperparameters to the next, at least 1; the thesis has 1.
     """
 
     grid: ClassVar[tuple[Hyperparameters, ...]] = ({},)
@@ -54,14 +54,12 @@ class MetaModelSampler(BatchSampler):
         super().__post_init__()
         if self.candidates < self.batch_size:
             raise ValueError(f"candidates must be at least batch_size, {self.batch_size}, got {self.candidates}")
-        if not 0 <= self.explore <= 1:
-            raise ValueError(f"explore must be in [0, 1], got {self.explore}")
-        if not self.epsilon > 0:
-            raise ValueError(f"epsilon must be above 0, got {self.epsilon}")
-        if self.omega_threshold >= 0:
-            raise ValueError(f"omega_threshold must be negative, got {self.omega_threshold}")
-        if self.tune_every < 1:
-            raise ValueError(f"tune_every must be at least 1, got {self.tune_every}")
+        self.limit("[1, 100000]", "candidates")
+        self.limit("[0, 1]", "explore")
+        self.limit("(0, 10]", "failure_threshold_s")
+        self.limit("(0, 10]", "epsilon")
+        self.limit("[-100000, 0)", "omega_threshold")
+        self.limit("[1, 1000]", "tune_every")
         self._tuned: tuple[int, Hyperparameters] = (0, self.grid[0])
 
     @abstractmethod

@@ -32,8 +32,8 @@ class MixedSampler(BatchSampler):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not 0 <= self.uniform <= 1:
-            raise ValueError(f"uniform must be in [0, 1], got {self.uniform}")
+        self.limit("[0, 1]", "uniform")
+        self.limit("(0, 10]", "failure_threshold_s")
 
     def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
         drawn = fill(self.space, points[:0], points, self._random, rng)

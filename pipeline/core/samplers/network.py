@@ -6,8 +6,6 @@ from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy.optimize import minimize
-from scipy.special import expit
 
 from pipeline.core.samplers.meta_model import Hyperparameters, MetaModel, MetaModelSampler
 from pipeline.core.space import Floats
@@ -38,6 +36,8 @@ class NetworkSampler(MetaModelSampler):
 
 def train(inputs: Floats, kpi: Floats, hidden: tuple[int, ...], penalty: float, rng: np.random.Generator) -> Layers:
     """A network with `hidden` units in each hidden layer, fitted to inputs (n, f) and KPIs in [0, 1] (n,)."""
+    from scipy.optimize import minimize  # Takes half a second, and every study makes every strategy to check it.
+
     shapes = list(pairwise((inputs.shape[1], *hidden, 1)))
     start = [(rng.normal(size=shape) / np.sqrt(shape[0]), np.zeros(shape[1])) for shape in shapes]
 
@@ -52,6 +52,8 @@ def train(inputs: Floats, kpi: Floats, hidden: tuple[int, ...], penalty: float, 
 
 def forward(layers: Layers, inputs: Floats) -> list[Floats]:
     """The inputs (n, f) and the outputs of each layer; the last are the predictions, (n, 1)."""
+    from scipy.special import expit
+
     outputs = [inputs]
     for weights, biases in layers[:-1]:
         outputs.append(np.tanh(outputs[-1] @ weights + biases))

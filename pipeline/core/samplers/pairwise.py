@@ -6,7 +6,6 @@ from functools import cached_property
 
 import numpy as np
 
-from pipeline.core.coverage.arrays import covering_array, order_by_new_pairs
 from pipeline.core.samplers.batches import BatchSampler
 from pipeline.core.space import Floats
 
@@ -20,6 +19,8 @@ class PairwiseSampler(BatchSampler):
     @cached_property
     def plan(self) -> Floats:
         """The covering array, (rows, d) points at the representatives of their categories, in the order of execution."""
+        from pipeline.core.coverage.arrays import covering_array, order_by_new_pairs  # Compiles, and every study makes every strategy.
+
         rows = covering_array(self.space.constraints, min(2, len(self.space)), seed=self.seed).rows
         return self.space.representatives(rows[order_by_new_pairs(rows)])
 

@@ -8,7 +8,9 @@ from statistics import NormalDist
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, Field, model_validator
+
+from pipeline.scenarios.parts import STRICT
 
 from .backscatter import Backscatter
 from .weather import Weather
@@ -23,7 +25,7 @@ class CameraSettings(BaseModel):
     jpeg_quality: of the image's compression; null for none.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = STRICT
 
     width: int = Field(default=320, ge=64, le=1920, multiple_of=32)
     height: int = Field(default=192, ge=64, le=1088, multiple_of=32)

@@ -75,7 +75,7 @@ def _town(rng: np.random.Generator) -> Town:
     junction = Junction(x_m=float(rng.uniform(-10, 40)), side="left" if rng.random() < 0.5 else "right") if rng.random() < 0.5 else None
     bay = (-22.0, 4.0) if junction is None and rng.random() < 0.5 else None
     vegetation = str(rng.choice(["none", "left", "right", "both"], p=[0.4, 0.1, 0.1, 0.4]))
-    crosswalks = [{"street": "side", "at_m": float(rng.uniform(7, 12))}] if junction and rng.random() < 0.7 else []
+    crosswalks = ({"street": "side", "at_m": float(rng.uniform(7, 12))},) if junction and rng.random() < 0.7 else ()
     described = {"junction": junction, "bus_bay": bay, "vegetation": vegetation, "crosswalks": crosswalks}
     return Town.model_validate(
         {"style": "urban", "seed": int(rng.integers(1000, 2**31)), "lanes_ahead": 1 + int(rng.random() < 0.33), **described}

@@ -7,7 +7,6 @@ import json
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,9 +41,9 @@ ALONG = np.sin(np.radians(15))
 class MujocoSimulator:
     """Executes concrete scenarios of one functional scenario in a rendered MuJoCo world."""
 
-    def __init__(self, scenario: FunctionalScenario, car: Car, camera: Mapping[str, Any] | None = None) -> None:
+    def __init__(self, scenario: FunctionalScenario, car: Car, camera: CameraSettings | None = None) -> None:
         self._scenario, self._car = scenario, car
-        self._settings = CameraSettings.model_validate(dict(camera or {}))
+        self._settings = camera or CameraSettings()
         self._space = scenario.logical_space()
         self._stage = Stage(scenario.town, scenario.actors, self._settings)
 

@@ -1,0 +1,54 @@
+"""Reads YAML strictly: UTF-8, each key once, nothing repeated by aliases, which can expand without end."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from pipeline.errors import InputError, shown
+
+
+def _wrong(problem: str, place: Any) -> yaml.MarkedYAMLError:
+    return yaml.MarkedYAMLError(problem=problem, problem_mark=place.start_mark)
+
+
+class _Loader(yaml.SafeLoader):  # type: ignore[misc]
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        if self.check_event(yaml.AliasEvent):
+            event = self.peek_event()
+            raise _wrong(f"the alias *{event.anchor} is not allowed: write the value again", event)
+        node: yaml.Node | None = super().compose_node(parent, index)
+        return node
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
+        seen = set()
+        for key, _ in node.value:
+            if key.tag != "tag:yaml.org,2002:str":
+                raise _wrong(f"expected text as a key, got {shown(key.value)}", key)
+            if key.value in seen:
+                raise _wrong(f"the key {shown(key.value)} appears twice", key)
+            seen.add(key.value)
+        made: dict[Hashable, Any] = super().construct_mapping(node, deep)
+        return made
+
+
+def read_yaml(path: Path) -> Any:
+    """The plain data of a file; InputError that names the file and the line. FileNotFoundError if there is none."""
+    try:
+        return yaml.load(path.read_text(encoding="utf-8"), _Loader)
+    except FileNotFoundError:
+        raise
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: expected UTF-8 text, got the byte 0x{error.object[error.start]:02x} at {error.start}") from error
+    except OSError as error:
+        raise InputError(f"{path}: expected a readable file, got {error.strerror}") from error
+    except yaml.YAMLError as error:
+        mark, problem = getattr(error, "problem_mark", None), getattr(error, "problem", None) or str(error).splitlines()[0]
+        raise InputError(f"{path}{f', line {mark.line + 1}' if mark else ''}: not valid YAML ({problem})") from error
+    except RecursionError as error:
+        raise InputError(f"{path}: nested too deeply") from error
+    except ValueError as error:  # A number or a date that Python refuses.
+        raise InputError(f"{path}: not valid YAML ({error})") from error
