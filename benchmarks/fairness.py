@@ -88,7 +88,7 @@ def executed(planned: CampaignPlan, folder: Path, workers: int, progress: Progre
     """Every test with its KPIs, None for an error."""
     pool = Workers(workers, planned.setup)
     try:
-        done = search(planned, planned.sampler(), Journal(folder, planned.identity), pool, progress)
+        done = search(planned, planned.sampler(), Journal(folder, planned.identity, progress), pool, progress)
     finally:
         pool.close()
     return [(dict(planned.space.decode(test.point)), None if test.outcome.is_error else test.kpi) for test in done]

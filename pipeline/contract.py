@@ -11,6 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from string import Formatter
 
+from pipeline.artefacts import stamps
 from pipeline.artefacts.files import write_bytes
 from pipeline.artefacts.folders import Folders
 from pipeline.config.declared import declared
@@ -59,7 +60,7 @@ class Step:
         named = dict(self.writes(folders))
         first = next(iter(named.values()))
         assert isinstance(first, str), "the first of a step's writes is one file"
-        return {**named, STAMP: f"{first}.stamp"}
+        return {**named, STAMP: first + stamps.SUFFIX}
 
     def names(self, folders: Folders) -> tuple[str, ...]:
         """The wildcards that tell the step's jobs apart."""
@@ -129,6 +130,8 @@ def perform(order: Order, config: Config) -> None:
     part = declared(config, step.depends(config, order.wildcards))
     scratch = Path(Folders(config).root, "journal", order.step, *order.wildcards.values())
     outputs = {name: files for name, files in order.writes.items() if name != STAMP}
+    stamp = _one(order.writes[STAMP])
+    stamps.withdraw(stamp)
     with Progress(order.step, order.log) as progress:
         job = Job(part, order.wildcards, order.reads, outputs, order.threads, progress, scratch)
         try:
@@ -136,7 +139,8 @@ def perform(order: Order, config: Config) -> None:
         except InputError as error:
             progress.record(str(error))
             raise
-    write_bytes(_one(order.writes[STAMP]), order.stamp.encode())
+    made = [path for files in outputs.values() for path in _several(files)]
+    write_bytes(stamp, stamps.made(stamp, order.stamp, made).text().encode())
 
 
 def order_of(name: str, config: Config, wildcards: Wildcards, stamp: str, threads: int = 1) -> Order:

@@ -19,6 +19,7 @@ from snakemake.io import ancient, directory, regex_from_filepattern, report
 from snakemake.settings.types import DAGSettings, StorageSettings
 
 from pipeline import steps
+from pipeline.artefacts import stamps
 from pipeline.artefacts.folders import Folders
 from pipeline.config.components import check_components
 from pipeline.config.composing import PARAMS, load, validate
@@ -177,8 +178,8 @@ class Plan:
         return self._old[target]
 
     def _has_its_stamp(self, target: Target) -> bool:
-        path = Path(self._outputs(target)[-1])
-        return path.is_file() and path.read_text() == self.stamp(target.step, dict(target.wildcards))
+        found = stamps.read(Path(self._outputs(target)[-1]))
+        return found is not None and found.depends == self.stamp(target.step, dict(target.wildcards))
 
     def _made(self, target: Target) -> bool:
         return any(Path(path).exists() for path in self._outputs(target))

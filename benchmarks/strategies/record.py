@@ -132,9 +132,7 @@ def record_campaign(plan: CampaignPlan, sampler: Sampler, path: Path, folder: Pa
     workers, campaign = Workers(threads, plan.setup), plan.campaign
     try:
         with Progress(f"{campaign.scenario} {campaign.strategy} {campaign.seed}") as progress:
-            log = Journal(folder, plan.identity)
-            if log.discarded:
-                progress.note("the journal belonged to another configuration, model or code and was discarded")
+            log = Journal(folder, plan.identity, progress)
             table = _table(plan, search(plan, OnGrid(sampler, plan.space), log, workers, progress))
     finally:
         workers.close()

@@ -1,14 +1,19 @@
-"""comparison.json: every model version on the same frozen sequence of held-out tests."""
+"""comparison.json and changes.csv: every model version on the same frozen sequence of held-out tests."""
 
 from __future__ import annotations
 
+import io
+from pathlib import Path
 from typing import Annotated
 
+import pandas as pd
 from pydantic import BeforeValidator, PlainSerializer
 
+from pipeline.artefacts.files import read_bytes, write_bytes
 from pipeline.artefacts.results import BaseRate, Causes, Estimate, FalseActivations, Frequencies, Modes, Result
 from pipeline.core.comparison import SequenceTest, Verdict
 from pipeline.core.gate import Judgement, Measure
+from pipeline.errors import InputError
 
 TestName = Annotated[
     SequenceTest,
@@ -200,3 +205,17 @@ class Comparison(Result):
     def passes(self, version: str) -> bool:
         """Whether a version passed the gate; False for the base, which the gate does not judge."""
         return self.gate[version].startswith("passes")
+
+
+def write_changes(path: Path, changes: pd.DataFrame) -> None:
+    """Write the tests that a version changed."""
+    write_bytes(path, changes.to_csv(index=False, lineterminator="\n", float_format="%.6g").encode())
+
+
+def read_changes(path: Path) -> pd.DataFrame:
+    """Read changes.csv; InputError that names the file if it is missing, damaged or no table."""
+    data = read_bytes(path)
+    try:
+        return pd.read_csv(io.BytesIO(data))
+    except ValueError as error:
+        raise InputError(f"{path}: expected a table, got {error}; make it again") from error

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from pipeline.artefacts.files import read_json, write_bytes, write_json
+from pipeline.artefacts.files import read_bytes, read_json, write_bytes, write_json
 from pipeline.core.boxes import Box
 from pipeline.core.space import Value
 from pipeline.core.truth import Truth
@@ -142,19 +142,19 @@ def decode_jpeg(data: bytes) -> NDArray[np.uint8]:
 
 
 def write_image(root: Path, split: Split, index: int, image: NDArray[np.uint8], truth: Truth) -> None:
-    """Write one image and its YOLO label; the label is empty if no pedestrian shows."""
+    """Write one image and its YOLO label, unflushed; the label is empty if no pedestrian shows."""
     height, width = image.shape[:2]
-    write_bytes(image_path(root, split, index), encode_jpeg(image))
-    write_bytes(_label_path(root, split, index), _label(truth.visible_box, width, height).encode())
+    write_bytes(image_path(root, split, index), encode_jpeg(image), flush=False)
+    write_bytes(_label_path(root, split, index), _label(truth.visible_box, width, height).encode(), flush=False)
 
 
 def write_classes(root: Path, split: Split, index: int, classes: NDArray[np.uint8]) -> None:
-    """Write one segmentation, (h, w) class numbers, as a PNG; its palette makes it readable, its values are the class numbers."""
+    """Write one segmentation, (h, w) class numbers, as an unflushed PNG; its palette makes it readable, its values are class numbers."""
     picture = Image.fromarray(classes, mode="P")
     picture.putpalette(SEGMENT_COLOURS.tobytes())
     buffer = io.BytesIO()
     picture.save(buffer, "png")
-    write_bytes(segments_path(root, split, index), buffer.getvalue())
+    write_bytes(segments_path(root, split, index), buffer.getvalue(), flush=False)
 
 
 def remove_leftovers(root: Path, records: Iterable[Record]) -> None:
@@ -205,7 +205,7 @@ def read_dataset(root: Path, split: Split) -> ImageSet:
         raise InputError(f"{path} is not the truth file of a base set ({error!r}); make it again with render_base") from error
     if not images:
         raise InputError(f"{path} has no images of the split '{split}'; raise base_set.images or base_set.validation_share")
-    digest = hashlib.sha256(path.read_bytes())
+    digest = hashlib.sha256(read_bytes(path))
     pixels = np.empty((len(images), *shapes[0]), np.uint8)  # Filled in place: a second copy might not fit into memory.
     for place, image in zip(pixels, images, strict=True):
         place[:] = _read_image(root / "images" / image["file_name"], place.shape, digest)
@@ -295,10 +295,10 @@ def _truth(image: Mapping[str, Any], annotation: Mapping[str, Any] | None) -> Tr
 
 
 def _read_image(path: Path, shape: tuple[int, ...], digest: Any) -> NDArray[np.uint8]:
+    data = read_bytes(path)
     try:
-        data = path.read_bytes()
         pixels = decode_jpeg(data)
-    except (OSError, ValueError) as error:
+    except ValueError as error:
         raise InputError(f"{path}: expected a JPEG image, got {error}; make the base set again") from error
     if pixels.shape != shape:
         raise InputError(f"{path} must be {shape[1]}x{shape[0]}, got {pixels.shape[1]}x{pixels.shape[0]}")

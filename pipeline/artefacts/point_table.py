@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import io
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.artefacts.files import read_json, write_bytes
+from pipeline.artefacts.files import read_bytes, read_json, write_bytes
 from pipeline.core.space import Ints, Space, Variable
 from pipeline.errors import InputError
 
@@ -140,12 +141,13 @@ def _table(path: Path, metadata: Path | None, wanted: tuple[str, ...]) -> pd.Dat
 
 
 def _read(path: Path) -> pd.DataFrame:
+    if not path.exists():
+        raise InputError(f"{path}: expected a CSV or parquet table, got no such file")
+    data = io.BytesIO(read_bytes(path))
     try:
         if path.suffix == ".parquet":
-            return pd.read_parquet(path)
-        return pd.read_csv(path, skipinitialspace=True, keep_default_na=False, na_values=[""], dtype=object)
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: expected a CSV or parquet table, got no such file") from error
+            return pd.read_parquet(data)
+        return pd.read_csv(data, skipinitialspace=True, keep_default_na=False, na_values=[""], dtype=object)
     except pd.errors.EmptyDataError:
         return pd.DataFrame()
     except (ValueError, OSError) as error:

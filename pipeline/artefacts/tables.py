@@ -16,7 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from pipeline.artefacts.files import write_bytes
+from pipeline.artefacts.files import read_bytes, write_bytes
 from pipeline.core.boxes import Box
 from pipeline.core.columns import Column, columns
 from pipeline.core.episode import FrameDetections, KeptFrame
@@ -173,14 +173,15 @@ def _write(path: Path, frame: pd.DataFrame, expected: Sequence[Column], variable
     if problem:
         raise ValueError(f"{path.name}: {problem}")
     buffer = io.BytesIO()
-    pq.write_table(table, buffer, compression="zstd")
+    pq.write_table(table, buffer, compression="zstd", write_page_checksum=True)
     write_bytes(path, buffer.getvalue())
 
 
 def _read(path: Path, name: str, columns: Sequence[str] | None) -> pd.DataFrame:
     expected = TABLES[name]
     wanted = {column.name: TYPES[column.kind] for column in expected}
-    found = {field.name: field.type for field in _schema(path)}
+    file = _opened(path)
+    found = {field.name: field.type for field in file.schema_arrow}
     variables = {kind for other, kind in found.items() if other not in wanted}
     if name == "tests" and variables & {pa.string(), pa.float64()}:
         found = {known: kind for known, kind in found.items() if known in wanted}
@@ -188,7 +189,7 @@ def _read(path: Path, name: str, columns: Sequence[str] | None) -> pd.DataFrame:
         wrong = sorted({column for column in {*wanted, *found} if wanted.get(column) != found.get(column)})
         raise InputError(f"{path}: expected a {name} table, its columns {wrong} differ; make it again")
     try:
-        table = pq.ParquetFile(path).read(columns=list(columns) if columns is not None else None)
+        table = file.read(columns=list(columns) if columns is not None else None)
     except (pa.ArrowException, OSError) as error:
         raise InputError(f"{path}: expected a Parquet file, it is damaged ({error}); delete it and make it again") from error
     problem = _problem(table, expected)
@@ -198,11 +199,10 @@ def _read(path: Path, name: str, columns: Sequence[str] | None) -> pd.DataFrame:
     return frame if columns is None else frame[list(columns)]
 
 
-def _schema(path: Path) -> pa.Schema:
-    if not path.is_file():
-        raise InputError(f"{path}: expected a Parquet file, found none; make it with snakemake")
+def _opened(path: Path) -> pq.ParquetFile:
+    data = read_bytes(path)
     try:
-        return pq.read_schema(path)
+        return pq.ParquetFile(pa.BufferReader(data), page_checksum_verification=True)
     except (pa.ArrowException, OSError) as error:
         raise InputError(f"{path}: expected a Parquet file, it is truncated or foreign ({error}); delete it and make it again") from error
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pipeline.artefacts.tables import TABLES
 from pipeline.config.composing import compose, functional_scenario
 from pipeline.core.identity import CampaignId
 from pipeline.core.measures import kinds_of, pair_coverage
@@ -73,6 +74,8 @@ READ: dict[str, Callable[[str, str], Any]] = {
 
 def run(options: argparse.Namespace) -> int:
     """Execute the campaign with its progress, write its tables and print what was found."""
+    from pipeline.artefacts import stamps
+    from pipeline.artefacts.files import write_bytes
     from pipeline.execution.campaign import run_campaign
 
     if options.threads < 1:
@@ -80,12 +83,15 @@ def run(options: argparse.Namespace) -> int:
     search = asked(options.words)
     plan = planned(search)
     tests = search.folder / "tests.parquet"
+    stamp = search.folder / f"{tests.name}{stamps.SUFFIX}"
+    stamps.withdraw(stamp)
     try:
         with Progress(f"{search.scenario}, {search.strategy}") as progress:
             done = run_campaign(plan, tests, search.folder / "journal", options.threads, progress)
     except KeyboardInterrupt:
         print(f"\nstopped; finished tests are in {search.folder}/journal, and the same command resumes")
         return STOPPED
+    write_bytes(stamp, stamps.made(stamp, "by hand", [tests.with_name(f"{name}.parquet") for name in TABLES]).text().encode())
     print(summary(plan, done))
     print(f"tables: {search.folder}/tests.parquet, signals, detections, frames and timings")
     return 0

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from pipeline.artefacts.files import sha256, write_bytes
 from pipeline.artefacts.folders import Folders
+from pipeline.commands.verify import withdraw_damaged
 from pipeline.config.components import make_detector
 from pipeline.config.composing import compose, dump, validate
 from pipeline.config.schema import Config
@@ -54,6 +55,7 @@ def run(options: argparse.Namespace) -> int:
     write_bytes(
         params, dump(config, f"python -m pipeline test-detector {' '.join(options.words)}{' --calibrate' * options.calibrate}").encode()
     )
+    withdraw_damaged(Path(folders.root))
     cores = "all" if options.cores is None else str(options.cores)
     environment = {**os.environ, VERDICT_FOLLOWS: "1"}
     done = subprocess.run([sys.executable, "-m", "snakemake", "--configfile", str(params), "--cores", cores], env=environment, check=False)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from onnxruntime.capi import onnxruntime_pybind11_state as ort
 from pydantic import Field
 
+from pipeline.artefacts.files import read_bytes
 from pipeline.core.detections import Detections
 from pipeline.core.episode import Frame
 from pipeline.detectors import layouts
@@ -143,6 +144,7 @@ def _session(path: Path, threads: int) -> onnxruntime.InferenceSession:
         raise InputError(f"{path}: expected the ONNX file of a detector, got a folder; name the file, as {path / 'model.onnx'}")
     if not path.is_file():
         raise InputError(f"{path}: expected the ONNX file of a detector, found no file; train it or name another model")
+    read_bytes(path)  # Checks them. The runtime gets the path, because it may find tensors in files beside it.
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads, options.inter_op_num_threads = threads, 1
     options.log_severity_level = 3

@@ -18,7 +18,7 @@ from pipeline.core.kpi import NO_KPI, evaluate
 from pipeline.core.space import Space, Value
 from pipeline.execution.journal import Journal
 from pipeline.execution.workers import Execution, Setup, Workers
-from pipeline.progress import OnProgress
+from pipeline.progress import Progress
 
 
 @dataclass(frozen=True)
@@ -39,12 +39,12 @@ def judged_again(folder: Path, car: Car, failure_threshold_s: float) -> Again:
 
 
 def driven_again(
-    again: Again, space: Space, setup: Setup, failure_threshold_s: float, journal: Path, threads: int, progress: OnProgress
+    again: Again, space: Space, setup: Setup, failure_threshold_s: float, journal: Path, threads: int, progress: Progress
 ) -> pd.DataFrame:
     """The tests, with those that the car drives otherwise executed again. journal: folder from which a killed call resumes."""
     rows = again.tests.set_index("test_id")
     points = [concrete(rows.loc[test], space) for test in again.others]
-    log, workers = Journal(journal, _identity(setup, points)), Workers(threads, setup)
+    log, workers = Journal(journal, _identity(setup, points), progress), Workers(threads, setup)
     jobs = [Execution(i, log.path(i), point) for i, point in enumerate(points) if i not in log]
     try:
         for done, _ in enumerate(workers.execute(jobs), 1 + len(points) - len(jobs)):

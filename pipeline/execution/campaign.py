@@ -84,9 +84,7 @@ def run_campaign(plan: CampaignPlan, out: Path, journal: Path, threads: int, pro
     journal: folder of the finished tests of an unfinished campaign; the same plan resumes from it. threads: worker processes; they change
     no table but the timings.
     """
-    log = Journal(journal, plan.identity)
-    if log.discarded:
-        progress.note("the journal belonged to another configuration, model or code and was discarded")
+    log = Journal(journal, plan.identity, progress)
     sampler, workers = plan.sampler(), Workers(threads, plan.setup)
     try:
         done = search(plan, sampler, log, workers, progress)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from pipeline.artefacts.dataset import Record, Split, move_dataset, remove_leftovers, write_image, write_truth
-from pipeline.artefacts.files import program_sha256, read_json, write_json
+from pipeline.artefacts.files import flush_all, program_sha256, read_sealed, write_sealed
 from pipeline.config.sections import BaseSet
 from pipeline.core.truth import Truth
+from pipeline.errors import InputError
 from pipeline.execution.pool import render_pool
 from pipeline.progress import OnProgress
 
@@ -54,7 +56,7 @@ def _render_shard(job: tuple[int, int, Drawing, Path, str]) -> list[Record]:
     section = drawing.section
     key = {**section.model_dump(exclude={"images"}), "count": count, "camera": dict(drawing.camera), "program": program}
     path = out / "shards" / f"{shard:04d}.json"
-    if path.exists() and (done := read_json(path))["key"] == key:
+    if (done := _finished(path)) is not None and done["key"] == key:
         return [_record(plain) for plain in done["records"]]
     settings = CameraSettings.model_validate(drawing.camera)
     records = []
@@ -64,8 +66,18 @@ def _render_shard(job: tuple[int, int, Drawing, Path, str]) -> list[Record]:
         index = shard * SHARD_IMAGES + i
         write_image(out, split, index, scene.image, scene.truth)
         records.append(Record(split, index, settings.width, settings.height, scene.truth, scene.attributes))
-    write_json(path, {"key": key, "records": [_plain(record) for record in records]})
+    flush_all()
+    write_sealed(path, json.dumps({"key": key, "records": [_plain(record) for record in records]}).encode())
     return records
+
+
+def _finished(path: Path) -> dict[str, Any] | None:
+    """What a shard's file records; None if there is none or it is damaged: then the shard is rendered again."""
+    try:
+        done: dict[str, Any] = json.loads(read_sealed(path))
+    except InputError:
+        return None
+    return done
 
 
 def _plain(record: Record) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The journal of a campaign: each finished test is its own file, so a kill loses only unfinished tests."""
+"""The journal of a campaign: each finished test is its own sealed file, so a kill or a damaged file loses only single tests."""
 
 from __future__ import annotations
 
@@ -14,9 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.artefacts.dataset import encode_jpeg
-from pipeline.artefacts.files import read_json, write_bytes, write_json
+from pipeline.artefacts.files import read_sealed, write_sealed
+from pipeline.artefacts.stamps import remove
 from pipeline.artefacts.tables import detection_columns, frame_row
 from pipeline.core.episode import Episode
+from pipeline.errors import InputError
+from pipeline.progress import Progress
 
 Signals = Mapping[str, NDArray[Any]]
 SIGNAL, DETECTION = "signal_", "detection_"
@@ -55,14 +58,22 @@ class Outcome:
 class Journal:
     """Outcomes by test index in a folder, bound to the identity of one campaign."""
 
-    def __init__(self, folder: Path, identity: str) -> None:
-        """Open the folder; `discarded` tells whether it held outcomes of another campaign, which are removed."""
-        self._folder = folder
-        mark = folder / "identity.json"
-        self.discarded = folder.exists() and (not mark.exists() or read_json(mark) != identity)
-        if self.discarded:
+    def __init__(self, folder: Path, identity: str, progress: Progress) -> None:
+        """Open the folder; outcomes of another campaign are removed, and so are damaged ones, each with a note.
+
+        Raises InputError with the command to type if it cannot be told whose outcomes they are.
+        """
+        self._folder, mark = folder, folder / "identity"
+        if folder.exists() and (not mark.exists() or _identity(mark) != identity):
             shutil.rmtree(folder)
-        write_json(mark, identity)
+            progress.note("the journal belonged to another configuration, model or code and was discarded")
+        write_sealed(mark, identity.encode())
+        for path in sorted(folder.glob("*.npz")):
+            try:
+                read_sealed(path)
+            except InputError:
+                remove(path)
+                progress.note(f"{path} was damaged; its test is executed again")
 
     def path(self, index: int) -> Path:
         return self._folder / f"{index:06d}.npz"
@@ -75,7 +86,7 @@ class Journal:
 
     def read(self, index: int) -> Outcome:
         """The outcome of a finished test."""
-        with np.load(self.path(index), allow_pickle=False) as stored:
+        with np.load(io.BytesIO(read_sealed(self.path(index))), allow_pickle=False) as stored:
             about = json.loads(str(stored["about"]))
             signals, detections = (
                 {name.removeprefix(kind): stored[name] for name in stored.files if name.startswith(kind)} for kind in (SIGNAL, DETECTION)
@@ -88,6 +99,14 @@ class Journal:
         shutil.rmtree(self._folder)
 
 
+def _identity(mark: Path) -> str:
+    try:
+        return read_sealed(mark).decode()
+    except InputError as error:
+        again = f"to execute the finished tests beside it again, type: rm -r {mark.parent}"
+        raise InputError(f"{mark}: damaged, so the journal may belong to another campaign; {again}") from error
+
+
 def write(path: Path, outcome: Outcome) -> None:
     """Write an outcome atomically."""
     rows = [{name: value for name, value in row.items() if name != "image"} for row in outcome.frames]
@@ -97,4 +116,4 @@ def write(path: Path, outcome: Outcome) -> None:
     arrays |= {f"image_{i}": np.frombuffer(row["image"], np.uint8) for i, row in enumerate(outcome.frames)}
     buffer = io.BytesIO()
     np.savez(buffer, about=np.array(about), **arrays)  # type: ignore[arg-type]
-    write_bytes(path, buffer.getvalue())
+    write_sealed(path, buffer.getvalue())

@@ -50,6 +50,7 @@ def write_version(config: Config, fitted: Fitted, validation: ImageSet, origin: 
     mean a different precision for each version, and the comparison would measure that.
     """
     model = fitted.model
+    out.unlink(missing_ok=True)  # The card of an earlier version describes other weights.
     write_curve(out.with_name("curve.csv"), fitted.curve)
     weights, onnx = out.with_name("weights.safetensors"), out.with_name("model.onnx")
     save_weights(weights, model)

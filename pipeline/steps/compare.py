@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pipeline.artefacts.files import write_bytes, write_json
+from pipeline.artefacts.comparison_results import write_changes
+from pipeline.artefacts.files import write_json
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.model_card import read_card
 from pipeline.artefacts.results import FailureRegions, Frequencies, Measures, read, write
@@ -91,8 +92,7 @@ def run(job: Job) -> None:
         result = result.model_copy(update={"trained_on": learnt, "base_set": shown, "planted": planted})
     write(job.output("comparison"), result)
     write_tests(job.output("table"), held_out.joined, first)
-    changes = changed_tests(result, held_out.joined, first.names)
-    write_bytes(job.output("changes"), changes.to_csv(index=False, lineterminator="\n", float_format="%.6g").encode())
+    write_changes(job.output("changes"), changed_tests(result, held_out.joined, first.names))
     detection = {card.version: card.metrics for card in cards}
     write_json(job.output("metrics"), flat_metrics(result, measures, detection))
 

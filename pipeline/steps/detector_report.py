@@ -6,7 +6,7 @@ from __future__ import annotations
 import pandas as pd
 
 from pipeline.artefacts.calibration_results import DetectorCalibration
-from pipeline.artefacts.comparison_results import Comparison
+from pipeline.artefacts.comparison_results import Comparison, read_changes
 from pipeline.artefacts.files import write_bytes
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.results import FailureRegions, Measures, read
@@ -64,7 +64,7 @@ def run(job: Job) -> None:
     compared = None
     if "comparison" in job.reads:
         comparison = read(job.input("comparison"), Comparison)
-        compared = ComparedVersions(comparison, tests=read_tests(job.input("table")), changes=pd.read_csv(job.input("changes")))
+        compared = ComparedVersions(comparison, tests=read_tests(job.input("table")), changes=read_changes(job.input("changes")))
     data = ReportData(
         measures=read(job.input("measures"), Measures).of(version),
         white_box=None,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+
 import numpy as np
 from PIL import Image
 
@@ -42,7 +44,7 @@ def run(job: Job) -> None:
     each, more = divmod(job.config.front_car.images, len(known.points))
     first = [i * each + min(i, more) for i in range(len(known.points))]
     images = [decode_jpeg(read_bytes(image_path(root, "train", index))) for index in first]
-    classes = [np.asarray(Image.open(segments_path(root, "train", index))) for index in first]
+    classes = [np.asarray(Image.open(io.BytesIO(read_bytes(segments_path(root, "train", index))))) for index in first]
     figures = {
         "table": draw.table(known, categories, space),
         "growth": draw.growth(known),

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.artefacts.dataset import Record, Split, move_dataset, remove_leftovers, write_classes, write_image, write_truth
-from pipeline.artefacts.files import write_json
+from pipeline.artefacts.files import flush_all, write_json
 from pipeline.artefacts.front_car_results import Points
 from pipeline.artefacts.results import read
 from pipeline.config.schema import Config
@@ -99,5 +99,6 @@ def _render(job: TownJob) -> list[Record]:
         write_image(root, split, index, snapshot.image, snapshot.truth)
         write_classes(root, split, index, snapshot.classes)
         records.append(Record(split, index, settings.width, settings.height, snapshot.truth, snapshot.attributes))
+    flush_all()
     write_json(root / "segments" / "classes.json", dict(enumerate(CLASSES)))
     return records

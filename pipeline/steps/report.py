@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
-from pipeline.artefacts.comparison_results import Comparison
+from pipeline.artefacts.comparison_results import Comparison, read_changes
 from pipeline.artefacts.files import write_bytes
 from pipeline.artefacts.filter_table import read_filter
 from pipeline.artefacts.folders import Folders
@@ -69,7 +69,7 @@ def run(job: Job) -> None:
         compared=ComparedVersions(
             comparison=read(job.input("comparison"), Comparison),
             tests=read_tests(job.input("table")),
-            changes=pd.read_csv(job.input("changes")),
+            changes=read_changes(job.input("changes")),
         ),
         regions=tuple(read(path, FailureRegions) for path in job.inputs("regions")),
         tests={name: rows[rows["scenario"] == name] for name in infos},

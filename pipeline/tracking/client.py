@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import logging
 import os
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,7 +22,9 @@ def server() -> str | None:
 
 
 def connect(store: Path) -> MlflowClient:
-    """A client of the server or, without one, of the SQLite file `store`."""
+    """A client of the server or, without one, of the SQLite file `store`; InputError if that is damaged."""
+    if server() is None and store.exists():
+        _check(store)
     os.environ["MLFLOW_DISABLE_TELEMETRY"] = "true"
     os.environ.setdefault("MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR", "false")
     os.environ.setdefault("MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT", "true")
@@ -32,6 +36,19 @@ def connect(store: Path) -> MlflowClient:
     logging.getLogger("alembic").setLevel(logging.WARNING)
     uri = server() or f"sqlite:///{store.resolve()}"
     return MlflowClient(tracking_uri=uri, registry_uri=uri)
+
+
+def _check(store: Path) -> None:
+    """SQLite's own check: its file has no digest, because it changes with every run."""
+    try:
+        with closing(sqlite3.connect(store)) as database:
+            found = str(database.execute("PRAGMA integrity_check(1)").fetchone()[0])
+    except sqlite3.Error as error:
+        found = str(error)
+    if found != "ok":
+        said = found.splitlines()[-1]
+        again = f"mv {store} {store}.damaged && ./run --forcerun track"
+        raise InputError(f"{store}: damaged ({said}); to register this study's versions in a new one, type: {again}")
 
 
 def unusable(store: Path, error: MlflowException) -> InputError:

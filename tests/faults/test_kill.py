@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import subprocess
 import sys
 import time
@@ -9,6 +10,7 @@ from pathlib import Path
 
 import torch
 
+from pipeline.artefacts.files import read_sealed
 from pipeline.artefacts.filter_table import read_filter
 from pipeline.artefacts.model_card import read_card
 from pipeline.detectors.yolo.weights import load_weights
@@ -90,7 +92,7 @@ def test_in_training(tmp_path: Path) -> None:
     finish(TRAIN, whole)
     assert killed(TRAIN, cut, until=cut / "checkpoint.pt")
     assert (cut / "checkpoint.pt").exists() and not (cut / "weights.safetensors").exists()
-    before = torch.load(cut / "checkpoint.pt", weights_only=True)["iteration"]
+    before = torch.load(io.BytesIO(read_sealed(cut / "checkpoint.pt")), weights_only=True)["iteration"]
     assert 0 < before < 120
     killed(TRAIN, cut, after_s=0.5)
     finish(TRAIN, cut)

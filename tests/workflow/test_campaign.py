@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from pipeline.artefacts import tables
+from pipeline.artefacts.files import write_sealed
 from pipeline.artefacts.scenario_space import read_space
 from pipeline.core import kpi
 from pipeline.core.detections import Detections
@@ -171,8 +172,7 @@ def test_units_are_in_the_file(one_worker: StudyFolder) -> None:
 
 def test_a_journal_of_another_model_is_discarded(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     study = analytic_study(tmp_path)
-    journal(study).mkdir(parents=True)
-    (journal(study) / "identity.json").write_text('"of another model"')
+    write_sealed(journal(study) / "identity", b"of another model")
     (journal(study) / "000000.npz").write_bytes(b"foreign")
     assert study.run("campaign", **key()) == 0
     assert "the journal belonged to another configuration, model or code and was discarded" in capsys.readouterr().err
@@ -182,8 +182,7 @@ def test_a_journal_of_another_model_is_discarded(tmp_path: Path, capsys: pytest.
     ("file", "content", "message"),
     [
         (MODEL, None, "expected the detector of version 'base', found none"),
-        ("space/F1.json", b"{", "expected JSON"),
-        ("space/F1.json", b"{}", "expected a scenario space"),
+        ("space/F1.json", b"{", "damaged or edited, its SHA-256 is not the one in data/smoke/space/F1.json.stamp"),
     ],
 )
 def test_bad_files_end_with_exit_code_2(

@@ -13,12 +13,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import pyarrow.parquet as pq
 import pytest
 import yaml
 from pydantic import BaseModel
 
 from pipeline import contract
+from pipeline.artefacts import stamps
 from pipeline.config import schema
 from pipeline.config.composing import compose
 from pipeline.config.declared import declared
@@ -78,6 +78,8 @@ class Watch:
     def hook(self, event: str, arguments: tuple[Any, ...]) -> None:
         if self.on and event == "open" and isinstance(arguments[0], str | os.PathLike):
             path = Path(os.path.abspath(arguments[0]))
+            if path.is_dir() or path.suffix == stamps.SUFFIX:  # To flush a folder, and to check a file that a step reads.
+                return
             tested = path.parent == self.root and path.suffix == ".onnx"
             if tested or path.is_relative_to(self.root / "data") or path.is_relative_to(ROOT / "models"):
                 writes = bool(arguments[2] & (os.O_WRONLY | os.O_RDWR | os.O_CREAT)) if isinstance(arguments[2], int) else False
@@ -122,7 +124,7 @@ def watch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Watch:
     monkeypatch.setattr(BaseModel, "__getattribute__", looked_up)
     monkeypatch.setattr(BaseModel, "model_dump", dumped)
     monkeypatch.setattr(contract, "declared", unwatched)
-    for module, name in ((pq, "ParquetFile"), (onnx, "_session"), (weights, "safe_open")):
+    for module, name in ((onnx, "_session"), (weights, "safe_open")):
         monkeypatch.setattr(module, name, noting(watch, getattr(module, name)))
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
     return watch

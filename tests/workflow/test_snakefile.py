@@ -13,6 +13,7 @@ import pytest
 from snakemake.settings.types import DAGSettings
 
 from pipeline import sources
+from pipeline.artefacts.stamps import Stamp
 from pipeline.config.composing import CONF, compose, dump
 from pipeline.config.schema import Config
 from pipeline.errors import InputError
@@ -132,7 +133,7 @@ def made(folder: Path, config: Config) -> Plan:
     for target, outputs in study.jobs(study.folders.goals):
         for path in (folder / output for output in outputs if not output.endswith("/")):
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(study.stamp(target.step, dict(target.wildcards)) if path.suffix == ".stamp" else "content")
+            path.write_text(Stamp(study.stamp(target.step, dict(target.wildcards))).text() if path.suffix == ".stamp" else "content")
         for path in (folder / output for output in outputs if output.endswith("/")):
             path.mkdir(parents=True, exist_ok=True)
     return study

@@ -23,7 +23,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from pipeline.artefacts.files import write_bytes
+from pipeline.artefacts.files import read_sealed, write_sealed
 from pipeline.artefacts.model_card import CurvePoint
 from pipeline.detectors.yolo.loss import Loss, detection_loss
 from pipeline.detectors.yolo.network import Yolo, cells, decode
@@ -286,16 +286,16 @@ def _save(path: Path, identity: str, state: State) -> None:
     parts = {"model": state.model.state_dict(), "average": state.average.state_dict(), "optimiser": state.optimiser.state_dict()}
     looks = {"best": state.best, "sums": state.sums, "curve": [asdict(point) for point in state.curve]}
     torch.save({"identity": identity, "iteration": state.iteration, **parts, **looks}, buffer)
-    write_bytes(path, buffer.getvalue())
+    write_sealed(path, buffer.getvalue())
 
 
 def _resume(path: Path, identity: str, state: State, device: torch.device) -> None:
     """Resume from the checkpoint; a damaged or foreign one is ignored."""
     try:
-        found = torch.load(path, map_location=device, weights_only=True)
-    except Exception:  # Damaged bytes make the readers raise any exception, from IndexError to UnpicklingError.
+        found = torch.load(io.BytesIO(read_sealed(path)), map_location=device, weights_only=True)
+    except InputError:
         return
-    if not isinstance(found, dict) or found.get("identity") != identity:
+    if found["identity"] != identity:
         return
     state.model.load_state_dict(found["model"])
     state.average.load_state_dict(found["average"])

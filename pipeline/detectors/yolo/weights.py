@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from dataclasses import asdict
 from pathlib import Path
@@ -10,7 +11,8 @@ import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
-from pipeline.artefacts.files import write_bytes
+from pipeline.artefacts.files import read_bytes, write_bytes
+from pipeline.artefacts.model_card import read_card
 from pipeline.detectors.yolo.network import Architecture, Yolo
 from pipeline.errors import InputError
 
@@ -25,9 +27,13 @@ def save_weights(path: Path, model: Yolo) -> None:
 
 
 def load_weights(path: Path) -> Yolo:
-    """Read a network in float32, in evaluation mode; InputError that names the file if it holds no such network."""
+    """Read a network in float32, in evaluation mode; InputError that names the file if it holds no such network, or not that of the card
+    beside it."""
     if not path.is_file():
         raise InputError(f"{path}: expected the weights of a detector (weights.safetensors), found no file; train a detector first")
+    digest, card = hashlib.sha256(read_bytes(path)).hexdigest(), path.with_name("model.json")
+    if card.exists() and (expected := read_card(card).weights_sha256) != digest:
+        raise InputError(f"{path}: damaged or of another version, its SHA-256 must be {expected} ({card.name}), got {digest}")
     try:
         with safe_open(path, framework="pt") as file:
             plain = json.loads((file.metadata() or {})["architecture"])

@@ -1,0 +1,32 @@
+"""Command `verify`: compares the files of a study with the digests in their stamps."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from pipeline.artefacts import stamps
+from pipeline.artefacts.folders import Folders
+from pipeline.config.composing import PARAMS, load
+
+HELP = "Compare the study's files with their digests. The jobs of damaged files lose their stamps, so the next run makes the files again."
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--folder", type=Path, help="folder of a study (default: that of the study in params.yaml)")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Verify the study; returns 1 if a file is damaged."""
+    return 1 if withdraw_damaged(options.folder or Path(Folders(load(PARAMS)).root)) else 0
+
+
+def withdraw_damaged(folder: Path) -> int:
+    """Name each damaged file below a folder and withdraw its stamp; returns the number of these files."""
+    found = list(stamps.damaged(folder))
+    for file, stamp in found:
+        print(f"{file}: damaged or edited; the next run makes it again", flush=True)
+        stamps.withdraw(stamp)
+        if file.is_dir():  # Snakemake removes files before it makes them, but no folders in their place.
+            stamps.remove(file)
+    return len(found)
