@@ -81,23 +81,59 @@ def test_a_ready_checkout_installs_nothing_and_passes_its_arguments_on(ready: Pa
     assert done.stdout.splitlines() == ["snakemake --cores 3 -n some/target", f"HOME of caches: {ready}/.cache"]
 
 
-def test_a_whole_run_ends_with_the_verdict_and_is_recorded_once(ready: Path) -> None:
-    stamp = ready / "data/tiny/tracking.json.stamp"
-    stamp.parent.mkdir(parents=True)
-    stamp.write_text("one")
+@pytest.fixture
+def finished(ready: Path) -> Path:
+    """A checkout with a finished study of two jobs that DVC has not recorded."""
+    (ready / "data/tiny/space").mkdir(parents=True)
+    for name in ("tracking.json.stamp", "space/F1.json.stamp"):
+        (ready / "data/tiny" / name).write_text("one")
     (ready / ".dvc").mkdir()
     (ready / "dvc.yaml").write_text("")
     (ready / "params.yaml").write_text("study: tiny\ngoal: report\n")
-    last = [call(ready).stdout.splitlines()[2:] for _ in range(2)]
-    assert last == [["python -m pipeline verdict", "dvc commit --force --quiet"], ["python -m pipeline verdict"]]
-    stamp.write_text("another")
-    assert call(ready).stdout.splitlines()[-1] == "dvc commit --force --quiet"
-    (ready / "params.yaml").write_text("study: tiny\ngoal: base\n")
-    assert call(ready).stdout.splitlines()[-1] == "python -m pipeline verdict"
+    return ready
+
+
+COMMIT, VERDICT = "dvc commit --force --quiet", "python -m pipeline verdict"
+
+
+def test_a_whole_run_ends_with_the_verdict_and_is_recorded_once(finished: Path) -> None:
+    assert [call(finished).stdout.splitlines()[3:] for _ in range(2)] == [[VERDICT, COMMIT], [VERDICT]]
+    # The job that comes last gave the same file, but another one did not: timings differ.
+    (finished / "data/tiny/space/F1.json.stamp").write_text("another")
+    assert call(finished).stdout.splitlines()[-1] == COMMIT
+    (finished / "dvc.lock").write_text("of another revision")
+    assert call(finished).stdout.splitlines()[-1] == COMMIT
+    (finished / "params.yaml").write_text("study: tiny\ngoal: base\n")
+    assert call(finished).stdout.splitlines()[-1] == VERDICT
+
+
+@pytest.mark.parametrize(("program", "text"), [("python", 'case "$3" in verdict) kill -9 $PPID;; esac'), ("dvc", "kill -9 $PPID")])
+def test_a_run_that_is_killed_at_its_end_is_finished_by_the_next(finished: Path, program: str, text: str) -> None:
+    whole = (finished / ".venv/bin" / program).read_text()
+    script(finished / ".venv/bin" / program, text)
+    assert call(finished).returncode == -9
+    (finished / ".venv/bin" / program).write_text(whole)
+    assert [call(finished).stdout.splitlines()[3:] for _ in range(2)] == [[VERDICT, COMMIT], [VERDICT]]
+
+
+@pytest.mark.parametrize(("text", "stays"), [("{}", True), ('{"write"', False), ("", False)])
+def test_a_part_of_the_locks_of_dvc_is_removed(finished: Path, text: str, stays: bool) -> None:
+    locks = finished / ".dvc/tmp/rwlock"
+    locks.parent.mkdir()
+    locks.write_text(text)
+    assert call(finished).stdout.splitlines()[-1] == COMMIT
+    assert locks.exists() == stays
+
+
+def test_damaged_files_are_found_before_the_run_that_makes_them_again(finished: Path) -> None:
+    for code, begins in {1: ["python", "snakemake"], 2: ["python"]}.items():
+        script(finished / ".venv/bin/python", f'echo "python $*"; case "$3" in verify) exit {code};; esac')
+        lines = call(finished).stdout.splitlines()
+        assert lines[0] == "python -m pipeline verify" and [line.split()[0] for line in lines[:2]] == begins
 
 
 def test_a_partial_run_prints_no_verdict(ready: Path) -> None:
-    assert [line.split()[0] for line in call(ready, "search").stdout.splitlines()] == ["snakemake", "HOME"]
+    assert [line.split()[0] for line in call(ready, "search").stdout.splitlines()] == ["python", "snakemake", "HOME"]
 
 
 def test_a_dry_run_does_not_wait(ready: Path) -> None:
