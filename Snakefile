@@ -15,6 +15,7 @@ PLAN = plan(
         "render_base",  # a random base set
         "train",  # D_o, the base detector
         "calibrate",  # the confidences of detectors that are only tested
+        "shard",  # parts of large campaigns, if several machines share them
         "campaign",  # tests in closed loop: the search, later rounds, the held-out sequence
         "measure",  # how well each strategy finds failures
         "cluster",  # failure regions and their rules

@@ -14,6 +14,7 @@ from string import Formatter
 from pipeline.artefacts import stamps
 from pipeline.artefacts.files import write_bytes
 from pipeline.artefacts.folders import Folders
+from pipeline.artefacts.lock import held
 from pipeline.config.declared import declared
 from pipeline.config.schema import Config
 from pipeline.errors import InputError
@@ -24,6 +25,7 @@ Files = str | Sequence[str]
 """One path, or several of a kind; a path that ends with a slash is a folder."""
 Sections = tuple[str, ...] | Callable[[Config, Wildcards], tuple[str, ...]]
 STAMP = "stamp"
+WAITING = "the same job is at work already, perhaps on another machine; waiting for it to end"
 VERDICT_FOLLOWS = "BLINDSPOT_VERDICT_FOLLOWS"
 """Set by a caller of Snakemake that prints the verdict itself."""
 
@@ -39,7 +41,8 @@ class Step:
     help: one sentence for the command line. writes: named paths in a study's folders, with the job's wildcards in braces; the first name is
     one file. reads: named paths, given the wildcards. sections: dotted keys of the config, which may contain wildcards in braces.
     wildcards: regular expressions for wildcards with restricted values. parallel: whether it takes more than one thread. environment:
-    variables that affect the result.
+    variables that affect the result. parts: a step whose jobs share this step's work, if any: its code counts for what is out of date, but
+    neither the number of its jobs nor their files, which are deleted after use.
     """
 
     help: str
@@ -49,6 +52,7 @@ class Step:
     wildcards: Mapping[str, str] = field(default_factory=dict)
     parallel: bool = False
     environment: tuple[str, ...] = ()
+    parts: str | None = None
 
     def depends(self, config: Config, wildcards: Wildcards) -> tuple[str, ...]:
         """The keys of the config that a job depends on."""
@@ -125,22 +129,38 @@ class Order:
 
 
 def perform(order: Order, config: Config) -> None:
-    """Run a step on the declared part of the config, then write its stamp; InputError goes to the log and to the caller."""
+    """Run a step on the declared part of the config, then write its stamp; InputError goes to the log and to the caller.
+
+    A cluster's jobs live on when Snakemake is killed: if such a job is at work on the same files, wait for it and keep what it made.
+    """
     step = step_of(order.step)
     part = declared(config, step.depends(config, order.wildcards))
     scratch = Path(Folders(config).root, "journal", order.step, *order.wildcards.values())
     outputs = {name: files for name, files in order.writes.items() if name != STAMP}
     stamp = _one(order.writes[STAMP])
-    stamps.withdraw(stamp)
-    with Progress(order.step, order.log) as progress:
+    with Progress(order.step, order.log) as progress, held(_lock(scratch), lambda: progress.note(WAITING)) as waited:
+        if waited and _made(order):
+            return
+        stamps.withdraw(stamp)
         job = Job(part, order.wildcards, order.reads, outputs, order.threads, progress, scratch)
         try:
             import_module(f"pipeline.steps.{order.step}").run(job)
         except InputError as error:
             progress.record(str(error))
             raise
-    made = [path for files in outputs.values() for path in _several(files)]
-    write_bytes(stamp, stamps.made(stamp, order.stamp, made).text().encode())
+        made = [path for files in outputs.values() for path in _several(files)]
+        write_bytes(stamp, stamps.made(stamp, order.stamp, made).text().encode())
+
+
+def _made(order: Order) -> bool:
+    """Whether an order's files are made, with its stamp."""
+    files = [path for paths in order.writes.values() for path in _several(paths)]
+    found = stamps.read(_one(order.writes[STAMP]))
+    return found is not None and found.depends == order.stamp and all(path.exists() for path in files)
+
+
+def _lock(scratch: Path) -> Path:
+    return scratch.with_name(f"{scratch.name}.lock")
 
 
 def order_of(name: str, config: Config, wildcards: Wildcards, stamp: str, threads: int = 1) -> Order:

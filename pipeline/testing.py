@@ -47,6 +47,11 @@ def check_sampler(factory: Callable[[], Sampler], space: Space, batches: int = 4
     for points, values in history:
         again.tell(points, values)
     assert np.array_equal(first.ask(), again.ask()), "a sampler that is told the same history must continue like the first one"
+    if not getattr(first, "learns", True):
+        untold = factory()
+        for points, values in history:
+            untold.tell(points, np.full_like(values, np.nan))
+        assert np.array_equal(first.ask(), untold.ask()), "a sampler whose `learns` is False must ignore results"
 
 
 def check_simulator(simulator: Simulator, space: Space, detector: Detector, count: int = 3, criterion: Criterion = COCO) -> None:

@@ -15,7 +15,7 @@ from pathlib import Path
 from pkgutil import iter_modules
 from typing import Any, NoReturn
 
-from snakemake.io import ancient, directory, regex_from_filepattern, report
+from snakemake.io import ancient, directory, regex_from_filepattern, report, temp
 from snakemake.settings.types import DAGSettings, StorageSettings
 
 from pipeline import steps
@@ -111,9 +111,10 @@ class Plan:
         return read
 
     def writes(self, name: str) -> dict[str, Any]:
-        """The outputs of a step's rule; pages and plots go into Snakemake's own report."""
+        """The outputs of a step's rule; pages and plots go into Snakemake's own report, files of parts are deleted after use."""
         outputs = self.contracts[name].outputs(self.folders)
-        return {key: _flagged(paths) if isinstance(paths, str) else list(map(_flagged, paths)) for key, paths in outputs.items()}
+        flag = temp if name in {step.parts for step in self.contracts.values()} else _flagged
+        return {key: flag(paths) if isinstance(paths, str) else list(map(flag, paths)) for key, paths in outputs.items()}
 
     def log(self, name: str, suffix: str) -> str:
         """The path of a job's log or benchmark."""
@@ -132,11 +133,17 @@ class Plan:
         sections = {key: self.value(key) for key in step.depends(self.config, wildcards)}
         own = [sections, dict(wildcards), {variable: os.environ.get(variable, "") for variable in step.environment}]
         digest = hashlib.sha256(json.dumps(own, sort_keys=True).encode())
-        for module in sorted({f"pipeline.steps.{name}", *targets_in(sections)}):
+        for module in sorted(self.modules(name, sections)):
             digest.update(code_digest(module).encode())
         for path in flat(step.reads(self.folders, wildcards)):
-            digest.update(f"{path} {self._origin(path)}\n".encode())
+            made = self.maker(path)
+            if made is None or made.step != step.parts:
+                digest.update(f"{path} {self._origin(path)}\n".encode())
         return digest.hexdigest()[:16]
+
+    def modules(self, name: str, sections: Any) -> set[str]:
+        """The modules of ours that a step's outputs depend on, given the values of its sections of the config."""
+        return {f"pipeline.steps.{step}" for step in (name, self.contracts[name].parts) if step} | targets_in(sections)
 
     def value(self, key: str) -> Any:
         """The plain value at a dotted key of the config."""

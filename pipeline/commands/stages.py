@@ -17,7 +17,7 @@ from pipeline.config.composing import compose
 from pipeline.config.schema import FAN_OUT
 from pipeline.contract import STAMP
 from pipeline.sources import sources
-from pipeline.workflow import STAGES, Plan, Target, flat, step_names, targets_in
+from pipeline.workflow import STAGES, Plan, Target, flat, step_names
 
 HELP = "Write dvc.yaml from the contracts of the steps."
 FILE = Path("dvc.yaml")
@@ -58,7 +58,7 @@ def _stage(name: str, plans: Iterable[Plan]) -> dict[str, Any]:
             keys, files = _depends(plan, target)
             deps |= {_root(plan, path) for path in files}
             params |= {key.split(".")[0] if key.startswith(("scenarios.", "samplers.")) else key for key in keys}
-            modules = {f"pipeline.steps.{target.step}", *targets_in([plan.value(key) for key in keys])}
+            modules = plan.modules(target.step, [plan.value(key) for key in keys])
             code |= {path for module in modules for path in sources(module)}
     below = [f"data/${{study}}/{root}" for root in STAGES[name]]
     shown = {root: {f"data/${{study}}/{root}": {"persist": True, **PLOTS.get(root, {})}} for root in STAGES[name]}

@@ -6,6 +6,7 @@ Hydra composes `conf/` into params.yaml once (`compose`); everything else reads 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from importlib import import_module
 from itertools import product
 from typing import Annotated, Any, Literal
 
@@ -184,6 +185,11 @@ class Config(Section):
         if strategy not in self.campaign.transfer or scenario not in self.search:
             return ()
         return self.search[: self.search.index(scenario)]
+
+    def learns(self, strategy: str) -> bool:
+        """Whether a strategy's tests depend on results: its class says so by `learns`, which is true if it says nothing."""
+        module, _, name = self.samplers[strategy]["_target_"].rpartition(".")
+        return bool(getattr(getattr(import_module(module), name), "learns", True))
 
     @property
     def sources(self) -> dict[str, str]:

@@ -54,6 +54,8 @@ class Campaign(Section):
     """A detection matches the pedestrian if it overlaps the visible box by more than this IoU."""
     transfer: tuple[str, ...]
     """Strategies with campaigns that learn from those on earlier scenarios in `search`; these campaigns run one after another."""
+    shards: int = Field(ge=1, le=10_000)
+    """Number of jobs that share a campaign, on a cluster; they change no result. Strategies that learn from results use one job."""
 
 
 class VehicleSection(Section):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import chain
 from pathlib import Path
@@ -20,9 +20,10 @@ from pipeline.artefacts.files import sha256
 from pipeline.artefacts.points import encode_tests
 from pipeline.config.components import make_sampler
 from pipeline.core.columns import Column
-from pipeline.core.identity import CampaignId
+from pipeline.core.identity import CampaignId, TestId
 from pipeline.core.kpi import NO_KPI, Kpi, evaluate
 from pipeline.core.measures import kinds_of
+from pipeline.core.shards import Shard
 from pipeline.core.signals import SIGNALS
 from pipeline.core.space import Floats, Space
 from pipeline.execution.journal import Journal, Outcome
@@ -34,7 +35,7 @@ from pipeline.protocols import Sampler
 @dataclass(frozen=True)
 class CampaignPlan:
     """What a campaign executes. strategy: its section of the config. earlier: tests.parquet of the campaigns that its strategy learns
-    from."""
+    from. shard: the part to execute, if the strategy does not learn; None is the whole campaign."""
 
     campaign: CampaignId
     space: Space
@@ -44,6 +45,12 @@ class CampaignPlan:
     strategy_seed: int
     setup: Setup
     earlier: Sequence[Path] = ()
+    shard: Shard | None = None
+
+    @property
+    def indices(self) -> range:
+        """The indices of the tests to execute."""
+        return range(self.tests) if self.shard is None else self.shard.tests(self.tests)
 
     @property
     def identity(self) -> str:
@@ -59,8 +66,9 @@ class CampaignPlan:
 
 @dataclass(frozen=True)
 class Executed:
-    """One test of a campaign: its point in the space, its outcome, and the seconds that choosing it took."""
+    """One test of a campaign: its index, its point in the space, its outcome, and the seconds that choosing it took."""
 
+    index: int
     point: Floats
     outcome: Outcome
     kpi: Kpi
@@ -98,19 +106,22 @@ def run_campaign(plan: CampaignPlan, out: Path, journal: Path, threads: int, pro
 def search(plan: CampaignPlan, sampler: Sampler, log: Journal, workers: Workers, progress: Progress) -> list[Executed]:
     """Ask, execute the tests missing from the journal, tell, until the budget is spent."""
     done: list[Executed] = []
-    while len(done) < plan.tests:
+    told = 0
+    while told < plan.indices.stop:
         started = time.perf_counter()
         with threadpool_limits(1):  # With several threads, sums depend on their number.
-            points = sampler.ask()[: plan.tests - len(done)]
+            points = sampler.ask()[: plan.tests - told]
         seconds = (time.perf_counter() - started) / len(points)
-        asked = dict(enumerate(points, len(done)))
+        asked = {index: point for index, point in enumerate(points, told) if index in plan.indices}
         judged: dict[int, Executed] = {}
         for index in _finished(plan, asked, log, workers):
-            judged[index] = _judged(asked[index], log.read(index), seconds, plan.failure_threshold_s)
-            progress(len(done) + len(judged), plan.tests, _found(plan.space, [*done, *judged.values()]))
-        batch = [judged[index] for index in asked]
-        sampler.tell(points, np.array([test.kpi.adj_ttc_s for test in batch]))
-        done += batch
+            judged[index] = _judged(index, asked[index], log.read(index), seconds, plan.failure_threshold_s)
+            progress(len(done) + len(judged), len(plan.indices), _found(plan.space, [*done, *judged.values()]))
+        # The tests of other shards have no result here.
+        kpi = [judged[index].kpi.adj_ttc_s if index in judged else np.nan for index in range(told, told + len(points))]
+        sampler.tell(points, np.array(kpi))
+        done += [judged[index] for index in asked]
+        told += len(points)
     return done
 
 
@@ -127,12 +138,11 @@ def _finished(plan: CampaignPlan, asked: Mapping[int, Floats], log: Journal, wor
 
 def write(plan: CampaignPlan, done: Sequence[Executed], out: Path) -> None:
     """Write the five tables of a campaign; `out` is tests.parquet."""
-    ids = [str(test) for test in plan.campaign.tests(len(done))]
-    named = list(zip(ids, done, strict=True))
+    named = [(str(TestId(plan.campaign, test.index)), test) for test in done]
     signals = [_signal_rows(name, test.outcome) for name, test in named if not test.outcome.is_error]
     frames = [{"test_id": name, **row} for name, test in named for row in test.outcome.frames]
     timings = [{"test_id": name, "sampler_s": test.sampler_s, "simulate_s": test.outcome.simulate_s} for name, test in named]
-    tests = [{"test_id": name, **_test_row(plan, i, test)} for i, (name, test) in enumerate(named)]
+    tests = [{"test_id": name, **_test_row(plan, test)} for name, test in named]
     tables.write_signals(out.with_name("signals.parquet"), pd.concat(signals) if signals else _empty(tables.SIGNAL_TABLE))
     found = [_detection_rows(name, test.outcome) for name, test in named if len(test.outcome.detections["step"])]
     tables.write_detections(out.with_name("detections.parquet"), pd.concat(found) if found else _empty(tables.DETECTIONS))
@@ -141,15 +151,29 @@ def write(plan: CampaignPlan, done: Sequence[Executed], out: Path) -> None:
     tables.write_tests(out, pd.DataFrame(tests), plan.space)
 
 
+def join(shards: Sequence[Path], space: Space, out: Path) -> None:
+    """Write the five tables of a campaign from those of its shards, in their order, equal to the unsharded campaign's; arguments are
+    paths of tests.parquet."""
+
+    def rows(read: Callable[[Path], pd.DataFrame], name: str) -> pd.DataFrame:
+        return pd.concat([read(shard.with_name(f"{name}.parquet")) for shard in shards], ignore_index=True)
+
+    tables.write_signals(out.with_name("signals.parquet"), rows(tables.read_signals, "signals"))
+    tables.write_detections(out.with_name("detections.parquet"), rows(tables.read_detections, "detections"))
+    tables.write_frames(out.with_name("frames.parquet"), rows(tables.read_frames, "frames"))
+    tables.write_timings(out.with_name("timings.parquet"), rows(tables.read_timings, "timings"))
+    tables.write_tests(out, rows(tables.read_tests, "tests"), space)
+
+
 def _history(path: Path, space: Space) -> tuple[Floats, Floats]:
     """The points and KPIs of a campaign's tests, as its sampler received them."""
     tests = tables.read_tests(path)
     return encode_tests(tests, space), tests["adj_ttc_s"].to_numpy(float)
 
 
-def _judged(point: Floats, outcome: Outcome, sampler_s: float, threshold_s: float) -> Executed:
+def _judged(index: int, point: Floats, outcome: Outcome, sampler_s: float, threshold_s: float) -> Executed:
     judged = NO_KPI if outcome.is_error else evaluate(outcome.signals, threshold_s)
-    return Executed(point, outcome, judged, sampler_s)
+    return Executed(index, point, outcome, judged, sampler_s)
 
 
 def _found(space: Space, done: Sequence[Executed]) -> str:
@@ -162,8 +186,8 @@ def _empty(expected: Sequence[Column]) -> pd.DataFrame:
     return pd.DataFrame(columns=[column.name for column in expected])
 
 
-def _test_row(plan: CampaignPlan, index: int, test: Executed) -> dict[str, Any]:
-    place = {"index": index, "batch": index // int(plan.strategy.get("batch_size", 20))}
+def _test_row(plan: CampaignPlan, test: Executed) -> dict[str, Any]:
+    place = {"index": test.index, "batch": test.index // int(plan.strategy.get("batch_size", 20))}
     status = {"status": "error" if test.outcome.is_error else "ok", "reason": test.outcome.reason}
     return {**asdict(plan.campaign), **place, **status, **asdict(test.kpi), **plan.space.decode(test.point)}
 

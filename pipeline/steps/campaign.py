@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 from pipeline.artefacts.calibration_results import DetectorCalibration
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.results import read
@@ -9,18 +13,37 @@ from pipeline.artefacts.scenario_space import read_space
 from pipeline.config.schema import JUDGED, Config, Target
 from pipeline.contract import Files, Job, Step, Wildcards
 from pipeline.core.identity import CampaignId
+from pipeline.core.shards import Shard
 from pipeline.errors import InputError
+
+if TYPE_CHECKING:
+    from pipeline.execution.campaign import CampaignPlan
 
 TABLES = ("tests", "signals", "detections", "frames", "timings")
 HELD_OUT = "held_out"
+KINDS = {"kind": f"campaigns|{HELD_OUT}|retrained/campaigns"}
+FOLDER = "{kind}/{scenario}/{strategy}/{version}/{seed}"
+
+
+def reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
+    """What the tests of a campaign are executed with."""
+    return {"space": folders.space(wildcards["scenario"]), **detector_files(folders, wildcards["version"])}
 
 
 def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
-    return {
-        "space": folders.space(wildcards["scenario"]),
-        **detector_files(folders, wildcards["version"]),
-        "earlier": folders.earlier(**wildcards),
-    }
+    return {**reads(folders, wildcards), "earlier": folders.earlier(**wildcards), **_shards(folders, wildcards)}
+
+
+def _shards(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
+    """The tables of the jobs that share the campaign, by table; none if one job executes it."""
+    config = folders.config
+    shards = [] if config.learns(wildcards["strategy"]) else Shard.of(_tests(config, wildcards), config.campaign.shards)
+    root = f"{folders.root}/shards/{FOLDER.format(**wildcards)}"
+    return {f"shard_{name}": [f"{root}/{shard}/{name}.parquet" for shard in shards] for name in TABLES}
+
+
+def _tests(config: Config, wildcards: Wildcards) -> int:
+    return config.comparison.tests if wildcards["kind"] == HELD_OUT else config.campaign.tests
 
 
 def detector_files(folders: Folders, version: str) -> dict[str, Files]:
@@ -38,7 +61,7 @@ def detector(job: Job) -> Target:
     return section
 
 
-def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
+def sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
     """Sections of a comparison's campaign: the size of the search does not matter, but the same threshold judges all tests."""
     held_out = wildcards["kind"] == HELD_OUT
     budget = ("comparison.tests",) if held_out else ("campaign.tests", "campaign.keep_every")
@@ -48,21 +71,30 @@ def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
 STEP = Step(
     "Execute a test campaign in closed loop; a killed campaign resumes.",
     reads=_reads,
-    writes=lambda folders: {
-        name: f"{folders.root}/{{kind}}/{{scenario}}/{{strategy}}/{{version}}/{{seed}}/{name}.parquet" for name in TABLES
-    },
-    sections=_sections,
-    wildcards={"kind": "campaigns|held_out|retrained/campaigns"},
+    writes=lambda folders: {name: f"{folders.root}/{FOLDER}/{name}.parquet" for name in TABLES},
+    sections=sections,
+    wildcards=KINDS,
     parallel=True,
+    parts="shard",
 )
 
 
 def run(job: Job) -> None:
-    """Execute the campaign and write its tables.
+    """Execute the campaign, or join its shards, and write its tables.
 
-    Except for the timings, the tables depend only on the config, the model and `earlier`, not on the threads or on kills.
+    Except for the timings, the tables depend only on the config, the model and `earlier`, not on threads, shards or kills.
     """
-    from pipeline.execution.campaign import CampaignPlan, run_campaign, sampler_seed
+    from pipeline.execution.campaign import join, run_campaign
+
+    if shards := job.inputs("shard_tests"):
+        join(shards, read_space(job.input("space"))[1], job.output("tests"))
+    else:
+        run_campaign(planned(job, job.inputs("earlier")), job.output("tests"), job.scratch, job.threads, job.progress)
+
+
+def planned(job: Job, earlier: Sequence[Path] = (), shard: Shard | None = None) -> CampaignPlan:
+    """The plan of a job's campaign; InputError if its model is missing."""
+    from pipeline.execution.campaign import CampaignPlan, sampler_seed
     from pipeline.execution.workers import Setup
 
     config, model, wildcards = job.config, job.input("model"), job.wildcards
@@ -70,14 +102,15 @@ def run(job: Job) -> None:
     if not model.exists():
         raise InputError(f"{model}: expected the detector of version '{campaign.version}', found none; train it first")
     held_out = wildcards["kind"] == HELD_OUT
-    plan = CampaignPlan(
+    return CampaignPlan(
         campaign=campaign,
         space=read_space(job.input("space"))[1],
-        tests=config.comparison.tests if held_out else config.campaign.tests,
+        tests=_tests(config, wildcards),
         failure_threshold_s=config.campaign.failure_threshold_s,
         strategy=config.samplers[campaign.strategy],
         strategy_seed=sampler_seed(campaign, frozen=held_out),
-        earlier=job.inputs("earlier"),
+        earlier=earlier,
+        shard=shard,
         setup=Setup(
             simulator=config.simulator,
             scenario=config.scenarios[campaign.scenario],
@@ -87,4 +120,3 @@ def run(job: Job) -> None:
             keep_every=0 if held_out else config.campaign.keep_every,
         ),
     )
-    run_campaign(plan, job.output("tests"), job.scratch, job.threads, job.progress)

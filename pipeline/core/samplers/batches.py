@@ -25,6 +25,8 @@ class BatchSampler(ABC):
 
     independent: ClassVar[bool] = False
     """Whether the points are independent samples of the space, so that a binomial interval of the failure rate holds."""
+    learns: ClassVar[bool] = True
+    """Whether the points depend on results. If not, a campaign may be split into shards, each of which knows only its own results."""
 
     space: Space
     seed: int

@@ -26,6 +26,8 @@ class CoverageSampler(BatchSampler):
     k: number of categories in a combination, 1 to 6; a space with fewer variables combines all of them.
     """
 
+    learns = False
+
     k: int = 2
 
     def __post_init__(self) -> None:

@@ -16,6 +16,8 @@ class PairwiseSampler(BatchSampler):
     The sequence depends only on space and seed: versions under comparison execute the same tests.
     """
 
+    learns = False
+
     @cached_property
     def plan(self) -> Floats:
         """The covering array, (rows, d) points at the representatives of their categories, in the order of execution."""

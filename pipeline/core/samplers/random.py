@@ -12,6 +12,7 @@ class RandomSampler(BatchSampler):
     """Draws every variable independently and uniformly; ignores test results."""
 
     independent = True
+    learns = False
 
     def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
         return self.space.sample(self.batch_size, rng)

@@ -1,0 +1,54 @@
+"""A lock that one process holds at a time, on this machine or, on a shared disk that has locks, on any."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+@contextmanager
+def held(path: Path, wait: Callable[[], None]) -> Iterator[bool]:
+    """Hold the lock of a file; gives whether another process held it before. It ends with its process, however that ends.
+
+    wait: called once before waiting. A disk without locks does not lock. The file is removed afterwards.
+    """
+    file, waited = _opened(path), False
+    try:
+        while not _locked(file, path, block=waited):
+            if not waited:
+                wait()
+            waited = True
+            if not _same(file, path):  # The process before removed it.
+                os.close(file)
+                file = _opened(path)
+        yield waited
+    finally:
+        if _same(file, path):
+            path.unlink()
+        os.close(file)
+
+
+def _opened(path: Path) -> int:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return os.open(path, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o644)
+
+
+def _locked(file: int, path: Path, block: bool) -> bool:
+    """Whether the process holds the file's lock and the path still leads to this file."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | (0 if block else fcntl.LOCK_NB))
+    except BlockingIOError:
+        return False
+    except OSError:  # No locks on this disk.
+        return True
+    return _same(file, path)
+
+
+def _same(file: int, path: Path) -> bool:
+    try:
+        return os.path.samestat(os.fstat(file), path.stat())
+    except FileNotFoundError:
+        return False

@@ -1,0 +1,24 @@
+"""Step `shard`: a part of a campaign whose strategy does not learn, so that several machines share the campaign."""
+
+from __future__ import annotations
+
+from pipeline.contract import Job, Step
+from pipeline.core.shards import Shard
+from pipeline.steps import campaign
+
+STEP = Step(
+    "Execute a part of a campaign; a killed part resumes.",
+    reads=campaign.reads,
+    writes=lambda folders: {name: f"{folders.root}/shards/{campaign.FOLDER}/{{shard}}/{name}.parquet" for name in campaign.TABLES},
+    sections=campaign.sections,
+    wildcards={**campaign.KINDS, "shard": Shard.PATTERN},
+    parallel=True,
+)
+
+
+def run(job: Job) -> None:
+    """Execute the shard's tests and write their tables."""
+    from pipeline.execution.campaign import run_campaign
+
+    plan = campaign.planned(job, shard=Shard.named(job.wildcards["shard"]))
+    run_campaign(plan, job.output("tests"), job.scratch, job.threads, job.progress)
