@@ -51,6 +51,11 @@ PLAIN: Mapping[str, tuple[str, Callable[[Any], bool]]] = {
 """The keys of a variable in plain data, what each expects, and whether a value is of that type."""
 
 
+def number_text(number: float) -> str:
+    """The shortest text of a number from which the same number can be read; whole numbers have no point."""
+    return str(int(number)) if float(number).is_integer() and abs(number) < 1e15 else repr(float(number))
+
+
 @dataclass(frozen=True)
 class Variable:
     """One variable of a space.
@@ -109,7 +114,7 @@ class Variable:
         if self.kind == "integer" or self.step:
             return "cuts are for a continuous variable without a step"
         if any(a >= b for a, b in pairwise((self.low, *self.cuts, self.high))):
-            return f"cuts must rise inside ({self.low:g}, {self.high:g}), got {list(self.cuts)}"
+            return f"cuts must rise inside ({number_text(self.low)}, {number_text(self.high)}), got {list(self.cuts)}"
         if self.cyclic and len(self.cuts) == 1:
             return f"a cyclic variable needs no cut or at least two, got {list(self.cuts)}"
         return ""
@@ -153,9 +158,18 @@ class Variable:
     def labels(self) -> tuple[str, ...]:
         """Name of each category, (size,)."""
         if self.cuts is None:
-            return self.values or tuple(f"{value:g}" for value in self.grid)
+            return self.values or self._grid_labels
         ends = [")"] * (self.size - 1) + [")" if self._wraps else "]"]
-        return tuple(f"[{low:g}, {high:g}{end}" for (low, high), end in zip(self._parts, ends, strict=True))
+        return tuple(f"[{number_text(low)}, {number_text(high)}{end}" for (low, high), end in zip(self._parts, ends, strict=True))
+
+    @property
+    def _grid_labels(self) -> tuple[str, ...]:
+        """The grid values with as few digits, from six, as keep them apart."""
+        for digits in range(6, 17):
+            rounded = [float(f"{value:.{digits}g}") for value in self.grid]
+            if np.abs(np.array(rounded) - self.grid).max() <= self.step / 100:
+                return tuple(map(number_text, rounded))
+        return tuple(map(number_text, self.grid.tolist()))
 
     @property
     def rounding(self) -> float:
@@ -216,7 +230,7 @@ class Variable:
                 raise ValueError(f"{self.name} must be one of {', '.join(self.values)}; got {value!r}")
             return float(self.values.index(str(value)))
         if isinstance(value, str) or not np.isfinite(value) or not self.low <= value <= self.high:
-            raise ValueError(f"{self.name} must be in [{self.low:g}, {self.high:g}] {self.unit}, got {value!r}")
+            raise ValueError(f"{self.name} must be in [{number_text(self.low)}, {number_text(self.high)}] {self.unit}, got {value!r}")
         return float(value)
 
     def decode(self, number: float) -> Value:

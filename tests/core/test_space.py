@@ -54,6 +54,20 @@ def test_cuts_divide_a_range_and_a_circle() -> None:
     assert (fog.rounding, speed.rounding) == (1, 0.25)
 
 
+def test_categories_have_distinct_names_at_any_magnitude() -> None:
+    def labels(low: float, high: float, step: float = 0.0, cuts: tuple[float, ...] | None = None) -> tuple[str, ...]:
+        return Variable("x", "continuous", low=low, high=high, step=step, cuts=cuts).labels
+
+    assert labels(1.7e9, 1700003600, cuts=(1700001200,)) == ("[1700000000, 1700001200)", "[1700001200, 1700003600]")
+    assert labels(-1e7, 1e7, cuts=(1234567.25,)) == ("[-10000000, 1234567.25)", "[1234567.25, 10000000]")
+    assert labels(0, 1e-9, cuts=(1e-10, 2e-10)) == ("[0, 1e-10)", "[1e-10, 2e-10)", "[2e-10, 1e-09]")
+    assert labels(0, 1, 1 / 3) == ("0", "0.333333", "0.666667", "1")
+    assert labels(0, 0.6, 0.2) == ("0", "0.2", "0.4", "0.6")
+    assert labels(1.7e9, 1700007200, 3600) == ("1700000000", "1700003600", "1700007200")
+    close = labels(0, 1, cuts=(0.5, float(np.nextafter(0.5, 1))))
+    assert len(set(close)) == 3
+
+
 def test_samples_are_free_samples_that_keep_the_constraints() -> None:
     free, kept = (space.sample(200, np.random.default_rng(3)) for space in (SMALL, CONSTRAINED))
     allowed = CONSTRAINED.constraints.holds(SMALL.categorise(free))
