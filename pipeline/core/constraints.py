@@ -54,7 +54,7 @@ class Constraints:
         return frozenset(literal.variable for clause in self.clauses for literal in clause)
 
     def holds(self, categories: Ints) -> Bools:
-        """Whether each row of (n, d) category indices satisfies every clause, as (n,)."""
+        """Whether each row of (n, d) category indices satisfies every clause, as (n,); an unknown category, -1, satisfies its literals."""
         result = np.ones(len(categories), dtype=bool)
         for clause in self.clauses:
             result &= _satisfied(clause, categories)
@@ -109,7 +109,8 @@ class Constraints:
 def _satisfied(clause: Clause, categories: Ints) -> Bools:
     result = np.zeros(len(categories), dtype=bool)
     for literal in clause:
-        result |= (categories[:, literal.variable] == literal.category) == literal.equal
+        column = categories[:, literal.variable]
+        result |= (column == literal.category) | (column < 0) if literal.equal else column != literal.category
     return result
 
 

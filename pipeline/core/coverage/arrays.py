@@ -19,6 +19,8 @@ from pipeline.core.space import Ints
 
 Progress = Callable[[float, int, int], None]
 """Called with the share done (of the cells; when polishing, of the time), the current size and the lower bound."""
+STRONGEST = 6
+"""Largest strength."""
 CANDIDATES = 16
 SWEEPS = 5
 QUICK_OPERATIONS = 3e8
@@ -79,11 +81,13 @@ def covering_array(
     # A copy: a SAT solver's answers depend on earlier queries, and the same arguments must give the same rows.
     limits = Constraints(constraints.sizes, constraints.clauses)
     sizes = limits.sizes
-    if not 1 <= strength <= min(6, len(sizes)):
-        raise ValueError(f"strength must be in [1, {min(6, len(sizes))}], got {strength}")
+    if not 1 <= strength <= min(STRONGEST, len(sizes)):
+        raise ValueError(f"strength must be in [1, {min(STRONGEST, len(sizes))}], got {strength}")
     if not limits.satisfiable({}):
         raise ValueError(f"clauses {', '.join(map(str, limits.contradiction()))} contradict each other: no row is feasible")
     given = np.zeros((0, len(sizes)), np.int32) if seeds is None else np.asarray(seeds, np.int32)
+    if (given < 0).any():
+        raise ValueError("seed rows need a category of each variable")
     if broken := limits.first_broken(given.astype(np.int64)):
         raise ValueError(f"seed row {broken[0]} breaks clause {broken[1]}")
     started = time.monotonic()

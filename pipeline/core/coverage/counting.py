@@ -61,10 +61,13 @@ class CellCounts:
         self._counts = np.zeros(int(self._start[-1]), dtype=np.int64)
 
     def add(self, categories: Ints) -> None:
-        """Add (n, d) points to the counts; their category indices must be in range."""
+        """Add (n, d) points to the counts; their category indices must be in range, or -1 for unknown, which is in no cell."""
         rows = np.ascontiguousarray(categories, dtype=np.int64)
         self.points += len(rows)
         if not len(rows):
+            return
+        if (rows < 0).any():
+            self._add_partial(rows)
             return
         by_bits = (np.diff(self._start) <= SMALL_CELLS) & (len(rows) >= FEW_POINTS) & (self.k in (2, 3))
         if by_bits.any():
@@ -73,6 +76,13 @@ class CellCounts:
             columns, sizes = np.ascontiguousarray(rows.T), np.asarray(self.sizes, dtype=np.int64)
             for index in np.flatnonzero(~by_bits):
                 _histogram(columns, sizes, self.planes[index], self._counts[self._start[index] : self._start[index + 1]])
+
+    def _add_partial(self, rows: Ints) -> None:
+        """Unknown is one more category of the conditions that have it; its cells are dropped."""
+        wider = CellCounts([size + int((rows[:, condition] < 0).any()) for condition, size in enumerate(self.sizes)], self.k)
+        wider.add(np.where(rows < 0, self.sizes, rows))
+        for index, chosen in enumerate(self.planes):
+            self.plane(index)[...] += wider.plane(index)[tuple(slice(self.sizes[condition]) for condition in chosen)]
 
     def _add_by_bits(self, rows: Ints, by_bits: NDArray[np.bool_]) -> None:
         sizes = np.asarray(self.sizes, dtype=np.int64)

@@ -87,7 +87,9 @@ class Plane:
 
 
 def projection_coverage(categories: Ints, demand: Demand) -> Coverage:
-    """Measure how far points meet a demand. categories: (n, d) category indices, n may be 0.
+    """Measure how far points meet a demand.
+
+    categories: (n, d) category indices, n may be 0; a point with an unknown category, -1, is in no cell of the planes of that variable.
 
     Raises ValueError for an infeasible point, an index out of range, and if the feasible cells want no points at all.
     """
@@ -121,11 +123,11 @@ def total(every: Iterable[Plane]) -> Coverage:
 
 
 def check_points(categories: Ints, constraints: Constraints) -> None:
-    """Raise ValueError for a wrong shape, an index out of range or an infeasible point; the message names the first such point."""
+    """Raise ValueError for a wrong shape, an index out of range (-1 is unknown) or an infeasible point; the message names the first."""
     sizes = constraints.sizes
     if categories.ndim != 2 or categories.shape[1] != len(sizes):
         raise ValueError(f"categories must have shape (n, {len(sizes)}), got {categories.shape}")
-    outside = (categories < 0) | (categories >= np.asarray(sizes))
+    outside = (categories < -1) | (categories >= np.asarray(sizes))
     if outside.any():
         row, column = np.argwhere(outside)[0]
         raise ValueError(f"point {row}: category of variable {column} must be in [0, {sizes[column]}), got {categories[row, column]}")

@@ -119,7 +119,7 @@ class Proposer:
         check_points(points, self._constraints)
         if self._k == 1 and not self._constraints.clauses:
             return self._each_condition_alone(self.missing(points))
-        if self._wanted.max() <= 1 and self._wanted[self._problem.feasible].all():
+        if self._wanted.max() <= 1 and self._wanted[self._problem.feasible].all() and (points >= 0).all():
             seed = int(self._rng.integers(2**31))
             array = covering_array(self._constraints, self._k, seeds=points, seed=seed)
             return array.rows[len(points) :]

@@ -12,7 +12,8 @@ from pipeline.core.variable import Ints
 
 @dataclass(frozen=True)
 class Verification:
-    """broken: (row, clause) for each row that breaks a clause. missing: (variables, categories) of feasible cells without a row."""
+    """broken: (row, clause) for each row and clause that it breaks. missing: (variables, categories) of feasible cells that no other row
+    covers."""
 
     rows: int
     cells: int
@@ -34,10 +35,12 @@ def verify(rows: Ints, constraints: Constraints, strength: int, progress: Callab
         for j, clause in enumerate(constraints.clauses)
         if not any((row[x.variable] == x.category) == x.equal for x in clause)
     ]
+    out = {row for row, _ in broken}
+    feasible = [row for i, row in enumerate(listed) if i not in out]
     missing, cells, infeasible = [], 0, 0
     planes = list(combinations(range(len(constraints.sizes)), strength))
     for done, plane in enumerate(planes):
-        seen = {tuple(row[v] for v in plane) for row in listed}
+        seen = {tuple(row[v] for v in plane) for row in feasible}
         for cell in product(*(range(constraints.sizes[v]) for v in plane)):
             if cell in seen or _feasible(constraints, dict(zip(plane, cell, strict=True))):
                 cells += 1
