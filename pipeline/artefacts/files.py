@@ -9,6 +9,7 @@ import errno
 import hashlib
 import json
 import os
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +64,20 @@ def write_json(path: Path, plain: Any) -> None:
     write_bytes(path, (json.dumps(plain, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode())
 
 
+def check_output(path: Path, folder: bool = False) -> None:
+    """InputError if a file, or a folder of files, cannot be written: before the work, not after it."""
+    wanted = "a folder" if folder else "a file"
+    if path.exists() and (path.is_dir() is not folder or not (folder or path.is_file())):
+        raise InputError(f"{path}: expected {wanted} to write to, got {'a folder' if path.is_dir() else 'something else'}")
+    existing = path if folder and path.is_dir() else path.parent
+    if not existing.is_dir():
+        raise InputError(f"{path}: expected {wanted} to write to, got one in {existing}, which is no folder")
+    try:
+        tempfile.TemporaryFile(dir=existing).close()
+    except OSError as error:
+        raise InputError(f"{path}: expected {wanted} to write to, got {error.strerror}") from error
+
+
 def read_bytes(path: Path) -> bytes:
     """Read a whole file; InputError if it is missing or unreadable, or if its digest is not the one in its stamp."""
     try:
@@ -78,7 +93,7 @@ def read_json(path: Path) -> Any:
     text = read_bytes(path)
     try:
         return json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: expected JSON, got a truncated or foreign file ({error}); make it again") from error
 
 

@@ -2,37 +2,34 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import yaml
-
-from pipeline.artefacts.point_table import MOST_CATEGORIES
+from pipeline.artefacts.written_yaml import read_written_yaml
 from pipeline.core.names import nearest
 from pipeline.core.space import Space, Variable
-from pipeline.core.variable import HEAVIEST
+from pipeline.core.variable import HEAVIEST, number_text
 from pipeline.errors import InputError
 
 KEYS = ("values", "interval", "cuts", "cyclic", "unit", "weights")
 EXAMPLE = "weather: {values: [sunny, rainy], weights: {rainy: 3}} or fog: {interval: [0, 100], cuts: [20, 50]}"
+MOST_CATEGORIES = 5000
+"""Largest number of values of one variable: more usually means an identifier, or a measurement that needs cuts."""
 
 
 def read_space_file(path: Path) -> Space:
     """Read a space file.
 
-    Raises InputError that names the file and the key: for a missing, wrong or unknown key, and for contradictory constraints, with as few
-    clauses as contradict each other.
+    Raises InputError that names the file and the key: for a missing, wrong, unknown or repeated key, and for contradictory constraints,
+    with as few clauses as contradict each other.
     """
-    try:
-        plain = yaml.safe_load(path.read_text())
-    except OSError as error:
-        raise InputError(f"{path}: expected a space file, got {error.strerror}") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not valid YAML ({str(error).splitlines()[0]})") from error
+    plain = read_written_yaml(path)
     try:
         return _space(plain)
     except ValueError as error:
@@ -45,62 +42,90 @@ def _space(plain: Any) -> Space:
     for key in plain:
         if key not in ("variables", "constraints"):
             raise ValueError(f"unknown key '{key}'{nearest(str(key), ['variables', 'constraints'])}")
-    variables = tuple(_variable(str(name), body) for name, body in plain["variables"].items())
-    clauses = plain.get("constraints") or []
-    if not isinstance(clauses, list) or not all(isinstance(clause, list) for clause in clauses):
+    variables = tuple(_variable(name, body) for name, body in plain["variables"].items())
+    return Space(variables, _clauses(plain.get("constraints") or []))
+
+
+def _clauses(plain: Any) -> tuple[tuple[str, ...], ...]:
+    if not isinstance(plain, list) or not all(isinstance(clause, list) and clause for clause in plain):
         raise ValueError("constraints: expected a list of clauses, each a list such as [lanes = 2, current_lane != 2]")
-    return Space(variables, tuple(tuple(str(literal) for literal in clause) for clause in clauses))
+    for literal in (literal for clause in plain for literal in clause):
+        if not isinstance(literal, str):
+            raise ValueError(f"constraints: expected texts such as lanes = 2, got {_shown(literal)}; put the text in quotes")
+    return tuple(map(tuple, plain))
 
 
-def _variable(name: str, body: Any) -> Variable:
+def _variable(name: Any, body: Any) -> Variable:
+    if not isinstance(name, str):
+        raise ValueError(f"variables: expected a name for each variable, got {_shown(name)}; put it in quotes")
     key = f"variables.{name}"
     if not isinstance(body, Mapping):
-        raise ValueError(f"{key}: expected values or an interval, as in {EXAMPLE}; got {body!r}")
+        raise ValueError(f"{key}: expected values or an interval, as in {EXAMPLE}; got {_shown(body)}")
     for known in body:
         if known not in KEYS:
             raise ValueError(f"unknown key '{key}.{known}'{nearest(str(known), KEYS)}")
     if ("values" in body) == ("interval" in body):
         raise ValueError(f"{key}: expected either values or an interval, as in {EXAMPLE}")
-    unit, cyclic = str(body.get("unit", "")), body.get("cyclic", False)
     if "values" in body:
-        if "cuts" in body or cyclic:
+        if "cuts" in body or _cyclic(key, body):
             raise ValueError(f"{key}: cuts and cyclic go with an interval, not with values")
-        variable = Variable(name, "categorical", unit, values=_values(key, body["values"]))
+        variable = Variable(name, "categorical", _unit(key, body), values=_values(f"{key}.values", body["values"]))
     else:
         variable = _interval(name, key, body)
     return replace(variable, weights=_weights(f"{key}.weights", body.get("weights"), variable.labels))
 
 
+def _unit(key: str, body: Mapping[str, Any]) -> str:
+    unit = body.get("unit") or ""
+    if not isinstance(unit, str):
+        raise ValueError(f"{key}.unit: expected a text, got {_shown(unit)}")
+    return unit
+
+
 def _interval(name: str, key: str, body: Mapping[str, Any]) -> Variable:
-    interval, cuts = _numbers(f"{key}.interval", body["interval"]), _numbers(f"{key}.cuts", body.get("cuts", []))
+    interval, cuts = _numbers(f"{key}.interval", body["interval"]), _numbers(f"{key}.cuts", body.get("cuts") or [])
     if len(interval) != 2 or interval[0] >= interval[1]:
-        raise ValueError(f"{key}.interval: expected two numbers, the smaller first, got {body['interval']}")
+        raise ValueError(f"{key}.interval: expected two numbers, the smaller first, got {_shown(body['interval'])}")
     if any(a >= b for a, b in pairwise((interval[0], *cuts, interval[1]))):
-        raise ValueError(f"{key}.cuts: expected rising numbers inside {list(interval)}, got {body.get('cuts')}")
-    cyclic = bool(body.get("cyclic", False))
+        inside = ", ".join(map(number_text, interval))
+        raise ValueError(f"{key}.cuts: expected rising numbers inside [{inside}], got {_shown(body['cuts'])}")
+    cyclic = _cyclic(key, body)
     if cyclic and len(cuts) == 1:
-        raise ValueError(f"{key}.cuts: a cyclic interval needs no cut or at least two, got {body.get('cuts')}")
-    return Variable(name, "continuous", str(body.get("unit", "")), interval[0], interval[1], cyclic=cyclic, cuts=cuts)
+        raise ValueError(f"{key}.cuts: a cyclic interval needs no cut or at least two, got {_shown(body['cuts'])}")
+    return Variable(name, "continuous", _unit(key, body), *interval, cyclic=cyclic, cuts=cuts)
+
+
+def _cyclic(key: str, body: Mapping[str, Any]) -> bool:
+    cyclic = body.get("cyclic", "false")
+    if cyclic not in ("true", "false"):
+        raise ValueError(f"{key}.cyclic: expected true or false, got {_shown(cyclic)}")
+    return bool(cyclic == "true")
 
 
 def _values(key: str, plain: Any) -> tuple[str, ...]:
     if not isinstance(plain, list) or not plain:
-        raise ValueError(f"{key}.values: expected a list of names, got {plain!r}")
-    values = tuple(("true" if v else "false") if isinstance(v, bool) else str(v).strip() for v in plain)
-    if len(values) > MOST_CATEGORIES:
+        raise ValueError(f"{key}: expected a list of names, got {_shown(plain)}")
+    if len(plain) > MOST_CATEGORIES:
         raise ValueError(
-            f"{key}.values: expected at most {MOST_CATEGORIES:,} names, got {len(values):,}; a measurement needs an interval with cuts"
+            f"{key}: expected at most {MOST_CATEGORIES:,} names, got {len(plain):,}; a measurement needs an interval with cuts"
         )
-    if len(set(values)) != len(values):
-        twice = next(value for value in values if values.count(value) > 1)
-        raise ValueError(f"{key}.values: '{twice}' appears twice")
-    return values
+    seen: set[str] = set()
+    for value in plain:
+        if not isinstance(value, str):
+            raise ValueError(f"{key}: expected names, got {_shown(value)}; put a name in quotes")
+        if value in seen:
+            raise ValueError(f"{key}: '{value}' appears twice")
+        seen.add(value)
+    return tuple(plain)
 
 
 def _numbers(key: str, plain: Any) -> tuple[float, ...]:
-    if not isinstance(plain, list) or not all(isinstance(v, int | float) and not isinstance(v, bool) and np.isfinite(v) for v in plain):
-        raise ValueError(f"{key}: expected a list of numbers, got {plain!r}")
-    return tuple(float(v) for v in plain)
+    if isinstance(plain, list) and all(isinstance(text, str) and "_" not in text for text in plain):
+        with suppress(ValueError):
+            numbers = tuple(map(float, plain))
+            if all(map(isfinite, numbers)):
+                return numbers
+    raise ValueError(f"{key}: expected a list of numbers, got {_shown(plain)}")
 
 
 def _weights(key: str, plain: Any, labels: tuple[str, ...]) -> tuple[int, ...]:
@@ -112,11 +137,17 @@ def _weights(key: str, plain: Any, labels: tuple[str, ...]) -> tuple[int, ...]:
             raise ValueError(f"{key}: expected {len(labels)} numbers, one a category, got {len(plain)}")
         plain = dict(zip(labels, plain, strict=True))
     if not isinstance(plain, Mapping):
-        raise ValueError(f"{key}: expected a weight for each category, got {plain!r}")
-    named = {("true" if k else "false") if isinstance(k, bool) else str(k).strip(): weight for k, weight in plain.items()}
-    for name, weight in named.items():
+        raise ValueError(f"{key}: expected a weight for each category, got {_shown(plain)}")
+    for name, weight in plain.items():
         if name not in labels:
-            raise ValueError(f"{key}: there is no category '{name}'{nearest(name, labels)}")
-        if not isinstance(weight, int) or isinstance(weight, bool) or not 0 <= weight <= HEAVIEST:
-            raise ValueError(f"{key}.{name}: expected a whole number from 0 to {HEAVIEST}, got {weight!r}")
-    return tuple(named.get(label, 1) for label in labels)
+            raise ValueError(f"{key}: there is no category '{name}'{nearest(str(name), labels)}")
+        if not isinstance(weight, str) or not weight.isdecimal() or not int(weight) <= HEAVIEST:
+            raise ValueError(f"{key}.{name}: expected a whole number from 0 to {HEAVIEST}, got {_shown(weight)}")
+    return tuple(int(plain.get(label, 1)) for label in labels)
+
+
+def _shown(plain: Any) -> str:
+    """A value as YAML, shortened if it is long."""
+    if isinstance(plain, list) and len(plain) <= 6 and all(isinstance(item, str | None) for item in plain):
+        return f"[{', '.join(map(_shown, plain))}]"
+    return "null" if plain is None else plain if isinstance(plain, str) and plain else reprlib.repr(plain)

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import argparse
 import json
+from math import inf
 from pathlib import Path
 
 from pipeline.errors import InputError
 from pipeline.progress import Progress
 
 HELP = "Score the coverage of any data set, propose points, plan and verify covering arrays."
+
+SECONDS = {"propose": 20.0, "plan": 30.0}
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,18 +23,18 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     score.add_argument("--figures", type=Path, help="folder for a heat map of every plane and the growth of coverage")
     propose = _verb(verbs, "propose", "The next points that raise coverage most.")
     _add_projection(propose, points_required=False)
-    propose.add_argument("--count", type=int, default=1, help="how many (default: %(default)s)")
+    propose.add_argument("--count", type=int, help="how many (default: 1)")
     propose.add_argument("--complete", action="store_true", help="as many as complete the coverage, with a lower bound")
     propose.add_argument("--exact", action="store_true", help="use 0-1 programming: the optimum, or the best found in time and a bound")
     propose.add_argument("--heavy-first", action="store_true", help="prefer cells with a large weight to many cells")
-    propose.add_argument("--output", type=Path, help="CSV for the points")
+    propose.add_argument("--output", type=Path, help="CSV or parquet file for the points")
     plan = _verb(verbs, "plan", "A covering array: few points with every combination of categories of any conditions.")
     plan.add_argument("--strength", type=int, default=2, help="number of conditions to combine, 1 to 6 (default: %(default)s)")
     plan.add_argument("--effort", choices=("quick", "polish"), default="quick", help="polish searches for --seconds (default: %(default)s)")
     plan.add_argument("--include", type=Path, help="table of points that must be in the plan")
-    plan.add_argument("--output", type=Path, help="CSV for the plan")
-    for timed, seconds in ((propose, 20.0), (plan, 30.0)):
-        timed.add_argument("--seconds", type=float, default=seconds, help="time limit of --exact or polish (default: %(default)s)")
+    plan.add_argument("--output", type=Path, help="CSV or parquet file for the plan")
+    for timed, verb in ((propose, "propose"), (plan, "plan")):
+        timed.add_argument("--seconds", type=float, help=f"time limit of --exact or polish (default: {SECONDS[verb]})")
         timed.add_argument("--seed", type=int, default=0, help="random seed (default: %(default)s)")
     verify = _verb(verbs, "verify", "Check a plan independently of the code that made it; exit code 1 if it is not valid.")
     verify.add_argument("--points", type=Path, required=True, help="the plan: CSV or parquet")
@@ -47,7 +50,8 @@ def _verb(verbs: argparse._SubParsersAction[argparse.ArgumentParser], name: str,
 
 def _add_projection(parser: argparse.ArgumentParser, points_required: bool) -> None:
     parser.add_argument("--points", type=Path, required=points_required, help="CSV, parquet, COCO's JSON or a folder of YOLO labels")
-    parser.add_argument("--metadata", type=Path, help="for COCO and YOLO: a CSV with file_name and the conditions of each image")
+    parser.add_argument("--metadata", type=Path, help="for COCO and YOLO: a table with file_name and the conditions of each image")
+    parser.add_argument("--strict", action="store_true", help="refuse a table with rows that are partial or break a constraint")
     parser.add_argument("--k", type=int, default=2, help="number of conditions to combine (default: %(default)s)")
     parser.add_argument(
         "--operator", choices=("product", "sum", "max"), default="product", help="how weights combine (default: %(default)s)"
@@ -58,10 +62,35 @@ def run(options: argparse.Namespace) -> int:
     """Run the subcommand and print its result; 1 if `verify` finds the plan not valid."""
     from pipeline.report import coverage_answers
 
-    for option in ("seconds", "seed"):
-        if getattr(options, option, 0) < 0:
-            raise InputError(f"--{option} must be at least 0, got {getattr(options, option)}")
+    _check(options)
+    _check_outputs(options)
     with Progress(f"coverage {options.verb}") as progress:
         found, text = getattr(coverage_answers, options.verb)(options, progress)
     print(json.dumps(found, ensure_ascii=False) if options.json else text)
     return 0 if found.get("valid", True) else 1
+
+
+def _check(options: argparse.Namespace) -> None:
+    """Refuse wrong and useless options, and fill in the defaults of those that --complete has no use for."""
+    if getattr(options, "complete", False):
+        for option in ("count", "exact", "seconds"):
+            if (given := getattr(options, option)) is not None and given is not False:
+                raise InputError(f"--complete gives as many points as are needed; it has no use for --{option}")
+    if getattr(options, "metadata", None) and options.points is None:
+        raise InputError("--metadata gives the conditions of images; name these by --points")
+    options.count = 1 if getattr(options, "count", None) is None else options.count
+    options.seconds = SECONDS.get(options.verb, 0.0) if getattr(options, "seconds", None) is None else options.seconds
+    for option in ("seconds", "seed"):
+        if not 0 <= (given := getattr(options, option, 0)) < inf:
+            raise InputError(f"--{option} must be at least 0 and finite, got {given}")
+
+
+def _check_outputs(options: argparse.Namespace) -> None:
+    from pipeline.artefacts.files import check_output
+    from pipeline.artefacts.table_file import check_format
+
+    if output := getattr(options, "output", None):
+        check_format(output)
+        check_output(output)
+    if figures := getattr(options, "figures", None):
+        check_output(figures, folder=True)

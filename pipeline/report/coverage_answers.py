@@ -15,13 +15,14 @@ from pipeline.analysis.data_coverage import LISTED, Found, cell_names, details, 
 from pipeline.artefacts.point_table import read_points, write_points
 from pipeline.artefacts.space_file import read_space_file
 from pipeline.core.coverage import arrays, counting
-from pipeline.core.coverage.arrays import Effort, covering_array
+from pipeline.core.coverage.arrays import STRONGEST, Effort, covering_array
 from pipeline.core.coverage.projection import Coverage, Demand, Plane, total
 from pipeline.core.coverage.proposals import Proposal, Proposer
 from pipeline.core.coverage.verification import verify as verify_rows
 from pipeline.core.space import Ints, Space
 from pipeline.errors import InputError
 from pipeline.progress import Progress
+from pipeline.report.imperfect_rows import imperfect, imperfect_text
 
 MOST_CELLS = 200_000_000
 SHOWN = 12
@@ -30,7 +31,8 @@ SHOWN = 12
 def score(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
     """Coverage of a table of points."""
     space = _read_space(options, "k")
-    rows = read_points(options.points, space, metadata=options.metadata)
+    table = read_points(options.points, space, metadata=options.metadata)
+    rows = table.strict() if options.strict else table.points
     _announce_compilation()
     by_k = {}
     for k in range(1, options.k + 1):
@@ -42,14 +44,14 @@ def score(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
         **fraction(coverage),
         "k": options.k,
         "operator": options.operator,
-        "points": len(rows),
+        **imperfect(table),
         "by_k": [{"k": k, **fraction(value)} for k, value in by_k.items()],
         **details(space, every),
         "next": next_points(space, rows, demand) if coverage.covered < coverage.required else [],
     }
     if options.figures:
         found["figures"] = [str(path) for path in _draw(options.figures, space, rows, demand)]
-    return found, _score_text(found, space)
+    return found, "\n".join([*imperfect_text(found), _score_text(found, space)])
 
 
 def propose(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
@@ -57,9 +59,10 @@ def propose(options: argparse.Namespace, progress: Progress) -> tuple[Found, str
     space = _read_space(options, "k")
     if options.count < 1:
         raise InputError(f"--count must be at least 1, got {options.count}")
-    rows = np.zeros((0, len(space)), np.int64)
+    rows, existing = np.zeros((0, len(space)), np.int64), {}
     if options.points is not None:
-        rows = read_points(options.points, space, metadata=options.metadata, empty=True)
+        table = read_points(options.points, space, metadata=options.metadata, empty=True)
+        rows, existing = table.strict() if options.strict else table.points, imperfect(table)
     demand = Demand(space.constraints, options.k, space.weights, options.operator)
     before = _total(options.space, planes_of(rows, demand))
     _announce_compilation()
@@ -83,8 +86,10 @@ def propose(options: argparse.Namespace, progress: Progress) -> tuple[Found, str
         "before": fraction(before),
         "after": fraction(after),
         "points": space.names_of(found.categories),
+        "existing": existing,
     }
-    return result, _propose_text(result, options, before, after)
+    text = _propose_text(result, options, before, after)
+    return result, "\n".join([*(imperfect_text(existing) if existing else []), text])
 
 
 def _proposal(proposer: Proposer, rows: Ints, options: argparse.Namespace) -> Proposal:
@@ -116,7 +121,7 @@ def _propose_text(found: Found, options: argparse.Namespace, before: Coverage, a
 def plan(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
     """A covering array: few points in which every combination of categories of any `strength` conditions occurs."""
     space = _read_space(options, "strength")
-    seeds = None if options.include is None else read_points(options.include, space)
+    seeds = None if options.include is None else read_points(options.include, space).strict()
     started = time.monotonic()
     _announce_compilation()
 
@@ -145,8 +150,12 @@ def plan(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
 def verify(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
     """Check a plan by other means than those that made it."""
     space = _read_space(options, "strength")
-    rows = read_points(options.points, space)
+    table = read_points(options.points, space)
+    rows = table.complete()
     checked = verify_rows(rows, space.constraints, options.strength, progress)
+    broken = [
+        f"row {row + 1} breaks the constraint '{space.clause(clause)}': {_row_text(space, rows[row])}" for row, clause in checked.broken
+    ]
     missing = [cell_names(space, plane, cell) for plane, cell in checked.missing[:LISTED]]
     found: Found = {
         "valid": checked.valid,
@@ -154,13 +163,18 @@ def verify(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]
         "strength": options.strength,
         "cells": checked.cells,
         "infeasible_cells": checked.infeasible,
+        "broken_rows": len({row for row, _ in checked.broken}),
+        "broken": broken[:LISTED],
         "missing_cells": len(checked.missing),
         "missing": missing,
     }
     if checked.valid:
         return found, f"valid: {checked.rows} points cover all {checked.cells:,} feasible combinations of {options.strength} conditions"
-    listed = "\n".join(f"  {_cell_text(cell)}" for cell in missing[:SHOWN])
-    return found, f"not valid: {len(checked.missing):,} of {checked.cells:,} feasible combinations are missing, among them\n{listed}"
+    lines = [f"not valid: {line}" for line in broken[:SHOWN]]
+    if missing:
+        lines.append(f"not valid: {len(checked.missing):,} of {checked.cells:,} feasible combinations are missing, among them")
+        lines += [f"  {_cell_text(cell)}" for cell in missing[:SHOWN]]
+    return found, "\n".join(lines)
 
 
 def _read_space(options: argparse.Namespace, option: str) -> Space:
@@ -168,6 +182,8 @@ def _read_space(options: argparse.Namespace, option: str) -> Space:
     space, k = read_space_file(options.space), getattr(options, option)
     if not 1 <= k <= len(space):
         raise InputError(f"--{option} must be in [1, {len(space)}], the number of conditions; got {k}")
+    if options.verb == "plan" and k > STRONGEST:
+        raise InputError(f"--strength must be in [1, {STRONGEST}], got {k}")
     cells = comb(len(space), k) * float(np.exp(k * np.mean(np.log(np.sort(space.sizes)[::-1].astype(float)))))
     if cells > MOST_CELLS:
         raise InputError(f"--{option} = {k}: about {cells:.2g} cells are more than the {MOST_CELLS:.0e} that fit; choose a smaller one")
@@ -199,6 +215,10 @@ def _percent(coverage: Coverage) -> str:
 
 def _cell_text(cell: Mapping[str, str]) -> str:
     return ", ".join(f"{name} = {label}" for name, label in cell.items())
+
+
+def _row_text(space: Space, row: Ints) -> str:
+    return _cell_text(space.names_of(row[None])[0])
 
 
 def _points_table(points: list[dict[str, str]]) -> list[str]:

@@ -152,6 +152,14 @@ def test_a_plan_is_valid_and_its_table_reads_back(strength: int, folder: Path, c
         (["score", "--points", "space.yaml"], "space.yaml: expected a CSV or parquet table, got"),
         (["propose", "--count", "0"], "--count must be at least 1, got 0"),
         (["plan", "--seconds", "-1"], "--seconds must be at least 0"),
+        (["plan", "--seconds", "nan"], "--seconds must be at least 0 and finite, got nan"),
+        (["plan", "--seconds", "inf"], "--seconds must be at least 0 and finite, got inf"),
+        (["plan", "--strength", "7"], "--strength must be in [1, 4]"),
+        (["propose", "--complete", "--count", "3"], "--complete gives as many points as are needed; it has no use for --count"),
+        (["propose", "--complete", "--exact"], "it has no use for --exact"),
+        (["propose", "--complete", "--seconds", "0"], "it has no use for --seconds"),
+        (["propose", "--metadata", "points.csv"], "--metadata gives the conditions of images; name these by --points"),
+        (["score", "--points", "points.csv", "--metadata", "points.csv"], "--metadata goes with COCO's JSON and folders of YOLO labels"),
         (["score", "--points", "broken.csv"], "row 1 breaks the constraint 'lanes = 2 or current_lane != 2'"),
         (["score", "--points", "empty.json"], "name it by --metadata"),
     ],
@@ -162,6 +170,35 @@ def test_bad_input_is_named(words: list[str], message: str, folder: Path, capsys
     at = [str(folder / word) if word.endswith((".csv", ".yaml", ".json")) else word for word in words]
     assert main(["coverage", at[0], "--space", str(folder / "space.yaml"), *at[1:]]) == 2
     assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["plan", "--output", "."], "expected a file to write to, got a folder"),
+        (["plan", "--output", "nowhere/plan.csv"], "nowhere, which is no folder"),
+        (["propose", "--output", "points.csv/next.csv"], "points.csv, which is no folder"),
+        (["plan", "--output", "/dev/null"], "/dev/null: expected a file to write to, got something else"),
+        (["plan", "--output", "/proc/plan.csv"], "/proc/plan.csv: expected a file to write to, got"),
+        (["plan", "--output", "plan.xlsx"], "plan.xlsx: expected a name that ends in .csv or .parquet, got .xlsx"),
+        (["score", "--points", "points.csv", "--figures", "points.csv"], "points.csv: expected a folder to write to, got something else"),
+        (["score", "--points", "points.csv", "--figures", "nowhere/figures"], "nowhere, which is no folder"),
+    ],
+)
+def test_outputs_are_checked_before_the_work(
+    words: list[str], message: str, folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder)
+    before = sorted(folder.iterdir())
+    assert main(["coverage", words[0], "--space", "missing.yaml", *words[1:]]) == 2  # The space file would be read first.
+    error = capsys.readouterr().err
+    assert message in error and len(error.splitlines()) == 1 and sorted(folder.iterdir()) == before
+
+
+def test_the_strongest_plan_combines_six_conditions(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "eight.yaml").write_text("variables: {" + ", ".join(f"{name}: {{values: [x, y]}}" for name in "abcdefgh") + "}")
+    assert main(["coverage", "plan", "--space", str(folder / "eight.yaml"), "--strength", "7"]) == 2
+    assert "--strength must be in [1, 6], got 7" in capsys.readouterr().err
 
 
 def test_weights_of_zero_are_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,0 +1,153 @@
+"""The images of COCO and YOLO data sets: how many annotations each has, and the conditions that a table gives it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path, PurePath
+from typing import Any
+
+import pyarrow as pa
+
+from pipeline.artefacts.files import read_json
+from pipeline.artefacts.table_file import Table, read_table
+from pipeline.errors import InputError
+
+IMAGES = (".avif", ".bmp", ".heic", ".jpeg", ".jpg", ".mpo", ".pfm", ".png", ".tif", ".tiff", ".webp")
+NO_LABELS = "classes.txt"
+"""Lies beside the labels of a flat folder and names the classes."""
+PAIR = ("images", "labels")
+KEY = "file_name"
+OBJECTS = "objects"
+
+
+def read_images(path: Path, metadata: Path, wanted: Sequence[str]) -> tuple[Table, list[str]]:
+    """The wanted conditions of each image of a COCO file or YOLO folder, and the images' names, in the same order.
+
+    Conditions come from `metadata`, a table with a column `file_name`; without a column `objects` there, that condition is the number of
+    annotations. Raises InputError that names the file and the image.
+    """
+    counts = _yolo(path) if path.is_dir() else _coco(path)
+    table = read_table(metadata, [KEY, *(name for name in wanted if name != KEY)])
+    if KEY not in table.columns:
+        raise InputError(f"{metadata}: expected a column {KEY}, got {', '.join(table.header)}")
+    rows = pa.array(_rows(path, list(counts), table, metadata), pa.int64())
+    columns = {name: column.take(rows) for name, column in table.columns.items() if name in wanted}
+    if OBJECTS in wanted and OBJECTS not in columns:
+        columns[OBJECTS] = pa.chunked_array([list(counts.values())], pa.int64())
+    return Table((*table.header, OBJECTS), columns, len(rows)), list(counts)
+
+
+def _coco(path: Path) -> dict[str, int]:
+    """Number of annotations of each image by file name."""
+    plain = read_json(path)
+    names: dict[Any, str] = {}
+    counts: dict[str, int] = {}
+    try:
+        for image in plain["images"]:
+            number, name = image["id"], str(image["file_name"])
+            if names.get(number, name) != name:
+                raise InputError(f"{path}: the image id {number} belongs to {names[number]} and to {name}")
+            if number not in names and name in counts:
+                raise InputError(f"{path}: the image {name} appears twice, with different ids")
+            names[number], counts[name] = name, 0
+        for i, annotation in enumerate(plain["annotations"]):
+            if annotation["image_id"] not in names:
+                raise InputError(f"{path}: annotations[{i}]: expected the id of an image, got {annotation['image_id']!r}")
+            counts[names[annotation["image_id"]]] += 1
+    except (KeyError, TypeError) as error:
+        raise InputError(f"{path}: expected COCO's images and annotations, got {error!r}") from error
+    return counts
+
+
+def _yolo(path: Path) -> dict[str, int]:
+    """Number of labelled objects of each image by path without suffix; an image without a label file has none."""
+    base, folders = _both_folders(path)
+    files = [file for folder in folders for file in sorted(folder.rglob("*")) if file.is_file()]
+    images = _apart(base, "images", [file for file in files if file.suffix.lower() in IMAGES])
+    labels = _apart(base, "labels", [file for file in files if file.suffix == ".txt" and file.name != NO_LABELS])
+    if not images and not labels:
+        raise InputError(f"{path}: expected a folder of YOLO labels (*.txt) or images, got none")
+    named: dict[str, Path] = {}
+    for image in images:
+        if (other := named.setdefault(_bare(image.relative_to(base)), image)) != image:
+            raise InputError(f"{path}: {other.name} and {image.name} share one label file, expected one image for each")
+    return dict.fromkeys(named, 0) | {_bare(label.relative_to(base)): _objects(label) for label in labels}
+
+
+def _both_folders(path: Path) -> tuple[Path, list[Path]]:
+    """The folder of a data set, and where its images and labels are: in a folder inside `images`, the labels are inside `labels`."""
+    parts = path.resolve().parts
+    for place in reversed(range(len(parts))):
+        if parts[place] in PAIR:
+            both = [Path(*parts[:place], name, *parts[place + 1 :]) for name in PAIR]
+            return (Path(*parts[:place]), both) if all(map(Path.is_dir, both)) else (path, [path])
+    return path, [path]
+
+
+def _apart(base: Path, name: str, files: list[Path]) -> list[Path]:
+    """The files in folders of this name if there are any, else all."""
+    return [file for file in files if name in file.relative_to(base).parts] or files
+
+
+def _bare(path: str | PurePath) -> str:
+    """A path inside a data set as its image and its labels share it: without suffix, `images` and `labels`."""
+    inside = PurePath(*(part for part in PurePath(path).parts if part not in PAIR))
+    return (inside.with_suffix("") if inside.suffix.lower() in (*IMAGES, ".txt") else inside).as_posix()
+
+
+def _stem(path: str) -> str:
+    return _bare(path).rpartition("/")[2]
+
+
+def _objects(label: Path) -> int:
+    """Number of objects in a label file; InputError for a line that is not a class and at least four numbers."""
+    count = 0
+    for number, line in enumerate(label.read_text(errors="replace").splitlines(), 1):
+        if not (fields := line.split()):
+            continue
+        if len(fields) < 5 or not all(map(_is_number, fields)):
+            raise InputError(f"{label}: line {number}: expected a class and at least four numbers, got {line[:80]!r}")
+        count += 1
+    return count
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _rows(path: Path, images: Sequence[str], table: Table, metadata: Path) -> list[int]:
+    """The row of each image: by its path, else without suffix, else by its name alone if no other image or row has it."""
+    keys = table.columns[KEY].cast(pa.string()).to_pylist()
+    if None in keys:
+        raise InputError(f"{metadata}: row {keys.index(None) + 1}: {KEY} must be the name of an image, got nothing")
+    written, bare, alone = _by(str, keys), _by(_bare, keys), _by(_stem, keys)
+    stems = Counter(map(_stem, images))
+    rows = []
+    for image in images:
+        found = written.get(image) or bare.get(_bare(image)) or alone.get(_stem(image), [])
+        several = len({_bare(keys[row]) for row in found}) > 1 or (bool(found) and _bare(image) not in bare and stems[_stem(image)] > 1)
+        if not found or several:
+            why = f", and several images are called {_stem(image)}" if several else ""
+            raise InputError(f"{metadata}: expected a row for every image of {path}, there is none for {image}{why}")
+        rows.append(_one(found, image, table, metadata))
+    return rows
+
+
+def _by(meaning: Callable[[str], str], keys: Sequence[str]) -> dict[str, list[int]]:
+    rows: dict[str, list[int]] = {}
+    for row, key in enumerate(keys):
+        rows.setdefault(meaning(key), []).append(row)
+    return rows
+
+
+def _one(rows: list[int], image: str, table: Table, metadata: Path) -> int:
+    """The first of the rows of an image; InputError if they differ in a condition."""
+    for name, column in table.columns.items():
+        if name != KEY and len(rows) > 1 and len({column[row].as_py() for row in rows}) > 1:
+            raise InputError(f"{metadata}: rows {rows[0] + 1} and {rows[1] + 1} are both {image} and differ in {name}")
+    return rows[0]
