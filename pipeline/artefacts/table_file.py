@@ -14,7 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from pyarrow import csv as pa_csv
 
-from pipeline.artefacts.files import write_bytes
+from pipeline.artefacts.files import read_bytes, write_bytes
 from pipeline.errors import InputError
 
 CSV, PARQUET = ("", ".csv", ".txt"), (".parquet", ".pq")
@@ -46,7 +46,7 @@ def read_table(path: Path, wanted: Sequence[str]) -> Table:
         if path.suffix.lower() in PARQUET:
             return _read_parquet(path, wanted)
         if path.suffix.lower() in CSV:
-            return _read_csv(path, path.read_bytes(), wanted)
+            return _read_csv(path, read_bytes(path), wanted)
     except FileNotFoundError as error:
         raise InputError(f"{path}: expected {READ}, got no such file") from error
     except InputError:

@@ -57,7 +57,7 @@ class Constraints:
         """Whether each row of (n, d) category indices satisfies every clause, as (n,); an unknown category, -1, satisfies its literals."""
         result = np.ones(len(categories), dtype=bool)
         for clause in self.clauses:
-            result &= _satisfied(clause, categories)
+            result &= satisfied(clause, categories)
         return result
 
     def first_broken(self, categories: Ints) -> tuple[int, int] | None:
@@ -66,7 +66,7 @@ class Constraints:
         if not len(broken):
             return None
         row = int(broken[0])
-        return row, next(i for i, clause in enumerate(self.clauses) if not _satisfied(clause, categories[row : row + 1])[0])
+        return row, next(i for i, clause in enumerate(self.clauses) if not satisfied(clause, categories[row : row + 1])[0])
 
     def satisfiable(self, fixed: Mapping[int, int]) -> bool:
         """Whether some feasible point has the category `fixed[variable]` for each variable in `fixed`."""
@@ -106,7 +106,8 @@ class Constraints:
         self.__dict__.update(state)
 
 
-def _satisfied(clause: Clause, categories: Ints) -> Bools:
+def satisfied(clause: Clause, categories: Ints) -> Bools:
+    """Whether each row of (n, d) category indices satisfies the clause, as (n,)."""
     result = np.zeros(len(categories), dtype=bool)
     for literal in clause:
         column = categories[:, literal.variable]

@@ -26,6 +26,7 @@ from pipeline.report.imperfect_rows import imperfect, imperfect_text
 
 MOST_CELLS = 200_000_000
 SHOWN = 12
+SMALLEST = "This is the smallest possible number."
 
 
 def score(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
@@ -68,8 +69,7 @@ def propose(options: argparse.Namespace, progress: Progress) -> tuple[Found, str
     _announce_compilation()
     proposer = Proposer(demand, heavy_first=options.heavy_first, seed=options.seed)
     progress(0, 1, f"{before.covered} of {before.required} covered")
-    needed = proposer.fewest(rows)
-    found = _proposal(proposer, rows, options)
+    found, needed = _proposal(proposer, rows, options)
     after = _total(options.space, planes_of(np.vstack([rows, found.categories]), demand))
     progress(1, 1, f"{after.covered} of {after.required} covered")
     if options.output:
@@ -92,14 +92,15 @@ def propose(options: argparse.Namespace, progress: Progress) -> tuple[Found, str
     return result, "\n".join([*(imperfect_text(existing) if existing else []), text])
 
 
-def _proposal(proposer: Proposer, rows: Ints, options: argparse.Namespace) -> Proposal:
-    """What the options ask for; no points if nothing is missing."""
+def _proposal(proposer: Proposer, rows: Ints, options: argparse.Namespace) -> tuple[Proposal, int]:
+    """What the options ask for, no points if nothing is missing; and a bound of the points that complete the coverage."""
     if options.complete:
-        added = proposer.completion(rows)
+        completion = proposer.completion(rows)
+        added = completion.categories
         gain = int((proposer.missing(rows) - proposer.missing(np.vstack([rows, added]))).sum())
-        return Proposal(added, gain, gain)
+        return Proposal(added, gain, gain), completion.bound
     found = proposer.propose_exact(rows, options.count, options.seconds) if options.exact else proposer.propose(rows, options.count)
-    return Proposal(rows[:0], 0, 0) if found is None else found
+    return Proposal(rows[:0], 0, 0) if found is None else found, proposer.fewest(rows)
 
 
 def _propose_text(found: Found, options: argparse.Namespace, before: Coverage, after: Coverage) -> str:
@@ -108,7 +109,7 @@ def _propose_text(found: Found, options: argparse.Namespace, before: Coverage, a
     lines = [f"{options.k}-projection coverage {_percent(before)}, with {found['count']} more points {_percent(after)}"]
     if options.complete:
         needed = found["needed_at_least"]
-        lines.append("No fewer points complete it." if found["optimal"] else f"No fewer than {needed} points could.")
+        lines.append(SMALLEST if found["optimal"] else f"No fewer than {needed} points complete it.")
     elif found["optimal"]:
         lines.append("No other points are worth more." if options.heavy_first else "No other points gain more.")
     elif options.heavy_first:

@@ -87,12 +87,12 @@ def test_one_projection_is_completed_by_the_fewest_points() -> None:
     """Algorithm 1 on the data of Equation 1, and with weights: as many points as the condition that lacks most."""
     free = Constraints((2, 2, 2, 2))
     data = np.array([[0, 0, 1, 1], [1, 0, 0, 0], [1, 0, 0, 1]])
-    assert Proposer(Demand(free, 1)).completion(data)[:, 1].tolist() == [1]
+    assert Proposer(Demand(free, 1)).completion(data).categories[:, 1].tolist() == [1]
     weights = [[2, 1], [1, 4], [1, 1], [2, 2]]
     proposer = Proposer(Demand(free, 1, weights))
     added = proposer.completion(data)
-    assert len(added) == proposer.fewest(data) == 4
-    both = np.vstack([data, added])
+    assert len(added.categories) == proposer.fewest(data) == added.bound == 4
+    both = np.vstack([data, added.categories])
     assert projection_coverage(both, Demand(free, 1, weights)).ratio == 1
 
 
@@ -102,6 +102,8 @@ def test_a_completion_leaves_nothing_missing_and_respects_its_bound(k: int, weig
     start = np.array([[2, 0, 0, 0]])
     proposer = Proposer(Demand(CONSTRAINED, k, weights, "max"))
     added = proposer.completion(start)
-    both = np.vstack([start, added])
+    both = np.vstack([start, added.categories])
     assert projection_coverage(both, Demand(CONSTRAINED, k, weights, "max")).ratio == 1
-    assert len(added) >= proposer.fewest(start) > 0 and proposer.fewest(both) == 0
+    assert added.smallest and added.bound >= proposer.fewest(start) > 0 and proposer.fewest(both) == 0
+    again = Proposer(Demand(CONSTRAINED, k, weights, "max")).completion(start)
+    assert np.array_equal(again.categories, added.categories)

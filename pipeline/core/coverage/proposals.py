@@ -13,6 +13,7 @@ from scipy.sparse import csr_array
 from pipeline.core.constraints import Constraints
 from pipeline.core.coverage.annealing import Int32s
 from pipeline.core.coverage.arrays import covering_array
+from pipeline.core.coverage.completion import Completion, Task, bound_of_part, whole_programme
 from pipeline.core.coverage.counting import CellCounts
 from pipeline.core.coverage.problem import INFEASIBLE, feasible_row, lay_out
 from pipeline.core.coverage.projection import Demand, check_points, planes
@@ -111,19 +112,35 @@ class Proposer:
         decides."""
         return int(np.add.reduceat(self.missing(points), self._problem.first).max())
 
-    def completion(self, points: Ints) -> Ints:
-        """Complete the coverage with few points (m, d); `fewest` is a lower bound of m.
+    def completion(self, points: Ints) -> Completion:
+        """Complete the coverage with few points: the fewest, with a proof, if the domain is small enough.
 
-        For k = 1 without constraints m is minimal (Algorithm 1, Proposition 6), because conditions are independent of each other.
+        Without constraints they are always the fewest for k = 1, because conditions are independent (Algorithm 1, Proposition 6).
         """
         check_points(points, self._constraints)
+        missing = self.missing(points)
         if self._k == 1 and not self._constraints.clauses:
-            return self._each_condition_alone(self.missing(points))
-        if self._wanted.max() <= 1 and self._wanted[self._problem.feasible].all() and (points >= 0).all():
-            seed = int(self._rng.integers(2**31))
-            array = covering_array(self._constraints, self._k, seeds=points, seed=seed)
-            return array.rows[len(points) :]
-        return np.vstack([np.zeros((0, points.shape[1]), np.int64), *(proposal.categories for proposal in self.complete(points))])
+            rows = self._each_condition_alone(missing)
+            return Completion(rows, len(rows))
+        task = Task(self._constraints, self._problem, missing)
+        programme = whole_programme(task)
+        if programme is None:
+            found = self._quick_completion(points)
+            return Completion(found.categories, bound_of_part(task, found.bound, len(found.categories)))
+        found = self._one_by_one(points)
+        fewer, bound = programme.solve(found.bound, len(found.categories) - 1)
+        found = Completion(found.categories if fewer is None else fewer, bound)
+        return found if found.smallest else found.better(self._quick_completion(points))
+
+    def _quick_completion(self, points: Ints) -> Completion:
+        if self._wanted.max() > 1 or not self._wanted[self._problem.feasible].all() or (points < 0).any():
+            return self._one_by_one(points)
+        array = covering_array(self._constraints, self._k, seeds=points, seed=int(self._rng.integers(2**31)))
+        return Completion(array.rows[len(points) :], array.lower_bound - len(points))
+
+    def _one_by_one(self, points: Ints) -> Completion:
+        rows = [proposal.categories for proposal in self.complete(points)]
+        return Completion(np.vstack([points[:0], *rows]), self.fewest(points))
 
     def _each_condition_alone(self, missing: Ints) -> Ints:
         """Each condition lists the categories that it still wants, as often as it wants them, padded with its first category."""
