@@ -10,7 +10,7 @@ from itertools import combinations
 import numpy as np
 import pandas as pd
 
-from pipeline.analysis.failure_regions import cluster
+from pipeline.analysis.failure_regions import find_regions
 from pipeline.analysis.gate import gate_reason, parts_of
 from pipeline.analysis.held_out import HeldOut
 from pipeline.analysis.measures import count_causes, count_false_activations, count_modes, series_name
@@ -33,7 +33,6 @@ from pipeline.core import comparison as core
 from pipeline.core.comparison import Bools, Interval, SequenceOutcomes
 from pipeline.core.gate import Gate, Part, Policy, champion, gate
 from pipeline.core.lineage import Version
-from pipeline.core.rules import find_rule
 from pipeline.core.space import Space
 
 CHANGED = ("adj_ttc_s", "failure_mode", "false_positives", "first_detection_m")
@@ -190,9 +189,8 @@ def _regions_of(held_out: HeldOut, info: ScenarioInfo, space: Space, section: Re
     base = tests[held_out.versions[0]]
     valid = base[base["status"] == "ok"].reset_index(drop=True)
     points, results = encode_tests(base, space), []
-    for region in cluster(info, space, valid, section).regions:
-        members = valid["test_id"].isin(region.members).to_numpy()
-        inside = find_rule(space, encode_tests(valid, space), valid["failure"].to_numpy(bool), members).holds(points)
+    for found in find_regions(info, space, valid, section):
+        inside, region = found.group.rule.holds(points), found.region
         failures = {version: int((rows["failure"].to_numpy(bool) & inside).sum()) for version, rows in tests.items()}
         results.append(RegionResult(scenario=info.name, name=region.name, rule=region.rule, tests=int(inside.sum()), failures=failures))
     return results

@@ -6,75 +6,93 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from pipeline.analysis.measures import count_modes
 from pipeline.analysis.named_groups import named_groups
 from pipeline.artefacts.points import concrete, encode_tests
-from pipeline.artefacts.results import FailureRegion, FailureRegions, Representative, Role
+from pipeline.artefacts.results import FailureRegion, FailureRegions, Inside, Representative, Role, RuleCondition
 from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.config.sections import Regions
 from pipeline.core.distance import mixed_distance
-from pipeline.core.growth import PointOutcomes, readable_regions
-from pipeline.core.regions import NOISE, chance_radius, connected_failures, medoid
-from pipeline.core.rules import find_rule
+from pipeline.core.grouping import Group, Outcomes, group_failures, held_back
+from pipeline.core.regions import connected_failures, medoid
+from pipeline.core.rules import Condition
 from pipeline.core.space import Floats, Space
+from pipeline.scenarios.people import WORDS
 
-Bools = NDArray[np.bool_]
 
+@dataclass(frozen=True)
+class Found:
+    """A region as the artefact and the report know it, and its group with the rule."""
 
-MIN_RULE_PRECISION = 0.75
+    region: FailureRegion
+    group: Group
 
 
 @dataclass(frozen=True)
 class _Tested:
-    """Valid rows of one scenario, and their points (n, d) and failures (n,)."""
+    """Valid rows of one scenario, and their points and outcomes."""
 
-    space: Space
     rows: pd.DataFrame
-    points: Floats
-    failed: Bools
+    outcomes: Outcomes
+
+
+def find_regions(info: ScenarioInfo, space: Space, tests: pd.DataFrame, section: Regions) -> list[Found]:
+    """The failure regions of one scenario, larger ones first; tests: its valid rows."""
+    outcomes = Outcomes(space, encode_tests(tests, space), tests["failure"].to_numpy(bool), WORDS)
+    groups = group_failures(outcomes, tests["cause"].to_numpy(str), section.chance_neighbours, section.min_failures)
+    tested = _Tested(tests, outcomes)
+    return [Found(_region(f"{info.label} region {number}", tested, group), group) for number, group in enumerate(groups, 1)]
 
 
 def cluster(info: ScenarioInfo, space: Space, tests: pd.DataFrame, section: Regions) -> FailureRegions:
-    """Density clusters of the failures over the mixed distance, each with its rule; tests: valid rows of one scenario."""
-    points, failed = encode_tests(tests, space), tests["failure"].to_numpy(bool)
-    radius = chance_radius(space, int(failed.sum()), section.chance_neighbours)
-    labels = readable_regions(PointOutcomes(space, points, failed), radius, MIN_RULE_PRECISION, section.min_failures)
-    connected = connected_failures(space, points[failed])
-    tested = _Tested(space, tests, points, failed)
-    regions = [_region(f"{info.label} region {label + 1}", tested, labels == label) for label in range(int(labels.max(initial=NOISE)) + 1)]
+    """The failure regions of one scenario and the failures outside them; tests: its valid rows."""
+    failed, points = tests["failure"].to_numpy(bool), encode_tests(tests, space)
+    regions = tuple(found.region for found in find_regions(info, space, tests, section))
+    members = {test for region in regions for test in region.members}
     return FailureRegions(
         scenario=info.name,
         label=info.label,
         tests=len(tests),
         failures=int(failed.sum()),
         failure_rate=float(failed.mean()) if len(tests) else 0.0,
-        connected=len(np.unique(connected)),
-        regions=tuple(regions),
-        unassigned=tuple(tests.loc[failed & (labels == NOISE), "test_id"]),
+        connected=len(np.unique(connected_failures(space, points[failed]))),
+        regions=regions,
+        isolated=tuple(test for test in tests.loc[failed, "test_id"] if test not in members),
         not_solvable=tuple(tests.loc[tests["cause"] == "not_solvable", "test_id"]),
     )
 
 
-def _region(name: str, tested: _Tested, members: Bools) -> FailureRegion:
-    rule = find_rule(tested.space, tested.points, tested.failed, members)
-    inside = rule.holds(tested.points)
-    support, hits = int(inside.sum()), int((inside & tested.failed).sum())
-    rows = tested.rows[members]
+def _region(name: str, tested: _Tested, group: Group) -> FailureRegion:
+    outcomes, members, rows = tested.outcomes, group.members, tested.rows[group.members]
+    inside = group.rule.holds(outcomes.points)
+    support, hits = int(inside.sum()), int((inside & outcomes.failed).sum())
+    tests, failures = held_back(outcomes, group)
     return FailureRegion(
         name=name,
+        cause=group.cause,
         members=tuple(rows["test_id"]),
         modes=count_modes(rows),
         strategies={str(key): int(count) for key, count in rows["strategy"].value_counts().sort_index().items()},
-        rule=rule.text(tested.space),
+        rule=group.rule.text(outcomes.space),
+        conditions=tuple(_condition(outcomes.space, condition) for condition in group.rule.conditions),
         support=support,
         failures_inside=hits,
-        precision=hits / max(1, support),
+        precision=hits / support,
+        lift=hits / support / float(outcomes.failed.mean()),
         recall=float(inside[members].mean()),
-        groups=tuple(name for name, belongs in named_groups(tested.space, tested.points[inside]).items() if belongs.all()),
-        representatives=_representatives(tested.space, rows, tested.points[members]),
+        held_back=Inside(tests=tests, failures=failures),
+        groups=tuple(name for name, belongs in named_groups(outcomes.space, outcomes.points[inside]).items() if belongs.all()),
+        representatives=_representatives(outcomes.space, rows, outcomes.points[members]),
     )
+
+
+def _condition(space: Space, condition: Condition) -> RuleCondition:
+    variable = space.variables[condition.variable]
+    text = condition.words(variable)
+    if condition.values:
+        return RuleCondition(variable=variable.name, text=text, values=tuple(variable.values[i] for i in condition.values))
+    return RuleCondition(variable=variable.name, text=text, low=condition.low, high=condition.high)
 
 
 def _representatives(space: Space, rows: pd.DataFrame, points: Floats) -> tuple[Representative, ...]:

@@ -217,29 +217,60 @@ class Representative(Result):
     concrete: dict[str, float | str]
 
 
+class RuleCondition(Result):
+    """A condition of a rule for programs. low, high: in the variable's unit, for a numeric variable; low > high wraps around the end of a
+    cyclic one. values: that a categorical variable may have. text: as it stands in the rule."""
+
+    variable: str
+    text: str
+    low: float | None = None
+    high: float | None = None
+    values: tuple[str, ...] = ()
+
+
+class Inside(Result):
+    """The tests inside rules: `tests`, of which `failures` fail."""
+
+    tests: int
+    failures: int
+
+    @property
+    def rate(self) -> float | None:
+        """Failures per test; None without tests."""
+        return self.failures / self.tests if self.tests else None
+
+
 class FailureRegion(Result):
     """One group of failures with its readable rule.
 
-    support: tests inside the rule; failures_inside: those that failed; precision: their ratio. It has no interval: adaptive strategies
-    gather their tests where failures are, and the rule is fitted to these tests, so they are no independent samples. recall: share of
-    the region's members that the rule covers. groups: named groups, such as `children`, to which every test inside the rule belongs.
+    cause: why its failures failed, see `pipeline.core.causes`, or `mixed`. support: tests inside the rule; failures_inside: those that
+    failed, from whatever cause; precision: their ratio. It has no interval: adaptive strategies gather their tests where failures are, and
+    the rule is fitted to these tests, so they are no independent samples. lift: precision divided by the failure rate of all tests.
+    recall: share of the region's members that the rule covers. held_back: tests inside rules that are fitted without these tests, each in
+    turn. status: a rule is confirmed by fresh random tests, never by the tests that it was found from. groups: named groups, such as
+    `children`, to which every test inside the rule belongs.
     """
 
     name: str
+    cause: str
     members: tuple[str, ...]
     modes: Modes
     strategies: dict[str, int]
     rule: str
+    conditions: tuple[RuleCondition, ...]
     support: int
     failures_inside: int
     precision: float
+    lift: float
     recall: float
+    held_back: Inside
+    status: Literal["not confirmed"] = "not confirmed"
     groups: tuple[str, ...] = ()
     representatives: tuple[Representative, ...]
 
 
 class FailureRegions(Result):
-    """Failure regions of one search scenario over all its campaigns; `unassigned` failures belong to no dense group.
+    """Failure regions of one search scenario over all its campaigns; `isolated` failures are in none of them.
 
     connected: number of connected failure sets on the categories (Def. 4.19). not_solvable: failures that no detector could avoid with this
     camera: full braking from the first frame in which a person could see the pedestrian would have come too late.
@@ -252,7 +283,7 @@ class FailureRegions(Result):
     failure_rate: float
     connected: int
     regions: tuple[FailureRegion, ...]
-    unassigned: tuple[str, ...]
+    isolated: tuple[str, ...]
     not_solvable: tuple[str, ...]
 
 

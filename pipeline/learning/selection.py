@@ -45,7 +45,7 @@ def groups(selection: str, tests: pd.DataFrame, spaces: Mapping[str, tuple[Scena
     for scenario, rows in tests[tests["status"] == "ok"].groupby("scenario"):
         info, space = spaces[str(scenario)]
         regions = cluster(info, space, rows.reset_index(drop=True), section)
-        found |= dict.fromkeys(regions.unassigned, f"{info.label}, no region")
+        found |= dict.fromkeys(regions.isolated, f"{info.label}, isolated")
         found |= {test: region.name for region in regions.regions for test in region.members}
     return found
 

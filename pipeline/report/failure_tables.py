@@ -18,6 +18,7 @@ CAUSES = {
     "false_activation": "braking without need",
 }
 """Cause of a failure -> its name in tables."""
+MIXED = "several causes"
 BRAKING = ("tests", "with a false activation", "false activations", "mean duration", "mean speed loss")
 """Headers of `braking_cells`."""
 NONE = "–"

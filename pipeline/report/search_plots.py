@@ -86,7 +86,7 @@ def parallel_coordinates(tests: pd.DataFrame, space: Space, regions: FailureRegi
     tests: rows of the scenario's campaigns.
     """
     failures = tests[tests["failure"]].set_index("test_id")
-    groups = {"in no region": regions.unassigned} | {region.name: region.members for region in regions.regions}
+    groups = {"isolated": regions.isolated} | {region.name: region.members for region in regions.regions}
     chosen = {name: failures.loc[failures.index.intersection(list(members))] for name, members in groups.items()}
     return parallel_lines(chosen, space, f"{regions.label}: {regions.failures} failures")
 

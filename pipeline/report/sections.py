@@ -11,7 +11,7 @@ from pipeline.artefacts.calibration_results import DetectorCalibration
 from pipeline.artefacts.model_card import ModelCard
 from pipeline.artefacts.results import BaseRate, FailureRegion, FailureRegions, Measures, StrategyMeasures, WhiteBoxMeasures, WhiteBoxSet
 from pipeline.report import texts
-from pipeline.report.failure_tables import CAUSES, NONE, base_rate_sentence, braking_in_search, cause_cells, rate_text
+from pipeline.report.failure_tables import CAUSES, MIXED, NONE, base_rate_sentence, braking_in_search, cause_cells, rate_text
 from pipeline.report.formats import censored, decimal, percent, share
 from pipeline.report.page import Drawing, Film, Passage, Section, Table
 
@@ -108,25 +108,27 @@ def _scenario_regions(regions: FailureRegions, base: str, plots: Mapping[str, Dr
     every = "Every test fails. " if regions.failures == regions.tests > 0 else ""
     summary = (
         f"{every}{regions.failures} of {regions.tests} tests fail ({100 * regions.failure_rate:.1f} %). Regions: {len(regions.regions)}. "
-        f"Failures in no region: {len(regions.unassigned)}. Connected sets of failures (Def. 4.19): {regions.connected}. "
+        f"Isolated failures, in no region: {len(regions.isolated)}. Connected sets of failures (Def. 4.19): {regions.connected}. "
         f"Not solvable with this camera: {len(regions.not_solvable)}.{base}"
     )
-    headers = ("region", "rule", "failures", "not solvable", "failures inside rule", "share covered", "failure modes", "found by")
-    rows = tuple(_region_row(region, set(regions.not_solvable)) for region in regions.regions)
-    table = Table(headers, rows, numbers=(4,), codes=(1,)) if rows else None
+    headers = ("region", "rule", "cause", "failures", "failures inside rule", "lift", "held back", "status", "failure modes", "found by")
+    table = Table(headers, tuple(map(_region_row, regions.regions)), numbers=(4, 6), codes=(1,)) if regions.regions else None
     drawings = (plots[regions.scenario],) if regions.failures else ()
     text = summary if regions.failures else f"{summary} {texts.NO_FAILURES}"
     return Passage(regions.label, text, table, drawings, tuple(replays))
 
 
-def _region_row(region: FailureRegion, not_solvable: set[str]) -> tuple[str, ...]:
+def _region_row(region: FailureRegion) -> tuple[str, ...]:
+    held_back = region.held_back
     return (
         region.name,
         region.rule,
+        CAUSES.get(region.cause, MIXED),
         str(len(region.members)),
-        str(len(set(region.members) & not_solvable)),
         f"{region.failures_inside} / {region.support} = {share(region.precision)}",
-        f"{100 * region.recall:.0f} %",
+        f"{region.lift:.1f}",
+        NONE if held_back.rate is None else f"{held_back.failures} / {held_back.tests} = {share(held_back.rate)}",
+        region.status,
         ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in region.modes if count),
         ", ".join(f"{count} {name}" for name, count in region.strategies.items()),
     )

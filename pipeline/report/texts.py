@@ -105,11 +105,13 @@ WHITE_BOX = _prose("""
     coverage does not mean that everything is tested.
 """)
 REGIONS = _prose("""
-    A region is a group of failures that lie close together in the scenario space. Its rule is a short list of conditions that cover
-    its failures and few passing tests. "every test" means that no condition sets the failures apart. The rule is fitted to these
-    tests, and the search gathers tests near failures. So the share of failures inside is optimistic and has no interval: confirm it
-    with new tests. A failure is not solvable if full braking from the first frame in which a person could see the pedestrian comes
-    too late. No single-image detector can fix such a failure with this camera.
+    A region is a group of failures of one cause that a rule sets apart from the passing tests. Failures that no rule sets apart are
+    isolated. "every test" means that (nearly) all tests fail. Lift: the share of failures inside the rule, divided by that of all
+    tests. The rule is fitted to these tests, and the search gathers tests near failures. So the share of failures inside is
+    optimistic and has no interval. Held back: the same share for rules that are fitted without the tests they are judged on. A rule is
+    not confirmed until fresh random tests inside and just outside it are executed. A failure is not solvable if full braking from
+    the first frame in which a person could see the pedestrian comes too late. No single-image detector can fix such a failure with
+    this camera.
 """)
 NO_FAILURES = _prose("""
     No test failed, so there are no regions. Run more tests, or look at the smallest adj. TTC in the figures of the search.

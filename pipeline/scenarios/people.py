@@ -27,6 +27,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from pipeline.core.words import Word
+
 Colour = tuple[float, float, float]
 Pattern = Literal["plain", "vest", "band"]
 """Patterns of the upper body: one colour, a chest in a second colour, or a belt in a second colour."""
@@ -35,6 +37,25 @@ SEED = 20_231
 OF_EACH_SEX, CHILDREN_OF_EACH_SEX = 37, 4
 VARIABLE = "blueprint"
 """The scenario variable that names the person."""
+
+POSE = "animation"
+"""The scenario variable that names the pose."""
+WORDS = (
+    *(Word(pose, POSE, value=pose) for pose in ("walking", "texting", "crouching", "limping", "drunk")),
+    Word("stumbling", POSE, value="stumble"),
+    Word("child", VARIABLE, "height_m", high=1.4),
+    Word("adult", VARIABLE, "height_m", low=1.5),
+    Word("under an umbrella", VARIABLE, "umbrella", low=1),
+    Word("without an umbrella", VARIABLE, "umbrella", high=0),
+    Word("with a hat", VARIABLE, "hat", low=1),
+    Word("in a skirt", VARIABLE, "skirt", low=1),
+    Word("with a bag", VARIABLE, "bag", low=1),
+    Word("in a dark top", VARIABLE, "top_brightness", high=0.15),
+    Word("in a bright top", VARIABLE, "top_brightness", low=0.5),
+    Word("in dark trousers", VARIABLE, "trousers_brightness", high=0.15),
+    Word("in bright trousers", VARIABLE, "trousers_brightness", low=0.5),
+)
+"""The words for people that rules of failure regions use, in the order in which they make a phrase."""
 
 # Cloth, linear RGB. Dark colours are common on purpose: people wear them, and they are hard to see at night.
 CLOTH: tuple[Colour, ...] = (

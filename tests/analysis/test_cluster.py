@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from pipeline.analysis.failure_regions import cluster
 from pipeline.artefacts.results import FailureRegions, read
 from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.config.sections import Regions
 from pipeline.core import kpi
-from pipeline.core.growth import PointOutcomes, grow_regions
 from pipeline.core.space import Space, Variable
 from pipeline.detectors.scripted import BlindDetector
 from pipeline.simulators.analytic import AnalyticSimulator
@@ -30,14 +30,18 @@ INFO = ScenarioInfo("F", "F", "", 1)
 def test_planted_region_is_found_with_its_rule() -> None:
     tests = make_tests(SPACE, KEYS, SPACE.sample(400, np.random.default_rng(0)), fog_from=60)
     tests = tests[tests["status"] == "ok"].reset_index(drop=True)
+    tests["cause"] = np.where(tests["failure"], "box", "none")
     result = cluster(INFO, SPACE, tests, Regions(chance_neighbours=1, min_failures=4))
     assert len(result.regions) == 1
     region = result.regions[0]
-    assert region.rule == "fog >= 60 % and sun_altitude <= 5 deg"
+    assert region.rule == "fog >= 60 % and sun_altitude <= 3 deg" and region.cause == "box"
+    assert [(c.variable, c.low, c.high) for c in region.conditions] == [("fog", 60, 100), ("sun_altitude", -20, 3)]
+    assert region.status == "not confirmed" and 0.9 < region.held_back.failures / region.failures_inside <= 1
+    assert region.lift == pytest.approx(region.precision / result.failure_rate)
     assert region.failures_inside == len(region.members) == result.failures == region.modes.total
     assert region.precision == region.failures_inside / region.support
     assert region.recall == 1
-    assert result.unassigned == ()
+    assert result.isolated == ()
     medoid = region.representatives[0]
     assert medoid.role == "medoid"
     assert medoid.test_id in region.members
@@ -60,7 +64,7 @@ def test_two_corners_are_two_regions() -> None:
 def test_without_failures_there_is_no_region() -> None:
     tests = make_tests(SPACE, KEYS, SPACE.sample(20, np.random.default_rng(0)), fog_from=1000)
     result = cluster(INFO, SPACE, tests, Regions(chance_neighbours=0.5, min_failures=3))
-    assert (result.failures, result.regions, result.unassigned, result.connected) == (0, (), (), 0)
+    assert (result.failures, result.regions, result.isolated, result.connected) == (0, (), (), 0)
 
 
 def everywhere(tests: pd.DataFrame) -> FailureRegions:
@@ -76,7 +80,7 @@ def test_every_test_fails_is_one_region_that_says_so() -> None:
     result = cluster(INFO, space, tests, Regions(chance_neighbours=0.5, min_failures=4))
     (region,) = result.regions
     assert (region.rule, region.support, region.failures_inside, region.precision, region.recall) == ("every test", 60, 60, 1, 1)
-    assert set(region.members) == set(tests["test_id"]) and result.unassigned == ()
+    assert set(region.members) == set(tests["test_id"]) and result.isolated == ()
 
 
 def test_a_few_passing_tests_tell_no_regions_apart() -> None:
@@ -85,27 +89,7 @@ def test_a_few_passing_tests_tell_no_regions_apart() -> None:
     assert [(region.rule, region.failures_inside, region.support) for region in nearly.regions] == [("every test", 58, 60)]
     # Three failing tests are too few for a region.
     few = everywhere(tests[:3].assign(failure=True))
-    assert few.regions == () and len(few.unassigned) == 3
-
-
-def test_growing_joins_the_pieces_of_one_cause() -> None:
-    rng = np.random.default_rng(3)
-    points = SPACE.sample(300, rng)
-    failures = points[:, 0] >= 70
-    pieces = np.where(failures, (points[:, 1] > 30).astype(int), -1)
-    pieces[np.flatnonzero(failures)[::5]] = -1
-    grown = grow_regions(PointOutcomes(SPACE, points, failures), pieces, min_precision=0.75, min_failures=3)
-    assert set(grown[failures]) == {0}
-    assert set(grown[~failures]) == {-1}
-
-
-def test_growing_rejects_loose_rules_and_drops_small_regions() -> None:
-    points = np.array([[10.0 * i, 0.0] for i in range(11)])
-    failures = np.arange(11) % 3 == 0
-    labels = np.where(failures, 0, -1)
-    labels[9] = -1
-    assert grow_regions(PointOutcomes(SPACE, points, failures), labels, min_precision=0.75, min_failures=2)[9] == -1
-    assert set(grow_regions(PointOutcomes(SPACE, points, failures), labels, min_precision=0.75, min_failures=4)) == {-1}
+    assert few.regions == () and len(few.isolated) == 3
 
 
 def test_a_test_of_two_campaigns_counts_once(tmp_path: Path) -> None:
@@ -125,7 +109,7 @@ def test_step_on_files(tmp_path: Path) -> None:
     for path in study.regions:
         result = read(path, FailureRegions)
         members = [test for region in result.regions for test in region.members]
-        assert sorted([*members, *result.unassigned]) == sorted(set(members) | set(result.unassigned))
-        assert len(members) + len(result.unassigned) == result.failures > 0
+        assert sorted([*members, *result.isolated]) == sorted(set(members) | set(result.isolated))
+        assert len(members) + len(result.isolated) == result.failures > 0
         assert result.regions
         assert "fog" in result.regions[0].rule

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.core.distance import mixed_distance
-from pipeline.core.growth import PointOutcomes, grow_regions, readable_regions
 from pipeline.core.regions import chance_radius, connected_failures, find_regions, medoid
-from pipeline.core.rules import Condition, Rule, find_rule
 from pipeline.core.space import Space, Variable
 from tests.spaces import SMALL, THESIS
 
@@ -41,17 +39,6 @@ def test_medoid_is_the_point_in_the_middle() -> None:
     assert medoid(SMALL, np.array([[0.0, 0, 1, 0], [4, 0, 1, 0], [5, 0, 1, 0], [10, 0, 1, 0]])) in (1, 2)
 
 
-def test_growth_takes_in_failures_under_the_same_rule() -> None:
-    rng = np.random.default_rng(0)
-    points = SMALL.sample(400, rng)
-    failures = points[:, 0] > 8
-    # One cause: density found two halves and missed some failures.
-    labels = np.where(failures, np.where(points[:, 3] == 0, 0, np.where(points[:, 3] == 1, 1, -1)), -1)
-    grown = grow_regions(PointOutcomes(SMALL, points, failures), labels, 0.6, 5)
-    assert (grown[failures] >= 0).mean() > 0.9 and (grown[~failures] == -1).all()
-    assert grown.max() <= labels.max()
-
-
 def test_the_radius_contains_the_expected_failures_by_chance() -> None:
     failures, neighbours = 200, 2.0
     radius = chance_radius(THESIS, failures, neighbours)
@@ -70,23 +57,3 @@ def test_a_space_of_few_categories_has_a_radius_too() -> None:
     assert 0 < radius < 1 / 3
     points = np.array([[0, 0, 0]] * 3 + [[1, 1, 1]] * 2 + [[2, 0, 0]], float)
     assert find_regions(space, points, radius, 2).tolist() == [0, 0, 0, 1, 1, -1]
-
-
-@pytest.mark.parametrize("tests", [400, 2000])
-def test_two_causes_that_meet_are_two_regions_at_any_number_of_failures(tests: int) -> None:
-    fog, rain = Rule((Condition(1, 55, 100), Condition(3, -20, 20))), Rule((Condition(0, 70, 100), Condition(5, 2, 4)))
-    points = THESIS.sample(20 * tests, np.random.default_rng(2))
-    # Half of the tests at random, half as an adaptive strategy would choose them.
-    points = np.concatenate([points[:tests], points[fog.holds(points) | rain.holds(points)][:tests]])
-    causes = [fog.holds(points), rain.holds(points)]
-    failures = causes[0] | causes[1]
-    labels = readable_regions(PointOutcomes(THESIS, points, failures), chance_radius(THESIS, int(failures.sum()), 0.5), 0.75, 4)
-    assert set(labels) <= {-1, 0, 1} and (labels[failures] >= 0).mean() > 0.85
-    for label, cause in enumerate(causes):
-        assert cause[labels == label].mean() > 0.8
-        assert {c.variable for c in find_rule(THESIS, points, failures, labels == label).conditions} == [{1, 3}, {0, 5}][label]
-
-
-def test_points_and_failures_must_have_equal_length() -> None:
-    with pytest.raises(ValueError, match=rf"points must be \(3, {len(SMALL)}\), got \(2, {len(SMALL)}\)"):
-        PointOutcomes(SMALL, SMALL.sample(2, np.random.default_rng(0)), np.zeros(3, bool))

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.core import kpi
-from pipeline.core.growth import PointOutcomes, readable_regions
-from pipeline.core.regions import chance_radius
-from pipeline.core.rules import find_rule
+from pipeline.core.grouping import Outcomes, group_failures
 from pipeline.core.samplers.batches import BatchSampler
 from pipeline.core.samplers.forest import ForestSampler
 from pipeline.core.samplers.random import RandomSampler
@@ -106,18 +104,16 @@ def causes_of(seeds: tuple[int, int]) -> set[str]:
     """The planted causes that have a region, and a rule that names them."""
     used = [search(strategy(THESIS, seed), 80) for seed in seeds for strategy in (ForestSampler, RandomSampler)]
     points, failures = np.concatenate([points for points, _ in used]), np.concatenate([values for _, values in used]) <= THRESHOLD_S
-    radius = chance_radius(THESIS, int(failures.sum()), CHANCE_NEIGHBOURS)
-    labels = readable_regions(PointOutcomes(THESIS, points, failures), radius, MIN_PRECISION, MIN_FAILURES)
-    planted, found, alike = SIMULATOR.planted(points), set(), 0
-    for label in range(labels.max() + 1):
-        counts = np.bincount(planted[labels == label], minlength=len(PLANTED))
-        alike += counts.max()
+    tests = Outcomes(THESIS, points, failures)
+    planted, found, alike, members = SIMULATOR.planted(points), set(), 0, 0
+    for group in group_failures(tests, np.where(failures, "too_late", "none"), CHANCE_NEIGHBOURS, MIN_FAILURES):
+        counts = np.bincount(planted[group.members], minlength=len(PLANTED))
+        alike, members = alike + int(counts.max()), members + int(group.members.sum())
         cause = PLANTED[int(np.argmax(counts))]
         found.add(cause.name)
-        rule = find_rule(THESIS, points, failures, labels == label)
-        named = {THESIS.names[condition.variable] for condition in rule.conditions}
+        named = {THESIS.names[condition.variable] for condition in group.rule.conditions}
         assert named & {*cause.intervals, *cause.values}
-        assert failures[rule.holds(points)].mean() >= MIN_PRECISION
+        assert failures[group.rule.holds(points)].mean() >= MIN_PRECISION
     # Not all of them: planted regions overlap, and in the overlap both causes hold.
-    assert alike / (labels >= 0).sum() > 0.8
+    assert alike / members > 0.8
     return found

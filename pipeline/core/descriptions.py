@@ -1,0 +1,247 @@
+"""What a condition of a rule may be about: variables, attributes of their values, and words, each with its price."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gammaln, xlogy
+
+from pipeline.core.rules import Bools, Condition
+from pipeline.core.space import Floats, Space, Variable
+from pipeline.core.words import Meaning, Word, meanings
+
+LEVELS = 20
+"""About the number of round bounds of an attribute; a numeric variable has at most twice as many."""
+PRECISE = 5
+"""Precise bounds for each round one."""
+DIGITS = 9
+IMPOSSIBLE = -np.inf
+
+
+@dataclass(frozen=True)
+class Offer:
+    """A condition. price: length of its description, in nats. gain: log-likelihood gain of the rule that it completes, less this price."""
+
+    condition: Condition
+    price: float
+    gain: float
+
+
+class Description(Protocol):
+    """One thing that a condition may be about."""
+
+    def best(self, inside: Bools, failed: Bools) -> Offer | None:
+        """The condition that pays most among the tests that the other conditions of a rule admit.
+
+        inside, failed: (n,). None if no condition raises the share of failures.
+        """
+        ...
+
+
+def describe(space: Space, points: Floats, words: Sequence[Word]) -> list[Description]:
+    """Everything that conditions on points (n, d) may be about."""
+    known = meanings(space, words)
+    made = [made for j, variable in enumerate(space.variables) for made in _of_variable(j, variable, points[:, j])]
+    if known:
+        made += [_Words(tuple(word for word in known if word.variable == j), points[:, j]) for j in sorted({w.variable for w in known})]
+    price = float(np.log(len(made)))
+    return [_Priced(one, price) for one in made]
+
+
+def likelihood_gain(hits: NDArray[Any], support: NDArray[Any], failed: Bools) -> Floats:
+    """How much better than one rate for all tests two rates, inside and outside a rule, explain the outcomes, in nats.
+
+    hits, support: failures and tests inside, of any shape. failed: (n,), all tests. -inf if the rate inside is not the higher one.
+    """
+    tests, failures = len(failed), int(failed.sum())
+    outside, missed = tests - support, failures - hits
+    gain = _likelihood(hits, support) + _likelihood(missed, outside) - _likelihood(np.array(failures), np.array(tests))
+    return np.where(hits * tests > failures * support, gain, IMPOSSIBLE)
+
+
+def _likelihood(hits: NDArray[Any], tests: NDArray[Any]) -> Floats:
+    share = hits / np.maximum(tests, 1)
+    return np.asarray(xlogy(hits, share) + xlogy(tests - hits, 1 - share))
+
+
+@dataclass(frozen=True)
+class _Priced:
+    """A description whose conditions also pay for saying which description it is."""
+
+    description: Description
+    price: float
+
+    def best(self, inside: Bools, failed: Bools) -> Offer | None:
+        offer = self.description.best(inside, failed)
+        return offer and Offer(offer.condition, offer.price + self.price, offer.gain - self.price)
+
+
+def _of_variable(index: int, variable: Variable, column: Floats) -> Iterator[Description]:
+    if variable.kind != "categorical":
+        yield _Interval(index, column, *_bounds(variable), variable.cyclic)
+        return
+    yield _Values(index, column, variable.size)
+    for name, numbers in variable.attributes:
+        if len(set(numbers)) > 1:
+            yield _Attribute(index, name, np.array(numbers), column)
+
+
+@dataclass(frozen=True)
+class _Ends:
+    """The best interval: the indices of its bounds, its price and its gain less that price."""
+
+    low: int
+    high: int
+    price: float
+    gain: float
+
+
+def _bounds(variable: Variable) -> tuple[Floats, Floats]:
+    """Bounds (b,) that a condition on a numeric variable may have, and the price of each: a round number costs less than a precise one."""
+    whole = variable.kind == "integer"
+    rounded = max(1.0, np.floor(variable.rounding)) if whole else max(variable.rounding, (variable.high - variable.low) / LEVELS / 2)
+    precise = 1.0 if whole else rounded / PRECISE
+    bounds = np.append(np.arange(variable.low, variable.high - precise / 2, precise), variable.high)
+    steps = (bounds - variable.low) / rounded
+    is_round = np.abs(steps - np.round(steps)) < 1e-6
+    prices = np.where(is_round, np.log(3 * is_round.sum()), np.log(6 * len(bounds)))
+    return np.round(bounds, DIGITS), prices if variable.cyclic else _open_ends(prices)
+
+
+def _open_ends(prices: Floats) -> Floats:
+    """Prices of bounds, (b,), the first and last of which say that there is no bound."""
+    opened = prices.copy()
+    opened[[0, -1]] = np.log(2)
+    return opened
+
+
+@dataclass(frozen=True)
+class _Interval:
+    """Intervals of a column (n,) between bounds (b,) with their prices, (b,); both ends are included."""
+
+    variable: int
+    column: Floats
+    bounds: Floats
+    prices: Floats
+    cyclic: bool = False
+
+    def best(self, inside: Bools, failed: Bools) -> Offer | None:
+        found = self.ends(inside, failed)
+        if found is None:
+            return None
+        condition = Condition(self.variable, float(self.bounds[found.low]), float(self.bounds[found.high]))
+        return Offer(condition, found.price, found.gain)
+
+    def ends(self, inside: Bools, failed: Bools) -> _Ends | None:
+        """The best interval; None if none raises the share of failures."""
+        support, hits = _between(self.column[inside], self.bounds), _between(self.column[inside & failed], self.bounds)
+        low, high = np.indices(support.shape)
+        if self.cyclic:
+            wraps = low > high
+            support = np.where(wraps, support + inside.sum(), support)
+            hits = np.where(wraps, hits + (inside & failed).sum(), hits)
+        prices = self.prices[:, None] + self.prices[None, :]
+        gains = likelihood_gain(hits, support, failed) - prices
+        gains[(low > high) & (not self.cyclic)] = IMPOSSIBLE
+        best = float(gains.max())
+        if best == IMPOSSIBLE:
+            return None
+        # Intervals that admit the same tests are equally good: the middle one errs least.
+        tied = np.argwhere(gains >= best - 1e-9)
+        first, last = _middle(tied[:, 0], 0), _middle(tied[:, 1], len(self.bounds) - 1)
+        return _Ends(first, last, float(prices[first, last]), best)
+
+
+def _between(values: Floats, bounds: Floats) -> NDArray[np.int64]:
+    """Number of values from bound i to bound j, as (b, b) at [i, j]; beyond j < i, minus the number between."""
+    ordered = np.sort(values)
+    below, up_to = np.searchsorted(ordered, bounds, side="left"), np.searchsorted(ordered, bounds, side="right")
+    return np.asarray(up_to[None, :] - below[:, None], dtype=np.int64)
+
+
+def _middle(tied: NDArray[np.int64], end: int) -> int:
+    return end if (tied == end).any() else int(np.median(tied))
+
+
+@dataclass(frozen=True)
+class _Attribute:
+    """Intervals of an attribute of a categorical variable. numbers: (v,), of each value. column: (n,), encoded values."""
+
+    variable: int
+    name: str
+    numbers: Floats
+    column: Floats
+
+    def best(self, inside: Bools, failed: Bools) -> Offer | None:
+        bounds = _readable(self.numbers)
+        prices = _open_ends(np.full(len(bounds), np.log(2 * len(bounds))))
+        found = _Interval(self.variable, self.numbers[self.column.astype(np.int64)], bounds, prices).ends(inside, failed)
+        if found is None:
+            return None
+        values = tuple(np.flatnonzero((self.numbers >= bounds[found.low]) & (self.numbers <= bounds[found.high])).tolist())
+        return Offer(Condition(self.variable, values=values, text=self._text(bounds, found.low, found.high)), found.price, found.gain)
+
+    def _text(self, bounds: Floats, low: int, high: int) -> str:
+        first, last = f"{bounds[low]:g}", f"{bounds[high]:g}"
+        if low == high:
+            return f"{self.name} = {first}"
+        if low == 0:
+            return f"{self.name} <= {last}"
+        return f"{self.name} >= {first}" if high == len(bounds) - 1 else f"{self.name} in [{first}, {last}]"
+
+
+def _readable(numbers: Floats) -> Floats:
+    """Round bounds around (v,) numbers, about `LEVELS` of them; the numbers themselves if they are fewer."""
+    known = np.unique(numbers)
+    if len(known) <= LEVELS:
+        return known
+    exact = (known[-1] - known[0]) / LEVELS
+    power = 10.0 ** np.floor(np.log10(exact))
+    unit = power * next(step for step in (1, 2, 5, 10) if step * power >= exact)
+    return np.asarray(np.arange(np.floor(known[0] / unit), np.ceil(known[-1] / unit) + 1) * unit)
+
+
+@dataclass(frozen=True)
+class _Values:
+    """Sets of the values of a categorical variable. column: (n,), encoded. size: number of values."""
+
+    variable: int
+    column: Floats
+    size: int
+
+    def best(self, inside: Bools, failed: Bools) -> Offer | None:
+        column = self.column.astype(np.int64)
+        support, hits = np.bincount(column[inside], minlength=self.size), np.bincount(column[inside & failed], minlength=self.size)
+        # For a convex measure the best set is a prefix of the values ordered by their rate (Breiman et al. 1984, theorem 4.5).
+        order = np.argsort(-hits / np.maximum(support, 1), kind="stable")
+        order = order[hits[order] > 0][: self.size - 1]
+        if not len(order):
+            return None
+        count = np.arange(1, len(order) + 1)
+        prices = gammaln(self.size + 1) - gammaln(count + 1) - gammaln(self.size - count + 1) + np.log(self.size)
+        gains = likelihood_gain(np.cumsum(hits[order]), np.cumsum(support[order]), failed) - prices
+        best = int(np.argmax(gains))
+        if gains[best] == IMPOSSIBLE:
+            return None
+        return Offer(Condition(self.variable, values=tuple(sorted(order[: best + 1].tolist()))), float(prices[best]), float(gains[best]))
+
+
+@dataclass(frozen=True)
+class _Words:
+    """The words of one categorical variable. column: (n,), encoded."""
+
+    known: tuple[Meaning, ...]
+    column: Floats
+
+    def best(self, inside: Bools, failed: Bools) -> Offer | None:
+        made = [Condition(word.variable, values=word.values, text=word.text, order=word.order) for word in self.known]
+        admitted = [condition.admits(self.column) & inside for condition in made]
+        hits, support = (np.array([(rows & wanted).sum() for rows in admitted]) for wanted in (failed, inside))
+        price = float(np.log(len(made)))
+        gains = likelihood_gain(hits, support, failed) - price
+        best = int(np.argmax(gains))
+        return None if gains[best] == IMPOSSIBLE else Offer(made[best], price, float(gains[best]))

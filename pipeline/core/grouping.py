@@ -1,0 +1,127 @@
+"""Groups failures into regions with a rule each: what is dense proposes, a rule that pays for its words disposes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.core.density import dense_groups, described_radius
+from pipeline.core.descriptions import likelihood_gain
+from pipeline.core.regions import NOISE
+from pipeline.core.rule_search import FoundRule, find_rule
+from pipeline.core.rules import Bools, Rule
+from pipeline.core.space import Floats, Space
+from pipeline.core.words import Word
+
+EVERYWHERE = 0.95
+"""Share of failures among all tests from which all failures are one region: too few tests pass to tell regions apart."""
+MIXED = "mixed"
+"""The cause of a region whose failures have several."""
+BLOCKS = 5
+"""Consecutive tests depend on each other if a strategy chose them, so blocks of them are held back, not single ones."""
+MIN_GAIN = 3.0
+"""Nats that a rule must gain beyond its own description: with labels at random, a chance of about e^-3 = 5 % for a false region."""
+
+
+@dataclass(frozen=True)
+class Outcomes:
+    """All tests of a space. points: (n, d). failed: (n,). words: that rules may use."""
+
+    space: Space
+    points: Floats
+    failed: Bools
+    words: tuple[Word, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.points.shape != (len(self.failed), len(self.space)):
+            raise ValueError(f"points must be ({len(self.failed)}, {len(self.space)}), got {self.points.shape}")
+
+    def rule(self, members: Bools) -> FoundRule:
+        """The rule that tells the failures `members`, (n,), from passing tests; other failures count for neither side."""
+        rows = members | ~self.failed
+        return find_rule(self.space, self.points[rows], members[rows], self.words)
+
+    def gain(self, found: FoundRule, members: Bools) -> float:
+        """The gain of a rule in telling `members`, (n,), from passing tests, whichever failures it was found from."""
+        rows = members | ~self.failed
+        inside = found.rule.holds(self.points[rows])
+        hits = inside & members[rows]
+        return float(likelihood_gain(np.array(hits.sum()), np.array(inside.sum()), members[rows])) - found.price
+
+
+@dataclass(frozen=True)
+class Group:
+    """A region. cause: of its failures, `MIXED` for several. members: (n,), its failures. rule: tells them from passing tests."""
+
+    cause: str
+    members: Bools
+    rule: Rule
+
+
+def group_failures(tests: Outcomes, causes: NDArray[np.str_], neighbours: float, min_failures: int) -> list[Group]:
+    """The failure regions, larger ones first; failures in none of them are isolated.
+
+    causes: (n,), of each test. neighbours: see `described_radius`. min_failures: of a region. Each cause has regions of its own; failures
+    that are left over are grouped once more, whatever their causes. If (nearly) every test fails, all failures are one region.
+    """
+    if len(tests.failed) and tests.failed.mean() >= EVERYWHERE:
+        return [Group(MIXED, tests.failed, Rule(()))] if tests.failed.sum() >= min_failures else []
+    left, groups = tests.failed.copy(), []
+    for cause in (*np.unique(causes[tests.failed]).tolist(), MIXED):
+        wanted = left if cause == MIXED else left & (causes == cause)
+        for group in _of_cause(cause, tests, wanted, neighbours, min_failures):
+            groups.append(group)
+            left = left & ~group.members
+    return sorted(groups, key=lambda group: -int(group.members.sum()))
+
+
+def held_back(tests: Outcomes, group: Group) -> tuple[int, int]:
+    """Tests and failures inside rules for a region that are fitted without these tests.
+
+    The tests, in the order in which they were executed, are cut into `BLOCKS`; the rule that the others give is judged on each block in
+    turn. The region itself is found with all tests, so this is no independent sample.
+    """
+    inside = np.zeros(len(tests.failed), bool)
+    for block in np.array_split(np.arange(len(inside)), BLOCKS):
+        others = np.ones(len(inside), bool)
+        others[block] = False
+        rest = replace(tests, points=tests.points[others], failed=tests.failed[others])
+        rule = rest.rule(group.members[others]).rule
+        if rule.conditions or not group.rule.conditions:
+            inside[block] = rule.holds(tests.points[block])
+    return int(inside.sum()), int((inside & tests.failed).sum())
+
+
+def _of_cause(cause: str, tests: Outcomes, wanted: Bools, neighbours: float, min_failures: int) -> Iterator[Group]:
+    """The density clusters of the failures `wanted`, and all of them together, propose rules; the one that gains most takes the failures
+    that it admits, and the search goes on with the others until no rule gains `MIN_GAIN`."""
+    left = wanted
+    while left.sum() >= min_failures:
+        seeds = _seeds(tests, left, neighbours, min_failures)
+        group = _best(cause, tests, left, seeds)
+        if group is None or group.members.sum() < min_failures:
+            return
+        yield group
+        left = left & ~group.members
+
+
+def _best(cause: str, tests: Outcomes, left: Bools, seeds: Iterable[Bools]) -> Group | None:
+    # A dense group was chosen for being dense: its rule has to tell all failures that are left from passing tests.
+    gain, rule = max(((tests.gain(found, left), found.rule) for found in map(tests.rule, seeds)), key=lambda one: one[0])
+    if gain < MIN_GAIN:
+        return None
+    members = left & rule.holds(tests.points)
+    # Other failures no longer draw at its bounds.
+    again = tests.rule(members).rule
+    return Group(cause, members, again if again.conditions else rule)
+
+
+def _seeds(tests: Outcomes, left: Bools, neighbours: float, min_failures: int) -> Iterator[Bools]:
+    yield left
+    radius = described_radius(tests.space, int(left.sum()), neighbours)
+    labels = np.full(len(left), NOISE, np.int64)
+    labels[left] = dense_groups(tests.space, tests.points[left], radius, min_failures)
+    yield from (labels == label for label in range(int(labels.max(initial=NOISE)) + 1))
