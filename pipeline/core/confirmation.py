@@ -1,0 +1,132 @@
+"""Confirms a rule by fresh random tests inside and just outside it, which no search has seen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.core.rules import Bools, Condition, Rule
+from pipeline.core.space import MAX_DRAWS, Floats, Space, Variable
+
+CHUNK = 1000
+MARGIN = 0.1
+"""How far beyond a bound "just outside" reaches, as a share of the variable's range."""
+Filter = Callable[[Floats], Bools]
+"""Which encoded values (n,) of a variable are wanted, as (n,)."""
+
+
+def draw_inside(space: Space, rule: Rule, count: int, rng: np.random.Generator) -> Floats:
+    """(count, d) feasible points inside a rule, independent and uniform; ValueError if it admits hardly any."""
+    wanted: dict[int, list[Filter]] = {}
+    for condition in rule.conditions:
+        wanted.setdefault(condition.variable, []).append(condition.admits)
+    return _drawn(space, wanted, count, rng)
+
+
+def draw_just_outside(space: Space, rule: Rule, count: int, rng: np.random.Generator) -> Floats:
+    """(count, d) feasible points just outside a rule: each breaks one condition and keeps the others.
+
+    The condition is drawn with equal chances. A number lies beyond its bound by at most `MARGIN` of the range; of a category, any other
+    value may stand. Empty, (0, d), if no condition can be broken alone.
+    """
+    nearby = []
+    for broken in rule.conditions:
+        wanted: dict[int, list[Filter]] = {broken.variable: [_beyond(broken, space.variables[broken.variable])]}
+        for kept in rule.conditions:
+            if kept is not broken:
+                wanted.setdefault(kept.variable, []).append(kept.admits)
+        try:
+            nearby.append(_drawn(space, wanted, count, rng))
+        except ValueError:  # Such as an adult who is a child.
+            continue
+    if not nearby:
+        return np.zeros((0, len(space)))
+    return np.array([nearby[which][row] for row, which in enumerate(rng.integers(len(nearby), size=count))])
+
+
+def _beyond(condition: Condition, variable: Variable) -> Filter:
+    def just_outside(column: Floats) -> Bools:
+        outside = ~condition.admits(column)
+        if condition.values:
+            return outside
+        period = variable.high - variable.low
+        gaps = [np.abs(column - bound) for bound in (condition.low, condition.high)]
+        if variable.cyclic:
+            gaps = [np.minimum(gap, period - gap) for gap in gaps]
+        return np.asarray(outside & (np.minimum(*gaps) <= MARGIN * period))
+
+    return just_outside
+
+
+def _drawn(space: Space, wanted: Mapping[int, Sequence[Filter]], count: int, rng: np.random.Generator) -> Floats:
+    """Points by rejection, first of each variable's values, then of infeasible points."""
+    points = np.zeros((0, len(space)))
+    for _ in range(MAX_DRAWS):
+        if len(points) >= count:
+            return points[:count]
+        drawn = np.column_stack([_values(v, wanted.get(j, ()), max(1, count), rng) for j, v in enumerate(space.variables)])
+        feasible = space.constraints.holds(space.categorise(drawn)) if space.clauses else np.ones(len(drawn), bool)
+        points = np.concatenate([points, drawn[feasible]])
+    raise ValueError(f"no {count} feasible points in {MAX_DRAWS} draws: the constraints exclude almost all that the rule admits")
+
+
+def _values(variable: Variable, filters: Sequence[Filter], count: int, rng: np.random.Generator) -> Floats:
+    values = np.zeros(0)
+    for _ in range(MAX_DRAWS):
+        drawn = variable.scale(rng.random(max(CHUNK, count)))
+        for wanted in filters:
+            drawn = drawn[wanted(drawn)]
+        values = np.concatenate([values, drawn])
+        if len(values) >= count:
+            return values[:count]
+    raise ValueError(f"{variable.name}: hardly any value is wanted")
+
+
+@dataclass(frozen=True)
+class Counted:
+    """Fresh tests. failures: of `tests` that ended well. errors: tests whose simulation broke, in neither number."""
+
+    tests: int
+    failures: int
+    errors: int = 0
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.failures <= self.tests or self.errors < 0:
+            raise ValueError(f"failures must be in [0, {self.tests}] and errors not negative, got {self.failures} and {self.errors}")
+
+    @staticmethod
+    def of(failed: Bools, error: Bools | None = None) -> Counted:
+        """Count (n,) outcomes; `failed` does not matter where `error` holds."""
+        broken = np.zeros(len(failed), bool) if error is None else error
+        return Counted(int((~broken).sum()), int((failed & ~broken).sum()), int(broken.sum()))
+
+    def interval(self, confidence: float) -> tuple[float, float]:
+        """The exact interval of the failure rate, (0, 1) without tests. Source: Clopper & Pearson 1934."""
+        from scipy.stats import beta
+
+        tail, passed = (1 - confidence) / 2, self.tests - self.failures
+        low = float(beta.ppf(tail, self.failures, passed + 1)) if self.failures else 0.0
+        high = float(beta.ppf(1 - tail, self.failures + 1, passed)) if passed else 1.0
+        return low, high
+
+
+def more_inside(inside: Counted, outside: Counted) -> float:
+    """Fisher's exact test, one-sided: the chance of so many failures inside if the failure rate inside and outside were one. In [0, 1]."""
+    from scipy.stats import hypergeom
+
+    tests, failures = inside.tests + outside.tests, inside.failures + outside.failures
+    return float(hypergeom.sf(inside.failures - 1, tests, failures, inside.tests))
+
+
+def confirmed(counts: Sequence[tuple[Counted, Counted]], alpha: float) -> list[bool]:
+    """Whether each of several rules is confirmed: more failures inside it than just outside, at a chance of at most alpha that any rule
+    without meaning is. counts: inside and outside of each rule. Holm 1979."""
+    chances = [more_inside(inside, outside) for inside, outside in counts]
+    result, order = [False] * len(chances), np.argsort(chances, kind="stable")
+    for rank, index in enumerate(order):
+        if chances[index] > alpha / (len(chances) - rank):
+            break
+        result[index] = True
+    return result
