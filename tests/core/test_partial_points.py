@@ -49,7 +49,7 @@ def test_coverage_and_proposals_take_partial_points() -> None:
     points = np.array([[0, 0], [1, -1], [-1, -1]])
     assert projection_coverage(points, demand).covered == 1
     assert projection_coverage(points, Demand(Constraints((2, 2)), 1)).covered == 3
-    assert len(Proposer(demand).completion(points)) == 3
+    assert len(Proposer(demand).completion(points).categories) == 3
     assert Proposer(Demand(Constraints((2, 2)), 1)).fewest(points) == 1
 
 
