@@ -13,6 +13,9 @@ from pipeline.core.detections import Detections
 from pipeline.core.episode import Episode, Frame
 from pipeline.core.space import Floats, Value
 
+Admitted = tuple[float, float] | tuple[str, ...]
+"""What a simulator admits of a variable: lowest and highest number, or names; anything if empty."""
+
 
 @runtime_checkable
 class Detector(Protocol):
@@ -29,6 +32,9 @@ class Simulator(Protocol):
 
     A test execution depends only on the concrete scenario and the detector: repeating it gives identical results to the last bit, in any
     order and any process. A simulator that cannot execute a scenario raises `SimulationError`.
+
+    A class may declare `needs`, a mapping from the variables that a scenario must have to what it admits of each (`Admitted`). A study that
+    does not meet it is refused before anything runs.
     """
 
     def execute(self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0) -> Episode:

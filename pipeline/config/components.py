@@ -18,9 +18,9 @@ from pipeline.config.messages import message
 from pipeline.config.schema import Config
 from pipeline.core.car import Car
 from pipeline.core.names import nearest
-from pipeline.core.space import Space
+from pipeline.core.space import Space, Variable
 from pipeline.errors import InputError, shown
-from pipeline.protocols import Detector, Sampler, Simulator
+from pipeline.protocols import Admitted, Detector, Sampler, Simulator
 from pipeline.scenarios.functional import FunctionalScenario
 
 STORED_FROM = 0.05
@@ -80,6 +80,7 @@ def check_components(config: Config) -> None:
     Strategies are made. Of simulators and detectors, which need OpenGL and a model, the signature is checked.
     """
     component("simulator", SIMULATOR, config.simulator)
+    _check_needs(config)
     component("detector", DETECTOR, config.detector)
     for name, section in config.samplers.items():
         used = config.search if name in config.strategies else config.held_out if name == config.comparison.strategy else config.search[:1]
@@ -94,6 +95,27 @@ def check_components(config: Config) -> None:
     if config.base.source == "shipped" and not (weights := Path(config.base.weights) / "weights.safetensors").is_file():
         raise InputError(f"base.weights: expected the folder of a detector, found no file {weights}")
     _check_learning(config)
+
+
+def _check_needs(config: Config) -> None:
+    """The variables of each scenario are those that the simulator needs."""
+    target = config.simulator["_target_"]
+    needs: Mapping[str, Admitted] = getattr(_class("simulator._target_", SIMULATOR, target), "needs", {})
+    for scenario in (*config.search, *config.held_out):
+        variables = {variable.name: variable for variable in config.space(scenario).variables}
+        for name, admitted in needs.items():
+            key = f"scenarios.{scenario}.space.{name}"
+            if name not in variables:
+                raise InputError(f"key '{key}' is missing: {target} needs this variable")
+            if admitted and not _inside(variables[name], admitted):
+                wanted = f"values among {', '.join(map(str, admitted))}" if isinstance(admitted[0], str) else f"numbers in {list(admitted)}"
+                raise InputError(f"{key}: {target} takes {wanted}, got {shown(variables[name].to_dict())}")
+
+
+def _inside(variable: Variable, admitted: Admitted) -> bool:
+    if variable.kind == "categorical":
+        return set(variable.values) <= set(admitted)
+    return not isinstance(admitted[0], str) and float(admitted[0]) <= variable.low and variable.high <= float(admitted[1])
 
 
 def _check_learning(config: Config) -> None:

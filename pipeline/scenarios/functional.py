@@ -7,7 +7,10 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
+from pipeline.core.columns import columns
 from pipeline.core.footprints import Rectangle
+from pipeline.core.identity import CampaignId
+from pipeline.core.kpi import KPIS
 from pipeline.core.paths import Path, Pose
 from pipeline.core.space import Space
 from pipeline.core.worlds import Worlds
@@ -23,6 +26,9 @@ EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M = 2.5, 0.95
 ON_PATH_M = 0.25
 CLEAR_M = 2.2
 """Lateral distance from the middle of the ego's path at which a pedestrian gives no reason to brake: beyond the lane's edge and a step."""
+
+RESERVED = {"test_id", "index", "batch", "status", "reason", *(each.name for each in (*columns(CampaignId), *KPIS))}
+"""Columns of tests.parquet beside the variables."""
 
 
 class Ego(Part):
@@ -139,6 +145,8 @@ class FunctionalScenario(Part):
     def _variables(cls, plain: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
         if populations.VARIABLE in plain:
             raise ValueError(f"'{populations.VARIABLE}' comes from `people`, the number of a population; constraints may exclude persons")
+        if taken := sorted(RESERVED & set(plain)):
+            raise ValueError(f"'{taken[0]}' is a column of every table of tests already; choose another name")
         Space.from_dict(plain)
         return plain
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from pipeline.core.matching import match
 from pipeline.core.signals import SIGNALS, TimeStep, box_signals
 from pipeline.core.space import Floats, Value
 from pipeline.core.truth import Truth
-from pipeline.protocols import Detector
+from pipeline.protocols import Admitted, Detector
 from pipeline.scenarios.functional import FunctionalScenario
 
 WIDTH, HEIGHT = 64, 64
@@ -52,6 +52,9 @@ PLANTED = (
 
 class AnalyticSimulator:
     """Executes concrete scenarios by formula. The detector gets a small image, but the outcome depends on the point alone."""
+
+    needs: ClassVar[Mapping[str, Admitted]] = dict.fromkeys(("rain", "fog", "sun_altitude", "pedestrian_speed", "animation"), ())
+    """The variables that a scenario must have."""
 
     def __init__(self, scenario: FunctionalScenario, car: Car) -> None:
         self._space, self._car = scenario.logical_space(), car

@@ -11,6 +11,7 @@ import pytest
 import torch
 from transformers import YolosConfig, YolosForObjectDetection, YolosImageProcessorPil
 
+from pipeline.config.components import make_detector
 from pipeline.core.episode import Frame
 from pipeline.core.truth import Truth
 from pipeline.detectors.function import FunctionDetector
@@ -123,8 +124,9 @@ def test_a_wrong_function_raises_a_simulation_error(name: str, message: str) -> 
 
 @pytest.mark.parametrize("threshold", [50, 0, -1])
 def test_a_threshold_that_reports_all_or_nothing_is_refused(threshold: float) -> None:
-    with pytest.raises(InputError, match=rf"detector\.threshold must be in \(0, 1\), got {threshold}"):
-        FunctionDetector(f"{__name__}.bright", threshold=threshold)
+    section = {"_target_": "pipeline.detectors.function.FunctionDetector", "function": f"{__name__}.bright", "threshold": threshold}
+    with pytest.raises(InputError, match=rf"detector\.threshold: Input should be (greater|less) than \d, got {threshold}"):
+        make_detector(section, Path("none"))
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Makes the benchmark `faults` importable; see the conftest of tests/benchmarks."""
+"""Makes the fault benchmarks importable. Their folder itself must not be on the path: its `coverage.py` would hide a package."""
 
 import importlib
 from pathlib import Path
@@ -7,4 +7,5 @@ import pytest
 
 with pytest.MonkeyPatch.context() as patch:
     patch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "benchmarks"))
-    importlib.import_module("faults")
+    for name in ("faults", "config_faults"):
+        importlib.import_module(name)

@@ -7,6 +7,7 @@ import json
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,7 @@ from pipeline.core.signals import TimeStep, box_signals
 from pipeline.core.space import Value
 from pipeline.core.truth import Truth
 from pipeline.errors import SimulationError
-from pipeline.protocols import Detector
+from pipeline.protocols import Admitted, Detector
 from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M, FunctionalScenario
 
 from . import gait
@@ -40,6 +41,17 @@ ALONG = np.sin(np.radians(15))
 
 class MujocoSimulator:
     """Executes concrete scenarios of one functional scenario in a rendered MuJoCo world."""
+
+    needs: ClassVar[Mapping[str, Admitted]] = {
+        **dict.fromkeys(("rain", "fog"), (0.0, 100.0)),
+        "sun_azimuth": (0.0, 360.0),
+        "sun_altitude": (-90.0, 90.0),
+        "pedestrian_shift": (-20.0, 20.0),
+        "pedestrian_speed": (0.0, 10.0),
+        "animation": gait.ANIMATIONS,
+        "blueprint": (),
+    }
+    """The variables that a scenario must have."""
 
     def __init__(self, scenario: FunctionalScenario, car: Car, camera: CameraSettings | None = None) -> None:
         self._scenario, self._car = scenario, car
