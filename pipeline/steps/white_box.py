@@ -15,7 +15,8 @@ from pipeline.errors import InputError
 
 def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
     frames = {f"frames_{strategy}": folders.search("frames.parquet", strategy=strategy) for strategy in folders.config.strategies}
-    return {"weights": folders.model("base", "weights.safetensors"), **folders.dataset("base_set"), **frames}
+    version = {"weights": folders.model("base", "weights.safetensors"), "card": folders.model("base", "model.json")}
+    return {**version, **folders.dataset("base_set"), **frames}
 
 
 STEP = Step(

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import copy
+import io
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from torch import nn
 
 from pipeline.artefacts.dataset import ImageSet, image_set
+from pipeline.artefacts.files import read_sealed
 from pipeline.core.boxes import iou
 from pipeline.core.truth import Truth
 from pipeline.detectors.yolo import recipe, retraining, training
@@ -99,7 +101,7 @@ def test_a_killed_training_reaches_the_same_weights(muon: bool, tmp_path: Path, 
     monkeypatch.setattr(training, "_code", lambda: "another")
     done.clear()
     fit(small(), Lesson(schedule, feed, "b"), told)
-    assert done == [7] and torch.load(checkpoint, weights_only=True)["identity"] == "banother"
+    assert done == [7] and torch.load(io.BytesIO(read_sealed(checkpoint)), weights_only=True)["identity"] == "banother"
     for damaged in (b"damaged", b"", b"\x80", b"q\xff\x01.", b"K\x01."):
         checkpoint.write_bytes(damaged)
         assert same(uninterrupted, fit(small(), Lesson(schedule, feed, "a"), Run(checkpoint, threads=1)).model)
@@ -290,7 +292,7 @@ def test_a_non_finite_loss_ends_the_training_before_its_weights_are_saved(tmp_pa
 
     with pytest.raises(InputError, match="the loss is not finite at iteration 8: lower learning_rate, now 0.001, or check the labels"):
         fit(small(), Lesson(Schedule(0, 20, 1e-3, warm_up=3), feed), Run(checkpoint, threads=1))
-    kept = torch.load(checkpoint, weights_only=True)
+    kept = torch.load(io.BytesIO(read_sealed(checkpoint)), weights_only=True)
     assert kept["iteration"] == 7 and all(torch.isfinite(value.float()).all() for value in kept["model"].values())
 
 
