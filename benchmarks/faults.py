@@ -93,7 +93,7 @@ def tiny_study() -> Path:
         wildcards = dict(target.wildcards)
         perform(order_of(target.step, plan.config, wildcards, plan.stamp(target.step, wildcards)), plan.config)
     root = Path(plan.folders.root)
-    shutil.copytree(SHIPPED, root / "models/base")
+    shutil.copytree(SHIPPED, root / "models/base", ignore=shutil.ignore_patterns("README.md"))
     onnx_of(root / "models/base", root / "models/base")
     stamp(root / "models/base/model.json.stamp", *(root / "models/base" / name for name in VERSION.values()))
     _images(root / "base_set")
