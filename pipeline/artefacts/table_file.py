@@ -24,6 +24,7 @@ SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars"}
 UNQUOTED = re.compile(r'[^\s",\ufeff]([^",\r\n]*[^\s",])?', re.ASCII)
 QUOTED = re.compile(rb'(?<![^,\r\n])[ \t]*("[^"]*(?:""[^"]*)*")')
 OPENED = re.compile(rb'(?<![^,\r\n])[ \t]*"')
+NO_ROWS = re.compile(rb"[\r\n]*")
 BLOCK = 1 << 24
 
 
@@ -101,7 +102,7 @@ def _read_csv(path: Path, data: bytes, wanted: Sequence[str]) -> Table:
     return Table(header, {name: table.column(str(place)) for name, place in places.items()}, table.num_rows)
 
 
-def _header(data: bytes) -> tuple[tuple[str, ...], bytes]:
+def _header(data: bytes) -> tuple[tuple[str, ...], memoryview]:
     """The names in the first row, and the rows after it: Arrow's own ways to skip a header lose rows after some of them."""
     read = 0
 
@@ -111,7 +112,7 @@ def _header(data: bytes) -> tuple[tuple[str, ...], bytes]:
             read += len(line.encode())
             yield line
 
-    return tuple(next(csv.reader(lines()), ())), data[read:]
+    return tuple(next(csv.reader(lines()), ())), memoryview(data)[read:]
 
 
 def _places(path: Path, header: Sequence[str], wanted: Sequence[str]) -> dict[str, int]:
@@ -127,9 +128,9 @@ def _places(path: Path, header: Sequence[str], wanted: Sequence[str]) -> dict[st
     return places
 
 
-def _parse(path: Path, rows: bytes, fields: int, places: dict[str, int]) -> Any:
+def _parse(path: Path, rows: memoryview, fields: int, places: dict[str, int]) -> Any:
     """The columns at `places`, named by their positions."""
-    if not rows.strip(b"\r\n"):
+    if NO_ROWS.fullmatch(rows):
         return pa.table({str(place): pa.array([], pa.string()) for place in places.values()})
     wrong: list[Any] = []
 
@@ -140,7 +141,7 @@ def _parse(path: Path, rows: bytes, fields: int, places: dict[str, int]) -> Any:
     kept = [str(place) for place in places.values()] or ["0"]
     try:
         return pa_csv.read_csv(
-            io.BytesIO(rows),
+            pa.BufferReader(rows),
             # One thread: only then a wrong row has its number.
             pa_csv.ReadOptions(use_threads=False, block_size=BLOCK, column_names=[str(i) for i in range(fields)]),
             pa_csv.ParseOptions(newlines_in_values=True, invalid_row_handler=refuse),

@@ -7,6 +7,7 @@ import json
 from math import inf
 from pathlib import Path
 
+from pipeline.core.names import in_one_line
 from pipeline.errors import InputError
 from pipeline.progress import Progress
 
@@ -64,8 +65,11 @@ def run(options: argparse.Namespace) -> int:
 
     _check(options)
     _check_outputs(options)
-    with Progress(f"coverage {options.verb}") as progress:
-        found, text = getattr(coverage_answers, options.verb)(options, progress)
+    try:
+        with Progress(f"coverage {options.verb}") as progress:
+            found, text = getattr(coverage_answers, options.verb)(options, progress)
+    except InputError as error:
+        raise InputError(in_one_line(str(error))) from error
     print(json.dumps(found, ensure_ascii=False) if options.json else text)
     return 0 if found.get("valid", True) else 1
 

@@ -1,4 +1,5 @@
-"""The one pattern of all names that become a path, a wildcard or an entry of a registry, and hints for unknown names."""
+"""The one pattern of all names that become a path, a wildcard or an entry of a registry, hints for unknown names, and any name in one
+line."""
 
 from __future__ import annotations
 
@@ -31,3 +32,8 @@ def nearest(name: str, known: Iterable[str]) -> str:
     if close := difflib.get_close_matches(name, choices, n=1, cutoff=0.5) if len(name) <= LONGEST_NAME else []:
         return f"; did you mean '{close[0]}'?"
     return f"; known are {', '.join(choices if len(choices) <= FEW else [*choices[:FEW], '…'])}"
+
+
+def in_one_line(text: str) -> str:
+    """The text with line breaks and other signs that do not print written as escapes."""
+    return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text)

@@ -22,10 +22,9 @@ from pipeline.core.coverage.verification import verify as verify_rows
 from pipeline.core.space import Ints, Space
 from pipeline.errors import InputError
 from pipeline.progress import Progress
-from pipeline.report.imperfect_rows import imperfect, imperfect_text
+from pipeline.report.imperfect_rows import SHOWN, imperfect, imperfect_text
 
 MOST_CELLS = 200_000_000
-SHOWN = 12
 SMALLEST = "This is the smallest possible number."
 
 

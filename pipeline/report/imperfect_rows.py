@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from pipeline.analysis.data_coverage import LISTED
 from pipeline.artefacts.point_table import PointTable
 
-LISTED = 1000
 SHOWN = 12
+"""Longest list in a text."""
 
 
 def imperfect(table: PointTable) -> dict[str, Any]:
