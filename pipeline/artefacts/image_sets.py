@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -21,8 +22,17 @@ KEY = "file_name"
 OBJECTS = "objects"
 
 
-def read_images(path: Path, metadata: Path, wanted: Sequence[str]) -> tuple[Table, list[str]]:
-    """The wanted conditions of each image of a COCO file or YOLO folder, and the images' names, in the same order.
+@dataclass(frozen=True)
+class Images:
+    """table: the conditions of each image, in the order of `names`. unused: rows of the metadata that belong to no image."""
+
+    table: Table
+    names: tuple[str, ...]
+    unused: int
+
+
+def read_images(path: Path, metadata: Path, wanted: Sequence[str]) -> Images:
+    """The wanted conditions of each image of a COCO file or YOLO folder.
 
     Conditions come from `metadata`, a table with a column `file_name`; without a column `objects` there, that condition is the number of
     annotations. Raises InputError that names the file and the image.
@@ -31,11 +41,13 @@ def read_images(path: Path, metadata: Path, wanted: Sequence[str]) -> tuple[Tabl
     table = read_table(metadata, [KEY, *(name for name in wanted if name != KEY)])
     if KEY not in table.columns:
         raise InputError(f"{metadata}: expected a column {KEY}, got {', '.join(table.header)}")
-    rows = pa.array(_rows(path, list(counts), table, metadata), pa.int64())
+    found = _rows(path, list(counts), table, metadata)
+    rows = pa.array([same[0] for same in found], pa.int64())
     columns = {name: column.take(rows) for name, column in table.columns.items() if name in wanted}
     if OBJECTS in wanted and OBJECTS not in columns:
         columns[OBJECTS] = pa.chunked_array([list(counts.values())], pa.int64())
-    return Table((*table.header, OBJECTS), columns, len(rows)), list(counts)
+    unused = table.rows - len({row for same in found for row in same})
+    return Images(Table((*table.header, OBJECTS), columns, len(rows)), tuple(counts), unused)
 
 
 def _coco(path: Path) -> dict[str, int]:
@@ -120,8 +132,8 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _rows(path: Path, images: Sequence[str], table: Table, metadata: Path) -> list[int]:
-    """The row of each image: by its path, else without suffix, else by its name alone if no other image or row has it."""
+def _rows(path: Path, images: Sequence[str], table: Table, metadata: Path) -> list[list[int]]:
+    """The rows of each image, which agree: by its path, else without suffix, else by its name alone if no other image or row has it."""
     keys = table.columns[KEY].cast(pa.string()).to_pylist()
     if None in keys:
         raise InputError(f"{metadata}: row {keys.index(None) + 1}: {KEY} must be the name of an image, got nothing")
@@ -134,7 +146,8 @@ def _rows(path: Path, images: Sequence[str], table: Table, metadata: Path) -> li
         if not found or several:
             why = f", and several images are called {_stem(image)}" if several else ""
             raise InputError(f"{metadata}: expected a row for every image of {path}, there is none for {image}{why}")
-        rows.append(_one(found, image, table, metadata))
+        _check_agreement(found, image, table, metadata)
+        rows.append(found)
     return rows
 
 
@@ -145,9 +158,8 @@ def _by(meaning: Callable[[str], str], keys: Sequence[str]) -> dict[str, list[in
     return rows
 
 
-def _one(rows: list[int], image: str, table: Table, metadata: Path) -> int:
-    """The first of the rows of an image; InputError if they differ in a condition."""
+def _check_agreement(rows: list[int], image: str, table: Table, metadata: Path) -> None:
+    """InputError if the rows of an image differ in a condition."""
     for name, column in table.columns.items():
         if name != KEY and len(rows) > 1 and len({column[row].as_py() for row in rows}) > 1:
             raise InputError(f"{metadata}: rows {rows[0] + 1} and {rows[1] + 1} are both {image} and differ in {name}")
-    return rows[0]

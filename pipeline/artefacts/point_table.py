@@ -21,7 +21,8 @@ class PointTable:
     """The points of a table.
 
     categories: (n, d) indices of all rows, -1 where a row has no category. faults: the causes of these, then the constraints that rows
-    break. keeps: (n,) rows that break no constraint. images: names of the rows, if they are images.
+    break. keeps: (n,) rows that break no constraint. images: names of the rows, if they are images. unused: rows of the metadata that
+    belong to no image.
     """
 
     path: Path
@@ -29,6 +30,7 @@ class PointTable:
     faults: tuple[Fault, ...]
     keeps: Bools
     images: tuple[str, ...] = ()
+    unused: int = 0
 
     @property
     def points(self) -> Ints:
@@ -63,11 +65,13 @@ def read_points(path: Path, space: Space, *, metadata: Path | None = None, empty
 
     Raises InputError that names the file and what is wrong with the table as a whole.
     """
-    images: list[str] = []
+    names: tuple[str, ...] = ()
+    unused = 0
     if path.is_dir() or path.suffix.lower() == ".json":
         if metadata is None:
             raise InputError(f"{path}: the conditions of images are in a table with a column file_name; name it by --metadata")
-        table, images = read_images(path, metadata, space.names)
+        images = read_images(path, metadata, space.names)
+        table, names, unused = images.table, images.names, images.unused
     elif metadata is not None:
         raise InputError(f"{path}: --metadata goes with COCO's JSON and folders of YOLO labels; a table has the conditions as columns")
     else:
@@ -85,7 +89,7 @@ def read_points(path: Path, space: Space, *, metadata: Path | None = None, empty
     points = np.column_stack([categories for categories, _ in found])
     broken = broken_clauses(space.constraints, points)
     faults = [fault for _, several in found for fault in several] + _breaking(space, points, broken)
-    return PointTable(path, points, tuple(faults), broken < 0, tuple(images))
+    return PointTable(path, points, tuple(faults), broken < 0, names, unused)
 
 
 def _breaking(space: Space, points: Ints, broken: Ints) -> list[Fault]:

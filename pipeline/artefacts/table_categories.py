@@ -49,8 +49,8 @@ def _different(variable: Variable, column: Column) -> tuple[Any, Ints]:
         column = column.cast(kind.value_type)
     elif pa.types.is_nested(kind) or pa.types.is_binary(kind) or pa.types.is_large_binary(kind):
         raise ValueError(f"{variable.name}: expected texts, numbers, truth values or times, got values of type {kind}")
-    elif pa.types.is_null(kind):
-        column = column.cast(pa.string())
+    elif pa.types.is_null(kind) or pa.types.is_float16(kind):
+        column = column.cast(pa.string() if pa.types.is_null(kind) else pa.float32())
     chunks = column.dictionary_encode().unify_dictionaries().chunks
     different = chunks[0].dictionary if chunks else pa.array([], column.type)
     places = [chunk.indices.fill_null(len(different)).to_numpy(zero_copy_only=False) for chunk in chunks]
@@ -64,8 +64,8 @@ def _named(variable: Variable, different: Any) -> Ints:
 
 def _values(different: Any) -> list[Any]:
     """Python's values; a number of single precision as it is written, not as its double."""
-    small = pa.types.is_float32(different.type) or pa.types.is_float16(different.type)
-    return list(map(float, map(str, different.to_numpy()))) if small else list(different.to_pylist())
+    single = pa.types.is_float32(different.type)
+    return list(map(float, map(str, different.to_numpy()))) if single else list(different.to_pylist())
 
 
 def _ranged(variable: Variable, different: Any) -> Ints:

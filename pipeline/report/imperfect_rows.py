@@ -22,14 +22,16 @@ def imperfect(table: PointTable) -> dict[str, Any]:
         "left_out": int((~table.keeps).sum()),
         "causes": [{"cause": table.told(fault), "rows": fault.rows, "left_out": fault.left_out} for fault in faults[:LISTED]],
         "more_causes": len(faults[LISTED:]),
+        "unused_metadata": table.unused,
     }
 
 
 def imperfect_text(found: dict[str, Any]) -> list[str]:
     """Lines on the imperfect rows, none if there are none."""
+    lines = [f"{found['unused_metadata']:,} rows of the metadata belong to no image."] if found["unused_metadata"] else []
     if not found["causes"]:
-        return []
-    lines = [
+        return lines
+    lines += [
         f"{found['points']:,} of {found['rows']:,} rows count; partial, so only for the conditions that they give: {found['partial']:,}; "
         f"left out, because they break a constraint: {found['left_out']:,}"
     ]

@@ -78,6 +78,13 @@ def test_a_row_twice_must_agree(space: Space, tmp_path: Path) -> None:
         points(tmp_path, space, "set", META.replace("weather", "wether"))
 
 
+def test_rows_without_an_image_are_counted(space: Space, tmp_path: Path) -> None:
+    lay(tmp_path / "set", LAYOUTS["apart"])
+    (tmp_path / "meta.csv").write_text(META + "a.jpg,sunny\nd.jpg,sunny\ne.jpg,rainy\n")
+    table = read_points(tmp_path / "set", space, metadata=tmp_path / "meta.csv")
+    assert table.unused == 2 and table.images == ("a", "b", "c")
+
+
 def test_two_images_with_one_label_file_are_refused(space: Space, tmp_path: Path) -> None:
     lay(tmp_path / "set", {"a.jpg": "", "a.png": ""})
     with pytest.raises(InputError, match=r"a.jpg and a.png share one label file"):

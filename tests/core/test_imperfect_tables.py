@@ -142,6 +142,8 @@ def test_parquet_keeps_whole_numbers_times_and_missing_values_apart(folder: Path
     assert (found["numerator"], found["denominator"], found["partial"]) == (6, 6, 1)
     pd.DataFrame({"id": [1.5], "t": [True], "day": [None]}).to_parquet(folder / "points.parquet")
     assert said(capsys, folder, "score", "points.parquet", "--k", 1)["numerator"] == 0
+    pq.write_table(pa.Table.from_arrays([pa.array([1])] * 4, ["id", "t", "day", "t"]), folder / "points.parquet")
+    assert "the column 't' appears twice" in said(capsys, folder, "score", "points.parquet", code=2)
     pq.write_table(pa.table({"id": [[1]], "t": [1], "day": [1]}), folder / "points.parquet")
     assert "id: expected texts, numbers, truth values or times" in said(capsys, folder, "score", "points.parquet", code=2)
 
