@@ -25,7 +25,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     propose = _verb(verbs, "propose", "The next points that raise coverage most.")
     _add_projection(propose, points_required=False)
     propose.add_argument("--count", type=int, help="how many (default: 1)")
-    propose.add_argument("--complete", action="store_true", help="as many as complete the coverage, with a lower bound")
+    propose.add_argument("--complete", action="store_true", help="as many as complete the coverage: the fewest, or a bound")
     propose.add_argument("--exact", action="store_true", help="use 0-1 programming: the optimum, or the best found in time and a bound")
     propose.add_argument("--heavy-first", action="store_true", help="prefer cells with a large weight to many cells")
     propose.add_argument("--output", type=Path, help="CSV or parquet file for the points")

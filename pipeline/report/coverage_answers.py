@@ -15,7 +15,8 @@ from pipeline.analysis.data_coverage import LISTED, Found, cell_names, details, 
 from pipeline.artefacts.point_table import read_points, write_points
 from pipeline.artefacts.space_file import read_space_file
 from pipeline.core.coverage import arrays, counting
-from pipeline.core.coverage.arrays import STRONGEST, Effort, covering_array
+from pipeline.core.coverage.arrays import STRONGEST, Effort
+from pipeline.core.coverage.certified import certified_array
 from pipeline.core.coverage.projection import Coverage, Demand, Plane, total
 from pipeline.core.coverage.proposals import Proposal, Proposer
 from pipeline.core.coverage.verification import verify as verify_rows
@@ -129,7 +130,7 @@ def plan(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
         progress(min(999, int(1000 * share)), 1000, f"{size} points, at least {bound} needed")
 
     effort = Effort((options.seconds or None) if options.effort == "polish" else None, told)
-    array = covering_array(space.constraints, options.strength, seeds=seeds, seed=options.seed, effort=effort)
+    array = certified_array(space.constraints, options.strength, seeds=seeds, seed=options.seed, effort=effort)
     progress(1000, 1000, f"{array.size} points")
     if options.output:
         write_points(options.output, space, array.rows)
@@ -143,7 +144,7 @@ def plan(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
         "effort": options.effort,
         "seconds": round(time.monotonic() - started, 3),
     }
-    sure = "no plan has fewer" if found["optimal"] else f"no plan has fewer than {array.lower_bound}"
+    sure = "this is the smallest possible number" if found["optimal"] else f"no plan has fewer than {array.lower_bound}"
     return found, f"{array.size} points cover all {array.cells:,} feasible combinations of {options.strength} conditions; {sure}."
 
 

@@ -7,7 +7,8 @@ import pytest
 
 from pipeline.core.constraints import Constraints, Literal
 from pipeline.core.coverage import completion
-from pipeline.core.coverage.arrays import lower_bound
+from pipeline.core.coverage.arrays import Effort, lower_bound
+from pipeline.core.coverage.certified import certified_array
 from pipeline.core.coverage.projection import Demand, projection_coverage
 from pipeline.core.coverage.proposals import Proposer
 
@@ -54,3 +55,18 @@ def test_a_programme_that_ends_early_gives_a_bound(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(completion, "WORK", 1)
     found = Proposer(Demand(Constraints((3,) * 5), 2)).completion(np.zeros((0, 5), np.int64))
     assert 9 <= found.bound <= 11 <= len(found.categories)
+
+
+def test_an_array_is_certified_and_keeps_its_given_rows() -> None:
+    given = np.array([[2, 1, 0, 0, 1, 1], [2, 1, 0, 0, 1, 1]])
+    for seeds, fewest in ((None, 7), (given, 8)):
+        array = certified_array(PAPER, 2, seeds=seeds, effort=Effort(0.01))
+        assert array.size == array.lower_bound == fewest
+        assert projection_coverage(array.rows, Demand(PAPER, 2)).ratio == 1
+    assert array.rows[:2].tolist() == given.tolist()
+
+
+def test_an_array_too_large_to_certify_is_polished() -> None:
+    large = Constraints((3,) * 8)
+    array = certified_array(large, 2, effort=Effort(0.2))
+    assert array.lower_bound == 9 < array.size and projection_coverage(array.rows, Demand(large, 2)).ratio == 1

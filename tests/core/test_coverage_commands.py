@@ -116,11 +116,13 @@ def test_propose_reaches_full_coverage_with_few_points(exact: list[str], folder:
 def test_propose_completes(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["propose", "--space", folder / "space.yaml", "--points", folder / "points.csv", "--complete"]
     found = said(capsys, *words)
-    assert found["after"]["coverage"] == 1 and found["count"] >= found["needed_at_least"] == 3
+    # A single plane asks for three only.
+    assert found["after"]["coverage"] == 1 and found["optimal"] and found["count"] == found["needed_at_least"] == 4
     single = said(capsys, *words, "--k", 1)
     assert single["count"] == single["needed_at_least"] == 0
     assert main(["coverage", *map(str, words)]) == 0
-    assert "more points 29/29 = 100.00 %" in capsys.readouterr().out
+    text = capsys.readouterr().out
+    assert "more points 29/29 = 100.00 %" in text and "This is the smallest possible number." in text
 
 
 def test_propose_begins_from_nothing(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

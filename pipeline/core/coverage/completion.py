@@ -18,11 +18,11 @@ from pipeline.core.variable import Ints
 
 MOST_POINTS = 50_000
 """Feasible points that are listed, at most."""
-MOST_KINDS = 2_000
+MOST_KINDS = 1_500
 """Kinds of points in a programme, at most."""
 PART_KINDS = 300
 """The same for a bound from part of the conditions."""
-WORK = 400_000
+WORK = 120_000
 """Kinds times nodes of branch and bound, at most: a larger programme ends with a bound."""
 
 
