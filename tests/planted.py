@@ -23,10 +23,21 @@ CROUCHING = (SPACE.variables[POSE].values.index("crouching"),)
 
 
 @dataclass(frozen=True)
+class Band:
+    """Where rain and fog differ by at most so many percent: a diagonal, which no box describes."""
+
+    percent: float
+
+    def holds(self, points: Floats) -> Bools:
+        """Which points (n, d) it admits, as (n,)."""
+        return np.asarray(np.abs(points[:, RAIN] - points[:, FOG]) <= self.percent)
+
+
+@dataclass(frozen=True)
 class World:
     """boxes: every test inside one fails. tests: drawn at random. noise: share of the tests whose outcome is turned round."""
 
-    boxes: tuple[Rule, ...]
+    boxes: tuple[Rule | Band, ...]
     texts: tuple[str, ...] = ()
     tests: int = 400
     noise: float = 0.0
@@ -57,7 +68,10 @@ WORLDS: Mapping[str, World] = {
 """Worlds of boxes. texts: of their rules, or how they begin."""
 
 
-def overlap(space: Space, first: Rule, second: Rule) -> float:
+DIAGONAL = World((Band(12),), tests=800)
+
+
+def overlap(space: Space, first: Rule, second: Rule | Band) -> float:
     """Share of the points in either rule that lie in both, estimated from 40,000 random points."""
     points = space.sample(40_000, np.random.default_rng(99))
     a, b = first.holds(points), second.holds(points)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,8 +48,13 @@ def find_regions(info: ScenarioInfo, space: Space, tests: pd.DataFrame, section:
 
 def cluster(info: ScenarioInfo, space: Space, tests: pd.DataFrame, section: Regions) -> FailureRegions:
     """The failure regions of one scenario and the failures outside them; tests: its valid rows."""
+    return regions_of(info, space, tests, find_regions(info, space, tests, section))
+
+
+def regions_of(info: ScenarioInfo, space: Space, tests: pd.DataFrame, found: Sequence[Found]) -> FailureRegions:
+    """The artefact of the regions that `find_regions` found in the same tests."""
     failed, points = tests["failure"].to_numpy(bool), encode_tests(tests, space)
-    regions = tuple(found.region for found in find_regions(info, space, tests, section))
+    regions = tuple(one.region for one in found)
     members = {test for region in regions for test in region.members}
     return FailureRegions(
         scenario=info.name,

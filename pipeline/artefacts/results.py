@@ -240,6 +240,26 @@ class Inside(Result):
         return self.failures / self.tests if self.tests else None
 
 
+class Fresh(Result):
+    """Fresh random tests. failures: of `tests` that ended well. errors: tests whose simulation broke, in neither number. rate: failures per
+    test with its exact interval (Clopper-Pearson); null without tests."""
+
+    tests: int
+    failures: int
+    errors: int
+    rate: Estimate | None
+
+
+class Confirmation(Result):
+    """Fresh random tests inside and just outside a rule. confidence: of each rate's interval. p_value: chance of so many failures inside if
+    both failure rates were one (Fisher's exact test, one-sided)."""
+
+    confidence: float
+    inside: Fresh
+    outside: Fresh
+    p_value: float
+
+
 class FailureRegion(Result):
     """One group of failures with its readable rule.
 
@@ -247,8 +267,9 @@ class FailureRegion(Result):
     failed, from whatever cause; precision: their ratio. It has no interval: adaptive strategies gather their tests where failures are, and
     the rule is fitted to these tests, so they are no independent samples. lift: precision divided by the failure rate of all tests.
     recall: share of the region's members that the rule covers. held_back: tests inside rules that are fitted without these tests, each in
-    turn. status: a rule is confirmed by fresh random tests, never by the tests that it was found from. groups: named groups, such as
-    `children`, to which every test inside the rule belongs.
+    turn. status: a rule is confirmed if fresh random tests inside it fail more often than those just outside; the tests that it was found
+    from never confirm it. confirmation: these fresh tests, null if none were executed. groups: named groups, such as `children`, to which
+    every test inside the rule belongs.
     """
 
     name: str
@@ -264,7 +285,8 @@ class FailureRegion(Result):
     lift: float
     recall: float
     held_back: Inside
-    status: Literal["not confirmed"] = "not confirmed"
+    status: Literal["confirmed", "not confirmed"] = "not confirmed"
+    confirmation: Confirmation | None = None
     groups: tuple[str, ...] = ()
     representatives: tuple[Representative, ...]
 

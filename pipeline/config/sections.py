@@ -217,6 +217,8 @@ class Regions(Section):
     within it."""
     min_failures: int = Field(ge=2, le=MOST)
     """Smallest number of failures within the radius to form a region."""
+    confirm: int = Field(ge=0, le=1000)
+    """Fresh random tests inside each rule, and as many just outside, that confirm it; 0 for none. They count in no campaign."""
 
 
 class Report(Section):

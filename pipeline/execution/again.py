@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -15,9 +12,9 @@ from pipeline.artefacts.points import concrete
 from pipeline.artefacts.tables import read_detections, read_signals, read_tests
 from pipeline.core.car import Car
 from pipeline.core.kpi import NO_KPI, evaluate
-from pipeline.core.space import Space, Value
-from pipeline.execution.journal import Journal
-from pipeline.execution.workers import Execution, Setup, Workers
+from pipeline.core.space import Space
+from pipeline.execution.points import executed
+from pipeline.execution.workers import Setup
 from pipeline.progress import Progress
 
 
@@ -44,13 +41,7 @@ def driven_again(
     """The tests, with those that the car drives otherwise executed again. journal: folder from which a killed call resumes."""
     rows = again.tests.set_index("test_id")
     points = [concrete(rows.loc[test], space) for test in again.others]
-    log, workers = Journal(journal, _identity(setup, points), progress), Workers(threads, setup)
-    jobs = [Execution(i, log.path(i), point) for i, point in enumerate(points) if i not in log]
-    try:
-        for done, _ in enumerate(workers.execute(jobs), 1 + len(points) - len(jobs)):
-            progress(done, len(points), "driven again")
-    finally:
-        workers.close()
+    log = executed(points, setup, journal, threads, progress)
     for i, test in enumerate(again.others):
         outcome = log.read(i)
         judged = NO_KPI if outcome.is_error else evaluate(outcome.signals, failure_threshold_s)
@@ -58,7 +49,3 @@ def driven_again(
         rows.loc[test, list(now)] = list(now.values())
     log.remove()
     return rows.reset_index()[list(again.tests)]
-
-
-def _identity(setup: Setup, points: Sequence[Mapping[str, Value]]) -> str:
-    return hashlib.sha256(json.dumps([setup.identity, points], sort_keys=True).encode()).hexdigest()

@@ -9,7 +9,16 @@ import pandas as pd
 from pipeline.analysis.frame_criteria import MEANINGS
 from pipeline.artefacts.calibration_results import DetectorCalibration
 from pipeline.artefacts.model_card import ModelCard
-from pipeline.artefacts.results import BaseRate, FailureRegion, FailureRegions, Measures, StrategyMeasures, WhiteBoxMeasures, WhiteBoxSet
+from pipeline.artefacts.results import (
+    BaseRate,
+    FailureRegion,
+    FailureRegions,
+    Fresh,
+    Measures,
+    StrategyMeasures,
+    WhiteBoxMeasures,
+    WhiteBoxSet,
+)
 from pipeline.report import texts
 from pipeline.report.failure_tables import CAUSES, MIXED, NONE, base_rate_sentence, braking_in_search, cause_cells, rate_text
 from pipeline.report.formats import censored, decimal, percent, share
@@ -128,10 +137,25 @@ def _region_row(region: FailureRegion) -> tuple[str, ...]:
         f"{region.failures_inside} / {region.support} = {share(region.precision)}",
         f"{region.lift:.1f}",
         NONE if held_back.rate is None else f"{held_back.failures} / {held_back.tests} = {share(held_back.rate)}",
-        region.status,
+        _status(region),
         ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in region.modes if count),
         ", ".join(f"{count} {name}" for name, count in region.strategies.items()),
     )
+
+
+def _status(region: FailureRegion) -> str:
+    """Whether fresh tests confirm the rule, and their failures inside and just outside it."""
+    found = region.confirmation
+    if found is None:
+        return region.status
+    parts = [_fresh(f"{region.status}: inside", found.inside), _fresh("just outside", found.outside)]
+    errors = found.inside.errors + found.outside.errors
+    return "; ".join([*parts, *([f"errors: {errors}"] if errors else [])])
+
+
+def _fresh(where: str, found: Fresh) -> str:
+    rate = f" = {percent(found.rate)}" if found.rate else ""
+    return f"{where} {found.failures} / {found.tests}{rate}"
 
 
 def data_section(

@@ -1,0 +1,70 @@
+"""Confirms the rules of failure regions by fresh random tests, which no campaign has and no search has seen."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.analysis.failure_regions import Found
+from pipeline.artefacts.results import Confirmation, Estimate, FailureRegion, Fresh
+from pipeline.core.confirmation import Counted, confirmed, draw_inside, draw_just_outside, more_inside
+from pipeline.core.kpi import evaluate
+from pipeline.core.space import Floats, Space
+from pipeline.execution.journal import Outcome
+from pipeline.execution.points import executed
+from pipeline.execution.workers import Setup
+from pipeline.progress import Progress
+
+
+@dataclass(frozen=True)
+class FreshTests:
+    """What confirms rules. tests: inside each rule, and as many just outside. journal: folder from which a killed call resumes."""
+
+    space: Space
+    setup: Setup
+    failure_threshold_s: float
+    tests: int
+    confidence: float
+    journal: Path
+
+    def confirm(self, found: Sequence[Found], threads: int, progress: Progress) -> tuple[FailureRegion, ...]:
+        """The regions with their confirmations. All rules together are confirmed with an error of at most 1 - confidence."""
+        drawn = [points for one in found for points in self._drawn(one)]
+        outcomes = self._outcomes(np.concatenate(drawn), threads, progress) if drawn else []
+        ends = np.cumsum([len(points) for points in drawn])
+        counts = [self._counted(outcomes[end - len(points) : end]) for points, end in zip(drawn, ends, strict=True)]
+        pairs = list(zip(counts[::2], counts[1::2], strict=True))
+        status = confirmed(pairs, 1 - self.confidence)
+        return tuple(self._with(one.region, *pair, holds) for one, pair, holds in zip(found, pairs, status, strict=True))
+
+    def _drawn(self, found: Found) -> tuple[Floats, Floats]:
+        seed = int.from_bytes(hashlib.sha256(f"confirm {found.region.name} {found.region.rule}".encode()).digest()[:8], "big")
+        rng, rule = np.random.default_rng(seed), found.group.rule
+        return draw_inside(self.space, rule, self.tests, rng), draw_just_outside(self.space, rule, self.tests, rng)
+
+    def _outcomes(self, points: Floats, threads: int, progress: Progress) -> list[Outcome]:
+        concrete = [self.space.decode(point) for point in points]
+        log = executed(concrete, self.setup, self.journal, threads, progress)
+        outcomes = [log.read(i) for i in range(len(points))]
+        log.remove()
+        return outcomes
+
+    def _counted(self, outcomes: Sequence[Outcome]) -> Counted:
+        error = np.array([outcome.is_error for outcome in outcomes], bool)
+        failed = [not outcome.is_error and evaluate(outcome.signals, self.failure_threshold_s).failure for outcome in outcomes]
+        return Counted.of(np.array(failed, bool), error)
+
+    def _with(self, region: FailureRegion, inside: Counted, outside: Counted, holds: bool) -> FailureRegion:
+        found = Confirmation(
+            confidence=self.confidence, inside=self._fresh(inside), outside=self._fresh(outside), p_value=more_inside(inside, outside)
+        )
+        return region.model_copy(update={"confirmation": found, "status": "confirmed" if holds else "not confirmed"})
+
+    def _fresh(self, counted: Counted) -> Fresh:
+        low, high = counted.interval(self.confidence)
+        rate = Estimate(value=counted.failures / counted.tests, low=low, high=high) if counted.tests else None
+        return Fresh(tests=counted.tests, failures=counted.failures, errors=counted.errors, rate=rate)

@@ -1,0 +1,68 @@
+"""The step `cluster` confirms rules by fresh tests, which count in no campaign."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+
+from pipeline.artefacts.results import FailureRegions, read
+from pipeline.artefacts.tables import read_tests
+from pipeline.core.episode import Episode
+from pipeline.core.space import Value
+from pipeline.errors import SimulationError
+from pipeline.protocols import Detector
+from pipeline.report.sections import regions_section
+from pipeline.simulators.analytic import AnalyticSimulator
+from tests.workflow.test_campaign import analytic_study
+
+FRESH = 12
+
+
+class BreaksInDenseFog(AnalyticSimulator):
+    """Breaks in fog above 90 %."""
+
+    def execute(self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0) -> Episode:
+        if float(concrete["fog"]) > 90:
+            raise SimulationError("dense fog")
+        return super().execute(concrete, detector, keep_every)
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> FailureRegions:
+    breaking = f"simulator._target_={BreaksInDenseFog.__module__}.{BreaksInDenseFog.__qualname__}"
+    overrides = ["campaign.tests=160", "samplers.mixed.batch_size=20", f"regions.confirm={FRESH}", breaking]
+    study = analytic_study(tmp_path_factory.mktemp("confirming"), *overrides)
+    for strategy in ("random", "mixed"):
+        assert study.run("campaign", kind="campaigns", scenario="F1", strategy=strategy, version="base", seed=0) == 0
+    assert study.run("cluster", scenario="F1", version="base") == 0
+    assert not list(Path(study / "journal").glob("cluster/**/*.npz")), "the journal is removed"
+    executed = sum(len(read_tests(study / f"campaigns/F1/{strategy}/base/0/tests.parquet")) for strategy in ("random", "mixed"))
+    result = read(study / "regions/base/F1.json", FailureRegions)
+    assert result.tests < executed == 320, "errors are left out, and fresh tests are not added"
+    return result
+
+
+def test_every_rule_has_its_fresh_tests_and_errors_apart(found: FailureRegions) -> None:
+    assert found.regions
+    for region in found.regions:
+        confirmation = region.confirmation
+        assert confirmation is not None
+        for fresh in (confirmation.inside, confirmation.outside):
+            assert fresh.tests + fresh.errors == FRESH and fresh.failures <= fresh.tests
+            if fresh.rate is not None:
+                assert fresh.rate.low <= fresh.rate.value == fresh.failures / fresh.tests <= fresh.rate.high
+    (fog,) = [region for region in found.regions if "fog >= " in region.rule and "sun_altitude <= " in region.rule]
+    assert fog.status == "confirmed" and fog.confirmation is not None and fog.confirmation.inside.errors > 0
+
+
+def test_the_report_says_what_confirms_a_rule(found: FailureRegions) -> None:
+    (part,) = regions_section([found], [], {found.scenario: None}, {}).parts  # type: ignore[dict-item]
+    assert part.table is not None
+    cells = {row[0]: row[7] for row in part.table.rows}
+    for region in found.regions:
+        assert region.confirmation is not None
+        inside = region.confirmation.inside
+        assert cells[region.name].startswith(f"{region.status}: inside {inside.failures} / {inside.tests}")
+    assert any("; errors: " in text for text in cells.values())
