@@ -94,8 +94,7 @@ def _region(name: str, tested: _Tested, group: Group) -> FailureRegion:
 
 
 def _condition(space: Space, condition: Condition) -> RuleCondition:
-    variable = space.variables[condition.variable]
-    text = condition.words(variable)
+    variable, text = condition.subject(space), condition.words(space)
     if condition.values:
         return RuleCondition(variable=variable.name, text=text, values=tuple(variable.values[i] for i in condition.values))
     return RuleCondition(variable=variable.name, text=text, low=condition.low, high=condition.high)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,15 +14,12 @@ CHUNK = 1000
 MARGIN = 0.1
 """How far beyond a bound "just outside" reaches, as a share of the variable's range."""
 Filter = Callable[[Floats], Bools]
-"""Which encoded values (n,) of a variable are wanted, as (n,)."""
+"""Which values (n,) of a condition's column are wanted, as (n,)."""
 
 
 def draw_inside(space: Space, rule: Rule, count: int, rng: np.random.Generator) -> Floats:
     """(count, d) feasible points inside a rule, independent and uniform; ValueError if it admits hardly any."""
-    wanted: dict[int, list[Filter]] = {}
-    for condition in rule.conditions:
-        wanted.setdefault(condition.variable, []).append(condition.admits)
-    return _drawn(space, wanted, count, rng)
+    return _drawn(space, [(condition, condition.admits) for condition in rule.conditions], count, rng)
 
 
 def draw_just_outside(space: Space, rule: Rule, count: int, rng: np.random.Generator) -> Floats:
@@ -33,12 +30,9 @@ def draw_just_outside(space: Space, rule: Rule, count: int, rng: np.random.Gener
     """
     nearby = []
     for broken in rule.conditions:
-        wanted: dict[int, list[Filter]] = {broken.variable: [_beyond(broken, space.variables[broken.variable])]}
-        for kept in rule.conditions:
-            if kept is not broken:
-                wanted.setdefault(kept.variable, []).append(kept.admits)
+        kept = [(condition, condition.admits) for condition in rule.conditions if condition is not broken]
         try:
-            nearby.append(_drawn(space, wanted, count, rng))
+            nearby.append(_drawn(space, [(broken, _beyond(broken, broken.subject(space))), *kept], count, rng))
         except ValueError:  # Such as an adult who is a child.
             continue
     if not nearby:
@@ -60,15 +54,19 @@ def _beyond(condition: Condition, variable: Variable) -> Filter:
     return just_outside
 
 
-def _drawn(space: Space, wanted: Mapping[int, Sequence[Filter]], count: int, rng: np.random.Generator) -> Floats:
-    """Points by rejection, first of each variable's values, then of infeasible points."""
+def _drawn(space: Space, wanted: Sequence[tuple[Condition, Filter]], count: int, rng: np.random.Generator) -> Floats:
+    """Points by rejection: first of each variable's values, then of points. wanted: conditions, each with the values of its column."""
+    alone = {j: [holds for condition, holds in wanted if condition.variable == j and not condition.sign] for j in range(len(space))}
     points = np.zeros((0, len(space)))
     for _ in range(MAX_DRAWS):
         if len(points) >= count:
             return points[:count]
-        drawn = np.column_stack([_values(v, wanted.get(j, ()), max(1, count), rng) for j, v in enumerate(space.variables)])
-        feasible = space.constraints.holds(space.categorise(drawn)) if space.clauses else np.ones(len(drawn), bool)
-        points = np.concatenate([points, drawn[feasible]])
+        drawn = np.column_stack([_values(v, alone[j], max(CHUNK, count), rng) for j, v in enumerate(space.variables)])
+        kept = space.constraints.holds(space.categorise(drawn)) if space.clauses else np.ones(len(drawn), bool)
+        for condition, holds in wanted:
+            if condition.sign:
+                kept &= holds(condition.column(drawn))
+        points = np.concatenate([points, drawn[kept]])
     raise ValueError(f"no {count} feasible points in {MAX_DRAWS} draws: the constraints exclude almost all that the rule admits")
 
 

@@ -1,16 +1,17 @@
-"""What a condition of a rule may be about: variables, attributes of their values, and words, each with its price."""
+"""What a condition of a rule may be about: variables, sums and differences, attributes of values, and words, each with its price."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaln, xlogy
 
-from pipeline.core.rules import Bools, Condition
+from pipeline.core.rules import Bools, Condition, combined
 from pipeline.core.space import Floats, Space, Variable
 from pipeline.core.words import Meaning, Word, meanings
 
@@ -46,6 +47,7 @@ def describe(space: Space, points: Floats, words: Sequence[Word]) -> list[Descri
     """Everything that conditions on points (n, d) may be about."""
     known = meanings(space, words)
     made = [made for j, variable in enumerate(space.variables) for made in _of_variable(j, variable, points[:, j])]
+    made += [made for pair in combinations(range(len(space)), 2) for made in _of_pair(space, pair, points)]
     if known:
         made += [_Words(tuple(word for word in known if word.variable == j), points[:, j]) for j in sorted({w.variable for w in known})]
     price = float(np.log(len(made)))
@@ -82,7 +84,7 @@ class _Priced:
 
 def _of_variable(index: int, variable: Variable, column: Floats) -> Iterator[Description]:
     if variable.kind != "categorical":
-        yield _Interval(index, column, *_bounds(variable), variable.cyclic)
+        yield _Interval(Condition(index), column, *_bounds(variable), variable.cyclic)
         return
     yield _Values(index, column, variable.size)
     for name, numbers in variable.attributes:
@@ -98,6 +100,17 @@ class _Ends:
     high: int
     price: float
     gain: float
+
+
+def _of_pair(space: Space, pair: tuple[int, int], points: Floats) -> Iterator[Description]:
+    """The sum and the difference of two variables that can be compared, because they have one unit and one range."""
+    first, second = (space.variables[j] for j in pair)
+    alike = (first.unit, first.low, first.high, first.cuts) == (second.unit, second.low, second.high, second.cuts)
+    if not alike or {first.kind, second.kind} != {"continuous"} or first.cyclic or second.cyclic or first.cuts is not None:
+        return
+    for sign in (1, -1):
+        column = points[:, pair[0]] + sign * points[:, pair[1]]
+        yield _Interval(Condition(pair[0], other=pair[1], sign=sign), column, *_bounds(combined(first, second, sign)))
 
 
 def _bounds(variable: Variable) -> tuple[Floats, Floats]:
@@ -121,9 +134,9 @@ def _open_ends(prices: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class _Interval:
-    """Intervals of a column (n,) between bounds (b,) with their prices, (b,); both ends are included."""
+    """Intervals of a column (n,) between bounds (b,) with their prices, (b,); both ends are included. about: a condition on the column."""
 
-    variable: int
+    about: Condition
     column: Floats
     bounds: Floats
     prices: Floats
@@ -133,7 +146,7 @@ class _Interval:
         found = self.ends(inside, failed)
         if found is None:
             return None
-        condition = Condition(self.variable, float(self.bounds[found.low]), float(self.bounds[found.high]))
+        condition = replace(self.about, low=float(self.bounds[found.low]), high=float(self.bounds[found.high]))
         return Offer(condition, found.price, found.gain)
 
     def ends(self, inside: Bools, failed: Bools) -> _Ends | None:
@@ -179,7 +192,7 @@ class _Attribute:
     def best(self, inside: Bools, failed: Bools) -> Offer | None:
         bounds = _readable(self.numbers)
         prices = _open_ends(np.full(len(bounds), np.log(2 * len(bounds))))
-        found = _Interval(self.variable, self.numbers[self.column.astype(np.int64)], bounds, prices).ends(inside, failed)
+        found = _Interval(Condition(self.variable), self.numbers[self.column.astype(np.int64)], bounds, prices).ends(inside, failed)
         if found is None:
             return None
         values = tuple(np.flatnonzero((self.numbers >= bounds[found.low]) & (self.numbers <= bounds[found.high])).tolist())

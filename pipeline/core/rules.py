@@ -20,7 +20,8 @@ class Condition:
 
     variable: index. low, high: a cyclic interval with low > high wraps around the end of the range. values: encoded. text: what the values
     have in common, such as `child` or `height_m <= 1.2`; empty if they have to be listed. order: place of a word in the phrase that the
-    words of a rule form; None for all other conditions.
+    words of a rule form; None for all other conditions. other, sign: if sign is not 0, the interval is that of the variable plus sign times
+    the other one, as `rain - fog in [-12, 12] %`.
     """
 
     variable: int
@@ -29,21 +30,34 @@ class Condition:
     values: tuple[int, ...] = ()
     text: str = ""
     order: int | None = None
+    other: int = 0
+    sign: int = 0
 
     def holds(self, points: Floats) -> Bools:
         """Which points (n, d) it admits, as (n,)."""
-        return self.admits(points[:, self.variable])
+        return self.admits(self.column(points))
+
+    def column(self, points: Floats) -> Floats:
+        """What it is about, of points (n, d), as (n,)."""
+        column = points[:, self.variable]
+        return np.asarray(column + self.sign * points[:, self.other]) if self.sign else column
 
     def admits(self, column: Floats) -> Bools:
-        """Which encoded values (n,) of its variable it admits, as (n,)."""
+        """Which values (n,) of its column it admits, as (n,)."""
         if self.values:
             return np.isin(column, self.values)
         if self.low <= self.high:
             return (column >= self.low) & (column <= self.high)
         return (column >= self.low) | (column <= self.high)
 
-    def words(self, variable: Variable) -> str:
+    def subject(self, space: Space) -> Variable:
+        """The variable that it is about; a sum or a difference is a variable, too."""
+        first, second = space.variables[self.variable], space.variables[self.other]
+        return combined(first, second, self.sign) if self.sign else first
+
+    def words(self, space: Space) -> str:
         """As a person reads it: `fog >= 60 %`, `animation = crouching` or `child`."""
+        variable = self.subject(space)
         if self.text:
             return self.text
         return _listed(self, variable) if self.values else _interval(self, variable)
@@ -66,7 +80,14 @@ class Rule:
         """As a person reads it: `crouching child and fog >= 60 % and sun_altitude in [-20, 3] deg`."""
         named = sorted((c for c in self.conditions if c.order is not None), key=lambda c: c.order or 0)
         phrase = [" ".join(c.text for c in named)] if named else []
-        return " and ".join([*phrase, *(c.words(space.variables[c.variable]) for c in self.conditions if c.order is None)]) or EVERY
+        return " and ".join([*phrase, *(c.words(space) for c in self.conditions if c.order is None)]) or EVERY
+
+
+def combined(first: Variable, second: Variable, sign: int) -> Variable:
+    """The sum (sign 1) or the difference (sign -1) of two variables with one unit."""
+    ends = (second.low, second.high) if sign > 0 else (-second.high, -second.low)
+    name = f"{first.name} {'+' if sign > 0 else '-'} {second.name}"
+    return Variable(name, "continuous", first.unit, first.low + ends[0], first.high + ends[1], max(first.step, second.step))
 
 
 def _listed(condition: Condition, variable: Variable) -> str:

@@ -10,7 +10,7 @@ from pipeline.core.confirmation import MARGIN, Counted, confirmed, draw_inside, 
 from pipeline.core.grouping import Outcomes, group_failures
 from pipeline.core.rules import Condition, Rule
 from pipeline.scenarios.people import WORDS
-from tests.planted import CHILDREN, CROUCHING, PERSON, POSE, RAIN, SPACE, UMBRELLAS, WORLDS
+from tests.planted import CHILDREN, CROUCHING, FOG, PERSON, POSE, RAIN, SPACE, UMBRELLAS, WORLDS
 from tests.spaces import CONSTRAINED, SMALL
 
 RULE = Rule((Condition(RAIN, 40, 60), Condition(PERSON, values=CHILDREN)))
@@ -30,6 +30,15 @@ def test_points_just_outside_break_one_condition_by_little() -> None:
     inside = (rain >= 40) & (rain <= 60)
     assert (inside ^ child).all() and inside.mean() == pytest.approx(0.5, abs=0.05)
     assert rain.min() >= 40 - 100 * MARGIN and rain.max() <= 60 + 100 * MARGIN
+
+
+def test_a_difference_is_drawn_inside_and_just_outside_too() -> None:
+    rule, rng = Rule((Condition(RAIN, -10, 10, other=FOG, sign=-1), Condition(RAIN, 40, 100))), np.random.default_rng(0)
+    inside = draw_inside(SPACE, rule, 500, rng)
+    assert (np.abs(inside[:, RAIN] - inside[:, FOG]) <= 10).all() and (inside[:, RAIN] >= 40).all()
+    points = draw_just_outside(SPACE, rule, 500, rng)
+    gap = np.abs(points[:, RAIN] - points[:, FOG])
+    assert ((gap <= 10) ^ (points[:, RAIN] >= 40)).all() and gap.max() <= 10 + 200 * MARGIN and (gap > 10).any()
 
 
 def test_an_arc_has_an_outside_on_both_ends_of_the_range() -> None:

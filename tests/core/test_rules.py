@@ -19,6 +19,8 @@ from tests.spaces import SMALL, THESIS
         (Condition(2, 2, 3), "count in [2, 3]"),
         (Condition(2, 3, 3), "count = 3"),
         (Condition(3, values=(0, 1), text="early"), "early"),
+        (Condition(0, -3, 3, other=0, sign=-1), "x - x in [-3, 3] m"),
+        (Condition(0, 12, 20, other=0, sign=1), "x + x >= 12 m"),
         (Condition(3, values=(0,)), "kind = a"),
         (Condition(3, values=(0, 2)), "kind in {a, c}"),
     ],
