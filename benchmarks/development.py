@@ -68,7 +68,7 @@ def _failures(config: Config, scenario: str, model: Path, tests: int, workers: i
     sampler = instantiate(config.samplers["pairwise"], _partial_=True, _convert_="all")(space=space, seed=seed)
     points = np.concatenate([_asked(sampler) for _ in range(-(-tests // config.samplers["pairwise"]["batch_size"]))])[:tests]
     log = journal.Journal(folder / scenario, scenario, Progress(scenario))
-    pool = Workers(workers, Setup(config.simulator, moved, config.detector, model, config.car))
+    pool = Workers(workers, Setup(config.simulator, moved, config.detector, model, config.car, config.limits))
     try:
         for _ in pool.execute([Execution(i, log.path(i), space.decode(point)) for i, point in enumerate(points)]):
             pass

@@ -80,7 +80,7 @@ def plan(scenario: str, detector: str, model: Path, tests: int, overrides: Seque
         failure_threshold_s=config.campaign.failure_threshold_s,
         strategy={**config.samplers["random"], "batch_size": tests},
         strategy_seed=sampler_seed(campaign),
-        setup=Setup(config.simulator, described, config.detector, model, config.car),
+        setup=Setup(config.simulator, described, config.detector, model, config.car, config.limits),
     )
 
 

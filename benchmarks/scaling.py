@@ -40,7 +40,7 @@ def main() -> None:
             return
         seconds = {}
         for count in (1, 2):
-            workers = Workers(count, Setup(study.simulator, scenario, study.detector, onnx, study.car))
+            workers = Workers(count, Setup(study.simulator, scenario, study.detector, onnx, study.car, study.limits))
             points = space.sample(options.tests + 2 * count, np.random.default_rng(1))
             jobs = [Execution(i, Path(folder) / f"{count}-{i}.npz", space.decode(point)) for i, point in enumerate(points)]
             list(workers.execute(jobs[: 2 * count]))  # Each worker compiles its world.

@@ -1,4 +1,4 @@
-"""The command line: all commands and all steps. Bad input ends with one message and exit code 2."""
+"""The command line: all commands and all steps. Bad input ends with one message and exit code 2, a campaign without a result with 1."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline import commands, steps
 from pipeline.core.names import check_name, nearest
-from pipeline.errors import InputError, missing_extra, one_line, shown
+from pipeline.errors import InputError, NoResultError, explained, missing_extra, one_line, shown
 
 if TYPE_CHECKING:
     from pipeline.config.schema import Config
@@ -109,10 +109,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return run_step(names(steps)[first], words[1:])
         options = parser(first).parse_args(words)
         code: int = options.run(options)
-    except (InputError, ModuleNotFoundError) as error:
-        said = missing_extra(error) if isinstance(error, ModuleNotFoundError) else error
+    except Exception as error:
+        said = missing_extra(error) if isinstance(error, ModuleNotFoundError) else explained(error)
+        if said is None:
+            raise
         print(f"blindspot {one_line(f'{first}: {said}')}", file=sys.stderr)
-        return 2
+        return 1 if isinstance(said, NoResultError) else 2
     return code
 
 

@@ -17,7 +17,7 @@ from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.lock import held
 from pipeline.config.declared import declared
 from pipeline.config.schema import Config
-from pipeline.errors import InputError
+from pipeline.errors import explained
 from pipeline.progress import Progress
 
 Wildcards = Mapping[str, str]
@@ -129,7 +129,7 @@ class Order:
 
 
 def perform(order: Order, config: Config) -> None:
-    """Run a step on the declared part of the config, then write its stamp; InputError goes to the log and to the caller.
+    """Run a step on the declared part of the config, then write its stamp; `explained` errors go to the log and to the caller.
 
     A cluster's jobs live on when Snakemake is killed: if such a job is at work on the same files, wait for it and keep what it made.
     """
@@ -145,9 +145,11 @@ def perform(order: Order, config: Config) -> None:
         job = Job(part, order.wildcards, order.reads, outputs, order.threads, progress, scratch)
         try:
             import_module(f"pipeline.steps.{order.step}").run(job)
-        except InputError as error:
-            progress.record(str(error))
-            raise
+        except Exception as error:
+            if (told := explained(error)) is None:
+                raise
+            progress.record(str(told))
+            raise told from error
         made = [path for files in outputs.values() for path in _several(files)]
         write_bytes(stamp, stamps.made(stamp, order.stamp, made).text().encode())
 

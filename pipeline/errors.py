@@ -1,7 +1,8 @@
-"""The two errors that callers handle: bad input, and a simulation that failed to execute."""
+"""The errors that callers handle: bad input, a simulation that failed to execute, and a run without a result."""
 
 from __future__ import annotations
 
+import errno
 import re
 from importlib.metadata import requires
 from typing import Any
@@ -28,6 +29,36 @@ def one_line(error: Exception | str) -> str:
 
 class SimulationError(RuntimeError):
     """A simulation that cannot be executed. The test's outcome is `error`, without a KPI."""
+
+
+class NoResultError(RuntimeError):
+    """All tests of a campaign ended in an error, so it has no result. The command line exits with 1."""
+
+
+MACHINE = {
+    errno.ENOSPC: "the disk is full",
+    errno.EDQUOT: "the disk quota is used up",
+    errno.EROFS: "the disk is read-only",
+    errno.EACCES: "no permission",
+    errno.EPERM: "no permission",
+    errno.EMFILE: "too few file handles; raise the limit with `ulimit -n`",
+    errno.ENFILE: "the machine has no file handles left",
+    errno.EIO: "the disk cannot be read or written",
+}
+"""What a failed system call says about the machine, by its number."""
+
+
+def machine_error(error: BaseException) -> InputError | None:
+    """The error for a user whose machine lacks room, rights or handles; None for any other exception."""
+    if not isinstance(error, OSError) or error.errno not in MACHINE:
+        return None
+    place = "" if error.filename is None else f"{error.filename}: "
+    return InputError(f"{place}{MACHINE[error.errno]}; the same command resumes")
+
+
+def explained(error: Exception) -> InputError | NoResultError | None:
+    """The error that a user can act on without a traceback; None for a fault of the program."""
+    return error if isinstance(error, InputError | NoResultError) else machine_error(error)
 
 
 DISTRIBUTIONS = {"PIL": "pillow", "cv2": "opencv-python-headless", "hydra": "hydra-core", "omegaconf": "hydra-core"}

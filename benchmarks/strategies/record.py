@@ -123,7 +123,7 @@ def campaign_plan(config: Config, folder: Path, campaign: CampaignId, settings: 
         failure_threshold_s=config.campaign.failure_threshold_s,
         strategy=settings,
         strategy_seed=sampler_seed(campaign),
-        setup=Setup(config.simulator, described, config.detector, onnx_of(BASE, folder), config.car),
+        setup=Setup(config.simulator, described, config.detector, onnx_of(BASE, folder), config.car, config.limits),
     )
 
 

@@ -136,6 +136,7 @@ def planned(search: Search) -> CampaignPlan:
             detector=config.detector,
             model=onnx_of(search.model, search.folder),
             car=config.car,
+            limits=config.limits,
             keep_every=config.campaign.keep_every,
         ),
     )

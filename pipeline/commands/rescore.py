@@ -113,7 +113,7 @@ def judged(folder: Path, config: Config, car: Car, options: argparse.Namespace) 
     tests, left = again.tests, len(again.others)
     if options.drive and again.others:
         model = Path(Folders(config).detector(campaign.version))
-        setup = Setup(config.simulator, config.scenarios[campaign.scenario], config.detector, model, car)
+        setup = Setup(config.simulator, config.scenarios[campaign.scenario], config.detector, model, car, config.limits)
         label = f"{campaign.scenario}, IoU {car.criterion.iou:g}, threshold {car.criterion.threshold:g}"
         with tempfile.TemporaryDirectory() as scratch, Progress(label) as progress:
             journal, space = Path(scratch) / "journal", config.space(campaign.scenario)

@@ -8,7 +8,8 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,6 +24,7 @@ from pipeline.errors import InputError, SimulationError
 
 if TYPE_CHECKING:
     from pipeline.artefacts.calibration_results import DetectorCalibration
+    from pipeline.execution.worker import Calls
 
 WORDS = """ONNX files (ours, YOLOv5, YOLOv8/11 or end to end), or what the study's detector takes; and Hydra overrides, such as
 campaign.tests=40 search=[F1,F5] detector=mine"""
@@ -47,8 +49,7 @@ def run(options: argparse.Namespace) -> int:
     if options.cores is not None and options.cores < 1:
         raise InputError(f"--cores must be at least 1, got {options.cores}")
     chosen = compose(options.study, overrides)
-    for path in files:
-        check(chosen, path)
+    check(chosen, files)
     config = study_of(files, chosen, options.calibrate)
     folders = Folders(config)
     params = Path(folders.root, "params.yaml")
@@ -82,23 +83,37 @@ def study_of(files: Sequence[Path], chosen: Config, calibrate: bool = False) -> 
     return validate({**chosen.model_dump(mode="json"), **named}, "conf/")
 
 
-def check(config: Config, model: Path) -> None:
-    """Run the detector on three images; InputError that names the first rule of its contract that it violates."""
+def check(config: Config, models: Sequence[Path]) -> None:
+    """Run each detector on three images in a process of its own; InputError that names the first rule of its contract that one violates."""
+    from pipeline.execution.pool import Pool
+    from pipeline.execution.worker import Broken
+
+    with Pool(1, partial(_checker, config), config.limits) as pool:
+        for index, outcome in pool.run(models):
+            if isinstance(outcome, Broken):
+                raise InputError(f"{models[index]}: {outcome.reason} on the first images")
+
+
+def _checker(config: Config, calls: Calls) -> Callable[[Path], None]:
+    from pipeline.execution.guarded import GuardedDetector
     from pipeline.testing import check_detector
 
     camera = config.simulator.get("camera", {})
     width, height = int(camera.get("width", 320)), int(camera.get("height", 192))
-    detector = make_detector(config.detector, model)
-    try:
-        check_detector(detector, width, height)
-    except AssertionError as error:
-        raise InputError(f"{model}: {error}") from error
-    except SimulationError as error:
-        raise InputError(str(error)) from error
-    except InputError:
-        raise
-    except Exception as error:  # A foreign class may raise anything.
-        raise InputError(f"{model}: detect failed: {type(error).__name__}: {error}") from error
+
+    def check_one(model: Path) -> None:
+        try:
+            check_detector(GuardedDetector(make_detector(config.detector, model), calls), width, height)
+        except AssertionError as error:
+            raise InputError(f"{model}: {error}") from error
+        except SimulationError as error:
+            raise InputError(str(error)) from error
+        except InputError:
+            raise
+        except Exception as error:  # A foreign class may raise anything.
+            raise InputError(f"{model}: the detector cannot be made: {type(error).__name__}: {error}") from error
+
+    return check_one
 
 
 def table(config: Config) -> str:

@@ -19,6 +19,7 @@ from pipeline.config.sections import (
     Campaign,
     Filter,
     HeldOutSequence,
+    Limits,
     Regions,
     Report,
     Retraining,
@@ -88,6 +89,7 @@ class Config(Section):
     """The ego's brakes, from conf/vehicle."""
     aeb: AebSection
     campaign: Campaign
+    limits: Limits
     comparison: HeldOutSequence
     base_set: BaseSet
     base: Base

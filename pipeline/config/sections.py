@@ -58,6 +58,17 @@ class Campaign(Section):
     """Number of jobs that share a campaign, on a cluster; they change no result. Strategies that learn from results use one job."""
 
 
+class Limits(Section):
+    """What a process that executes tests may take; a test over a limit is an error, without a KPI."""
+
+    test_s: float = Field(gt=0, le=86_400)
+    """Longest time of a test, in seconds: many times the usual, so that a slow machine changes no result."""
+    frame_s: float = Field(gt=0, le=86_400)
+    """Longest time that the detector takes for one frame of a test, in seconds."""
+    memory_mb: int = Field(ge=100, le=10_000_000)
+    """Largest resident memory of a process."""
+
+
 class VehicleSection(Section):
     """The ego's brakes."""
 

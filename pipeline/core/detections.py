@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 class Detections:
     """Pedestrians that a detector reports in one image, best first.
 
-    boxes: (n, 4) float32, pixels, left, top, right, bottom. scores: (n,) float32 in [0, 1], descending.
+    boxes: (n, 4) float32, finite, pixels, left, top, right, bottom. scores: (n,) float32 in [0, 1], descending.
     """
 
     boxes: NDArray[np.float32]
@@ -21,6 +21,8 @@ class Detections:
     def __post_init__(self) -> None:
         if self.boxes.ndim != 2 or self.boxes.shape[1] != 4:
             raise ValueError(f"boxes must have shape (n, 4), got {self.boxes.shape}")
+        if not np.isfinite(self.boxes).all():
+            raise ValueError("boxes must be finite")
         if self.scores.shape != (len(self.boxes),):
             raise ValueError(f"scores must have shape ({len(self.boxes)},), got {self.scores.shape}")
         if len(self.scores) and not (float(self.scores.min()) >= 0 and float(self.scores.max()) <= 1):

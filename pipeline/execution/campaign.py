@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import chain
@@ -26,6 +27,7 @@ from pipeline.core.measures import kinds_of
 from pipeline.core.shards import Shard
 from pipeline.core.signals import SIGNALS
 from pipeline.core.space import Floats, Space
+from pipeline.errors import NoResultError
 from pipeline.execution.journal import Journal, Outcome
 from pipeline.execution.workers import Execution, Setup, Workers
 from pipeline.progress import Progress
@@ -90,7 +92,7 @@ def run_campaign(plan: CampaignPlan, out: Path, journal: Path, threads: int, pro
     tests.
 
     journal: folder of the finished tests of an unfinished campaign; the same plan resumes from it. threads: worker processes; they change
-    no table but the timings.
+    no table but the timings. NoResultError if every test ended in an error.
     """
     log = Journal(journal, plan.identity, progress)
     sampler, workers = plan.sampler(), Workers(threads, plan.setup)
@@ -98,9 +100,19 @@ def run_campaign(plan: CampaignPlan, out: Path, journal: Path, threads: int, pro
         done = search(plan, sampler, log, workers, progress)
     finally:
         workers.close()
+    if all(test.outcome.is_error for test in done):
+        log.remove()  # Errors that a person has to mend first are not resumed.
+        raise NoResultError(no_result(plan.campaign, done))
     write(plan, done, out)
     log.remove()
     return done
+
+
+def no_result(campaign: CampaignId, done: Sequence[Executed]) -> str:
+    """Says that all tests of a campaign ended in an error, and its most frequent reason."""
+    (reason, count), *_ = Counter(test.outcome.reason for test in done).most_common()
+    named = f"{campaign.scenario}, {campaign.strategy}, {campaign.version}, seed {campaign.seed}"
+    return f"{named}: all {len(done)} tests ended in an error, so there is no result; {count} times: {reason}"
 
 
 def search(plan: CampaignPlan, sampler: Sampler, log: Journal, workers: Workers, progress: Progress) -> list[Executed]:
@@ -129,11 +141,7 @@ def _finished(plan: CampaignPlan, asked: Mapping[int, Floats], log: Journal, wor
     """The index of each test once its outcome is in the journal: first those of an earlier run, then the others in any order."""
     resumed = [index for index in asked if index in log]
     jobs = [Execution(i, log.path(i), plan.space.decode(point)) for i, point in asked.items() if i not in resumed]
-    waiting = set(asked)
-    for index in chain(resumed, workers.execute(jobs)):
-        waiting.remove(index)
-        yield index
-    yield from sorted(waiting)  # A process that dies after it wrote an outcome does not report it.
+    yield from chain(resumed, workers.execute(jobs))
 
 
 def write(plan: CampaignPlan, done: Sequence[Executed], out: Path) -> None:

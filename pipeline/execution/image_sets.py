@@ -13,7 +13,7 @@ from pipeline.artefacts.files import flush_all, program_sha256, read_sealed, wri
 from pipeline.config.sections import BaseSet
 from pipeline.core.truth import Truth
 from pipeline.errors import InputError
-from pipeline.execution.pool import render_pool
+from pipeline.execution.pool import in_order
 from pipeline.progress import OnProgress
 
 SHARD_IMAGES = 100
@@ -38,10 +38,9 @@ def render_images(drawing: Drawing, scratch: Path, out: Path, threads: int, prog
     shards = [(shard, min(SHARD_IMAGES, images - shard * SHARD_IMAGES)) for shard in range(-(-images // SHARD_IMAGES))]
     jobs = [(*shard, drawing, scratch, program) for shard in shards]
     records: list[Record] = []
-    with render_pool(min(threads, len(jobs))) as pool:
-        for done, shard_records in enumerate(pool.imap(_render_shard, jobs), 1):
-            records += shard_records
-            progress(len(records), images, f"town {done} of {len(jobs)}")
+    for done, shard_records in enumerate(in_order(_render_shard, jobs, threads), 1):
+        records += shard_records
+        progress(len(records), images, f"town {done} of {len(jobs)}")
     remove_leftovers(scratch, records)
     write_truth(scratch, records)
     move_dataset(scratch, out)

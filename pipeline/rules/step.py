@@ -6,7 +6,7 @@ from typing import Any
 
 from pipeline.config.composing import PARAMS, validate
 from pipeline.contract import Order, perform
-from pipeline.errors import InputError, one_line
+from pipeline.errors import explained, one_line
 
 
 def main(job: Any) -> None:
@@ -22,8 +22,10 @@ def main(job: Any) -> None:
     )
     try:
         perform(order, validate(job.config, str(PARAMS)))
-    except InputError as error:
-        sys.exit(f"blindspot {job.rule}: {one_line(error)}")
+    except Exception as error:
+        if (told := explained(error)) is None:
+            raise
+        sys.exit(f"blindspot {job.rule}: {one_line(told)}")
 
 
 if __name__ == "__main__":  # Worker processes import this file, too.

@@ -53,10 +53,11 @@ def _detect_all(section: Mapping[str, Any], model: Path, images: ImageSet, progr
     from pipeline.config.components import make_detector
     from pipeline.core.episode import Frame
     from pipeline.detectors.evaluation import CALIBRATED_FROM, truths_of
-    from pipeline.execution.workers import Guarded
+    from pipeline.execution.guarded import GuardedDetector
+    from pipeline.execution.worker import Calls
 
     lowest = {"threshold": CALIBRATED_FROM} if "threshold" in section else {}
-    detector = Guarded(make_detector({**section, **lowest}, model))
+    detector = GuardedDetector(make_detector({**section, **lowest}, model), Calls())
     found = []
     for done, (image, truth) in enumerate(zip(images.images, truths_of(images), strict=True), 1):
         try:

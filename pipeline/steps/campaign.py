@@ -65,7 +65,7 @@ def sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
     """Sections of a comparison's campaign: the size of the search does not matter, but the same threshold judges all tests."""
     held_out = wildcards["kind"] == HELD_OUT
     budget = ("comparison.tests",) if held_out else ("campaign.tests", "campaign.keep_every")
-    return ("scenarios.{scenario}", "samplers.{strategy}", "simulator", *JUDGED, *budget)
+    return ("scenarios.{scenario}", "samplers.{strategy}", "simulator", *JUDGED, "limits", *budget)
 
 
 STEP = Step(
@@ -117,6 +117,7 @@ def planned(job: Job, earlier: Sequence[Path] = (), shard: Shard | None = None) 
             detector=detector(job),
             model=model,
             car=config.car,
+            limits=config.limits,
             keep_every=0 if held_out else config.campaign.keep_every,
         ),
     )

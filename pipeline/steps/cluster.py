@@ -28,7 +28,7 @@ def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
 
 
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
-    executes = ("scenarios.{scenario}", "simulator", *JUDGED, "comparison.confidence")
+    executes = ("scenarios.{scenario}", "simulator", *JUDGED, "limits", "comparison.confidence")
     return ("regions", *executes) if config.regions.confirm else ("regions",)
 
 
@@ -65,10 +65,10 @@ def fresh_tests(job: Job, space: Space) -> FreshTests:
     from pipeline.execution.confirming import FreshTests
     from pipeline.execution.workers import Setup
 
-    config = job.config
+    config, scenario = job.config, job.config.scenarios[job.wildcards["scenario"]]
     return FreshTests(
         space=space,
-        setup=Setup(config.simulator, config.scenarios[job.wildcards["scenario"]], campaign.detector(job), job.input("model"), config.car),
+        setup=Setup(config.simulator, scenario, campaign.detector(job), job.input("model"), config.car, config.limits),
         failure_threshold_s=config.campaign.failure_threshold_s,
         tests=config.regions.confirm,
         confidence=config.comparison.confidence,

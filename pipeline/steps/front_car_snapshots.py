@@ -13,7 +13,7 @@ from pipeline.artefacts.front_car_results import Points
 from pipeline.artefacts.results import read
 from pipeline.config.schema import Config
 from pipeline.contract import Job, Step
-from pipeline.execution.pool import render_pool
+from pipeline.execution.pool import in_order
 
 TOWNS = 3
 """Number of towns per kind of street; test towns are separate."""
@@ -59,10 +59,9 @@ def run(job: Job) -> None:
     jobs = _jobs(config, shown, counts, share, stream, root)
     records: list[Record] = []
     total = sum(counts)
-    with render_pool(min(job.threads, len(jobs))) as pool:
-        for done, rendered in enumerate(pool.imap(_render, jobs), 1):
-            records += rendered
-            job.progress(len(records), total, f"town {done} of {len(jobs)}")
+    for done, rendered in enumerate(in_order(_render, jobs, job.threads), 1):
+        records += rendered
+        job.progress(len(records), total, f"town {done} of {len(jobs)}")
     remove_leftovers(root, records)
     write_truth(root, records, category="forward vehicle")
     move_dataset(root, job.output("truth").parent)

@@ -19,7 +19,7 @@ STEP = Step(
         **{name: f"{folders.root}/{FOLDER.format(**wildcards)}/{name}.parquet" for name in ("tests", "signals", "detections")},
     },
     writes=lambda folders: {"tests": f"{folders.root}/{FOLDER}/second_iou.parquet"},
-    sections=("scenarios.{scenario}", "simulator", *JUDGED, "comparison.second_iou"),
+    sections=("scenarios.{scenario}", "simulator", *JUDGED, "limits", "comparison.second_iou"),
     parallel=True,
 )
 
@@ -36,6 +36,7 @@ def run(job: Job) -> None:
     space, threshold_s = read_space(job.input("space"))[1], config.campaign.failure_threshold_s
     car = with_criterion(config.car, iou, config.threshold)
     again = judged_again(job.input("tests").parent, car, threshold_s)
-    setup = Setup(config.simulator, config.scenarios[job.wildcards["scenario"]], campaign.detector(job), job.input("model"), car)
+    scenario = config.scenarios[job.wildcards["scenario"]]
+    setup = Setup(config.simulator, scenario, campaign.detector(job), job.input("model"), car, config.limits)
     tests = driven_again(again, space, setup, threshold_s, job.scratch, job.threads, job.progress)
     write_tests(job.output("tests"), tests, space)

@@ -255,5 +255,5 @@ def test_an_error_in_a_simulation_is_a_separate_outcome(tmp_path: Path, monkeypa
     assert foggy.any() and crashed.any()
     assert (tests["status"] == np.where(foggy | crashed, "error", "ok")).all()
     assert (tests.loc[foggy, "reason"] == "too much fog to simulate").all()
-    assert (tests.loc[crashed, "reason"] == "the process of the simulation died").all()
+    assert (tests.loc[crashed, "reason"] == "process died (exit code 9)").all()
     assert tests.loc[foggy | crashed, "adj_ttc_s"].isna().all() and not tests.loc[foggy | crashed, "failure"].any()

@@ -1,0 +1,101 @@
+"""Detectors and simulators that hang, crash or take all memory cost one test each, with a reason, and never become a KPI."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from pipeline.__main__ import main
+from pipeline.commands.simulate import concrete_scenario
+from pipeline.config.composing import compose
+from pipeline.config.sections import Limits
+from pipeline.errors import InputError
+from pipeline.execution.journal import Journal, Outcome
+from pipeline.execution.pool import Pool, in_order
+from pipeline.execution.worker import Broken
+from pipeline.execution.workers import Execution, Setup, Workers
+from pipeline.progress import Progress
+from tests.faults import hostile
+from tests.faults.hostile import ACTS, Hostile, Numbered
+from tests.studies import ROOT
+from tests.workflow.test_campaign import analytic_study, folder, journal, key
+
+LOOSE = Limits(test_s=600, frame_s=600, memory_mb=8000)
+ORACLE = ["simulator=analytic", "detector=oracle"]
+
+
+@pytest.fixture(autouse=True)
+def importable(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+
+
+def executed(root: Path, limits: Limits, numbers: range) -> dict[int, Outcome]:
+    """The outcome of each test with the hostile detector, by its number."""
+    config = compose("smoke", ORACLE)
+    model = root / "model"
+    model.write_bytes(b"")
+    simulator, detector = {"_target_": "tests.faults.hostile.Numbered"}, {"_target_": "tests.faults.hostile.Hostile"}
+    setup = Setup(simulator, config.scenarios["F1"], detector, model, config.car, limits, keep_every=4)
+    log, workers = Journal(root / "journal", "x", Progress("hostile")), Workers(1, setup)
+    jobs = [Execution(n, log.path(n), concrete_scenario(config.space("F1"), [f"fog={n}"])) for n in numbers]
+    try:
+        assert sorted(workers.execute(jobs)) == list(numbers)
+    finally:
+        workers.close()
+    return {n: log.read(n) for n in numbers}
+
+
+def test_each_harm_is_an_error_of_its_test_alone(tmp_path: Path) -> None:
+    found = executed(tmp_path, LOOSE.model_copy(update={"frame_s": 2}), range(9))
+    assert {n: outcome.reason for n, outcome in found.items() if outcome.is_error} == {n: reason for n, (_, reason) in ACTS.items()}
+    config = compose("smoke", ORACLE)
+    simulator = Numbered(config.scenarios["F1"], config.car)
+    for n in set(found) - set(ACTS):
+        alone = Outcome.of(simulator.execute(concrete_scenario(config.space("F1"), [f"fog={n}"]), Hostile(""), 4), 0)
+        assert alone.frames == found[n].frames and len(alone.frames)
+        assert all(column.tobytes() == found[n].signals[name].tobytes() for name, column in alone.signals.items())
+
+
+def test_a_campaign_of_errors_alone_has_no_result(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    study = analytic_study(tmp_path, "campaign.tests=3", "detector._target_=tests.faults.hostile.Fails")
+    assert study.run("campaign", **key("random")) == 1
+    said = "F1, random, base, seed 3: all 3 tests ended in an error, so there is no result; 3 times: Fails.detect failed: RuntimeError: no"
+    assert f"blindspot campaign: {said}" in capsys.readouterr().err
+    assert not (folder(study, "random") / "tests.parquet").exists() and not journal(study).exists()
+
+
+def test_a_detector_that_crashes_is_refused_before_any_test(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    model = tmp_path / "model.bin"
+    model.write_bytes(b"")
+    assert main(["test-detector", str(model), *ORACLE, "detector._target_=tests.faults.hostile.Segfault"]) == 2
+    assert f"blindspot test-detector: {model}: process died (SIGSEGV) on the first images" in capsys.readouterr().err
+
+
+def test_a_task_whose_process_dies_is_computed_again_once(tmp_path: Path) -> None:
+    assert list(in_order(partial(hostile.dies_once, tmp_path), range(4), 2)) == [0, 1, 4, 9]
+    with pytest.raises(InputError, match=r"^part 1 of 1: process died \(SIGSEGV\), twice; the same command resumes$"):
+        list(in_order(hostile.dies, range(1), 1))
+
+
+def test_a_process_that_cannot_start_ends_the_work() -> None:
+    said = r"^a worker process cannot start: process died \(exit code 3\)$"
+    with Pool(1, hostile.unmakeable) as pool, pytest.raises(InputError, match=said):
+        list(pool.run([1]))
+
+
+@pytest.mark.parametrize(
+    ("limits", "harm", "reason"),
+    [({"test_s": 1}, hostile.sleep, "timed out after 1 s"), ({"memory_mb": 400}, hostile.eat, "took more than 400 MB of memory")],
+)
+def test_a_process_over_a_limit_is_ended(limits: dict[str, float], harm: object, reason: str) -> None:
+    with Pool(1, hostile.harms, LOOSE.model_copy(update=limits)) as pool:
+        ((_, result),) = pool.run([harm])  # type: ignore[list-item]
+    assert isinstance(result, Broken) and result.reason == reason
+
+
+def test_a_leak_ends_its_process_but_no_task() -> None:
+    with Pool(1, hostile.leaking, LOOSE.model_copy(update={"memory_mb": 500})) as pool:
+        done = [result for _, result in sorted(pool.run(range(6)))]
+    assert len(done) == 6 and all(isinstance(result, int) and result < 6 for result in done)
