@@ -9,7 +9,7 @@ if not workflow.configfiles:
 # In the order of the data. pipeline/steps/<name>.py says what a step reads and writes, and what it depends on.
 PLAN = plan(
     config,
-    workflow.storage_settings,
+    workflow,
     [
         "define_space",  # the logical scenario space of each scenario
         "render_base",  # a random base set

@@ -10,17 +10,18 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from pkgutil import iter_modules
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from snakemake.io import ancient, directory, regex_from_filepattern, report, temp
-from snakemake.settings.types import DAGSettings, StorageSettings
+from snakemake.settings.types import DAGSettings
 
 from pipeline import steps
 from pipeline.artefacts import stamps
 from pipeline.artefacts.folders import Folders
+from pipeline.artefacts.run_lock import hold
 from pipeline.config.components import check_components
 from pipeline.config.composing import PARAMS, load, validate
 from pipeline.config.declared import value_at
@@ -29,6 +30,9 @@ from pipeline.contract import VERDICT_FOLLOWS, Files, Step, Wildcards, step_of
 from pipeline.core.lineage import BASE
 from pipeline.errors import InputError, one_line
 from pipeline.sources import code_digest
+
+if TYPE_CHECKING:
+    from snakemake.workflow import Workflow
 
 STAGES = {
     "spaces": ("space",),
@@ -45,6 +49,8 @@ STAGES = {
 """Parts of a study: the files and folders of each, relative to the study's folder. They are targets of Snakemake and stages of DVC."""
 CHANGED = Path(".snakemake/changed")
 """An input of every job that is out of date: always newer than its outputs."""
+LOCKS = Path(".snakemake/locks")
+"""Snakemake's own locks, which outlive a killed run."""
 
 
 @dataclass(frozen=True)
@@ -59,12 +65,14 @@ class Target:
 class Plan:
     """The study of a config, as Snakemake needs it.
 
-    steps: the names of all steps, in the order of the data flow. stored: whether the files are in one of Snakemake's storages.
+    steps: the names of all steps, in the order of the data flow. stored: whether the files are in one of Snakemake's storages. begin:
+    called before any file is looked at.
     """
 
     config: Config
     steps: tuple[str, ...]
     stored: bool = False
+    begin: Callable[[], None] = lambda: None
     _stamps: dict[Target, str] = field(default_factory=dict)
     _old: dict[Target, bool] = field(default_factory=dict)
 
@@ -99,6 +107,7 @@ class Plan:
         """
 
         def read(wildcards: Mapping[str, str]) -> dict[str, Any]:
+            self.begin()
             target = Target(name, tuple(sorted(wildcards.items())))
             files = dict(self.contracts[name].reads(self.folders, dict(target.wildcards)))
             if self.stored:
@@ -265,15 +274,24 @@ def checked(params: str) -> str:
     return params
 
 
-def plan(config: Mapping[str, Any], storage: StorageSettings, steps: Sequence[str]) -> Plan:
+def plan(config: Mapping[str, Any], workflow: Workflow, steps: Sequence[str]) -> Plan:
     """The plan of Snakemake's config: params.yaml with the changes from the command line."""
-    stored = storage.default_storage_provider is not None
+    stored = workflow.storage_settings.default_storage_provider is not None
     try:
         checked = validate(config, str(PARAMS))
         check_components(checked)
-        return Plan(checked, tuple(steps), stored)
+        return Plan(checked, tuple(steps), stored, cache(lambda: alone(workflow)))
     except InputError as error:
         _end(error)
+
+
+def alone(workflow: Workflow) -> None:
+    """Wait for another run in this folder, if this one executes jobs; a lock that is left then is a killed run's."""
+    if not workflow.is_main_process or workflow.executor_plugin is None or workflow.dryrun:
+        return
+    hold("snakemake")
+    for left in LOCKS.glob("*.lock"):
+        left.unlink()
 
 
 def _end(error: InputError) -> NoReturn:

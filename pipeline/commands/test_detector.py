@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from pipeline.artefacts.files import sha256, write_bytes
 from pipeline.artefacts.folders import Folders
+from pipeline.artefacts.run_lock import hold
 from pipeline.commands.verify import withdraw_damaged
 from pipeline.config.components import make_detector
 from pipeline.config.composing import compose, dump, validate
@@ -50,6 +51,7 @@ def run(options: argparse.Namespace) -> int:
         raise InputError(f"--cores must be at least 1, got {options.cores}")
     chosen = compose(options.study, overrides)
     check(chosen, files)
+    hold("test-detector")
     config = study_of(files, chosen, options.calibrate)
     folders = Folders(config)
     params = Path(folders.root, "params.yaml")

@@ -69,6 +69,23 @@ def test_an_unfit_python_ends_with_one_message(checkout: Path) -> None:
     ]
 
 
+def limited(folder: Path, limit: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(["bash", "-c", f"ulimit {limit}; ./run"], cwd=folder, capture_output=True, text=True)
+
+
+def test_a_machine_without_room_rights_or_handles_is_named_before_any_work(checkout: Path) -> None:
+    done = limited(checkout, "-n 100")
+    assert (done.returncode, done.stderr) == (2, "blindspot: needs 256 file handles, the limit is 100; type: ulimit -n 1024\n")
+    done = limited(checkout, "-f 8")  # A file may not grow, as on a full disk.
+    assert done.returncode == 2 and done.stderr.startswith(f"blindspot: cannot write in {checkout}: ")
+    assert not list((checkout / ".cache").glob("room*"))
+    shutil.rmtree(checkout / ".cache")
+    (checkout / ".cache").write_text("in the way")
+    done = limited(checkout, "-n 1024")
+    assert done.returncode == 2
+    assert done.stderr == f"blindspot: cannot write in {checkout}: File exists; the same command goes on once it can\n"
+
+
 def test_the_pages_need_tracked_runs(checkout: Path) -> None:
     done = call(checkout, "ui")
     assert done.returncode == 2
@@ -146,14 +163,6 @@ def test_the_exit_code_is_that_of_snakemake(ready: Path) -> None:
     assert call(ready, CODE="7").returncode == 7
 
 
-def test_the_lock_of_a_killed_run_is_removed(ready: Path) -> None:
-    (ready / ".snakemake/locks").mkdir(parents=True)
-    (ready / ".snakemake/locks/0.input.lock").write_text("")
-    script(ready / ".venv/bin/snakemake", 'echo "$*" >>calls')
-    assert call(ready, CORES="1").returncode == 0
-    assert (ready / "calls").read_text().splitlines() == ["--unlock --quiet", "--cores 1"]
-
-
 def test_a_second_run_waits_for_the_first(ready: Path) -> None:
     script(ready / ".venv/bin/snakemake", 'echo begin >>calls; while [ ! -e "$PWD/go" ]; do sleep 0.05; done; echo end >>calls')
     environment = {"PATH": "/usr/bin:/bin"}
@@ -162,7 +171,7 @@ def test_a_second_run_waits_for_the_first(ready: Path) -> None:
         assert first.poll() is None
     second = subprocess.Popen([ready / "run"], env=environment, stderr=subprocess.PIPE, text=True)
     assert second.stderr is not None
-    assert second.stderr.readline() == "blindspot: another run is at work in this folder; waiting for it to end\n"
+    assert second.stderr.readline() == f"blindspot: ./run (process {first.pid}) is at work in this folder; waiting for it to end\n"
     (ready / "go").write_text("")
     assert (first.wait(), second.wait()) == (0, 0)
     assert (ready / "calls").read_text().split() == ["begin", "end", "begin", "end"]

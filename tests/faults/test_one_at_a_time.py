@@ -1,0 +1,58 @@
+"""Two runs in one folder wait for each other."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from pipeline import workflow
+from pipeline.artefacts.lock import HELD
+from tests.studies import ROOT
+
+HOLD = "import sys; from pipeline.artefacts.lock import hold; hold(sys.argv[1]); print('held', flush=True); sys.stdin.read()"
+
+
+def run(folder: Path, name: str) -> subprocess.Popen[str]:
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    return subprocess.Popen([sys.executable, "-c", HOLD, name], cwd=folder, env=environment, text=True, **PIPES)
+
+
+PIPES: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+
+
+def test_the_second_says_who_is_at_work_and_goes_on_when_the_first_is_killed(tmp_path: Path) -> None:
+    first = run(tmp_path, "snakemake")
+    assert first.stdout is not None and first.stdout.readline() == "held\n"
+    second = run(tmp_path, "test-detector")
+    assert second.stderr is not None and second.stdout is not None
+    said = f"blindspot: snakemake (process {first.pid}) is at work in this folder; waiting for it to end\n"
+    assert second.stderr.readline() == said
+    first.kill()
+    assert second.stdout.readline() == "held\n"
+    second.communicate("")
+
+
+def snakemake(**changes: Any) -> Any:
+    """As much of a Snakemake workflow that executes jobs as counts here."""
+    return SimpleNamespace(**{"is_main_process": True, "executor_plugin": "local", "dryrun": False, **changes})
+
+
+@pytest.mark.parametrize("waits_not", [{"dryrun": True}, {"executor_plugin": None}, {"is_main_process": False}])
+def test_only_a_snakemake_that_executes_holds_the_folder(
+    waits_not: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv(HELD, "")
+    left = tmp_path / ".snakemake/locks/0.input.lock"
+    left.parent.mkdir(parents=True)
+    left.touch()
+    workflow.alone(snakemake(**waits_not))
+    assert left.exists() and not (tmp_path / ".cache").exists()
+    workflow.alone(snakemake())
+    assert not left.exists() and (tmp_path / ".cache/run.lock").read_text() == f"snakemake (process {os.getpid()})\n"
