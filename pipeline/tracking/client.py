@@ -6,14 +6,20 @@ import logging
 import os
 import sqlite3
 from contextlib import closing
+from http.client import HTTPException
 from pathlib import Path
 from typing import TYPE_CHECKING
+from urllib.error import URLError
+from urllib.request import urlopen
 
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
     from mlflow.exceptions import MlflowException
+
+ANSWER_S = 20.0
+"""Longest time that a server may take for its first answer."""
 
 
 def server() -> str | None:
@@ -22,8 +28,11 @@ def server() -> str | None:
 
 
 def connect(store: Path) -> MlflowClient:
-    """A client of the server or, without one, of the SQLite file `store`; InputError if that is damaged."""
-    if server() is None and store.exists():
+    """A client of the server or, without one, of the SQLite file `store`; InputError if the server does not answer or the file is
+    damaged."""
+    if (address := server()) is not None:
+        check_answer(address)
+    elif store.exists():
         _check(store)
     os.environ["MLFLOW_DISABLE_TELEMETRY"] = "true"
     os.environ.setdefault("MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR", "false")
@@ -49,6 +58,18 @@ def _check(store: Path) -> None:
         said = found.splitlines()[-1]
         again = f"mv {store} {store}.damaged && ./run --forcerun track"
         raise InputError(f"{store}: damaged ({said}); to register this study's versions in a new one, type: {again}")
+
+
+def check_answer(address: str) -> None:
+    """InputError if a server keeps us waiting: MLflow itself would wait for minutes. It tells other faults soon."""
+    if not address.startswith(("http://", "https://")):
+        return
+    try:
+        urlopen(f"{address.rstrip('/')}/health", timeout=ANSWER_S).close()
+    except (OSError, ValueError, HTTPException) as error:
+        reason = error.reason if isinstance(error, URLError) else error
+        if isinstance(reason, TimeoutError):
+            raise InputError(f"MLflow at {address} does not answer within {ANSWER_S:g} s; the same command goes on once it does") from error
 
 
 def unusable(store: Path, error: MlflowException) -> InputError:

@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 
 from pipeline import workflow
-from pipeline.artefacts.lock import HELD
+from pipeline.artefacts.run_lock import HELD
 from tests.studies import ROOT
 
-HOLD = "import sys; from pipeline.artefacts.lock import hold; hold(sys.argv[1]); print('held', flush=True); sys.stdin.read()"
+HOLD = "import sys; from pipeline.artefacts.run_lock import hold; hold(sys.argv[1]); print('held', flush=True); sys.stdin.read()"
 
 
 def run(folder: Path, name: str) -> subprocess.Popen[str]:
