@@ -18,8 +18,9 @@ from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 from sklearn.linear_model import BayesianRidge
 from sklearn.neural_network import MLPRegressor
 
+from pipeline.core.failure_model import LINEAR_TRUST
 from pipeline.core.samplers.features import features
-from pipeline.core.samplers.forest import LINEAR_TRUST, ForestSampler
+from pipeline.core.samplers.forest import ForestSampler
 from pipeline.core.samplers.meta_model import scaled
 from pipeline.core.space import Floats
 

@@ -10,10 +10,10 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.core.failure_model import joined, linear_chances, tree_chances
 from pipeline.core.samplers.batches import BatchSampler
 from pipeline.core.samplers.coverage import propose_categories
 from pipeline.core.samplers.features import features
-from pipeline.core.samplers.meta_model import scaled
 from pipeline.core.samplers.mutations import mutate
 from pipeline.core.samplers.untested import fill, untested
 from pipeline.core.space import Floats, Ints
@@ -22,11 +22,6 @@ ENOUGH_FAILURES = 5
 """Failures from which only failures are mutated."""
 PARENTS = 10
 """Tests that are mutated while there are fewer failures."""
-TREE_FEATURES = 0.7
-"""Share of the inputs that a tree tries at each of its nodes."""
-LINEAR_TRUST = 0.75
-"""What the linear model's probability counts where the trees expect no failure."""
-EDGE = 1e-9
 CURIOSITY = 0.2
 """Added to the failure probability in slots that explore, so that a pair counts even where no failure is expected."""
 
@@ -93,22 +88,12 @@ class ForestSampler(BatchSampler):
 
     def _votes(self, inputs: Floats, kpi: Floats, others: Floats, rng: np.random.Generator) -> Floats:
         """The failure probability of other inputs (m, f) by each tree, joined with the linear model's, (trees, m)."""
-        from sklearn.ensemble import ExtraTreesRegressor  # Takes seconds, and every study makes every strategy to check it.
-
-        forest = ExtraTreesRegressor(self.trees, max_features=TREE_FEATURES, random_state=int(rng.integers(2**31)))
-        forest.fit(inputs, kpi <= self.failure_threshold_s)
-        rows = others.astype(np.float32)
-        known = np.stack([tree.tree_.predict(rows)[:, 0] for tree in forest.estimators_])
-        return known + (1 - known) * LINEAR_TRUST * self._linear(inputs, kpi, others)
+        known = tree_chances(inputs, kpi <= self.failure_threshold_s, others, self.trees, rng)
+        return joined(known, self._linear(inputs, kpi, others))
 
     def _linear(self, inputs: Floats, kpi: Floats, others: Floats) -> Floats:
         """The probability (m,) that the KPI of other inputs is at or below the threshold, by a linear model with normal scatter."""
-        from scipy.special import ndtr
-        from sklearn.linear_model import BayesianRidge
-
-        *observed, threshold = scaled(np.append(kpi, self.failure_threshold_s))
-        mean, deviation = BayesianRidge().fit(inputs, observed).predict(others, return_std=True)
-        return np.asarray(ndtr((threshold - mean) / np.maximum(deviation, EDGE)))
+        return linear_chances(inputs, kpi, self.failure_threshold_s, others)
 
     def _inputs(self, points: Floats, campaign: int) -> Floats:
         """The models' inputs (n, f): features of the points and, with earlier campaigns, the campaign one-hot."""

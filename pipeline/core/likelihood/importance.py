@@ -1,0 +1,103 @@
+"""Importance sampling: more tests where a meta-model expects failures, each weighted by how often the road shows it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.core.failure_model import joined, linear_chances, tree_chances
+from pipeline.core.likelihood.estimator import Estimator
+from pipeline.core.likelihood.rate import Limits, Rate, bounded, exact, spread
+from pipeline.core.samplers.features import features
+from pipeline.core.space import Floats
+
+ENOUGH_FAILURES = 20
+"""Random failures before the meta-model chooses: a failure mode with a fifth of them is missed once in a hundred times."""
+DEFENSIVE = 0.2
+"""Share of the later tests drawn from the exposure itself, so that no weight exceeds 1 / DEFENSIVE."""
+GROWTH = 1.25
+"""The meta-model is fitted again after this many times as many tests."""
+FEW = "too few failures for a meta-model, so all tests were random"
+
+
+@dataclass(eq=False, repr=False, kw_only=True)
+class ImportanceSampling(Estimator):
+    """Tests where a meta-model of the failure probability expects failures, and weights them so that the rate is unbiased.
+
+    First, random tests of the exposure, until 20 fail or half of the budget is spent; they train the meta-model and enter no rate. Then
+    each batch comes from a pool of random points of the exposure. A point is chosen with a probability of 0.2 / n + 0.8 s / Σ s, where s is
+    its failure probability by the meta-model: a defensive mixture (Hesterberg 1995). Its weight is the uniform probability 1 / n over that,
+    at most 5. The pool is itself a random sample of the exposure, so no density is needed, and categories and constraints need no care.
+
+    The interval takes (Σ w)² / Σ w² as the number of independent failures, and a limit that holds for any failures not yet seen where it is
+    nearer. If half of the budget shows fewer failures, all tests are random and the interval is exact.
+
+    pool: points of a pool. trees: of the meta-model.
+    """
+
+    pool: int = 20_000
+    trees: int = 60
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._points: Floats = self._none
+        self._weights: Floats = np.zeros(0)
+        self._asked_weights: Floats = np.zeros(0)
+        self._random = 0
+        self._pools: list[tuple[Floats, Floats]] = []
+        self._fitted = 0
+
+    def ask(self) -> Floats:
+        if len(self._kpi) >= self.budget:
+            return self._none
+        rng = self._rng()
+        if self._learning:
+            self._asked_weights = np.ones(self.batch_size)
+            return self._exposure.sample(self.batch_size, rng)
+        if len(self._kpi) >= self._fitted * GROWTH:
+            self._fit()
+        points, chances = self._pools[-1]
+        chosen = rng.choice(len(points), self.batch_size, p=chances)
+        self._asked_weights = 1 / (len(points) * chances[chosen])
+        return points[chosen]
+
+    def tell(self, points: Floats, kpi: Floats) -> None:
+        if self._learning:
+            self._random += len(kpi)
+        super().tell(points, kpi)
+        self._points = np.concatenate([self._points, points])
+        self._weights = np.concatenate([self._weights, self._asked_weights[: len(kpi)]])
+
+    def rate(self) -> Rate:
+        if self._random == len(self._kpi):
+            return self._rate(self._failures / max(self._tests, 1), exact(self._failures, self._tests), FEW)
+        kpi, weights = self._kpi[self._random :], self._weights[self._random :]
+        tests = int((~np.isnan(kpi)).sum())
+        failed = weights[kpi <= self.failure_threshold_s]
+        hard = bounded(failed, 1 / DEFENSIVE, tests)
+        if not len(failed):
+            return self._rate(0.0, hard)
+        value = float(failed.sum()) / tests
+        # The second term is the random error of the pools themselves.
+        variance = float(failed @ failed) / tests**2 + value / (len(self._pools) * self.pool)
+        soft = spread(value, value**2 / variance)
+        return self._rate(value, Limits(max(soft.low, hard.low), min(soft.high, hard.high), min(soft.below, hard.below)))
+
+    @property
+    def _learning(self) -> bool:
+        """Whether the next tests are random: until there are enough failures, and forever if half of the budget does not show them."""
+        return self._random == len(self._kpi) and (self._failures < ENOUGH_FAILURES or len(self._kpi) > self.budget / 2)
+
+    def _fit(self) -> None:
+        """Fit the meta-model to all tests, and weigh a new pool by it."""
+        rng = np.random.default_rng([self.seed, len(self._kpi), 1])  # Not that of the batch: asking twice fits once.
+        known = ~np.isnan(self._kpi)
+        inputs, kpi = features(self.space, self._points[known]), self._kpi[known]
+        points = self._exposure.sample(self.pool, rng)
+        others = features(self.space, points)
+        trees = tree_chances(inputs, kpi <= self.failure_threshold_s, others, self.trees, rng).mean(axis=0)
+        score = joined(trees, linear_chances(inputs, kpi, self.failure_threshold_s, others)) + 1e-12
+        chances = DEFENSIVE / len(points) + (1 - DEFENSIVE) * score / score.sum()
+        self._pools.append((points, chances / chances.sum()))
+        self._fitted = len(self._kpi)

@@ -1,0 +1,42 @@
+"""Monte Carlo: random tests of the exposure, counted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.core.likelihood.estimator import Estimator
+from pipeline.core.likelihood.rate import TAIL, Rate, anytime, evidence, exact
+from pipeline.core.space import Floats
+
+
+@dataclass(eq=False, repr=False, kw_only=True)
+class MonteCarlo(Estimator):
+    """Draws independent tests of the exposure; their failures are binomial, so the interval is exact.
+
+    below: a limit of the rate, in (0, 1). With it, the tests stop as soon as the rate is known to be below or above it, and the interval is
+    one that holds although a person looks after every batch.
+    """
+
+    below: float | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.below is not None and not 0 < self.below < 1:
+            raise ValueError(f"below must be in (0, 1), got {self.below}")
+
+    def ask(self) -> Floats:
+        if len(self._kpi) >= self.budget or self._settled():
+            return self._none
+        return self._exposure.sample(self.batch_size, self._rng())
+
+    def rate(self) -> Rate:
+        limits = (exact if self.below is None else anytime)(self._failures, self._tests)
+        return self._rate(self._failures / max(self._tests, 1), limits)
+
+    def _settled(self) -> bool:
+        if self.below is None:
+            return False
+        under, over = (evidence(self._failures, self._tests, self.below, above) for above in (False, True))
+        return bool(under > -np.log(2 * TAIL) or over > -np.log(TAIL))

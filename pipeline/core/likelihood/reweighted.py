@@ -1,0 +1,25 @@
+"""Uniform random tests, weighted by how often the road shows each."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.core.exposure import Exposure
+from pipeline.core.likelihood.rate import Rate, bounded
+from pipeline.core.space import Floats
+
+
+def reweighted(exposure: Exposure, points: Floats, failed: NDArray[np.bool_], errors: int = 0) -> Rate:
+    """The failure rate under an exposure from independent tests that were drawn uniformly from its space.
+
+    points, failed: (n, d) and (n,), of tests without an error. Each test has the weight exposure / uniform: a test that the road shows
+    often counts for many. The interval holds for any failures not seen, so it is wide where few tests have most of the weight.
+    """
+    if not len(points):
+        raise ValueError("expected at least one test without an error")
+    weights = exposure.ratio(points)
+    worth = weights.sum() ** 2 / max(float(weights @ weights), 1e-300)
+    limits = bounded(weights[failed], exposure.largest_ratio, len(points))
+    note = f"under this exposure, {len(points):,} uniform tests are worth {worth:,.0f}"
+    return Rate(float(weights[failed].sum()) / len(points), limits, len(points), int(failed.sum()), errors, note)

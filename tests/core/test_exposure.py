@@ -1,0 +1,129 @@
+"""Exposures: known shares, quantiles and density ratios, and wrong ones told by name."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipeline.config.exposure import FOLDER, read_exposure
+from pipeline.core.exposure import Exposure
+from pipeline.core.marginals import marginal
+from pipeline.core.space import Space, Variable
+from pipeline.core.sun import altitudes
+from pipeline.scenarios.people import variable as people
+from tests.spaces import CONSTRAINED, SMALL, THESIS
+
+X, COUNT, KIND = SMALL.variables[0], SMALL.variables[2], SMALL.variables[3]
+PEOPLE = Variable("who", "categorical", values=("child", "adult", "old"), attributes=(("height", (1.2, 1.8, 1.7)),))
+MIXED: dict[str, Any] = {
+    "variables": {"x": {"kind": "histogram", "edges": [0, 1, 10], "shares": [0.9, 0.1]}},
+    "regimes": {
+        "a": {"share": 0.25, "variables": {"kind": {"kind": "shares", "shares": {"a": 1, "b": 0, "c": 0}}}},
+        "b": {"share": 0.75, "variables": {"x": {"kind": "uniform"}}},
+    },
+}
+
+
+def draws(plain: dict[str, Any], space: Space = SMALL, count: int = 40_000) -> np.ndarray[Any, Any]:
+    return Exposure.from_dict(space, plain).sample(count, np.random.default_rng(0))
+
+
+def test_quantiles_of_a_histogram_are_even_inside_its_parts() -> None:
+    made = marginal(X, {"kind": "histogram", "edges": [0, 1, 10], "shares": [0.9, 0.1]})
+    assert made.quantile(np.array([0, 0.45, 0.9, 0.95])) == pytest.approx([0, 0.5, 1, 5.5])
+    assert made.ratio(np.array([0.5, 5])) == pytest.approx([9, 0.1 / 9 * 10])
+
+
+def test_a_part_without_share_is_never_drawn() -> None:
+    made = marginal(X, {"kind": "histogram", "edges": [0, 1, 2, 3], "shares": [0, 1, 0]})
+    assert made.quantile(np.array([0, np.nextafter(1, 0)])) == pytest.approx([1, 2])
+    assert made.ratio(np.array([0.5, 1.5, 2.5, 7])) == pytest.approx([0, 10, 0, 0])
+
+
+def test_an_integer_variable_has_whole_numbers() -> None:
+    made = marginal(COUNT, {"kind": "histogram", "edges": [1, 3, 5], "shares": [0.4, 0.6]})
+    values = made.quantile(np.linspace(0, 1, 30_000, endpoint=False))
+    assert {value: round(float((values == value).mean()), 3) for value in range(1, 6)} == {1: 0.2, 2: 0.2, 3: 0.2, 4: 0.2, 5: 0.2}
+
+
+def test_groups_share_their_part_evenly() -> None:
+    groups = [{"where": {"height": [0, 1.5]}, "share": 0.1}, {"where": {"height": [1.5, 3]}, "share": 0.9}]
+    assert marginal(PEOPLE, {"kind": "groups", "groups": groups}).shares == pytest.approx([0.1, 0.45, 0.45])
+
+
+def test_a_regime_replaces_what_is_common() -> None:
+    points = draws(MIXED)
+    only_a = points[:, 3] == 0
+    assert only_a.mean() == pytest.approx(0.25 + 0.75 / 3, abs=0.01)
+    assert (points[~only_a, 0] < 1).mean() == pytest.approx(0.1, abs=0.01)
+
+
+def test_the_mean_ratio_of_uniform_points_is_one_and_weights_give_the_exposures_means() -> None:
+    exposure = Exposure.from_dict(SMALL, MIXED)
+    points = SMALL.sample(200_000, np.random.default_rng(1))
+    weights = exposure.ratio(points)
+    assert weights.mean() == pytest.approx(1, abs=0.02)
+    assert weights.max() <= exposure.largest_ratio * (1 + 1e-9)
+    assert np.average(points[:, 0], weights=weights) == pytest.approx(draws(MIXED)[:, 0].mean(), rel=0.03)
+
+
+def test_points_keep_the_constraints_and_the_ratio_knows_what_they_exclude() -> None:
+    exposure = Exposure.from_dict(CONSTRAINED, MIXED)
+    drawn = exposure.sample(5000, np.random.default_rng(0))
+    assert CONSTRAINED.violation(drawn) is None
+    assert exposure.ratio(CONSTRAINED.sample(200_000, np.random.default_rng(1))).mean() == pytest.approx(1, abs=0.03)
+
+
+def test_the_sun_stands_as_high_as_the_latitude_lets_it() -> None:
+    heights, shares = altitudes(50, [1] * 24)
+    assert heights.max() == pytest.approx(90 - 50 + 23.44, abs=0.2)
+    assert shares[heights > 0].sum() == pytest.approx(0.5, abs=0.01)
+    noon, _ = altitudes(0, [0] * 12 + [1] + [0] * 11)
+    assert noon.max() == pytest.approx(90, abs=1)
+
+
+def test_a_deep_night_counts_as_the_lowest_altitude() -> None:
+    sun = marginal(THESIS.variables[3], {"kind": "sun", "latitude_deg": 50, "hours": [1] + [0] * 23})
+    assert sun.quantile(np.array([0.0, 0.3]))[1] < -19
+
+
+@pytest.mark.parametrize(
+    ("variable", "plain", "told"),
+    [
+        (X, {"kind": "histgram"}, "x: there is no kind 'histgram'; did you mean 'histogram'?"),
+        (X, {"kind": "histogram", "edges": [0, 1], "shares": [0.9]}, "shares must be from 0 and sum to 1, got [0.9], which sum to 0.9"),
+        (
+            X,
+            {"kind": "histogram", "edges": [0, 11], "shares": [1]},
+            "edges must rise within [0, 10], one more than shares (1), got [0.0, 11.0]",
+        ),
+        (X, {"kind": "histogram", "shares": [1]}, "x: missing 1 required positional argument: 'edges'"),
+        (X, {"kind": "normal", "mean": 1, "deviation": 0}, "deviation must be above 0, got 0"),
+        (X, {"kind": "shares", "shares": {}}, "kind 'shares' is for a variable that is categorical, this one is continuous"),
+        (KIND, {"kind": "shares", "shares": {"a": 1, "d": 0}}, "shares must name every category; missing ['b', 'c'], unknown ['d']"),
+        (PEOPLE, {"kind": "groups", "groups": [{"where": {"heigt": [0, 2]}, "share": 1}]}, "no attribute 'heigt'; did you mean 'height'?"),
+        (PEOPLE, {"kind": "groups", "groups": [{"where": {"height": [1.5, 2]}, "share": 1}]}, "in one group, but child is in 0"),
+        (X, {"kind": "sun", "latitude_deg": 50, "hours": [1]}, "hours must be 24 numbers from 0, not all 0, got [1]"),
+    ],
+)
+def test_wrong_distributions_are_told_by_name(variable: Variable, plain: dict[str, Any], told: str) -> None:
+    with pytest.raises(ValueError) as error:  # noqa: PT011
+        marginal(variable, plain)
+    assert told in str(error.value)
+
+
+def test_an_unknown_variable_and_wrong_regimes_are_told() -> None:
+    with pytest.raises(ValueError, match="the space has no variable 'y'"):
+        Exposure.from_dict(SMALL, {"variables": {"y": {"kind": "uniform"}}})
+    with pytest.raises(ValueError, match="regimes: shares must be above 0 and sum to 1, got \\[0.5\\]"):
+        Exposure.from_dict(SMALL, {"regimes": {"a": {"share": 0.5, "variables": {}}}})
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in FOLDER.glob("*.yaml")))
+def test_every_exposure_fits_the_scenarios_space(name: str) -> None:
+    for population in (1, 2):
+        space = Space.from_dict({**{v.name: v.to_dict() for v in THESIS.variables[:-1]}, "blueprint": people(population)})
+        points = Exposure.from_dict(space, read_exposure(name).plain).sample(500, np.random.default_rng(0))
+        assert all(space.encode(space.decode(point)) == pytest.approx(point) for point in points)

@@ -1,0 +1,210 @@
+"""Failure rates: limits against closed forms, estimators against known rates, and their state, which is their history."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from pipeline.core.exposure import Exposure
+from pipeline.core.likelihood.estimator import Estimator
+from pipeline.core.likelihood.importance import DEFENSIVE, FEW, ImportanceSampling
+from pipeline.core.likelihood.monte_carlo import MonteCarlo
+from pipeline.core.likelihood.rate import Limits, Rate, anytime, bounded, combined, enough, exact, one_in, sentence, spread
+from pipeline.core.likelihood.reweighted import reweighted
+from pipeline.core.likelihood.subset import FLAT, SHORT, SubsetSimulation, moved
+from pipeline.core.space import Floats
+from tests.spaces import CONSTRAINED, SMALL
+
+Kpi = Callable[[Floats], Floats]
+MADE = {"monte_carlo": MonteCarlo, "subset": SubsetSimulation, "importance": ImportanceSampling}
+FAST = {"monte_carlo": {}, "subset": {}, "importance": {"pool": 1000, "trees": 5, "batch_size": 50}}
+EXPOSURE = {"variables": {"x": {"kind": "histogram", "edges": [0, 1, 10], "shares": [0.2, 0.8]}}}
+
+
+def low_x(share: float) -> Kpi:
+    """Fails for that share of the exposure, up to 0.2; the KPI is x above the limit."""
+    return lambda points: points[:, 0] - 5 * share
+
+
+def made(name: str, seed: int = 0, budget: int = 1000, space: object = SMALL, **more: object) -> Estimator:
+    method: Callable[..., Estimator] = MADE[name]
+    return method(space=space, seed=seed, exposure=EXPOSURE, budget=budget, failure_threshold_s=0.0, **{**FAST[name], **more})
+
+
+def run(estimator: Estimator, kpi: Kpi, stop_after: int | None = None) -> Floats:
+    """Ask and tell; returns the points."""
+    told: list[Floats] = []
+    while len(points := estimator.ask()[: estimator.budget - sum(map(len, told))]) and len(told) != stop_after:
+        estimator.tell(points, kpi(points))
+        told.append(points)
+    return np.concatenate(told)
+
+
+def test_exact_limits_of_known_counts() -> None:
+    assert exact(0, 2995).below == pytest.approx(1 - 0.05 ** (1 / 2995))
+    assert enough(0.001) == 2995 and exact(0, 2995).below <= 0.001 < exact(0, 2994).below
+    assert (exact(3, 50).low, exact(3, 50).high) == pytest.approx((0.012549, 0.165482), abs=1e-6)
+    assert exact(0, 0) == Limits(0, 1, 1) and exact(5, 5).high == 1
+
+
+def test_anytime_limits_contain_the_exact_ones() -> None:
+    for failures, tests in ((0, 100), (1, 100), (20, 1000), (100, 100)):
+        wide, narrow = anytime(failures, tests), exact(failures, tests)
+        assert wide.low <= narrow.low and narrow.high <= wide.high and narrow.below <= wide.below <= wide.high
+
+
+def test_anytime_limits_hold_at_all_moments_at_once() -> None:
+    rng, rate, wrong = np.random.default_rng(0), 0.05, 0
+    for _ in range(200):
+        counts = np.cumsum(rng.random(1000) < rate)
+        looks = [anytime(int(counts[n - 1]), n) for n in range(50, 1001, 50)]
+        wrong += any(not one.low <= rate <= one.high for one in looks)
+    assert wrong <= 200 * 0.05
+
+
+def test_equal_weights_give_the_poisson_interval() -> None:
+    limits = bounded(np.ones(4), 1.0, 100)
+    assert (limits.low, limits.high) == pytest.approx((0.010899, 0.102416), abs=1e-6)  # Garwood's for 4 events.
+    assert bounded(np.zeros(0), 5.0, 1000).below == pytest.approx(5 * -np.log(0.05) / 1000)
+
+
+def test_a_wide_estimate_never_leaves_the_unit_interval() -> None:
+    assert spread(0.3, 1.0).high == 1 and spread(0.3, 1.0).low > 0
+
+
+def test_the_system_rate_weighs_the_scenarios() -> None:
+    rates = [Rate(0.1, Limits(0.05, 0.2, 0.15), 100, 10), Rate(0.0, Limits(0, 0.03, 0.02), 100, 0)]
+    system = combined(rates, [0.25, 0.75])
+    assert system.value == pytest.approx(0.025) and system.tests == 200 and system.failures == 10
+    assert system.limits.high == pytest.approx(0.025 + np.hypot(0.25 * 0.1, 0.75 * 0.03))
+    assert system.limits.low == pytest.approx(0.025 - 0.25 * 0.05)
+    with pytest.raises(ValueError, match="a share for each of 2 scenarios, together 1, got \\[0.5, 0.4\\]"):
+        combined(rates, [0.5, 0.4])
+
+
+@pytest.mark.parametrize(
+    ("share", "words"),
+    [(0.001, "1 in 1,000"), (0.00101, "1 in 990"), (1 / 1555, "1 in 1,500"), (0.034, "1 in 29"), (0.1004, "10.1 %"), (1.0, "100 %")],
+)
+def test_a_claim_is_never_rounded_to_the_better_side(share: float, words: str) -> None:
+    assert one_in(share) == words
+
+
+def test_the_sentence_names_exposure_and_tests() -> None:
+    rate = Rate(0.0, exact(0, 2995), 2995, 0)
+    assert sentence(rate, "town") == "95 % sure: below 1 in 1,000 under exposure 'town', after 2,995 tests"
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_an_interval_holds_about_as_often_as_it_says(name: str) -> None:
+    true = {"monte_carlo": 0.05, "subset": 0.002, "importance": 0.08}[name]
+    inside, values = 0, []
+    for seed in range(40):
+        estimator = made(name, seed)
+        run(estimator, low_x(true))
+        rate = estimator.rate()
+        inside += rate.limits.low <= true <= rate.limits.high
+        values.append(rate.value)
+    assert inside >= 35  # Fewer have a probability below 2 % at 95 % coverage.
+    assert np.mean(values) == pytest.approx(true, rel=0.15)
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_telling_the_same_batches_again_restores_an_estimator(name: str) -> None:
+    first, second = made(name), made(name)
+    run(first, low_x(0.1), stop_after=12)
+    run(second, low_x(0.1), stop_after=8)
+    run(second, low_x(0.1), stop_after=4)
+    np.testing.assert_array_equal(first.ask(), second.ask())
+    np.testing.assert_array_equal(first.ask(), second.ask())
+    assert first.rate() == second.rate()
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_points_keep_the_constraints(name: str) -> None:
+    points = run(made(name, space=CONSTRAINED), low_x(0.1))
+    assert len(points) > 100 and CONSTRAINED.violation(points) is None
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_errors_are_in_no_count_of_tests(name: str) -> None:
+    estimator = made(name)
+    run(estimator, lambda points: np.where(points[:, 0] > 9, np.nan, low_x(0.1)(points)))
+    rate = estimator.rate()
+    assert rate.errors > 0 and rate.tests + rate.errors <= 1000
+
+
+def test_a_settled_question_ends_the_tests() -> None:
+    below = made("monte_carlo", below=0.05)
+    run(below, lambda points: np.ones(len(points)))
+    assert below.rate().tests < 200 and below.rate().limits.below < 0.05
+    above = made("monte_carlo", below=0.05)
+    run(above, low_x(0.2))
+    assert above.rate().tests < 300 and above.rate().limits.low > 0.05
+
+
+def test_moves_keep_the_exposure() -> None:
+    exposure, rng = Exposure.from_dict(SMALL, EXPOSURE), np.random.default_rng(0)
+    latent = rng.random((20_000, exposure.latent_size))
+    for _ in range(5):
+        latent = moved(exposure, latent, 0.6, rng)
+    assert latent.min() >= 0 and latent.max() < 1
+    assert latent.mean(axis=0) == pytest.approx(0.5, abs=0.01)
+    assert np.quantile(latent, 0.01, axis=0) == pytest.approx(0.01, abs=0.003)
+
+
+def test_subset_simulation_says_when_the_kpi_leads_nowhere() -> None:
+    estimator = made("subset")
+    run(estimator, lambda points: np.ones(len(points)))
+    rate = estimator.rate()
+    assert rate.note == FLAT and rate.value == 0 and rate.limits.below == pytest.approx(exact(0, 220).below)
+
+
+def test_subset_simulation_on_pass_or_fail_alone_counts_like_monte_carlo() -> None:
+    estimator = made("subset")
+    run(estimator, lambda points: np.where(points[:, 0] < 0.25, 0.0, 1.0))
+    rate = estimator.rate()
+    assert rate.limits.low <= 0.05 <= rate.limits.high and not rate.note
+
+
+def test_a_budget_that_ends_above_the_failures_gives_an_upper_limit() -> None:
+    estimator = made("subset", budget=300)
+    run(estimator, low_x(1e-9))
+    rate = estimator.rate()
+    assert rate.note == SHORT and (rate.value, rate.limits.low) == (0, 0) and 1e-9 < rate.limits.below < 0.05
+
+
+def test_importance_sampling_without_failures_stays_random() -> None:
+    estimator = made("importance")
+    run(estimator, lambda points: np.ones(len(points)))
+    assert estimator.rate().note == FEW and estimator.rate().limits == exact(0, 1000)
+
+
+def test_weights_are_bounded_by_the_defensive_share() -> None:
+    estimator = made("importance")
+    assert isinstance(estimator, ImportanceSampling)
+    run(estimator, low_x(0.1))
+    chosen = estimator._weights[estimator._random :]
+    assert len(chosen) and chosen.max() <= 1 / DEFENSIVE + 1e-9 and chosen.min() < 0.5
+
+
+def test_uniform_tests_are_reweighted_to_the_exposure() -> None:
+    exposure = Exposure.from_dict(SMALL, EXPOSURE)
+    points = SMALL.sample(20_000, np.random.default_rng(0))
+    rate = reweighted(exposure, points, points[:, 0] < 0.5)
+    assert rate.value == pytest.approx(0.1, rel=0.1) and rate.limits.low < 0.1 < rate.limits.high
+    assert "20,000 uniform tests are worth" in rate.note
+    with pytest.raises(ValueError, match="at least one test"):
+        reweighted(exposure, points[:0], np.zeros(0, bool))
+
+
+def test_wrong_settings_are_told() -> None:
+    for settings, told in (
+        ({"budget": 99}, "budget must be at least 100 tests, got 99"),
+        ({"below": 1.0}, "below must be in (0, 1), got 1.0"),
+    ):
+        with pytest.raises(ValueError) as error:  # noqa: PT011
+            made("monte_carlo", **settings)  # type: ignore[arg-type]
+        assert told in str(error.value)
