@@ -50,7 +50,7 @@ class Sampler(Protocol):
     """
 
     def ask(self) -> Floats:
-        """Return the next batch of untested points, (b, d)."""
+        """Return the next batch of untested points, (b, d); none, (0, d), ends the campaign."""
         ...
 
     def tell(self, points: Floats, kpi: Floats) -> None:

@@ -52,7 +52,9 @@ class Search:
         return self.out or Path("data/by_hand", self.scenario, self.strategy, self.model.name, str(self.seed))
 
 
-def _whole(least: int) -> Callable[[str, str], int]:
+def whole(least: int) -> Callable[[str, str], int]:
+    """Reads a whole number from `least`; InputError for another text."""
+
     def read(key: str, text: str) -> int:
         if not text.isdecimal() or int(text) < least:
             raise InputError(f"{key} must be a whole number from {least}, got '{text}'")
@@ -64,8 +66,8 @@ def _whole(least: int) -> Callable[[str, str], int]:
 READ: dict[str, Callable[[str, str], Any]] = {
     "scenario": lambda _, text: text,
     "strategy": lambda _, text: text,
-    "budget": _whole(1),
-    "seed": _whole(0),
+    "budget": whole(1),
+    "seed": whole(0),
     "model": lambda _, text: Path(text),
     "out": lambda _, text: Path(text),
 }

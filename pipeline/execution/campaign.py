@@ -116,13 +116,15 @@ def no_result(campaign: CampaignId, done: Sequence[Executed]) -> str:
 
 
 def search(plan: CampaignPlan, sampler: Sampler, log: Journal, workers: Workers, progress: Progress) -> list[Executed]:
-    """Ask, execute the tests missing from the journal, tell, until the budget is spent."""
+    """Ask, execute the tests missing from the journal, tell, until the budget is spent or the sampler asks for no more."""
     done: list[Executed] = []
     told = 0
     while told < plan.indices.stop:
         started = time.perf_counter()
         with threadpool_limits(1):  # With several threads, sums depend on their number.
             points = sampler.ask()[: plan.tests - told]
+        if not len(points):
+            break
         seconds = (time.perf_counter() - started) / len(points)
         asked = {index: point for index, point in enumerate(points, told) if index in plan.indices}
         judged: dict[int, Executed] = {}

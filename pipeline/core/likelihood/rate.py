@@ -129,11 +129,6 @@ def combined(rates: Sequence[Rate], shares: Sequence[float]) -> Rate:
     return Rate(value, limits, tests, failures, errors, notes)
 
 
-def enough(below: float) -> int:
-    """Tests without any failure after which the rate is below a limit in (0, 1) with 95 % confidence: `below` of `exact`."""
-    return int(np.ceil(np.log(1 - CONFIDENCE) / np.log1p(-below)))
-
-
 def sentence(rate: Rate, exposure: str) -> str:
     """What a rate allows to claim, in words."""
     return f"95 % sure: below {one_in(rate.limits.below)} under exposure '{exposure}', after {rate.tests:,} tests"

@@ -1,0 +1,255 @@
+"""Command `likelihood`: how likely a failure is under an exposure, in one scenario or over several (thesis Def. 4.11 and 4.12)."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline.commands.campaign import STOPPED, Search, planned, whole
+from pipeline.config.composing import functional_scenario
+from pipeline.config.exposure import ExposureFile, read_exposure
+from pipeline.core.exposure import Exposure
+from pipeline.core.identity import CampaignId
+from pipeline.core.names import nearest
+from pipeline.core.space import Space
+from pipeline.errors import InputError
+from pipeline.progress import Progress
+
+if TYPE_CHECKING:
+    from pipeline.core.likelihood.rate import Rate
+    from pipeline.execution.campaign import CampaignPlan, Executed
+
+METHODS = {
+    "monte_carlo": "pipeline.core.likelihood.monte_carlo.MonteCarlo",
+    "subset": "pipeline.core.likelihood.subset.SubsetSimulation",
+    "importance": "pipeline.core.likelihood.importance.ImportanceSampling",
+}
+INDEPENDENT = "random"
+"""The only strategy whose tests are independent samples of the space."""
+WORDS = """scenario=F1,F2 (or all of the exposure), exposure=town, method=monte_carlo (subset, importance), budget=3000 for each scenario,
+seed=0, model=models/uniform, below=0.001 (monte_carlo stops once that is settled), out=FOLDER; and overrides of the default study"""
+HELP = "Estimate how likely a failure is under an exposure. Ctrl-C stops it; the same command resumes it."
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("words", nargs="*", metavar="key=value", help=WORDS)
+    parser.add_argument("--threads", type=int, default=2, help="worker processes (default: %(default)s)")
+    parser.add_argument(
+        "--from",
+        dest="folders",
+        type=Path,
+        nargs="+",
+        help="execute nothing: weigh the tests of these campaigns of `random` by the exposure",
+    )
+
+
+@dataclass(frozen=True)
+class Question:
+    """What a person asks for. overrides: of the default study."""
+
+    scenario: str = "F1"
+    exposure: str = "town"
+    method: str = "monte_carlo"
+    budget: int = 3000
+    seed: int = 0
+    model: Path = Path("models/uniform")
+    below: float | None = None
+    out: Path | None = None
+    overrides: tuple[str, ...] = ()
+
+    @property
+    def folder(self) -> Path:
+        return self.out or Path("data/by_hand/likelihood", Path(self.exposure).stem, self.method, self.model.name, str(self.seed))
+
+
+def _share(key: str, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0 < value < 1:
+        raise InputError(f"{key} must be a number between 0 and 1, got '{text}'")
+    return value
+
+
+def _method(key: str, text: str) -> str:
+    if text not in METHODS:
+        raise InputError(f"{key}: there is no '{text}'{nearest(text, METHODS)}")
+    return text
+
+
+READ: dict[str, Callable[[str, str], Any]] = {
+    **dict.fromkeys(("scenario", "exposure"), lambda _, text: text),
+    **dict.fromkeys(("model", "out"), lambda _, text: Path(text)),
+    "method": _method,
+    "budget": whole(100),
+    "seed": whole(0),
+    "below": _share,
+}
+"""How each word of our own is read, from its key and text; all others are overrides."""
+
+
+def run(options: argparse.Namespace) -> int:
+    """Estimate the rate of every scenario, print each and that of the system."""
+    if options.threads < 1:
+        raise InputError(f"--threads must be at least 1, got {options.threads}")
+    question = asked(options.words)
+    exposure = read_exposure(question.exposure)
+    try:
+        rates = weighed(options.folders, question, exposure) if options.folders else executed(question, exposure, options.threads)
+    except KeyboardInterrupt:
+        print(f"\nstopped; finished tests are in {question.folder}, and the same command resumes")
+        return STOPPED
+    print(answer(rates, question, exposure))
+    return 0
+
+
+def asked(words: Sequence[str]) -> Question:
+    """The question of some words; InputError for a wrong one."""
+    values: dict[str, Any] = {}
+    overrides: list[str] = []
+    for word in words:
+        key, equals, value = word.partition("=")
+        if not equals:
+            raise InputError(f"expected key=value, got '{word}'")
+        if key in READ:
+            values[key] = READ[key](key, value)
+        else:
+            overrides.append(word)
+    question = Question(**values, overrides=tuple(overrides))
+    if question.below is not None and question.method != "monte_carlo":
+        raise InputError(f"below: only monte_carlo stops once a limit is settled, got method={question.method}")
+    return question
+
+
+def scenarios_of(question: Question, exposure: ExposureFile) -> list[str]:
+    """The scenarios of a question, `all` being those that the exposure names; InputError for none and for one twice."""
+    named = list(exposure.scenarios.shares) if question.scenario == "all" and exposure.scenarios else question.scenario.split(",")
+    if len(set(named)) < len(named):
+        raise InputError(f"scenario: expected different scenarios, got {question.scenario}")
+    return named
+
+
+def executed(question: Question, exposure: ExposureFile, threads: int) -> dict[str, Rate]:
+    """Execute the tests of every scenario; a scenario that an earlier call has finished is read."""
+    from pipeline.artefacts.likelihood import read_rate, write_rate
+    from pipeline.execution.campaign import run_campaign
+
+    names = scenarios_of(question, exposure)
+    exposure.shares(names)
+    plans = {name: plan_of(question, name, exposure) for name in names}
+    rates: dict[str, Rate] = {}
+    for name, plan in plans.items():
+        folder = question.folder / name
+        if (known := read_rate(folder / "rate.json", plan.identity)) is None:
+            with Progress(f"{name}, {question.method}") as progress:
+                done = run_campaign(plan, folder / "tests.parquet", folder / "journal", threads, progress)
+            known = rate_of(plan, done)
+            write_rate(folder / "rate.json", plan.identity, known)
+        rates[name] = known
+    return rates
+
+
+def plan_of(question: Question, scenario: str, exposure: ExposureFile) -> CampaignPlan:
+    """The campaign that an estimator asks for."""
+    from pipeline.execution.campaign import sampler_seed
+
+    if not functional_scenario(scenario).asks_to_brake:
+        raise InputError(
+            f"scenario: {scenario} asks the ego not to brake, and its false activations are no KPI that an estimator learns from"
+        )
+    overrides = ("campaign.keep_every=0", *question.overrides)
+    search = Search(scenario, INDEPENDENT, question.budget, question.seed, question.model, question.folder / scenario, overrides)
+    base = planned(search)
+    distribution(exposure, scenario, base.space)
+    campaign = CampaignId(scenario, question.method, question.model.name, question.seed)
+    below = {} if question.below is None else {"below": question.below}
+    known = {"exposure": exposure.plain, "budget": question.budget, "failure_threshold_s": base.failure_threshold_s, **below}
+    return replace(base, campaign=campaign, strategy={"_target_": METHODS[question.method], **known}, strategy_seed=sampler_seed(campaign))
+
+
+def distribution(exposure: ExposureFile, scenario: str, space: Space) -> Exposure:
+    """The exposure of a scenario's space; InputError if it does not fit."""
+    try:
+        return Exposure.from_dict(space, exposure.plain)
+    except ValueError as error:
+        raise InputError(f"exposure for {scenario}: {error}") from error
+
+
+def rate_of(plan: CampaignPlan, done: Sequence[Executed]) -> Rate:
+    """The rate of executed tests: an estimator's state is its history, so it is told once more."""
+    import numpy as np
+
+    estimator: Any = plan.sampler()
+    kpi, told = np.array([test.kpi.adj_ttc_s for test in done]), 0
+    while len(points := estimator.ask()[: len(done) - told]):
+        estimator.tell(points, kpi[told : told + len(points)])
+        told += len(points)
+    rate: Rate = estimator.rate()
+    return rate
+
+
+def weighed(folders: Sequence[Path], question: Question, exposure: ExposureFile) -> dict[str, Rate]:
+    """The rates by scenario of campaigns of random tests, weighted by the exposure."""
+    import pandas as pd
+
+    from pipeline.artefacts.points import encode_tests
+    from pipeline.artefacts.tables import read_tests
+    from pipeline.core.likelihood.reweighted import reweighted
+
+    paths = sorted({path for folder in folders for path in folder.rglob("tests.parquet")})
+    if not paths:
+        raise InputError(f"{', '.join(map(str, folders))}: expected campaigns, found no tests.parquet")
+    tables = {path: read_tests(path) for path in paths}
+    for path, table in tables.items():
+        for strategy in set(table["strategy"]) - {INDEPENDENT}:
+            raise InputError(
+                f"{path}: expected tests of strategy '{INDEPENDENT}', got '{strategy}', whose tests are no even, independent samples of "
+                "the space: they give no rate"
+            )
+    tests = pd.concat(tables.values())
+    if len(versions := sorted(set(tests["version"]))) > 1:
+        raise InputError(f"--from: expected tests of one version, got {', '.join(versions)}")
+    rates = {}
+    for scenario, rows in tests.groupby("scenario"):
+        valid = rows[rows["status"] == "ok"]
+        if valid.empty:
+            raise InputError(f"--from: {scenario} has no test without an error")
+        space = functional_scenario(str(scenario)).logical_space()
+        points, failed = encode_tests(valid, space), valid["failure"].to_numpy(bool)
+        rates[str(scenario)] = reweighted(distribution(exposure, str(scenario), space), points, failed, len(rows) - len(valid))
+    return rates
+
+
+def answer(rates: Mapping[str, Rate], question: Question, exposure: ExposureFile) -> str:
+    """The rates, the system's if there are several, and what they allow to claim."""
+    from pipeline.core.likelihood.rate import combined, sentence
+
+    shares = exposure.shares(list(rates))
+    lines = [line(f"{name} ({share:.0%})" if len(rates) > 1 else name, rates[name]) for name, share in zip(rates, shares, strict=True)]
+    system = combined(list(rates.values()), shares)
+    if len(rates) > 1:
+        lines.append(line("system", replace(system, note="")))
+    lines.append(sentence(system, Path(question.exposure).stem))
+    if question.below is not None:
+        lines.append(settled(system, question.below))
+    return "\n".join(lines)
+
+
+def line(name: str, rate: Rate) -> str:
+    """One rate with its interval and counts."""
+    counts = f"{rate.failures:,} of {rate.tests:,} tests fail{f', {rate.errors} errors' if rate.errors else ''}"
+    value = f"{name}: failure probability {rate.value:.2g}, 95 % interval {rate.limits.low:.2g} to {rate.limits.high:.2g}; {counts}"
+    return f"{value}\n  {rate.note}" if rate.note else value
+
+
+def settled(rate: Rate, below: float) -> str:
+    """Whether a rate is known to be below or above a limit."""
+    if rate.limits.below < below:
+        return f"settled: the rate is below {below:g}"
+    if rate.limits.low > below:
+        return f"settled: the rate is above {below:g}"
+    return f"not settled: whether the rate is below {below:g} needs more tests"

@@ -1,0 +1,95 @@
+"""`likelihood` as a person types it: rates of scenarios and of the system, resumed, reweighted, and clear about wrong words."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from pipeline.__main__ import main
+from pipeline.commands.campaign import STOPPED
+from pipeline.progress import Progress
+
+ANALYTIC = ["simulator=analytic", "detector=oracle"]
+
+
+def likelihood(folder: Path, *words: str) -> int:
+    return main(["likelihood", "budget=120", *ANALYTIC, f"out={folder}", *words, "--threads", "1"])
+
+
+def test_a_stopped_estimate_resumes_and_a_finished_one_executes_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["scenario=F1,F2", "exposure=uniform"]
+
+    def stop(self: Progress, done: int, total: int, text: str = "") -> None:
+        if done == 30:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Progress, "__call__", stop)
+        assert likelihood(tmp_path, "scenario=F1", "exposure=uniform") == STOPPED
+    assert "the same command resumes" in capsys.readouterr().out
+    kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "F1" / "journal").glob("*.npz")}
+    assert len(kept) >= 30
+    assert likelihood(tmp_path, "scenario=F1", "exposure=uniform") == 0
+    first = capsys.readouterr().out
+    assert re.search(r"^F1: failure probability 0\.\d+, 95 % interval 0\.\d+ to 0\.\d+; \d+ of 120 tests fail$", first, re.MULTILINE)
+    assert re.search(r"^95 % sure: below .* under exposure 'uniform', after 120 tests$", first, re.MULTILINE)
+    assert likelihood(tmp_path, "scenario=F1", "exposure=uniform") == 0
+    again = capsys.readouterr()
+    assert again.out == first and "120/120" not in again.err
+    assert main(["likelihood", *words]) == 2
+    assert "exposure: it has no share of scenario 'F1'" in capsys.readouterr().err
+
+
+def test_random_campaigns_are_weighed_and_searches_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for strategy in ("random", "forest"):
+        words = ["scenario=F1", f"strategy={strategy}", "budget=60", *ANALYTIC, f"out={tmp_path / strategy}", "--threads", "1"]
+        assert main(["campaign", *words]) == 0
+    capsys.readouterr()
+    assert main(["likelihood", "exposure=town", "--from", str(tmp_path / "random")]) == 0
+    said = capsys.readouterr().out
+    assert "under this exposure, 60 uniform tests are worth" in said and "95 % interval 0 to 1" in said
+    assert main(["likelihood", "exposure=town", "--from", str(tmp_path)]) == 2
+    assert "expected tests of strategy 'random', got 'forest'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["exposure=twon"], "exposure: there is no 'twon'; did you mean 'town'?"),
+        (["method=subsets"], "method: there is no 'subsets'; did you mean 'subset'?"),
+        (["budget=99"], "budget must be a whole number from 100, got '99'"),
+        (["below=2"], "below must be a number between 0 and 1, got '2'"),
+        (["below=0.1", "method=subset"], "below: only monte_carlo stops once a limit is settled, got method=subset"),
+        (["scenario=F1,F1"], "scenario: expected different scenarios, got F1,F1"),
+        (["scenario=N1"], "scenario: N1 asks the ego not to brake"),
+        (["budget"], "expected key=value, got 'budget'"),
+        (["--threads", "0"], "--threads must be at least 1, got 0"),
+        (["--from", "nowhere"], "nowhere: expected campaigns, found no tests.parquet"),
+    ],
+)
+def test_wrong_words_are_told_before_any_work(words: list[str], told: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["likelihood", *words]) == 2
+    assert told in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("description: x\nvariables: {rain: {kind: uniform}}", "variables.rain: needs 'source'"),
+        ("description: x\nscenarios: {source: 0123456789, shares: {F1: 0.5}}", "scenarios: shares must sum to 1, got 0.5"),
+        ("description: [", "not valid YAML"),
+        (
+            "description: x\nvariables: {rian: {kind: uniform, source: none is known}}",
+            "the space has no variable 'rian'; did you mean 'rain'?",
+        ),
+    ],
+)
+def test_wrong_exposure_files_are_told(text: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(text)
+    assert main(["likelihood", f"exposure={path}", f"out={tmp_path}", *ANALYTIC]) == 2
+    assert told in capsys.readouterr().err
