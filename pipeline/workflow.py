@@ -23,7 +23,7 @@ from pipeline.artefacts import stamps
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.run_lock import hold
 from pipeline.config.components import check_components
-from pipeline.config.composing import PARAMS, load, validate
+from pipeline.config.composing import load, of_snakemake
 from pipeline.config.declared import value_at
 from pipeline.config.schema import Config
 from pipeline.contract import VERDICT_FOLLOWS, Files, Step, Wildcards, step_of
@@ -278,7 +278,7 @@ def plan(config: Mapping[str, Any], workflow: Workflow, steps: Sequence[str]) ->
     """The plan of Snakemake's config: params.yaml with the changes from the command line."""
     stored = workflow.storage_settings.default_storage_provider is not None
     try:
-        checked = validate(config, str(PARAMS))
+        checked = of_snakemake(config)
         check_components(checked)
         return Plan(checked, tuple(steps), stored, cache(lambda: alone(workflow)))
     except InputError as error:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -124,6 +124,13 @@ def load(path: Path = PARAMS) -> Config:
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file; make it with `python -m pipeline compose study=default`") from error
     return validate(plain, str(path))
+
+
+def of_snakemake(config: Mapping[str, Any]) -> Config:
+    """The config that Snakemake hands over; its command line leaves the numbers of a list, as in `seeds=[0,1]`, as text."""
+    seeds = config.get("seeds")
+    typed = [int(seed) if isinstance(seed, str) and seed.isdecimal() else seed for seed in seeds] if isinstance(seeds, list) else seeds
+    return validate({**config, "seeds": typed} if "seeds" in config else dict(config), str(PARAMS))
 
 
 def validate(plain: Any, source: str) -> Config:

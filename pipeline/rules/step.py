@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from pipeline.config.composing import PARAMS, validate
+from pipeline.config.composing import of_snakemake
 from pipeline.contract import Order, perform
 from pipeline.errors import explained, one_line
 
@@ -21,7 +21,7 @@ def main(job: Any) -> None:
         log=Path(job.log[0]),
     )
     try:
-        perform(order, validate(job.config, str(PARAMS)))
+        perform(order, of_snakemake(job.config))
     except Exception as error:
         if (told := explained(error)) is None:
             raise
