@@ -1,0 +1,30 @@
+"""A job that another process is doing already waits, and keeps what the other made."""
+
+from __future__ import annotations
+
+from contextlib import chdir
+from pathlib import Path
+from threading import Thread
+
+from pipeline.artefacts.lock import held
+from pipeline.config.composing import compose
+from pipeline.contract import order_of, perform
+
+
+def test_a_job_keeps_what_the_process_before_it_made(tmp_path: Path) -> None:
+    config = compose("smoke", [])
+    order = order_of("define_space", config, {"scenario": "F1"}, "today")
+    made, lock = Path(str(order.writes["space"])), Path("data/smoke/journal/define_space/F1.lock")
+    with chdir(tmp_path):
+        with held(lock, lambda: None):
+            second = Thread(target=perform, args=(order, config))
+            second.start()
+            second.join(2)
+            assert second.is_alive() and not made.exists()
+            made.parent.mkdir(parents=True)
+            made.write_text("by the first")
+            Path(str(order.writes["stamp"])).write_text("today")
+        second.join(30)
+        assert made.read_text() == "by the first"
+        perform(order, config)
+        assert made.read_text() != "by the first"
