@@ -67,7 +67,8 @@ def test_anytime_limits_hold_at_all_moments_at_once() -> None:
 def test_equal_weights_give_the_poisson_interval() -> None:
     limits = bounded(np.ones(4), 1.0, 100)
     assert (limits.low, limits.high) == pytest.approx((0.010899, 0.102416), abs=1e-6)  # Garwood's for 4 events.
-    assert bounded(np.zeros(0), 5.0, 1000).below == pytest.approx(5 * -np.log(0.05) / 1000)
+    for never in (np.zeros(0), np.zeros(3)):  # Failures that the road does not show count like none.
+        assert bounded(never, 5.0, 1000).below == pytest.approx(5 * -np.log(0.05) / 1000)
 
 
 def test_a_wide_estimate_never_leaves_the_unit_interval() -> None:

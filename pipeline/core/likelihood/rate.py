@@ -104,7 +104,7 @@ def bounded(weights: Floats, largest: float, tests: int) -> Limits:
     def quantile(share: float, mean: float, spread: float) -> float:
         return float(min(1.0, spread / (2 * mean) * stats.chi2.ppf(share, 2 * mean**2 / spread)))
 
-    low = quantile(TAIL, value, variance) if len(weights) else 0.0
+    low = quantile(TAIL, value, variance) if value > 0 else 0.0
     high, below = (quantile(1 - tail, value + most, variance + most**2) for tail in (TAIL, 2 * TAIL))
     return Limits(low, high, below)
 
