@@ -43,13 +43,13 @@ def read_table(path: Path, wanted: Sequence[str]) -> Table:
     Raises InputError that names the file and what is wrong: another format or separator, a wanted column twice, a row with more or fewer
     fields than the header.
     """
+    if not path.exists():
+        raise InputError(f"{path}: expected {READ}, got no such file")
     try:
         if path.suffix.lower() in PARQUET:
             return _read_parquet(path, wanted)
         if path.suffix.lower() in CSV:
             return _read_csv(path, read_bytes(path), wanted)
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: expected {READ}, got no such file") from error
     except InputError:
         raise
     except (ValueError, OSError, pa.ArrowException, csv.Error) as error:
