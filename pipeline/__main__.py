@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from collections.abc import Sequence
 from importlib import import_module
@@ -16,6 +17,7 @@ from pipeline.errors import InputError, NoResultError, explained, missing_extra,
 
 if TYPE_CHECKING:
     from pipeline.config.schema import Config
+    from pipeline.contract import Step
 
 PROGRAM = "python -m pipeline"
 PARAMS = Path("params.yaml")
@@ -83,19 +85,27 @@ def run_step(name: str, arguments: Sequence[str]) -> int:
         options.add_argument(f"--{wildcard}", required=True, help=step.wildcards.get(wildcard))
     given = vars(options.parse_args(arguments))
     for wildcard in wildcards:
-        check_wildcard(wildcard, given[wildcard], config)
+        check_wildcard(wildcard, given[wildcard], step, config)
     check_components(config)
     perform(order_of(name, config, {wildcard: given[wildcard] for wildcard in wildcards}, BY_HAND, given["threads"]), config)
     return 0
 
 
-def check_wildcard(wildcard: str, value: str, config: Config) -> None:
-    """InputError for a value that cannot be in a path or that the study does not know."""
+def check_wildcard(wildcard: str, value: str, step: Step, config: Config) -> None:
+    """InputError for a value that the step does not take, that cannot be in a path, or that the study does not know."""
+    if (pattern := step.wildcards.get(wildcard)) is not None:
+        if not re.fullmatch(pattern, value):
+            raise InputError(f"--{wildcard}: expected {pattern}, got {shown(value)}")
+        return
     try:
         check_name(value, "-")
     except ValueError as error:
         raise InputError(f"--{wildcard}: {error}") from error
-    known = {"scenario": list(config.scenarios), "strategy": list(config.samplers), "version": ["base", *map(str, config.versions)]}
+    known = {
+        "scenario": list(config.scenarios),
+        "strategy": list(config.samplers),
+        "version": list(dict.fromkeys(["base", *map(str, config.versions)])),
+    }
     if value not in known.get(wildcard, [value]):
         raise InputError(f"--{wildcard}: there is no {shown(value)}{nearest(value, known[wildcard])}")
 

@@ -68,7 +68,8 @@ def check(path: Path, data: bytes) -> None:
     """Compare a file's bytes with the digest that a stamp lists for it, if one does; InputError if they differ."""
     known = _known(path.absolute())
     if known is not None and hashlib.sha256(data).hexdigest() != known[0]:
-        raise InputError(f"{path}: damaged or edited, its SHA-256 is not the one in {known[1]}; make it again (in a study, ./run does)")
+        stamp = known[1].relative_to(Path.cwd()) if known[1].is_relative_to(Path.cwd()) else known[1]
+        raise InputError(f"{path}: damaged or edited, its SHA-256 is not the one in {stamp}; make it again (in a study, ./run does)")
 
 
 def damaged(root: Path) -> Iterator[tuple[Path, Path]]:

@@ -98,6 +98,8 @@ class Segfault:
     def __init__(self, model: str) -> None:
         die()
 
+    def detect(self, frame: Frame) -> Any: ...
+
 
 def dies_once(root: Path, task: int) -> int:
     mark = root / "died"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Annotated, Any
 
 import config_faults
@@ -69,11 +70,12 @@ def test_the_judge_finds_a_keys_range() -> None:
 def test_snakemake_refuses_an_edited_file_before_any_job(capsys: pytest.CaptureFixture[str]) -> None:
     plain = json.loads(compose("smoke", []).model_dump_json())
     plain["detector"]["threshold"] = 2
+    workflow: Any = SimpleNamespace(storage_settings=StorageSettings())
     with pytest.raises(SystemExit, match="2"):
-        plan(plain, StorageSettings(), step_names())
+        plan(plain, workflow, step_names())
     assert capsys.readouterr().err == "error: detector.threshold: Input should be less than 1, got 2\n"
     with pytest.raises(SystemExit, match="2"):
-        plan({**plain, "study": "a`id`\n" + "x" * 10_000}, StorageSettings(), step_names())
+        plan({**plain, "study": "a`id`\n" + "x" * 10_000}, workflow, step_names())
     said = capsys.readouterr().err
     assert said.startswith("error: params.yaml: study: expected letters, digits and _") and said.count("\n") == 1 and len(said) < 300
 

@@ -204,7 +204,7 @@ def test_a_truncated_table_is_refused(tmp_path: Path, capsys: pytest.CaptureFixt
     table = study / "campaigns/F1/mixed/base/0/tests.parquet"
     table.write_bytes(table.read_bytes()[:-200])
     assert study.run("cluster", scenario="F1", version="base") == 2
-    assert f"data/smoke/{table.relative_to(study / '')}: expected a Parquet file, it is truncated or foreign" in capsys.readouterr().err
+    assert f"data/smoke/{table.relative_to(study / '')}: damaged or edited" in capsys.readouterr().err
 
 
 class Slow(AnalyticSimulator):

@@ -81,7 +81,7 @@ class Watch:
             if path.is_dir() or path.suffix == stamps.SUFFIX:  # To flush a folder, and to check a file that a step reads.
                 return
             tested = path.parent == self.root and path.suffix == ".onnx"
-            if tested or path.is_relative_to(self.root / "data") or path.is_relative_to(ROOT / "models"):
+            if tested or path.is_relative_to(self.root / "data") or path.is_relative_to(self.root / "models"):
                 writes = bool(arguments[2] & (os.O_WRONLY | os.O_RDWR | os.O_CREAT)) if isinstance(arguments[2], int) else False
                 (self.written if writes else self.read).add(os.path.relpath(path, self.root))
 
@@ -144,6 +144,7 @@ def test_every_step_reads_and_writes_what_it_declares(study: str, tmp_path: Path
     plan = Plan(compose("default" if study == "detectors" else study, overrides), step_names())
     for file in plan.config.tested.values():
         onnx_of(ROOT / "models" / "uniform", tmp_path).rename(tmp_path / file)
+    (tmp_path / "models").symlink_to(ROOT / "models")
     read: dict[tuple[str, str], bool] = {}
     performed = set()
     with chdir(tmp_path):

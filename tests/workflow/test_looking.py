@@ -54,7 +54,10 @@ def test_simulate_films_one_test(tmp_path: Path, capsys: pytest.CaptureFixture[s
         (["contact-sheet", "F1", "--out", "sheet.tiff"], "a contact sheet must be a .png or a .jpg, got sheet.tiff"),
         (["top-view", "F1", "--out", "view.jpg"], "a view from above must be a .png, got view.jpg"),
         (["export-scenario", "F1", "fog=-1"], "fog must be in [0, 100] %, got -1.0"),
-        (["export-frames", "nowhere.parquet"], "nowhere.parquet: expected a Parquet file, found none; make it with snakemake"),
+        (
+            ["export-frames", "nowhere.parquet"],
+            "nowhere.parquet: expected a readable file, got No such file or directory; make it with snakemake",
+        ),
     ],
 )
 def test_wrong_arguments_are_named(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -46,6 +46,7 @@ def test_a_test_ends_as_recorded(study: StudyFolder, capsys: pytest.CaptureFixtu
 
 def test_another_outcome_is_told(study: StudyFolder, capsys: pytest.CaptureFixture[str]) -> None:
     rows, space = read_tests(table(study)), functional_scenario("F1").logical_space()
+    table(study).with_name("tests.parquet.stamp").unlink()
     write_tests(table(study), rows.assign(false_positives=7), space)
     assert replay(study) == 1
     assert "false_positives 0 instead of 7" in capsys.readouterr().out

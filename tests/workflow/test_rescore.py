@@ -87,6 +87,7 @@ def test_a_lost_detection_is_noticed(study: StudyFolder, tmp_path: Path, capsys:
     path = next(copy.rglob("detections.parquet"))
     found = read_detections(path)
     write_detections(path, found[found["score"] < 0.8])
+    path.with_name("tests.parquet.stamp").unlink()
     assert main(["rescore", str(copy), "--params", str(study.root / "params.yaml")]) == 1
     assert "differs in" in capsys.readouterr().out
 
