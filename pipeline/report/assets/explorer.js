@@ -144,7 +144,7 @@
     const present = axes.filter(field => some.some(row => row[field.name] !== null && row[field.name] !== ""));
     parallel.setOption({
       animation: false, aria: { enabled: true }, textStyle: { color: ink },
-      parallel: { left: 60, right: 60, top: 64, bottom: 24, parallelAxisDefault: { nameTextStyle: { color: ink }, axisLabel: { color: ink } } },
+      parallel: { left: 60, right: 60, top: 64, bottom: 24, parallelAxisDefault: { nameTextStyle: { color: ink, lineHeight: 14 }, axisLabel: { color: ink } } },
       parallelAxis: present.map((field, dim) => ({
         dim, id: field.name, name: words(field).replaceAll(" ", "\n"), nameLocation: "end", ...axis(field, ink),
         areaSelectStyle: { color: colours["contact"], opacity: 0.2, width: 18 },
