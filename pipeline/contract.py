@@ -14,7 +14,7 @@ from string import Formatter
 from pipeline.artefacts import stamps
 from pipeline.artefacts.files import write_bytes
 from pipeline.artefacts.folders import Folders
-from pipeline.artefacts.lock import held
+from pipeline.artefacts.job_lock import held
 from pipeline.config.declared import declared
 from pipeline.config.schema import Config
 from pipeline.errors import explained

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -101,17 +101,22 @@ def run(options: argparse.Namespace) -> int:
 
 def asked(words: Sequence[str]) -> Search:
     """The search of some words; InputError for a wrong one."""
+    return Search(**read_words(words, READ))
+
+
+def read_words(words: Sequence[str], readers: Mapping[str, Callable[[str, str], Any]]) -> dict[str, Any]:
+    """Values by key, and other words as `overrides`; InputError for a wrong one. readers: how each key is read, from key and text."""
     values: dict[str, Any] = {}
     overrides: list[str] = []
     for word in words:
         key, equals, value = word.partition("=")
         if not equals:
             raise InputError(f"expected key=value, got '{word}'")
-        if key in READ:
-            values[key] = READ[key](key, value)
+        if key in readers:
+            values[key] = readers[key](key, value)
         else:
             overrides.append(word)
-    return Search(**values, overrides=tuple(overrides))
+    return {**values, "overrides": tuple(overrides)}
 
 
 def planned(search: Search) -> CampaignPlan:

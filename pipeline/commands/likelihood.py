@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.commands.campaign import STOPPED, Search, planned, whole
+from pipeline.commands.campaign import STOPPED, Search, planned, read_words, whole
 from pipeline.config.composing import functional_scenario
 from pipeline.config.exposure import ExposureFile, read_exposure
 from pipeline.core.exposure import Exposure
@@ -109,17 +109,7 @@ def run(options: argparse.Namespace) -> int:
 
 def asked(words: Sequence[str]) -> Question:
     """The question of some words; InputError for a wrong one."""
-    values: dict[str, Any] = {}
-    overrides: list[str] = []
-    for word in words:
-        key, equals, value = word.partition("=")
-        if not equals:
-            raise InputError(f"expected key=value, got '{word}'")
-        if key in READ:
-            values[key] = READ[key](key, value)
-        else:
-            overrides.append(word)
-    question = Question(**values, overrides=tuple(overrides))
+    question = Question(**read_words(words, READ))
     if question.below is not None and question.method != "monte_carlo":
         raise InputError(f"below: only monte_carlo stops once a limit is settled, got method={question.method}")
     return question

@@ -6,7 +6,8 @@ from contextlib import chdir
 from pathlib import Path
 from threading import Thread
 
-from pipeline.artefacts.lock import held
+from pipeline.artefacts import stamps
+from pipeline.artefacts.job_lock import held
 from pipeline.config.composing import compose
 from pipeline.contract import order_of, perform
 
@@ -23,7 +24,8 @@ def test_a_job_keeps_what_the_process_before_it_made(tmp_path: Path) -> None:
             assert second.is_alive() and not made.exists()
             made.parent.mkdir(parents=True)
             made.write_text("by the first")
-            Path(str(order.writes["stamp"])).write_text("today")
+            stamp = Path(str(order.writes["stamp"]))
+            stamp.write_text(stamps.made(stamp, order.stamp, [made]).text())
         second.join(30)
         assert made.read_text() == "by the first"
         perform(order, config)

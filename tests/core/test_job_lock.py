@@ -7,12 +7,12 @@ import sys
 import time
 from pathlib import Path
 
-from pipeline.artefacts.lock import held
+from pipeline.artefacts.job_lock import held
 
 HOLDER = """
 import sys, time
 from pathlib import Path
-from pipeline.artefacts.lock import held
+from pipeline.artefacts.job_lock import held
 with held(Path(sys.argv[1]), lambda: None):
     print("held", flush=True)
     time.sleep(float(sys.argv[2]))
