@@ -29,6 +29,7 @@ import choosing
 import confirm
 import contestants
 import duels
+import expected
 import former
 import grid
 import peers
@@ -175,6 +176,7 @@ def _confirmed(options: argparse.Namespace) -> None:
 
 def _grid(options: argparse.Namespace) -> None:
     campaigns = grid.read()
+    print(expected.expectations(campaigns))
     print(grid.markdown(campaigns))
     if not options.figures:
         return

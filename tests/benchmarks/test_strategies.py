@@ -13,6 +13,7 @@ import confirm
 import contestants
 import duels
 import emulators
+import expected
 import former
 import grid
 import numpy as np
@@ -168,6 +169,20 @@ def test_the_grid_counts_what_was_recorded(tmp_path: Path) -> None:
     assert "| evolutionary (Evolutionary) | 0.50 / 0.93 |" in text  # The first failure after 2 tests instead of 4.
     assert "F5 2.5% (0.4 to 12.9)" in text
     assert [name for name, _ in grid.figures(campaigns, THRESHOLD_S)] == ["random", "random-failures"]
+
+
+def test_the_grids_expectations_are_judged_by_the_finished_scenarios(tmp_path: Path) -> None:
+    found: dict[str, Collection[int]] = {name: range(10, 17) for name in expected.ADAPTIVE} | {"random": (3,), "linear": (0, 1, 2, 20, 21)}
+    for strategy, failures in found.items():
+        write_campaign(recorded.path_of("F5", strategy, tmp_path), failures, 40)
+    write_campaign(recorded.path_of("F1", "random", tmp_path), (3, 4), 40)
+    write_campaign(recorded.path_of("F1", "evolutionary", tmp_path), (9,), 40)
+    text = expected.expectations(grid.read(tmp_path))
+    assert text.startswith("**8 of 56 campaigns are finished.**")
+    assert "| `evolutionary`: at least as many failures as `random` | 7 | 1 | 2 | open |" in text
+    assert "| the strategy with most failures: 5 × as many as `random` | 6 | 1 | 1 | open |" in text
+    # Linear: the first failure after 1 test instead of 4.
+    assert "| the strategy that saves most tests: C of at least 0.75 | 8 | 1 | 1 | open |" in text
 
 
 def test_confirmation_shows_means_over_seeds(tmp_path: Path) -> None:
