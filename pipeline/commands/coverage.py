@@ -1,4 +1,4 @@
-"""Command `coverage`: scores the coverage of any data set, proposes points to add, plans covering arrays and verifies them."""
+"""Command `coverage`: scores the coverage of any data set, proposes points to add, plans covering arrays, verifies and exports them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SECONDS = {"propose": 20.0, "plan": 30.0}
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """`coverage score|propose|plan|verify`."""
+    """`coverage score|propose|plan|verify|export`."""
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
     score = _verb(verbs, "score", "How well points cover every combination of categories of any k conditions.")
     _add_projection(score, points_required=True)
@@ -40,11 +40,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     verify = _verb(verbs, "verify", "Check a plan independently of the code that made it; exit code 1 if it is not valid.")
     verify.add_argument("--points", type=Path, required=True, help="the plan: CSV or parquet")
     verify.add_argument("--strength", type=int, default=2, help="number of conditions to combine (default: %(default)s)")
+    export = _verb(verbs, "export", "Write a space as a PICT or ACTS model, or as a space file.")
+    export.add_argument("--output", type=Path, required=True, help="file to write; .txt is PICT, .xml ACTS, .yaml a space file")
+    export.add_argument("--format", choices=("pict", "acts", "acts-xml", "space"), help="the format, if the name does not say it")
 
 
 def _verb(verbs: argparse._SubParsersAction[argparse.ArgumentParser], name: str, text: str) -> argparse.ArgumentParser:
     added = verbs.add_parser(name, help=text, description=text)
-    added.add_argument("--space", type=Path, required=True, help="space file: variables and constraints in YAML")
+    added.add_argument("--space", type=Path, required=True, help="space file, PICT model, ACTS model or OpenODD file")
     added.add_argument("--json", action="store_true", help="print one JSON object")
     return added
 
@@ -91,10 +94,11 @@ def _check(options: argparse.Namespace) -> None:
 
 def _check_outputs(options: argparse.Namespace) -> None:
     from pipeline.artefacts.files import check_output
+    from pipeline.artefacts.model_export import format_of
     from pipeline.artefacts.table_file import check_format
 
     if output := getattr(options, "output", None):
-        check_format(output)
+        format_of(output, options.format) if options.verb == "export" else check_format(output)
         check_output(output)
     if figures := getattr(options, "figures", None):
         check_output(figures, folder=True)

@@ -1,4 +1,4 @@
-"""What `coverage score`, `propose`, `plan` and `verify` answer: as a mapping for --json, and as text."""
+"""What `coverage score`, `propose`, `plan`, `verify` and `export` answer: as a mapping for --json, and as text."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.analysis.data_coverage import LISTED, Found, cell_names, details, fraction, growth, next_points, pair_planes, planes_of
+from pipeline.artefacts.model_export import format_of, write_model
 from pipeline.artefacts.point_table import read_points, write_points
-from pipeline.artefacts.space_file import read_space_file
+from pipeline.artefacts.space_formats import read_space_of_any_format
 from pipeline.core.coverage import arrays, counting
 from pipeline.core.coverage.arrays import STRONGEST, Effort
 from pipeline.core.coverage.certified import certified_array
@@ -178,9 +179,19 @@ def verify(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]
     return found, "\n".join(lines)
 
 
+def export(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
+    """Write the space as another tool's model, or as a space file."""
+    space, kind = read_space_of_any_format(options.space), format_of(options.output, options.format)
+    left_out = write_model(options.output, space, kind)
+    progress(1, 1, f"{len(space)} conditions")
+    found: Found = {"format": kind, "conditions": len(space), "constraints": len(space.clauses), "left_out": left_out}
+    lines = [f"{options.output}: {len(space)} conditions, {len(space.clauses)} constraints", *(f"left out: {what}" for what in left_out)]
+    return found, "\n".join(lines)
+
+
 def _read_space(options: argparse.Namespace, option: str) -> Space:
     """The space of --space; InputError if --k or --strength does not fit it."""
-    space, k = read_space_file(options.space), getattr(options, option)
+    space, k = read_space_of_any_format(options.space), getattr(options, option)
     if not 1 <= k <= len(space):
         raise InputError(f"--{option} must be in [1, {len(space)}], the number of conditions; got {k}")
     if options.verb == "plan" and k > STRONGEST:

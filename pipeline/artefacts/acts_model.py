@@ -1,0 +1,141 @@
+"""Models of ACTS, NIST's tool for combinatorial testing, as spaces: its text form and its XML form."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from pathlib import Path
+
+from pipeline.artefacts.acts_constraints import TRUTH, Typed, read_constraint
+from pipeline.artefacts.spelling import NUMBER
+from pipeline.artefacts.statements import Statement, read_text, space_with
+from pipeline.core.names import nearest
+from pipeline.core.space import Space, Variable
+from pipeline.errors import InputError
+
+HEADER = re.compile(r"^\s*\[System\]", re.IGNORECASE | re.MULTILINE)
+"""Begins the text form."""
+SECTIONS = ("system", "parameter", "relation", "constraint", "test set")
+PARAMETER = re.compile(r"(?P<name>[^(:]+?)\s*(\((?P<kind>[^)]*)\))?\s*:(?P<values>.*)")
+KINDS = {"0": "int", "1": "enum", "2": "boolean"}
+"""The numbers of the types in the XML form."""
+REFUSED = {
+    "relation": "relations have strengths of their own; a space has one for all, given by --strength",
+    "test set": "existing tests are no part of a space; name their table by --include",
+}
+
+Named = tuple[str, str, str, list[str]]
+"""Where a parameter stands, its name, its type and its values."""
+
+
+def read_acts_model(path: Path) -> Space:
+    """Read an ACTS model in either form.
+
+    Raises InputError that names the file, the place and what a space cannot say: relations, invalid values, existing tests.
+    """
+    text = read_text(path, "an ACTS model")
+    return acts_xml_space(text, str(path)) if text.lstrip().startswith("<") else acts_text_space(text, str(path))
+
+
+def acts_text_space(text: str, name: str) -> Space:
+    """The space of a model in ACTS' text form; `name` of the file for errors."""
+    section, parameters, constraints = "", [], []
+    try:
+        for number, line in enumerate(map(str.strip, text.splitlines()), 1):
+            where = f"line {number}"
+            if not line or line.startswith("--"):
+                continue
+            if line.startswith("["):
+                section = _section(where, line)
+            elif section in REFUSED:
+                raise ValueError(f"{where}: {REFUSED[section]}")
+            elif section == "parameter":
+                parameters.append(_parameter(where, line))
+            elif section == "constraint":
+                constraints.append((where, line))
+            elif section != "system":
+                raise ValueError(f"{where}: expected [System] before anything else, got {line!r}")
+        return _space(parameters, constraints)
+    except ValueError as error:
+        raise InputError(f"{name}: {error}") from error
+
+
+def _section(where: str, line: str) -> str:
+    section = line.strip("[] ").lower()
+    if section not in SECTIONS:
+        raise ValueError(f"{where}: unknown section {line}{nearest(section, SECTIONS)}")
+    return section
+
+
+def _parameter(where: str, line: str) -> Named:
+    match = PARAMETER.fullmatch(line)
+    if match is None:
+        raise ValueError(f"{where}: expected a parameter such as 'speed (int) : 1, 2, 3', got {line!r}")
+    if ";" in match["values"]:
+        raise ValueError(f"{where}: {match['name']} has invalid values after the ';', which a space does not have")
+    return where, match["name"], (match["kind"] or "").strip().lower(), [value.strip() for value in match["values"].split(",")]
+
+
+def acts_xml_space(text: str, name: str) -> Space:
+    """The space of a model in ACTS' XML form; `name` of the file for errors."""
+    try:
+        root = ET.fromstring(text)
+        if root.tag != "System":
+            raise ValueError(f"expected the element System, got {root.tag}")
+        for path, why in (("Relations/Relation", "relation"), ("Testset/*", "test set")):
+            if [found for found in root.findall(path) if found.get("Default") != "true"]:
+                raise ValueError(f"System/{path}: {REFUSED[why]}")
+        parameters = [_element(index, element) for index, element in enumerate(root.findall("Parameters/Parameter"), 1)]
+        constraints = [
+            (f"Constraint[{i}]", element.get("text") or "") for i, element in enumerate(root.findall("Constraints/Constraint"), 1)
+        ]
+        return _space(parameters, constraints)
+    except ET.ParseError as error:
+        raise InputError(f"{name}: not valid XML ({error})") from error
+    except ValueError as error:
+        raise InputError(f"{name}: {error}") from error
+
+
+def _element(index: int, element: ET.Element) -> Named:
+    name, kind = element.get("name") or "", element.get("type") or ""
+    where = f"Parameter[{index}]"
+    if not name or (kind and kind not in KINDS):
+        raise ValueError(f"{where}: expected a name and a type from 0 to 2 (int, enum, boolean), got name {name!r} and type {kind!r}")
+    if element.findall("invalidValues/*"):
+        raise ValueError(f"{where}: {name} has invalid values, which a space does not have")
+    return where, name, KINDS.get(kind, ""), [(value.text or "").strip() for value in element.findall("values/value")]
+
+
+def _space(parameters: Sequence[Named], constraints: Sequence[tuple[str, str]]) -> Space:
+    if not parameters:
+        raise ValueError("expected parameters, got none")
+    typed: dict[str, Typed] = {}
+    variables = []
+    for where, name, kind, values in parameters:
+        if name in typed:
+            raise ValueError(f"{where}: the parameter {name} appears twice")
+        if not all(values) or len(set(values)) != len(values):
+            raise ValueError(f"{where}: the values of {name} must be distinct and not empty, got {', '.join(values)}")
+        typed[name] = _typed(where, name, kind, values)
+        variables.append(Variable(name, "categorical", values=tuple(values)))
+    statements = []
+    for where, text in constraints:
+        try:
+            statements.append(Statement(where, read_constraint(text, list(typed.values()))))
+        except ValueError as error:
+            raise ValueError(f"{where}: {error}") from error
+    return space_with(variables, statements)
+
+
+def _typed(where: str, name: str, kind: str, values: list[str]) -> Typed:
+    numeric, truth = all(map(NUMBER.fullmatch, values)), all(value.lower() in TRUTH for value in values)
+    kind = kind or ("int" if numeric else "boolean" if truth else "enum")
+    if kind not in KINDS.values():
+        raise ValueError(f"{where}: the type of {name} must be int, enum or boolean, got {kind!r}")
+    if (kind == "int" and not numeric) or (kind == "boolean" and not truth):
+        expected = "numbers" if kind == "int" else "true and false"
+        raise ValueError(f"{where}: expected {expected} as values of {name}, got {', '.join(values)}")
+    if kind == "enum":
+        return Typed(name, tuple(values))
+    return Typed(name, tuple(float(value) if kind == "int" else TRUTH[value.lower()] for value in values))

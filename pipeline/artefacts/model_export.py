@@ -1,0 +1,102 @@
+"""Writes a space as a PICT model, an ACTS model or a space file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from pipeline.artefacts.acts_export import acts_text, acts_xml
+from pipeline.artefacts.acts_model import acts_text_space, acts_xml_space
+from pipeline.artefacts.files import write_bytes
+from pipeline.artefacts.pict_export import pict_text
+from pipeline.artefacts.pict_model import pict_space
+from pipeline.artefacts.statements import category_names
+from pipeline.core.constraints import Clause
+from pipeline.core.expressions import Not, OneOf, Some, clauses_of
+from pipeline.core.names import nearest
+from pipeline.core.space import Space, Variable
+from pipeline.errors import InputError
+
+SUFFIXES = {".txt": "pict", ".xml": "acts-xml", ".yaml": "space", ".yml": "space"}
+
+
+def format_of(path: Path, given: str | None) -> str:
+    """The format to write: the given one, or that of the file's suffix; InputError if neither says."""
+    found = given or SUFFIXES.get(path.suffix.lower())
+    if found is None:
+        raise InputError(f"{path}: expected a name that ends in {', '.join(SUFFIXES)}, or --format{nearest(path.suffix, SUFFIXES)}")
+    return found
+
+
+def write_model(path: Path, space: Space, kind: str) -> list[str]:
+    """Write a space; returns what the format cannot say and so is left out.
+
+    Before writing, the text is read back. Raises InputError that names the variable that the format cannot write.
+    """
+    writers: Mapping[str, tuple[Callable[[Space], str], Callable[[str, str], Space] | None]] = {
+        "pict": (pict_text, pict_space),
+        "acts": (acts_text, acts_text_space),
+        "acts-xml": (acts_xml, acts_xml_space),
+        "space": (_space_file, None),
+    }
+    write, read = writers[kind]
+    text = write(space)
+    if read is not None:
+        _check(path, kind, space, read(text, str(path)))
+    write_bytes(path, text.encode())
+    return _left_out(space, kind)
+
+
+def _check(path: Path, kind: str, space: Space, back: Space) -> None:
+    for variable, again in zip(space.variables, back.variables, strict=False):
+        if (variable.name, category_names(variable)) != (again.name, again.values):
+            raise InputError(f"{path}: {variable.name}: {kind} cannot write this name or its values {', '.join(variable.labels)}")
+    if len(space) != len(back) or _meaning(space) != _meaning(back):
+        raise InputError(f"{path}: {kind} cannot write this space, because the file would be read as another one")
+
+
+def _meaning(space: Space) -> frozenset[Clause]:
+    """The clauses without repeated ones, repeated literals and clauses that always hold."""
+    found: set[Clause] = set()
+    for clause in space.constraints.clauses:
+        ones = [(literal, OneOf((literal.variable,), frozenset({(literal.category,)}))) for literal in clause]
+        found.update(clauses_of(Some(tuple(one if literal.equal else Not(one) for literal, one in ones)), space.sizes))
+    return frozenset(found)
+
+
+def _left_out(space: Space, kind: str) -> list[str]:
+    """Weights that the format lacks, and what tells numbers from names."""
+    missing = []
+    for variable in space.variables:
+        weights = variable.weights or (1,)
+        if kind.startswith("acts") and set(weights) != {1}:
+            missing.append(f"the weights of {variable.name}")
+        elif kind == "pict" and 0 in weights:
+            missing.append(f"the weights of 0 of {variable.name}")
+        if kind != "space" and variable.kind != "categorical":
+            missing.append(f"that {variable.name} is a number; its parts become names such as {category_names(variable)[0]}")
+    return missing
+
+
+def _space_file(space: Space) -> str:
+    plain: dict[str, Any] = {"variables": {variable.name: _body(variable) for variable in space.variables}}
+    if space.clauses:
+        plain["constraints"] = [list(clause) for clause in space.clauses]
+    return str(yaml.safe_dump(plain, sort_keys=False, allow_unicode=True, default_flow_style=None, width=140))
+
+
+def _body(variable: Variable) -> dict[str, Any]:
+    if variable.kind == "categorical":
+        body: dict[str, Any] = {"values": list(variable.values)}
+    else:
+        body = {"interval": [_number(variable.low), _number(variable.high)], "cuts": [_number(cut) for cut in variable.cuts or ()]}
+        body |= {"cyclic": True} if variable.cyclic else {}
+    weights = {label: weight for label, weight in zip(variable.labels, variable.weights, strict=False) if weight != 1}
+    return {**body, **({"unit": variable.unit} if variable.unit else {}), **({"weights": weights} if weights else {})}
+
+
+def _number(number: float) -> float | int:
+    return int(number) if float(number).is_integer() else number
