@@ -1,4 +1,4 @@
-"""The images of COCO and YOLO data sets: how many annotations each has, and the conditions that a table gives it."""
+"""The images of data sets: what a set itself says of each, and the conditions that a table gives it."""
 
 from __future__ import annotations
 
@@ -10,8 +10,14 @@ from typing import Any
 
 import pyarrow as pa
 
+from pipeline.artefacts.bdd100k import bdd100k, is_bdd100k
+from pipeline.artefacts.data_set import DataSet
 from pipeline.artefacts.files import read_json
+from pipeline.artefacts.kitti import kitti, label_folder
+from pipeline.artefacts.nuscenes import is_nuscenes, nuscenes
+from pipeline.artefacts.openlabel_tags import is_openlabel, openlabel
 from pipeline.artefacts.table_file import Table, read_table
+from pipeline.core.space import Space
 from pipeline.errors import InputError
 
 IMAGES = (".avif", ".bmp", ".heic", ".jpeg", ".jpg", ".mpo", ".pfm", ".png", ".tif", ".tiff", ".webp")
@@ -31,28 +37,59 @@ class Images:
     unused: int
 
 
-def read_images(path: Path, metadata: Path, wanted: Sequence[str]) -> Images:
-    """The wanted conditions of each image of a COCO file or YOLO folder.
+def read_images(path: Path, metadata: Path | None, space: Space) -> Images:
+    """The conditions of each image of a data set: COCO, YOLO, BDD100K, KITTI, nuScenes, or tags of OpenLABEL.
 
-    Conditions come from `metadata`, a table with a column `file_name`; without a column `objects` there, that condition is the number of
-    annotations. Raises InputError that names the file and the image.
+    Conditions come from `metadata`, a table with a column `file_name`, and from the set itself where the table has no such column. Raises
+    InputError that names the file and the image.
     """
-    counts = _yolo(path) if path.is_dir() else _coco(path)
-    table = read_table(metadata, [KEY, *(name for name in wanted if name != KEY)])
+    own = _data_set(path, space)
+    columns = {name: pa.chunked_array([_column(own.conditions[name])]) for name in space.names if name in own.conditions}
+    if metadata is None:
+        if missing := [name for name in space.names if name not in own.conditions]:
+            raise InputError(
+                f"{path}: the set itself has no {', '.join(missing)}; the conditions of images are in a table with a column {KEY}; "
+                "name it by --metadata"
+            )
+        return Images(Table(tuple(own.conditions), columns, len(own.names)), own.names, 0)
+    table = read_table(metadata, [KEY, *(name for name in space.names if name != KEY)])
     if KEY not in table.columns:
         raise InputError(f"{metadata}: expected a column {KEY}, got {', '.join(table.header)}")
-    found = _rows(path, list(counts), table, metadata)
+    found = _rows(path, own.names, table, metadata)
     rows = pa.array([same[0] for same in found], pa.int64())
-    columns = {name: column.take(rows) for name, column in table.columns.items() if name in wanted}
-    if OBJECTS in wanted and OBJECTS not in columns:
-        columns[OBJECTS] = pa.chunked_array([list(counts.values())], pa.int64())
+    columns |= {name: column.take(rows) for name, column in table.columns.items() if name in space.names}
     unused = table.rows - len({row for same in found for row in same})
-    return Images(Table((*table.header, OBJECTS), columns, len(rows)), tuple(counts), unused)
+    return Images(Table((*table.header, *own.conditions), columns, len(rows)), own.names, unused)
 
 
-def _coco(path: Path) -> dict[str, int]:
+def _data_set(path: Path, space: Space) -> DataSet:
+    if not path.is_dir():
+        plain = read_json(path)
+        if is_openlabel(plain):
+            return openlabel([(path, plain)], space.variables)
+        return bdd100k(path, plain) if is_bdd100k(plain) else _counted(_coco(path, plain))
+    if is_nuscenes(path):
+        return nuscenes(path, space.variables)
+    if folder := label_folder(path):
+        return kitti(folder)
+    files = sorted(path.glob("*.json"))
+    if files and not [file for file in path.iterdir() if file.suffix.lower() in (*IMAGES, ".txt") or file.name in PAIR]:
+        return openlabel([(file, read_json(file)) for file in files], space.variables)
+    return _counted(_yolo(path))
+
+
+def _counted(counts: dict[str, int]) -> DataSet:
+    return DataSet(tuple(counts), {OBJECTS: list(counts.values())})
+
+
+def _column(values: Sequence[Any]) -> Any:
+    """Whole numbers as such, all else as texts."""
+    whole = all(isinstance(value, int) for value in values)
+    return pa.array(values, pa.int64()) if whole else pa.array([None if value is None else str(value) for value in values], pa.string())
+
+
+def _coco(path: Path, plain: Any) -> dict[str, int]:
     """Number of annotations of each image by file name."""
-    plain = read_json(path)
     names: dict[Any, str] = {}
     counts: dict[str, int] = {}
     try:

@@ -1,4 +1,4 @@
-"""Tables of points: CSV, parquet, and the images of COCO and YOLO data sets, as categories of a space."""
+"""Tables of points: CSV, parquet, and the images of data sets, as categories of a space."""
 
 from __future__ import annotations
 
@@ -58,19 +58,17 @@ class PointTable:
 
 
 def read_points(path: Path, space: Space, *, metadata: Path | None = None, empty: bool = False) -> PointTable:
-    """The points of a table: CSV, parquet, COCO's JSON, or a folder of YOLO labels.
+    """The points of a table: CSV, parquet, JSON of COCO, BDD100K or OpenLABEL, or a folder of YOLO, KITTI or nuScenes.
 
-    Images of COCO or YOLO are points. Their conditions are columns of `metadata`, a table with `file_name`; without a column `objects`,
-    that condition is the image's number of annotations. Other columns are ignored. empty: whether a table without rows is allowed.
+    Images are points. Their conditions are columns of `metadata`, a table with `file_name`, or what the data set itself says, such as
+    `objects`, the number of annotations. Other columns are ignored. empty: whether a table without rows is allowed.
 
     Raises InputError that names the file and what is wrong with the table as a whole.
     """
     names: tuple[str, ...] = ()
     unused = 0
     if path.is_dir() or path.suffix.lower() == ".json":
-        if metadata is None:
-            raise InputError(f"{path}: the conditions of images are in a table with a column file_name; name it by --metadata")
-        images = read_images(path, metadata, space.names)
+        images = read_images(path, metadata, space)
         table, names, unused = images.table, images.names, images.unused
     elif metadata is not None:
         raise InputError(f"{path}: --metadata goes with COCO's JSON and folders of YOLO labels; a table has the conditions as columns")

@@ -53,8 +53,13 @@ def _verb(verbs: argparse._SubParsersAction[argparse.ArgumentParser], name: str,
 
 
 def _add_projection(parser: argparse.ArgumentParser, points_required: bool) -> None:
-    parser.add_argument("--points", type=Path, required=points_required, help="CSV, parquet, COCO's JSON or a folder of YOLO labels")
-    parser.add_argument("--metadata", type=Path, help="for COCO and YOLO: a table with file_name and the conditions of each image")
+    parser.add_argument(
+        "--points",
+        type=Path,
+        required=points_required,
+        help="CSV, parquet, JSON of COCO, BDD100K or OpenLABEL, or a folder of YOLO, KITTI, nuScenes or OpenLABEL",
+    )
+    parser.add_argument("--metadata", type=Path, help="for images: a table with file_name and the conditions of each image")
     parser.add_argument("--strict", action="store_true", help="refuse a table with rows that are partial or break a constraint")
     parser.add_argument("--k", type=int, default=2, help="number of conditions to combine (default: %(default)s)")
     parser.add_argument(

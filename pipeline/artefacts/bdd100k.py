@@ -1,0 +1,48 @@
+"""Labels of BDD100K (https://doc.bdd100k.com): weather, scene and timeofday of each image, and its number of boxes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pipeline.artefacts.data_set import DataSet, member
+from pipeline.errors import InputError, shown
+
+
+def is_bdd100k(plain: Any) -> bool:
+    """Whether JSON is a list of labelled frames, the same inside `frames`, or the file of one image."""
+    frames = plain.get("frames") if isinstance(plain, dict) else plain
+    return isinstance(frames, list) and (not frames or isinstance(frames[0], dict)) and not (isinstance(plain, dict) and "images" in plain)
+
+
+def bdd100k(path: Path, plain: Any) -> DataSet:
+    """Images of a label file; `undefined` is no category of a space, so the image is partial.
+
+    Conditions: the `attributes` of the image, and `objects`, its number of labels with a box. Raises InputError that names the place.
+    """
+    alone = isinstance(plain, dict) and "name" in plain
+    frames = [plain] if alone else plain["frames"] if isinstance(plain, dict) else plain
+    return DataSet.of(path, [_image(path, "" if alone else f"[{index}]", frame) for index, frame in enumerate(frames)])
+
+
+def _image(path: Path, where: str, frame: Any) -> tuple[str, dict[str, Any]]:
+    name = member(path, frame, "name", str, where)
+    said: dict[str, Any] = {}
+    for key, value in (member(path, frame, "attributes", dict, where) if frame.get("attributes") is not None else {}).items():
+        if not isinstance(value, str | int | float | None):
+            raise InputError(f"{path}: {where}.attributes.{key}: expected a text, got {shown(value)}")
+        said[key] = None if value is None else str(value)
+    return name, {**said, "objects": sum(_has_box(path, where, label) for label in _labels(path, where, frame))}
+
+
+def _labels(path: Path, where: str, frame: dict[str, Any]) -> list[Any]:
+    """The labels of a frame: `labels`, or `objects` of the only frame of an image's own file."""
+    if isinstance(frame.get("frames"), list):
+        return [label for inner in frame["frames"] for label in member(path, inner, "objects", list, f"{where}.frames")]
+    return list(member(path, frame, "labels", list, where)) if frame.get("labels") is not None else []
+
+
+def _has_box(path: Path, where: str, label: Any) -> bool:
+    if not isinstance(label, dict):
+        raise InputError(f"{path}: {where}.labels: expected mappings, got {shown(label)}")
+    return label.get("box2d") is not None
