@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from pipeline.artefacts.acts_model import HEADER, read_acts_model
+from pipeline.artefacts.odd_file import BEGINS, read_odd_file
 from pipeline.artefacts.pict_model import read_pict_model
 from pipeline.artefacts.space_file import read_space_file
 from pipeline.artefacts.statements import read_text
@@ -12,14 +13,17 @@ from pipeline.core.space import Space
 
 
 def read_space_of_any_format(path: Path) -> Space:
-    """Read a space: `.xml` is an ACTS model, `.txt` an ACTS model if it begins with [System] and else a PICT model, the rest YAML.
+    """Read a space: `.xml` is an ACTS model, `.txt` an ACTS model if it begins with [System] and else a PICT model, the rest is YAML:
+    an OpenODD file if it has a section of one, else a space file.
 
     Raises InputError that names the file, the place and what was expected.
     """
     suffix = path.suffix.lower()
     if suffix == ".xml" or (suffix == ".txt" and HEADER.match(_without_comments(read_text(path, "a PICT or ACTS model")))):
         return read_acts_model(path)
-    return read_pict_model(path) if suffix == ".txt" else read_space_file(path)
+    if suffix == ".txt":
+        return read_pict_model(path)
+    return read_odd_file(path) if path.is_file() and BEGINS.search(path.read_bytes()) else read_space_file(path)
 
 
 def _without_comments(text: str) -> str:
