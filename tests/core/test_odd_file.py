@@ -91,7 +91,9 @@ class RandomModules:
     """Modules, and whether each holds at a point: None where that is unknown because a concept does not apply."""
 
     def __init__(self, rng: random.Random) -> None:
-        self.rng, self.plain, self.holds = rng, {}, {}
+        self.rng = rng
+        self.plain: dict[str, Any] = {}
+        self.holds: dict[str, Any] = {}
         for index in range(3):
             self._add(f"m{index}", labels=["any"] if index < 2 else [])
         self._add("top", labels=[])

@@ -1,0 +1,54 @@
+"""Which categories an expression of an OpenODD condition means: literals, ordered literals, bounds of numbers."""
+
+from __future__ import annotations
+
+from math import inf
+from typing import Any
+
+from pipeline.artefacts.odd_numbers import Bounds, bounds, in_unit
+from pipeline.artefacts.odd_taxonomy import Concept, literals_within
+from pipeline.core.names import nearest
+from pipeline.core.space import Variable
+from pipeline.errors import shown
+
+
+def categories_meant(concept: Concept, counted: Concept, variable: Variable, text: Any) -> set[int]:
+    """Indices of the categories that one expression on a concept means.
+
+    counted: the concept that the variable counts: the same, or the one whose literals are ranges of the concept. Raises ValueError for an
+    expression that means no whole categories.
+    """
+    if not isinstance(text, str):
+        raise ValueError(f"expected an expression, got {shown(text)}")
+    if not concept.is_number:
+        return _literals(concept, variable, text)
+    own = bounds(text)
+    if variable.kind == "categorical":
+        return set(literals_within(counted, own, concept.unit_type))
+    own = in_unit(own, variable.unit, concept.unit_type)
+    ends = ends_of(concept, own)
+    low, high = (ends[0] if own.low > -inf else -inf), (ends[-1] if own.high < inf else inf)
+    if low == high:
+        raise ValueError(f"{text} is a single number, which is no category; use a range")
+    starts = [variable.low, *(variable.cuts or ())]
+    return {part for part, (start, end) in enumerate(zip(starts, [*starts[1:], inf], strict=True)) if low <= start and end <= high}
+
+
+def ends_of(concept: Concept, own: Bounds) -> list[float]:
+    """Where categories begin and end so that bounds hold for whole ones: for whole numbers, after a number that is still inside."""
+    low = own.low + (1 if concept.whole and own.above else 0)
+    high = own.high + (1 if concept.whole and not own.below else 0)
+    return [end for end in (low, high) if abs(end) < inf]
+
+
+def _literals(concept: Concept, variable: Variable, text: str) -> set[int]:
+    if text in variable.values:
+        return {variable.values.index(text)}
+    sign = text[:2].strip("= ") if text[:1] in "<>" else ""
+    if sign and concept.ranges:
+        literal = text.lstrip("<>= ")
+        if literal in concept.literals:
+            place, last = concept.literals.index(literal), len(concept.literals)
+            including = 1 if text[1:2] == "=" else 0
+            return set(range(place + including)) if sign == "<" else set(range(place + 1 - including, last))
+    raise ValueError(f"{text!r} is no literal of {variable.name}{nearest(text, variable.values)}")

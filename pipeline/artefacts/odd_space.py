@@ -1,0 +1,213 @@
+"""The space of an OpenODD taxonomy: its concepts as variables, its modules and what may be absent as constraints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from math import inf
+from typing import Any
+
+from pipeline.artefacts.data_set import NOT_APPLICABLE
+from pipeline.artefacts.odd_conditions import categories_meant, ends_of
+from pipeline.artefacts.odd_modules import Meaning, Modules
+from pipeline.artefacts.odd_numbers import SIGNED, Bounds, bounds, in_unit
+from pipeline.artefacts.odd_taxonomy import Concept, Taxonomy
+from pipeline.artefacts.statements import Statement, space_with
+from pipeline.core.expressions import Every, Expression, Not, OneOf, Some
+from pipeline.core.names import nearest
+from pipeline.core.space import Space, Variable
+from pipeline.errors import shown
+
+COVERAGE = ("CONCEPTS", "CUTS", "OPTIONAL", "APPLIES_IF")
+UNKNOWN = ("unknown", "none", "null", "undefined")
+"""What stands for a missing value."""
+
+
+def odd_space(parts: Mapping[str, Mapping[str, Any]]) -> Space:
+    """The space of the sections TAXONOMY, MODULES, ODD and COVERAGE; ValueError that names the place of what is wrong."""
+    return _Odd(parts).space()
+
+
+class _Odd:
+    def __init__(self, parts: Mapping[str, Mapping[str, Any]]) -> None:
+        self._taxonomy = Taxonomy(parts["TAXONOMY"])
+        self._modules = Modules(parts["ODD"], parts["MODULES"])
+        self._said = parts["COVERAGE"]
+        for key in self._said:
+            if key not in COVERAGE:
+                raise ValueError(f"COVERAGE: unknown key '{key}'{nearest(str(key), COVERAGE)}")
+        self._cuts: dict[str, dict[float, None]] = {}
+        self._units: dict[str, str] = {}
+        self._variables: list[Variable] = []
+        self._index: dict[str, int] = {}
+
+    def space(self) -> Space:
+        """The space of the chosen concepts in which the ODD holds."""
+        kept = self._kept()
+        self._collect_cuts()
+        absent = self._absent()
+        self._variables = [self._variable(name, self._taxonomy.concepts[name], name in absent) for name in kept]
+        if not self._variables:
+            raise ValueError("TAXONOMY: expected concepts, got none")
+        self._index = {name: index for index, name in enumerate(kept)}
+        return space_with(self._variables, [*self._parents(), *self._modules.statements(self._meaning)])
+
+    def _list(self, key: str) -> list[str]:
+        found = self._said.get(key) or []
+        if not isinstance(found, list) or not all(isinstance(name, str) for name in found):
+            raise ValueError(f"COVERAGE.{key}: expected a list of names, got {shown(found)}")
+        return found
+
+    def _mapping(self, key: str) -> dict[str, Any]:
+        found = self._said.get(key) or {}
+        if not isinstance(found, dict):
+            raise ValueError(f"COVERAGE.{key}: expected a mapping, got {shown(found)}")
+        return found
+
+    def _kept(self) -> list[str]:
+        """The concepts that are variables: those chosen, or all but numbers whose ranges define literals."""
+        concepts = self._taxonomy.concepts
+        bases = {self._base(name) for name, concept in concepts.items() if concept.base}
+        if chosen := self._list("CONCEPTS"):
+            named = {name for one in chosen for name in self._taxonomy.below("COVERAGE.CONCEPTS", one)}
+            named = {(self._ordered(name) or name) if name in bases else name for name in named}
+            return [name for name in concepts if name in named]
+        return [name for name in concepts if name not in bases]
+
+    def _base(self, name: str) -> str:
+        """The number that defines the literals of a concept: the one declared nearest to it."""
+        concept = self._taxonomy.concepts[name]
+        for depth in reversed(range(len(concept.path))):
+            for other, one in self._taxonomy.concepts.items():
+                if one.path == (*concept.path[:depth], concept.base) and one.is_number:
+                    return other
+        return self._taxonomy.find(concept.where, concept.base)
+
+    def _ordered(self, number: str) -> str | None:
+        """The concept whose literals are ranges of a number; None if there is none."""
+        found = [name for name, concept in self._taxonomy.concepts.items() if concept.base and self._base(name) == number]
+        if len(found) > 1:
+            raise ValueError(f"{self._taxonomy.concepts[number].where}: expected literals of one concept, got {' and '.join(found)}")
+        return found[0] if found else None
+
+    def _collect_cuts(self) -> None:
+        """The ends of all bounds that statements set, and the cuts that are asked for."""
+        for name, cuts in self._mapping("CUTS").items():
+            where = f"COVERAGE.CUTS.{name}"
+            if not isinstance(cuts, list) or not all(isinstance(cut, str) for cut in cuts):
+                raise ValueError(f"{where}: expected a list such as [30 km/h, 60 km/h], got {shown(cuts)}")
+            for cut in cuts:
+                with _at(where):
+                    own = bounds(cut)
+                self._cut(where, self._number(where, name), Bounds(own.low, inf, own.unit))
+        self._modules.statements(self._cutting)
+        for child, condition in self._mapping("APPLIES_IF").items():
+            self._applies(child, condition, self._cutting)
+
+    def _number(self, where: str, name: str) -> str:
+        found = self._taxonomy.find(where, name)
+        if not self._taxonomy.concepts[found].is_number:
+            raise ValueError(f"{where}: expected a number, got {found} with {', '.join(self._taxonomy.concepts[found].literals)}")
+        return found
+
+    def _cutting(self, where: str, key: str, plain: Any, grows: bool) -> Expression:
+        name = self._taxonomy.find(where, key)
+        concept = self._taxonomy.concepts[name]
+        if concept.is_number and isinstance(plain, str) and plain not in UNKNOWN and self._ordered(name) is None:
+            with _at(where):
+                own = bounds(plain)
+            self._cut(where, name, own)
+        return Every(())
+
+    def _cut(self, where: str, name: str, own: Bounds) -> None:
+        concept = self._taxonomy.concepts[name]
+        unit = self._units.setdefault(name, own.unit)
+        with _at(where):
+            own = in_unit(own, unit, concept.unit_type)
+        cuts = self._cuts.setdefault(name, {})
+        for end in ends_of(concept, own):
+            cuts[end] = None
+
+    def _variable(self, name: str, concept: Concept, optional: bool) -> Variable:
+        if concept.literals:
+            return Variable(name, "categorical", values=(*concept.literals, *([NOT_APPLICABLE] if optional else [])))
+        if not concept.is_number or not self._cuts.get(name):
+            why = "a shape file has no categories" if not concept.is_number else "no statement compares this number; give it COVERAGE.CUTS"
+            raise ValueError(f"{concept.where}: {why}, or leave it out of COVERAGE.CONCEPTS")
+        if optional:
+            raise ValueError(f"{concept.where}: a number that may not apply needs literals; define them by ranges of it")
+        cuts = sorted(self._cuts[name])
+        low = -inf if concept.unit_type in SIGNED or cuts[0] < 0 else 0.0
+        return Variable(name, "continuous", self._units[name], low, inf, cuts=tuple(cut for cut in cuts if cut > low))
+
+    def _absent(self) -> set[str]:
+        """The concepts that may not apply."""
+        named = [*self._list("OPTIONAL"), *self._mapping("APPLIES_IF")]
+        return {name for one in named for name in self._taxonomy.below("COVERAGE", one)}
+
+    def _parents(self) -> list[Statement]:
+        """What is absent together, and what is absent unless something else holds."""
+        found = []
+        for record in self._list("OPTIONAL"):
+            inside = [name for name in self._taxonomy.below("COVERAGE.OPTIONAL", record) if name in self._index]
+            own = [name for name in inside if name not in self._deeper(record)]
+            for other in inside if own else []:
+                both = Some((Not(self._missing(own[0])), self._missing(other)))
+                back = Some((Not(self._missing(other)), self._missing(own[0])))
+                together = other in own
+                found.append(Statement(f"COVERAGE.OPTIONAL.{record}", Every((both, back)) if together else both))
+        for child, condition in self._mapping("APPLIES_IF").items():
+            holds = self._applies(child, condition, self._meaning)
+            for name in self._taxonomy.below("COVERAGE.APPLIES_IF", child):
+                if name in self._index:
+                    missing = self._missing(name)
+                    found.append(
+                        Statement(f"COVERAGE.APPLIES_IF.{child}", Every((Some((missing, holds)), Some((Not(missing), Not(holds))))))
+                    )
+        return found
+
+    def _deeper(self, record: str) -> set[str]:
+        """The concepts of a record that are in an optional record inside it, or that apply only if something else holds."""
+        inside = set(self._taxonomy.below("COVERAGE", record))
+        others = [one for one in (*self._list("OPTIONAL"), *self._mapping("APPLIES_IF")) if one != record]
+        several = [set(self._taxonomy.below("COVERAGE", one)) for one in others]
+        return {name for own in several if own < inside for name in own}
+
+    def _missing(self, name: str) -> Expression:
+        index = self._index[name]
+        return OneOf((index,), frozenset({(self._variables[index].size - 1,)}))
+
+    def _applies(self, child: str, condition: Any, meaning: Meaning) -> Expression:
+        where = f"COVERAGE.APPLIES_IF.{child}"
+        if not isinstance(condition, dict) or not condition:
+            raise ValueError(f"{where}: expected conditions such as 'rainfall: [light, heavy]', got {shown(condition)}")
+        return Every(tuple(meaning(f"{where}.{key}", key, plain, False) for key, plain in condition.items()))
+
+    def _meaning(self, where: str, key: str, plain: Any, grows: bool) -> Expression:
+        """A condition on one concept. Where the concept does not apply, the condition never keeps a point outside the ODD."""
+        name = self._taxonomy.find(where, key)
+        concept = self._taxonomy.concepts[name]
+        shown_by = (self._ordered(name) or name) if concept.is_number else name
+        if shown_by not in self._index:
+            raise ValueError(f"{where}: {shown_by} is not among COVERAGE.CONCEPTS, so this cannot be checked")
+        index = self._index[shown_by]
+        variable = self._variables[index]
+        literals = self._taxonomy.concepts[shown_by].literals
+        texts = [text for text in (plain if isinstance(plain, list) else [plain]) if text is not None]
+        known = [text for text in texts if text not in UNKNOWN or text in variable.values]
+        inside: set[int] = set()
+        for text in known:
+            with _at(where):
+                inside |= categories_meant(concept, self._taxonomy.concepts[shown_by], variable, text)
+        if grows and NOT_APPLICABLE in variable.values and literals and known:
+            inside.add(variable.size - 1)
+        return OneOf((index,), frozenset((category,) for category in inside))
+
+
+@contextmanager
+def _at(where: str) -> Iterator[None]:
+    """Adds the place to a ValueError."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"{where}: {error}") from error
