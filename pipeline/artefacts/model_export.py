@@ -99,4 +99,4 @@ def _body(variable: Variable) -> dict[str, Any]:
 
 
 def _number(number: float) -> float | int:
-    return int(number) if float(number).is_integer() else number
+    return int(number) if float(number).is_integer() else float(number)

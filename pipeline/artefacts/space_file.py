@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
-from math import isfinite
+from math import isfinite, isnan
 from pathlib import Path
 from typing import Any
 
@@ -83,13 +83,15 @@ def _unit(key: str, body: Mapping[str, Any]) -> str:
 
 
 def _interval(name: str, key: str, body: Mapping[str, Any]) -> Variable:
-    interval, cuts = _numbers(f"{key}.interval", body["interval"]), _numbers(f"{key}.cuts", body.get("cuts") or [])
+    interval, cuts = _numbers(f"{key}.interval", body["interval"], endless=True), _numbers(f"{key}.cuts", body.get("cuts") or [])
     if len(interval) != 2 or interval[0] >= interval[1]:
         raise ValueError(f"{key}.interval: expected two numbers, the smaller first, got {_shown(body['interval'])}")
     if any(a >= b for a, b in pairwise((interval[0], *cuts, interval[1]))):
         inside = ", ".join(map(number_text, interval))
         raise ValueError(f"{key}.cuts: expected rising numbers inside [{inside}], got {_shown(body['cuts'])}")
     cyclic = _cyclic(key, body)
+    if cyclic and not all(map(isfinite, interval)):
+        raise ValueError(f"{key}.interval: a cyclic interval needs two finite ends, got {_shown(body['interval'])}")
     if cyclic and len(cuts) == 1:
         raise ValueError(f"{key}.cuts: a cyclic interval needs no cut or at least two, got {_shown(body['cuts'])}")
     return Variable(name, "continuous", _unit(key, body), *interval, cyclic=cyclic, cuts=cuts)
@@ -119,11 +121,12 @@ def _values(key: str, plain: Any) -> tuple[str, ...]:
     return tuple(plain)
 
 
-def _numbers(key: str, plain: Any) -> tuple[float, ...]:
+def _numbers(key: str, plain: Any, endless: bool = False) -> tuple[float, ...]:
+    """endless: whether `.inf` and `-.inf` are numbers too."""
     if isinstance(plain, list) and all(isinstance(text, str) and "_" not in text for text in plain):
         with suppress(ValueError):
-            numbers = tuple(map(float, plain))
-            if all(map(isfinite, numbers)):
+            numbers = tuple(float(text.replace(".inf", "inf") if endless else text) for text in plain)
+            if all(isfinite(number) or (endless and not isnan(number)) for number in numbers):
                 return numbers
     raise ValueError(f"{key}: expected a list of numbers, got {_shown(plain)}")
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import yaml
 
+from pipeline.artefacts.model_export import write_model
 from pipeline.artefacts.odd_numbers import bounds, converted
 from pipeline.artefacts.space_formats import read_space_of_any_format
 from pipeline.core.space import Space
@@ -43,6 +44,14 @@ def test_the_example_is_the_space_that_its_statements_mean() -> None:
         ("drivable_area_included_surface_condition != wet", "subject_vehicle_speed = [0, 30)"),
         ("natural_illuminance != night", "artificial_illuminance != none"),
     }
+
+
+def test_the_example_survives_as_a_space_file(tmp_path: Path) -> None:
+    space = read_space_of_any_format(EXAMPLE)
+    write_model(tmp_path / "space.yaml", space, "space")
+    back = read_space_of_any_format(tmp_path / "space.yaml")
+    assert [(v.name, v.labels, v.unit) for v in back.variables] == [(v.name, v.labels, v.unit) for v in space.variables]
+    assert back.clauses == space.clauses
 
 
 TAXONOMY: dict[str, Any] = {

@@ -156,3 +156,11 @@ def test_a_column_of_many_different_values_is_explained() -> None:
     column = pa.chunked_array([[f"frame {i}" for i in range(100_000)]])
     _, faults = categories_of(Variable("weather", "categorical", values=("sunny", "rainy")), column)
     assert len(faults) == 1 and "100,000 different values, as an identifier or a measurement has" in faults[0].text
+
+
+def test_an_interval_may_have_no_end(tmp_path: Path) -> None:
+    speed = space_of(tmp_path, "variables: {speed: {interval: [-.inf, .inf], cuts: [0, 50]}}").variables[0]
+    assert speed.labels == ("[-inf, 0)", "[0, 50)", "[50, inf]") and of(speed, ["-1e9", "50", "nan", "[50, inf]"]) == [0, 2, -1, 2]
+    for wrong, message in (("interval: [0, .nan]", "expected a list of numbers"), ("interval: [0, .inf], cyclic: true", "two finite ends")):
+        with pytest.raises(InputError, match=message):
+            space_of(tmp_path, f"variables: {{speed: {{{wrong}}}}}")
