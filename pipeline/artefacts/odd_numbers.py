@@ -23,9 +23,9 @@ UNITS: dict[str, dict[str, tuple[float, float]]] = {
 SIGNED = ("temperature", "angle", "acceleration", "force", "charge", "electric_potential", "electric_current", "torque")
 """Unit types with negative values."""
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-BOUND = re.compile(rf"(?P<sign>[<>]=?)\s*(?P<number>{NUMBER})\s*(?P<unit>[^\d.].*|)")
-RANGE = re.compile(rf"\[\s*(?P<low>{NUMBER})\s*(?:\.\.|,)\s*(?P<high>{NUMBER})\s*\]\s*(?P<unit>.*)")
-EQUAL = re.compile(rf"(?P<number>{NUMBER})\s*(?P<unit>[^\d.].*|)")
+BOUND = re.compile(rf"(?P<sign>[<>]=?)\s*(?P<number>{NUMBER})\s*(?P<unit>[^\d.*$][^*$]*|)")
+RANGE = re.compile(rf"\[\s*(?P<low>{NUMBER})\s*(?:\.\.|,)\s*(?P<high>{NUMBER})\s*\]\s*(?P<unit>[^*$]*)")
+EQUAL = re.compile(rf"(?P<number>{NUMBER})\s*(?P<unit>[^\d.*$][^*$]*|)")
 DIGITS = 12
 """Significant digits of a converted number."""
 
@@ -84,12 +84,12 @@ def in_unit(own: Bounds, unit: str, unit_type: str) -> Bounds:
 
 def converted(number: float, unit: str, wanted: str, unit_type: str) -> float:
     """A number in the wanted unit; ValueError for a unit that the type does not have."""
-    if unit == wanted:
-        return number
-    known = UNITS.get(unit_type, {})
+    known = UNITS.get(unit_type, {wanted: (1.0, 0.0)} if unit == wanted else {})
     for one in (unit, wanted):
         if one not in known:
             expected = nearest(one, known) if known else f"; {unit_type} has one unit, {wanted}"
             raise ValueError(f"{one!r} is no unit of {unit_type}{expected}")
+    if unit == wanted:
+        return number
     (scale, offset), (to, shift) = known[unit], known[wanted]
     return float(f"{(number * scale + offset - shift) / to:.{DIGITS}g}")
