@@ -95,7 +95,7 @@ def _breaking(space: Space, points: Ints, broken: Ints) -> list[Fault]:
     faults = []
     for clause in np.unique(broken[broken >= 0]):
         rows = np.flatnonzero(broken == clause)
-        which = f"constraint '{space.clause(clause)}'" if clause < len(space.clauses) else "constraints together"
+        which = f"constraint '{space.clause(clause)}'" if clause < len(space.constraints.clauses) else "constraints together"
         known = [(v, c) for v, c in zip(space.variables, points[rows[0]], strict=True) if c >= 0]
         where = ", ".join(f"{variable.name} = {variable.labels[category]}" for variable, category in known)
         faults.append(Fault(f"breaks the {which}: {where}", int(rows[0]), len(rows), left_out=True))

@@ -50,7 +50,7 @@ def write_space(path: Path, info: ScenarioInfo, space: Space) -> None:
             "asks_to_brake": info.asks_to_brake,
             "sizes": dict(zip(space.names, space.sizes, strict=True)),
             "variables": space.to_dict(),
-            **({"constraints": [list(clause) for clause in space.clauses]} if space.clauses else {}),
+            **({"constraints": list(space.clauses)} if space.clauses else {}),
         },
     )
 

@@ -13,12 +13,13 @@ from typing import Any
 
 from pipeline.artefacts.written_yaml import read_written_yaml
 from pipeline.core.names import nearest
-from pipeline.core.space import Space, Variable
+from pipeline.core.space import Space, Variable, Written
 from pipeline.core.variable import HEAVIEST, number_text
 from pipeline.errors import InputError
 
 KEYS = ("values", "interval", "cuts", "cyclic", "unit", "weights")
 EXAMPLE = "weather: {values: [sunny, rainy], weights: {rainy: 3}} or fog: {interval: [0, 100], cuts: [20, 50]}"
+CONSTRAINT = "a text such as 'if fog >= 50 then lights in {on, low}' or a clause such as [lanes = 2, current_lane != 2]"
 MOST_CATEGORIES = 5000
 """Largest number of values of one variable: more usually means an identifier, or a measurement that needs cuts."""
 
@@ -43,16 +44,24 @@ def _space(plain: Any) -> Space:
         if key not in ("variables", "constraints"):
             raise ValueError(f"unknown key '{key}'{nearest(str(key), ['variables', 'constraints'])}")
     variables = tuple(_variable(name, body) for name, body in plain["variables"].items())
-    return Space(variables, _clauses(plain.get("constraints") or []))
+    return Space(variables, _constraints(plain.get("constraints") or []))
 
 
-def _clauses(plain: Any) -> tuple[tuple[str, ...], ...]:
-    if not isinstance(plain, list) or not all(isinstance(clause, list) and clause for clause in plain):
-        raise ValueError("constraints: expected a list of clauses, each a list such as [lanes = 2, current_lane != 2]")
-    for literal in (literal for clause in plain for literal in clause):
+def _constraints(plain: Any) -> tuple[Written, ...]:
+    if not isinstance(plain, list):
+        raise ValueError(f"constraints: expected a list, each {CONSTRAINT}, got {_shown(plain)}")
+    return tuple(map(_constraint, plain))
+
+
+def _constraint(plain: Any) -> Written:
+    if isinstance(plain, str):
+        return plain
+    if not isinstance(plain, list) or not plain:
+        raise ValueError(f"constraints: expected {CONSTRAINT}, got {_shown(plain)}")
+    for literal in plain:
         if not isinstance(literal, str):
             raise ValueError(f"constraints: expected texts such as lanes = 2, got {_shown(literal)}; put the text in quotes")
-    return tuple(map(tuple, plain))
+    return tuple(plain)
 
 
 def _variable(name: Any, body: Any) -> Variable:

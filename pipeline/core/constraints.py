@@ -18,6 +18,8 @@ from pipeline.core.variable import Ints
 Bools = NDArray[np.bool_]
 SOLVER = "minisat22"
 """The fastest of python-sat's solvers on many small problems."""
+PAIRED = 200
+"""Most named categories of a variable that exclude each other pair by pair."""
 
 
 @dataclass(frozen=True)
@@ -133,6 +135,7 @@ class _Encoding:
         for variable, categories in sorted(self._categories.items()):
             for category in sorted(categories):
                 self._proposition[variable, category] = len(self._proposition) + 1
+        self._propositions = len(self._proposition)
         self._solver = Solver(name=SOLVER, bootstrap_with=self._formula(clauses))
         self._possible = bool(self._solver.solve())
         self._component = self._components(clauses)
@@ -149,9 +152,20 @@ class _Encoding:
         formula = [[self._proposition[x.variable, x.category] * (1 if x.equal else -1) for x in clause] for clause in clauses]
         for variable, categories in self._categories.items():
             own = [self._proposition[variable, category] for category in categories]
-            formula += [[-first, -second] for first, second in combinations(own, 2)]
+            formula += self._at_most_one(own)
             if len(own) == self._sizes[variable]:
                 formula.append(own)
+        return formula
+
+    def _at_most_one(self, own: list[int]) -> list[list[int]]:
+        """Pair by pair if that is short, else with a proposition for "one of them so far" after each (Sinz 2005)."""
+        if len(own) <= PAIRED:
+            return [[-first, -second] for first, second in combinations(own, 2)]
+        so_far = range(self._propositions + 1, self._propositions + len(own) + 1)
+        self._propositions += len(own)
+        formula = [[-one, reached] for one, reached in zip(own, so_far, strict=True)]
+        for before, reached, one in zip(so_far, so_far[1:], own[1:], strict=False):
+            formula += [[-before, reached], [-before, -one]]
         return formula
 
     def _components(self, clauses: tuple[Clause, ...]) -> dict[int, int]:
@@ -237,7 +251,7 @@ class _Encoding:
     def _keep_solution(self) -> None:
         row = self._unnamed.copy()
         for literal in self._solver.get_model():
-            if literal > 0:
+            if 0 < literal <= len(self._meaning):
                 column, number = self._meaning[literal - 1]
                 row[column] = number
         if self._found == len(self._solutions):
@@ -253,18 +267,30 @@ def parse_literal(text: str, labels: Mapping[str, Sequence[str]]) -> Literal:
     if not sign:
         raise ValueError(f"a constraint must read 'variable = category' or 'variable != category', got {text!r}")
     if name not in labels:
-        raise ValueError(f"constraint {text!r}: variable must be one of {_some(labels, name)}; got {name!r}")
+        raise ValueError(f"constraint {text!r}: {no_variable(list(labels), name)}")
     if category not in labels[name]:
-        nearest = _nearest(labels[name], category, 1)
-        meant = f"; did you mean '{nearest[0]}'?" if nearest else ""
-        raise ValueError(f"constraint {text!r}: category must be one of {_some(labels[name], category)}; got {category!r}{meant}")
+        raise ValueError(f"constraint {text!r}: {no_category(labels[name], category)}")
     return Literal(list(labels).index(name), list(labels[name]).index(category), equal)
 
 
-def _some(names: Sequence[str] | Mapping[str, Any], wrong: str) -> str:
+def no_variable(names: Sequence[str], wrong: str) -> str:
+    """What to say of a name that no variable has."""
+    return f"variable must be one of {_some(names, wrong)}; got {wrong!r}{_meant(names, wrong)}"
+
+
+def no_category(labels: Sequence[str], wrong: str) -> str:
+    """What to say of a name that no category of a variable has."""
+    return f"category must be one of {_some(labels, wrong)}; got {wrong!r}{_meant(labels, wrong)}"
+
+
+def _meant(names: Sequence[str], wrong: str) -> str:
+    close = _nearest(names, wrong, 1)
+    return f"; did you mean '{close[0]}'?" if close else ""
+
+
+def _some(names: Sequence[str], wrong: str) -> str:
     """The names, or, if there are many, those most like a wrong one."""
-    known = list(names)
-    return ", ".join(known if len(known) <= 12 else [*_nearest(known, wrong, 3, cutoff=0), "…"])
+    return ", ".join(names if len(names) <= 12 else [*_nearest(names, wrong, 3, cutoff=0), "…"])
 
 
 def _nearest(names: Sequence[str], wrong: str, count: int, cutoff: float = 0.5) -> list[str]:

@@ -9,30 +9,34 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.core.constraints import Constraints, parse_literal
+from pipeline.core.constraint_language import read_constraint
+from pipeline.core.constraints import Clause, Constraints, parse_literal
 from pipeline.core.variable import Floats, Ints, Kind, Value, Variable
 
-__all__ = ["Floats", "Ints", "Kind", "Space", "Value", "Variable"]
+__all__ = ["Floats", "Ints", "Kind", "Space", "Value", "Variable", "Written"]
 MAX_DRAWS = 1000
+Written = str | tuple[str, ...]
+"""A constraint: a text of the constraint language, or a clause, of which one literal `variable = category` or `variable != category`
+must hold."""
 
 
 @dataclass(frozen=True)
 class Space:
-    """Variables, and clauses that every point must satisfy. Points are (n, d) float64 arrays, columns in the order of `variables`.
+    """Variables, and constraints that every point must satisfy. Points are (n, d) float64 arrays, columns in the order of `variables`.
 
-    clauses: each holds if one of its literals `variable = category` or `variable != category` holds.
+    clauses: the constraints as they are written.
 
-    Raises ValueError for a duplicate name, a wrong literal, and clauses that contradict each other.
+    Raises ValueError for a duplicate name, a wrong constraint, and constraints that contradict each other.
     """
 
     variables: tuple[Variable, ...]
-    clauses: tuple[tuple[str, ...], ...] = ()
+    clauses: tuple[Written, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.variables or len(set(self.names)) != len(self.names):
             raise ValueError(f"a space needs variables with distinct names, got {self.names}")
-        if core := self.constraints.contradiction() if self.clauses else ():
-            listed = "; ".join(f"[{', '.join(self.clauses[i])}]" for i in core)
+        if self.clauses and not self.constraints.satisfiable({}):
+            listed = "; ".join(one if isinstance(one, str) else f"[{', '.join(one)}]" for one in self._contradiction())
             raise ValueError(f"constraints: these contradict each other, so no point is left: {listed}")
 
     @property
@@ -51,9 +55,26 @@ class Space:
 
     @cached_property
     def constraints(self) -> Constraints:
-        """The clauses by the indices of variables and categories."""
+        """The clauses of all constraints, by the indices of variables and categories."""
+        return Constraints(self.sizes, tuple(clause for clauses in self._compiled for clause in clauses))
+
+    @cached_property
+    def _compiled(self) -> tuple[tuple[Clause, ...], ...]:
+        """The clauses of each constraint."""
         labels = {variable.name: variable.labels for variable in self.variables}
-        return Constraints(self.sizes, tuple(tuple(parse_literal(text, labels) for text in clause) for clause in self.clauses))
+        return tuple(
+            read_constraint(one, self.variables) if isinstance(one, str) else (tuple(parse_literal(text, labels) for text in one),)
+            for one in self.clauses
+        )
+
+    def _contradiction(self) -> list[Written]:
+        """As few constraints as contradict each other."""
+        core = list(range(len(self.clauses)))
+        for index in list(core):
+            fewer = [i for i in core if i != index]
+            if not Constraints(self.sizes, tuple(clause for i in fewer for clause in self._compiled[i])).satisfiable({}):
+                core = fewer
+        return [self.clauses[i] for i in core]
 
     def __len__(self) -> int:
         return len(self.variables)
@@ -88,8 +109,10 @@ class Space:
         return np.column_stack([v.within(categories[:, j], unit[:, j]) for j, v in enumerate(self.variables)])
 
     def clause(self, index: int) -> str:
-        """A clause in words."""
-        return " or ".join(self.clauses[index])
+        """The constraint that a clause belongs to, in words."""
+        ends = np.cumsum([len(clauses) for clauses in self._compiled])
+        one = self.clauses[int(np.searchsorted(ends, index, side="right"))]
+        return one if isinstance(one, str) else " or ".join(one)
 
     def violation(self, points: Floats) -> tuple[int, str] | None:
         """Text that names the first of (n, d) points that breaks a clause, the clause and the point's values; None if no point breaks
@@ -126,9 +149,10 @@ class Space:
         return {v.name: v.to_dict() for v in self.variables}
 
     @staticmethod
-    def from_dict(variables: Mapping[str, Mapping[str, Any]], clauses: Sequence[Sequence[str]] = ()) -> Space:
+    def from_dict(variables: Mapping[str, Mapping[str, Any]], clauses: Sequence[str | Sequence[str]] = ()) -> Space:
         """A space of variables as `to_dict` writes them, with constraints."""
-        return Space(tuple(Variable.from_dict(name, body) for name, body in variables.items()), tuple(tuple(c) for c in clauses))
+        written = tuple(one if isinstance(one, str) else tuple(one) for one in clauses)
+        return Space(tuple(Variable.from_dict(name, body) for name, body in variables.items()), written)
 
 
 def _shown(value: Value) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from pipeline.core.space import Ints, Space, Variable
+from pipeline.core.space import Ints, Space, Variable, Written
 from pipeline.scenarios.parts import MOST, Part, Seed
 
 CONDITIONS: Mapping[str, tuple[str, ...]] = {
@@ -30,8 +30,8 @@ class SnapshotSpace(Part):
 
     variables: dict[str, tuple[str, ...]]
     """Values of each operating condition, at least one of those that can be rendered."""
-    constraints: tuple[tuple[str, ...], ...]
-    """Clauses that must all hold; a clause holds if one of its literals `name = value` or `name != value` holds."""
+    constraints: tuple[Written, ...]
+    """Each a text such as `current_lane <= lanes`, or a clause, of which one literal `name = value` or `name != value` must hold."""
 
     @field_validator("variables", mode="before")
     @classmethod

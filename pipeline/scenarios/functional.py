@@ -12,7 +12,7 @@ from pipeline.core.footprints import Rectangle
 from pipeline.core.identity import CampaignId
 from pipeline.core.kpi import KPIS
 from pipeline.core.paths import Path, Pose
-from pipeline.core.space import Space
+from pipeline.core.space import Space, Written
 from pipeline.core.worlds import Worlds
 from pipeline.scenarios import people as populations
 from pipeline.scenarios.parts import MOST, Name, Part
@@ -92,8 +92,8 @@ class FunctionalScenario(Part):
     """One functional scenario with its logical scenario space.
 
     people: number of the population that its pedestrian comes from, which adds the variable `blueprint` with the population's names as the
-    last of the space; without it, the space has no such variable. constraints: clauses that every test satisfies; a clause holds if one of
-    its literals `variable = category` or `variable != category` holds.
+    last of the space; without it, the space has no such variable. constraints: what every test satisfies, each a text such as
+    `if rain > 50 then fog = 0` or a clause, of which one literal `variable = category` or `variable != category` must hold.
     """
 
     label: str
@@ -104,7 +104,7 @@ class FunctionalScenario(Part):
     actors: dict[Name, Actor] = Field(default_factory=dict)
     people: int | None = Field(default=None, ge=1, le=1_000_000)
     space: dict[Name, dict[str, Any]]
-    constraints: tuple[tuple[str, ...], ...] = ()
+    constraints: tuple[Written, ...] = ()
 
     def logical_space(self) -> Space:
         """The scenario's variables with its constraints."""

@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 import pytest
 
+from pipeline.core import constraints
 from pipeline.core.constraints import Constraints, Literal
 from pipeline.core.space import Space
 from tests.spaces import SMALL, THESIS
@@ -23,23 +24,25 @@ def random_constraints(rng: np.random.Generator) -> Constraints:
     return Constraints(SIZES, tuple(tuple(literal() for _ in range(rng.integers(1, 4))) for _ in range(rng.integers(0, 9))))
 
 
-def test_feasible_cells_agree_with_brute_force() -> None:
+@pytest.mark.parametrize("paired", [constraints.PAIRED, 1])
+def test_feasible_cells_agree_with_brute_force(paired: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(constraints, "PAIRED", paired)
     rng = np.random.default_rng(0)
     rows = np.array(list(product(*(range(size) for size in SIZES))))
     for _ in range(60):
-        constraints = random_constraints(rng)
-        feasible = rows[constraints.holds(rows)]
+        limits = random_constraints(rng)
+        feasible = rows[limits.holds(rows)]
         for pair in ((0, 1), (1, 2), (0, 3), (3, 1)):
             expected = np.zeros([SIZES[v] for v in pair], bool)
             expected[feasible[:, pair[0]], feasible[:, pair[1]]] = True
-            assert np.array_equal(constraints.feasible_cells(pair), expected)
+            assert np.array_equal(limits.feasible_cells(pair), expected)
 
 
 def test_complete_gives_a_feasible_row_that_agrees() -> None:
-    constraints = Space(SMALL.variables, (("kind != a", "x = 3"), ("kind = a",))).constraints
-    row = constraints.complete({2: 4})
-    assert row is not None and row[2] == 4 and constraints.holds(np.array([row])).all()
-    assert constraints.complete({0: 2}) is None
+    limits = Space(SMALL.variables, (("kind != a", "x = 3"), ("kind = a",))).constraints
+    row = limits.complete({2: 4})
+    assert row is not None and row[2] == 4 and limits.holds(np.array([row])).all()
+    assert limits.complete({0: 2}) is None
 
 
 def test_an_empty_clause_leaves_no_point() -> None:

@@ -85,7 +85,7 @@ def test_tables_may_spell_numbers_and_truth_values_differently() -> None:
         (("current_lane != 2", "current_lane != 3"), "category must be one of 1, 2; got '3'"),
         (("variables:", "variabels:"), "expected a mapping with 'variables'"),
         (("constraints:", "constraint:"), "unknown key 'constraint'; did you mean 'constraints'?"),
-        (("  - [lanes = 2, current_lane != 2]", "  - lanes = 2"), "constraints: expected a list of clauses"),
+        (("  - [lanes = 2, current_lane != 2]", "  lanes = 2"), "constraints: expected a list, each a text such as"),
         (("lanes: {values: [1, 2]}", "lanes: [1, 2]"), "variables.lanes: expected values or an interval"),
         (("lanes: {values: [1, 2]}", "lanes: {values: [1, 2], cyclic: true}"), "cuts and cyclic go with an interval"),
         (("variables:", "variables: ["), "not valid YAML"),

@@ -86,6 +86,12 @@ def test_a_camera_is_chosen_by_its_name() -> None:
             "conf/scenario/F1.yaml: scenarios.F1: constraints: these contradict each other, so no point is left: "
             "[rain = 0]; [rain = 10, fog = 0]; [fog != 0]",
         ),
+        (
+            "+scenarios.F1.constraints=['if fog > 50 then animation = crouchin']",
+            "constraint 'if fog > 50 then animation = crouchin', character 30: category must be one of walking, texting, crouching,",
+        ),
+        ("front_car.space.constraints=['current_lane <= lane']", "character 17: expected a number or a variable after <=, got 'lane'"),
+        ("front_car.space.constraints=['current_lane >= lanes']", "must exclude the second of one lane"),
         ("front_car.space.constraints=[['lanes = 1'],['lanes = 2']]", "these contradict each other, so no point is left: [lanes = 1]"),
         ("scenarios.F1.ego.speed_kmh=-3", "scenarios.F1.ego.speed_kmh: Input should be greater than 0, got -3"),
         ("scenarios.F1.actors.bus.y_m=-9", "conf/scenario/F1.yaml: scenarios.F1: actors.bus: is off the road at (-8.5, -9.0) after 0 s"),
