@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from itertools import islice
+from itertools import combinations, islice
 from typing import Any
 
 import numpy as np
 
 from pipeline.core.constraints import Bools
-from pipeline.core.coverage.counting import CellCounts
+from pipeline.core.coverage.mixed import NOTHING
 from pipeline.core.coverage.projection import Coverage, Demand, Plane, planes, total
 from pipeline.core.coverage.proposals import Proposer
 from pipeline.core.space import Ints, Space
@@ -20,11 +20,13 @@ LISTED = 1000
 """Longest list of planes or cells; the totals are always complete."""
 NEXT_POINTS = 5
 GROWTH_STEPS = 60
+NONE: Found = {"numerator": 0, "denominator": 0, "coverage": None}
+"""The fraction of planes that want no points."""
 
 
 def planes_of(rows: Ints, demand: Demand) -> list[Plane]:
     """Every plane with the counts of (n, d) category indices."""
-    counts = CellCounts(demand.sizes, demand.k)
+    counts = demand.counts()
     counts.add(rows)
     return list(planes(counts, demand))
 
@@ -45,6 +47,21 @@ def details(space: Space, every: Sequence[Plane]) -> Found:
     }
 
 
+def of_extras(space: Space, every: Sequence[Plane]) -> Found:
+    """Coverage of each named plane, and the points in each single combination; nothing if the space has neither."""
+    by_variables = {plane.variables: plane for plane in every}
+    named, single = [], []
+    for group in space.extras.planes:
+        own = [by_variables[chosen].coverage for chosen in combinations(group.variables, group.strength)]
+        whole = Coverage(sum(one.covered for one in own if one), sum(one.required for one in own if one))
+        conditions = [space.names[v] for v in group.variables]
+        named.append({"name": group.name, "conditions": conditions, "strength": group.strength, **(fraction(whole) if any(own) else NONE)})
+    for one in space.extras.combinations:
+        points = int(by_variables[one.variables].counts[one.categories])
+        single.append({"of": cell_names(space, one.variables, one.categories), "weight": one.weight, "points": points})
+    return {"named_planes": named, "combinations": single} if space.extras else {}
+
+
 def next_points(space: Space, rows: Ints, demand: Demand) -> list[dict[str, str]]:
     """The few points that raise the coverage of (n, d) category indices most, with the names of their categories."""
     found = Proposer(demand).propose(rows, NEXT_POINTS)
@@ -59,7 +76,7 @@ def growth(rows: Ints, demand: Demand) -> list[tuple[int, float]]:
 
 def pair_planes(rows: Ints, demand: Demand) -> list[Plane]:
     """The planes of every two variables, independent of the demand's k."""
-    return planes_of(rows, replace(demand, k=2))
+    return planes_of(rows, replace(demand, k=2, extras=NOTHING))
 
 
 def _wanting(plane: Plane) -> Bools:
@@ -86,7 +103,7 @@ def _plane(space: Space, plane: Plane) -> Found:
     own = plane.coverage
     return {
         "conditions": [space.names[v] for v in plane.variables],
-        **({"numerator": 0, "denominator": 0, "coverage": None} if own is None else fraction(own)),
+        **(NONE if own is None else fraction(own)),
         "uncovered_cells": int(_wanting(plane).sum()),
         "infeasible_cells": int(_infeasible(plane).sum()),
     }

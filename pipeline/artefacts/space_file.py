@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import reprlib
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -11,12 +10,15 @@ from math import isfinite, isnan
 from pathlib import Path
 from typing import Any
 
-from pipeline.artefacts.written_yaml import read_written_yaml
+from pipeline.artefacts.space_extras import read_extras
+from pipeline.artefacts.written_yaml import read_written_yaml, whole_number
+from pipeline.artefacts.written_yaml import shown as _shown
 from pipeline.core.names import nearest
 from pipeline.core.space import Space, Variable, Written
 from pipeline.core.variable import HEAVIEST, number_text
 from pipeline.errors import InputError
 
+PARTS = ("variables", "constraints", "planes", "combinations")
 KEYS = ("values", "interval", "cuts", "cyclic", "unit", "weights")
 EXAMPLE = "weather: {values: [sunny, rainy], weights: {rainy: 3}} or fog: {interval: [0, 100], cuts: [20, 50]}"
 CONSTRAINT = "a text such as 'if fog >= 50 then lights in {on, low}' or a clause such as [lanes = 2, current_lane != 2]"
@@ -41,10 +43,11 @@ def _space(plain: Any) -> Space:
     if not isinstance(plain, Mapping) or not isinstance(plain.get("variables"), Mapping) or not plain["variables"]:
         raise ValueError("expected a mapping with 'variables' and perhaps 'constraints'")
     for key in plain:
-        if key not in ("variables", "constraints"):
-            raise ValueError(f"unknown key '{key}'{nearest(str(key), ['variables', 'constraints'])}")
+        if key not in PARTS:
+            raise ValueError(f"unknown key '{key}'{nearest(str(key), PARTS)}")
     variables = tuple(_variable(name, body) for name, body in plain["variables"].items())
-    return Space(variables, _constraints(plain.get("constraints") or []))
+    extras = read_extras(plain.get("planes") or {}, plain.get("combinations") or [], variables)
+    return Space(variables, _constraints(plain.get("constraints") or []), extras)
 
 
 def _constraints(plain: Any) -> tuple[Written, ...]:
@@ -153,13 +156,5 @@ def _weights(key: str, plain: Any, labels: tuple[str, ...]) -> tuple[int, ...]:
     for name, weight in plain.items():
         if name not in labels:
             raise ValueError(f"{key}: there is no category '{name}'{nearest(str(name), labels)}")
-        if not isinstance(weight, str) or not weight.isdecimal() or not int(weight) <= HEAVIEST:
-            raise ValueError(f"{key}.{name}: expected a whole number from 0 to {HEAVIEST}, got {_shown(weight)}")
+        whole_number(f"{key}.{name}", weight, 0, HEAVIEST)
     return tuple(int(plain.get(label, 1)) for label in labels)
-
-
-def _shown(plain: Any) -> str:
-    """A value as YAML, shortened if it is long."""
-    if isinstance(plain, list) and len(plain) <= 6 and all(isinstance(item, str | None) for item in plain):
-        return f"[{', '.join(map(_shown, plain))}]"
-    return "null" if plain is None else plain if isinstance(plain, str) and plain else reprlib.repr(plain)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Hashable
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,20 @@ def read_written_yaml(path: Path) -> Any:
 def _first_line(error: Exception) -> str:
     mark, problem = getattr(error, "problem_mark", None), getattr(error, "problem", None)
     return f"line {mark.line + 1}: {problem}" if mark and problem else str(error).splitlines()[0]
+
+
+def whole_number(key: str, text: Any, low: int, high: int) -> int:
+    """The whole number that a text writes; ValueError if it writes none from `low` to `high`."""
+    if not isinstance(text, str) or not text.isdecimal() or not low <= int(text) <= high:
+        raise ValueError(f"{key}: expected a whole number from {low} to {high}, got {shown(text)}")
+    return int(text)
+
+
+def shown(plain: Any) -> str:
+    """A value as YAML, shortened if it is long."""
+    if isinstance(plain, list) and len(plain) <= 6 and all(isinstance(item, str | None) for item in plain):
+        return f"[{', '.join(map(shown, plain))}]"
+    return "null" if plain is None else plain if isinstance(plain, str) and plain else reprlib.repr(plain)
 
 
 class _AsWritten(yaml.SafeLoader):  # type: ignore[misc]

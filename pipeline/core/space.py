@@ -11,6 +11,7 @@ import numpy as np
 
 from pipeline.core.constraint_language import read_constraint
 from pipeline.core.constraints import Clause, Constraints, parse_literal
+from pipeline.core.coverage.mixed import NOTHING, Extras
 from pipeline.core.variable import Floats, Ints, Kind, Value, Variable
 
 __all__ = ["Floats", "Ints", "Kind", "Space", "Value", "Variable", "Written"]
@@ -24,13 +25,15 @@ must hold."""
 class Space:
     """Variables, and constraints that every point must satisfy. Points are (n, d) float64 arrays, columns in the order of `variables`.
 
-    clauses: the constraints as they are written.
+    clauses: the constraints as they are written. extras: what coverage wants beside every combination of any k variables.
 
-    Raises ValueError for a duplicate name, a wrong constraint, and constraints that contradict each other.
+    Raises ValueError for a duplicate name, a wrong constraint, constraints that contradict each other, and a wanted combination that breaks
+    them.
     """
 
     variables: tuple[Variable, ...]
     clauses: tuple[Written, ...] = ()
+    extras: Extras = NOTHING
 
     def __post_init__(self) -> None:
         if not self.variables or len(set(self.names)) != len(self.names):
@@ -38,6 +41,9 @@ class Space:
         if self.clauses and not self.constraints.satisfiable({}):
             listed = "; ".join(one if isinstance(one, str) else f"[{', '.join(one)}]" for one in self._contradiction())
             raise ValueError(f"constraints: these contradict each other, so no point is left: {listed}")
+        for one in self.extras.combinations:
+            if not self.constraints.satisfiable(dict(zip(one.variables, one.categories, strict=True))):
+                raise ValueError(f"combinations: the constraints leave no point with {self.cell(one.variables, one.categories)}")
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -107,6 +113,10 @@ class Space:
         """Convert (n, d) category indices to points drawn inside those categories."""
         unit = rng.random(categories.shape)
         return np.column_stack([v.within(categories[:, j], unit[:, j]) for j, v in enumerate(self.variables)])
+
+    def cell(self, variables: Sequence[int], categories: Sequence[int]) -> str:
+        """A combination of categories in words."""
+        return ", ".join(f"{self.names[v]} = {self.variables[v].labels[c]}" for v, c in zip(variables, categories, strict=True))
 
     def clause(self, index: int) -> str:
         """The constraint that a clause belongs to, in words."""

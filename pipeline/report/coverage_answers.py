@@ -5,19 +5,32 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from math import comb
 from pathlib import Path
 
 import numpy as np
 
-from pipeline.analysis.data_coverage import LISTED, Found, cell_names, details, fraction, growth, next_points, pair_planes, planes_of
+from pipeline.analysis.data_coverage import (
+    LISTED,
+    Found,
+    cell_names,
+    details,
+    fraction,
+    growth,
+    next_points,
+    of_extras,
+    pair_planes,
+    planes_of,
+)
 from pipeline.artefacts.model_export import format_of, write_model
 from pipeline.artefacts.point_table import read_points, write_points
 from pipeline.artefacts.space_formats import read_space_of_any_format
 from pipeline.core.coverage import arrays, counting
-from pipeline.core.coverage.arrays import STRONGEST, Effort
+from pipeline.core.coverage.arrays import Effort
 from pipeline.core.coverage.certified import certified_array
+from pipeline.core.coverage.mixed import STRONGEST, Mixed
 from pipeline.core.coverage.projection import Coverage, Demand, Plane, total
 from pipeline.core.coverage.proposals import Proposal, Proposer
 from pipeline.core.coverage.verification import verify as verify_rows
@@ -38,16 +51,21 @@ def score(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
     _announce_compilation()
     by_k = {}
     for k in range(1, options.k + 1):
-        demand = Demand(space.constraints, k, space.weights, options.operator)
+        demand = Demand(space.constraints, k, space.weights, options.operator, space.extras.of(k))
         every = planes_of(rows, demand)
         coverage = by_k[k] = _total(options.space, every)
         progress(k, options.k, f"k = {k}")
+    if space.extras:
+        demand = replace(demand, extras=space.extras)
+        every = planes_of(rows, demand)
+        coverage = _total(options.space, every)
     found: Found = {
         **fraction(coverage),
         "k": options.k,
         "operator": options.operator,
         **imperfect(table),
         "by_k": [{"k": k, **fraction(value)} for k, value in by_k.items()],
+        **of_extras(space, every),
         **details(space, every),
         "next": next_points(space, rows, demand) if coverage.covered < coverage.required else [],
     }
@@ -65,7 +83,7 @@ def propose(options: argparse.Namespace, progress: Progress) -> tuple[Found, str
     if options.points is not None:
         table = read_points(options.points, space, metadata=options.metadata, empty=True)
         rows, existing = table.strict() if options.strict else table.points, imperfect(table)
-    demand = Demand(space.constraints, options.k, space.weights, options.operator)
+    demand = Demand(space.constraints, options.k, space.weights, options.operator, space.extras)
     before = _total(options.space, planes_of(rows, demand))
     _announce_compilation()
     proposer = Proposer(demand, heavy_first=options.heavy_first, seed=options.seed)
@@ -89,7 +107,7 @@ def propose(options: argparse.Namespace, progress: Progress) -> tuple[Found, str
         "points": space.names_of(found.categories),
         "existing": existing,
     }
-    text = _propose_text(result, options, before, after)
+    text = _propose_text(result, options, (f"{options.k}-projection coverage{_with(space)}", before, after))
     return result, "\n".join([*(imperfect_text(existing) if existing else []), text])
 
 
@@ -104,10 +122,12 @@ def _proposal(proposer: Proposer, rows: Ints, options: argparse.Namespace) -> tu
     return Proposal(rows[:0], 0, 0) if found is None else found, proposer.fewest(rows)
 
 
-def _propose_text(found: Found, options: argparse.Namespace, before: Coverage, after: Coverage) -> str:
+def _propose_text(found: Found, options: argparse.Namespace, coverage: tuple[str, Coverage, Coverage]) -> str:
+    """coverage: its name, and what it is before and after."""
+    name, before, after = coverage
     if not found["count"]:
-        return f"{options.k}-projection coverage is {_percent(before)}: nothing to propose"
-    lines = [f"{options.k}-projection coverage {_percent(before)}, with {found['count']} more points {_percent(after)}"]
+        return f"{name} is {_percent(before)}: nothing to propose"
+    lines = [f"{name} {_percent(before)}, with {found['count']} more points {_percent(after)}"]
     if options.complete:
         needed = found["needed_at_least"]
         lines.append(SMALLEST if found["optimal"] else f"No fewer than {needed} points complete it.")
@@ -131,7 +151,7 @@ def plan(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
         progress(min(999, int(1000 * share)), 1000, f"{size} points, at least {bound} needed")
 
     effort = Effort((options.seconds or None) if options.effort == "polish" else None, told)
-    array = certified_array(space.constraints, options.strength, seeds=seeds, seed=options.seed, effort=effort)
+    array = certified_array(space.constraints, Mixed(options.strength, space.extras), seeds=seeds, seed=options.seed, effort=effort)
     progress(1000, 1000, f"{array.size} points")
     if options.output:
         write_points(options.output, space, array.rows)
@@ -146,7 +166,7 @@ def plan(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
         "seconds": round(time.monotonic() - started, 3),
     }
     sure = "this is the smallest possible number" if found["optimal"] else f"no plan has fewer than {array.lower_bound}"
-    return found, f"{array.size} points cover all {array.cells:,} feasible combinations of {options.strength} conditions; {sure}."
+    return found, f"{array.size} points cover all {array.cells:,} feasible combinations of {_combined(space, options.strength)}; {sure}."
 
 
 def verify(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
@@ -154,7 +174,7 @@ def verify(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]
     space = _read_space(options, "strength")
     table = read_points(options.points, space)
     rows = table.complete()
-    checked = verify_rows(rows, space.constraints, options.strength, progress)
+    checked = verify_rows(rows, space.constraints, Mixed(options.strength, space.extras), progress)
     broken = [
         f"row {row + 1} breaks the constraint '{space.clause(clause)}': {_row_text(space, rows[row])}" for row, clause in checked.broken
     ]
@@ -171,7 +191,8 @@ def verify(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]
         "missing": missing,
     }
     if checked.valid:
-        return found, f"valid: {checked.rows} points cover all {checked.cells:,} feasible combinations of {options.strength} conditions"
+        combined = _combined(space, options.strength)
+        return found, f"valid: {checked.rows} points cover all {checked.cells:,} feasible combinations of {combined}"
     lines = [f"not valid: {line}" for line in broken[:SHOWN]]
     if missing:
         lines.append(f"not valid: {len(checked.missing):,} of {checked.cells:,} feasible combinations are missing, among them")
@@ -196,10 +217,36 @@ def _read_space(options: argparse.Namespace, option: str) -> Space:
         raise InputError(f"--{option} must be in [1, {len(space)}], the number of conditions; got {k}")
     if options.verb == "plan" and k > STRONGEST:
         raise InputError(f"--strength must be in [1, {STRONGEST}], got {k}")
-    cells = comb(len(space), k) * float(np.exp(k * np.mean(np.log(np.sort(space.sizes)[::-1].astype(float)))))
-    if cells > MOST_CELLS:
+    if (cells := _cells(space.sizes, k)) > MOST_CELLS:
         raise InputError(f"--{option} = {k}: about {cells:.2g} cells are more than the {MOST_CELLS:.0e} that fit; choose a smaller one")
+    _check_extras(options.space, space)
     return space
+
+
+def _cells(sizes: Sequence[int], k: int) -> float:
+    """About how many cells the planes of k conditions have."""
+    return comb(len(sizes), k) * float(np.exp(k * np.mean(np.log(np.asarray(sizes, float)))))
+
+
+def _check_extras(path: Path, space: Space) -> None:
+    """InputError if named planes or single combinations have too many cells."""
+    parts = [(f"planes.{named.name}", named.variables, named.strength) for named in space.extras.planes]
+    single = space.extras.combinations
+    parts += [(f"combinations[{i}]", one.variables, len(one.variables)) for i, one in enumerate(single, start=1)]
+    for key, variables, strength in parts:
+        if (cells := _cells([space.sizes[v] for v in variables], strength)) > MOST_CELLS:
+            raise InputError(f"{path}: {key}: about {cells:.2g} cells are more than the {MOST_CELLS:.0e} that fit; choose fewer conditions")
+
+
+def _combined(space: Space, strength: int) -> str:
+    """What a plan combines, in words."""
+    single = len(space.extras.combinations)
+    parts = [f"{strength} conditions", *(f"{named.strength} of {named.name}" for named in space.extras.planes)]
+    return " and of ".join(parts) + (f", and {single} more" if single else "")
+
+
+def _with(space: Space) -> str:
+    return " with named planes and combinations" if space.extras else ""
 
 
 def _total(path: Path, every: Iterable[Plane]) -> Coverage:
@@ -243,6 +290,8 @@ def _score_text(found: Found, space: Space) -> str:
         [["k", "covered", "wanted", "coverage"]]
         + [[str(x["k"]), f"{x['numerator']:,}", f"{x['denominator']:,}", f"{100 * x['coverage']:.2f} %"] for x in found["by_k"]]
     )
+    if space.extras:
+        lines += ["", *_extras_text(found)]
     least = sorted((p for p in found["planes"] if p["coverage"] is not None), key=lambda p: p["coverage"])[:SHOWN]
     lines += ["", f"Least covered of {len(found['planes'])} planes"]
     lines += _table(
@@ -258,6 +307,14 @@ def _score_text(found: Found, space: Space) -> str:
         lines += _points_table(found["next"])
     lines += [f"drawn: {path}" for path in found.get("figures", ())]
     return "\n".join(lines)
+
+
+def _extras_text(found: Found) -> list[str]:
+    named = [[f"{x['name']}: {x['strength']} of {' × '.join(x['conditions'])}", x] for x in found["named_planes"]]
+    rows = [[name, f"{x['numerator']:,}", f"{x['denominator']:,}"] for name, x in named]
+    rows += [[_cell_text(x["of"]), f"{min(x['points'], x['weight']):,}", f"{x['weight']:,}"] for x in found["combinations"]]
+    whole = f"{found['numerator']:,}/{found['denominator']:,} = {100 * found['coverage']:.2f} %"
+    return [*_table([["named planes and combinations", "covered", "wanted"], *rows]), f"k = {found['k']} with these: {whole}"]
 
 
 def _table(rows: list[list[str]]) -> list[str]:

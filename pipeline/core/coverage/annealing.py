@@ -133,7 +133,7 @@ def seed_kernels(seed: int) -> None:
 @njit(cache=True)  # type: ignore[untyped-decorator]
 def best_row(grid: Grid, starts: Int32s, worth: Int32s, held: Bools, sweeps: int) -> Int32s:
     """See `Problem.best_row`."""
-    n, planes, best_gain = starts.shape[1], grid.lines.step.shape[1], -1
+    n, best_gain = starts.shape[1], -1
     best = starts[0].copy()
     for start in starts:
         row = start.copy()
@@ -145,9 +145,11 @@ def best_row(grid: Grid, starts: Int32s, worth: Int32s, held: Bools, sweeps: int
             if not changed:
                 break
         gain = 0
-        for column in range(n):
-            for q in range(planes):
-                gain += worth[_line_of(grid.lines, row, column, q) + row[column] * grid.lines.step[column, q]]
+        for plane in range(len(grid.planes)):
+            cell = grid.first[plane]
+            for position in range(grid.planes.shape[1]):
+                cell += row[grid.planes[plane, position]] * grid.stride[plane, position]
+            gain += worth[cell]
         if gain > best_gain:
             best_gain = gain
             best[:] = row

@@ -14,13 +14,12 @@ import numpy as np
 from pipeline.core.constraints import Bools, Constraints
 from pipeline.core.coverage.annealing import Int32s
 from pipeline.core.coverage.constructions import FREE, cyclic, factorial, orthogonal
+from pipeline.core.coverage.mixed import STRONGEST, Mixed, NamedPlanes, all_planes, copy_for
 from pipeline.core.coverage.problem import Problem, feasible_row, lay_out
 from pipeline.core.space import Ints
 
 Progress = Callable[[float, int, int], None]
 """Called with the share done (of the cells; when polishing, of the time), the current size and the lower bound."""
-STRONGEST = 6
-"""Largest strength."""
 CANDIDATES = 16
 SWEEPS = 5
 QUICK_OPERATIONS = 3e8
@@ -57,7 +56,7 @@ QUICK = Effort()
 
 @dataclass(frozen=True)
 class CoveringArray:
-    """rows: (n, d) category indices. cells: number of feasible cells, all covered. lower_bound: no array has fewer rows."""
+    """rows: (n, d) category indices. cells: number of feasible cells that are wanted, all covered. lower_bound: no array has fewer rows."""
 
     rows: Ints
     strength: int
@@ -70,34 +69,35 @@ class CoveringArray:
 
 
 def covering_array(
-    constraints: Constraints, strength: int = 2, *, seeds: Ints | None = None, seed: int = 0, effort: Effort = QUICK
+    constraints: Constraints, strength: int | Mixed = 2, *, seeds: Ints | None = None, seed: int = 0, effort: Effort = QUICK
 ) -> CoveringArray:
     """A covering array over the variables of `constraints`.
 
-    strength: t, 1 to 6. seeds: (m, d) rows that the array starts with.
+    strength: t, 1 to 6, alone or with more planes. seeds: (m, d) rows that the array starts with.
 
     Raises ValueError for contradictory constraints, an infeasible seed row and a strength out of range.
     """
-    # A copy: a SAT solver's answers depend on earlier queries, and the same arguments must give the same rows.
-    limits = Constraints(constraints.sizes, constraints.clauses)
-    sizes = limits.sizes
-    if not 1 <= strength <= min(STRONGEST, len(sizes)):
-        raise ValueError(f"strength must be in [1, {min(STRONGEST, len(sizes))}], got {strength}")
+    sizes, mixed = constraints.sizes, Mixed(strength) if isinstance(strength, int) else strength
+    if not 1 <= mixed.strength <= min(STRONGEST, len(sizes)):
+        raise ValueError(f"strength must be in [1, {min(STRONGEST, len(sizes))}], got {mixed.strength}")
+    planes = all_planes(len(sizes), mixed)
+    limits = copy_for(constraints, planes)
     if not limits.satisfiable({}):
         raise ValueError(f"clauses {', '.join(map(str, limits.contradiction()))} contradict each other: no row is feasible")
     given = np.zeros((0, len(sizes)), np.int32) if seeds is None else np.asarray(seeds, np.int32)
     if (given < 0).any():
         raise ValueError("seed rows need a category of each variable")
+    given = np.pad(given, ((0, 0), (0, len(limits.sizes) - len(sizes))))
     if broken := limits.first_broken(given.astype(np.int64)):
         raise ValueError(f"seed row {broken[0]} breaks clause {broken[1]}")
     started = time.monotonic()
-    bound = lower_bound(sizes, strength, limits)
+    bound = max([lower_bound(sizes, mixed.strength, limits), *(_bound_of(named, limits) for named in mixed.extras.planes)])
 
     def covering(share: float, size: int) -> None:
         if effort.progress is not None:
             effort.progress(share if effort.polish_s is None else 0.0, size, bound)
 
-    search = _Search(lay_out(limits, strength), limits, given, np.random.default_rng(seed), covering)
+    search = _Search(lay_out(limits, planes), limits, given, np.random.default_rng(seed), covering)
     # Besides the seed rows, the array needs a row for each uncovered cell of the emptiest plane.
     left = np.add.reduceat(search.problem.counts(given) == 0, search.problem.first, dtype=np.int64)
     bound = max(bound, len(given) + int(left.max()))
@@ -106,7 +106,13 @@ def covering_array(
         rows = search.shorten(rows, bound, operations=QUICK_OPERATIONS)
     else:
         rows = search.polish(rows, bound, started, effort.polish_s, effort.progress)
-    return CoveringArray(rows.astype(np.int64), strength, int(search.problem.feasible.sum()), min(bound, len(rows)))
+    rows = rows[:, : len(sizes)]
+    return CoveringArray(rows.astype(np.int64), mixed.strength, int(search.problem.required.sum()), min(bound, len(rows)))
+
+
+def _bound_of(named: NamedPlanes, constraints: Constraints) -> int:
+    """A lower bound of the rows that named planes need; 0 with constraints, where the emptiest plane decides."""
+    return 0 if constraints.clauses else lower_bound([constraints.sizes[v] for v in named.variables], named.strength)
 
 
 def lower_bound(sizes: Sequence[int], strength: int, constraints: Constraints | None = None) -> int:

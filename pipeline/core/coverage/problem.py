@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 
 from pipeline.core.constraints import Bools, Constraints
 from pipeline.core.coverage import annealing
 from pipeline.core.coverage.annealing import Clauses, Cooling, Grid, Int32s, Lines
+from pipeline.core.coverage.mixed import Planes, filled_up
 from pipeline.core.space import Ints
 
 INFEASIBLE = np.int32(1 << 30)
-"""Count of a cell that no feasible point reaches, so it is never uncovered."""
+"""Count of a cell that no feasible point reaches or that is not wanted, so it is never uncovered."""
 
 
 @dataclass(frozen=True)
 class Problem:
-    """What must be covered. grid: the cells of all planes. feasible: (cells,) whether some row reaches each."""
+    """What must be covered. grid: the cells of all planes. required: (cells,) those that some row reaches and that are wanted.
+
+    If planes have different sizes, the last column has one category. It fills up the smaller planes, and the last plane is its own; that
+    is never required.
+    """
 
     grid: Grid
-    feasible: Bools
+    required: Bools
 
     @property
     def sizes(self) -> Int32s:
@@ -30,7 +34,7 @@ class Problem:
 
     @property
     def strength(self) -> int:
-        """t, the columns of a plane."""
+        """t, the columns of the largest plane."""
         return int(self.grid.planes.shape[1])
 
     @property
@@ -45,8 +49,8 @@ class Problem:
         return float(np.diff(clauses.literal_start)[clauses.of].sum()) / len(self.sizes) if len(clauses.of) else 0.0
 
     def counts(self, rows: Int32s) -> Int32s:
-        """Number of rows in each cell, (cells,); `INFEASIBLE` if no row can reach it."""
-        counts = np.where(self.feasible, np.int32(0), INFEASIBLE)
+        """Number of rows in each cell, (cells,); `INFEASIBLE` if it is not required."""
+        counts = np.where(self.required, np.int32(0), INFEASIBLE)
         self.count(rows, counts)
         return counts
 
@@ -85,29 +89,46 @@ class Problem:
         return self.grid.planes[plane], categories
 
 
-def lay_out(constraints: Constraints, strength: int) -> Problem:
-    """Lay a problem out for the kernels."""
-    n = len(constraints.sizes)
+def lay_out(constraints: Constraints, planes: Planes) -> Problem:
+    """Lay a problem out for the kernels. constraints: as `copy_for` makes them for the planes."""
+    n, idle = len(constraints.sizes), len(constraints.sizes) - 1
     size = np.array(constraints.sizes, np.int32)
-    planes = np.array(list(combinations(range(n), strength)), np.int32).reshape(-1, strength)
-    shape = size[planes]
+    columns = filled_up(planes, idle)
+    if mixed := len(set(map(len, planes))) > 1:
+        columns.append((idle,) * len(columns[0]))
+    listed = np.array(columns, np.int32)
+    shape = size[listed]
     stride = np.ones_like(shape)
-    for position in range(strength - 2, -1, -1):
+    for position in range(shape.shape[1] - 2, -1, -1):
         stride[:, position] = stride[:, position + 1] * shape[:, position + 1]
     first = np.concatenate([[0], np.cumsum(np.prod(shape, axis=1, dtype=np.int64))])
-    feasible = np.ones(int(first[-1]), bool)
-    if constraints.clauses:
-        for index, plane in enumerate(planes.tolist()):
-            if not constraints.named.isdisjoint(plane):
-                feasible[first[index] : first[index + 1]] = constraints.feasible_cells(plane).ravel()
-    of_column = [np.argwhere(planes == column) for column in range(n)]
+    required = np.ones(int(first[-1]), bool)
+    for index, (plane, wanted) in enumerate(planes.items()):
+        cells = required[first[index] : first[index + 1]]
+        if not constraints.named.isdisjoint(plane):
+            cells[:] = constraints.feasible_cells(plane).ravel()
+        if wanted is not None:
+            cells &= np.isin(np.arange(len(cells)), [np.dot(cell, stride[index, : len(plane)]) for cell in wanted])
+    required[first[-2] :] &= not mixed
+    lines = _lines(listed, first, stride, (n, idle if mixed else n))
+    return Problem(Grid(size, listed, first[:-1], stride, lines, _clauses(n, constraints)), required)
+
+
+def _lines(planes: Int32s, first: Ints, stride: Int32s, columns: tuple[int, int]) -> Lines:
+    """columns: their number, and that of those that can change. A column with fewer planes than others also has lines of one cell, that of
+    the last plane."""
+    strength, last, (count, changing) = planes.shape[1], len(planes) - 1, columns
+    of_column = [np.argwhere(planes == column) for column in range(changing)]
     others = [[position for position in range(strength) if position != own] for own in range(strength)]
-    base = np.array([first[found[:, 0]] for found in of_column], np.int32)
-    step = np.array([stride[found[:, 0], found[:, 1]] for found in of_column], np.int32)
-    other = np.array([[planes[plane, others[own]] for plane, own in found] for found in of_column], np.int32)
-    other_step = np.array([[stride[plane, others[own]] for plane, own in found] for found in of_column], np.int32)
-    grid = Grid(size, planes, first[:-1], stride, Lines(base, step, other, other_step), _clauses(n, constraints))
-    return Problem(grid, feasible)
+    shape = (count, max(map(len, of_column)))
+    base, step = np.full(shape, first[last], np.int32), np.zeros(shape, np.int32)
+    other = np.full((*shape, strength - 1), planes[last, 0], np.int32)
+    other_step = np.zeros((*shape, strength - 1), np.int32)
+    for column, found in enumerate(of_column):
+        for q, (plane, own) in enumerate(found):
+            base[column, q], step[column, q] = first[plane], stride[plane, own]
+            other[column, q], other_step[column, q] = planes[plane, others[own]], stride[plane, others[own]]
+    return Lines(base, step, other, other_step)
 
 
 def feasible_row(constraints: Constraints, columns: Int32s, categories: Int32s, rng: np.random.Generator) -> Int32s:

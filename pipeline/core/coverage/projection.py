@@ -12,9 +12,12 @@ from numpy.typing import ArrayLike
 
 from pipeline.core.constraints import Bools, Constraints
 from pipeline.core.coverage.counting import CellCounts
+from pipeline.core.coverage.mixed import NOTHING, Extras, Mixed, all_planes
+from pipeline.core.coverage.plane_counts import PlaneCounts
 from pipeline.core.variable import HEAVIEST, Ints
 
 Combine = Literal["product", "sum", "max"]
+Counts = CellCounts | PlaneCounts
 _COMBINE = {"product": np.multiply, "sum": np.add, "max": np.maximum}
 
 
@@ -23,13 +26,14 @@ class Demand:
     """What full coverage wants: points in every cell of every `k` variables that a feasible point reaches.
 
     constraints: what is feasible, over all d variables. k: 1 to d. weights: for each variable its (size,) whole numbers of wanted points, 1
-    each by default; a cell wants the product, sum or maximum of its categories' weights.
+    each by default; a cell wants the product, sum or maximum of its categories' weights. extras: more planes, and weights of single cells.
     """
 
     constraints: Constraints
     k: int
     weights: Sequence[ArrayLike] | None = None
     combine: Combine = "product"
+    extras: Extras = NOTHING
 
     def __post_init__(self) -> None:
         if not 1 <= self.k <= len(self.sizes):
@@ -40,6 +44,27 @@ class Demand:
     def sizes(self) -> tuple[int, ...]:
         """Number of categories of each variable."""
         return self.constraints.sizes
+
+    @property
+    def mixed(self) -> Mixed:
+        """What is combined."""
+        return Mixed(self.k, self.extras)
+
+    def counts(self) -> Counts:
+        """Counts of no points yet, over its planes."""
+        return PlaneCounts(self.sizes, self.mixed) if self.extras else CellCounts(self.sizes, self.k)
+
+    def weights_of(self, planes: Iterable[tuple[int, ...]]) -> Iterator[Ints]:
+        """The weights of the cells of some of its planes, feasible or not, shaped by the sizes of their variables."""
+        arrays, single, of_extras = self.weight_arrays(), self.extras.weights(), all_planes(len(self.sizes), self.mixed)
+        for plane in planes:
+            whole = of_extras[plane] is None
+            shape = [self.sizes[variable] for variable in plane]
+            weights = reduce(_COMBINE[self.combine].outer, [arrays[v] for v in plane]) if whole else np.zeros(shape, np.int64)
+            if own := single.get(plane):
+                weights = weights.copy()
+                weights[tuple(np.transpose(list(own)))] = list(own.values())
+            yield weights
 
     def weight_arrays(self) -> list[Ints]:
         """The weights of each variable's categories."""
@@ -94,16 +119,15 @@ def projection_coverage(categories: Ints, demand: Demand) -> Coverage:
     Raises ValueError for an infeasible point, an index out of range, and if the feasible cells want no points at all.
     """
     check_points(categories, demand.constraints)
-    counts = CellCounts(demand.sizes, demand.k)
+    counts = demand.counts()
     counts.add(categories)
     return total(planes(counts, demand))
 
 
-def planes(counts: CellCounts, demand: Demand) -> Iterator[Plane]:
-    """Every plane with its counts, weights and feasible cells. counts: over the sizes of the demand."""
-    wanted, constraints = demand.weight_arrays(), demand.constraints
-    for chosen, cells in counts:
-        plane = reduce(_COMBINE[demand.combine].outer, (wanted[variable] for variable in chosen))
+def planes(counts: Counts, demand: Demand) -> Iterator[Plane]:
+    """Every plane with its counts, weights and feasible cells. counts: over the planes of the demand."""
+    constraints, every = demand.constraints, list(counts)
+    for (chosen, cells), plane in zip(every, demand.weights_of(chosen for chosen, _ in every), strict=True):
         feasible = np.ones(cells.shape, dtype=bool)
         if not constraints.named.isdisjoint(chosen):
             feasible = constraints.feasible_cells(chosen)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,9 +14,9 @@ from pipeline.core.constraints import Constraints
 from pipeline.core.coverage.annealing import Int32s
 from pipeline.core.coverage.arrays import covering_array
 from pipeline.core.coverage.completion import Completion, Task, bound_of_part, whole_programme
-from pipeline.core.coverage.counting import CellCounts
+from pipeline.core.coverage.mixed import all_planes, copy_for
 from pipeline.core.coverage.problem import INFEASIBLE, feasible_row, lay_out
-from pipeline.core.coverage.projection import Demand, check_points, planes
+from pipeline.core.coverage.projection import Demand, check_points
 from pipeline.core.variable import Ints
 
 STARTS, SWEEPS = 64, 10
@@ -46,19 +46,25 @@ class Proposer:
     """
 
     def __init__(self, demand: Demand, *, heavy_first: bool = False, seed: int = 0) -> None:
-        # A copy: a SAT solver's answers depend on earlier queries, and the same arguments must give the same points.
-        constraints = Constraints(demand.sizes, demand.constraints.clauses)
-        self._constraints, self._k = constraints, demand.k
-        self._problem = lay_out(constraints, demand.k)
-        nothing = CellCounts(constraints.sizes, demand.k)
-        self._wanted = np.concatenate([plane.wanted.ravel() for plane in planes(nothing, replace(demand, constraints=constraints))])
+        planes = all_planes(len(demand.sizes), demand.mixed)
+        self._demand, self._constraints = demand, copy_for(demand.constraints, planes)
+        self._problem = lay_out(self._constraints, planes)
+        self._wanted = self._problem.required * self._filled_up(np.concatenate([cells.ravel() for cells in demand.weights_of(planes)]))
         self._heavy_first, self._rng = heavy_first, np.random.default_rng(seed)
 
     def missing(self, points: Ints) -> Ints:
         """Number of points that each cell still wants, (cells,)."""
-        counts = CellCounts(self._constraints.sizes, self._k)
+        counts = self._demand.counts()
         counts.add(points)
-        return np.asarray(np.maximum(0, self._wanted - counts.flat), np.int64)
+        return np.asarray(np.maximum(0, self._wanted - self._filled_up(counts.flat)), np.int64)
+
+    def _filled_up(self, cells: Ints) -> Ints:
+        """Numbers of the cells of the demand, and of the plane that fills up the problem, if it has one."""
+        return np.pad(cells, (0, len(self._problem.required) - len(cells)))
+
+    def _points(self, rows: ArrayLike) -> Ints:
+        """Rows of the problem without the column that fills it up, if it has one."""
+        return np.asarray(rows, np.int64)[:, : len(self._demand.sizes)]
 
     def propose(self, points: Ints, count: int = 1) -> Proposal | None:
         """Propose `count` points by coordinate ascent from many starts, one after the other, then improved together; None if nothing is
@@ -66,7 +72,7 @@ class Proposer:
 
         points: (n, d) existing points, n may be 0. Takes milliseconds; `gain` is rarely below the optimum, `bound` limits by how much.
         """
-        check_points(points, self._constraints)
+        check_points(points, self._demand.constraints)
         missing = self.missing(points)
         return self._proposed(missing, count) if missing.any() else None
 
@@ -83,12 +89,12 @@ class Proposer:
             changed = self._changed_together(missing, rows)
             if (other := self._gain(missing, changed)) > gain:
                 rows, gain = changed, other
-        return Proposal(rows.astype(np.int64), gain, bound)
+        return Proposal(self._points(rows), gain, bound)
 
     def propose_exact(self, points: Ints, count: int = 1, time_limit_s: float = TIME_LIMIT_S) -> Proposal | None:
         """Propose `count` points together by 0-1 programming with HiGHS: the optimum, or at the time limit the best solution and a
         bound."""
-        check_points(points, self._constraints)
+        check_points(points, self._demand.constraints)
         missing = self.missing(points)
         if not missing.any():
             return None
@@ -98,7 +104,7 @@ class Proposer:
         found, bound = _solve(self._wanting(missing), self._constraints, count, time_limit_s)
         best = min(quick.bound, bound)
         if found is not None and (gain := self._gain(missing, found)) > quick.gain:
-            return Proposal(found.astype(np.int64), gain, max(gain, best))
+            return Proposal(self._points(found), gain, max(gain, best))
         return Proposal(quick.categories, quick.gain, max(quick.gain, best))
 
     def complete(self, points: Ints, exact: bool = False) -> Iterator[Proposal]:
@@ -117,9 +123,9 @@ class Proposer:
 
         Without constraints they are always the fewest for k = 1, because conditions are independent (Algorithm 1, Proposition 6).
         """
-        check_points(points, self._constraints)
+        check_points(points, self._demand.constraints)
         missing = self.missing(points)
-        if self._k == 1 and not self._constraints.clauses:
+        if self._demand.k == 1 and not self._demand.extras and not self._constraints.clauses:
             rows = self._each_condition_alone(missing)
             return Completion(rows, len(rows))
         task = Task(self._constraints, self._problem, missing)
@@ -129,13 +135,13 @@ class Proposer:
             return Completion(found.categories, bound_of_part(task, found.bound, len(found.categories)))
         found = self._one_by_one(points)
         fewer, bound = programme.solve(found.bound, len(found.categories) - 1)
-        found = Completion(found.categories if fewer is None else fewer, bound)
+        found = Completion(found.categories if fewer is None else self._points(fewer), bound)
         return found if found.smallest else found.better(self._quick_completion(points))
 
     def _quick_completion(self, points: Ints) -> Completion:
-        if self._wanted.max() > 1 or not self._wanted[self._problem.feasible].all() or (points < 0).any():
+        if self._wanted.max() > 1 or not self._wanted[self._problem.required].all() or (points < 0).any():
             return self._one_by_one(points)
-        array = covering_array(self._constraints, self._k, seeds=points, seed=int(self._rng.integers(2**31)))
+        array = covering_array(self._demand.constraints, self._demand.mixed, seeds=points, seed=int(self._rng.integers(2**31)))
         return Completion(array.rows[len(points) :], array.lower_bound - len(points))
 
     def _one_by_one(self, points: Ints) -> Completion:

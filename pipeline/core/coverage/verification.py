@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from itertools import combinations, product
+from itertools import product
 
 from pipeline.core.constraints import Clause, Constraints, Literal
+from pipeline.core.coverage.mixed import Mixed, all_planes
 from pipeline.core.variable import Ints
 
 
@@ -26,8 +27,8 @@ class Verification:
         return not self.broken and not self.missing
 
 
-def verify(rows: Ints, constraints: Constraints, strength: int, progress: Callable[[int, int], None] | None = None) -> Verification:
-    """Check (n, d) category indices against every plane of `strength` variables."""
+def verify(rows: Ints, constraints: Constraints, strength: int | Mixed, progress: Callable[[int, int], None] | None = None) -> Verification:
+    """Check (n, d) category indices against every plane of `strength` variables, and against more planes of a mixed strength."""
     listed = [tuple(int(category) for category in row) for row in rows]
     broken = [
         (i, j)
@@ -38,10 +39,10 @@ def verify(rows: Ints, constraints: Constraints, strength: int, progress: Callab
     out = {row for row, _ in broken}
     feasible = [row for i, row in enumerate(listed) if i not in out]
     missing, cells, infeasible = [], 0, 0
-    planes = list(combinations(range(len(constraints.sizes)), strength))
-    for done, plane in enumerate(planes):
+    planes = all_planes(len(constraints.sizes), Mixed(strength) if isinstance(strength, int) else strength)
+    for done, (plane, wanted) in enumerate(planes.items()):
         seen = {tuple(row[v] for v in plane) for row in feasible}
-        for cell in product(*(range(constraints.sizes[v]) for v in plane)):
+        for cell in product(*(range(constraints.sizes[v]) for v in plane)) if wanted is None else sorted(wanted):
             if cell in seen or _feasible(constraints, dict(zip(plane, cell, strict=True))):
                 cells += 1
                 if cell not in seen:
