@@ -240,9 +240,9 @@ def _check_extras(path: Path, space: Space) -> None:
 
 def _combined(space: Space, strength: int) -> str:
     """What a plan combines, in words."""
+    *parts, last = f"{strength} conditions", *(f"{named.strength} of {named.name}" for named in space.extras.planes)
     single = len(space.extras.combinations)
-    parts = [f"{strength} conditions", *(f"{named.strength} of {named.name}" for named in space.extras.planes)]
-    return " and of ".join(parts) + (f", and {single} more" if single else "")
+    return (f"{', '.join(parts)} and " if parts else "") + last + (f", and {single} single ones" if single else "")
 
 
 def _with(space: Space) -> str:

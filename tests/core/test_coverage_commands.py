@@ -145,6 +145,51 @@ def test_a_plan_is_valid_and_its_table_reads_back(strength: int, folder: Path, c
     assert said(capsys, "verify", "--space", space, "--points", shorter, "--strength", strength, code=1)["missing_cells"] > 0
 
 
+MIXED = """planes:
+  sight: {conditions: [weather, fog, lanes]}
+combinations:
+  - {of: {weather: rainy, lanes: 2}, weight: 4}
+  - {of: {fog: "[50, 100]", weather: cloudy, current_lane: 2}}
+"""
+
+
+def test_named_planes_and_combinations_count_in_every_command(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    space, points, plan = folder / "space.yaml", folder / "points.csv", folder / "plan.csv"
+    pairs = said(capsys, "plan", "--space", space, "--output", plan)
+    space.write_text(SPACE + MIXED)
+    found = said(capsys, "score", "--space", space, "--points", points)
+    # Of the pairs, one cell wants four points instead of one; the plane of three has 12 cells, the last combination is a plane of its own.
+    assert [row["denominator"] for row in found["by_k"]] == [9, 32] and (found["numerator"], found["denominator"]) == (17 + 3, 32 + 12 + 1)
+    assert found["named_planes"][0] | {"coverage": 0} == {
+        "name": "sight", "conditions": ["weather", "fog", "lanes"], "strength": 3, "numerator": 3, "denominator": 12, "coverage": 0,
+    }  # fmt: skip
+    assert [(one["weight"], one["points"]) for one in found["combinations"]] == [(4, 1), (1, 0)]
+    assert said(capsys, "verify", "--space", space, "--points", plan, code=1)["missing_cells"] > 0
+    mixed = said(capsys, "plan", "--space", space, "--output", plan)
+    assert mixed["cells"] == 29 + 12 + 1 and mixed["optimal"] and mixed["size"] == 12 > pairs["size"]
+    checked = said(capsys, "verify", "--space", space, "--points", plan)
+    assert checked["valid"] and checked["cells"] == mixed["cells"]
+    completed = said(capsys, "propose", "--space", space, "--points", points, "--complete")
+    assert completed["before"]["numerator"] == 20 and completed["after"]["coverage"] == 1
+    assert main(["coverage", "plan", "--space", str(space)]) == 0
+    assert "12 points cover all 42 feasible combinations of 2 conditions and 3 of sight, and 2 single ones;" in capsys.readouterr().out
+    assert main(["coverage", "score", "--space", str(space), "--points", str(points)]) == 0
+    text = capsys.readouterr().out
+    assert "sight: 3 of weather × fog × lanes" in text and "k = 2 with these: 20/45 = 44.44 %" in text
+
+
+def test_planes_with_too_many_cells_are_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    names, values = "abcdef", ", ".join(map(str, range(100)))
+    head = "variables: {" + ", ".join(f"{name}: {{values: [{values}]}}" for name in names) + "}\n"
+    for extra, key in (
+        ("planes: {all: {conditions: [a, b, c, d, e, f]}}", "planes.all"),
+        ("combinations: [{of: {a: 1, b: 1, c: 1, d: 1, e: 1, f: 1}}]", "combinations[1]"),
+    ):
+        (folder / "wide.yaml").write_text(head + extra)
+        assert main(["coverage", "plan", "--space", str(folder / "wide.yaml")]) == 2
+        assert f"wide.yaml: {key}: about 1e+12 cells are more than the 2e+08 that fit" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [

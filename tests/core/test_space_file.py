@@ -11,6 +11,7 @@ import pytest
 from pipeline.artefacts.point_table import read_points
 from pipeline.artefacts.space_file import read_space_file
 from pipeline.artefacts.table_categories import categories_of
+from pipeline.core.coverage.mixed import Combination, NamedPlanes
 from pipeline.core.space import Space, Variable
 from pipeline.errors import InputError
 
@@ -110,6 +111,53 @@ def test_tables_may_spell_numbers_and_truth_values_differently() -> None:
 def test_a_wrong_space_file_is_named(change: tuple[str, str], message: str, tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         space_of(tmp_path, GOOD.replace(*change, 1))
+    assert message in str(caught.value) and "space.yaml" in str(caught.value)
+
+
+PLANES = """
+planes:
+  sight: {conditions: [fog, weather, night], strength: 2}
+  road: {conditions: [lanes, current_lane]}
+combinations:
+  - {of: {night: true, weather: rainy}, weight: 5}
+  - {of: {fog: "[80, 100]"}}
+"""
+
+
+def test_a_space_file_names_planes_and_weighs_combinations(tmp_path: Path) -> None:
+    extras = space_of(tmp_path, GOOD + PLANES).extras
+    assert extras.planes == (NamedPlanes("sight", (0, 1, 5), 2), NamedPlanes("road", (3, 4), 2))
+    assert extras.combinations == (Combination((0, 5), (2, 1), 5), Combination((1,), (3,), 1))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("planes:\n", "planes: [sight]\nx:\n"), "unknown key 'x'; known are combinations, constraints, planes, variables"),
+        (("sight: {conditions", "sight: {condition"), "unknown key 'planes.sight.condition'; did you mean 'conditions'?"),
+        (("sight: {conditions: [fog, weather, night], strength: 2}", "sight: [fog, night]"),
+         "planes.sight: expected an entry such as {conditions: [weather, light, road], strength: 3}, got [fog, night]"),
+        (("[fog, weather, night]", "[fogg, weather]"), "planes.sight.conditions: there is no condition fogg; did you mean 'fog'?"),
+        (("[fog, weather, night]", "[fog, night, fog]"), "planes.sight.conditions: 'fog' appears twice"),
+        (("[fog, weather, night]", "fog"), "planes.sight.conditions: expected a list of conditions, got fog"),
+        (("strength: 2", "strength: 4"), "planes.sight.strength: expected a whole number from 1 to 3, got 4"),
+        (("strength: 2", "strength: two"), "planes.sight.strength: expected a whole number from 1 to 3, got two"),
+        (("  road:", "  null:"), "planes: expected a name for each entry, got null; put it in quotes"),
+        (("weather: rainy}", "weather: rany}"), "combinations[1].of.weather: there is no category rany; did you mean 'rainy'?"),
+        (("{of: {night", "{of: {nigth"), "combinations[1].of: there is no condition nigth; did you mean 'night'?"),
+        (("weight: 5", "weight: 1001"), "combinations[1].weight: expected a whole number from 0 to 1000, got 1001"),
+        (("weight: 5", "weigh: 5"), "unknown key 'combinations[1].weigh'; did you mean 'weight'?"),
+        (('{of: {fog: "[80, 100]"}}', "{of: {}}"), "combinations[2].of: expected a category for each of 1 to 6 conditions, got {}"),
+        (('{of: {fog: "[80, 100]"}}', "rainy"), "combinations[2]: expected an entry such as {of: {weather: rainy, light: night},"),
+        (('{of: {fog: "[80, 100]"}}', "{of: {weather: rainy, night: true}}"),
+         "combinations[2]: {'night': 'true', 'weather': 'rainy'} appears twice"),
+        (('{of: {fog: "[80, 100]"}}', "{of: {lanes: 1, current_lane: 2}}"),
+         "combinations: the constraints leave no point with lanes = 1, current_lane = 2"),
+    ],
+)  # fmt: skip
+def test_wrong_planes_and_combinations_are_named(change: tuple[str, str], message: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        space_of(tmp_path, GOOD + PLANES.replace(*change, 1))
     assert message in str(caught.value) and "space.yaml" in str(caught.value)
 
 
