@@ -78,14 +78,29 @@ def _left_out(space: Space, kind: str) -> list[str]:
             missing.append(f"the weights of 0 of {variable.name}")
         if kind != "space" and variable.kind != "categorical":
             missing.append(f"that {variable.name} is a number; its parts become names such as {category_names(variable)[0]}")
+    if kind != "space":
+        missing += [f"the named planes {named.name}" for named in space.extras.planes]
+        missing += ["the single combinations"] if space.extras.combinations else []
     return missing
 
 
 def _space_file(space: Space) -> str:
     plain: dict[str, Any] = {"variables": {variable.name: _body(variable) for variable in space.variables}}
     if space.clauses:
-        plain["constraints"] = [list(clause) for clause in space.clauses]
+        plain["constraints"] = [clause if isinstance(clause, str) else list(clause) for clause in space.clauses]
+    plain |= _extras(space)
     return str(yaml.safe_dump(plain, sort_keys=False, allow_unicode=True, default_flow_style=None, width=140))
+
+
+def _extras(space: Space) -> dict[str, Any]:
+    """The keys `planes` and `combinations` of a space file."""
+    named = {one.name: {"conditions": [space.names[v] for v in one.variables], "strength": one.strength} for one in space.extras.planes}
+    labels = [variable.labels for variable in space.variables]
+    single = [
+        {"of": {space.names[v]: labels[v][c] for v, c in zip(one.variables, one.categories, strict=True)}, "weight": one.weight}
+        for one in space.extras.combinations
+    ]
+    return {**({"planes": named} if named else {}), **({"combinations": single} if single else {})}
 
 
 def _body(variable: Variable) -> dict[str, Any]:
