@@ -32,6 +32,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     plan = _verb(verbs, "plan", "A covering array: few points with every combination of categories of any conditions.")
     plan.add_argument("--strength", type=int, default=2, help="number of conditions to combine, 1 to 6 (default: %(default)s)")
     plan.add_argument("--effort", choices=("quick", "polish"), default="quick", help="polish searches for --seconds (default: %(default)s)")
+    plan.add_argument("--cpu-seconds", type=float, help="time limit of polish in processor time, for the same effort on a busy machine")
     plan.add_argument("--include", type=Path, help="table of points that must be in the plan")
     plan.add_argument("--output", type=Path, help="CSV or parquet file for the plan")
     for timed, verb in ((propose, "propose"), (plan, "plan")):
@@ -90,10 +91,12 @@ def _check(options: argparse.Namespace) -> None:
                 raise InputError(f"--complete gives as many points as are needed; it has no use for --{option}")
     if getattr(options, "metadata", None) and options.points is None:
         raise InputError("--metadata gives the conditions of images; name these by --points")
+    if getattr(options, "cpu_seconds", None) is not None and options.seconds is not None:
+        raise InputError("--seconds and --cpu-seconds both limit polish; give one of them")
     options.count = 1 if getattr(options, "count", None) is None else options.count
     options.seconds = SECONDS.get(options.verb, 0.0) if getattr(options, "seconds", None) is None else options.seconds
-    for option in ("seconds", "seed"):
-        if not 0 <= (given := getattr(options, option, 0)) < inf:
+    for option in ("seconds", "cpu-seconds", "seed"):
+        if not 0 <= (given := getattr(options, option.replace("-", "_"), None) or 0) < inf:
             raise InputError(f"--{option} must be at least 0 and finite, got {given}")
 
 

@@ -150,7 +150,8 @@ def plan(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
     def told(share: float, size: int, bound: int) -> None:
         progress(min(999, int(1000 * share)), 1000, f"{size} points, at least {bound} needed")
 
-    effort = Effort((options.seconds or None) if options.effort == "polish" else None, told)
+    limit = options.seconds if options.cpu_seconds is None else options.cpu_seconds
+    effort = Effort((limit or None) if options.effort == "polish" else None, told, processor=options.cpu_seconds is not None)
     array = certified_array(space.constraints, Mixed(options.strength, space.extras), seeds=seeds, seed=options.seed, effort=effort)
     progress(1000, 1000, f"{array.size} points")
     if options.output:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from pipeline.core.constraints import Constraints, Literal
-from pipeline.core.coverage.arrays import Effort, covering_array, lower_bound, order_by_new_pairs
+from pipeline.core.coverage.arrays import Effort, covering_array, order_by_new_pairs
+from pipeline.core.coverage.bounds import lower_bound
 from pipeline.core.coverage.projection import Demand, projection_coverage
 from pipeline.core.coverage.verification import verify
 from tests.spaces import THESIS

@@ -7,7 +7,8 @@ import pytest
 
 from pipeline.core.constraints import Constraints, Literal
 from pipeline.core.coverage import completion
-from pipeline.core.coverage.arrays import Effort, lower_bound
+from pipeline.core.coverage.arrays import Effort
+from pipeline.core.coverage.bounds import lower_bound
 from pipeline.core.coverage.certified import certified_array
 from pipeline.core.coverage.projection import Demand, projection_coverage
 from pipeline.core.coverage.proposals import Proposer

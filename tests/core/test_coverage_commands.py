@@ -201,6 +201,8 @@ def test_planes_with_too_many_cells_are_refused(folder: Path, capsys: pytest.Cap
         (["plan", "--seconds", "-1"], "--seconds must be at least 0"),
         (["plan", "--seconds", "nan"], "--seconds must be at least 0 and finite, got nan"),
         (["plan", "--seconds", "inf"], "--seconds must be at least 0 and finite, got inf"),
+        (["plan", "--cpu-seconds", "nan"], "--cpu-seconds must be at least 0 and finite, got nan"),
+        (["plan", "--cpu-seconds", "1", "--seconds", "1"], "--seconds and --cpu-seconds both limit polish; give one of them"),
         (["plan", "--strength", "7"], "--strength must be in [1, 4]"),
         (["propose", "--complete", "--count", "3"], "--complete gives as many points as are needed; it has no use for --count"),
         (["propose", "--complete", "--exact"], "it has no use for --exact"),

@@ -6,53 +6,16 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from pipeline.core.constraints import Bools
+from pipeline.core.coverage.grid import Clauses, Grid, Int32s, Lines, Move, line_of
+from pipeline.core.coverage.repair import repaired
 from pipeline.core.space import Ints
 
-Int32s = NDArray[np.int32]
-Move = tuple[int, int]
-"""A column and its required category."""
 SHAKEN = 0.2
 """How often a random row is changed if no row is one category away from the cell."""
-
-
-class Clauses(NamedTuple):
-    """The constraints of a problem: `of[start[c]:start[c + 1]]` are the clauses that name column c; the literals of a clause start at
-    literal_start[clause]: a column, a category, and whether the two must be equal."""
-
-    start: Int32s
-    of: Int32s
-    literal_start: Int32s
-    column: Int32s
-    category: Int32s
-    equal: Bools
-
-
-class Lines(NamedTuple):
-    """The cells that a column's categories reach. For column c and its q-th plane: base[c, q] is that plane's first cell, step[c, q] the
-    column's own stride, other[c, q] and other_step[c, q] the plane's other columns and their strides."""
-
-    base: Int32s
-    step: Int32s
-    other: Int32s
-    other_step: Int32s
-
-
-class Grid(NamedTuple):
-    """The cells of a problem.
-
-    sizes: (n,) categories of each column. planes: (planes, t) columns. first, stride: (planes,) first cell of each plane and (planes, t)
-    the step of each of its columns.
-    """
-
-    sizes: Int32s
-    planes: Int32s
-    first: Ints
-    stride: Int32s
-    lines: Lines
-    clauses: Clauses
+FORCED = 0.1
+"""How often a random row is put into the cell with whatever other changes the clauses ask for, if there are any clauses."""
 
 
 class Cover(NamedTuple):
@@ -115,16 +78,6 @@ def _may_change(row: Int32s, column: int, category: int, clauses: Clauses) -> bo
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def _line_of(lines: Lines, row: Int32s, column: int, q: int) -> int:
-    """The row's cell in the column's q-th plane if the column had category 0; its other cells follow at the column's step."""
-    base, _, other, other_step = lines
-    cell = base[column, q]
-    for x in range(other.shape[2]):
-        cell += row[other[column, q, x]] * other_step[column, q, x]
-    return int(cell)
-
-
-@njit(cache=True)  # type: ignore[untyped-decorator]
 def seed_kernels(seed: int) -> None:
     """Seed the generator that all kernels draw from."""
     np.random.seed(seed)
@@ -162,7 +115,7 @@ def _improve(grid: Grid, row: Int32s, column: int, worth: Int32s) -> bool:
     size, lines, step = grid.sizes[column], grid.lines, grid.lines.step
     gains = np.zeros(size, np.int64)
     for q in range(step.shape[1]):
-        cell = _line_of(lines, row, column, q)
+        cell = line_of(lines, row, column, q)
         for category in range(size):
             gains[category] += worth[cell + category * step[column, q]]
     chosen, ties, better = row[column], 1, False
@@ -188,6 +141,7 @@ def anneal(grid: Grid, rows: Int32s, counts: Int32s, cooling: Cooling) -> int:
     cover = Cover(counts, np.empty(len(counts), np.int32), np.full(len(counts), -1, np.int32))
     for i in range(left):
         cover.cells[i], cover.place[uncovered[i]] = uncovered[i], i
+    constrained = len(clauses.of) > 0
     factor, temperature = (cooling.cold / cooling.hot) ** (1.0 / max(1, cooling.iterations)), cooling.hot
     for _ in range(cooling.iterations):
         if left == 0:
@@ -195,7 +149,11 @@ def anneal(grid: Grid, rows: Int32s, counts: Int32s, cooling: Cooling) -> int:
         temperature *= factor
         cell = cover.cells[np.random.randint(left)]
         plane = np.searchsorted(first, cell, side="right") - 1
-        r, column, category, lacking = _nearest(rows, columns[plane], stride[plane], cell - first[plane], clauses)
+        rest = cell - first[plane]
+        if constrained and np.random.random() < FORCED:
+            left = _force(grid, rows[np.random.randint(len(rows))], (plane, rest), cover, (left, temperature))
+            continue
+        r, column, category, lacking = _nearest(rows, columns[plane], stride[plane], rest, clauses)
         if r < 0 or (lacking > 1 and np.random.random() < SHAKEN):
             # No row is one category away from the cell: change a random row.
             r, column = np.random.randint(len(rows)), np.random.randint(len(sizes))
@@ -206,6 +164,29 @@ def anneal(grid: Grid, rows: Int32s, counts: Int32s, cooling: Cooling) -> int:
         if lost <= 0 or np.random.random() < np.exp(-lost / temperature):
             left = _exchange_cells(lines, rows[r], (column, category), cover, left)
             rows[r, column] = category
+    return left
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _force(grid: Grid, row: Int32s, cell: tuple[int, int], cover: Cover, state: tuple[int, float]) -> int:
+    """Put a row into a cell, repair the clauses that this breaks, and keep the result by Metropolis' rule; returns the uncovered cells.
+
+    cell: its plane and its place in the plane. state: the number of uncovered cells, and the temperature in cells.
+    """
+    before, temperature = state
+    old, new = row.copy(), row.copy()
+    if not repaired(grid, new, cell):
+        return before
+    left = before
+    for column in range(len(row)):
+        if new[column] != row[column]:
+            left = _exchange_cells(grid.lines, row, (column, new[column]), cover, left)
+            row[column] = new[column]
+    if left > before and np.random.random() >= np.exp((before - left) / temperature):
+        for column in range(len(row)):
+            if old[column] != row[column]:
+                left = _exchange_cells(grid.lines, row, (column, old[column]), cover, left)
+                row[column] = old[column]
     return left
 
 
@@ -245,7 +226,7 @@ def _lost(lines: Lines, row: Int32s, move: Move, counts: Int32s) -> int:
     column, category = move
     step, old, lost = lines.step, row[column], 0
     for q in range(step.shape[1]):
-        cell = _line_of(lines, row, column, q)
+        cell = line_of(lines, row, column, q)
         lost += counts[cell + old * step[column, q]] == 1
         lost -= counts[cell + category * step[column, q]] == 0
     return lost
@@ -258,7 +239,7 @@ def _exchange_cells(lines: Lines, row: Int32s, move: Move, cover: Cover, left: i
     counts, cells, place = cover
     step, old = lines.step, row[column]
     for q in range(step.shape[1]):
-        cell = _line_of(lines, row, column, q)
+        cell = line_of(lines, row, column, q)
         gone, come = cell + old * step[column, q], cell + category * step[column, q]
         counts[gone] -= 1
         if counts[gone] == 0:

@@ -1,10 +1,15 @@
-"""Known constructions of pair-wise arrays, as starts for the search: full factorials, orthogonal arrays, cyclic arrays."""
+"""Known constructions of arrays, as starts for the search: full factorials, orthogonal arrays, cyclic arrays, doubling."""
 
 from __future__ import annotations
+
+from itertools import count, takewhile
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+
+from pipeline.core.coverage.fields import Field, galois_field
+from pipeline.core.space import Ints
 
 Int32s = NDArray[np.int32]
 FREE = -1
@@ -31,17 +36,42 @@ def factorial(sizes: tuple[int, ...]) -> Int32s | None:
     return rows
 
 
-def orthogonal(sizes: tuple[int, ...]) -> Int32s | None:
-    """An orthogonal array of the smallest prime order with enough columns, values beyond a variable's size free (Bose 1938)."""
-    order = max(max(sizes), len(sizes) - 1)
-    while not _is_prime(order):
-        order += 1
-    if order > 2 * max(sizes):
-        return None
-    a, b = (axis.ravel() for axis in np.indices((order, order)))
-    columns = [a, b, *((b + multiplier * a) % order for multiplier in range(1, order))][: len(sizes)]
-    rows = np.array([np.where(values < size, values, FREE) for values, size in zip(columns, sizes, strict=True)], np.int32).T
-    return np.unique(rows[(rows != FREE).any(axis=1)], axis=0)
+def orthogonal(sizes: tuple[int, ...], strength: int, at_most: int) -> Int32s | None:
+    """An orthogonal array of the smallest order with enough columns, values beyond a variable's size free (Bush 1952).
+
+    Rows are the polynomials of degree below the strength over a finite field; columns are their values at each element, and the leading
+    coefficient. Strength 3 over a field of even order has one more column, the middle coefficient. at_most: rows. None if no order will do.
+    """
+    for order in takewhile(lambda order: order**strength <= at_most, count(max(*sizes, strength))):
+        columns = order + 2 if strength == 3 and order % 2 == 0 else order + 1
+        if len(sizes) <= columns and (arithmetic := galois_field(order)) is not None:
+            rows = _polynomials(arithmetic, strength)[:, : len(sizes)]
+            free = np.where(rows < sizes, rows, FREE).astype(np.int32)
+            return np.unique(free[(free != FREE).any(axis=1)], axis=0)
+    return None
+
+
+def _polynomials(arithmetic: Field, strength: int) -> Ints:
+    """The values of every polynomial at every element, then its leading and its middle coefficient."""
+    order = len(arithmetic.add)
+    coefficients = np.indices((order,) * strength).reshape(strength, -1)
+    values = np.repeat(coefficients[:1], order, axis=0)
+    for lower in coefficients[1:]:
+        values = arithmetic.add[arithmetic.times[values, np.arange(order)[:, None]], lower]
+    return np.vstack([values, coefficients[0], coefficients[min(1, strength - 1)]]).T
+
+
+def doubled(three: Int32s, two: Int32s, sizes: tuple[int, ...]) -> Int32s:
+    """An array of strength 3 for the given sizes from arrays of strengths 3 and 2 for the first half of them (Chateauneuf and Kreher 2002).
+
+    sizes: largest first; column i of the second half belongs to column i of the first, whose size is at least its own.
+    """
+    half, largest = three.shape[1], sizes[0]
+    first, second = np.array(sizes[:half]), len(sizes) - half
+    blocks = [np.hstack([three, three[:, :second]])]
+    blocks += [np.hstack([two, ((two + shift) % first)[:, :second]]) for shift in range(1, largest)]
+    rows = np.vstack(blocks)
+    return np.where(rows < np.array(sizes), rows, FREE).astype(np.int32)
 
 
 def cyclic(sizes: tuple[int, ...], fewer_than: int, seed: int) -> Int32s | None:

@@ -8,8 +8,9 @@ import numpy as np
 
 from pipeline.core.constraints import Bools, Constraints
 from pipeline.core.coverage import annealing
-from pipeline.core.coverage.annealing import Clauses, Cooling, Grid, Int32s, Lines
-from pipeline.core.coverage.mixed import Planes, filled_up
+from pipeline.core.coverage.annealing import Cooling
+from pipeline.core.coverage.grid import Clauses, Grid, Int32s, Lines
+from pipeline.core.coverage.mixed import Mixed, Planes, all_planes, filled_up
 from pipeline.core.space import Ints
 
 INFEASIBLE = np.int32(1 << 30)
@@ -87,6 +88,11 @@ class Problem:
         for position in range(self.strength):
             categories[position], rest = divmod(rest, int(self.grid.stride[plane, position]))
         return self.grid.planes[plane], categories
+
+
+def of_strength(constraints: Constraints, strength: int) -> Problem:
+    """The problem in which every feasible cell of any `strength` columns is wanted."""
+    return lay_out(constraints, all_planes(len(constraints.sizes), Mixed(strength)))
 
 
 def lay_out(constraints: Constraints, planes: Planes) -> Problem:

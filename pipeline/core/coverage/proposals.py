@@ -11,9 +11,9 @@ from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import csr_array
 
 from pipeline.core.constraints import Constraints
-from pipeline.core.coverage.annealing import Int32s
 from pipeline.core.coverage.arrays import covering_array
 from pipeline.core.coverage.completion import Completion, Task, bound_of_part, whole_programme
+from pipeline.core.coverage.grid import Int32s
 from pipeline.core.coverage.mixed import all_planes, copy_for
 from pipeline.core.coverage.problem import INFEASIBLE, feasible_row, lay_out
 from pipeline.core.coverage.projection import Demand, check_points
