@@ -1,8 +1,9 @@
 """Coverage and covering arrays against published figures: sizes, counting, feasible cells, proposals.
 
-    python benchmarks/coverage.py [arrays] [counting] [cells] [proposals] [--seconds 30] [--models FOLDER]
+    python benchmarks/coverage.py [arrays] [sizes] [counting] [cells] [proposals] [--cpu-seconds 60] [--models FOLDER] [--only NAME ...]
 
-others: the best default size of PICT, jenny, allpairspy, coverwise, testflows-combinatorics and covertable, measured once; best: the
+arrays makes covering arrays, checks them and records their sizes beside the results page; sizes prints the page's table. others: the
+best default size of PICT, jenny, allpairspy, coverwise, testflows-combinatorics and covertable, or of ACTS, measured once; best: the
 smallest published size, or a lower bound that is reached. --models: a folder of space files; published sizes are looked up by name.
 """
 
@@ -11,15 +12,16 @@ from __future__ import annotations
 import argparse
 import random
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from itertools import combinations
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from pipeline.artefacts.space_file import read_space_file
 from pipeline.core.constraints import Constraints, Literal
-from pipeline.core.coverage.arrays import Effort, covering_array
+from pipeline.core.coverage.arrays import CoveringArray, Effort, covering_array
 from pipeline.core.coverage.counting import CellCounts
 from pipeline.core.coverage.projection import Demand
 from pipeline.core.coverage.proposals import Proposer
@@ -36,35 +38,86 @@ SPACES: dict[str, tuple[tuple[int, ...], int, int, int]] = {
     "5^10": ((5,) * 10, 2, 45, 36),
     "6^10": ((6,) * 10, 2, 62, 53),
     "2^20, t = 3": ((2,) * 20, 3, 25, 18),
+    "3^10, t = 3": ((3,) * 10, 3, 0, 45),
+    "3^8, t = 4": ((3,) * 8, 4, 0, 135),
     "5^10, t = 3": ((5,) * 10, 3, 291, 185),
     "thesis without blueprint": ((11, 11, 12, 12, 11, 13, 6), 2, 185, 156),
     "the same, 13 azimuths": ((11, 11, 13, 12, 11, 13, 6), 2, 193, 169),
     "thesis": ((11, 11, 12, 12, 11, 13, 6, 74), 2, 962, 962),
 }
 """Sizes, strength, others, best."""
-PUBLISHED = {"spins": (26, 19), "bugzilla": (19, 16), "apache": (33, 30), "banking1": (15, 13), "telecom": (32, 30)}
+PUBLISHED = {
+    "spins": (26, 19),
+    "bugzilla": (19, 16),
+    "apache": (33, 30),
+    "banking1": (15, 13),
+    "telecom": (32, 30),
+    "services": (0, 100),
+    "healthcare3": (0, 34),
+    "gcc": (0, 16),
+}
 """ACTS 2.92 and the best of FastCA."""
-CHECKED_CELLS = 25_000
-"""The verifier is independent but slow; check larger arrays with `coverage verify`."""
+OUT = Path(__file__).parents[1] / "docs" / "results" / "coverage.csv"
 
 
-def arrays(seconds: float, models: Path | None) -> None:
-    """Sizes: quick and polished."""
-    print(f"{'':26}{'others':>7}{'best':>6}{'bound':>7}{'quick':>7}{'s':>6}{'polished':>10}{'of best':>9}  cells")
+def arrays(seconds: float, models: Path | None, only: Collection[str]) -> None:
+    """Record sizes: quick, and polished for so many seconds of processor time."""
     problems = [(name, Constraints(sizes), strength, others, best) for name, (sizes, strength, others, best) in SPACES.items()]
     for path in sorted(models.glob("*.yaml")) if models else []:
         problems.append((path.stem, read_space_file(path).constraints, 2, *PUBLISHED.get(path.stem, (0, 0))))
-    covering_array(Constraints((2, 2, 2)), 2, effort=Effort(0.1))  # Compiles.
+    order = [name for name, *_ in problems]
+    for clauses in ((), ((Literal(0, 0), Literal(1, 0)),)):
+        covering_array(Constraints((2, 2, 2, 2), clauses), 2, effort=Effort(0.1))  # Compiles.
     for name, limits, strength, others, best in problems:
-        begun = time.perf_counter()
+        if only and name not in only:
+            continue
+        begun = time.process_time()
         quick = covering_array(limits, strength)
-        taken = time.perf_counter() - begun
-        polished = covering_array(limits, strength, effort=Effort(seconds))
-        if polished.cells <= CHECKED_CELLS:
-            assert verify(polished.rows, limits, strength).valid and verify(quick.rows, limits, strength).valid
-        ratio = f"{polished.size / best:.2f}" if best else ""
-        sizes = f"{quick.lower_bound:>7}{quick.size:>7}{taken:>6.2f}{polished.size:>10}{ratio:>9}  {quick.cells}"
-        print(f"{name:26}{others or '':>7}{best or '':>6}{sizes}", flush=True)
+        taken = time.process_time() - begun
+        polished, reached = polish(limits, strength, seconds)
+        for array in (quick, polished):
+            checked = verify(array.rows, limits, strength)
+            assert checked.valid and checked.cells == array.cells, name
+        row = {"space": name, "cells": quick.cells, "others": others, "best": best, "bound": polished.lower_bound}
+        row |= {
+            "quick": quick.size,
+            "quick_s": round(taken, 2),
+            "polished": polished.size,
+            "reached_s": round(reached, 1),
+            "limit_s": seconds,
+        }
+        print(row, flush=True)
+        record(row, order)
+
+
+def polish(limits: Constraints, strength: int, seconds: float) -> tuple[CoveringArray, float]:
+    """The polished array, and the processor time after which it had its size."""
+    begun, last = time.process_time(), [0, 0.0]
+
+    def told(share: float, size: int, bound: int) -> None:
+        if size != last[0]:
+            last[:] = size, time.process_time() - begun
+
+    array = covering_array(limits, strength, effort=Effort(seconds, told, processor=True))
+    return array, last[1] if last[0] == array.size else time.process_time() - begun
+
+
+def record(row: dict[str, object], order: list[str]) -> None:
+    """Write a row into the recorded table, in place of the one of the same space."""
+    known = pd.read_csv(OUT).to_dict("records") if OUT.exists() else []
+    rows = [other for other in known if other["space"] != row["space"]] + [row]
+    rows.sort(key=lambda found: order.index(found["space"]) if found["space"] in order else len(order))
+    pd.DataFrame(rows).to_csv(OUT, index=False)
+
+
+def sizes() -> None:
+    """Print the recorded sizes as the page's table."""
+    print("| space | cells | other tools | best known | bound | quick | seconds | polished | reached after | limit |")
+    print("|---|---|---|---|---|---|---|---|---|---|")
+    for row in pd.read_csv(OUT).itertuples():
+        known = " | ".join(str(number or "") for number in (row.others, row.best))
+        times = f"{row.quick} | {row.quick_s:.2f} | {row.polished} | {row.reached_s:.1f} s | {row.limit_s:.0f} s"
+        print(f"| {row.space} | {row.cells:,} | {known} | {row.bound} | {times} |")
 
 
 def counting() -> None:
@@ -133,12 +186,13 @@ def _fewest(proposer: Proposer, points: np.ndarray) -> int:
 def main() -> None:
     """Run the parts that are named, or all."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parts: dict[str, Callable[[], None]] = {"counting": counting, "cells": cells, "proposals": proposals}
+    parts: dict[str, Callable[[], None]] = {"sizes": sizes, "counting": counting, "cells": cells, "proposals": proposals}
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"arrays, {', '.join(parts)} (default: all)")
-    parser.add_argument("--seconds", type=float, default=30.0, help="seconds to polish an array")
+    parser.add_argument("--cpu-seconds", type=float, default=60.0, help="processor time to polish an array (default: %(default)s)")
     parser.add_argument("--models", type=Path, help="folder of space files")
+    parser.add_argument("--only", nargs="+", default=[], metavar="NAME", help="arrays: only these spaces")
     options = parser.parse_args()
-    parts = {"arrays": lambda: arrays(options.seconds, options.models), **parts}
+    parts = {"arrays": lambda: arrays(options.cpu_seconds, options.models, options.only), **parts}
     for part in options.parts or parts:
         if part not in parts:
             parser.error(f"there is no part '{part}'; there are {', '.join(parts)}")
