@@ -97,9 +97,8 @@ class Search:
 
     def _small(self, constraints: Constraints, strength: int, limit: Limit) -> Int32s:
         """A quick array of a smaller problem."""
-        search = Search(
-            of_strength(constraints, strength), constraints, self._given[:0, : len(constraints.sizes)], self._rng, self._covering
-        )
+        nothing = np.zeros((0, len(constraints.sizes)), np.int32)
+        search = Search(of_strength(constraints, strength), constraints, nothing, self._rng, lambda share, size: None)
         operations = min(HALF_OPERATIONS, OPERATIONS_A_SECOND * limit.seconds / 8)
         return search.shorten(search.start(), lower_bound(constraints.sizes, strength), operations)
 

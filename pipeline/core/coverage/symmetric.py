@@ -26,6 +26,7 @@ FIXED_COLUMNS = 2
 """Most columns that a rotation leaves in place."""
 FIRST_OPERATIONS = 1e6
 """Elementary steps of a symmetry's first search. Each further one takes twice as many."""
+DOUBLINGS = 8
 PATIENCE = 1.5
 """By how much a failure lowers a symmetry's rank, beyond the share of classes that it left uncovered."""
 TEMPERATURES = ((0.8, 0.4), (1.0, 0.2))
@@ -147,7 +148,7 @@ class _Candidate:
         fixed = np.repeat(np.array(self.symmetry.constants, np.int32)[:, None], columns, axis=1).reshape(-1, columns)
         cells = problem.counts(np.vstack([starters, fixed]))
         counts = np.bincount(self.of_cell, weights=cells, minlength=classes).astype(np.int32)
-        steps = int(FIRST_OPERATIONS * 2**self.fails / problem.grid.lines.base.shape[1])
+        steps = int(FIRST_OPERATIONS * 2 ** min(self.fails, DOUBLINGS) / problem.grid.lines.base.shape[1])
         hot, cold = TEMPERATURES[self.fails % len(TEMPERATURES)]
         left = anneal_starters(problem.grid.lines, self.of_cell, counts, starters, (categories, steps, hot, cold), int(rng.integers(2**31)))
         return starters, left / classes
@@ -177,7 +178,7 @@ def _rotated(planes: Ints, rotation: Ints, digits: Ints, categories: int) -> Int
     order = np.argsort(moved, axis=1)
     keys = _number(planes.T, len(rotation))
     plane = np.searchsorted(keys, _number(np.take_along_axis(moved, order, axis=1).T, len(rotation)))
-    return np.asarray(plane[:, None] * digits.shape[1] + _number(digits[order.T].transpose(0, 1, 2), categories))
+    return np.asarray(plane[:, None] * digits.shape[1] + _number(digits[order.T], categories))
 
 
 def _number(digits: Ints, base: int) -> Ints:
