@@ -24,10 +24,10 @@ from pipeline.core.space import Ints
 
 FIXED_COLUMNS = 2
 """Most columns that a rotation leaves in place."""
-FIRST_OPERATIONS = 1e6
+FIRST_OPERATIONS = 4e6
 """Elementary steps of a symmetry's first search. Each further one takes twice as many."""
-DOUBLINGS = 8
-PATIENCE = 1.5
+DOUBLINGS = 5
+PATIENCE = 1.3
 """By how much a failure lowers a symmetry's rank, beyond the share of classes that it left uncovered."""
 TEMPERATURES = ((0.8, 0.4), (1.0, 0.2))
 """First and last temperature in classes: the first suits large groups, the second small ones."""
