@@ -25,7 +25,7 @@ FRESH_LONGER, FRESH_TEMPERATURES = 2.5, (0.26, 0.2)
 """Temperatures of attempts that start from a full factorial: they need a long time at a nearly constant temperature."""
 LONGEST = 15
 """Longest attempt, as a multiple of the first."""
-SYMMETRIC_SHARE = 0.5
+SYMMETRIC_SHARE = 0.7
 """Share of the time for symmetric arrays, where they apply."""
 SMALLEST_DOUBLED = 8
 """Fewest columns for which halves of an array of strength 3 are put together."""
