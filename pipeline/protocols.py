@@ -37,8 +37,13 @@ class Simulator(Protocol):
     does not meet it is refused before anything runs.
     """
 
-    def execute(self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0) -> Episode:
-        """Execute one concrete scenario; keep every `keep_every`-th frame, none if it is 0."""
+    def execute(
+        self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0, noise: Mapping[str, Value] | None = None
+    ) -> Episode:
+        """Execute one concrete scenario; keep every `keep_every`-th frame, none if it is 0.
+
+        noise: the concrete scenario whose random numbers it has, such as the camera's grain; its own if None.
+        """
         ...
 
 

@@ -43,10 +43,12 @@ class GuardedSimulator:
     def __init__(self, simulator: Simulator) -> None:
         self._simulator = simulator
 
-    def execute(self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0) -> Episode:
+    def execute(
+        self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0, noise: Mapping[str, Value] | None = None
+    ) -> Episode:
         """Return the episode; SimulationError for any exception but InputError and the machine's, which end the campaign."""
         try:
-            return self._simulator.execute(concrete, detector, keep_every)
+            return self._simulator.execute(concrete, detector, keep_every, **({} if noise is None else {"noise": noise}))
         except (InputError, SimulationError):
             raise
         except BaseException as error:

@@ -12,14 +12,19 @@ from pipeline.execution.journal import Journal
 from pipeline.execution.workers import Execution, Setup, Workers
 from pipeline.progress import Progress
 
+Concrete = Mapping[str, Value]
 
-def executed(points: Sequence[Mapping[str, Value]], setup: Setup, folder: Path, threads: int, progress: Progress) -> Journal:
+
+def executed(
+    points: Sequence[Concrete], setup: Setup, folder: Path, threads: int, progress: Progress, noises: Sequence[Concrete] = ()
+) -> Journal:
     """The journal with the outcome of each concrete scenario, by its position; the caller removes it.
 
-    folder: of the journal, from which a killed call resumes.
+    folder: of the journal, from which a killed call resumes. noises: the concrete scenarios whose noise they have, their own by default.
     """
-    log, workers = Journal(folder, _identity(setup, points), progress), Workers(threads, setup)
-    jobs = [Execution(i, log.path(i), point) for i, point in enumerate(points) if i not in log]
+    log, workers = Journal(folder, _identity(setup, points, noises), progress), Workers(threads, setup)
+    given: Sequence[Concrete | None] = noises or [None] * len(points)
+    jobs = [Execution(i, log.path(i), point, noise) for i, (point, noise) in enumerate(zip(points, given, strict=True)) if i not in log]
     try:
         for done, _ in enumerate(workers.execute(jobs), 1 + len(points) - len(jobs)):
             progress(done, len(points))
@@ -28,5 +33,5 @@ def executed(points: Sequence[Mapping[str, Value]], setup: Setup, folder: Path, 
     return log
 
 
-def _identity(setup: Setup, points: Sequence[Mapping[str, Value]]) -> str:
-    return hashlib.sha256(json.dumps([setup.identity, points], sort_keys=True).encode()).hexdigest()
+def _identity(setup: Setup, points: Sequence[Concrete], noises: Sequence[Concrete]) -> str:
+    return hashlib.sha256(json.dumps([setup.identity, points, noises], sort_keys=True).encode()).hexdigest()

@@ -27,11 +27,12 @@ from pipeline.scenarios.functional import FunctionalScenario
 
 @dataclass(frozen=True)
 class Execution:
-    """One test to execute: its index, the path of its outcome, and the concrete scenario."""
+    """One test to execute: its index, the path of its outcome, the concrete scenario, and the one whose noise it has, None for its own."""
 
     index: int
     path: Path
     concrete: Mapping[str, Value]
+    noise: Mapping[str, Value] | None = None
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,7 @@ def _executor(setup: Setup, calls: Calls) -> Callable[[Execution], None]:
     def execute(job: Execution) -> None:
         started = time.perf_counter()
         try:
-            outcome = Outcome.of(simulator.execute(job.concrete, detector, setup.keep_every), time.perf_counter() - started)
+            outcome = Outcome.of(simulator.execute(job.concrete, detector, setup.keep_every, job.noise), time.perf_counter() - started)
         except SimulationError as error:
             outcome = Outcome.error(str(error), time.perf_counter() - started)
         journal.write(job.path, outcome)

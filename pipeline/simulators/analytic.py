@@ -64,8 +64,10 @@ class AnalyticSimulator:
         concretes = [self._space.decode(point) for point in points]
         return np.array([next((i for i, region in enumerate(PLANTED) if _depth(region, c) >= 1), -1) for c in concretes], dtype=np.int64)
 
-    def execute(self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0) -> Episode:
-        """Execute one concrete scenario; see `pipeline.protocols.Simulator`. It fails exactly inside the planted regions."""
+    def execute(
+        self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0, noise: Mapping[str, Value] | None = None
+    ) -> Episode:
+        """Execute one concrete scenario; see `pipeline.protocols.Simulator`. It fails exactly inside the planted regions, without noise."""
         self._space.encode(concrete)
         depth = max(_depth(region, concrete) for region in PLANTED)
         # Across the margin, the detection distance falls from safe to too short.

@@ -210,7 +210,9 @@ def test_a_truncated_table_is_refused(tmp_path: Path, capsys: pytest.CaptureFixt
 class Slow(AnalyticSimulator):
     """Slows execution down, so that a test can kill it between two executions."""
 
-    def execute(self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0) -> Episode:
+    def execute(
+        self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0, noise: Mapping[str, Value] | None = None
+    ) -> Episode:
         time.sleep(0.1)
         return super().execute(concrete, detector, keep_every)
 
@@ -218,7 +220,9 @@ class Slow(AnalyticSimulator):
 class Fragile(AnalyticSimulator):
     """A simulator with errors on some scenarios that kills its process on one, for tests of the executor."""
 
-    def execute(self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0) -> Episode:
+    def execute(
+        self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0, noise: Mapping[str, Value] | None = None
+    ) -> Episode:
         if float(concrete["fog"]) > 70:
             raise SimulationError("too much fog to simulate")
         if float(concrete["rain"]) > 92:

@@ -23,7 +23,9 @@ FRESH = 12
 class BreaksInDenseFog(AnalyticSimulator):
     """Breaks in fog above 90 %."""
 
-    def execute(self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0) -> Episode:
+    def execute(
+        self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0, noise: Mapping[str, Value] | None = None
+    ) -> Episode:
         if float(concrete["fog"]) > 90:
             raise SimulationError("dense fog")
         return super().execute(concrete, detector, keep_every)

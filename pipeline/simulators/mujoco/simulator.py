@@ -59,11 +59,13 @@ class MujocoSimulator:
         self._space = scenario.logical_space()
         self._stage = Stage(scenario.town, scenario.actors, self._settings)
 
-    def execute(self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0) -> Episode:
+    def execute(
+        self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0, noise: Mapping[str, Value] | None = None
+    ) -> Episode:
         """Execute one concrete scenario; see `pipeline.protocols.Simulator`."""
         self._space.encode(concrete)
         loop = _Loop(self._stage, self._scenario, self._car, concrete, self._settings)
-        return loop.run(detector, keep_every)
+        return loop.run(detector, keep_every, np.random.default_rng(_seed(concrete if noise is None else noise)))
 
     def close(self) -> None:
         """Free the GL context."""
@@ -98,7 +100,6 @@ class _Loop:
         self._rain = float(concrete["rain"])
         self._animation = str(concrete["animation"])
         self._heading = np.radians(scenario.pedestrian.heading_deg)
-        self._rng = np.random.default_rng(_seed(concrete))
         self._steps = round(1 / settings.rate_hz / TIMESTEP_S)
         self._time = 0.0
         self._brake, self._demands = EmergencyBrake(car.aeb), _Delayed(car.vehicle.latency_s)
@@ -110,13 +111,13 @@ class _Loop:
         stage.reset(weather_of(concrete), str(concrete["blueprint"]))
         stage.launch(scenario.start_s(), scenario.ego.speed_kmh / 3.6, car.vehicle.full_brake_mps2(self._rain), car.vehicle.build_up_s)
 
-    def run(self, detector: Detector, keep_every: int) -> Episode:
+    def run(self, detector: Detector, keep_every: int, rng: np.random.Generator) -> Episode:
         steps: list[TimeStep] = []
         kept: list[KeptFrame] = []
         found: list[FrameDetections] = []
         while True:
             state = self._place()
-            image, truth = self._stage.shoot(self._rng)
+            image, truth = self._stage.shoot(rng)
             frame = Frame(image, truth, self._time)
             detections = detector.detect(frame)
             matching = match(detections, truth, self._car.criterion)
