@@ -9,13 +9,13 @@ BLUEPRINTS = tuple(f"{kind} {number:02d}" for kind in "WM" for number in range(1
 
 THESIS = Space(
     (
-        Variable("rain", "continuous", "%", 0, 100, 10),
-        Variable("fog", "continuous", "%", 0, 100, 10),
-        Variable("sun_azimuth", "continuous", "deg", 0, 360, 30, cyclic=True),
-        Variable("sun_altitude", "continuous", "deg", -20, 90, 10),
+        Variable("rain", "continuous", "%", 0, 100, 10, mildest=0),
+        Variable("fog", "continuous", "%", 0, 100, 10, mildest=0),
+        Variable("sun_azimuth", "continuous", "deg", 0, 360, 30, cyclic=True, mildest=180),
+        Variable("sun_altitude", "continuous", "deg", -20, 90, 10, mildest=60),
         Variable("pedestrian_shift", "continuous", "m", -0.5, 0.5, 0.1),
-        Variable("pedestrian_speed", "continuous", "m/s", 0, 3, 0.25),
-        Variable("animation", "categorical", values=ANIMATIONS),
+        Variable("pedestrian_speed", "continuous", "m/s", 0, 3, 0.25, mildest=0.5),
+        Variable("animation", "categorical", values=ANIMATIONS, mildest="walking"),
         Variable("blueprint", "categorical", values=BLUEPRINTS),
     )
 )

@@ -40,10 +40,15 @@ class _Tested:
 
 def find_regions(info: ScenarioInfo, space: Space, tests: pd.DataFrame, section: Regions) -> list[Found]:
     """The failure regions of one scenario, larger ones first; tests: its valid rows."""
-    outcomes = Outcomes(space, encode_tests(tests, space), tests["failure"].to_numpy(bool), WORDS)
+    outcomes = outcomes_of(space, tests)
     groups = group_failures(outcomes, tests["cause"].to_numpy(str), section.chance_neighbours, section.min_failures)
     tested = _Tested(tests, outcomes)
     return [Found(_region(f"{info.label} region {number}", tested, group), group) for number, group in enumerate(groups, 1)]
+
+
+def outcomes_of(space: Space, tests: pd.DataFrame) -> Outcomes:
+    """The points and outcomes of valid rows of tests.parquet, with the words that rules use."""
+    return Outcomes(space, encode_tests(tests, space), tests["failure"].to_numpy(bool), WORDS)
 
 
 def cluster(info: ScenarioInfo, space: Space, tests: pd.DataFrame, section: Regions) -> FailureRegions:

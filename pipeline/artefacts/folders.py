@@ -76,6 +76,10 @@ class Folders:
         """The failure regions of a version on a scenario."""
         return f"{self.root}/regions/{version}/{scenario}.json"
 
+    def why(self, version: str, scenario: str) -> str:
+        """The failures of these regions, as executed and with single changes."""
+        return f"{self.root}/regions/{version}/{scenario}.parquet"
+
     def search(
         self,
         name: str,

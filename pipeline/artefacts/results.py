@@ -260,6 +260,53 @@ class Confirmation(Result):
     p_value: float
 
 
+class Repair(Result):
+    """A single change of a region's failures and what it repairs. change: in words. values: new values by variable. without: actors that
+    are removed. repaired: failures, of `tests`, that pass with the change. errors: executions that broke, in neither number. rate: repaired
+    per test with its exact interval (Clopper-Pearson); null without tests."""
+
+    change: str
+    values: dict[str, float | str]
+    without: tuple[str, ...]
+    tests: int
+    repaired: int
+    errors: int
+    rate: Estimate | None
+
+
+class Seen(Result):
+    """What the camera saw in a region's failures. in_sight, detected: of `failures`, those in which a person could make out the pedestrian,
+    and those in which the detector found the pedestrian.
+
+    Medians; null if nothing counts. First sight: over the failures with the pedestrian in sight. First detection, and the delay from first
+    sight until then: over those with both. Last chance: over those with a last frame from which full braking stops the ego in time.
+    Distances are to the conflict point.
+    """
+
+    failures: int
+    in_sight: int
+    detected: int
+    first_sight_m: float | None
+    first_sight_pixels: float | None
+    first_sight_contrast: float | None
+    last_chance_pixels: float | None
+    last_chance_contrast: float | None
+    first_detection_m: float | None
+    delay_s: float | None
+
+
+class Why(Result):
+    """Why a region's failures fail. sentence: all below in plain words. confidence: of each rate's interval. repairs: single changes, those
+    that repair most first, then clear weather as a whole. control: the same with other noise alone. Without executed changes, there are no
+    repairs and no control."""
+
+    sentence: str
+    seen: Seen
+    confidence: float
+    repairs: tuple[Repair, ...] = ()
+    control: Repair | None = None
+
+
 class FailureRegion(Result):
     """One group of failures with its readable rule.
 
@@ -268,7 +315,8 @@ class FailureRegion(Result):
     the rule is fitted to these tests, so they are no independent samples. lift: precision divided by the failure rate of all tests.
     recall: share of the region's members that the rule covers. held_back: tests inside rules that are fitted without these tests, each in
     turn. status: a rule is confirmed if fresh random tests inside it fail more often than those just outside; the tests that it was found
-    from never confirm it. confirmation: these fresh tests, null if none were executed. groups: named groups, such as `children`, to which
+    from never confirm it. confirmation: these fresh tests, null if none were executed. why: what repairs its failures and what the camera
+    saw. groups: named groups, such as `children`, to which
     every test inside the rule belongs.
     """
 
@@ -287,6 +335,7 @@ class FailureRegion(Result):
     held_back: Inside
     status: Literal["confirmed", "not confirmed"] = "not confirmed"
     confirmation: Confirmation | None = None
+    why: Why | None = None
     groups: tuple[str, ...] = ()
     representatives: tuple[Representative, ...]
 

@@ -22,6 +22,7 @@ from pipeline.core.columns import Column, columns
 from pipeline.core.episode import FrameDetections, KeptFrame
 from pipeline.core.identity import CampaignId
 from pipeline.core.kpi import KPIS
+from pipeline.core.sight import SIGHT
 from pipeline.core.signals import SIDES, SIGNALS
 from pipeline.core.space import Space, Variable
 from pipeline.core.truth import Truth
@@ -72,6 +73,19 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
     "frames": FRAMES,
     "timings": TIMINGS,
 }
+UNCHANGED = "none"
+"""The change of a row of a failure as its campaign executed it."""
+WHY = (
+    Column("region", str, "name of the region"),
+    Column("test_id", str, "a failure of the region"),
+    Column("change", str, f"what is changed, such as `no rain`; `{UNCHANGED}` is the failure as its campaign executed it"),
+    Column("status", str, "whether the simulation ended in an error", allowed=("ok", "error")),
+    Column("reason", str, "reason of the error, else empty"),
+    Column("failure", bool, "whether it fails with the change"),
+    Column("adj_ttc_s", float, "adjusted time-to-collision with the change; no value for an error", "s"),
+    *SIGHT,
+)
+"""Columns of the table beside a scenario's regions."""
 
 
 def write_tests(path: Path, tests: pd.DataFrame, space: Space) -> None:
@@ -122,6 +136,16 @@ def write_timings(path: Path, timings: pd.DataFrame) -> None:
 def read_timings(path: Path) -> pd.DataFrame:
     """Read timings.parquet; InputError that names the file if it is truncated or not such a table."""
     return _read(path, "timings", None)
+
+
+def write_why(path: Path, rows: pd.DataFrame) -> None:
+    """Write the failures of regions, as executed and with single changes: `WHY`."""
+    _write(path, rows, WHY)
+
+
+def read_why(path: Path) -> pd.DataFrame:
+    """Read the table beside a scenario's regions; InputError that names the file if it is truncated or not such a table."""
+    return _read(path, "why", None)
 
 
 def campaign_of(tests: pd.DataFrame, path: Path) -> CampaignId:
@@ -178,7 +202,7 @@ def _write(path: Path, frame: pd.DataFrame, expected: Sequence[Column], variable
 
 
 def _read(path: Path, name: str, columns: Sequence[str] | None) -> pd.DataFrame:
-    expected = TABLES[name]
+    expected = WHY if name == "why" else TABLES[name]
     wanted = {column.name: TYPES[column.kind] for column in expected}
     file = _opened(path)
     found = {field.name: field.type for field in file.schema_arrow}

@@ -12,7 +12,7 @@ from typing import Any
 import yaml
 from pydantic import BaseModel
 
-from pipeline.artefacts.tables import TABLES
+from pipeline.artefacts.tables import TABLES, WHY
 from pipeline.config.composing import CONF, compose
 from pipeline.config.schema import Config
 from pipeline.core.columns import Column
@@ -28,7 +28,7 @@ HEAD = """# Configuration
 Made by `python -m pipeline reference` from `pipeline/config/` and `conf/`. Each line gives a key, its value in
 `study=default`, its range in brackets and its meaning.
 """
-COLUMNS_HEAD = """# Columns of a campaign's tables
+COLUMNS_HEAD = """# Columns of the tables of campaigns and regions
 
 Made by `python -m pipeline reference`. The metadata of a Parquet field has the column's unit, too. Only floats can be without a value.
 
@@ -42,6 +42,8 @@ TABLE_TEXTS = {
     "frames": "One row for every n-th frame; n is `campaign.keep_every`.",
     "timings": "One row for each test, with times by the wall clock. No other table has times of the computer.",
 }
+WHY_TEXT = """One row for each failure of a region as its campaign executed it, and one for each execution of it with a single change; see
+[regions](../howto/regions.md). Distances are from the ego's front to the conflict point."""
 CHOICES = """## Strategies, detectors, simulators and cameras
 
 Each is a file in `conf/`; all but cameras name a class and set its parameters. To set a parameter that the
@@ -147,10 +149,11 @@ def configuration() -> str:
 
 
 def columns() -> str:
-    """The page of all columns of a campaign's tables."""
+    """The page of all columns of the tables of campaigns and regions."""
     parts: list[str] = []
     for name, table in TABLES.items():
         parts += [f"## {name}.parquet", "", *wrapped(TABLE_TEXTS[name]), "", *described(table), ""]
+    parts += ["## regions/VERSION/SCENARIO.parquet", "", *wrapped(WHY_TEXT), "", *described(WHY), ""]
     return COLUMNS_HEAD + "\n".join(parts).rstrip("\n") + "\n"
 
 

@@ -147,6 +147,7 @@ def table(config: Config) -> str:
             for region in read(Path(folders.regions(version, scenario)), FailureRegions).regions:
                 inside = f"{region.failures_inside} of {region.support} tests inside fail"
                 lines.append(f"{version} on {scenario}, {region.name}: {region.rule} ({inside})")
+                lines += [f"  {region.why.sentence}"] if region.why else []
     if len(config.tested) > 1:
         comparison = Path(folders.root, "comparison.json")
         lines += ["", verdict_table(read(comparison, Comparison))]

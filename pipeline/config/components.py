@@ -81,6 +81,7 @@ def check_components(config: Config) -> None:
     """
     component("simulator", SIMULATOR, config.simulator)
     _check_needs(config)
+    _check_noise(config)
     component("detector", DETECTOR, config.detector)
     for name, section in config.samplers.items():
         used = config.search if name in config.strategies else config.held_out if name == config.comparison.strategy else config.search[:1]
@@ -110,6 +111,14 @@ def _check_needs(config: Config) -> None:
             if admitted and not _inside(variables[name], admitted):
                 wanted = f"values among {', '.join(map(str, admitted))}" if isinstance(admitted[0], str) else f"numbers in {list(admitted)}"
                 raise InputError(f"{key}: {target} takes {wanted}, got {shown(variables[name].to_dict())}")
+
+
+def _check_noise(config: Config) -> None:
+    """A simulator that executes failures with changes can give them the noise that they had."""
+    target = config.simulator["_target_"]
+    parameters = inspect.signature(_class("simulator._target_", SIMULATOR, target).execute).parameters  # type: ignore[attr-defined]
+    if config.regions.explain and "noise" not in parameters:
+        raise InputError(f"regions.explain: {target}.execute must take the parameter 'noise', so expected 0, got {config.regions.explain}")
 
 
 def _inside(variable: Variable, admitted: Admitted) -> bool:

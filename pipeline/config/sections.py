@@ -230,6 +230,9 @@ class Regions(Section):
     """Smallest number of failures within the radius to form a region."""
     confirm: int = Field(ge=0, le=1000)
     """Fresh random tests inside each rule, and as many just outside, that confirm it; 0 for none. They count in no campaign."""
+    explain: int = Field(ge=0, le=1000)
+    """Largest number of a region's failures that are executed again with each single change, such as no rain or another person, to see
+    which change repairs them; 0 for none. They count in no campaign."""
 
 
 class Report(Section):

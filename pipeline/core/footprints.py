@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from pipeline.core.paths import Pose
 
 Floats = NDArray[np.float64]
+PARALLEL_M = 1e-9
+"""Distance across a rectangle below which a line runs along it."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,22 @@ class Rectangle:
         ahead = max(0.0, abs(float(c * dx + s * dy)) - self.half_length)
         left = max(0.0, abs(float(-s * dx + c * dy)) - self.half_width)
         return float(np.hypot(ahead, left))
+
+    def crossed_by(self, start: tuple[float, float], end: tuple[float, float]) -> bool:
+        """Whether the straight line between two points, metres, touches the rectangle (slab method)."""
+        c, s = np.cos(self.pose.heading), np.sin(self.pose.heading)
+        turned = np.array([[c, s], [-s, c]])
+        here = turned @ (np.array(start) - (self.pose.x, self.pose.y))
+        along = turned @ (np.array(end) - np.array(start))
+        first, last = 0.0, 1.0
+        for place, step, half in zip(here, along, (self.half_length, self.half_width), strict=True):
+            if abs(step) < PARALLEL_M:
+                if abs(place) > half:
+                    return False
+                continue
+            ends = sorted(((-half - place) / step, (half - place) / step))
+            first, last = max(first, ends[0]), min(last, ends[1])
+        return bool(first <= last)
 
     def overlaps(self, other: Rectangle) -> bool:
         """Whether the two share a point (separating axis theorem)."""

@@ -47,6 +47,7 @@ PLAIN: Mapping[str, tuple[str, Callable[[Any], bool]]] = {
     "attributes": ("lists of numbers by name", lambda value: isinstance(value, Mapping) and all(map(_are_numbers, value.values()))),
     "cuts": ("a list of numbers", _are_numbers),
     "weights": ("a list of numbers", _are_numbers),
+    "mildest": ("a number or a name", lambda value: isinstance(value, str) or _is_number(value)),
 }
 """The keys of a variable in plain data, what each expects, and whether a value is of that type."""
 
@@ -68,7 +69,7 @@ class Variable:
     part includes its lower end, the last part also its upper end. A cyclic variable identifies `high` with `low`, so with cuts its first
     and last parts are one category.
 
-    weights: whole numbers of points wanted for each category, 1 each by default.
+    weights: whole numbers of points wanted for each category, 1 each by default. mildest: the value that is easiest for a detector.
     """
 
     name: str
@@ -82,10 +83,11 @@ class Variable:
     attributes: tuple[tuple[str, tuple[float, ...]], ...] = ()
     cuts: tuple[float, ...] | None = None
     weights: tuple[int, ...] = ()
+    mildest: Value | None = None
 
     def __post_init__(self) -> None:
         problem = self._wrong_values() if self.kind == "categorical" else self._wrong_range()
-        if problem := problem or self._wrong_weights():
+        if problem := problem or self._wrong_weights() or self._wrong_mildest():
             raise ValueError(f"variable '{self.name}': {problem}")
 
     def _wrong_values(self) -> str:
@@ -125,6 +127,20 @@ class Variable:
         if any(weight != int(weight) or not 0 <= weight <= HEAVIEST for weight in self.weights):
             return f"weights must be whole numbers from 0 to {HEAVIEST}, got {list(self.weights)}"
         return ""
+
+    def _wrong_mildest(self) -> str:
+        if self.mildest is not None and isinstance(self.mildest, str) != (self.kind == "categorical"):
+            return f"mildest must be {'the name of a value' if self.kind == 'categorical' else 'a number'}, got {self.mildest!r}"
+        return ""
+
+    @property
+    def mild(self) -> float | None:
+        """The mildest value, encoded: the nearest one to it in the range. None if none is declared, or if it is not among the values."""
+        if self.mildest is None:
+            return None
+        if isinstance(self.mildest, str):
+            return float(self.values.index(self.mildest)) if self.mildest in self.values else None
+        return min(max(float(self.mildest), self.low), self.high)
 
     @property
     def size(self) -> int:
@@ -247,6 +263,8 @@ class Variable:
         else:
             categories = {"step": self.step} if self.cuts is None else {"cuts": list(self.cuts)}
             known |= {"unit": self.unit, "low": self.low, "high": self.high, **categories, "cyclic": self.cyclic}
+        if self.mildest is not None:
+            known["mildest"] = self.mildest
         return {**known, "weights": list(self.weights)} if self.weights else known
 
     @staticmethod

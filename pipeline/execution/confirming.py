@@ -22,7 +22,8 @@ from pipeline.progress import Progress
 
 @dataclass(frozen=True)
 class FreshTests:
-    """What confirms rules. tests: inside each rule, and as many just outside. journal: folder from which a killed call resumes."""
+    """What confirms rules. tests: inside each rule, and as many just outside. journal: folder from which a killed call resumes; the caller
+    removes it."""
 
     space: Space
     setup: Setup
@@ -49,9 +50,7 @@ class FreshTests:
     def _outcomes(self, points: Floats, threads: int, progress: Progress) -> list[Outcome]:
         concrete = [self.space.decode(point) for point in points]
         log = executed(concrete, self.setup, self.journal, threads, progress)
-        outcomes = [log.read(i) for i in range(len(points))]
-        log.remove()
-        return outcomes
+        return [log.read(i) for i in range(len(points))]
 
     def _counted(self, outcomes: Sequence[Outcome]) -> Counted:
         error = np.array([outcome.is_error for outcome in outcomes], bool)

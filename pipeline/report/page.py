@@ -60,8 +60,28 @@ class BeforeAfter:
 
 
 @dataclass(frozen=True)
+class Bar:
+    """One bar of a list: `value` of `most`, and the same in words."""
+
+    label: str
+    value: int
+    most: int
+    text: str
+
+
+@dataclass(frozen=True)
+class Bars:
+    """A paragraph with a list of bars."""
+
+    title: str
+    text: str
+    bars: tuple[Bar, ...]
+
+
+@dataclass(frozen=True)
 class Passage:
-    """A titled part of a section; empty fields are left out. notes: a list below the table. folded: the label that opens the table."""
+    """A titled part of a section; empty fields are left out. notes: a list below the table. folded: the label that opens the table. bars:
+    paragraphs below the notes."""
 
     title: str = ""
     text: str = ""
@@ -71,6 +91,7 @@ class Passage:
     stills: tuple[BeforeAfter, ...] = ()
     notes: tuple[str, ...] = ()
     folded: str = ""
+    bars: tuple[Bars, ...] = ()
 
 
 @dataclass(frozen=True)

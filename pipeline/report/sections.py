@@ -15,14 +15,16 @@ from pipeline.artefacts.results import (
     FailureRegions,
     Fresh,
     Measures,
+    Repair,
     StrategyMeasures,
     WhiteBoxMeasures,
     WhiteBoxSet,
+    Why,
 )
 from pipeline.report import texts
 from pipeline.report.failure_tables import CAUSES, MIXED, NONE, base_rate_sentence, braking_in_search, cause_cells, rate_text
 from pipeline.report.formats import censored, decimal, percent, share
-from pipeline.report.page import Drawing, Film, Passage, Section, Table
+from pipeline.report.page import Bar, Bars, Drawing, Film, Passage, Section, Table
 
 METRICS = {"precision": "precision", "recall": "recall", "ap50": "AP50", "ap50_95": "AP50-95"}
 
@@ -124,7 +126,25 @@ def _scenario_regions(regions: FailureRegions, base: str, plots: Mapping[str, Dr
     table = Table(headers, tuple(map(_region_row, regions.regions)), numbers=(4, 6), codes=(1,)) if regions.regions else None
     drawings = (plots[regions.scenario],) if regions.failures else ()
     text = summary if regions.failures else f"{summary} {texts.NO_FAILURES}"
-    return Passage(regions.label, text, table, drawings, tuple(replays))
+    return Passage(
+        regions.label,
+        text,
+        table,
+        drawings,
+        tuple(replays),
+        bars=tuple(_why(region.name, region.why) for region in regions.regions if region.why),
+    )
+
+
+def _why(region: str, why: Why) -> Bars:
+    """A region's sentence, and what repairs its failures, the control last."""
+    return Bars(f"{region}:", why.sentence, tuple(map(_bar, [*why.repairs, *([why.control] if why.control else [])])))
+
+
+def _bar(repair: Repair) -> Bar:
+    errors = f"; errors: {repair.errors}" if repair.errors else ""
+    rate = f" = {percent(repair.rate)}" if repair.rate else ""
+    return Bar(repair.change, repair.repaired, max(1, repair.tests), f"{repair.repaired} / {repair.tests}{rate}{errors}")
 
 
 def _region_row(region: FailureRegion) -> tuple[str, ...]:

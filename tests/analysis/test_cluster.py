@@ -31,7 +31,7 @@ def test_planted_region_is_found_with_its_rule() -> None:
     tests = make_tests(SPACE, KEYS, SPACE.sample(400, np.random.default_rng(0)), fog_from=60)
     tests = tests[tests["status"] == "ok"].reset_index(drop=True)
     tests["cause"] = np.where(tests["failure"], "box", "none")
-    result = cluster(INFO, SPACE, tests, Regions(chance_neighbours=1, min_failures=4, confirm=0))
+    result = cluster(INFO, SPACE, tests, Regions(chance_neighbours=1, min_failures=4, confirm=0, explain=0))
     assert len(result.regions) == 1
     region = result.regions[0]
     assert region.rule == "fog >= 60 % and sun_altitude <= 3 deg" and region.cause == "box"
@@ -56,19 +56,19 @@ def test_two_corners_are_two_regions() -> None:
     tests["failure"] = np.arange(len(tests)) < 16
     tests["failure_mode"] = np.where(tests["failure"], "late", "none")
     tests["status"] = "ok"
-    result = cluster(INFO, SPACE, tests, Regions(chance_neighbours=0.5, min_failures=3, confirm=0))
+    result = cluster(INFO, SPACE, tests, Regions(chance_neighbours=0.5, min_failures=3, confirm=0, explain=0))
     assert [len(region.members) for region in result.regions] == [8, 8]
     assert {region.support for region in result.regions} == {8}
 
 
 def test_without_failures_there_is_no_region() -> None:
     tests = make_tests(SPACE, KEYS, SPACE.sample(20, np.random.default_rng(0)), fog_from=1000)
-    result = cluster(INFO, SPACE, tests, Regions(chance_neighbours=0.5, min_failures=3, confirm=0))
+    result = cluster(INFO, SPACE, tests, Regions(chance_neighbours=0.5, min_failures=3, confirm=0, explain=0))
     assert (result.failures, result.regions, result.isolated, result.connected) == (0, (), (), 0)
 
 
 def everywhere(tests: pd.DataFrame) -> FailureRegions:
-    return cluster(INFO, SPACE, tests, Regions(chance_neighbours=0.5, min_failures=4, confirm=0))
+    return cluster(INFO, SPACE, tests, Regions(chance_neighbours=0.5, min_failures=4, confirm=0, explain=0))
 
 
 def test_every_test_fails_is_one_region_that_says_so() -> None:
@@ -77,7 +77,7 @@ def test_every_test_fails_is_one_region_that_says_so() -> None:
     # At 10 s, every test with a detector that sees nothing is a failure.
     outcomes = [kpi.evaluate(simulator.execute(space.decode(point), BlindDetector()).signals, 10.0) for point in points]
     tests = make_tests(space, KEYS, points).assign(status="ok", failure=[found.failure for found in outcomes], failure_mode="late")
-    result = cluster(INFO, space, tests, Regions(chance_neighbours=0.5, min_failures=4, confirm=0))
+    result = cluster(INFO, space, tests, Regions(chance_neighbours=0.5, min_failures=4, confirm=0, explain=0))
     (region,) = result.regions
     assert (region.rule, region.support, region.failures_inside, region.precision, region.recall) == ("every test", 60, 60, 1, 1)
     assert set(region.members) == set(tests["test_id"]) and result.isolated == ()

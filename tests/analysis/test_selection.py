@@ -25,7 +25,7 @@ SCENARIOS = dict.fromkeys(TESTS["test_id"], "F")
 
 
 def test_all_and_failures() -> None:
-    section = Regions(chance_neighbours=0.5, min_failures=4, confirm=0)
+    section = Regions(chance_neighbours=0.5, min_failures=4, confirm=0, explain=0)
     assert len(selection.groups("all", TESTS, {}, section)) == 40
     assert list(selection.groups("failures", TESTS, {}, section)) == list(TESTS["test_id"][:12])
 
@@ -52,7 +52,7 @@ def test_unsure_and_missed_frames_are_drawn_more_often() -> None:
 
 def test_causes_are_groups_and_so_are_passing_tests() -> None:
     tests = TESTS.assign(cause=["box"] * 4 + ["never_seen"] * 8 + ["none"] * 28)
-    groups = selection.groups("causes", tests, {}, Regions(chance_neighbours=0.5, min_failures=4, confirm=0))
+    groups = selection.groups("causes", tests, {}, Regions(chance_neighbours=0.5, min_failures=4, confirm=0, explain=0))
     drawn = selection.draw(selection.pool(ROWS, groups, SCENARIOS, "causes"), 32, 0.25, seed=0)
     # 24 frames with a pedestrian, 8 a group; "box" has just 8.
     assert drawn[drawn["step"] > 0]["test_id"].map(groups).value_counts().to_dict() == {"box": 8, "never_seen": 8, "none": 8}
@@ -80,7 +80,7 @@ def test_regions_are_groups_and_failures_outside_are_another() -> None:
     )  # fmt: skip
     assert concrete(tests.iloc[0], SMALL) == SMALL.decode(centre)
     info = ScenarioInfo("F", "F", "", 100)
-    found = selection.groups("regions", tests, {"F": (info, SMALL)}, Regions(chance_neighbours=0.5, min_failures=4, confirm=0))
+    found = selection.groups("regions", tests, {"F": (info, SMALL)}, Regions(chance_neighbours=0.5, min_failures=4, confirm=0, explain=0))
     assert len(found) == failed.sum()
     assert {found[f"F-a-base-0-{i:05d}"] for i in range(40)} == {"F region 1"}
     assert "F, isolated" in found.values()

@@ -1,0 +1,87 @@
+"""One sentence about a failure region: who fails under which conditions, what the camera saw, and which change repairs how much."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from pipeline.artefacts.results import Repair, RuleCondition, Seen
+from pipeline.scenarios import people
+
+NOUNS = {"child": "children", "adult": "adults"}
+NAMED = 2
+"""Repairs that the sentence names."""
+
+
+def sentence(conditions: Sequence[RuleCondition], seen: Seen, repairs: Sequence[Repair], control: Repair | None) -> str:
+    """The sentence. repairs: those that repair most first."""
+    parts = [f"{subject(conditions)} {_seen(seen)}", *([_repairs(repairs, control)] if repairs else [])]
+    return f"{'; '.join(parts)}."
+
+
+def subject(conditions: Sequence[RuleCondition]) -> str:
+    """`Crouching children with rain of at least 40 %`, of a rule's conditions; `People in every test` without any."""
+    words = {word.text: word for word in people.WORDS}
+    named = [c.text for c in conditions if c.text in words]
+    others = [plain(c.text) for c in conditions if c.text not in words]
+    before = [text for text in named if words[text].variable == people.POSE]
+    noun = next((NOUNS[text] for text in named if text in NOUNS), "people")
+    after = [text for text in named if text not in before and text not in NOUNS]
+    phrase = " ".join([*before, noun, *after])
+    if not conditions:
+        phrase += " in every test"
+    conditioned = f" with {_listed(others, 'and')}" if others else ""
+    return f"{phrase[0].upper()}{phrase[1:]}{conditioned}"
+
+
+def plain(condition: str) -> str:
+    """A condition of a rule without signs: `rain of at least 40 %` for `rain >= 40 %`."""
+    text = re.sub(r"^(\w+)_m (.+)$", r"\1 \2 m", condition)  # An attribute in metres, such as height_m.
+    text = text.replace("_", " ").replace(" >= ", " of at least ").replace(" <= ", " of at most ")
+    text = re.sub(r" in \[(.+?), (.+?)\]", r" from \1 to \2", text)
+    listed = re.match(r"(.+) in \{(.+)\}", text)
+    return f"{listed[1]} {_listed(listed[2].split(', '), 'or')}" if listed else text.replace(" = ", " ")
+
+
+def _seen(seen: Seen) -> str:
+    if not seen.in_sight:
+        return f"are never in sight ({seen.failures} failures)"
+    if seen.delay_s is None or seen.first_detection_m is None:
+        return (
+            f"come into sight {_metres(seen.first_sight_m)} before the conflict point and are never detected ({_failures(seen.failures)})"
+        )
+    delay = f"{seen.delay_s:.1f} s after they come into sight" if seen.delay_s >= 0.05 else "as soon as they come into sight"
+    never = f"; {seen.failures - seen.detected} never detected" if seen.detected < seen.failures else ""
+    return f"are first detected {delay}, {_metres(seen.first_detection_m)} before the conflict point ({_failures(seen.failures)}{never})"
+
+
+def _failures(count: int) -> str:
+    return f"median of {count} failures"
+
+
+def _metres(distance: float | None) -> str:
+    return f"{distance or 0:.0f} m"
+
+
+def _repairs(repairs: Sequence[Repair], control: Repair | None) -> str:
+    found = _named(repairs)
+    noise = f", {_share(control, '')}" if control else ""
+    if not found:
+        return f"no single change repairs any of {max(repair.tests for repair in repairs)}{noise}"
+    first, *rest = found
+    return ", ".join([_share(first, " repairs"), *(_share(repair, "") for repair in rest)]) + noise
+
+
+def _named(repairs: Sequence[Repair]) -> list[Repair]:
+    """The best single changes, and clear weather as a whole if it repairs more."""
+    single = [repair for repair in repairs if len(repair.values) < 2 and repair.repaired][:NAMED]
+    most = max((repair.repaired for repair in single), default=0)
+    return [*single, *(repair for repair in repairs if len(repair.values) > 1 and repair.repaired > most)]
+
+
+def _share(repair: Repair, verb: str) -> str:
+    return f"{repair.change}{verb} {repair.repaired} of {repair.tests}"
+
+
+def _listed(parts: Sequence[str], last: str) -> str:
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} {last} {parts[-1]}"

@@ -1,0 +1,80 @@
+"""Why the failures of a region fail: from the rows of its failures, as executed and with single changes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+import pandas as pd
+from numpy.typing import NDArray
+
+from pipeline.analysis.region_sentence import sentence
+from pipeline.artefacts.results import Estimate, FailureRegion, Repair, Seen, Why
+from pipeline.artefacts.tables import UNCHANGED
+from pipeline.core.confirmation import Counted
+from pipeline.core.sight import sight
+from pipeline.scenarios.changes import CONTROL, Change, ranked
+
+Signals = Mapping[str, NDArray[Any]]
+
+
+def recorded(region: FailureRegion, tests: pd.DataFrame, signals: Mapping[str, Signals]) -> list[dict[str, Any]]:
+    """The rows of a region's failures as their campaigns executed them. tests: rows of tests.parquet by test_id; signals: by test_id."""
+    how = {"region": region.name, "change": UNCHANGED, "status": "ok", "reason": "", "failure": True}
+    return [
+        {**how, "test_id": test, "adj_ttc_s": float(tests.loc[test, "adj_ttc_s"]), **asdict(sight(signals[test]))}
+        for test in region.members
+    ]
+
+
+def explained(region: FailureRegion, changes: Sequence[Change], rows: pd.DataFrame, confidence: float) -> FailureRegion:
+    """The region with its `why`. changes: in the order of their declaration, which breaks ties. rows: `pipeline.artefacts.tables.WHY`."""
+    own = rows[rows["region"] == region.name]
+    seen = _seen(own[own["change"] == UNCHANGED])
+    counted = [(change, _repair(change, own[own["change"] == change.text], confidence)) for change in changes]
+    executed = {change.text: repair for change, repair in counted if repair.tests or repair.errors}
+    order = ranked([(change, repair.repaired) for change, repair in counted if change.text in executed and not change.is_control])
+    repairs, control = [executed[change.text] for change in order], executed.get(CONTROL.text)
+    why = Why(
+        sentence=sentence(region.conditions, seen, repairs, control),
+        seen=seen,
+        confidence=confidence,
+        repairs=tuple(repairs),
+        control=control,
+    )
+    return region.model_copy(update={"why": why})
+
+
+def _repair(change: Change, rows: pd.DataFrame, confidence: float) -> Repair:
+    counted = Counted.of(~rows["failure"].to_numpy(bool), (rows["status"] == "error").to_numpy(bool))
+    low, high = counted.interval(confidence)
+    return Repair(
+        change=change.text,
+        values=dict(change.values),
+        without=change.without,
+        tests=counted.tests,
+        repaired=counted.failures,
+        errors=counted.errors,
+        rate=Estimate(value=counted.failures / counted.tests, low=low, high=high) if counted.tests else None,
+    )
+
+
+def _seen(rows: pd.DataFrame) -> Seen:
+    both = rows[rows["first_sight_s"].notna() & rows["first_detection_s"].notna()]
+    return Seen(
+        failures=len(rows),
+        in_sight=int(rows["first_sight_s"].notna().sum()),
+        detected=int(rows["first_detection_s"].notna().sum()),
+        first_sight_m=_median(rows["first_sight_m"]),
+        first_sight_pixels=_median(rows["first_sight_pixels"]),
+        first_sight_contrast=_median(rows["first_sight_contrast"]),
+        last_chance_pixels=_median(rows["last_chance_pixels"]),
+        last_chance_contrast=_median(rows["last_chance_contrast"]),
+        first_detection_m=_median(both["first_detection_m"]),
+        delay_s=_median(both["first_detection_s"] - both["first_sight_s"]),
+    )
+
+
+def _median(values: pd.Series) -> float | None:
+    return None if values.isna().all() else float(values.median())

@@ -1,0 +1,117 @@
+"""Executes the failures of regions again, each with one change at a time, to see which change repairs them."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import reduce
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from pipeline.analysis.failure_regions import Found
+from pipeline.artefacts.points import concrete
+from pipeline.artefacts.tables import WHY
+from pipeline.core.grouping import Outcomes
+from pipeline.core.kpi import evaluate
+from pipeline.core.sight import Sight, sight
+from pipeline.core.space import Value
+from pipeline.execution.journal import Outcome
+from pipeline.execution.points import executed
+from pipeline.execution.workers import Setup
+from pipeline.progress import Progress
+from pipeline.scenarios.changes import CONTROL, Change, changes, without
+from pipeline.scenarios.occluders import occluders
+
+Signals = Mapping[str, NDArray[Any]]
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A failure of a region as it was executed."""
+
+    region: str
+    test_id: str
+    concrete: Mapping[str, Value]
+
+
+@dataclass(frozen=True)
+class _Changed:
+    """A failure to execute with a change. concrete: with the change."""
+
+    failure: Failure
+    change: Change
+    concrete: Mapping[str, Value]
+
+    @property
+    def noise(self) -> Mapping[str, Value]:
+        """The failure's own noise, or, for the control, other noise."""
+        return {**self.failure.concrete, "noise": "other"} if self.change.is_control else self.failure.concrete
+
+
+@dataclass(frozen=True)
+class Counterfactuals:
+    """What executes failures with changes. tests: the largest number of a region's failures. journal: folder from which a killed call
+    resumes; the caller removes it."""
+
+    setup: Setup
+    failure_threshold_s: float
+    tests: int
+    journal: Path
+
+    def chosen(self, found: Found, rows: pd.DataFrame, outcomes: Outcomes) -> list[Failure]:
+        """Failures of a region, drawn at random without repeats. rows: of tests.parquet, by test_id."""
+        region = found.region
+        seed = int.from_bytes(hashlib.sha256(f"explain {region.name} {region.rule}".encode()).digest()[:8], "big")
+        count = min(self.tests, len(region.members))
+        drawn = np.random.default_rng(seed).choice(len(region.members), count, replace=False)
+        names = [region.members[i] for i in sorted(drawn)]
+        return [Failure(region.name, name, concrete(rows.loc[name], outcomes.space)) for name in names]
+
+    def planned(self, found: Found, failures: Sequence[Failure], outcomes: Outcomes, signals: Mapping[str, Signals]) -> tuple[Change, ...]:
+        """The changes that change any of a region's chosen failures, and the control, which comes last."""
+        hiding = reduce(frozenset.union, (occluders(self.setup.scenario, signals[one.test_id]) for one in failures), frozenset[str]())
+        wanted = (*changes(outcomes, found.group.members), *without(self.setup.scenario, sorted(hiding)))
+        moved = [c for c in wanted if c.without or any(one.concrete[k] != v for one in failures for k, v in c.values.items())]
+        return (*moved, CONTROL)
+
+    def rows(
+        self, plans: Sequence[tuple[Sequence[Failure], Sequence[Change]]], outcomes: Outcomes, threads: int, progress: Progress
+    ) -> list[dict[str, Any]]:
+        """The rows of all failures with all changes of their regions; changes that break a constraint are left out."""
+        wanted = [
+            _Changed(one, change, changed)
+            for failures, made in plans
+            for change in made
+            for one in failures
+            if (changed := change.of(one.concrete, outcomes.space)) is not None
+        ]
+        worlds = dict.fromkeys(one.change.without for one in wanted)
+        return [row for actors in worlds for row in self._executed([w for w in wanted if w.change.without == actors], threads, progress)]
+
+    def _executed(self, wanted: Sequence[_Changed], threads: int, progress: Progress) -> list[dict[str, Any]]:
+        """The rows of changes that remove the same actors."""
+        actors = wanted[0].change.without
+        scenario = self.setup.scenario
+        kept = {name: actor for name, actor in scenario.actors.items() if name not in actors}
+        setup = replace(self.setup, scenario=scenario.model_copy(update={"actors": kept}))
+        noises = [one.noise for one in wanted]
+        log = executed([one.concrete for one in wanted], setup, self.journal / "-".join(["without", *actors]), threads, progress, noises)
+        return [self._row(one, log.read(i)) for i, one in enumerate(wanted)]
+
+    def _row(self, one: _Changed, outcome: Outcome) -> dict[str, Any]:
+        row = {"region": one.failure.region, "test_id": one.failure.test_id, "change": one.change.text}
+        if outcome.is_error:
+            return {**row, "status": "error", "reason": outcome.reason, "failure": False, "adj_ttc_s": np.nan, **asdict(Sight())}
+        kpi = evaluate(outcome.signals, self.failure_threshold_s)
+        judged = {"status": "ok", "reason": "", "failure": kpi.failure, "adj_ttc_s": kpi.adj_ttc_s}
+        return {**row, **judged, **asdict(sight(outcome.signals))}
+
+
+def table(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """Rows as the table beside a scenario's regions."""
+    return pd.DataFrame(rows, columns=[column.name for column in WHY])

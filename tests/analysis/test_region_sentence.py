@@ -1,0 +1,88 @@
+"""The sentence about a region."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from pipeline.analysis.region_sentence import plain, sentence, subject
+from pipeline.artefacts.results import Repair, RuleCondition, Seen
+
+SEEN = Seen(
+    failures=20,
+    in_sight=20,
+    detected=18,
+    first_sight_m=21,
+    first_sight_pixels=40,
+    first_sight_contrast=12,
+    last_chance_pixels=90,
+    last_chance_contrast=15,
+    first_detection_m=9.2,
+    delay_s=0.62,
+)
+
+
+def conditions(*texts: str) -> list[RuleCondition]:
+    return [RuleCondition(variable="x", text=text) for text in texts]
+
+
+def repair(change: str, repaired: int, variables: int = 1) -> Repair:
+    values: dict[str, Any] = {f"v{i}": 0.0 for i in range(variables)}
+    return Repair(change=change, values=values, without=(), tests=20, repaired=repaired, errors=0, rate=None)
+
+
+@pytest.mark.parametrize(
+    ("texts", "expected"),
+    [
+        (("child", "rain >= 40 %"), "Children with rain of at least 40 %"),
+        (("height_m <= 1.25",), "People with height of at most 1.25 m"),
+        (("crouching", "under an umbrella"), "Crouching people under an umbrella"),
+        (("under an umbrella", "adult", "limping"), "Limping adults under an umbrella"),
+        (
+            ("sun_altitude in [-1, 2] deg", "pedestrian_speed <= 0.75 m/s", "rain - fog in [-12, 12] %"),
+            "People with sun altitude from -1 to 2 deg, pedestrian speed of at most 0.75 m/s and rain - fog from -12 to 12 %",
+        ),
+        ((), "People in every test"),
+    ],
+)
+def test_the_subject_says_the_rule(texts: tuple[str, ...], expected: str) -> None:
+    assert subject(conditions(*texts)) == expected
+
+
+def test_listed_values_and_circles() -> None:
+    assert plain("blueprint in {W 04, M 04, M 35}") == "blueprint W 04, M 04 or M 35"
+    assert plain("animation = drunk") == "animation drunk"
+    assert plain("sun_azimuth from 330 through 360 to 30 deg") == "sun azimuth from 330 through 360 to 30 deg"
+
+
+def test_the_whole_sentence() -> None:
+    repairs = [repair("a taller person (M 12)", 14), repair("no rain", 3), repair("no fog", 1), repair("clear weather by day", 14, 4)]
+    said = sentence(conditions("child"), SEEN, repairs, repair("other noise", 1, 0))
+    assert said == (
+        "Children are first detected 0.6 s after they come into sight, 9 m before the conflict point (median of 20 failures; "
+        "2 never detected); a taller person (M 12) repairs 14 of 20, no rain 3 of 20, other noise 1 of 20."
+    )
+
+
+def test_clear_weather_is_named_if_it_repairs_more_than_any_part() -> None:
+    said = sentence([], SEEN, [repair("no rain", 3), repair("clear weather by day", 12, 4)], None)
+    assert said.endswith("; no rain repairs 3 of 20, clear weather by day 12 of 20.")
+
+
+def test_nothing_repairs() -> None:
+    assert sentence([], SEEN, [repair("no rain", 0)], repair("other noise", 0, 0)).endswith(
+        "; no single change repairs any of 20, other noise 0 of 20."
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"in_sight": 0}, "are never in sight (20 failures)"),
+        ({"delay_s": None, "detected": 0}, "come into sight 21 m before the conflict point and are never detected"),
+        ({"delay_s": -0.1}, "are first detected as soon as they come into sight, 9 m before"),
+    ],
+)
+def test_what_the_camera_saw(changes: dict[str, Any], expected: str) -> None:
+    assert expected in sentence([], SEEN.model_copy(update=changes), [], None)

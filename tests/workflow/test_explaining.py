@@ -1,0 +1,169 @@
+"""The step `cluster` executes failures again with single changes; the sentence and the bars say what the rows say."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from contextlib import chdir
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from numpy.typing import NDArray
+
+from pipeline.__main__ import main
+from pipeline.artefacts.results import FailureRegion, FailureRegions, Repair, read
+from pipeline.artefacts.tables import UNCHANGED, read_why
+from pipeline.config.composing import load
+from pipeline.core.episode import Episode
+from pipeline.core.space import Value
+from pipeline.errors import SimulationError
+from pipeline.execution.journal import Journal
+from pipeline.execution.points import executed
+from pipeline.execution.workers import Setup
+from pipeline.progress import Progress
+from pipeline.protocols import Detector
+from pipeline.report.sections import regions_section
+from pipeline.simulators.analytic import AnalyticSimulator
+from tests.studies import StudyFolder
+from tests.workflow.test_campaign import analytic_study
+
+FAILURES = 6
+CAUSES = {"fog": {"fog", "sun_altitude"}, "stumbling": {"sun_altitude", "rain", "animation"}, "rain": {"rain", "pedestrian_speed"}}
+"""What the planted regions of the analytic simulator are about, by what their rules begin with."""
+
+
+class BreaksInClearWeather(AnalyticSimulator):
+    """Breaks without fog if the rain is above 50 %."""
+
+    def execute(
+        self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0, noise: Mapping[str, Value] | None = None
+    ) -> Episode:
+        if concrete["fog"] == 0 and float(concrete["rain"]) > 50:
+            raise SimulationError("no fog, but rain")
+        return super().execute(concrete, detector, keep_every)
+
+
+class WithoutNoise:
+    """A simulator that cannot be given another test's noise."""
+
+    def __init__(self, scenario: object, car: object) -> None: ...
+
+    def execute(self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0) -> Episode:
+        raise NotImplementedError
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> StudyFolder:
+    breaking = f"simulator._target_={__name__}.{BreaksInClearWeather.__qualname__}"
+    overrides = ["campaign.tests=160", "samplers.mixed.batch_size=20", "strategies=[random,mixed]", f"regions.explain={FAILURES}"]
+    made = analytic_study(tmp_path_factory.mktemp("explaining"), *overrides, breaking)
+    for strategy in ("random", "mixed"):
+        assert made.run("campaign", kind="campaigns", scenario="F1", strategy=strategy, version="base", seed=0) == 0
+    assert made.run("cluster", scenario="F1", version="base") == 0
+    assert not list(Path(made / "journal").glob("cluster/**/*.npz")), "the journal is removed"
+    return made
+
+
+@pytest.fixture(scope="module")
+def found(study: StudyFolder) -> FailureRegions:
+    return read(study / "regions/base/F1.json", FailureRegions)
+
+
+@pytest.fixture(scope="module")
+def rows(study: StudyFolder) -> pd.DataFrame:
+    return read_why(study / "regions/base/F1.parquet")
+
+
+def test_the_planted_cause_is_the_first_repair(found: FailureRegions) -> None:
+    assert len(found.regions) >= 2
+    for region in found.regions:
+        assert region.why is not None and region.why.control is not None
+        (about,) = [names for begin, names in CAUSES.items() if region.rule.startswith(begin)]
+        first = region.why.repairs[0]
+        assert set(first.values) <= about, f"{region.rule}: {first.change}"
+        assert first.repaired >= 0.8 * first.tests > 0 and region.why.control.repaired == 0
+
+
+def test_every_number_comes_from_the_rows(found: FailureRegions, rows: pd.DataFrame) -> None:
+    for region in found.regions:
+        assert region.why is not None and region.why.control is not None
+        own = rows[rows["region"] == region.name]
+        before = own[own["change"] == UNCHANGED]
+        assert tuple(before["test_id"]) == region.members and before["failure"].all()
+        for repair in (*region.why.repairs, region.why.control):
+            changed = own[own["change"] == repair.change]
+            valid = changed[changed["status"] == "ok"]
+            assert repair.tests + repair.errors == len(changed) == min(FAILURES, len(region.members))
+            assert (repair.tests, repair.repaired) == (len(valid), int((~valid["failure"]).sum()))
+            assert set(changed["test_id"]) <= set(region.members)
+            if repair.rate is not None:
+                assert repair.rate.low <= repair.rate.value == repair.repaired / repair.tests <= repair.rate.high
+        delay = (before["first_detection_s"] - before["first_sight_s"]).median()
+        assert f"{delay:.1f} s after" in region.why.sentence and f"median of {len(before)} failures" in region.why.sentence
+        for change, repaired, tests in re.findall(r"(?:; |, )([^,;(]+?(?: \([^)]*\))?)(?: repairs)? (\d+) of (\d+)", region.why.sentence):
+            (one,) = [r for r in (*region.why.repairs, region.why.control) if r.change == change]
+            assert (one.repaired, one.tests) == (int(repaired), int(tests))
+        assert region.why.sentence.count(" of ") >= 4
+    assert any(repair.errors for region in found.regions for repair in _repairs(region)), "executions that broke are counted apart"
+
+
+def test_the_report_shows_the_sentence_and_a_bar_for_each_change(found: FailureRegions) -> None:
+    (part,) = regions_section([found], [], {found.scenario: None}, {}).parts  # type: ignore[dict-item]
+    assert [shown.title for shown in part.bars] == [f"{region.name}:" for region in found.regions]
+    for shown, region in zip(part.bars, found.regions, strict=True):
+        assert region.why is not None and shown.text == region.why.sentence
+        assert [(bar.label, bar.value) for bar in shown.bars] == [(one.change, one.repaired) for one in _repairs(region)]
+        assert all(bar.text.startswith(f"{bar.value} / ") for bar in shown.bars)
+
+
+def _repairs(region: FailureRegion) -> list[Repair]:
+    assert region.why is not None and region.why.control is not None
+    return [*region.why.repairs, region.why.control]
+
+
+def test_a_killed_call_resumes(study: StudyFolder, tmp_path: Path) -> None:
+    config = load(study.root / "params.yaml")
+    setup = Setup(config.simulator, config.scenarios["F1"], config.detector, study / "models/base/model.onnx", config.car, config.limits)
+    points = [config.space("F1").decode(point) for point in config.space("F1").representatives(_first_cells(config.space("F1").sizes))]
+    with Progress("test") as progress:
+        log = executed(points, setup, tmp_path / "journal", 1, progress, points)
+        log.path(0).unlink()
+        kept = {i: log.path(i).stat().st_mtime_ns for i in range(1, len(points))}
+        again = executed(points, setup, tmp_path / "journal", 1, progress, points)
+        assert {i: again.path(i).stat().st_mtime_ns for i in kept} == kept and 0 in again
+        other = executed(points, setup, tmp_path / "journal", 1, progress, points[::-1])
+        assert isinstance(other, Journal) and other.path(1).stat().st_mtime_ns != kept[1], "other noise, other outcomes"
+
+
+def _first_cells(sizes: tuple[int, ...]) -> NDArray[np.int64]:
+    return np.array([[0] * len(sizes), [1] * len(sizes), [2 % size for size in sizes]])
+
+
+def test_without_executions_the_sentence_says_what_the_camera_saw(study: StudyFolder, found: FailureRegions) -> None:
+    config = load(study.root / "params.yaml")
+    plain = config.model_copy(update={"regions": config.regions.model_copy(update={"explain": 0})})
+    other = StudyFolder.of(study.root, plain)
+    assert other.run("cluster", scenario="F1", version="base") == 0
+    for region, before in zip(read(study / "regions/base/F1.json", FailureRegions).regions, found.regions, strict=True):
+        assert region.why is not None and before.why is not None
+        assert region.why.repairs == () and region.why.control is None and region.why.seen == before.why.seen
+        assert before.why.sentence.startswith(region.why.sentence.removesuffix("."))
+
+
+def test_a_simulator_without_noise_is_refused_by_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    target = f"{__name__}.{WithoutNoise.__qualname__}"
+    with chdir(tmp_path):
+        words = [
+            "compose",
+            "--out",
+            "params.yaml",
+            "study=smoke",
+            "base.source=trained",
+            "simulator=analytic",
+            f"simulator._target_={target}",
+        ]
+        assert main([*words, "regions.explain=2"]) == 2
+        assert f"regions.explain: {target}.execute must take the parameter 'noise', so expected 0, got 2" in capsys.readouterr().err
+        assert main([*words, "regions.explain=0"]) == 0
