@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import fill
 
 import numpy as np
 import pandas as pd
@@ -156,7 +157,7 @@ def _rates(grid: Grid) -> str:
             valid = int((campaign.tests["status"] == "ok").sum())
             low, high = wilson_interval(campaign.failures, valid)
             said.append(f"{scenario} {campaign.failures / valid:.1%} ({100 * low:.1f} to {100 * high:.1f})")
-    return f"Random tests that fail, with 95 % intervals: {', '.join(said)}.\n"
+    return fill(f"Random tests that fail, with 95 % intervals: {', '.join(said)}.", 150) + "\n"
 
 
 def figures(grid: Grid, threshold_s: float) -> Iterator[tuple[str, Figure]]:
