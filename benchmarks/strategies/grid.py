@@ -23,6 +23,7 @@ from pipeline.report.search_plots import kpi_panels, parallel_lines
 
 GRID = recorded.DATA / "thesis"
 BATCH = 20
+LATE = 500
 NAMES = {
     "random": "Random Testing",
     "pairwise": "Pair-wise",
@@ -105,6 +106,7 @@ def markdown(grid: Grid) -> str:
         ("### Share of pairs that the failures cover, γ_f in % (Table 6.6)", _coverage(failing=True)),
         ("### Share of pairs that the tests cover, γ_t in % (Table 6.6)", _coverage(failing=False)),
         ("### Kinds of failures: different pairs of person and pose (not in the thesis)", _kinds),
+        (f"### Lowest adj. TTC in s, and share of the last {LATE} tests with their most frequent kind in %", _focus),
     ]
     return "\n".join(f"{heading}\n\n{_table(grid, strategies, scenarios, cell)}\n" for heading, cell in parts) + "\n" + _rates(grid)
 
@@ -147,6 +149,12 @@ def _coverage(failing: bool) -> Cell:
 
 def _kinds(_: Grid, campaign: Campaign) -> str:
     return str(kinds_of(campaign.space, campaign.failing))
+
+
+def _focus(_: Grid, campaign: Campaign) -> str:
+    kind = [variable.name for variable in campaign.space.variables if variable.kind == "categorical"]
+    late = campaign.tests.tail(LATE)[kind].value_counts(normalize=True)
+    return f"{campaign.tests['adj_ttc_s'].min():.2f} / {100 * late.iloc[0]:.0f}"
 
 
 def _rates(grid: Grid) -> str:
