@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.linear_model import LogisticRegression
 
 EDGE = 1e-6
 
@@ -39,6 +38,8 @@ def platt(scores: ArrayLike, right: ArrayLike) -> Calibration:
 
     Returns the identity if all or none are correct, or if a higher score does not mean correct more often.
     """
+    from sklearn.linear_model import LogisticRegression  # Takes a second to import, which every test worker would pay.
+
     x, y = _logit(scores), np.asarray(right, dtype=bool)
     if len(np.unique(y)) < 2:
         return Calibration()

@@ -40,7 +40,7 @@ SMALL = {
     "detectors": [
         *("search=[F1]", "campaign.tests=4", "comparison.tests=4", "seeds=[0]", "report.replays=2", "samplers.mixed.batch_size=2"),
         *("campaign.failure_threshold_s=10", "regions.min_failures=2", "calibrate=true", "base_set.images=40"),
-        *("goal=detectors", "+tested.one=one.onnx", "+tested.other=other.onnx"),
+        *("goal=detectors", "+tested.one=one.onnx", "+tested.other=other.onnx", "comparison.second_iou=0.3"),
     ],
     "front_car": ["front_car.images=33", "front_car.test_images=1", "front_car.iterations=1", "front_car.batch_size=4"],
 }
