@@ -26,6 +26,7 @@ PLAN = plan(
         "second_iou",  # the held-out sequence at another IoU
         "compare",  # every version on the held-out sequence
         "report",  # one page with plots and films
+        "evidence",  # what a safety case may cite
         "track",  # MLflow
         "detector_report",  # the page of a detector that is only tested
         "front_car_points",  # the front-car study: points to full coverage

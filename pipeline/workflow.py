@@ -43,7 +43,7 @@ STAGES = {
     "versions": ("retrained",),
     "held_out": ("held_out",),
     "compare": ("comparison.json", "comparison.parquet", "changes.csv", "metrics.json"),
-    "report": ("report.html", "plots"),
+    "report": ("report.html", "plots", "evidence"),
     "track": ("tracking.json",),
 }
 """Parts of a study: the files and folders of each, relative to the study's folder. They are targets of Snakemake and stages of DVC."""

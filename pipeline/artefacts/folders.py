@@ -26,9 +26,11 @@ class Folders:
     @property
     def goals(self) -> list[str]:
         """The files that a run of the whole study makes in the end."""
-        made = {"report": ["report.html", "tracking.json"], "base": ["models/base/model.json"], "front_car": ["front_car.html"]}
+        reported = ["report.html", "evidence/base.json", "tracking.json"]
+        made = {"report": reported, "base": ["models/base/model.json"], "front_car": ["front_car.html"]}
         compared = ["comparison.json"] if len(self.config.tested) > 1 else []
-        made["detectors"] = [*(f"reports/{name}.html" for name in self.config.tested), "measures.json", *compared]
+        pages = [path for name in self.config.tested for path in (f"reports/{name}.html", f"evidence/{name}.json")]
+        made["detectors"] = [*pages, "measures.json", *compared]
         return [f"{self.root}/{name}" for name in made[self.config.goal]]
 
     @property

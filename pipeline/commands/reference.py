@@ -1,9 +1,10 @@
-"""Command `reference`: the pages of docs/reference that the code determines, configuration.md and columns.md."""
+"""Command `reference`: the files of docs/reference that the code determines: configuration.md, columns.md and evidence.schema.json."""
 
 from __future__ import annotations
 
 import argparse
 import inspect
+import json
 import sys
 import textwrap
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import Any
 import yaml
 from pydantic import BaseModel
 
+from pipeline.artefacts.evidence import Evidence
 from pipeline.artefacts.tables import TABLES, WHY
 from pipeline.config.composing import CONF, compose
 from pipeline.config.schema import Config
@@ -163,4 +165,9 @@ def described(table: tuple[Column, ...]) -> list[str]:
     return head + [f"| `{c.name}` | {' / '.join(c.allowed) or c.kind.__name__} | {c.unit} | {c.meaning} |" for c in table]
 
 
-PAGES = {"configuration.md": configuration, "columns.md": columns}
+def evidence_schema() -> str:
+    """The JSON schema of evidence/<version>.json."""
+    return json.dumps(Evidence.model_json_schema(), indent=1) + "\n"
+
+
+PAGES = {"configuration.md": configuration, "columns.md": columns, "evidence.schema.json": evidence_schema}

@@ -45,6 +45,13 @@ DETECTOR = Kind(Detector, ("model",))
 SAMPLER = Kind(Sampler, ("space", "seed"), ("earlier",))
 
 
+def independent_strategies(samplers: Mapping[str, Mapping[str, Any]]) -> set[str]:
+    """The strategies whose tests are independent samples of the space."""
+    from hydra.utils import get_class
+
+    return {name for name, section in samplers.items() if getattr(get_class(section["_target_"]), "independent", False)}
+
+
 def make_simulator(section: Mapping[str, Any], scenario: FunctionalScenario, car: Car) -> Simulator:
     """The simulator of a section of the config."""
     made: Simulator = component("simulator", SIMULATOR, section)(scenario=scenario, car=car)

@@ -9,12 +9,11 @@ from typing import Annotated, Any
 import yaml
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
-from pipeline.config.composing import CONF
 from pipeline.config.sections import Section
 from pipeline.core.names import nearest
 from pipeline.errors import InputError
 
-FOLDER = CONF / "exposure"
+FOLDER = Path(__file__).resolve().parents[1] / "conf" / "exposure"
 Source = Annotated[str, Field(min_length=10)]
 
 
@@ -57,6 +56,11 @@ class ExposureFile(Section):
     scenarios: Occurrence | None = None
     variables: dict[str, Distribution] = Field(default_factory=dict)
     regimes: dict[str, Regime] = Field(default_factory=dict)
+
+    @property
+    def uniform(self) -> bool:
+        """Whether it is the distribution of random testing."""
+        return not self.variables and not self.regimes
 
     @property
     def plain(self) -> dict[str, Any]:

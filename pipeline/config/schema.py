@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
+from pipeline.config.exposure import ExposureFile
 from pipeline.config.sections import (
     AebSection,
     Base,
@@ -88,6 +89,8 @@ class Config(Section):
     vehicle: VehicleSection
     """The ego's brakes, from conf/vehicle."""
     aeb: AebSection
+    exposure: ExposureFile
+    """How often conditions occur, from conf/exposure: what the evidence's shares are shares of."""
     campaign: Campaign
     limits: Limits
     comparison: HeldOutSequence

@@ -24,9 +24,8 @@ def run(job: Job) -> None:
 
     Raises InputError for a campaign without its space or its baseline of the same seed.
     """
-    from hydra.utils import get_class
-
     from pipeline.analysis.measures import PROJECTION_K, by_strategy, measure_campaign, summarise, theta_table
+    from pipeline.config.components import independent_strategies
 
     baseline, confidence = job.config.strategies[0], job.config.comparison.confidence
     known = [read_space(path) for path in job.inputs("spaces")]
@@ -39,7 +38,7 @@ def run(job: Job) -> None:
     for done, campaign in enumerate(tables, 1):
         measured.append(measure_campaign(campaign, tables, spaces, baseline))
         job.progress(done, len(tables), str(campaign))
-    independent = {name for name, section in job.config.samplers.items() if getattr(get_class(section["_target_"]), "independent", False)}
+    independent = independent_strategies(job.config.samplers)
     groups = tuple(summarise(group, confidence, baseline, independent) for group in by_strategy(measured))
     measures = Measures(
         confidence=confidence,

@@ -28,8 +28,8 @@ def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
 
 
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
-    """All parameters of a study except the bodies of scenarios, which are long."""
-    return tuple(name for name in Config.model_fields if name not in ("scenarios", "front_car"))
+    """All parameters of a study except the bodies of scenarios, which are long, and the exposure, which changes no run."""
+    return tuple(name for name in Config.model_fields if name not in ("scenarios", "front_car", "exposure"))
 
 
 STEP = Step(

@@ -25,8 +25,9 @@ WEIGHTS = "weights_sha256"
 
 
 def study_content(config: Config) -> Content:
-    """The study as the parent of all other runs; its parameters are those of params.yaml without the scenarios' bodies, which are long."""
-    plain = {key: value for key, value in config.model_dump(mode="json").items() if key not in ("scenarios", "front_car")}
+    """The study as the parent of all other runs; its parameters are those of params.yaml without the scenarios' bodies, which are long, and
+    the exposure, which changes no run."""
+    plain = {key: value for key, value in config.model_dump(mode="json").items() if key not in ("scenarios", "front_car", "exposure")}
     return Content(name=config.study, kind="study", params=dict(_flat(plain)))
 
 

@@ -1,0 +1,63 @@
+"""What an evidence file says in words: the claim, the assumptions and the limits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pipeline.artefacts.evidence import Risk, ScenarioEvidence, Whole
+from pipeline.config.exposure import ExposureFile
+from pipeline.core.likelihood.rate import one_in
+
+ASSUMPTIONS = (
+    "The simulator and its camera stand for the road. Nothing here was recorded on a real road.",
+    "Each test has one pedestrian, and the ego brakes as the settings say; other road users follow fixed plans.",
+    "A test fails if its adjusted time to collision is at most {threshold:g} s.",
+    "The conditions of the road are distributed as the exposure says.",
+    "Random tests are independent, and their number was fixed before the first.",
+    "Tests that ended in an error would have failed as often as the others.",
+)
+LIMITS = (
+    "A rate is one per encounter with a pedestrian in that scenario, not per hour or kilometre.",
+    "The tests of searches look where failures are. They find regions and count for coverage, but enter no rate.",
+    "Known safe means that a passed test shows each combination once. Other tests of the same combination may fail: that risk is part of "
+    "the unknown unsafe area.",
+    "The rule of a region that is not confirmed comes from the very tests that made it.",
+    "The intervals hold for each number alone, not for all of them together.",
+)
+WEIGHED = "Random tests are uniform. They are weighted by the exposure, so that few of them may have most of the weight."
+SEVERAL = "The exposure does not say how often each scenario occurs, so there are no numbers for all scenarios together."
+RETRAINED = (
+    "Retrained versions of this study have no random tests on these scenarios, so they have no evidence file here. To get one, test the "
+    "version on its own: python -m pipeline test-detector."
+)
+
+
+def claim(version: str, scenarios: Sequence[ScenarioEvidence], whole: Whole | None, exposure: ExposureFile) -> str:
+    """What the numbers allow to claim, in words."""
+    if whole is not None and len(scenarios) > 1:
+        return _sentence(f"Detector {version} in {_listed(scenarios)}", whole.failure, whole.areas.unknown_unsafe, exposure)
+    return " ".join(
+        _sentence(f"Detector {version} in {one.domain.label}", one.failure, one.areas.unknown_unsafe, exposure) for one in scenarios
+    )
+
+
+def _listed(scenarios: Sequence[ScenarioEvidence]) -> str:
+    return ", ".join(one.domain.label for one in scenarios)
+
+
+def _sentence(who: str, failure: Risk, hidden: Risk, exposure: ExposureFile) -> str:
+    if failure.below is None:
+        return f"{who}: no claim, because {failure.missing}."
+    text = f"{who}: 95 % sure that below {one_in(failure.below)} encounters fail"
+    if hidden.below is not None:
+        text += f", and below {one_in(hidden.below)} outside the known failure regions"
+    return f"{text}; {failure.tests:,} random tests; exposure: {exposure.description}."
+
+
+def assumptions(failure_threshold_s: float) -> tuple[str, ...]:
+    return tuple(text.format(threshold=failure_threshold_s) for text in ASSUMPTIONS)
+
+
+def limits(whole: Whole | None, exposure: ExposureFile, retrained: bool) -> tuple[str, ...]:
+    """retrained: whether the study has versions without an evidence file."""
+    return (*LIMITS, *([] if exposure.uniform else [WEIGHED]), *([] if whole else [SEVERAL]), *([RETRAINED] if retrained else []))
