@@ -34,7 +34,6 @@ def connect(store: Path) -> MlflowClient:
         check_answer(address)
     elif store.exists():
         _check(store)
-    os.environ["MLFLOW_DISABLE_TELEMETRY"] = "true"
     os.environ.setdefault("MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR", "false")
     os.environ.setdefault("MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT", "true")
     # Without this, MLflow waits minutes for a server that does not answer.

@@ -66,7 +66,7 @@ def server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
         port = free_port()
         command = [sys.executable, "-m", "mlflow", "server", "--backend-store-uri", store, "--host", "127.0.0.1", "--port", str(port)]
         command += ["--workers", "1", "--artifacts-destination", str(tmp_path / "server"), "--serve-artifacts"]
-        environment = {**os.environ, "MLFLOW_DISABLE_TELEMETRY": "true", "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"}
+        environment = {**os.environ, "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"}
         log = stack.enter_context((tmp_path / "server.log").open("wb"))
         process = subprocess.Popen(command, stdout=log, stderr=log, env=environment, start_new_session=True)
         stack.callback(process.wait, timeout=30)

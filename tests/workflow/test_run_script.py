@@ -14,6 +14,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 SETUP = ("run", "pyproject.toml", "requirements.lock")
+QUIET = "pipeline/no_telemetry.env"
 
 
 def call(folder: Path, *arguments: str, **settings: str) -> subprocess.CompletedProcess[str]:
@@ -30,8 +31,9 @@ def script(path: Path, text: str) -> None:
 @pytest.fixture
 def checkout(tmp_path: Path) -> Path:
     """A checkout with only the files of the setup."""
-    for name in SETUP:
-        shutil.copy(ROOT / name, tmp_path)
+    (tmp_path / "pipeline").mkdir()
+    for name in (*SETUP, QUIET):
+        shutil.copy(ROOT / name, tmp_path / name)
     return tmp_path
 
 
@@ -96,6 +98,12 @@ def test_a_ready_checkout_installs_nothing_and_passes_its_arguments_on(ready: Pa
     done = call(ready, "-n", "some/target", CORES="3")
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == ["snakemake --cores 3 -n some/target", f"HOME of caches: {ready}/.cache"]
+
+
+def test_what_run_starts_reports_nothing(ready: Path) -> None:
+    script(ready / ".venv/bin/snakemake", "env")
+    set_ = [line for line in (ROOT / QUIET).read_text().splitlines() if not line.startswith("#")]
+    assert set_ and set(set_) <= set(call(ready, "-n").stdout.splitlines())
 
 
 @pytest.fixture
