@@ -1,13 +1,10 @@
-"""Mutates the config of a study and counts what becomes of it: refused with the key's name, accepted, or a traceback.
-
-    python benchmarks/config_faults.py --configs 2000
+"""Mutates the config of a study and tells what becomes of it: refused with the key's name, accepted, or a traceback.
 
 A mutation is judged by the schema's own annotations, not by its validation: `fits` says whether a value is in a key's range.
 """
 
 from __future__ import annotations
 
-import argparse
 import copy
 import json
 import sys
@@ -23,6 +20,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 import numpy as np
 import yaml
 from annotated_types import Ge, Gt, Le, Lt, MinLen, MultipleOf
+from fault_report import Row
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
@@ -295,20 +293,13 @@ def counted(count: int, seed: int) -> tuple[Counter[tuple[str, str]], list[str]]
     return found, wrong
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--configs", type=int, default=2000, help="mutations (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="default: %(default)s")
-    options = parser.parse_args()
-    found, wrong = counted(options.configs, options.seed)
-    print("\n".join(wrong))
-    results = sorted({result for _, result in found})
-    print(f"{'mutation':14}" + "".join(f"{result:>{len(result) + 2}}" for result in results))
+def configs(count: int, seed: int) -> list[Row]:
+    """A row for each kind of mutation; prints those that are neither refused by name nor accepted."""
+    found, lines = counted(count, seed)
+    print("\n".join(lines), file=sys.stderr)
+    rows = []
     for what in sorted({what for what, _ in found}):
-        print(f"{what:14}" + "".join(f"{found[what, result]:>{len(result) + 2}}" for result in results))
-    print(f"{'all':14}" + "".join(f"{sum(n for (_, r), n in found.items() if r == result):>{len(result) + 2}}" for result in results))
-    return int(any(result.startswith(("traceback", "wrongly")) for result in results))
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+        ways = {result: number for (kind, result), number in sorted(found.items()) if kind == what}
+        wrong = sum(number for result, number in ways.items() if result.startswith(("traceback", "wrongly")))
+        rows.append(Row("config", what, sum(ways.values()), wrong, ways))
+    return rows

@@ -1,158 +1,44 @@
-"""Faults on purpose: random bit flips in the artefacts of a finished study, and who sees them.
+"""Faults on purpose, and how each ends: one table, exit code 1 if one ends as it should not.
 
-    python benchmarks/faults.py --damage 500 [--seed 0]
+    python benchmarks/faults.py --kills 100 --configs 2000 --damage 500 --repairs 40
 
-Makes a tiny study on the analytic simulator, with a model version and a few images beside it. Each flip changes one bit of one file, which
-is then read the way the steps read it, and compared with its stamp as `verify` does. Prints a row for each kind of file.
+--kills and --repairs execute a tiny study in a clone of HEAD, about a minute of processor time for each study and ten seconds for each
+fault. They print their progress, and --kills resumes after the last finished study.
 """
 
 from __future__ import annotations
 
 import argparse
-import shutil
-import tempfile
-from collections import Counter
-from collections.abc import Callable, Iterator
-from contextlib import chdir
+import sys
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-
-from pipeline.artefacts import stamps, tables
-from pipeline.artefacts.comparison_results import Comparison, read_changes
-from pipeline.artefacts.dataset import Record, read_dataset, write_image, write_truth
-from pipeline.artefacts.filter_table import read_filter
-from pipeline.artefacts.folders import VERSION
-from pipeline.artefacts.model_card import read_card, read_curve
-from pipeline.artefacts.results import FailureRegions, Measures, WhiteBoxMeasures, read
-from pipeline.artefacts.scenario_space import read_space
-from pipeline.config.composing import compose
-from pipeline.contract import order_of, perform
-from pipeline.core.truth import Truth
-from pipeline.detectors.onnx import OnnxDetector
-from pipeline.detectors.yolo.export import onnx_of
-from pipeline.detectors.yolo.weights import load_weights
-from pipeline.errors import InputError
-from pipeline.workflow import Plan, step_names
-
-SHIPPED = Path(__file__).resolve().parents[1] / "models" / "uniform"
-OVERRIDES = [
-    *("simulator=analytic", "detector=oracle", "goal=detectors", "+tested.one=one.onnx", "+tested.other=other.onnx", "held_out=[F1star]"),
-    *("search=[F1]", "strategies=[random]", "seeds=[0]", "campaign.tests=20", "comparison.tests=20", "report.replays=0"),
-    *("comparison.second_iou=null", f"base.weights={SHIPPED}"),
-]
-IMAGES = 4
-READERS: dict[str, Callable[[Path], Any]] = {
-    "tests.parquet": tables.read_tests,
-    "comparison.parquet": tables.read_tests,
-    "second_iou.parquet": tables.read_tests,
-    "signals.parquet": tables.read_signals,
-    "detections.parquet": tables.read_detections,
-    "frames.parquet": tables.read_frames,
-    "timings.parquet": tables.read_timings,
-    "space/*.json": read_space,
-    "measures.json": lambda path: read(path, Measures),
-    "comparison.json": lambda path: read(path, Comparison),
-    "regions/*/*.json": lambda path: read(path, FailureRegions),
-    "white_box.json": lambda path: read(path, WhiteBoxMeasures),
-    "changes.csv": read_changes,
-    "filter/*/*.csv": read_filter,
-    "model.json": read_card,
-    "weights.safetensors": load_weights,
-    "model.onnx": OnnxDetector,
-    "curve.csv": read_curve,
-    "truth.coco.json": lambda path: read_dataset(path.parent, "train"),
-    "images/train/*.jpg": lambda path: read_dataset(path.parents[2], "train"),
-}
-"""How the steps read each kind of file; no step reads the others, such as pages and plots."""
+from config_faults import configs
+from damage_faults import damage
+from fault_report import table
+from fault_study import FaultStudy
+from kill_faults import kills
+from repair_faults import repairs
 
 
-def main() -> None:
-    """Make the study, damage it and print the table."""
+def main() -> int:
+    """Do the faults that are asked for and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--damage", type=int, default=500, metavar="N", help="bit flips (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--kills", type=int, default=0, metavar="N", help="kill ./run with -9, by turns in each of its phases")
+    parser.add_argument("--configs", type=int, default=0, metavar="N", help="change params.yaml")
+    parser.add_argument("--damage", type=int, default=0, metavar="N", help="flip a bit in a file, then read it")
+    parser.add_argument("--repairs", type=int, default=0, metavar="N", help="flip a bit in a file of a finished study, then ./run")
+    parser.add_argument("--seed", type=int, default=0, help="default: %(default)s")
+    parser.add_argument("--folder", type=Path, default=Path(".cache/faults"), help="for the clone (default: %(default)s)")
     options = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder, chdir(folder):
-        root = tiny_study()
-        counts = damaged(root, options.damage, np.random.default_rng(options.seed))
-    print(f"{'file':22}{'flips':>7}{'seen when read':>16}{'seen by verify':>16}{'unseen':>8}")
-    for kind in sorted({kind for kind, _ in counts}):
-        read_, verified = (str(counts[kind, way]) for way in ("read", "verify"))
-        read_ = read_ if kind in READERS else "not read"
-        print(f"{kind:22}{counts[kind, 'flips']:>7}{read_:>16}{verified:>16}{counts[kind, 'unseen']:>8}")
-
-
-def tiny_study() -> Path:
-    """A finished study in the working directory; returns its folder."""
-    for name in ("one.onnx", "other.onnx"):  # The oracle needs none.
-        Path(name).write_text(name)
-    plan = Plan(compose("default", OVERRIDES), step_names())
-    for target, _ in plan.jobs(plan.folders.goals):
-        wildcards = dict(target.wildcards)
-        perform(order_of(target.step, plan.config, wildcards, plan.stamp(target.step, wildcards)), plan.config)
-    root = Path(plan.folders.root)
-    shutil.copytree(SHIPPED, root / "models/base", ignore=shutil.ignore_patterns("README.md"))
-    onnx_of(root / "models/base", root / "models/base")
-    stamp(root / "models/base/model.json.stamp", *(root / "models/base" / name for name in VERSION.values()))
-    _images(root / "base_set")
-    return root
-
-
-def stamp(path: Path, *outputs: Path) -> None:
-    """Stamp files that no step made."""
-    path.write_text(stamps.made(path, "benchmark", outputs).text())
-
-
-def _images(root: Path) -> None:
-    """A data set of noise."""
-    rng, truth = np.random.default_rng(0), Truth((20.0, 10.0, 40.0, 50.0), (20.0, 10.0, 40.0, 50.0), 800, 800, 30.0)
-    records = [Record("train", index, 96, 64, truth) for index in range(IMAGES)]
-    for record in records:
-        write_image(root, record.split, record.index, rng.integers(0, 255, (64, 96, 3), dtype=np.uint8), truth)
-    write_truth(root, records)
-    stamp(root / "truth.coco.json.stamp", *(root / name for name in ("truth.coco.json", "dataset.yaml", "images", "labels")))
-
-
-def damaged(root: Path, flips: int, rng: np.random.Generator) -> Counter[tuple[str, str]]:
-    """Flip single bits, one file after the other in turn; counts by kind of file and by who sees the flip."""
-    files = list(artefacts(root))
-    counts: Counter[tuple[str, str]] = Counter()
-    for flip in range(flips):
-        kind, file = files[flip % len(files)]
-        whole = file.read_bytes()
-        file.write_bytes(flipped(whole, int(rng.integers(8 * len(whole)))))
-        seen = {"read": kind in READERS and not readable(kind, file), "verify": any(found == file for found, _ in stamps.damaged(root))}
-        file.write_bytes(whole)
-        counts.update([(kind, "flips"), *((kind, way) for way, it in seen.items() if it)])
-        counts.update([(kind, "unseen")] if not any(seen.values()) else [])
-    return counts
-
-
-def artefacts(root: Path) -> Iterator[tuple[str, Path]]:
-    """Every file of a study that is not empty, with its kind: a key of `READERS`, or its suffix."""
-    for file in sorted(path for path in root.rglob("*") if path.is_file() and path.stat().st_size and "journal" not in path.parts):
-        yield next((kind for kind in READERS if file.match(kind)), f"*{file.suffix}"), file
-
-
-def readable(kind: str, file: Path) -> bool:
-    """Whether a file's reader takes it; any other error than one that names the file ends the benchmark."""
-    try:
-        READERS[kind](file)
-    except InputError as error:
-        if str(file) not in str(error):
-            raise
-        return False
-    return True
-
-
-def flipped(data: bytes, bit: int) -> bytes:
-    """The data with one other bit."""
-    changed = bytearray(data)
-    changed[bit // 8] ^= 1 << bit % 8
-    return bytes(changed)
+    rows = configs(options.configs, options.seed) if options.configs else []
+    rows += damage(options.damage, options.seed) if options.damage else []
+    if options.kills or options.repairs:
+        study = FaultStudy(options.folder.resolve() / "study")
+        rows += kills(study, options.kills, options.seed) if options.kills else []
+        rows += repairs(study, options.repairs, options.seed) if options.repairs else []
+    print(table(rows))
+    return int(any(row.wrong for row in rows))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

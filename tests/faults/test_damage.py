@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from faults import READERS, artefacts, flipped, stamp
+from damage_faults import READERS, artefacts, flipped, stamp
 
 from pipeline.__main__ import main
 from pipeline.artefacts import files, stamps
