@@ -31,6 +31,8 @@ TINY = (
 MADE = ("data/smoke", "data/mlflow", "logs", ".snakemake", ".cache/recorded", "dvc.lock", ".dvc/cache", ".dvc/tmp")
 CLOCKS = ("timings.parquet", "tracking.json")
 """Files that hold times or numbers of MLflow; all others are the same after every run."""
+REGISTERED = ("runs", "registered_models", "model_versions", "logged_models WHERE lifecycle_stage = 'active'", "metrics", "tags")
+"""MLflow's tables that are counted. MLflow keeps a logged model that was deleted: the incomplete one of a killed registration."""
 STARTS = (
     (re.compile(r"\++ python -m pipeline (verify|verdict)"), None),
     (re.compile(r"\++ snakemake "), "planning"),
@@ -146,7 +148,7 @@ class FaultStudy:
         if not store.exists():
             return
         with closing(sqlite3.connect(store)) as database:
-            for table in ("runs", "registered_models", "model_versions", "logged_models", "metrics", "tags"):
+            for table in REGISTERED:
                 yield table, database.execute(f"SELECT COUNT(*) FROM {table}").fetchone()[0]
             yield "unfinished", database.execute("SELECT COUNT(*) FROM runs WHERE status != 'FINISHED'").fetchone()[0]
 
