@@ -30,10 +30,8 @@ def read_extras(planes: Any, combinations: Any, variables: Sequence[Variable]) -
     return Extras(named, tuple(found.values()))
 
 
-def _planes(name: Any, body: Any, variables: Sequence[Variable]) -> NamedPlanes:
+def _planes(name: str, body: Any, variables: Sequence[Variable]) -> NamedPlanes:
     key = f"planes.{name}"
-    if not isinstance(name, str):
-        raise ValueError(f"planes: expected a name for each entry, got {shown(name)}; put it in quotes")
     _check_keys(key, body, ("conditions", "strength"), PLANE)
     conditions = body.get("conditions")
     if not isinstance(conditions, list) or not conditions:

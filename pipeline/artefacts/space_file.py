@@ -67,9 +67,7 @@ def _constraint(plain: Any) -> Written:
     return tuple(plain)
 
 
-def _variable(name: Any, body: Any) -> Variable:
-    if not isinstance(name, str):
-        raise ValueError(f"variables: expected a name for each variable, got {_shown(name)}; put it in quotes")
+def _variable(name: str, body: Any) -> Variable:
     key = f"variables.{name}"
     if not isinstance(body, Mapping):
         raise ValueError(f"{key}: expected values or an interval, as in {EXAMPLE}; got {_shown(body)}")

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Hashable
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import yaml
 
 from pipeline.errors import InputError, shown
+
+NULL = ("tag:yaml.org,2002:null", re.compile(r"(~|null|Null|NULL|)\Z"))
 
 
 def _wrong(problem: str, place: Any) -> yaml.MarkedYAMLError:
@@ -35,10 +38,19 @@ class _Loader(yaml.SafeLoader):  # type: ignore[misc]
         return made
 
 
-def read_yaml(path: Path) -> Any:
-    """The plain data of a file; InputError that names the file and the line. FileNotFoundError if there is none."""
+class _AsWritten(_Loader):
+    """Takes unquoted text for the text that is written, but for `null`, `~` and nothing."""
+
+    yaml_implicit_resolvers: ClassVar = {start: [NULL] for start in ("~", "n", "N", "")}
+
+
+def read_yaml(path: Path, *, as_written: bool = False) -> Any:
+    """The plain data of a file; InputError that names the file and the line. FileNotFoundError if there is none.
+
+    as_written: whether `no`, `1.10`, `010` and `12:30` stay the texts that are written; only None is no text then.
+    """
     try:
-        return yaml.load(path.read_text(encoding="utf-8"), _Loader)
+        return yaml.load(path.read_text(encoding="utf-8"), _AsWritten if as_written else _Loader)
     except FileNotFoundError:
         raise
     except UnicodeDecodeError as error:

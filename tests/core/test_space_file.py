@@ -142,7 +142,7 @@ def test_a_space_file_names_planes_and_weighs_combinations(tmp_path: Path) -> No
         (("[fog, weather, night]", "fog"), "planes.sight.conditions: expected a list of conditions, got fog"),
         (("strength: 2", "strength: 4"), "planes.sight.strength: expected a whole number from 1 to 3, got 4"),
         (("strength: 2", "strength: two"), "planes.sight.strength: expected a whole number from 1 to 3, got two"),
-        (("  road:", "  null:"), "planes: expected a name for each entry, got null; put it in quotes"),
+        (("  road:", "  null:"), "not valid YAML (expected text as a key, got 'null')"),
         (("weather: rainy}", "weather: rany}"), "combinations[1].of.weather: there is no category rany; did you mean 'rainy'?"),
         (("{of: {night", "{of: {nigth"), "combinations[1].of: there is no condition nigth; did you mean 'night'?"),
         (("weight: 5", "weight: 1001"), "combinations[1].weight: expected a whole number from 0 to 1000, got 1001"),

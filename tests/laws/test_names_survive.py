@@ -64,7 +64,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @example(list(LIKE_VALUES), list(LIKE_VALUES), "parquet")
 def test_any_distinct_texts_survive_the_round_trip(folder: Path, names: list[str], variables: list[str], kind: str) -> None:
     space_file, table = folder / "space.yaml", folder / f"plan.{kind}"
-    space_file.write_text(yaml.safe_dump({"variables": {variable: {"values": names} for variable in variables}}, sort_keys=False))
+    space_file.write_text(yaml.safe_dump({"variables": {variable: {"values": list(names)} for variable in variables}}, sort_keys=False))
     space = read_space_file(space_file)
     assert space.names == tuple(variables) and all(variable.values == tuple(names) for variable in space.variables)
     points = np.random.default_rng(len(names)).integers(0, len(names), (7, len(variables)))
