@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
 from itertools import combinations, islice
 from typing import Any
 
 import numpy as np
 
 from pipeline.core.constraints import Bools
-from pipeline.core.coverage.mixed import NOTHING
-from pipeline.core.coverage.projection import Coverage, Demand, Plane, planes, total
-from pipeline.core.coverage.proposals import Proposer
+from pipeline.core.coverage.projection import Counts, Coverage, Demand, Plane, planes
+from pipeline.core.coverage.raising import RaisingPoints
 from pipeline.core.space import Ints, Space
 
 Found = dict[str, Any]
@@ -64,19 +62,31 @@ def of_extras(space: Space, every: Sequence[Plane]) -> Found:
 
 def next_points(space: Space, rows: Ints, demand: Demand) -> list[dict[str, str]]:
     """The few points that raise the coverage of (n, d) category indices most, with the names of their categories."""
+    from pipeline.core.coverage.proposals import Proposer  # Takes a second to import.
+
     found = Proposer(demand).propose(rows, NEXT_POINTS)
     return [] if found is None else space.names_of(found.categories)
 
 
-def growth(rows: Ints, demand: Demand) -> list[tuple[int, float]]:
-    """Coverage after each number of the (n, d) category indices."""
-    ends = np.unique(np.linspace(1, len(rows), min(len(rows), GROWTH_STEPS)).astype(int))
-    return [(int(end), total(planes_of(rows[:end], demand)).ratio) for end in ends]
+def growth(raising: RaisingPoints, coverage: Coverage) -> list[tuple[int, float]]:
+    """Coverage after each number of points; coverage: after all."""
+    points = raising.counts.points
+    ends = np.unique(np.linspace(1, points, min(points, GROWTH_STEPS)).astype(int))
+    return [(int(end), covered / coverage.required) for end, covered in zip(ends, raising.covered_after(ends).tolist(), strict=True)]
 
 
-def pair_planes(rows: Ints, demand: Demand) -> list[Plane]:
-    """The planes of every two variables, independent of the demand's k."""
-    return planes_of(rows, replace(demand, k=2, extras=NOTHING))
+def counted(batches: Iterable[Ints], demands: Sequence[Demand], progress: Callable[[int], None]) -> tuple[list[Counts], RaisingPoints]:
+    """Counts of (n, d) category indices for each demand, and the points that raise the coverage of the last one.
+
+    progress: is called with the number of points so far.
+    """
+    counts, raising = [demand.counts() for demand in demands[:-1]], RaisingPoints(demands[-1])
+    for rows in batches:
+        for cells in counts:
+            cells.add(rows)
+        raising.add(rows)
+        progress(raising.counts.points)
+    return [*counts, raising.counts], raising
 
 
 def _wanting(plane: Plane) -> Bools:

@@ -2,59 +2,107 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pyarrow as pa
 
 from pipeline.artefacts.image_sets import read_images
-from pipeline.artefacts.table_categories import Fault, categories_of
-from pipeline.artefacts.table_file import read_table, write_table
+from pipeline.artefacts.table_categories import Fault, Meanings
+from pipeline.artefacts.table_file import open_table, write_table
 from pipeline.core.constraints import Bools
 from pipeline.core.coverage.partial import broken_clauses
 from pipeline.core.space import Ints, Space
 from pipeline.errors import InputError
 
 
-@dataclass(frozen=True)
 class PointTable:
-    """The points of a table.
+    """The points of a table, which are read once, batch by batch.
 
-    categories: (n, d) indices of all rows, -1 where a row has no category. faults: the causes of these, then the constraints that rows
-    break. keeps: (n,) rows that break no constraint. images: names of the rows, if they are images. unused: rows of the metadata that
-    belong to no image.
+    rows, points, partial: number of rows so far, of those that keep the constraints, and of these without a category for some condition.
+    images: names of the rows, if they are images. unused: rows of the metadata that belong to no image.
     """
 
-    path: Path
-    categories: Ints
-    faults: tuple[Fault, ...]
-    keeps: Bools
     images: tuple[str, ...] = ()
-    unused: int = 0
+    unused = 0
+
+    def __init__(self, path: Path, space: Space, batches: Iterator[Any], empty: bool = False) -> None:
+        self.path, self._space, self._batches, self._empty = path, space, batches, empty
+        self.rows = self.points = self.partial = 0
+        self._meanings = [Meanings(variable) for variable in space.variables]
+        self._broken: dict[int, Fault] = {}
 
     @property
-    def points(self) -> Ints:
-        """The rows that count: those that keep the constraints; InputError if there are rows and none counts."""
-        if len(self.keeps) and not self.keeps.any():
+    def faults(self) -> tuple[Fault, ...]:
+        """Why rows so far have no category, then the constraints that they break."""
+        broken = sorted(self._broken.values(), key=lambda fault: fault.row)
+        return tuple([fault for column in self._meanings for fault in column.faults()] + broken)
+
+    def counting(self, strict: bool = False) -> Iterator[Ints]:
+        """(n, d) category indices of the rows that count, batch by batch: those that keep the constraints; -1 where there is no category.
+
+        Raises InputError after the last batch: if there are rows and none counts, and, if strict, for an imperfect row.
+        """
+        for rows, keeps in self._read():
+            yield rows if keeps.all() else rows[keeps]
+        if strict and (faults := self.faults):
+            raise InputError(f"{self.path}: {self.told(faults[0])}")
+        if self.rows and not self.points:
             raise InputError(f"{self.path}: every row breaks a constraint; {self.told(self.faults[-1])}")
-        return self.categories[self.keeps]
 
     def strict(self) -> Ints:
         """All rows; InputError that names the first imperfect one."""
-        if self.faults:
-            raise InputError(f"{self.path}: {self.told(self.faults[0])}")
-        return self.categories
+        return self._together(self.counting(strict=True))
 
     def complete(self) -> Ints:
         """All rows, also those that break a constraint; InputError that names the first row without a category for each condition."""
+        rows = self._together(rows for rows, _ in self._read())
         if faults := [fault for fault in self.faults if not fault.left_out]:
             raise InputError(f"{self.path}: {self.told(faults[0])}")
-        return self.categories
+        return rows
 
     def told(self, fault: Fault) -> str:
         """A fault with its first row."""
         where = f"image {self.images[fault.row]}" if self.images else f"row {fault.row + 1}"
         return f"{where}{' ' if fault.left_out else ': '}{fault.text}"
+
+    def _together(self, batches: Iterator[Ints]) -> Ints:
+        return np.concatenate([np.zeros((0, len(self._space)), np.int64), *batches])
+
+    def _read(self) -> Iterator[tuple[Ints, Bools]]:
+        for batch in self._batches:
+            try:
+                rows = np.column_stack([column.categories(batch.column(column.variable.name)) for column in self._meanings])
+            except ValueError as error:
+                raise InputError(f"{self.path}: {error}") from error
+            broken = broken_clauses(self._space.constraints, rows)
+            keeps = broken < 0
+            self._note_broken(rows, broken)
+            self.rows += len(rows)
+            self.points += int(keeps.sum())
+            self.partial += int(((rows < 0).any(axis=1) & keeps).sum())
+            yield rows, keeps
+        if not (self.rows or self._empty):
+            raise InputError(f"{self.path}: expected points, got an empty table")
+
+    def _note_broken(self, rows: Ints, broken: Ints) -> None:
+        """A fault for each clause that rows break; broken: as `broken_clauses` gives it."""
+        for clause in map(int, np.unique(broken[broken >= 0])):
+            found = np.flatnonzero(broken == clause)
+            known = self._broken.get(clause)
+            if known is None:
+                known = Fault(self._breaks(clause, rows[found[0]]), self.rows + int(found[0]), 0, left_out=True)
+            self._broken[clause] = replace(known, rows=known.rows + len(found))
+
+    def _breaks(self, clause: int, row: Ints) -> str:
+        space = self._space
+        which = f"constraint '{space.clause(clause)}'" if clause < len(space.constraints.clauses) else "constraints together"
+        known = [(v, c) for v, c in zip(space.variables, row, strict=True) if c >= 0]
+        where = ", ".join(f"{variable.name} = {variable.labels[category]}" for variable, category in known)
+        return f"breaks the {which}: {where}"
 
 
 def read_points(path: Path, space: Space, *, metadata: Path | None = None, empty: bool = False) -> PointTable:
@@ -63,43 +111,27 @@ def read_points(path: Path, space: Space, *, metadata: Path | None = None, empty
     Images are points. Their conditions are columns of `metadata`, a table with `file_name`, or what the data set itself says, such as
     `objects`, the number of annotations. Other columns are ignored. empty: whether a table without rows is allowed.
 
-    Raises InputError that names the file and what is wrong with the table as a whole.
+    Raises InputError, here or from the batches, that names the file and what is wrong with the table as a whole.
     """
-    names: tuple[str, ...] = ()
-    unused = 0
     if path.is_dir() or path.suffix.lower() == ".json":
         images = read_images(path, metadata, space)
-        table, names, unused = images.table, images.names, images.unused
-    elif metadata is not None:
+        _check_columns(metadata or path, space, list(images.table.columns), images.table.header)
+        table = PointTable(path, space, iter([pa.table(images.table.columns)]), empty)
+        table.images, table.unused = images.names, images.unused
+        return table
+    if metadata is not None:
         raise InputError(f"{path}: --metadata goes with COCO's JSON and folders of YOLO labels; a table has the conditions as columns")
-    else:
-        table = read_table(path, space.names)
-    if not table.header or not (table.rows or empty):
+    opened = open_table(path, space.names)
+    if not opened.header:
         raise InputError(f"{path}: expected points, got an empty table")
-    if missing := [name for name in space.names if name not in table.columns]:
-        where = path if metadata is None else metadata
-        known = ", ".join(table.header)
-        raise InputError(f"{where}: expected a column for each condition; there is none for {', '.join(missing)}, only {known}")
-    try:
-        found = [categories_of(variable, table.columns[variable.name]) for variable in space.variables]
-    except ValueError as error:
-        raise InputError(f"{path}: {error}") from error
-    points = np.column_stack([categories for categories, _ in found])
-    broken = broken_clauses(space.constraints, points)
-    faults = [fault for _, several in found for fault in several] + _breaking(space, points, broken)
-    return PointTable(path, points, tuple(faults), broken < 0, names, unused)
+    _check_columns(path, space, opened.columns, opened.header)
+    return PointTable(path, space, opened.batches, empty)
 
 
-def _breaking(space: Space, points: Ints, broken: Ints) -> list[Fault]:
-    """A fault for each clause that rows break, in the order of the first row; broken: as `broken_clauses` gives it."""
-    faults = []
-    for clause in np.unique(broken[broken >= 0]):
-        rows = np.flatnonzero(broken == clause)
-        which = f"constraint '{space.clause(clause)}'" if clause < len(space.constraints.clauses) else "constraints together"
-        known = [(v, c) for v, c in zip(space.variables, points[rows[0]], strict=True) if c >= 0]
-        where = ", ".join(f"{variable.name} = {variable.labels[category]}" for variable, category in known)
-        faults.append(Fault(f"breaks the {which}: {where}", int(rows[0]), len(rows), left_out=True))
-    return sorted(faults, key=lambda fault: fault.row)
+def _check_columns(path: Path, space: Space, found: Sequence[str], header: Sequence[str]) -> None:
+    if missing := [name for name in space.names if name not in found]:
+        known = ", ".join(header)
+        raise InputError(f"{path}: expected a column for each condition; there is none for {', '.join(missing)}, only {known}")
 
 
 def write_points(path: Path, space: Space, points: Ints) -> None:

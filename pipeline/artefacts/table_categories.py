@@ -1,10 +1,10 @@
-"""The categories that a table's column means, and what in it means none."""
+"""The categories that a table's column means, batch by batch, and what in it means none."""
 
 from __future__ import annotations
 
 import difflib
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,8 @@ from pipeline.core.variable import number_text
 
 Column = Any
 """A chunked Arrow array of (n,) values, with null for a missing one."""
+MOST_DIFFERENT = 100_000
+"""Different values of a column that are kept, at most."""
 
 
 @dataclass(frozen=True)
@@ -30,36 +32,119 @@ class Fault:
     left_out: bool = False
 
 
-def categories_of(variable: Variable, column: Column) -> tuple[Ints, list[Fault]]:
-    """Category indices of (n,) values or names of categories, -1 where there is none, and why, in the order of the rows.
+@dataclass
+class _Rows:
+    """How many rows share a fault, and the first of them."""
 
-    A name is what the space file writes, or the same truth value, number or time. A time in a range counts as seconds since 1970, UTC.
-    """
-    different, where = _different(variable, column)
-    meant = _named(variable, different) if variable.kind == "categorical" else _ranged(variable, different)
-    categories = np.append(meant, -1)[where]
-    faults = _faults(variable, different, np.where(categories < 0, where, -1)) if (categories < 0).any() else []
-    return categories, faults
+    first: int
+    number: int = 0
+
+
+@dataclass
+class Meanings:
+    """What the values of one variable's column mean. A name is what the space file writes, or the same truth value, number or time; a time
+    in a range counts as seconds since 1970, UTC."""
+
+    variable: Variable
+    _rows: int = 0
+    _missing: _Rows | None = None
+    _unknown: _Rows | None = None
+    _first_unknown: Any = None
+    _each: dict[Any, _Rows] = field(default_factory=dict)
+    """The rows of each unknown value, of `MOST_DIFFERENT` at most."""
+    _known: dict[Any, int] = field(default_factory=dict)
+    """The category of each value so far, of `MOST_DIFFERENT` at most."""
+
+    def __post_init__(self) -> None:
+        self._names = Spellings(self.variable.values)
+
+    def categories(self, column: Column) -> Ints:
+        """Category indices of the next (n,) values or names of categories, -1 where there is none; ValueError for values of a wrong
+        type."""
+        different, where = _different(self.variable, column)
+        meant = self._named(different) if self.variable.kind == "categorical" else _ranged(self.variable, different)
+        categories: Ints = np.append(meant, -1)[where]
+        if (categories < 0).any():
+            self._note(different, np.where(categories < 0, where, -1))
+        self._rows += len(where)
+        return categories
+
+    def faults(self) -> list[Fault]:
+        """Why values so far have no category, in the order of the rows."""
+        faults, name = [], self.variable.name
+        if rows := self._missing:
+            faults.append(Fault(f"{name} must be {_expected(self.variable)}, got nothing", rows.first, rows.number))
+        if len(self._each) > MOST_CATEGORIES or (self._each and self.variable.kind != "categorical"):
+            assert self._unknown is not None
+            faults.append(Fault(self._told(self._first_unknown, len(self._each)), self._unknown.first, self._unknown.number))
+        else:
+            faults += [Fault(self._told(value, 1), rows.first, rows.number) for value, rows in self._each.items()]
+        return sorted(faults, key=lambda fault: fault.row)
+
+    def _named(self, different: Any) -> Ints:
+        values = _values(different)
+        for value in values:
+            if value == value and value not in self._known and len(self._known) < MOST_DIFFERENT:
+                self._known[value] = self._names.find(str(value))
+        return np.array([self._category(value) for value in values], np.int64)
+
+    def _category(self, value: Any) -> int:
+        return self._known[value] if value in self._known else -1 if value != value else self._names.find(str(value))
+
+    def _note(self, different: Any, wrong: Ints) -> None:
+        """wrong: (n,) places among the different values of those that have no category, -1 for a value with one."""
+        rows = np.flatnonzero(wrong >= 0)
+        places, first, numbers = np.unique(wrong[rows], return_index=True, return_counts=True)
+        for at in np.argsort(first):
+            value = None if places[at] == len(different) else different[int(places[at])].as_py()
+            row, number = self._rows + int(rows[first[at]]), int(numbers[at])
+            if value is None or value != value:
+                self._missing = self._missing or _Rows(row)
+                self._missing.number += number
+                continue
+            if self._unknown is None:
+                self._unknown, self._first_unknown = _Rows(row), value
+            self._unknown.number += number
+            if value in self._each or len(self._each) < MOST_DIFFERENT:
+                self._each.setdefault(value, _Rows(row)).number += number
+
+    def _told(self, value: Any, group: int) -> str:
+        """What is wrong with a group of different values, the first of which is given."""
+        expected, categorical = _expected(self.variable, str(value)), self.variable.kind == "categorical"
+        if group > MOST_CATEGORIES and categorical:
+            return (
+                f"{self.variable.name} has {_count(len(self._known))} different values, as an identifier or a measurement has; "
+                f"expected {expected}, or give it an interval with cuts"
+            )
+        shown = repr(value) if isinstance(value, str) and not NUMBER.fullmatch(value.strip()) else str(value)
+        others = f" and {_count(group - 1)} other values" if group > 1 else ""
+        return f"{self.variable.name} must be {expected}, got {shown}{others}"
+
+
+def _count(number: int) -> str:
+    return f"{number:,}" if number < MOST_DIFFERENT - 1 else f"at least {number:,}"
 
 
 def _different(variable: Variable, column: Column) -> tuple[Any, Ints]:
-    """The (m,) different values of a column, as an Arrow array, and the (n,) places of its values among them; m for null."""
+    """The (m,) different values of a column, as an Arrow array, and the (n,) places of its values among them; m for null.
+
+    Numbers in a range count as different, because each is cheaper to place than to find among others.
+    """
     kind = column.type
-    if pa.types.is_dictionary(kind):
-        column = column.cast(kind.value_type)
-    elif pa.types.is_nested(kind) or pa.types.is_binary(kind) or pa.types.is_large_binary(kind):
+    if pa.types.is_nested(kind) or pa.types.is_binary(kind) or pa.types.is_large_binary(kind):
         raise ValueError(f"{variable.name}: expected texts, numbers, truth values or times, got values of type {kind}")
-    elif pa.types.is_null(kind) or pa.types.is_float16(kind):
+    if pa.types.is_null(kind) or pa.types.is_float16(kind):
         column = column.cast(pa.string() if pa.types.is_null(kind) else pa.float32())
-    chunks = column.dictionary_encode().unify_dictionaries().chunks
-    different = chunks[0].dictionary if chunks else pa.array([], column.type)
-    places = [chunk.indices.fill_null(len(different)).to_numpy(zero_copy_only=False) for chunk in chunks]
-    return different, np.concatenate([np.zeros(0, np.int64), *places]).astype(np.int64)
-
-
-def _named(variable: Variable, different: Any) -> Ints:
-    names = Spellings(variable.values)
-    return np.array([-1 if value != value else names.find(str(value)) for value in _values(different)], np.int64)
+    elif pa.types.is_dictionary(kind) and not pa.types.is_string(kind.value_type):
+        column = column.cast(kind.value_type)
+    whole = column.combine_chunks()
+    if variable.kind != "categorical" and (pa.types.is_integer(whole.type) or pa.types.is_floating(whole.type)):
+        missing = whole.is_null().to_numpy(zero_copy_only=False)
+        return whole, np.where(missing, len(whole), np.arange(len(whole)))
+    if not pa.types.is_dictionary(whole.type):
+        whole = whole.dictionary_encode()
+    places = whole.indices.fill_null(len(whole.dictionary)).to_numpy(zero_copy_only=False)
+    return whole.dictionary, places.astype(np.int64)
 
 
 def _values(different: Any) -> list[Any]:
@@ -94,47 +179,9 @@ def _numbers(different: Any) -> Floats:
     return numbers
 
 
-def _faults(variable: Variable, different: Any, wrong: Ints) -> list[Fault]:
-    """wrong: (n,) places among the different values of those that have no category, -1 for a value with one."""
-    rows = np.flatnonzero(wrong >= 0)
-    places, first, counts = np.unique(wrong[rows], return_index=True, return_counts=True)
-    missing = np.array([place == len(different) or _is_nan(different[int(place)].as_py()) for place in places])
-    faults = []
-    if missing.any():
-        faults.append(
-            Fault(
-                f"{variable.name} must be {_expected(variable)}, got nothing", int(rows[first[missing].min()]), int(counts[missing].sum())
-            )
-        )
-    if len(unknown := np.flatnonzero(~missing)) > MOST_CATEGORIES or variable.kind != "categorical":
-        groups = [unknown] if len(unknown) else []
-    else:
-        groups = [unknown[i : i + 1] for i in range(len(unknown))]
-    for group in groups:
-        start = group[np.argmin(first[group])]
-        text = _unknown(variable, different[int(places[start])].as_py(), len(group), len(different))
-        faults.append(Fault(text, int(rows[first[start]]), int(counts[group].sum())))
-    return sorted(faults, key=lambda fault: fault.row)
-
-
-def _unknown(variable: Variable, value: Any, group: int, different: int) -> str:
-    expected = _expected(variable, str(value))
-    if group > MOST_CATEGORIES and variable.kind == "categorical":
-        return (
-            f"{variable.name} has {different:,} different values, as an identifier or a measurement has; "
-            f"expected {expected}, or give it an interval with cuts"
-        )
-    shown = repr(value) if isinstance(value, str) and not NUMBER.fullmatch(value.strip()) else str(value)
-    return f"{variable.name} must be {expected}, got {shown}" + (f" and {group - 1:,} other values" if group > 1 else "")
-
-
 def _expected(variable: Variable, wrong: str = "") -> str:
     if variable.kind != "categorical":
         return f"a number in [{number_text(variable.low)}, {number_text(variable.high)}] {variable.unit}".rstrip()
     close = difflib.get_close_matches(wrong, variable.values, n=1, cutoff=0.5)
     shown = variable.values if len(variable.values) <= 12 else (*variable.values[:6], "…")
     return f"one of {', '.join(shown)}" + (f" (did you mean '{close[0]}'?)" if close else "")
-
-
-def _is_nan(value: Any) -> bool:
-    return bool(value != value)

@@ -16,12 +16,12 @@ from pipeline.analysis.data_coverage import (
     LISTED,
     Found,
     cell_names,
+    counted,
     details,
     fraction,
     growth,
     next_points,
     of_extras,
-    pair_planes,
     planes_of,
 )
 from pipeline.artefacts.model_export import format_of, write_model
@@ -30,8 +30,8 @@ from pipeline.artefacts.space_formats import read_space_of_any_format
 from pipeline.core.coverage import arrays, counting
 from pipeline.core.coverage.arrays import Effort
 from pipeline.core.coverage.certified import certified_array
-from pipeline.core.coverage.mixed import STRONGEST, Mixed
-from pipeline.core.coverage.projection import Coverage, Demand, Plane, total
+from pipeline.core.coverage.mixed import NOTHING, STRONGEST, Mixed
+from pipeline.core.coverage.projection import Coverage, Demand, Plane, planes, total
 from pipeline.core.coverage.proposals import Proposal, Proposer
 from pipeline.core.coverage.verification import verify as verify_rows
 from pipeline.core.space import Ints, Space
@@ -47,30 +47,28 @@ def score(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
     """Coverage of a table of points."""
     space = _read_space(options, "k")
     table = read_points(options.points, space, metadata=options.metadata)
-    rows = table.strict() if options.strict else table.points
     _announce_compilation()
-    by_k = {}
-    for k in range(1, options.k + 1):
-        demand = Demand(space.constraints, k, space.weights, options.operator, space.extras.of(k))
-        every = planes_of(rows, demand)
-        coverage = by_k[k] = _total(options.space, every)
-        progress(k, options.k, f"k = {k}")
-    if space.extras:
-        demand = replace(demand, extras=space.extras)
-        every = planes_of(rows, demand)
-        coverage = _total(options.space, every)
+    demand = Demand(space.constraints, options.k, space.weights, options.operator, space.extras)
+    by_strength = [replace(demand, k=k, extras=space.extras.of(k)) for k in range(1, options.k + 1)]
+    pairs = [replace(demand, k=2, extras=NOTHING)] if options.figures and len(space) > 1 else []
+    demands = [*pairs, *by_strength, *([demand] if space.extras else [])]
+    counts, raising = counted(table.counting(options.strict), demands, lambda rows: progress(0, 1, f"{rows:,} points"))
+    every = [list(planes(cells, one)) for cells, one in zip(counts, demands, strict=True)]
+    by_k = [_total(options.space, found) for found in every[len(pairs) : len(pairs) + options.k]]
+    coverage = _total(options.space, every[-1])
+    progress(1, 1, f"{table.points:,} points")
     found: Found = {
         **fraction(coverage),
         "k": options.k,
         "operator": options.operator,
         **imperfect(table),
-        "by_k": [{"k": k, **fraction(value)} for k, value in by_k.items()],
-        **of_extras(space, every),
-        **details(space, every),
-        "next": next_points(space, rows, demand) if coverage.covered < coverage.required else [],
+        "by_k": [{"k": k, **fraction(value)} for k, value in enumerate(by_k, 1)],
+        **of_extras(space, every[-1]),
+        **details(space, every[-1]),
+        "next": next_points(space, raising.points, demands[-1]) if coverage.covered < coverage.required else [],
     }
     if options.figures:
-        found["figures"] = [str(path) for path in _draw(options.figures, space, rows, demand)]
+        found["figures"] = [str(path) for path in _draw(options, space, growth(raising, coverage), every[0] if pairs else None)]
     return found, "\n".join([*imperfect_text(found), _score_text(found, space)])
 
 
@@ -79,13 +77,14 @@ def propose(options: argparse.Namespace, progress: Progress) -> tuple[Found, str
     space = _read_space(options, "k")
     if options.count < 1:
         raise InputError(f"--count must be at least 1, got {options.count}")
+    demand = Demand(space.constraints, options.k, space.weights, options.operator, space.extras)
+    _announce_compilation()
     rows, existing = np.zeros((0, len(space)), np.int64), {}
     if options.points is not None:
         table = read_points(options.points, space, metadata=options.metadata, empty=True)
-        rows, existing = table.strict() if options.strict else table.points, imperfect(table)
-    demand = Demand(space.constraints, options.k, space.weights, options.operator, space.extras)
+        _, raising = counted(table.counting(options.strict), [demand], lambda rows: progress(0, 1, f"{rows:,} points"))
+        rows, existing = raising.points, imperfect(table)
     before = _total(options.space, planes_of(rows, demand))
-    _announce_compilation()
     proposer = Proposer(demand, heavy_first=options.heavy_first, seed=options.seed)
     progress(0, 1, f"{before.covered} of {before.required} covered")
     found, needed = _proposal(proposer, rows, options)
@@ -257,15 +256,15 @@ def _total(path: Path, every: Iterable[Plane]) -> Coverage:
         raise InputError(f"{path}: {error}") from error
 
 
-def _draw(folder: Path, space: Space, rows: Ints, demand: Demand) -> list[Path]:
+def _draw(options: argparse.Namespace, space: Space, shares: list[tuple[int, float]], pairs: list[Plane] | None) -> list[Path]:
     from pipeline.report import coverage_plots as plots
     from pipeline.report.style import save_png
 
-    paths = [folder / "growth.png"]
-    save_png(plots.growth(growth(rows, demand), demand.k), paths[0])
-    if len(space) >= 2:
-        paths.append(folder / "planes.png")
-        save_png(plots.heat_maps(pair_planes(rows, demand), space), paths[1])
+    paths = [options.figures / "growth.png"]
+    save_png(plots.growth(shares, options.k), paths[0])
+    if pairs is not None:
+        paths.append(options.figures / "planes.png")
+        save_png(plots.heat_maps(pairs, space), paths[1])
     return paths
 
 

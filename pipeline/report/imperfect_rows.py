@@ -12,14 +12,14 @@ SHOWN = 12
 
 
 def imperfect(table: PointTable) -> dict[str, Any]:
-    """points: rows that count. partial: those of them without a category for some condition. left_out: rows that break a constraint.
-    causes: what is wrong, most frequent first, with the first row of each."""
+    """Of a table whose rows are all read. points: rows that count. partial: those of them without a category for some condition. left_out:
+    rows that break a constraint. causes: what is wrong, most frequent first, with the first row of each."""
     faults = sorted(table.faults, key=lambda fault: -fault.rows)
     return {
-        "rows": len(table.categories),
-        "points": int(table.keeps.sum()),
-        "partial": int(((table.categories < 0).any(axis=1) & table.keeps).sum()),
-        "left_out": int((~table.keeps).sum()),
+        "rows": table.rows,
+        "points": table.points,
+        "partial": table.partial,
+        "left_out": table.rows - table.points,
         "causes": [{"cause": table.told(fault), "rows": fault.rows, "left_out": fault.left_out} for fault in faults[:LISTED]],
         "more_causes": len(faults[LISTED:]),
         "unused_metadata": table.unused,

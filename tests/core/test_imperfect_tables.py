@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from pipeline.__main__ import main
-from pipeline.artefacts.table_categories import categories_of
+from pipeline.artefacts.table_categories import Meanings
 from pipeline.core.space import Variable
 
 SPACE = """
@@ -150,7 +150,7 @@ def test_parquet_keeps_whole_numbers_times_and_missing_values_apart(folder: Path
 
 def test_a_spelling_that_means_two_names_means_none() -> None:
     def of(names: tuple[str, ...], *texts: str) -> list[int]:
-        return list(categories_of(Variable("x", "categorical", values=names), pa.chunked_array([list(texts)]))[0])
+        return list(Meanings(Variable("x", "categorical", values=names)).categories(pa.chunked_array([list(texts)])))
 
     assert of(("1", "1.0"), "1", "1.0", "1.00", " 1 ") == [0, 1, -1, 0]
     assert of(("01", "7"), "01", "1", "7.0", "7e0") == [0, 0, 1, 1]

@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.artefacts.point_table import read_points
 from pipeline.artefacts.space_file import read_space_file
-from pipeline.artefacts.table_categories import categories_of
+from pipeline.artefacts.table_categories import Meanings
 from pipeline.core.coverage.mixed import Combination, NamedPlanes
 from pipeline.core.space import Space, Variable
 from pipeline.errors import InputError
@@ -35,7 +35,7 @@ def space_of(tmp_path: Path, text: str = GOOD) -> Space:
 
 
 def of(variable: Variable, values: list[Any]) -> list[int]:
-    return list(categories_of(variable, pa.chunked_array([values]))[0])
+    return list(Meanings(variable).categories(pa.chunked_array([values])))
 
 
 def test_a_space_file_gives_its_variables_and_constraints(tmp_path: Path) -> None:
@@ -90,22 +90,23 @@ def test_tables_may_spell_numbers_and_truth_values_differently() -> None:
         (("lanes: {values: [1, 2]}", "lanes: [1, 2]"), "variables.lanes: expected values or an interval"),
         (("lanes: {values: [1, 2]}", "lanes: {values: [1, 2], cyclic: true}"), "cuts and cyclic go with an interval"),
         (("variables:", "variables: ["), "not valid YAML"),
-        (("  fog: {", "  weather: {"), "space.yaml: not valid YAML (line 4: the key 'weather' appears twice)"),
-        (("cuts: [20, 50, 80]", "cuts: [20], cuts: [50]"), "(line 4: the key 'cuts' appears twice)"),
+        (("  fog: {", "  weather: {"), "space.yaml, line 4: not valid YAML (the key 'weather' appears twice)"),
+        (("cuts: [20, 50, 80]", "cuts: [20], cuts: [50]"), "line 4: not valid YAML (the key 'cuts' appears twice)"),
         (("cyclic: true", 'cyclic: "no"'), "variables.azimuth.cyclic: expected true or false, got no"),
         (("[false, true]", "[false, null]"), "variables.night.values: expected names, got null; put a name in quotes"),
         (("[false, true]", "[false, ~]"), "variables.night.values: expected names, got null; put a name in quotes"),
         (("[false, true]", "[false, [true]]"), "variables.night.values: expected names, got [true]; put a name in quotes"),
-        (("  night:", "  null:"), "variables: expected a name for each variable, got null; put it in quotes"),
+        (("  night:", "  null:"), "space.yaml, line 8: not valid YAML (expected text as a key, got 'null')"),
         (("lanes: {values: [1, 2]}", "lanes:"), "variables.lanes: expected values or an interval"),
         (("[lanes = 2,", "[{lanes: 2},"), "constraints: expected texts such as lanes = 2, got {'lanes': '2'}; put the text in quotes"),
         (("interval: [0, 100]", "interval: [0, 1_00]"), "variables.fog.interval: expected a list of numbers, got [0, 1_00]"),
         (("cuts: [20, 50, 80]", "cuts: [12:30]"), "variables.fog.cuts: expected a list of numbers, got [12:30]"),
         (("{rainy: 3}", "{rainy: 3.0}"), "variables.weather.weights.rainy: expected a whole number from 0 to 1000, got 3.0"),
         (("{rainy: 3}", "{rainy: yes}"), "variables.weather.weights.rainy: expected a whole number from 0 to 1000, got yes"),
-        ((GOOD, "[" * 5_000), "the YAML is nested too deeply"),
+        ((GOOD, "[" * 5_000), "nested too deeply"),
         ((GOOD, "variables: {x: {values: !!python/name:os.system a}}"), "could not determine a constructor"),
         ((GOOD, "\0"), "not valid YAML"),
+        (("weather: {values: [sunny, cloudy, rainy],", "weather: {values: &all [*all],"), "line 3: not valid YAML (the alias *all is"),
     ],
 )
 def test_a_wrong_space_file_is_named(change: tuple[str, str], message: str, tmp_path: Path) -> None:
@@ -161,6 +162,14 @@ def test_wrong_planes_and_combinations_are_named(change: tuple[str, str], messag
     assert message in str(caught.value) and "space.yaml" in str(caught.value)
 
 
+def test_bytes_that_are_not_text_and_a_missing_file_are_named(tmp_path: Path) -> None:
+    (tmp_path / "space.yaml").write_bytes(GOOD.encode() + b"\xff")
+    with pytest.raises(InputError, match=r"space.yaml: expected UTF-8 text, got the byte 0xff at \d+"):
+        read_space_file(tmp_path / "space.yaml")
+    with pytest.raises(InputError, match="nowhere.yaml: expected a YAML file, got no such file"):
+        read_space_file(tmp_path / "nowhere.yaml")
+
+
 def test_contradictory_constraints_are_named_with_a_minimal_core(tmp_path: Path) -> None:
     more = GOOD + "  - [weather = sunny, night = true]\n  - [lanes = 1]\n  - [current_lane = 2]\n  - [fog != '[0, 20)']\n"
     with pytest.raises(InputError) as caught:
@@ -202,7 +211,9 @@ def test_a_wrong_table_is_named(table: str, message: str, tmp_path: Path) -> Non
 
 def test_a_column_of_many_different_values_is_explained() -> None:
     column = pa.chunked_array([[f"frame {i}" for i in range(100_000)]])
-    _, faults = categories_of(Variable("weather", "categorical", values=("sunny", "rainy")), column)
+    weather = Meanings(Variable("weather", "categorical", values=("sunny", "rainy")))
+    weather.categories(column)
+    faults = weather.faults()
     assert len(faults) == 1 and "100,000 different values, as an identifier or a measurement has" in faults[0].text
 
 

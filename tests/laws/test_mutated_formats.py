@@ -44,7 +44,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_examples_mean_what_they_say(space: str, points: str, expected: list[list[int]]) -> None:
     metadata = EXAMPLES / "kitti.csv" if points == "kitti" else None
     table = read_points(EXAMPLES / points, read_space_of_any_format(EXAMPLES / space), metadata=metadata)
-    assert table.categories.tolist() == expected and table.keeps.all()
+    assert [row for batch in table.counting() for row in batch.tolist()] == expected and table.points == table.rows
 
 
 @pytest.mark.parametrize(("name", "rows"), [("pict.txt", 84), ("acts.txt", 30), ("acts.xml", 5)])
@@ -70,7 +70,8 @@ def test_damaged_sets_are_refused_by_name_or_counted(folder: Path, name: str, ch
 
     def counted() -> bool:
         table = read_points(folder / points, read_space_of_any_format(folder / space), metadata=metadata)
-        return len(table.images) == len(table.categories) > 0
+        list(table.counting())
+        return len(table.images) == table.rows > 0
 
     assert_named_or_read(folder, name, changes, counted)
 

@@ -107,6 +107,11 @@ class CellCounts:
         """Counts of all cells, plane after plane."""
         return self._counts
 
+    @property
+    def start(self) -> Ints:
+        """First cell of each plane in `flat`."""
+        return self._start[:-1]
+
     def plane(self, index: int) -> Ints:
         """Counts of the plane `planes[index]`, in the shape of its conditions' sizes."""
         shape = tuple(self.sizes[condition] for condition in self.planes[index])
