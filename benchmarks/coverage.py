@@ -1,6 +1,7 @@
-"""Coverage and covering arrays against published figures: sizes, counting, feasible cells, proposals.
+"""Coverage and covering arrays against published figures: sizes, counting, large tables, feasible cells, proposals.
 
-    python benchmarks/coverage.py [arrays] [sizes] [counting] [cells] [proposals] [--cpu-seconds 60] [--models FOLDER] [--only NAME ...]
+    python benchmarks/coverage.py [arrays] [sizes] [counting] [tables] [cells] [proposals]
+                                  [--cpu-seconds 60] [--models FOLDER] [--only NAME ...]
 
 arrays makes covering arrays, checks them and records their sizes beside the results page; sizes prints the page's table. others: the
 best default size of PICT, jenny, allpairspy, coverwise, testflows-combinatorics and covertable, or of ACTS, measured once; best: the
@@ -10,14 +11,21 @@ smallest published size, or a lower bound that is reached. --models: a folder of
 from __future__ import annotations
 
 import argparse
+import os
 import random
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Collection
 from itertools import combinations
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+import pyarrow.csv as pa_csv
+import pyarrow.parquet as pq
 
 from pipeline.artefacts.space_file import read_space_file
 from pipeline.core.constraints import Constraints, Literal
@@ -57,6 +65,9 @@ PUBLISHED = {
     "gcc": (0, 16),
 }
 """ACTS 2.92 and the best of FastCA."""
+NAMES = ("sunny", "cloudy", "rainy", "foggy")
+TABLE_PIECE = 250_000
+"""Rows that are made at a time."""
 OUT = Path(__file__).parents[1] / "docs" / "results" / "coverage.csv"
 
 
@@ -136,6 +147,34 @@ def counting() -> None:
     print(f"counting 10^6 x 50 x 4 values, k = 3: {ours:.2f} s on one core; {bincount}")
 
 
+def tables() -> None:
+    """The whole command `coverage score` on tables of 50 conditions of four names, k = 3: time and the largest memory."""
+    for rows, suffix in ((10**6, "parquet"), (10**6, "csv"), (10**7, "parquet")):
+        with TemporaryDirectory() as folder:
+            space, table = Path(folder) / "space.yaml", Path(folder) / f"points.{suffix}"
+            space.write_text("variables:\n" + "".join(f"  c{i}: {{values: {[*NAMES]}}}\n" for i in range(50)))
+            _write_names(table, rows)
+            command = [sys.executable, "-m", "pipeline", "coverage", "score", "--space", str(space), "--points", str(table), "--k", "3"]
+            begun = time.perf_counter()
+            process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            _, code, used = os.wait4(process.pid, 0)
+            seconds, megabytes = time.perf_counter() - begun, used.ru_maxrss / 1024
+            if code:
+                raise SystemExit(f"{' '.join(command)}: ended with {code}")
+            took = f"{seconds:.1f} s, {used.ru_utime:.1f} s of processor time, {megabytes:.0f} MB"
+            print(f"score of {rows:,} rows of 50 names, {suffix}: {took}")
+
+
+def _write_names(path: Path, rows: int) -> None:
+    """A table of 50 columns of random names, written in pieces."""
+    rng, columns = np.random.default_rng(0), [f"c{i}" for i in range(50)]
+    schema = pa.schema([(column, pa.string()) for column in columns])
+    with pq.ParquetWriter(path, schema) if path.suffix == ".parquet" else pa_csv.CSVWriter(path, schema) as writer:
+        for _ in range(rows // TABLE_PIECE):
+            places = rng.integers(0, len(NAMES), (50, TABLE_PIECE))
+            writer.write_table(pa.table([pa.array(NAMES).take(pa.array(row)) for row in places], schema))
+
+
 def cells() -> None:
     """Feasible pairs of 50 conditions with 100 random clauses of three literals."""
     rng = random.Random(1)
@@ -186,7 +225,7 @@ def _fewest(proposer: Proposer, points: np.ndarray) -> int:
 def main() -> None:
     """Run the parts that are named, or all."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parts: dict[str, Callable[[], None]] = {"sizes": sizes, "counting": counting, "cells": cells, "proposals": proposals}
+    parts: dict[str, Callable[[], None]] = {"sizes": sizes, "counting": counting, "tables": tables, "cells": cells, "proposals": proposals}
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"arrays, {', '.join(parts)} (default: all)")
     parser.add_argument("--cpu-seconds", type=float, default=60.0, help="processor time to polish an array (default: %(default)s)")
     parser.add_argument("--models", type=Path, help="folder of space files")

@@ -100,7 +100,8 @@ def _infeasible(plane: Plane) -> Bools:
 def _cells(space: Space, every: Iterable[Plane], which: Callable[[Plane], Bools]) -> Iterator[dict[str, str]]:
     """The cells of all planes that `which` marks, with the names of their categories."""
     for plane in every:
-        for cell in np.argwhere(which(plane)):
+        marked = which(plane)
+        for cell in np.argwhere(marked) if marked.any() else ():
             yield cell_names(space, plane.variables, cell)
 
 

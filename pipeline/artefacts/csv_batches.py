@@ -6,6 +6,7 @@ import csv
 import io
 import re
 from collections.abc import Iterator, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -107,21 +108,22 @@ def _header(block: bytes) -> tuple[tuple[str, ...], memoryview]:
 
     def lines() -> Iterator[str]:
         nonlocal read
-        for line in io.TextIOWrapper(io.BytesIO(block), "utf-8", newline=""):
-            read += len(line.encode())
+        for line in io.TextIOWrapper(io.BytesIO(block), "utf-8", "surrogateescape", newline=""):
+            read += len(line.encode("utf-8", "surrogateescape"))
             yield line
 
-    return tuple(next(csv.reader(lines()), ())), memoryview(block)[read:]
+    header = tuple(next(csv.reader(lines()), ()))
+    ",".join(header).encode()  # Bytes that are no text are refused, but only in the header: Arrow refuses those in rows.
+    return header, memoryview(block)[read:]
 
 
 def _batches(path: Path, fields: int, places: dict[str, int], first: memoryview, blocks: Iterator[bytes]) -> Iterator[Any]:
-    done, rows = 0, first
-    while rows:
+    done = 0
+    for rows in chain([first], map(memoryview, blocks)):
         if not NO_ROWS.fullmatch(rows):
             table = _parsed(path, rows, fields, list(places.values()), done)
             done += table.num_rows
             yield table.rename_columns(list(places))
-        rows = memoryview(next(blocks, b""))
 
 
 def _parsed(path: Path, rows: memoryview, fields: int, places: list[int], done: int) -> Any:

@@ -139,12 +139,17 @@ def _different(variable: Variable, column: Column) -> tuple[Any, Ints]:
         column = column.cast(kind.value_type)
     whole = column.combine_chunks()
     if variable.kind != "categorical" and (pa.types.is_integer(whole.type) or pa.types.is_floating(whole.type)):
-        missing = whole.is_null().to_numpy(zero_copy_only=False)
-        return whole, np.where(missing, len(whole), np.arange(len(whole)))
+        return whole, np.where(np.isnan(_array(whole)), len(whole), np.arange(len(whole)))
     if not pa.types.is_dictionary(whole.type):
         whole = whole.dictionary_encode()
-    places = whole.indices.fill_null(len(whole.dictionary)).to_numpy(zero_copy_only=False)
-    return whole.dictionary, places.astype(np.int64)
+    places = _array(whole.indices)
+    return whole.dictionary, np.where(np.isnan(places), len(whole.dictionary), places).astype(np.int64)
+
+
+def _array(numbers: Any) -> Any:
+    """Arrow's numbers as an array, with nan for null."""
+    # Arrow's own conversion imports pandas first, which takes a second.
+    return numbers.to_numpy(zero_copy_only=False) if numbers.null_count else np.from_dlpack(numbers)
 
 
 def _values(different: Any) -> list[Any]:
@@ -170,7 +175,7 @@ def _numbers(different: Any) -> Floats:
         microseconds = different.cast(pa.timestamp("us"), safe=False).cast(pa.int64())
         return np.asarray(microseconds.to_numpy(zero_copy_only=False) / 1e6)
     if pa.types.is_integer(kind) or pa.types.is_floating(kind):
-        return np.asarray(different.to_numpy(zero_copy_only=False), float)
+        return np.asarray(_array(different), float)
     numbers = np.full(len(different), np.nan)
     if not pa.types.is_boolean(kind):
         for place, text in enumerate(map(str, different.to_pylist())):

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import comb
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,15 +30,17 @@ from pipeline.artefacts.point_table import read_points, write_points
 from pipeline.artefacts.space_formats import read_space_of_any_format
 from pipeline.core.coverage import arrays, counting
 from pipeline.core.coverage.arrays import Effort
-from pipeline.core.coverage.certified import certified_array
 from pipeline.core.coverage.mixed import NOTHING, STRONGEST, Mixed
 from pipeline.core.coverage.projection import Coverage, Demand, Plane, planes, total
-from pipeline.core.coverage.proposals import Proposal, Proposer
 from pipeline.core.coverage.verification import verify as verify_rows
 from pipeline.core.space import Ints, Space
 from pipeline.errors import InputError
 from pipeline.progress import Progress
 from pipeline.report.imperfect_rows import SHOWN, imperfect, imperfect_text
+
+# Solvers are imported where they are used: they take longer to import than a table of a hundred thousand points takes to count.
+if TYPE_CHECKING:
+    from pipeline.core.coverage.proposals import Proposal, Proposer
 
 MOST_CELLS = 200_000_000
 SMALLEST = "This is the smallest possible number."
@@ -74,6 +77,8 @@ def score(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
 
 def propose(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
     """The next points that raise coverage most, or all that complete it."""
+    from pipeline.core.coverage.proposals import Proposer
+
     space = _read_space(options, "k")
     if options.count < 1:
         raise InputError(f"--count must be at least 1, got {options.count}")
@@ -112,6 +117,8 @@ def propose(options: argparse.Namespace, progress: Progress) -> tuple[Found, str
 
 def _proposal(proposer: Proposer, rows: Ints, options: argparse.Namespace) -> tuple[Proposal, int]:
     """What the options ask for, no points if nothing is missing; and a bound of the points that complete the coverage."""
+    from pipeline.core.coverage.proposals import Proposal
+
     if options.complete:
         completion = proposer.completion(rows)
         added = completion.categories
@@ -141,6 +148,8 @@ def _propose_text(found: Found, options: argparse.Namespace, coverage: tuple[str
 
 def plan(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
     """A covering array: few points in which every combination of categories of any `strength` conditions occurs."""
+    from pipeline.core.coverage.certified import certified_array
+
     space = _read_space(options, "strength")
     seeds = None if options.include is None else read_points(options.include, space).strict()
     started = time.monotonic()

@@ -119,8 +119,8 @@ class CellCounts:
 
     def __iter__(self) -> Iterator[tuple[tuple[int, ...], Ints]]:
         """Each plane's conditions and counts."""
-        for index in range(len(self.planes)):
-            yield tuple(int(condition) for condition in self.planes[index]), self.plane(index)
+        for index, conditions in enumerate(self.planes.tolist()):
+            yield tuple(conditions), self.plane(index)
 
 
 @intrinsic  # type: ignore[untyped-decorator]

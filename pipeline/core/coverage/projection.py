@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import reduce
+from functools import cache, reduce
 from typing import Literal
 
 import numpy as np
@@ -57,10 +57,18 @@ class Demand:
     def weights_of(self, planes: Iterable[tuple[int, ...]]) -> Iterator[Ints]:
         """The weights of the cells of some of its planes, feasible or not, shaped by the sizes of their variables."""
         arrays, single, of_extras = self.weight_arrays(), self.extras.weights(), all_planes(len(self.sizes), self.mixed)
+        alike = [next(i for i, other in enumerate(arrays) if np.array_equal(own, other)) for own in arrays]
+
+        @cache
+        def combined(*chosen: int) -> Ints:
+            """Planes of many variables are mostly alike, so each kind is combined once."""
+            return np.asarray(reduce(_COMBINE[self.combine].outer, [arrays[variable] for variable in chosen]))
+
         for plane in planes:
-            whole = of_extras[plane] is None
-            shape = [self.sizes[variable] for variable in plane]
-            weights = reduce(_COMBINE[self.combine].outer, [arrays[v] for v in plane]) if whole else np.zeros(shape, np.int64)
+            if of_extras[plane] is None:
+                weights = combined(*(alike[variable] for variable in plane))
+            else:
+                weights = np.zeros([self.sizes[variable] for variable in plane], np.int64)
             if own := single.get(plane):
                 weights = weights.copy()
                 weights[tuple(np.transpose(list(own)))] = list(own.values())
