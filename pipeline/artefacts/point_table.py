@@ -11,10 +11,12 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline.artefacts.image_sets import read_images
+from pipeline.artefacts.sequence_table import sequences
 from pipeline.artefacts.table_categories import Fault, Meanings
 from pipeline.artefacts.table_file import open_table, write_table
 from pipeline.core.constraints import Bools
 from pipeline.core.coverage.partial import broken_clauses
+from pipeline.core.sequences import SequenceSpace
 from pipeline.core.space import Ints, Space
 from pipeline.errors import InputError
 
@@ -23,10 +25,11 @@ class PointTable:
     """The points of a table, which are read once, batch by batch.
 
     rows, points, partial: number of rows so far, of those that keep the constraints, and of these without a category for some condition.
-    images: names of the rows, if they are images. unused: rows of the metadata that belong to no image.
+    images: names of the rows, if they are images or sequences, which `kind` tells. unused: rows of the metadata that belong to no image.
     """
 
     images: tuple[str, ...] = ()
+    kind = "image"
     unused = 0
 
     def __init__(self, path: Path, space: Space, batches: Iterator[Any], empty: bool = False) -> None:
@@ -64,9 +67,13 @@ class PointTable:
             raise InputError(f"{self.path}: {self.told(faults[0])}")
         return rows
 
+    def known(self) -> Ints:
+        """All rows, -1 where there is no category."""
+        return self._together(rows for rows, _ in self._read())
+
     def told(self, fault: Fault) -> str:
         """A fault with its first row."""
-        where = f"image {self.images[fault.row]}" if self.images else f"row {fault.row + 1}"
+        where = f"{self.kind} {self.images[fault.row]}" if self.images else f"row {fault.row + 1}"
         return f"{where}{' ' if fault.left_out else ': '}{fault.text}"
 
     def _together(self, batches: Iterator[Ints]) -> Ints:
@@ -109,27 +116,45 @@ def read_points(path: Path, space: Space, *, metadata: Path | None = None, empty
     """The points of a table: CSV, parquet, JSON of COCO, BDD100K or OpenLABEL, or a folder of YOLO, KITTI or nuScenes.
 
     Images are points. Their conditions are columns of `metadata`, a table with `file_name`, or what the data set itself says, such as
-    `objects`, the number of annotations. Other columns are ignored. empty: whether a table without rows is allowed.
+    `objects`, the number of annotations. Of a space of sequences, a table may hold frames. Other columns are ignored. empty: whether a
+    table without rows is allowed.
 
     Raises InputError, here or from the batches, that names the file and what is wrong with the table as a whole.
     """
     if path.is_dir() or path.suffix.lower() == ".json":
         images = read_images(path, metadata, space)
-        _check_columns(metadata or path, space, list(images.table.columns), images.table.header)
+        _check_columns(metadata or path, space.names, list(images.table.columns), images.table.header)
         table = PointTable(path, space, iter([pa.table(images.table.columns)]), empty)
         table.images, table.unused = images.names, images.unused
         return table
     if metadata is not None:
         raise InputError(f"{path}: --metadata goes with COCO's JSON and folders of YOLO labels; a table has the conditions as columns")
-    opened = open_table(path, space.names)
+    if isinstance(space, SequenceSpace) and len(open_table(path, space.names).columns) < len(space.names):
+        return _sequences(path, space, empty)
+    return PointTable(path, space, _opened(path, space.names), empty)
+
+
+def _sequences(path: Path, space: SequenceSpace, empty: bool) -> PointTable:
+    """The sequences of a table of frames. Frames that break no rule count, whatever else is wrong with them."""
+    columns = [*space.frames.names, space.time, *([space.sequence] if space.sequence else [])]
+    opened, read = _opened(path, columns), lambda frames, batches: PointTable(path, frames, batches, empty).known()
+    points, names = sequences(path, space, opened, read)
+    table = PointTable(path, space, iter([points]), empty)
+    table.images, table.kind = names, "sequence"
+    return table
+
+
+def _opened(path: Path, columns: Sequence[str]) -> Iterator[Any]:
+    """The batches of a table; InputError if it lacks one of the columns."""
+    opened = open_table(path, columns)
     if not opened.header:
         raise InputError(f"{path}: expected points, got an empty table")
-    _check_columns(path, space, opened.columns, opened.header)
-    return PointTable(path, space, opened.batches, empty)
+    _check_columns(path, columns, opened.columns, opened.header)
+    return opened.batches
 
 
-def _check_columns(path: Path, space: Space, found: Sequence[str], header: Sequence[str]) -> None:
-    if missing := [name for name in space.names if name not in found]:
+def _check_columns(path: Path, wanted: Sequence[str], found: Sequence[str], header: Sequence[str]) -> None:
+    if missing := [name for name in wanted if name not in found]:
         known = ", ".join(header)
         raise InputError(f"{path}: expected a column for each condition; there is none for {', '.join(missing)}, only {known}")
 

@@ -10,15 +10,18 @@ from math import isfinite, isnan
 from pathlib import Path
 from typing import Any
 
+from pipeline.artefacts import sequence_space
+from pipeline.artefacts.sequence_space import read_rule
 from pipeline.artefacts.space_extras import read_extras
 from pipeline.artefacts.written_yaml import read_written_yaml, whole_number
 from pipeline.artefacts.written_yaml import shown as _shown
 from pipeline.core.names import nearest
+from pipeline.core.sequences import Rule
 from pipeline.core.space import Space, Variable, Written
 from pipeline.core.variable import HEAVIEST, number_text
 from pipeline.errors import InputError
 
-PARTS = ("variables", "constraints", "planes", "combinations")
+PARTS = ("variables", "constraints", "planes", "combinations", *sequence_space.PARTS)
 KEYS = ("values", "interval", "cuts", "cyclic", "unit", "weights")
 EXAMPLE = "weather: {values: [sunny, rainy], weights: {rainy: 3}} or fog: {interval: [0, 100], cuts: [20, 50]}"
 CONSTRAINT = "a text such as 'if fog >= 50 then lights in {on, low}' or a clause such as [lanes = 2, current_lane != 2]"
@@ -45,9 +48,40 @@ def _space(plain: Any) -> Space:
     for key in plain:
         if key not in PARTS:
             raise ValueError(f"unknown key '{key}'{nearest(str(key), PARTS)}")
-    variables = tuple(_variable(name, body) for name, body in plain["variables"].items())
+    frames = tuple(_variable(name, body, "frames") for name, body in _frames(plain).items())
+    rules = _rules(plain["variables"], frames)
+    variables = tuple(
+        _ruled(name, body, rules[name]) if name in rules else _variable(name, body) for name, body in plain["variables"].items()
+    )
     extras = read_extras(plain.get("planes") or {}, plain.get("combinations") or [], variables)
-    return Space(variables, _constraints(plain.get("constraints") or []), extras)
+    space = Space(variables, _constraints(plain.get("constraints") or []), extras)
+    if "sequences" not in plain:
+        return space
+    return sequence_space.sequence_space(space, frames, rules, sequence_space.read_columns(plain["sequences"]))
+
+
+def _frames(plain: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The conditions of a frame, none if points are no sequences."""
+    frames = plain.get("frames") or {}
+    if not isinstance(frames, Mapping):
+        raise ValueError(f"frames: expected conditions of a frame, as in {EXAMPLE}; got {_shown(frames)}")
+    if frames and "sequences" not in plain:
+        raise ValueError(f"frames: expected sequences, too, as in {sequence_space.EXAMPLE}")
+    return frames
+
+
+def _rules(variables: Mapping[str, Any], frames: tuple[Variable, ...]) -> dict[str, Rule]:
+    ruled = {name: body for name, body in variables.items() if sequence_space.is_rule(body)}
+    if ruled and not frames:
+        raise ValueError(f"variables.{next(iter(ruled))}: a rule needs the conditions of a frame; there is no 'frames'")
+    one = Space(frames) if frames else None
+    return {} if one is None else {name: read_rule(f"variables.{name}", body, one) for name, body in ruled.items()}
+
+
+def _ruled(name: str, body: Mapping[str, Any], rule: Rule) -> Variable:
+    return Variable(
+        name, "categorical", values=rule.labels, weights=_weights(f"variables.{name}.weights", body.get("weights"), rule.labels)
+    )
 
 
 def _constraints(plain: Any) -> tuple[Written, ...]:
@@ -67,8 +101,8 @@ def _constraint(plain: Any) -> Written:
     return tuple(plain)
 
 
-def _variable(name: str, body: Any) -> Variable:
-    key = f"variables.{name}"
+def _variable(name: str, body: Any, part: str = "variables") -> Variable:
+    key = f"{part}.{name}"
     if not isinstance(body, Mapping):
         raise ValueError(f"{key}: expected values or an interval, as in {EXAMPLE}; got {_shown(body)}")
     for known in body:

@@ -125,6 +125,12 @@ def _count(number: int) -> str:
     return f"{number:,}" if number < MOST_DIFFERENT - 1 else f"at least {number:,}"
 
 
+def numbers_of(name: str, column: Column) -> Floats:
+    """The (n,) numbers of a column, times as seconds since 1970, UTC; nan for what is none. ValueError for values of a wrong type."""
+    different, where = _different(Variable(name, "continuous", low=-np.inf, high=np.inf, cuts=(0,)), column)
+    return np.asarray(np.append(_numbers(different), np.nan)[where], float)
+
+
 def _different(variable: Variable, column: Column) -> tuple[Any, Ints]:
     """The (m,) different values of a column, as an Arrow array, and the (n,) places of its values among them; m for null.
 

@@ -134,7 +134,7 @@ def test_a_space_file_names_planes_and_weighs_combinations(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("planes:\n", "planes: [sight]\nx:\n"), "unknown key 'x'; known are combinations, constraints, planes, variables"),
+        (("planes:\n", "planes: [sight]\nx:\n"), "unknown key 'x'; known are combinations, constraints, frames,"),
         (("sight: {conditions", "sight: {condition"), "unknown key 'planes.sight.condition'; did you mean 'conditions'?"),
         (("sight: {conditions: [fog, weather, night], strength: 2}", "sight: [fog, night]"),
          "planes.sight: expected an entry such as {conditions: [weather, light, road], strength: 3}, got [fog, night]"),

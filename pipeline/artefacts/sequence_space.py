@@ -1,0 +1,88 @@
+"""The parts of a space file whose points are sequences of frames: `sequences`, `frames` and the rules among `variables`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from math import inf
+from typing import Any
+
+from pipeline.artefacts.written_yaml import shown
+from pipeline.core.names import nearest
+from pipeline.core.sequences import Condition, Course, Order, Rule, SequenceSpace, Then, Throughout
+from pipeline.core.space import Space, Variable
+
+PARTS = ("sequences", "frames")
+COLUMNS = ("time", "by")
+RULES = {"first": ("first", "then", "within"), "course": ("course",), "order": ("order",)}
+"""The key that tells a rule, and all keys of that rule."""
+EXAMPLE = "sequences: {time: t_s, by: drive}"
+
+
+def is_rule(body: Any) -> bool:
+    """Whether a variable is computed from a sequence."""
+    return isinstance(body, Mapping) and not RULES.keys().isdisjoint(body)
+
+
+def read_columns(plain: Any) -> tuple[str, str | None]:
+    """The columns of a table of frames that hold the time and, if it has several sequences, the name of a frame's sequence."""
+    if not isinstance(plain, Mapping) or not isinstance(plain.get("time"), str):
+        raise ValueError(f"sequences: expected the column of the time, as in {EXAMPLE}; got {shown(plain)}")
+    for key, column in plain.items():
+        if key not in COLUMNS:
+            raise ValueError(f"unknown key 'sequences.{key}'{nearest(str(key), COLUMNS)}")
+        if not isinstance(column, str):
+            raise ValueError(f"sequences.{key}: expected the name of a column, got {shown(column)}")
+    return plain["time"], plain.get("by")
+
+
+def sequence_space(space: Space, frames: tuple[Variable, ...], rules: Mapping[str, Rule], columns: tuple[str, str | None]) -> SequenceSpace:
+    """A space whose variables are computed by rules, or stay the same over a sequence. frames: the variables of a frame alone."""
+    steady = tuple(variable for variable in space.variables if variable.name not in rules)
+    one = Space((*frames, *steady))
+    lasting = {variable.name: Throughout(len(frames) + place, variable.labels) for place, variable in enumerate(steady)}
+    time, sequence = columns
+    return SequenceSpace(space.variables, space.clauses, space.extras, frames=one, rules={**rules, **lasting}, time=time, sequence=sequence)
+
+
+def read_rule(key: str, body: Mapping[str, Any], frames: Space) -> Rule:
+    """A rule over the variables of a frame; ValueError that names what is wrong."""
+    kind = next(name for name in RULES if name in body)
+    for known in body:
+        if known not in (*RULES[kind], "weights"):
+            raise ValueError(f"unknown key '{key}.{known}'{nearest(str(known), RULES[kind])}")
+    if kind == "course":
+        return Course(_with_cuts(f"{key}.course", body["course"], frames))
+    if kind == "order":
+        both = body["order"]
+        if not isinstance(both, list) or len(both) != 2:
+            raise ValueError(f"{key}.order: expected two conditions, as in [brake = on, pedestrian = visible], got {shown(both)}")
+        return Order(*(_condition(f"{key}.order", text, frames) for text in both))
+    within_s = _seconds(f"{key}.within", body["within"]) if "within" in body else inf
+    return Then(_condition(f"{key}.first", body["first"], frames), _condition(f"{key}.then", body.get("then"), frames), within_s)
+
+
+def _seconds(key: str, text: Any) -> float:
+    with suppress(ValueError, TypeError):
+        if 0 < float(text) < inf:
+            return float(text)
+    raise ValueError(f"{key}: expected seconds above 0, got {shown(text)}")
+
+
+def _condition(key: str, text: Any, frames: Space) -> Condition:
+    if not isinstance(text, str):
+        raise ValueError(f"{key}: expected a condition on a frame such as rain >= 40, got {shown(text)}")
+    try:
+        return Condition(text, frames)
+    except ValueError as error:
+        raise ValueError(f"{key}: {error}") from error
+
+
+def _with_cuts(key: str, name: Any, frames: Space) -> int:
+    found = [i for i, variable in enumerate(frames.variables) if variable.name == name]
+    if not found:
+        raise ValueError(f"{key}: there is no condition of frames {shown(name)}{nearest(str(name), frames.names)}")
+    variable = frames.variables[found[0]]
+    if variable.kind == "categorical" or variable.cyclic or not variable.cuts:
+        raise ValueError(f"{key}: expected a condition with an interval and cuts, which are what a course passes; {name} has none")
+    return found[0]
