@@ -34,6 +34,17 @@ def verdict_table(comparison: Comparison, report: Path | None = None) -> str:
     return "\n".join(lines)
 
 
+def verdict_markdown(comparison: Comparison, bold: str = "") -> str:
+    """The versions' table and how to read it, as Markdown. bold: the version whose row is in bold."""
+    rows = []
+    for result, row in zip(comparison.versions, verdict_rows(comparison), strict=True):
+        rows.append([f"**{cell}**" if cell and result.version == bold else cell for cell in row])
+    lines = [f"| {' | '.join(cells)} |" for cells in (HEADERS, ["---"] * len(HEADERS), *rows)]
+    scenarios = " + ".join(comparison.scenarios.values())
+    sentences = [f"- {sentence}" for sentence in verdict_sentences(comparison)]
+    return "\n".join([f"Held out: {scenarios}; the same tests for every version.", "", *lines, "", *sentences])
+
+
 def verdict_sentences(comparison: Comparison) -> list[str]:
     """How to read the table, and what qualifies it."""
     alpha = f"{comparison.alpha:g}"

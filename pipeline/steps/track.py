@@ -46,13 +46,14 @@ def run(job: Job) -> None:
     from pipeline.artefacts.model_card import read_card
     from pipeline.artefacts.tables import campaign_of, read_tests
     from pipeline.core.identity import CampaignId
-    from pipeline.report.verdict import verdict_table
+    from pipeline.report.verdict import verdict_markdown, verdict_table
     from pipeline.tracking.champion import point_champion
     from pipeline.tracking.contents import campaign_content, comparison_content, git_commit, registration_of, study_content
     from pipeline.tracking.registry import Registry
     from pipeline.tracking.runs import Tracker
 
     config, campaigns, models, plots = job.config, job.inputs("campaigns"), job.inputs("models"), job.inputs("plots")
+    model = config.tracking.model_name
     measured, compared = read(job.input("measures"), Measures), read(job.input("comparison"), Comparison)
     by_campaign = {CampaignId(c.scenario, c.strategy, c.version, c.seed): c for c in measured.campaigns}
     tracker = Tracker(STORE, ARTIFACTS, config.tracking.experiment, {"mlflow.source.git.commit": git_commit()})
@@ -60,12 +61,12 @@ def run(job: Job) -> None:
     study = study_content(config)
     parent = tracker.log(study)
     contents, steps = [study], 2 + len(campaigns) + len(models)
-    runs: dict[str, dict[str, str]] = {}
+    runs: dict[str, list[str]] = {}
     for done, path in enumerate(campaigns, 1):
         tests = read_tests(path)
         campaign = campaign_of(tests, path)
         contents.append(campaign_content(config.study, tests, by_campaign.get(campaign), path))
-        runs.setdefault(campaign.version, {})[tracker.log(contents[-1], parent)] = contents[-1].name
+        runs.setdefault(campaign.version, []).append(tracker.log(contents[-1], parent))
         job.progress(done, steps, contents[-1].name)
     contents.append(comparison_content(config.study, compared, job.input("comparison"), plots))
     compared_run = tracker.log(contents[-1], parent)
@@ -74,22 +75,25 @@ def run(job: Job) -> None:
         card = read_card(path)
         registration = registration_of(config, card, path, compared, plots)
         number, run_id = registry.register(registration, parent)
-        registry.link(registration.model, number, runs.get(card.version, {}))
+        registry.link(model, number, runs.get(card.version, []))
         numbers[card.version], weights[card.version] = number, card.weights_sha256
         contents.append(registration.content)
         versions.append(run_id)
         job.progress(done, steps, registration.content.name)
-    alias = point_champion(registry, config.tracking.model_name, compared, numbers, weights)
+    alias = point_champion(registry, model, compared, numbers, weights)
     job.progress(steps, steps, alias)
-    text = "\n".join(
-        [f"{alias[0].upper()}{alias[1:]}.\n", "```", verdict_table(compared, job.input("comparison").with_name("report.html")), "```"]
-    )
+    said = f"{alias[0].upper()}{alias[1:]}.\n\n"
     for run_id in (parent, compared_run):
-        tracker.describe(run_id, text, versions)
+        table = verdict_table(compared, job.input("comparison").with_name("report.html"))
+        tracker.describe(run_id, f"{said}```\n{table}\n```", versions)
+    said = f"Study {config.study}. {said}"
+    registry.describe(model, said + verdict_markdown(compared))
+    for version, number in numbers.items():
+        registry.set_alias(model, f"{config.study}-{version}", number)
+        registry.describe(model, said + verdict_markdown(compared, version), number)
     tracked = tuple(TrackedRun(name=c.name, kind=c.kind, digest=c.digest) for c in contents)
     failures = {result.version: result.failures for result in compared.versions}
-    name = config.tracking.model_name
     write(
         job.output("tracking"),
-        TrackedStudy(experiment=config.tracking.experiment, model=name, runs=tracked, failures=failures, champion=compared.champion),
+        TrackedStudy(experiment=config.tracking.experiment, model=model, runs=tracked, failures=failures, champion=compared.champion),
     )

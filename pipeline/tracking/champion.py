@@ -53,7 +53,7 @@ def point_champion(registry: Registry, model: str, compared: Comparison, numbers
     if number is None:
         registry.set_alias(model, CHAMPION, numbers[compared.champion])
         return f"champion is {compared.champion}, the first"
-    own = registry.tags(model, number).get(WEIGHTS)
+    own = registry.run_tags(model, number).get(WEIGHTS)
     same = [version for version in weights if numbers[version] == number] or [v for v, digest in weights.items() if digest == own]
     version, why = successor(compared, same[0] if same else None)
     if version is not None:

@@ -21,7 +21,9 @@ from pipeline.tracking.registry import Registration
 from pipeline.tracking.runs import Content, DataSet
 
 WEIGHTS = "weights_sha256"
-"""Tag of a registered version."""
+"""Tag of the run of a model version."""
+IOU = 0.45
+"""Overlap of two boxes above which the worse is removed, for detectors that have no such setting."""
 
 
 def study_content(config: Config) -> Content:
@@ -87,22 +89,19 @@ def failures_by_scenario(result: VersionResult) -> dict[str, int]:
 def registration_of(config: Config, card: ModelCard, path: Path, comparison: Comparison, plots: Sequence[Path]) -> Registration:
     """A registered model version; path: its model.json, beside its other files."""
     result = next(r for r in comparison.versions if r.version == card.version)
-    tags = {"study": config.study, "version": card.version, "verdict": result.verdict, "failures": str(result.failures)}
-    tags |= {"gate": comparison.gate[card.version], WEIGHTS: card.weights_sha256}
-    tags |= {"failures_by_ttc": str(result.modes.by_ttc), "tests": str(result.tests)}
-    tags |= {f"failures.{scenario}": str(count) for scenario, count in failures_by_scenario(result).items()}
+    tags = {"study": config.study, "version": card.version, "failures": str(result.failures), "verdict": result.verdict}
     return Registration(
         model=config.tracking.model_name,
         content=model_content(config, card, result, path, plots),
         files=[file for name in ("weights.safetensors", "model.onnx", "model.json") if (file := path.with_name(name)).exists()],
         tags=tags,
-        description=f"{card.version} of {config.study}: {result.failures} failures in {result.tests} held-out tests ({result.verdict}).",
     )
 
 
 def model_content(config: Config, card: ModelCard, result: VersionResult, path: Path, plots: Sequence[Path]) -> Content:
     """A model version as a run: parameters and curve of its training, its data, detection metrics and failures."""
     params = {"version": card.version, "parent": card.parent or "none", "parameters": str(card.parameters), "seed": str(card.seed)}
+    params |= {"threshold": str(config.threshold), "iou": str(config.detector.get("iou", IOU))}
     params |= {f"training.{name}": str(value) for name, value in card.training.items()}
     tags: Mapping[str, str] = {WEIGHTS: card.weights_sha256, **{f"data.{name}": digest for name, digest in card.data.items()}}
     curve = path.with_name("curve.csv")

@@ -1,6 +1,6 @@
 """The registered detector in MLflow: its versions, each with a logged model and a run, and their aliases.
 
-A version is registered under the digest of its content, so registering it twice makes one version.
+A version's logged model has the digest of its content, so registering it twice makes one version.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,23 +16,27 @@ from typing import TYPE_CHECKING, Any
 from pipeline.artefacts.files import sha256
 from pipeline.errors import InputError
 from pipeline.tracking.client import connect, server, unusable
-from pipeline.tracking.onnx_model import save_onnx
-from pipeline.tracking.runs import DIGEST, Content, Tracker
+from pipeline.tracking.runs import DIGEST, Content, Tracker, shortened
+from pipeline.tracking.served_model import save_served
 
 if TYPE_CHECKING:
     from mlflow.entities import LoggedModel
     from mlflow.entities.model_registry import ModelVersion
 
+ROOM = 5000
+"""Longest description of a registered model or version, in characters."""
+LIMITS = ("threshold", "iou")
+"""Parameters of a run that the loaded model uses."""
+
 
 @dataclass(frozen=True)
 class Registration:
-    """A model version: its registered name, its run, its files (an ONNX file makes it loadable by MLflow), tags and text."""
+    """A model version: its registered name, its run, its files (an ONNX file makes it loadable by MLflow) and its tags."""
 
     model: str
     content: Content
     files: Sequence[Path]
     tags: Mapping[str, str]
-    description: str
 
     @property
     def digest(self) -> str:
@@ -50,12 +54,12 @@ class Registry:
         """Register the model version of a run unless it is registered already; returns its number and the run's id."""
         run_id = self._tracker.log(registration.content, parent)
         model, digest = registration.model, registration.digest
-        if (known := self._version(model, digest)) is not None:
+        known_models = self._logged_models(digest)
+        if (known := self._version(model, run_id, known_models)) is not None:
             # A comparison's results are not part of a version's identity and may have changed.
             for name, value in registration.tags.items():
                 self._client.set_model_version_tag(model, known.version, name, value)
-            self._client.update_model_version(model, known.version, registration.description)
-            for logged in self._logged_models(digest):
+            for logged in known_models:
                 newest = {metric.key: metric.value for metric in sorted(logged.metrics or [], key=lambda metric: metric.timestamp)}
                 self._tracker.log_results(run_id, registration.content, newest, logged.model_id)
             return str(known.version), run_id
@@ -66,8 +70,7 @@ class Registry:
             model,
             logged.artifact_location,
             run_id,
-            tags={**registration.tags, DIGEST: digest},
-            description=registration.description,
+            tags=dict(registration.tags),
             model_id=logged.model_id,
         )
         return str(version.version), run_id
@@ -76,18 +79,24 @@ class Registry:
         """The aliases of a registered model, each with the number of its version."""
         return {name: str(number) for name, number in self._client.get_registered_model(model).aliases.items()}
 
-    def tags(self, model: str, version: str) -> dict[str, str]:
-        """The tags of a registered version."""
-        return dict(self._client.get_model_version(model, version).tags)
+    def run_tags(self, model: str, version: str) -> dict[str, str]:
+        """The tags of a registered version's run; none if it has no run."""
+        run_id = self._client.get_model_version(model, version).run_id
+        return dict(self._client.get_run(run_id).data.tags) if run_id else {}
 
     def set_alias(self, model: str, alias: str, version: str) -> None:
         """Point an alias of the registered model at a version."""
         self._client.set_registered_model_alias(model, alias, version)
 
-    def link(self, model: str, version: str, runs: Mapping[str, str]) -> None:
-        """Link a model version and the runs of its campaigns, in both directions. runs: id -> name."""
-        self._client.set_model_version_tag(model, version, "campaigns", " ".join(sorted(runs.values())))
-        self._client.set_model_version_tag(model, version, "campaign_runs", " ".join(sorted(runs)))
+    def describe(self, model: str, text: str, version: str | None = None) -> None:
+        """Set the description of a registered model or of one version of it, Markdown, cut to MLflow's limit."""
+        if version is None:
+            self._client.update_registered_model(model, shortened(text, ROOM))
+        else:
+            self._client.update_model_version(model, version, shortened(text, ROOM))
+
+    def link(self, model: str, version: str, runs: Iterable[str]) -> None:
+        """Name a model version in the runs of its campaigns."""
         for run_id in runs:
             self._client.set_tag(run_id, "model_version", f"{model}/{version}")
 
@@ -111,7 +120,7 @@ class Registry:
         with tempfile.TemporaryDirectory() as folder:
             for path in registration.files:
                 if path.suffix == ".onnx":
-                    save_onnx(path, Path(folder) / "model")
+                    save_served(path, Path(folder) / "model", {name: float(content.params[name]) for name in LIMITS})
                     self._client.log_model_artifacts(logged.model_id, str(Path(folder) / "model"))
             for path in registration.files:
                 if path.suffix != ".onnx":
@@ -124,9 +133,10 @@ class Registry:
         found: Sequence[LoggedModel] = self._client.search_logged_models([self._tracker.experiment], f"tags.`{DIGEST}` = '{digest}'")
         return found
 
-    def _version(self, model: str, digest: str) -> ModelVersion | None:
-        found = self._client.search_model_versions(f"name = '{model}' and tags.`{DIGEST}` = '{digest}'")
-        return found[0] if found else None
+    def _version(self, model: str, run_id: str, logged: Sequence[LoggedModel]) -> ModelVersion | None:
+        sources = {one.artifact_location for one in logged}
+        found = self._client.search_model_versions(f"name = '{model}' and run_id = '{run_id}'")
+        return next((version for version in found if version.source in sources), None)
 
 
 def _pages(search: Callable[..., Any], **wanted: str) -> list[Any]:
@@ -140,7 +150,7 @@ def _pages(search: Callable[..., Any], **wanted: str) -> list[Any]:
 
 
 def registered(store: Path) -> list[dict[str, str]]:
-    """The model versions that `register` made in a store, newest last: model, number, aliases, and its own tags.
+    """The model versions that `register` made in a store, newest last: model, number, aliases, its own tags and the metrics of its run.
 
     Raises InputError if there is no store.
     """
@@ -158,8 +168,11 @@ def registered(store: Path) -> list[dict[str, str]]:
         aliases: dict[str, list[str]] = {}
         for alias, number in model.aliases.items():
             aliases.setdefault(str(number), []).append(alias)
-        found = [v for v in _pages(client.search_model_versions, filter_string=f"name = '{model.name}'") if DIGEST in v.tags]
+        found = [v for v in _pages(client.search_model_versions, filter_string=f"name = '{model.name}'") if "study" in v.tags]
         for version in sorted(found, key=lambda one: int(one.version)):
             number = str(version.version)
-            rows.append({"model": model.name, "number": number, "alias": ", ".join(aliases.get(number, [])), **version.tags})
+            metrics = {name: f"{value:g}" for name, value in client.get_run(version.run_id).data.metrics.items()}
+            rows.append(
+                {**metrics, **version.tags, "model": model.name, "number": number, "alias": ", ".join(sorted(aliases.get(number, [])))}
+            )
     return rows

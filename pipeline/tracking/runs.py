@@ -119,10 +119,7 @@ class Tracker:
         if compared:
             ids = ",".join(f"%22{run}%22" for run in compared)
             text = f"[Compare the versions](#/compare-runs?runs=[{ids}]&experiments=[%22{self.experiment}%22])\n\n{text}"
-        if len(text) > ROOM:
-            cut = text[: ROOM - 100].rpartition("\n")[0]
-            text = cut + ("\n```" if cut.count("```") % 2 else "") + "\n\nThe rest is in the report."
-        self.client.set_tag(run_id, DESCRIPTION, text)
+        self.client.set_tag(run_id, DESCRIPTION, shortened(text, ROOM))
 
     def _log_pictures(self, run_id: str, content: Content, logged: str = "") -> None:
         """logged: the digest of those that the run has."""
@@ -161,6 +158,14 @@ class Tracker:
                 return run
             self.client.delete_run(run.info.run_id)
         return None
+
+
+def shortened(text: str, room: int) -> str:
+    """Markdown of at most `room` characters: whole lines, and a word on the rest."""
+    if len(text) <= room:
+        return text
+    cut = text[: room - 100].rpartition("\n")[0]
+    return cut + ("\n```" if cut.count("```") % 2 else "") + "\n\nThe rest is in the report."
 
 
 def _named_digests(paths: Sequence[Path]) -> list[tuple[str, str]]:

@@ -59,10 +59,9 @@ def test_registered_versions_carry_failures_and_lineage(study: FabricatedStudy) 
     versions = {v.tags["version"]: v for v in store.search_model_versions("name='detector'")}
     assert set(versions) == set(VERSIONS)
     for result in comparison.versions:
-        tags = versions[result.version].tags
-        assert tags["failures"] == str(result.failures)
-        assert tags["gate"] == comparison.gate[result.version]
-        assert tags["failures.F1star"] == str(result.scenarios["F1star"].failures)
+        tags = {"study": "default", "version": result.version, "failures": str(result.failures), "verdict": result.verdict}
+        assert versions[result.version].tags == tags
+        assert store.get_model_version_by_alias("detector", f"default-{result.version}").version == versions[result.version].version
         run_data = store.get_run(versions[result.version].run_id).data
         assert run_data.metrics["failures"] == result.failures
         assert run_data.metrics["failures.F1star"] == result.scenarios["F1star"].failures
@@ -70,7 +69,7 @@ def test_registered_versions_carry_failures_and_lineage(study: FabricatedStudy) 
         assert run_data.tags["data.base_set"] == "ab" * 32
         assert run_data.tags["mlflow.source.git.commit"]
         files = {path.name for path in Path(versions[result.version].source.removeprefix("file://")).iterdir()}
-        assert {"weights.safetensors", "model.onnx", "model.json", "MLmodel"} <= files
+        assert {"weights.safetensors", "artifacts", "model.json", "MLmodel"} <= files
     champion = store.get_model_version_by_alias("detector", "champion")
     assert champion.tags["version"] == comparison.champion
 
@@ -130,7 +129,8 @@ def test_a_later_comparison_moves_the_alias_and_registers_nothing_again(study: F
     assert champion.tags["version"] == "base"
     # The version is unchanged, its description is new.
     again = store.get_model_version("detector", held.version)
-    assert (again.tags["gate"], again.tags["failures"]) == ("held back: so", "99")
+    assert again.tags["failures"] == "99"
+    assert "- adaptive held back: so." in again.description and "| **adaptive** | **99 / " in again.description
     assert store.get_run(again.run_id).data.metrics["failures"] == 99
     experiment = store.get_experiment_by_name("blindspot/default").experiment_id
     best = store.search_logged_models([experiment], order_by=[{"field_name": "metrics.failures", "ascending": False}])
@@ -148,7 +148,8 @@ def test_a_champion_that_was_not_compared_keeps_the_alias(study: FabricatedStudy
     tracker = Tracker(study.folder / "data" / "mlflow" / "mlflow.db", study.folder / "data" / "mlflow" / "artifacts", "elsewhere", {})
     file = study.root / "other.json"
     file.write_text("{}")
-    other = Registration("detector", Content("elsewhere/adaptive", "model"), [file], {"version": "adaptive", "weights_sha256": "cd"}, "")
+    content = Content("elsewhere/adaptive", "model", tags={"weights_sha256": "cd"})
+    other = Registration("detector", content, [file], {"study": "elsewhere", "version": "adaptive"})
     registry = Registry(tracker)
     number, _ = registry.register(other)
     held = client(study).get_model_version_by_alias("detector", "champion").version
@@ -184,7 +185,8 @@ def test_versions_prints_the_failures_of_every_version(study: FabricatedStudy, c
     assert head[:5] == ["model", "number", "version", "study", "failures"]
     shown = {row[2]: int(row[4]) for row in rows}
     assert shown == {result.version: result.failures for result in comparison.versions}
-    assert [row[2] for row in rows if row[-1] == "champion"] == [comparison.champion]
+    assert [row[2] for row in rows if "champion," in row] == [comparison.champion]
+    assert {row[-1] for row in rows} >= {f"default-{version}" for version in VERSIONS}
     assert main(["versions", "--store", "nowhere.db"]) == 2
     assert "nowhere.db: expected MLflow's database, found no file" in capsys.readouterr().err
 
@@ -221,32 +223,62 @@ def test_curves_have_their_iterations_and_runs_their_data(study: FabricatedStudy
     assert (data.dataset.name, data.dataset.digest, data.tags[0].value) == ("held_out", digest[:32], "evaluation")
 
 
-def test_versions_and_campaigns_name_each_other(study: FabricatedStudy) -> None:
+def test_the_campaigns_of_a_version_name_it(study: FabricatedStudy) -> None:
     store = client(study)
-    versions = {v.tags["version"]: v for v in store.search_model_versions("name='detector'")}
-    base, adaptive = versions["base"], versions["adaptive"]
-    assert adaptive.tags["campaigns"] == "default/F1star/pairwise/adaptive/0"
-    assert len(base.tags["campaigns"].split()) == 8 + 1
-    for run_id in base.tags["campaign_runs"].split():
-        assert store.get_run(run_id).data.tags["model_version"] == f"detector/{base.version}"
+    experiment = store.get_experiment_by_name("blindspot/default").experiment_id
+    numbers = {version: store.get_model_version_by_alias("detector", f"default-{version}").version for version in VERSIONS}
+    found = {
+        version: [run.info.run_name for run in store.search_runs([experiment], f"tags.model_version = 'detector/{number}'")]
+        for version, number in numbers.items()
+    }
+    assert found["adaptive"] == ["default/F1star/pairwise/adaptive/0"]
+    assert len(found["base"]) == 8 + 1
 
 
-def test_a_registered_version_loads_and_detects(study: FabricatedStudy) -> None:
+def test_descriptions_are_the_verdict_table(study: FabricatedStudy) -> None:
+    comparison, store = read(study.root / "comparison.json", Comparison), client(study)
+    texts = {version: store.get_model_version_by_alias("detector", f"default-{version}").description for version in VERSIONS}
+    assert store.get_registered_model("detector").description == texts["base"].replace("**", "")
+    for result in comparison.versions:
+        (row,) = [line for line in texts[result.version].splitlines() if line.startswith("| **")]
+        assert row.startswith(f"| **{result.version}") and f"**{result.failures} / {result.tests}**" in row
+        assert sum(line.startswith("| ") for line in texts[result.version].splitlines()) == 2 + len(VERSIONS)
+
+
+def test_a_registered_version_loads_and_detects_in_images_of_any_size(study: FabricatedStudy) -> None:
     import mlflow
 
-    store = client(study)
-    (version,) = [v for v in store.search_model_versions("name='detector'") if v.tags["version"] == "random"]
-    model = mlflow.pyfunc.load_model(version.source)
-    assert [value.name for value in model.metadata.signature.inputs.inputs] == ["image"]
-    found = model.predict({"image": np.zeros((1, 192, 320, 3), np.uint8)})
-    assert found["boxes"].shape == (1, 1, 4) and found["scores"] == pytest.approx(0.2)
+    source = client(study).get_model_version_by_alias("detector", "default-random").source
+    model = mlflow.pyfunc.load_model(source)
+    found = model.predict(np.zeros((2, 192, 320, 3), np.uint8))
+    assert list(found.columns) == ["image", "left", "top", "right", "bottom", "score"]
+    assert found["image"].tolist() == [0, 1] and found["score"].tolist() == pytest.approx([0.2, 0.2])
+    assert found.iloc[0, 1:5].tolist() == [150, 80, 170, 120]
+    # Twice the width and three times the height: scaled by a third, padded at the left and right.
+    assert model.predict(np.zeros((1, 576, 640, 3), np.uint8)).iloc[0, 1:5].tolist() == pytest.approx([290, 240, 350, 360], abs=1)
+    # A threshold above the only score.
+    assert mlflow.pyfunc.load_model(source, model_config={"threshold": 0.3}).predict(np.zeros((1, 192, 320, 3), np.uint8)).empty
+
+
+def test_a_served_detector_reports_what_a_tested_one_does() -> None:
+    from pipeline.detectors.suppression import reported
+    from pipeline.tracking.served_detector import suppressed
+
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        corners = rng.uniform(0, 80, (30, 2))
+        boxes = np.concatenate([corners, corners + rng.uniform(5, 40, (30, 2))], axis=1).astype(np.float32)
+        scores = rng.uniform(0, 1, 30).astype(np.float32)
+        kept = list(suppressed(boxes, np.where(scores >= 0.4, scores, -1), 0.45))
+        expected = reported("model", boxes, scores, 0.4, 0.45)
+        assert np.array_equal(boxes[kept], expected.boxes) and np.array_equal(scores[kept], expected.scores)
 
 
 def test_an_interrupted_registration_leaves_one_model_and_one_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tracker, file = Tracker(tmp_path / "m.db", tmp_path / "artifacts", "e", {}), tmp_path / "model.json"
     registry = Registry(tracker)
     file.write_text("{}")
-    registration = Registration("detector", Content("s/base", "model", metrics={"failures": 3.0}), [file], {"version": "base"}, "text")
+    registration = Registration("detector", Content("s/base", "model", metrics={"failures": 3.0}), [file], {"version": "base"})
     for method in ("log_model_artifact", "finalize_logged_model", "create_model_version"):
         with monkeypatch.context() as patch:
             patch.setattr(tracker.client, method, lambda *_, **__: (_ for _ in ()).throw(KeyboardInterrupt))

@@ -23,6 +23,7 @@ from tests.browser import browser_page
 
 SHOTS = Path("data/test-artefacts")
 FAILURES = {"base": 21, "control": 20, "random": 11, "adaptive": 6}
+TABLE = "| version | failures |\n| --- | --- |\n| **adaptive** | **6** |"
 
 
 def register(root: Path) -> Path:
@@ -36,10 +37,12 @@ def register(root: Path) -> Path:
         metrics = {"failures": float(failures), "failures.F1star": float(failures), "ap50": 0.88}
         content = Content(f"default/{version}", "model", params={"version": version}, metrics=metrics)
         tags = {"version": version, "failures": str(failures)}
-        number, run = registry.register(Registration("detector", content, [model], tags, version))
+        number, run = registry.register(Registration("detector", content, [model], tags))
+        registry.set_alias("detector", f"default-{version}", number)
         runs.append(run)
     tracker.describe(tracker.log(Content("default", "study")), "The verdict.", runs)
     registry.set_alias("detector", "champion", number)
+    registry.describe("detector", TABLE, number)
     return store
 
 
@@ -83,6 +86,7 @@ def drive(page: Page, address: str) -> None:
         row = page.get_by_role("row").filter(has=page.get_by_role("link", name=f"Version {number}"))
         row.get_by_role("checkbox").check(force=True)
     expect(page.get_by_text("@ champion")).to_be_visible()
+    expect(page.get_by_text("@ default-adaptive")).to_be_visible()
     page.screenshot(path=SHOTS / "mlflow-versions.png")
     page.get_by_role("button", name="Compare", exact=True).click()
     expect(page.get_by_text("Comparing 4 Versions")).to_be_visible()
@@ -105,6 +109,14 @@ def open_saved(page: Page, address: str) -> None:
         expect(compared.get_by_text(f"default/{version}").first).to_be_visible()
 
 
+def read_description(page: Page, address: str) -> None:
+    """A version's page shows its description as a table."""
+    page.goto(f"{address}/#/models/detector/versions/{len(FAILURES)}")
+    described = page.get_by_test_id("note-editor-preview-content")
+    expect(described.get_by_role("cell", name="adaptive")).to_be_visible()
+    page.screenshot(path=SHOTS / "mlflow-version.png")
+
+
 def test_versions_compare_in_the_browser(address: str) -> None:
     SHOTS.mkdir(parents=True, exist_ok=True)
     with browser_page(1700, 1300) as page:
@@ -113,6 +125,7 @@ def test_versions_compare_in_the_browser(address: str) -> None:
         try:
             drive(page, address)
             open_saved(page, address)
+            read_description(page, address)
         finally:
             page.screenshot(path=SHOTS / "mlflow-comparison.png")
     assert (SHOTS / "mlflow-comparison.png").stat().st_size > 20_000

@@ -94,11 +94,11 @@ def test_a_server_stores_runs_and_versions_once(server: str, tmp_path: Path, cap
     data = DataSet("base_set", "ab" * 32, "data/remote/base_set", "training")
     series = {"training.ap50": [(step, step / 2000) for step in range(1000)]}
     content = Content("remote/base", "model", {"version": "base"}, {"failures": 7.0}, series, files=[weights], data=[data])
-    registration = Registration("detector", content, [weights], {"version": "base", "failures": "7"}, "base of remote")
+    registration = Registration("detector", content, [weights], {"study": "remote", "version": "base", "failures": "7"})
     number, run_id = registry.register(registration, study)
     assert (number, run_id) == registry.register(registration, study)
     campaign = tracker.log(Content("remote/F1", "campaign"), study)
-    registry.link("detector", number, {campaign: "remote/F1"})
+    registry.link("detector", number, [campaign])
     registry.set_alias("detector", "champion", number)
     tracker.describe(study, "text", [run_id])
 

@@ -62,7 +62,7 @@ for version in ("base", "control", "random"):
     file = root / f"{version}.json"
     file.write_text(version)
     content = Content(f"s/{version}", "model", metrics={f"m{i}": float(i) for i in range(50)}, files=[file])
-    number, _ = registry.register(Registration("detector", content, [file], {"version": version}, version))
+    number, _ = registry.register(Registration("detector", content, [file], {"version": version}))
     registry.set_alias("detector", "champion", number)
 """
 
