@@ -19,7 +19,7 @@ PACKAGES = ("asam-qc-opendrive==1.0.0", "asam-qc-openscenarioxml==1.0.0", "vcd==
 
 def export(folder: Path, frames: Path | None) -> None:
     """Write what is to be checked."""
-    from pipeline.artefacts.openlabel import export_frames
+    from pipeline.artefacts.frame_export import export_frames
     from pipeline.artefacts.openscenario import open_drive, write_openscenario, xml_bytes
     from pipeline.commands.simulate import concrete_scenario
     from pipeline.config.composing import CONF, functional_scenario

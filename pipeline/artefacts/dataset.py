@@ -48,7 +48,7 @@ SEGMENT_COLOURS = np.array(
 
 @dataclass(frozen=True)
 class Record:
-    """An image's entry in truth.coco.json; width and height in pixels."""
+    """An image's entry in truth.coco.json; width and height in pixels. tags: written at its annotation, too, where other tools look."""
 
     split: Split
     index: int
@@ -56,6 +56,7 @@ class Record:
     height: int
     truth: Truth
     attributes: Mapping[str, Value] = field(default_factory=dict)
+    tags: Mapping[str, Value] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -188,7 +189,9 @@ def write_truth(root: Path, records: Iterable[Record], category: str = "pedestri
     for number, annotation in enumerate(annotations, 1):
         annotation["id"] = number
     write_json(root / TRUTH_FILE, {"images": images, "annotations": annotations, "categories": [{"id": CATEGORY_ID, "name": category}]})
-    names = f"train: images/train\nval: images/val\nnames:\n  0: {category}\n"
+    splits = {record.split for record in ordered}
+    train, val = ("train" if "train" in splits else "val"), ("val" if "val" in splits else "train")
+    names = f"train: images/{train}\nval: images/{val}\nnames:\n  0: {category}\n"
     write_bytes(root / "dataset.yaml", names.encode())  # Without `path`, Ultralytics uses the folder of this file.
 
 
@@ -260,7 +263,7 @@ def _image(number: int, record: Record) -> dict[str, Any]:
         "split": record.split,
         "hidden_bbox": _corner_size(record.truth.whole_box) if hidden else None,
         "hidden_pixels": record.truth.whole_pixels if hidden else 0,
-        "attributes": dict(record.attributes),
+        "attributes": {**record.attributes, **record.tags},
     }
 
 
@@ -279,6 +282,7 @@ def _annotation(number: int, record: Record) -> dict[str, Any]:
         "whole_pixels": truth.whole_pixels,
         "contrast": truth.contrast,
         "whole_bbox": _corner_size(truth.whole_box),
+        **({"attributes": dict(record.tags)} if record.tags else {}),
     }
 
 

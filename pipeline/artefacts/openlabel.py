@@ -1,60 +1,42 @@
-"""Exports campaign frames for other tools: YOLO layout and COCO for all, and an ASAM OpenLABEL 1.0 file for each test."""
+"""The frames of a test execution as ASAM OpenLABEL 1.0."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from pipeline.artefacts.dataset import Record, decode_jpeg, image_path, remove_leftovers, write_image, write_truth
-from pipeline.artefacts.files import write_json
-from pipeline.artefacts.tables import read_frames
 from pipeline.core.boxes import Box
-from pipeline.core.truth import Truth
-from pipeline.errors import InputError
 
 STREAM = "camera"
 
 
-def export_frames(frames: Path, out: Path, hfov_deg: float, distortion: float) -> int:
-    """Write frames.parquet as images/val, labels/val, dataset.yaml, truth.coco.json and openlabel/<test_id>.json; returns the number of
-    frames.
+@dataclass(frozen=True)
+class Camera:
+    """width, height: of its images, pixels. hfov_deg: its horizontal field of view. distortion: its first radial coefficient."""
 
-    hfov_deg, distortion: of the camera, for OpenLABEL's intrinsics. Removes the files of an earlier export in `out`.
+    width: int
+    height: int
+    hfov_deg: float
+    distortion: float
+
+
+def openlabel(rows: pd.DataFrame, images: Mapping[int, str], camera: Camera) -> dict[str, Any]:
+    """The frames of one test execution in OpenLABEL's JSON: one pedestrian, with its visible and its whole box.
+
+    images: the file of each row, by the row's index.
     """
-    table = read_frames(frames).sort_values(["test_id", "step"], kind="stable").reset_index(drop=True)
-    if table.empty:
-        raise InputError(f"{frames} holds no frames; run the campaign with campaign.keep_every above 0")
-    records = []
-    for index, row in table.iterrows():
-        number, image, truth = int(str(index)), decode_jpeg(row["image"]), _truth(row)
-        write_image(out, "val", number, image, truth)
-        records.append(
-            Record("val", number, image.shape[1], image.shape[0], truth, {"test_id": row["test_id"], "step": float(row["step"])})
-        )
-    remove_leftovers(out, records)
-    for earlier in (out / "openlabel").glob("*.json"):
-        earlier.unlink()
-    write_truth(out, records)
-    for test, rows in table.groupby("test_id"):
-        first = records[int(rows.index[0])]
-        write_json(out / "openlabel" / f"{test}.json", openlabel(rows, first.width, first.height, hfov_deg, distortion))
-    return len(records)
-
-
-def openlabel(rows: pd.DataFrame, width: int, height: int, hfov_deg: float, distortion: float) -> dict[str, Any]:
-    """The frames of one test execution in OpenLABEL's JSON: one pedestrian, with its visible and its whole box."""
-    focal = width / 2 / float(np.tan(np.radians(hfov_deg) / 2))
+    width, height, distortion = camera.width, camera.height, camera.distortion
+    focal = width / 2 / float(np.tan(np.radians(camera.hfov_deg) / 2))
     matrix = [focal, 0, width / 2, 0, 0, focal, height / 2, 0, 0, 0, 1, 0]
     intrinsics = {"width_px": width, "height_px": height, "camera_matrix_3x4": matrix, "distortion_coeffs_1xN": [distortion, 0, 0, 0, 0]}
     frames: dict[str, Any] = {}
     for index, row in rows.iterrows():
-        uri = str(image_path(Path(), "val", int(str(index))))
-        frame: dict[str, Any] = {"frame_properties": {"streams": {STREAM: {"uri": uri}}}}
-        boxes = [_bbox(name, box) for name in ("visible", "whole") if (box := _box(row, name)) is not None]
+        frame: dict[str, Any] = {"frame_properties": {"streams": {STREAM: {"uri": images[int(str(index))]}}}}
+        boxes = [_bbox(name, box) for name in ("visible", "whole") if (box := box_of(row, name)) is not None]
         if boxes:
             numbers = [{"name": name, "val": float(row[name])} for name in ("visible_pixels", "whole_pixels", "contrast")]
             frame["objects"] = {"0": {"object_data": {"bbox": boxes, "num": numbers}}}
@@ -79,11 +61,7 @@ def _bbox(name: str, box: Box) -> dict[str, Any]:
     return {"name": name, "stream": STREAM, "val": [(left + right) / 2, (top + bottom) / 2, right - left, bottom - top]}
 
 
-def _box(row: Mapping[Any, Any] | pd.Series, name: str) -> Box | None:
+def box_of(row: Mapping[Any, Any] | pd.Series, name: str) -> Box | None:
+    """The box `visible` or `whole` of a frame; None if there is none."""
     left, top, right, bottom = (float(row[f"{name}_{side}"]) for side in ("left", "top", "right", "bottom"))
     return None if np.isnan(left) else (left, top, right, bottom)
-
-
-def _truth(row: pd.Series) -> Truth:
-    visible, whole = _box(row, "visible"), _box(row, "whole")
-    return Truth(visible, whole, int(row["visible_pixels"]), int(row["whole_pixels"]), float(row["contrast"]))

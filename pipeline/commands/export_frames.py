@@ -1,4 +1,4 @@
-"""Command `export-frames`: the kept frames of a campaign as YOLO, COCO and OpenLABEL."""
+"""Command `export-frames`: the kept frames of a campaign as YOLO, COCO, CSV and OpenLABEL."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pipeline.config.composing import PARAMS, load
 
-HELP = "Write the kept frames of a campaign as YOLO, COCO and OpenLABEL."
+HELP = "Write the kept frames of a campaign as YOLO, COCO, CSV and OpenLABEL."
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -18,9 +18,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Write the folder."""
-    from pipeline.artefacts.openlabel import export_frames
+    from pipeline.artefacts.frame_export import export_frames
 
     camera = load(options.params).simulator.get("camera", {})
     count = export_frames(options.frames, options.out, float(camera.get("hfov_deg", 60)), float(camera.get("distortion", 0)))
-    print(f"{options.out}: {count} frames")
+    print(f"{options.out}: {count.train} frames to train, {count.val} to validate; tests in a failure region: {count.in_regions}")
     return 0

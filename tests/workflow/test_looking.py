@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree as Xml
 
 import cv2
 import numpy as np
+import pandas as pd
 import pytest
+import yaml
 
 from pipeline.__main__ import main
-from pipeline.artefacts.dataset import encode_jpeg, read_dataset
-from pipeline.artefacts.tables import read_frames, write_frames
+from pipeline.artefacts.dataset import SPLITS, encode_jpeg, read_dataset
+from pipeline.artefacts.results import FailureRegions, read
+from pipeline.artefacts.tables import read_frames, read_tests, write_frames
 from pipeline.commands.simulate import concrete_scenario
 from pipeline.commands.top_view import top_view
 from pipeline.config.composing import compose, dump, functional_scenario
@@ -152,18 +156,39 @@ def _after(start: Pose, length: float, curvature: float) -> Pose:
     return Pose(float(x), float(y), float(heading))
 
 
-def test_frames_are_exported_as_yolo_coco_and_openlabel(tmp_path: Path) -> None:
-    frames = read_frames(FabricatedStudy(tmp_path / "study").make().search_tests[0].with_name("frames.parquet"))
-    frames["image"] = encode_jpeg(np.full((192, 320, 3), 90, np.uint8))
-    write_frames(tmp_path / "frames.parquet", frames)
-    out = tmp_path / "out"
-    params = tmp_path / "params.yaml"
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A campaign with frames in a study with failure regions."""
+    study = FabricatedStudy(tmp_path_factory.mktemp("study")).make()
+    study.run("cluster", {}, version="base", scenario="F1")
+    return study.search_tests[2].with_name("frames.parquet")
+
+
+@pytest.fixture
+def frames(campaign: Path) -> Path:
+    """Its frames, with real images."""
+    table = read_frames(campaign)
+    table["image"] = encode_jpeg(np.full((192, 320, 3), 90, np.uint8))
+    write_frames(campaign, table)
+    return campaign
+
+
+def exported(frames: Path, folder: Path) -> Path:
+    out, params = folder / "out", folder / "params.yaml"
     params.write_text(dump(compose("default", ["simulator.camera.distortion=-0.1", "simulator.camera.hfov_deg=90"]), "test"))
     (out / "openlabel").mkdir(parents=True)
     (out / "openlabel" / "of an earlier export.json").write_text("{}")
-    assert main(["export-frames", str(tmp_path / "frames.parquet"), "--out", str(out), "--params", str(params)]) == 0
-    images = read_dataset(out, "val")
-    assert len(images) == len(list((out / "labels" / "val").glob("*.txt"))) > 0
+    assert main(["export-frames", str(frames), "--out", str(out), "--params", str(params)]) == 0
+    return out
+
+
+def test_frames_are_exported_as_yolo_coco_and_openlabel(frames: Path, tmp_path: Path) -> None:
+    out = exported(frames, tmp_path)
+    boxes: dict[str, Any] = {}
+    for split in SPLITS:
+        images, files = read_dataset(out, split), sorted((out / "images" / split).glob("*.jpg"))
+        assert len(images) == len(files) == len(list((out / "labels" / split).glob("*.txt"))) > 0
+        boxes |= {f"images/{split}/{file.name}": box for file, box in zip(files, images.boxes, strict=True)}
     for path in (out / "openlabel").glob("*.json"):
         body = json.loads(path.read_text())["openlabel"]
         assert body["metadata"]["schema_version"] == "1.0.0"
@@ -171,13 +196,53 @@ def test_frames_are_exported_as_yolo_coco_and_openlabel(tmp_path: Path) -> None:
         assert intrinsics["camera_matrix_3x4"][0] == pytest.approx(160) and intrinsics["distortion_coeffs_1xN"] == [-0.1, 0, 0, 0, 0]
         for frame in body["frames"].values():
             uri = frame["frame_properties"]["streams"]["camera"]["uri"]
-            assert (out / uri).exists()
             for found in frame.get("objects", {}).values():
                 visible = next((box for box in found["object_data"]["bbox"] if box["name"] == "visible"), None)
                 if visible:
                     x, y, width, height = visible["val"]
-                    box = images.boxes[int(Path(uri).stem)]
-                    assert [x - width / 2, y - height / 2, x + width / 2, y + height / 2] == pytest.approx(box.tolist())
+                    assert [x - width / 2, y - height / 2, x + width / 2, y + height / 2] == pytest.approx(boxes[uri].tolist())
+
+
+def test_exported_frames_name_their_region_and_how_their_test_ended(frames: Path, tmp_path: Path) -> None:
+    out = exported(frames, tmp_path)
+    tests = read_tests(frames.with_name("tests.parquet")).set_index("test_id")
+    regions = read(frames.parents[5] / "regions/base/F1.json", FailureRegions).regions
+    members = {test: region.name for region in regions for test in region.members}
+    truth, table = json.loads((out / "truth.coco.json").read_text()), pd.read_csv(out / "frames.csv", keep_default_na=False)
+    assert len(truth["images"]) == len(table) == len(read_frames(frames))
+    named = 0
+    for image, row in zip(
+        sorted(truth["images"], key=lambda one: str(one["file_name"])), table.sort_values("file").itertuples(), strict=True
+    ):
+        told, test = image["attributes"], tests.loc[row.test_id]
+        assert f"images/{image['file_name']}" == row.file and image["split"] == row.split
+        assert told["region"] == row.region == members.get(row.test_id, "")
+        assert told["outcome"] == row.outcome == ("error" if test["status"] != "ok" else "failure" if test["failure"] else "pass")
+        assert told["fog"] == test["fog"] == pytest.approx(row.fog, rel=1e-5)
+        named += bool(row.region)
+    assert named > 0
+    for annotation in truth["annotations"]:
+        (image,) = [image for image in truth["images"] if image["id"] == annotation["image_id"]]
+        assert annotation["attributes"].items() <= image["attributes"].items()
+
+
+def test_a_test_is_in_one_split_and_the_names_fit_the_folders(frames: Path, tmp_path: Path) -> None:
+    out = exported(frames, tmp_path)
+    table = pd.read_csv(out / "frames.csv")
+    assert table.groupby("test_id")["split"].nunique().max() == 1
+    count = table["test_id"].nunique()
+    assert table[table["split"] == "val"]["test_id"].nunique() == round(0.1 * count) > 0
+    # A single test cannot be split: both names are those of its folder, not of an empty one.
+    one = read_frames(frames)
+    write_frames(tmp_path / "frames.parquet", one[one["test_id"] == one["test_id"].iloc[0]])
+    (tmp_path / "again").mkdir()
+    again = exported(tmp_path / "frames.parquet", tmp_path / "again")
+    assert yaml.safe_load((again / "dataset.yaml").read_text()) == {
+        "train": "images/train",
+        "val": "images/train",
+        "names": {0: "pedestrian"},
+    }
+    assert not (again / "images/val").exists()
 
 
 def test_a_scenario_without_pedestrian_is_exported_without_one(tmp_path: Path) -> None:

@@ -1,0 +1,74 @@
+"""Exports campaign frames for other tools: YOLO layout, COCO and CSV for all, and an ASAM OpenLABEL 1.0 file for each test."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from pipeline.artefacts.dataset import Record, decode_jpeg, image_path, remove_leftovers, write_image, write_truth
+from pipeline.artefacts.files import write_bytes, write_json
+from pipeline.artefacts.frame_tags import NOTHING, splits_of, tags_of_tests
+from pipeline.artefacts.openlabel import Camera, box_of, openlabel
+from pipeline.artefacts.tables import read_frames
+from pipeline.core.space import Value
+from pipeline.core.truth import Truth
+from pipeline.errors import InputError
+
+TABLE = "frames.csv"
+
+
+@dataclass(frozen=True)
+class Exported:
+    """The numbers of frames by split, and of tests in a failure region."""
+
+    train: int
+    val: int
+    in_regions: int
+
+
+def export_frames(frames: Path, out: Path, hfov_deg: float, distortion: float) -> Exported:
+    """Write frames.parquet as images/, labels/ and dataset.yaml (YOLO), truth.coco.json, frames.csv and openlabel/<test_id>.json.
+
+    hfov_deg, distortion: of the camera, for OpenLABEL's intrinsics. Removes the files of an earlier export in `out`.
+    """
+    table = read_frames(frames).sort_values(["test_id", "step"], kind="stable").reset_index(drop=True)
+    if table.empty:
+        raise InputError(f"{frames} holds no frames; run the campaign with campaign.keep_every above 0")
+    tags, splits = tags_of_tests(frames), splits_of(list(table["test_id"].unique()))
+    records = []
+    for index, row in table.iterrows():
+        number, image, test = int(str(index)), decode_jpeg(row["image"]), str(row["test_id"])
+        shown: dict[str, Value] = {"test_id": test, "step": float(row["step"])}
+        records.append(Record(splits[test], number, image.shape[1], image.shape[0], truth_of(row), shown, tags.get(test, NOTHING)))
+        write_image(out, records[-1].split, number, image, records[-1].truth)
+    remove_leftovers(out, records)
+    write_truth(out, records)
+    _write_table(out, table, records)
+    _write_openlabel(out, table, records, Camera(records[0].width, records[0].height, hfov_deg, distortion))
+    tests = {str(record.attributes["test_id"]): record for record in records}
+    validation = sum(record.split == "val" for record in records)
+    return Exported(len(records) - validation, validation, sum(bool(record.tags["region"]) for record in tests.values()))
+
+
+def _write_table(out: Path, table: pd.DataFrame, records: list[Record]) -> None:
+    """A row for each frame: its file, its test's tags and its own columns."""
+    files = pd.DataFrame([{"file": image_path(Path(), r.split, r.index).as_posix(), "split": r.split, **r.tags} for r in records])
+    own = table.drop(columns="image")
+    ordered = pd.concat([files[["file", "split"]], own, files.drop(columns=["file", "split"])], axis=1)
+    write_bytes(out / TABLE, ordered.to_csv(index=False, lineterminator="\n", float_format="%.6g").encode())
+
+
+def _write_openlabel(out: Path, table: pd.DataFrame, records: list[Record], camera: Camera) -> None:
+    for earlier in (out / "openlabel").glob("*.json"):
+        earlier.unlink()
+    for test, rows in table.groupby("test_id"):
+        images = {int(str(index)): image_path(Path(), records[int(str(index))].split, int(str(index))).as_posix() for index in rows.index}
+        write_json(out / "openlabel" / f"{test}.json", openlabel(rows, images, camera))
+
+
+def truth_of(row: pd.Series) -> Truth:
+    """The ground truth of a frame."""
+    visible, whole = box_of(row, "visible"), box_of(row, "whole")
+    return Truth(visible, whole, int(row["visible_pixels"]), int(row["whole_pixels"]), float(row["contrast"]))

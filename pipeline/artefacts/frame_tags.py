@@ -1,0 +1,55 @@
+"""What is known of a campaign's tests beside their frames: how each ended, its failure region, its conditions."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from pipeline.artefacts.dataset import Split
+from pipeline.artefacts.results import FailureRegions, read
+from pipeline.artefacts.tables import TESTS, campaign_of, read_tests
+from pipeline.core.space import Value
+
+VALIDATION = 0.1
+"""Share of the tests whose frames are for validation, as in the base set."""
+Tags = Mapping[str, Value]
+NOTHING: Tags = {"outcome": "", "cause": "", "region": ""}
+
+
+def tags_of_tests(frames: Path) -> dict[str, Tags]:
+    """The tags of each test of a frames.parquet: outcome (`failure`, `pass` or `error`), cause, region, and the scenario's variables.
+
+    They come from tests.parquet beside it and from the study's regions; without these files there are none. An empty region: none.
+    """
+    path = frames.with_name("tests.parquet")
+    if not path.is_file():
+        return {}
+    tests, known = read_tests(path), {column.name for column in TESTS}
+    regions = _regions(frames, tests)
+    variables = [str(name) for name in tests.columns if name not in known]
+    return {str(row["test_id"]): {**_ended(row, regions), **{name: row[name] for name in variables}} for _, row in tests.iterrows()}
+
+
+def _ended(row: pd.Series, regions: Mapping[str, str]) -> dict[str, Value]:
+    outcome = "error" if row["status"] != "ok" else "failure" if row["failure"] else "pass"
+    return {"outcome": outcome, "cause": row["cause"] if outcome == "failure" else "", "region": regions.get(row["test_id"], "")}
+
+
+def _regions(frames: Path, tests: pd.DataFrame) -> dict[str, str]:
+    """The region of each failure that is in one, from the study's folder that holds the campaign."""
+    campaign = campaign_of(tests, frames)
+    for folder in frames.absolute().parents:
+        file = folder / "regions" / campaign.version / f"{campaign.scenario}.json"
+        if file.is_file():
+            return {test: region.name for region in read(file, FailureRegions).regions for test in region.members}
+    return {}
+
+
+def splits_of(tests: Sequence[str]) -> dict[str, Split]:
+    """A tenth of the tests for validation, at least one of several; a test's frames stay together. Equal names give equal splits."""
+    order = sorted(tests, key=lambda test: hashlib.sha256(test.encode()).hexdigest())
+    count = max(1, round(VALIDATION * len(order))) if len(order) > 1 else 0
+    return {test: "val" if place < count else "train" for place, test in enumerate(order)}
