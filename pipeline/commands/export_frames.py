@@ -13,6 +13,7 @@ HELP = "Write the kept frames of a campaign as YOLO, COCO, CSV and OpenLABEL."
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("frames", type=Path, help="frames.parquet of a campaign")
     parser.add_argument("--out", type=Path, default=Path("frames"), help="folder (default: %(default)s)")
+    parser.add_argument("--films", action="store_true", help="write a film of each failure, too")
     parser.add_argument("--params", type=Path, default=PARAMS, help="params.yaml of the study, for its camera (default: %(default)s)")
 
 
@@ -23,4 +24,8 @@ def run(options: argparse.Namespace) -> int:
     camera = load(options.params).simulator.get("camera", {})
     count = export_frames(options.frames, options.out, float(camera.get("hfov_deg", 60)), float(camera.get("distortion", 0)))
     print(f"{options.out}: {count.train} frames to train, {count.val} to validate; tests in a failure region: {count.in_regions}")
+    if options.films:
+        from pipeline.report.films import write_films
+
+        print(f"{options.out / 'films'}: {write_films(options.frames, options.out / 'films')} films")
     return 0

@@ -76,7 +76,7 @@ def render_replay(replay: Replay, path: Path, frames_per_second: int = 5) -> Non
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f"partial-{path.name}")
     if path.suffix == ".mp4":
-        _write_mp4(images, partial, frames_per_second)
+        write_mp4(images, partial, frames_per_second)
     elif path.suffix == ".gif":
         first, *rest = (Image.fromarray(image) for image in images)
         first.save(partial, save_all=True, append_images=rest, duration=1000 // frames_per_second, loop=0)
@@ -219,9 +219,10 @@ def _label(view: Pixels, text: str, left: int, bottom: int, colour: tuple[int, i
     cv2.putText(view, text, (left, bottom), cv2.FONT_HERSHEY_SIMPLEX, LABEL_SCALE, (255, 255, 255), 1, cv2.LINE_AA)
 
 
-def _write_mp4(images: list[Pixels], path: Path, frames_per_second: int) -> None:
+def write_mp4(images: list[Pixels], path: Path, frames_per_second: int) -> None:
+    """Write images (height, width, 3) RGB of even height and width as H.264; the same images give the same file."""
     height, width = images[0].shape[:2]
-    # Bit-exact and on one thread: the same replay gives the same file.
+    # Bit-exact and on one thread, so that the file is the same.
     options = ["-crf", "27", "-preset", "slow", "-threads", "1", "-movflags", "+faststart", "-fflags", "+bitexact"]
     writer = imageio_ffmpeg.write_frames(
         str(path),

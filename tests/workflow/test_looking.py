@@ -21,6 +21,7 @@ from pipeline.commands.simulate import concrete_scenario
 from pipeline.commands.top_view import top_view
 from pipeline.config.composing import compose, dump, functional_scenario
 from pipeline.core.paths import Pose
+from pipeline.report.films import write_films
 from tests.analysis.fabricated import FabricatedStudy
 
 FOUND = ["fog=80", "rain=20", "pedestrian_speed=2", "pedestrian_shift=0.3", "sun_azimuth=0", "blueprint=M 03"]
@@ -243,6 +244,20 @@ def test_a_test_is_in_one_split_and_the_names_fit_the_folders(frames: Path, tmp_
         "names": {0: "pedestrian"},
     }
     assert not (again / "images/val").exists()
+
+
+def test_a_film_of_each_failure_names_its_region(frames: Path, tmp_path: Path) -> None:
+    assert write_films(frames, tmp_path) > 0
+    labels, tests = pd.read_csv(tmp_path / "labels.csv", keep_default_na=False), read_tests(frames.with_name("tests.parquet"))
+    kept = read_frames(frames)
+    failed = set(tests[tests["failure"] & (tests["status"] == "ok")]["test_id"]) & set(kept["test_id"])
+    assert set(labels["test_id"]) == failed and (labels["region"] != "").any()
+    assert {path.name for path in (tmp_path / "data").iterdir()} == set(labels["filepath"])
+    film = cv2.VideoCapture(str(tmp_path / "data" / labels["filepath"][0]))
+    assert film.get(cv2.CAP_PROP_FRAME_COUNT) == (kept["test_id"] == labels["test_id"][0]).sum()
+    assert film.get(cv2.CAP_PROP_FPS) == 10  # These frames are those of every step.
+    read, image = film.read()
+    assert read and abs(image.mean() - 90) < 3
 
 
 def test_a_scenario_without_pedestrian_is_exported_without_one(tmp_path: Path) -> None:
