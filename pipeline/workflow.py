@@ -29,6 +29,7 @@ from pipeline.config.schema import Config
 from pipeline.contract import VERDICT_FOLLOWS, Files, Step, Wildcards, step_of
 from pipeline.core.lineage import BASE
 from pipeline.errors import InputError, one_line
+from pipeline.report.catalogue import entry
 from pipeline.sources import code_digest
 
 if TYPE_CHECKING:
@@ -302,9 +303,10 @@ def _end(error: InputError) -> NoReturn:
 def _flagged(path: str) -> Any:
     if path.endswith("/"):
         return directory(path)
-    if path.endswith(".html"):
-        return report(path, category="Report")
-    return report(path, category="Plots") if path.endswith(".png") else path
+    if not path.endswith((".html", ".png")):
+        return path
+    listed = entry(path)
+    return report(path, caption=listed.caption, category=listed.category, labels=dict(listed.labels))
 
 
 def flat(files: Mapping[str, Files]) -> list[str]:

@@ -8,13 +8,16 @@ from pipeline.config.composing import of_snakemake
 from pipeline.contract import Order, perform
 from pipeline.errors import explained, one_line
 
+MARKS = "changed"
+"""The input that only makes Snakemake run a job again; no step reads it."""
+
 
 def main(job: Any) -> None:
     """Perform the job that Snakemake hands over."""
     order = Order(
         step=job.rule,
         wildcards=dict(job.wildcards.items()),
-        reads=dict(job.input.items()),
+        reads={name: files for name, files in job.input.items() if name != MARKS},
         writes=dict(job.output.items()),
         stamp=job.params.stamp,
         threads=job.threads,

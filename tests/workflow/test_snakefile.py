@@ -17,7 +17,8 @@ from pipeline.artefacts.stamps import Stamp
 from pipeline.config.composing import CONF, compose, dump
 from pipeline.config.schema import Config
 from pipeline.errors import InputError
-from pipeline.workflow import Plan, step_names
+from pipeline.report.catalogue import CATEGORIES, COMPARISON, DETECTOR, PAGES, SEARCH, entry
+from pipeline.workflow import Plan, flat, step_names
 
 ROOT = Path(__file__).resolve().parents[2]
 STUDIES = sorted(path.stem for path in (CONF / "study").glob("*.yaml"))
@@ -144,11 +145,48 @@ def test_a_stale_job_takes_all_jobs_after_it_along(tmp_path: Path) -> None:
     made(folder, compose("smoke", []))
     assert planned(folder) == {}
     (folder / "data/smoke/regions/base/F1.json.stamp").unlink()
-    assert planned(folder) == {"cluster": 1, "compare": 1, "report": 1, "track": 1, "all": 1}
+    assert planned(folder) == {"cluster": 1, "compare": 1, "report": 1, "evidence": 1, "track": 1, "all": 1}
     (folder / "params.yaml").write_text(dump(compose("smoke", ["base_set.seed=5"]), "test"))
     jobs = planned(folder)
-    after = {"train", "campaign", "measure", "cluster", "filter", "white_box", "retrain", "second_iou", "compare", "report", "track"}
+    after = {
+        "train",
+        "campaign",
+        "measure",
+        "cluster",
+        "filter",
+        "white_box",
+        "retrain",
+        "second_iou",
+        "compare",
+        "report",
+        "evidence",
+        "track",
+    }
     assert set(jobs) == {"render_base", "all"} | after and jobs["campaign"] == 8
+
+
+def test_every_page_and_plot_has_a_category_and_a_caption() -> None:
+    """Of every study; and no caption is left over."""
+    used = set()
+    for study in STUDIES:
+        found = plan(study=study)
+        paths = [path for step in found.contracts.values() for path in flat(step.outputs(found.folders))]
+        used |= {entry(path) for path in paths if path.endswith((".html", ".png"))}
+    for listed in used:
+        assert (ROOT / "pipeline/rules" / listed.caption).read_text().strip().endswith(".")
+    kinds = {listed.kind for listed in used}
+    # Only studies of several rounds have the plot `rounds`.
+    assert kinds | {"rounds"} == set(CATEGORIES) == {path.stem for path in (ROOT / "pipeline/rules/captions").iterdir()}
+
+
+def test_snakemake_reports_with_captions_and_categories(tmp_path: Path) -> None:
+    folder = copy(tmp_path, compose("smoke", []))
+    made(folder, compose("smoke", []))
+    done = snakemake(folder, "--report", "report.html")
+    assert done.returncode == 0, done.stderr
+    text = (folder / "report.html").read_text()
+    assert all(f'"{category}"' in text for category in (PAGES, SEARCH, COMPARISON, DETECTOR))
+    assert "Failures found after each test of the search" in text and "evidence/base.html" in text
 
 
 def test_what_was_made_for_other_settings_in_between_does_not_count(tmp_path: Path) -> None:
