@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 PROGRAM = "python -m pipeline"
 PARAMS = Path("params.yaml")
+RESUMES = "finished tests are kept, and the same command goes on from there"
 BY_HAND = "by hand"
 """The stamp of a step that a person ran: Snakemake makes its files again, because it cannot know their inputs."""
 
@@ -119,6 +120,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return run_step(names(steps)[first], words[1:])
         options = parser(first).parse_args(words)
         code: int = options.run(options)
+    except KeyboardInterrupt:
+        goes_on = f"; {RESUMES}" if calls_step(words) or first == "test-detector" else ""
+        print(f"blindspot {first}: stopped{goes_on}", file=sys.stderr)
+        return 130
     except Exception as error:
         said = missing_extra(error) if isinstance(error, ModuleNotFoundError) else explained(error)
         if said is None:

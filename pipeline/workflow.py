@@ -280,10 +280,24 @@ def plan(config: Mapping[str, Any], workflow: Workflow, steps: Sequence[str]) ->
     stored = workflow.storage_settings.default_storage_provider is not None
     try:
         checked = of_snakemake(config)
+        _check_source(checked, workflow)
         check_components(checked)
         return Plan(checked, tuple(steps), stored, cache(lambda: alone(workflow)))
     except InputError as error:
         _end(error)
+
+
+def _check_source(config: Config, workflow: Workflow) -> None:
+    """InputError if the command line changes the study: the verdict, DVC and all commands read params.yaml. A study that has one in its own
+    folder, as those of test-detector, may be named by it."""
+    if not workflow.is_main_process:
+        return
+    given = workflow.config_settings
+    own = Path(Folders(config).root, "params.yaml").absolute()
+    named = "--config" if given.config else next(("--configfile" for path in given.configfiles if Path(path).absolute() != own), "")
+    if named:
+        instead = "type: python -m pipeline compose study=NAME key=value, then ./run"
+        raise InputError(f"{named} would change only a part of the study; {instead}")
 
 
 def alone(workflow: Workflow) -> None:

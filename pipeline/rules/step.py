@@ -25,6 +25,8 @@ def main(job: Any) -> None:
     )
     try:
         perform(order, of_snakemake(job.config))
+    except KeyboardInterrupt:
+        sys.exit(130)  # Whoever started Snakemake says that it was stopped.
     except Exception as error:
         if (told := explained(error)) is None:
             raise

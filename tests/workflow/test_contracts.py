@@ -18,6 +18,7 @@ import yaml
 from pydantic import BaseModel
 
 from pipeline import contract
+from pipeline.__main__ import main
 from pipeline.artefacts import stamps
 from pipeline.config import schema
 from pipeline.config.composing import compose
@@ -216,3 +217,22 @@ def schema_part(*keys: str) -> schema.Config:
 def test_the_profile_gives_threads_to_the_steps_that_take_them() -> None:
     threads = yaml.safe_load((ROOT / "profiles/default/config.yaml").read_text())["set-threads"]
     assert set(threads) == {name for name in step_names() if step_of(name).parallel}
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["measure"], "stopped; finished tests are kept, and the same command goes on from there"),
+        (["versions"], "stopped"),
+    ],
+)
+def test_ctrl_c_ends_a_command_in_one_line(
+    words: list[str], told: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("pipeline.__main__.run_step", interrupted)
+    monkeypatch.setattr("pipeline.commands.versions.run", interrupted)
+    assert main(words) == 130
+    assert capsys.readouterr().err == f"blindspot {words[0]}: {told}\n"

@@ -6,6 +6,7 @@ import fcntl
 import hashlib
 import os
 import shutil
+import signal
 import stat
 import subprocess
 from pathlib import Path
@@ -161,10 +162,23 @@ def test_a_partial_run_prints_no_verdict(ready: Path) -> None:
     assert [line.split()[0] for line in call(ready, "search").stdout.splitlines()] == ["python", "snakemake", "HOME"]
 
 
-def test_a_dry_run_does_not_wait(ready: Path) -> None:
+@pytest.mark.parametrize("words", [["-n"], ["search", "-np"], ["--dry-run"], ["--dryrun", "search"]])
+def test_a_dry_run_does_not_wait(ready: Path, words: list[str]) -> None:
     with (ready / ".cache/run.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        assert call(ready, "-n").returncode == 0
+        done = call(ready, *words, CORES="2")
+    assert done.returncode == 0 and done.stdout.startswith(f"snakemake --cores 2 {' '.join(words)}\n")
+
+
+def test_ctrl_c_ends_with_one_sentence_that_says_what_goes_on(ready: Path) -> None:
+    script(ready / ".venv/bin/snakemake", "touch begun; trap 'exit 1' INT; while :; do sleep 0.05; done")
+    run = subprocess.Popen([ready / "run"], env={"PATH": "/usr/bin:/bin"}, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    while not (ready / "begun").exists():
+        assert run.poll() is None
+    os.killpg(run.pid, signal.SIGINT)
+    told = run.communicate()[1]
+    assert told == "blindspot: stopped; finished jobs and tests are kept, and the same command goes on from there\n"
+    assert run.returncode == 130
 
 
 def test_the_exit_code_is_that_of_snakemake(ready: Path) -> None:

@@ -85,13 +85,20 @@ def test_an_error_in_params_is_one_line(wrong: str | None, told: str, tmp_path: 
     assert done.returncode == 2 and line.startswith(f"error: {told}")
 
 
-def test_the_command_line_of_snakemake_changes_the_study(tmp_path: Path) -> None:
+def test_the_command_line_of_snakemake_does_not_change_the_study(tmp_path: Path) -> None:
     folder = copy(tmp_path, compose("smoke", []))
-    other = tmp_path / "other.yaml"
+    other = tmp_path / "data/smoke/other.yaml"
+    other.parent.mkdir(parents=True)
     other.write_text(dump(compose("smoke", ["seeds=[0,1,2]"]), "test"))
-    assert planned(folder, "search")["campaign"] == 4
-    assert planned(folder, "search", "--configfile", str(other))["campaign"] == 12
-    assert planned(folder, "search", "--config", "seeds=[0,1]")["campaign"] == 8
+    for words in (["--configfile", str(other)], ["--config", "seeds=[0,1]"]):
+        done = snakemake(folder, "-n", *words)
+        (line,) = [line for line in done.stderr.splitlines() if "profile" not in line]
+        assert done.returncode == 2
+        assert line.startswith(f"error: {words[0]} would change only a part of the study; type: python -m pipeline compose study=NAME")
+    # test-detector names a study by the file in the study's folder.
+    own = other.with_name("params.yaml")
+    other.rename(own)
+    assert planned(folder, "search", "--configfile", str(own))["campaign"] == 12
 
 
 def test_snakemake_runs_by_its_path_from_anywhere(tmp_path: Path) -> None:
