@@ -39,3 +39,9 @@ def code_digest(module: str) -> str:
     for path in sources(module):
         digest.update(path.encode() + (ROOT / path).read_bytes())
     return digest.hexdigest()
+
+
+@cache
+def source_digests(module: str) -> dict[str, str]:
+    """SHA-256 of each file of `sources` of a module."""
+    return {path: hashlib.sha256((ROOT / path).read_bytes()).hexdigest() for path in sources(module)}

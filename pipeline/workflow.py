@@ -22,6 +22,7 @@ from pipeline import steps
 from pipeline.artefacts import stamps
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.run_lock import hold
+from pipeline.artefacts.stamp_parts import differences, remember
 from pipeline.config.components import check_components
 from pipeline.config.composing import load, of_snakemake
 from pipeline.config.declared import value_at
@@ -30,7 +31,7 @@ from pipeline.contract import VERDICT_FOLLOWS, Files, Step, Wildcards, step_of
 from pipeline.core.lineage import BASE
 from pipeline.errors import InputError, one_line
 from pipeline.report.catalogue import entry
-from pipeline.sources import code_digest
+from pipeline.sources import code_digest, source_digests
 
 if TYPE_CHECKING:
     from snakemake.workflow import Workflow
@@ -48,8 +49,10 @@ STAGES = {
     "track": ("tracking.json",),
 }
 """Parts of a study: the files and folders of each, relative to the study's folder. They are targets of Snakemake and stages of DVC."""
-CHANGED = Path(".snakemake/changed")
-"""An input of every job that is out of date: always newer than its outputs."""
+REASONS = Path(".snakemake/reasons")
+"""Inputs of jobs that are out of date, named after what changed: always newer than the outputs."""
+SHOWN = 3
+"""Largest number of such inputs of a job."""
 LOCKS = Path(".snakemake/locks")
 """Snakemake's own locks, which outlive a killed run."""
 
@@ -141,15 +144,21 @@ class Plan:
     def _digest(self, name: str, wildcards: Wildcards) -> str:
         step = self.contracts[name]
         sections = {key: self.value(key) for key in step.depends(self.config, wildcards)}
-        own = [sections, dict(wildcards), {variable: os.environ.get(variable, "") for variable in step.environment}]
+        environment = {variable: os.environ.get(variable, "") for variable in step.environment}
+        own = [sections, dict(wildcards), environment]
         digest = hashlib.sha256(json.dumps(own, sort_keys=True).encode())
+        parts = {key: _short(value) for key, value in (*_leaves(sections), *environment.items())}
         for module in sorted(self.modules(name, sections)):
-            digest.update(code_digest(module).encode())
+            digest.update((code := code_digest(module)).encode())
+            parts[f"the code of {module}"] = code
+            remember(code, source_digests(module))
         for path in flat(step.reads(self.folders, wildcards)):
             made = self.maker(path)
             if made is None or made.step != step.parts:
-                digest.update(f"{path} {self._origin(path)}\n".encode())
-        return digest.hexdigest()[:16]
+                digest.update(f"{path} {(origin := self._origin(path))}\n".encode())
+                parts[path] = origin
+        remember(stamp := digest.hexdigest()[:16], parts)
+        return stamp
 
     def modules(self, name: str, sections: Any) -> set[str]:
         """The modules of ours that a step's outputs depend on, given the values of its sections of the config."""
@@ -208,13 +217,27 @@ class Plan:
         """The paths that a job writes; the last is its stamp."""
         return [path.format(**dict(target.wildcards)) for path in flat(self.contracts[target.step].outputs(self.folders))]
 
-    def _changed(self, target: Target) -> dict[str, str]:
-        """The input that makes Snakemake run a job again; none where the job has made nothing yet."""
+    def _changed(self, target: Target) -> dict[str, list[str]]:
+        """The inputs that make Snakemake run a job again, and show why; none where the job has made nothing yet."""
         if not self._made(target):
             return {}
-        CHANGED.parent.mkdir(exist_ok=True)
-        CHANGED.touch()
-        return {"changed": str(CHANGED)}
+        names = self.reasons(target)
+        more = [f"and_{len(names) - SHOWN}_more"] if len(names) > SHOWN else []
+        marks = [REASONS / re.sub(r"[^\w./-]", "_", name) for name in (*names[:SHOWN], *more)]
+        for mark in marks:
+            mark.parent.mkdir(parents=True, exist_ok=True)
+            mark.touch()
+        return {"changed": list(map(str, marks))}
+
+    def reasons(self, target: Target) -> Sequence[str]:
+        """Why a job is out of date: the keys, variables and files that changed since its files were made."""
+        found = stamps.read(Path(self._outputs(target)[-1]))
+        now = self.stamp(target.step, dict(target.wildcards))
+        if found is None:
+            return ("no_stamp",)
+        if found.depends == now:
+            return ("an_input_is_made_again",)
+        return differences(found.depends, now) or ("other_settings_or_code",)
 
     def jobs(self, goals: Sequence[str]) -> Iterator[tuple[Target, list[str]]]:
         """Every job that the given files need, each with its outputs; the jobs that it depends on come before it."""
@@ -326,6 +349,19 @@ def _flagged(path: str) -> Any:
 def flat(files: Mapping[str, Files]) -> list[str]:
     """All paths of named files."""
     return [path for paths in files.values() for path in ([paths] if isinstance(paths, str) else paths)]
+
+
+def _leaves(plain: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """The values of nested mappings by their dotted keys."""
+    if not isinstance(plain, dict) or not plain:
+        yield prefix, plain
+        return
+    for key, value in plain.items():
+        yield from _leaves(value, f"{prefix}.{key}" if prefix else str(key))
+
+
+def _short(value: Any) -> str:
+    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()[:12]
 
 
 def _expression(pattern: str, limits: Mapping[str, str]) -> str:

@@ -18,7 +18,7 @@ from pipeline.config.composing import CONF, compose, dump
 from pipeline.config.schema import Config
 from pipeline.errors import InputError
 from pipeline.report.catalogue import CATEGORIES, COMPARISON, DETECTOR, PAGES, SEARCH, entry
-from pipeline.workflow import Plan, flat, step_names
+from pipeline.workflow import Plan, Target, flat, step_names
 
 ROOT = Path(__file__).resolve().parents[2]
 STUDIES = sorted(path.stem for path in (CONF / "study").glob("*.yaml"))
@@ -170,6 +170,38 @@ def test_a_stale_job_takes_all_jobs_after_it_along(tmp_path: Path) -> None:
         "track",
     }
     assert set(jobs) == {"render_base", "all"} | after and jobs["campaign"] == 8
+
+
+def test_the_reason_of_a_job_names_what_changed(tmp_path: Path) -> None:
+    folder = copy(tmp_path, compose("smoke", []))
+    assert snakemake(folder, "spaces").returncode == 0
+
+    def told() -> str:
+        done = snakemake(folder, "-n", "spaces")
+        found = re.findall(r"reason: (.*)", done.stdout + done.stderr)
+        return "\n".join(dict.fromkeys(line for line in found if "reasons" in line))
+
+    (folder / "params.yaml").write_text(dump(compose("smoke", ["scenarios.F2.label=another"]), "test"))
+    assert told() == "Updated input files: .snakemake/reasons/scenarios.F2.label"
+    (folder / "params.yaml").write_text(dump(compose("smoke", []), "test"))
+    source = folder / "pipeline" / "steps" / "define_space.py"
+    source.write_text(source.read_text() + "\n# changed\n")
+    assert told() == "Updated input files: .snakemake/reasons/pipeline/steps/define_space.py"
+    (folder / "data/smoke/space/F1.json.stamp").unlink()
+    assert ".snakemake/reasons/no_stamp" in told()
+    # The cache of parts is lost.
+    shutil.rmtree(folder / ".cache/stamps")
+    assert ".snakemake/reasons/other_settings_or_code" in told()
+
+
+def test_the_reason_of_a_later_job_is_the_key_that_changed_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for path in ("models",):
+        (tmp_path / path).symlink_to(ROOT / path)
+    made(tmp_path, compose("smoke", []))
+    changed = Plan(compose("smoke", ["campaign.tests=13", "retraining.iterations=9"]), step_names())
+    assert changed.reasons(Target("measure", ())) == ("campaign.tests",)
+    assert set(changed.reasons(Target("report", ()))) == {"campaign.tests", "retraining.iterations"}
 
 
 def test_every_page_and_plot_has_a_category_and_a_caption() -> None:

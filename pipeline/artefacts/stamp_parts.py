@@ -1,0 +1,45 @@
+"""What a stamp stands for, part by part, so that the reason of a job can name the key or the file that changed.
+
+It is a cache: without it, the reason is less exact, and nothing else changes.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from contextlib import suppress
+from functools import lru_cache
+from pathlib import Path
+
+from pipeline.artefacts.files import write_bytes
+
+PARTS = Path(".cache/stamps")
+
+
+def remember(digest: str, parts: Mapping[str, str]) -> None:
+    """Store the parts of a digest: the name of each with its own digest, which may have parts itself."""
+    path = PARTS / f"{digest}.json"
+    if not path.exists():
+        with suppress(OSError):
+            write_bytes(path, json.dumps(parts).encode(), flush=False)
+
+
+@lru_cache(maxsize=4096)
+def differences(old: str, new: str) -> tuple[str, ...]:
+    """Names of the smallest parts in which two digests differ; empty if the parts of one are not known."""
+    before, after = _parts(old), _parts(new)
+    if not before or not after:
+        return ()
+    names: dict[str, None] = {}
+    for name in (*after, *(name for name in before if name not in after)):
+        if before.get(name) != after.get(name):
+            deeper = differences(before.get(name, ""), after.get(name, "")) or (name,)
+            names |= dict.fromkeys(deeper)
+    return tuple(names)
+
+
+def _parts(digest: str) -> dict[str, str]:
+    try:
+        return dict(json.loads((PARTS / f"{digest}.json").read_bytes())) if digest else {}
+    except (OSError, ValueError):
+        return {}
