@@ -21,6 +21,7 @@ from pipeline.config.components import make_detector
 from pipeline.config.composing import compose, dump, validate
 from pipeline.config.schema import Config
 from pipeline.contract import VERDICT_FOLLOWS
+from pipeline.detectors.function import source_of
 from pipeline.errors import InputError, SimulationError
 
 if TYPE_CHECKING:
@@ -45,11 +46,10 @@ def run(options: argparse.Namespace) -> int:
     """Compose the study, check every detector on three images, and let Snakemake run it; the same call resumes it."""
     files = [Path(word) for word in options.words if "=" not in word]
     overrides = [word for word in options.words if "=" in word]
-    if not files:
-        raise InputError("name the file of a detector, as in `test-detector best.onnx`")
     if options.cores is not None and options.cores < 1:
         raise InputError(f"--cores must be at least 1, got {options.cores}")
-    chosen = compose(options.study, overrides)
+    chosen = compose(options.study, ["goal=base", *overrides])  # Nothing is retrained, so the strategies need not feed the study's arms.
+    files = files or _function_file(chosen)
     check(chosen, files)
     hold("test-detector")
     config = study_of(files, chosen, options.calibrate)
@@ -67,6 +67,13 @@ def run(options: argparse.Namespace) -> int:
     print(table(config))
     print(f"Next: open {' '.join(goal for goal in folders.goals if goal.endswith('.html'))}")
     return 0
+
+
+def _function_file(config: Config) -> list[Path]:
+    """The file of the function that is the detector, which needs no other; InputError if the detector is none."""
+    if "function" not in config.detector:
+        raise InputError("name the file of a detector, as in `test-detector best.onnx`")
+    return [source_of(config.detector["function"])]
 
 
 def study_of(files: Sequence[Path], chosen: Config, calibrate: bool = False) -> Config:

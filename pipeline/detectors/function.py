@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from importlib import import_module
+from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
@@ -31,6 +33,15 @@ def _named(function: str) -> Callable[..., Any]:
 def _is_function(name: str) -> str:
     _named(name)
     return name
+
+
+def source_of(function: str) -> Path:
+    """The file that defines a function of a dotted name; InputError if it is not defined in a Python file."""
+    try:
+        found = Path(inspect.getfile(inspect.unwrap(_named(function))))
+    except (TypeError, ValueError) as error:
+        raise InputError(f"detector.function: expected a function of a Python file, got {shown(function)} ({error})") from error
+    return found.relative_to(Path.cwd()) if found.is_relative_to(Path.cwd()) else found
 
 
 FunctionName = Annotated[str, AfterValidator(_is_function)]

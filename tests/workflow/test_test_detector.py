@@ -133,6 +133,22 @@ def test_detectors_of_one_name_are_told_apart_by_content(tmp_path: Path) -> None
         test_detector.study_of([models[0], models[0]], chosen)
 
 
+def test_a_function_needs_no_file_and_random_testing_alone_is_enough(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (folder / "blind_function.py").write_text("def detect(image):\n    return [], []\n")
+    monkeypatch.setenv("PYTHONPATH", f"{ROOT}:{folder}")
+    monkeypatch.syspath_prepend(folder)
+    words = ["detector=function", "detector.function=blind_function.detect", "strategies=[random]", "simulator=analytic"]
+    assert main(["test-detector", *SMALL, *words]) == 0
+    (study,) = (path for path in (folder / "data").iterdir() if path.name.startswith("blind_function"))
+    (row,) = read(study / "measures.json", Measures).strategies
+    assert (row.strategy, row.tests) == ("random", 6)
+
+
+def test_a_builtin_function_has_no_file(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["test-detector", *SMALL, "detector=function", "detector.function=math.sqrt"]) == 2
+    assert "detector.function: expected a function of a Python file, got 'math.sqrt'" in capsys.readouterr().err
+
+
 def test_a_model_that_gives_no_numbers_is_refused_before_any_test(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     output = yolov8()
     output[0, 4, 3] = np.nan
