@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pipeline.artefacts.calibration_results import DetectorCalibration
 from pipeline.artefacts.dataset import ImageSet, read_dataset
@@ -15,11 +16,16 @@ from pipeline.core.detections import Detections
 from pipeline.errors import InputError, SimulationError
 from pipeline.progress import OnProgress
 
+if TYPE_CHECKING:
+    from pipeline.config.schema import Config
+    from pipeline.core.episode import Frame
+    from pipeline.execution.worker import Calls
+
 STEP = Step(
     "Calibrate the confidences of a detector under test.",
     reads=lambda folders, wildcards: {**folders.dataset("base_set"), "detector": folders.detector(wildcards["version"])},
     writes=lambda folders: {"calibration": folders.calibration("{version}")},
-    sections=("detector",),
+    sections=("detector", "limits"),
 )
 
 
@@ -29,7 +35,7 @@ def run(job: Job) -> None:
     from pipeline.detectors.evaluation import judged_scores
 
     validation, model = read_dataset(job.input("truth").parent, "val"), job.input("detector")
-    scores, right = judged_scores(_detect_all(job.config.detector, model, validation, job.progress), validation)
+    scores, right = judged_scores(detect_all(job.config, model, validation, job.progress), validation)
     calibration = platt(scores, right)
     shown = {"uncalibrated": scores, "calibrated": calibration.apply(scores)}
     diagrams = {name: reliability(values, right) for name, values in shown.items()}
@@ -48,21 +54,40 @@ def run(job: Job) -> None:
     write(job.output("calibration"), result)
 
 
-def _detect_all(section: Mapping[str, Any], model: Path, images: ImageSet, progress: OnProgress) -> list[Detections]:
-    """The detections in each image, down to the lowest score that the calibration uses; InputError if the detector fails on an image."""
-    from pipeline.config.components import make_detector
+def detect_all(config: Config, model: Path, images: ImageSet, progress: OnProgress) -> list[Detections]:
+    """The detections in each image, down to the lowest score that the calibration uses; InputError if the detector fails on an image.
+
+    The detector runs in a process of its own with the limits of a test.
+    """
     from pipeline.core.episode import Frame
     from pipeline.detectors.evaluation import CALIBRATED_FROM, truths_of
-    from pipeline.execution.guarded import GuardedDetector
-    from pipeline.execution.worker import Calls
+    from pipeline.execution.pool import Pool
+    from pipeline.execution.worker import Broken
 
-    lowest = {"threshold": CALIBRATED_FROM} if "threshold" in section else {}
-    detector = GuardedDetector(make_detector({**section, **lowest}, model), Calls())
-    found = []
-    for done, (image, truth) in enumerate(zip(images.images, truths_of(images), strict=True), 1):
+    lowest = {"threshold": CALIBRATED_FROM} if "threshold" in config.detector else {}
+    make = partial(_detection, {**config.detector, **lowest}, model)
+    frames = [Frame(image, truth) for image, truth in zip(images.images, truths_of(images), strict=True)]
+    found: dict[int, Detections] = {}
+    with Pool(1, make, config.limits) as pool:
+        for index, said in pool.run(frames):
+            if isinstance(said, Broken | str):
+                raise InputError(f"{model} fails on validation image {index + 1}: {said if isinstance(said, str) else said.reason}")
+            found[index] = said
+            progress(len(found), len(images), f"{sum(len(one.boxes) for one in found.values())} detections")
+    return [found[index] for index in range(len(images))]
+
+
+def _detection(section: Mapping[str, Any], model: Path, calls: Calls) -> Callable[[Frame], Detections | str]:
+    """What detects in a frame; it returns why the detector failed."""
+    from pipeline.config.components import make_detector
+    from pipeline.execution.guarded import GuardedDetector
+
+    detector = GuardedDetector(make_detector(section, model), calls)
+
+    def detect(frame: Frame) -> Detections | str:
         try:
-            found.append(detector.detect(Frame(image, truth)))
+            return detector.detect(frame)
         except SimulationError as error:
-            raise InputError(f"{model} fails on validation image {done}: {error}") from error
-        progress(done, len(images), f"{sum(len(one.boxes) for one in found)} detections")
-    return found
+            return str(error)
+
+    return detect

@@ -94,6 +94,13 @@ class Fails(Hostile):
         complain()
 
 
+class Hangs(Hostile):
+    """Never answers."""
+
+    def detect(self, frame: Frame) -> Any:
+        sleep()
+
+
 class Segfault:
     """Crashes when it is made."""
 

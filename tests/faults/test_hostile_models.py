@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from functools import partial
 from pathlib import Path
 
 import pytest
 
 from pipeline.__main__ import main
+from pipeline.commands import simulate
 from pipeline.commands.simulate import concrete_scenario
 from pipeline.config.composing import compose
 from pipeline.config.sections import Limits
@@ -17,6 +19,8 @@ from pipeline.execution.pool import Pool, in_order
 from pipeline.execution.worker import Broken
 from pipeline.execution.workers import Execution, Setup, Workers
 from pipeline.progress import Progress
+from pipeline.steps import calibrate
+from tests.detectors.test_evaluation import VISIBLE, images
 from tests.faults import hostile
 from tests.faults.hostile import ACTS, Hostile, Numbered
 from tests.studies import ROOT
@@ -31,13 +35,18 @@ def importable(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
 
 
-def executed(root: Path, limits: Limits, numbers: range) -> dict[int, Outcome]:
-    """The outcome of each test with the hostile detector, by its number."""
+def hostile_setup(root: Path, limits: Limits) -> Setup:
+    """What executes tests with the hostile detector."""
     config = compose("smoke", ORACLE)
     model = root / "model"
     model.write_bytes(b"")
     simulator, detector = {"_target_": "tests.faults.hostile.Numbered"}, {"_target_": "tests.faults.hostile.Hostile"}
-    setup = Setup(simulator, config.scenarios["F1"], detector, model, config.car, limits, keep_every=4)
+    return Setup(simulator, config.scenarios["F1"], detector, model, config.car, limits, keep_every=4)
+
+
+def executed(root: Path, limits: Limits, numbers: range) -> dict[int, Outcome]:
+    """The outcome of each test with the hostile detector, by its number."""
+    config, setup = compose("smoke", ORACLE), hostile_setup(root, limits)
     log, workers = Journal(root / "journal", "x", Progress("hostile")), Workers(1, setup)
     jobs = [Execution(n, log.path(n), concrete_scenario(config.space("F1"), [f"fog={n}"])) for n in numbers]
     try:
@@ -71,6 +80,21 @@ def test_a_detector_that_crashes_is_refused_before_any_test(tmp_path: Path, caps
     model.write_bytes(b"")
     assert main(["test-detector", str(model), *ORACLE, "detector._target_=tests.faults.hostile.Segfault"]) == 2
     assert f"blindspot test-detector: {model}: process died (SIGSEGV) on the first images" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("fog", "reason"), [(2, "detect timed out after 2 s"), (3, "process died (SIGSEGV)"), (5, ACTS[5][1])])
+def test_a_single_scenario_has_the_limits_of_a_test(tmp_path: Path, fog: int, reason: str) -> None:
+    limits = LOOSE.model_copy(update={"frame_s": 2})
+    with pytest.raises(InputError, match=f"^the scenario cannot be executed: {re.escape(reason)}$"):
+        simulate.executed(hostile_setup(tmp_path, limits), concrete_scenario(compose("smoke", ORACLE).space("F1"), [f"fog={fog}"]))
+
+
+@pytest.mark.parametrize(("harm", "reason"), [("Hangs", "detect timed out after 2 s"), ("Fails", ACTS[4][1].replace("Hostile", "Fails"))])
+def test_a_calibration_has_the_limits_of_a_test(tmp_path: Path, harm: str, reason: str) -> None:
+    config = compose("smoke", [*ORACLE, "limits.frame_s=2", f"detector._target_=tests.faults.hostile.{harm}"])
+    model = tmp_path / "model"
+    with pytest.raises(InputError, match=f"^{model} fails on validation image 1: {re.escape(reason)}$"):
+        calibrate.detect_all(config, model, images(VISIBLE), lambda *_: None)
 
 
 def test_a_task_whose_process_dies_is_computed_again_once(tmp_path: Path) -> None:
