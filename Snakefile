@@ -1,5 +1,5 @@
 # Finds, explains and fixes the blind spots of a camera detector: the study in params.yaml.
-from pipeline.workflow import checked, plan
+from pipeline.workflow import checked, fail, plan
 
 if not workflow.configfiles:
 
@@ -49,3 +49,7 @@ include: "pipeline/rules/steps.smk"
 
 onsuccess:
     PLAN.finish(workflow.dag_settings)
+
+
+onerror:
+    fail()

@@ -28,6 +28,8 @@ STAMP = "stamp"
 WAITING = "the same job is at work already, perhaps on another machine; waiting for it to end"
 VERDICT_FOLLOWS = "BLINDSPOT_VERDICT_FOLLOWS"
 """Set by a caller of Snakemake that prints the verdict itself."""
+REFUSED = Path(".snakemake/refused")
+"""Exists from the time a job of a run refuses its input until the next run."""
 
 
 def _nothing(folders: Folders, wildcards: Wildcards) -> Mapping[str, Files]:

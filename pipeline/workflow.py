@@ -27,7 +27,7 @@ from pipeline.config.components import check_components
 from pipeline.config.composing import load, of_snakemake
 from pipeline.config.declared import value_at
 from pipeline.config.schema import Config
-from pipeline.contract import VERDICT_FOLLOWS, Files, Step, Wildcards, step_of
+from pipeline.contract import REFUSED, VERDICT_FOLLOWS, Files, Step, Wildcards, step_of
 from pipeline.core.lineage import BASE
 from pipeline.errors import InputError, one_line
 from pipeline.report.catalogue import entry
@@ -284,6 +284,12 @@ class Plan:
         subprocess.run([sys.executable, "-m", "pipeline", "verdict"], check=False)
 
 
+def fail() -> None:
+    """Exit with 2 after a run in which a job refused its input; other failures leave Snakemake's exit code, 1."""
+    if REFUSED.exists():
+        sys.exit(2)
+
+
 def step_names() -> tuple[str, ...]:
     """The names of all steps."""
     return tuple(sorted(module.name for module in iter_modules(steps.__path__)))
@@ -328,6 +334,7 @@ def alone(workflow: Workflow) -> None:
     if not workflow.is_main_process or workflow.executor_plugin is None or workflow.dryrun:
         return
     hold("snakemake")
+    REFUSED.unlink(missing_ok=True)
     for left in LOCKS.glob("*.lock"):
         left.unlink()
 

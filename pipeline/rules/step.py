@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.config.composing import of_snakemake
-from pipeline.contract import Order, perform
-from pipeline.errors import explained, one_line
+from pipeline.contract import REFUSED, Order, perform
+from pipeline.errors import InputError, explained, one_line
 
 MARKS = "changed"
 """The input that only makes Snakemake run a job again; no step reads it."""
@@ -30,6 +30,8 @@ def main(job: Any) -> None:
     except Exception as error:
         if (told := explained(error)) is None:
             raise
+        if isinstance(told, InputError):
+            REFUSED.touch()
         sys.exit(f"blindspot {job.rule}: {one_line(told)}")
 
 

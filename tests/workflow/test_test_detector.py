@@ -14,6 +14,7 @@ from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.results import Measures, read
 from pipeline.commands import test_detector
 from pipeline.config.composing import compose
+from pipeline.contract import REFUSED
 from pipeline.core.detections import Detections
 from pipeline.core.episode import Frame
 from pipeline.errors import InputError
@@ -57,6 +58,27 @@ class Doubtful:
         height, width = frame.image.shape[:2]
         found = box if right else (0.0, 0.0, width / 8, height / 8)
         return Detections(np.array([found], np.float32), np.array([score], np.float32))
+
+
+class Tires(Doubtful):
+    """Passes the check on three images and fails on the next."""
+
+    seen = 0
+
+    def detect(self, frame: Frame) -> Detections:
+        self.seen += 1
+        if self.seen > 10:
+            raise RuntimeError("no more")
+        return super().detect(frame)
+
+
+def test_a_job_that_refuses_its_input_ends_the_run_with_2(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    (folder / "mine.bin").write_text("mine")
+    named = ["simulator=analytic", f"detector._target_={__name__}.Tires", "base_set.images=40"]
+    assert main(["test-detector", "mine.bin", *SMALL, *named, "--calibrate"]) == 2
+    said = capfd.readouterr().err
+    assert "fails on validation image 11: Tires.detect failed: RuntimeError: no more" in said and "Traceback" not in said
+    assert (folder / REFUSED).exists()
 
 
 def test_detectors_are_calibrated_before_they_are_tested(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
