@@ -36,7 +36,7 @@ NORMAL = 1.959964
 """Half the width of a 95 % interval, in standard errors."""
 NO_RANDOM = "no random test was executed, and the tests of other strategies tell no rate"
 UNCONFIRMED = "no rule was tested by fresh random tests; regions.confirm says how many to execute"
-ONLY_RANDOM = "every test is random: rules that are fitted to these tests cannot be judged by them; add a search to `strategies`"
+ONLY_RANDOM = "every test is random: rules that are fitted to these tests cannot be judged by them; add a search to the strategies"
 SAMPLED = f"{DRAWS:,} conditions drawn from the exposure; "
 OUTSIDE = f"Conditions outside all rules, times the share of their {PROJECTION_K}-combinations of categories"
 KNOWN_UNSAFE = Area(
@@ -47,7 +47,7 @@ KNOWN_UNSAFE = Area(
 CONFIRMED = Area(
     share=None,
     definition="The part of the known unsafe area inside a rule that fresh random tests confirmed.",
-    source=SAMPLED + "rules with status `confirmed`.",
+    source=SAMPLED + "rules with the status confirmed.",
 )
 KNOWN_SAFE = Area(
     share=None,

@@ -48,7 +48,7 @@ def _listed(scenarios: Sequence[ScenarioEvidence]) -> str:
 def _sentence(who: str, failure: Risk, hidden: Risk, exposure: ExposureFile) -> str:
     if failure.below is None:
         return f"{who}: no claim, because {failure.missing}."
-    text = f"{who}: 95 % sure that below {one_in(failure.below)} encounters fail"
+    text = f"{who}: 95 % sure that the failure rate is below {one_in(failure.below)}"
     if hidden.below is not None:
         text += f", and below {one_in(hidden.below)} outside the known failure regions"
     return f"{text}; {failure.tests:,} random tests; exposure: {exposure.description}."
