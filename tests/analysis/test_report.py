@@ -71,6 +71,11 @@ def test_page_loads_nothing(whole: str, page: str) -> None:
     assert sum(address.startswith("data:video/mp4;base64,") for address in addresses) == 3
     assert "url(http" not in page
     assert "@import" not in page
+    policy = re.search(r'<meta http-equiv="Content-Security-Policy" content="([^"]+)">', page)
+    assert policy and policy.start() < whole.index("<style")
+    allowed = {words[0]: words[1:] for words in map(str.split, policy[1].split(";"))}
+    assert [allowed[name] for name in ("default-src", "base-uri", "form-action")] == [["'none'"]] * 3
+    assert {source for sources in allowed.values() for source in sources} == {"'none'", "'unsafe-inline'", "data:"}
 
 
 def test_page_says_what_the_artefacts_say(study: FabricatedStudy, page: str) -> None:
