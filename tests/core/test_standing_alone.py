@@ -81,7 +81,7 @@ def test_a_module_without_extra_raises_the_original_error(module: str | None) ->
         missing_extra(ModuleNotFoundError("as it was", name=module))
 
 
-@pytest.mark.parametrize(("command", "module", "extra"), [("simulate", "torch", "detectors"), ("stages", "grimp", "workflow")])
+@pytest.mark.parametrize(("command", "module", "extra"), [("simulate", "cv2", "simulation"), ("stages", "grimp", "workflow")])
 def test_a_command_without_its_extra_ends_with_one_line(command: str, module: str, extra: str, tmp_path: Path) -> None:
     words = [command, *(["F1"] if command == "simulate" else [])]
     done = python(f"from pipeline.__main__ import main; sys.exit(main({words}))", tmp_path)

@@ -70,7 +70,7 @@ def test_the_judge_finds_a_keys_range() -> None:
 def test_snakemake_refuses_an_edited_file_before_any_job(capsys: pytest.CaptureFixture[str]) -> None:
     plain = json.loads(compose("smoke", []).model_dump_json())
     plain["detector"]["threshold"] = 2
-    workflow: Any = SimpleNamespace(storage_settings=StorageSettings())
+    workflow: Any = SimpleNamespace(is_main_process=False, storage_settings=StorageSettings())
     with pytest.raises(SystemExit, match="2"):
         plan(plain, workflow, step_names())
     assert capsys.readouterr().err == "error: detector.threshold: Input should be less than 1, got 2\n"

@@ -51,7 +51,7 @@ SEARCH = {"define_space", "campaign", "measure", "cluster", "compare"}
 FRONT_CAR = {name for name in step_names() if name.startswith("front_car")}
 STEPS = {
     "smoke": set(step_names()) - FRONT_CAR - {"detector_report", "calibrate"},
-    "detectors": SEARCH | {"detector_report", "render_base", "calibrate", "second_iou"},
+    "detectors": SEARCH | {"detector_report", "evidence", "render_base", "calibrate", "second_iou"},
     "front_car": FRONT_CAR,
 }
 UNREAD: dict[str, set[tuple[str, str]]] = {

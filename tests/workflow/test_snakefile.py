@@ -320,7 +320,7 @@ def test_a_changed_line_makes_exactly_its_steps_stale(tmp_path: Path, monkeypatc
     source.write_text(source.read_text() + "\n# changed\n")
     after = digests()
     sources.code_digest.cache_clear()
-    assert [step for step in before if before[step] != after[step]] == ["cluster", "compare", "retrain"]
+    assert [step for step in before if before[step] != after[step]] == ["cluster", "compare", "evidence", "retrain"]
 
 
 def test_a_round_learns_from_all_campaigns_before_it(tmp_path: Path) -> None:
