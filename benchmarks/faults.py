@@ -1,6 +1,7 @@
 """Faults on purpose, and how each ends: one table, exit code 1 if one ends as it should not.
 
-    python benchmarks/faults.py --kills 100 --configs 2000 --damage 500 --repairs 40
+    python benchmarks/faults.py --kills 100 --configs 2000 --damage 500 --repairs 40 --keep
+    python benchmarks/faults.py --published             the table of docs/results/faults.md
 
 --kills and --repairs execute a tiny study in a clone of HEAD, about a minute of processor time for each study and ten seconds for each
 fault. They print their progress, and --kills resumes after the last finished study.
@@ -14,7 +15,7 @@ from pathlib import Path
 
 from config_faults import configs
 from damage_faults import damage
-from fault_report import table
+from fault_report import keep, page, published, table
 from fault_study import FaultStudy
 from kill_faults import kills
 from repair_faults import repairs
@@ -29,13 +30,20 @@ def main() -> int:
     parser.add_argument("--repairs", type=int, default=0, metavar="N", help="flip a bit in a file of a finished study, then ./run")
     parser.add_argument("--seed", type=int, default=0, help="default: %(default)s")
     parser.add_argument("--folder", type=Path, default=Path(".cache/faults"), help="for the clone (default: %(default)s)")
+    parser.add_argument("--keep", action="store_true", help="publish the rows beside docs/results/faults.md")
+    parser.add_argument("--published", action="store_true", help="only print the published table")
     options = parser.parse_args()
+    if options.published:
+        print(page(published()))
+        return 0
     rows = configs(options.configs, options.seed) if options.configs else []
     rows += damage(options.damage, options.seed) if options.damage else []
     if options.kills or options.repairs:
         study = FaultStudy(options.folder.resolve() / "study")
         rows += kills(study, options.kills, options.seed) if options.kills else []
         rows += repairs(study, options.repairs, options.seed) if options.repairs else []
+    if options.keep:
+        keep(rows)
     print(table(rows))
     return int(any(row.wrong for row in rows))
 

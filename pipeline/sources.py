@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import hashlib
+import io
+import json
+import tokenize
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
 import grimp
 
+from pipeline.artefacts.files import write_bytes
+
 ROOT = Path(__file__).resolve().parents[1]
+STORED = Path(".cache/code.json")
 
 
 @cache
@@ -34,14 +41,39 @@ def sources(module: str) -> tuple[str, ...]:
 
 @cache
 def code_digest(module: str) -> str:
-    """SHA-256 over `sources` of a module."""
-    digest = hashlib.sha256()
-    for path in sources(module):
-        digest.update(path.encode() + (ROOT / path).read_bytes())
-    return digest.hexdigest()
+    """SHA-256 over `sources` of a module, without their comments."""
+    return hashlib.sha256("".join(path + digest for path, digest in source_digests(module).items()).encode()).hexdigest()
 
 
 @cache
 def source_digests(module: str) -> dict[str, str]:
-    """SHA-256 of each file of `sources` of a module."""
-    return {path: hashlib.sha256((ROOT / path).read_bytes()).hexdigest() for path in sources(module)}
+    """SHA-256 of each file of `sources` of a module, without its comments."""
+    known = _known()
+    texts = {path: (ROOT / path).read_bytes() for path in sources(module)}
+    raw = {path: hashlib.sha256(text).hexdigest() for path, text in texts.items()}
+    if new := {path: raw[path] for path in texts if raw[path] not in known}:
+        known |= {digest: hashlib.sha256(_code(path, texts[path])).hexdigest() for path, digest in new.items()}
+        with suppress(OSError):
+            write_bytes(STORED, json.dumps(known).encode(), flush=False)
+    return {path: known[digest] for path, digest in raw.items()}
+
+
+@cache
+def _known() -> dict[str, str]:
+    """Digests without comments by those of the whole files: to find the comments of all files takes half a second."""
+    try:
+        return dict(json.loads(STORED.read_bytes()))
+    except (OSError, ValueError):
+        return {}
+
+
+def _code(path: str, text: bytes) -> bytes:
+    """A file without Python's comments, nor the lines that hold nothing else."""
+    if not path.endswith(".py") or b"#" not in text:
+        return text
+    lines: list[str | None] = list(text.decode().splitlines(keepends=True))
+    for token in tokenize.tokenize(io.BytesIO(text).readline):
+        if token.type == tokenize.COMMENT:
+            row, column = token.start
+            lines[row - 1] = f"{before}\n" if (before := token.line[:column].rstrip()) else None
+    return "".join(line for line in lines if line is not None).encode()

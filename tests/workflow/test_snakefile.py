@@ -307,19 +307,25 @@ def test_a_search_without_kept_frames_is_refused_at_the_start() -> None:
         plan("campaign.keep_every=0")
 
 
-def test_a_changed_line_makes_exactly_its_steps_stale(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_changed_line_makes_exactly_its_steps_stale_and_a_comment_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = copy(tmp_path, compose("smoke", []))
 
     def digests() -> dict[str, str]:
-        sources.code_digest.cache_clear()
+        for stored in (sources.code_digest, sources.source_digests, sources._known):
+            stored.cache_clear()
         return {step: sources.code_digest(f"pipeline.steps.{step}") for step in step_names()}
 
     monkeypatch.setattr(sources, "ROOT", folder)
+    monkeypatch.setattr(sources, "STORED", tmp_path / "code.json")
     before = digests()
     source = folder / "pipeline" / "core" / "rules.py"
-    source.write_text(source.read_text() + "\n# changed\n")
+    text = source.read_text()
+    source.write_text(text.replace("as np\n", "as np  # Why.\n# More.\n", 1) + "    # changed\n")
+    commented = digests()
+    source.write_text(text + "\nCHANGED = '# no comment'\n")
     after = digests()
-    sources.code_digest.cache_clear()
+    digests()
+    assert commented == before
     assert [step for step in before if before[step] != after[step]] == ["cluster", "compare", "evidence", "retrain"]
 
 
