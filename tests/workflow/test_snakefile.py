@@ -242,6 +242,17 @@ def test_what_was_made_for_other_settings_in_between_does_not_count(tmp_path: Pa
     assert planned(folder, "spaces") == {}
 
 
+def test_the_same_reason_twice_makes_a_job_again_twice(tmp_path: Path) -> None:
+    """Snakemake records the checksums of inputs, and the file that stands for a reason is one."""
+    folder = copy(tmp_path, compose("smoke", []))
+    assert snakemake(folder, "spaces").returncode == 0
+    for label in ("second", "third"):
+        (folder / "params.yaml").write_text(dump(compose("smoke", [f"scenarios.F2.label={label}"]), "test"))
+        assert planned(folder, "spaces")["define_space"] == 1
+        assert snakemake(folder, "spaces").returncode == 0
+        assert planned(folder, "spaces") == {}
+
+
 def test_sources_follow_the_imports() -> None:
     cluster = sources.sources("pipeline.steps.cluster")
     assert "pipeline/core/regions.py" in cluster and "pipeline/steps/cluster.py" in cluster
