@@ -6,12 +6,14 @@ import argparse
 import re
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any
 
 from pipeline import commands, steps
+from pipeline.config.project import entered, typed
 from pipeline.core.names import check_name, nearest
 from pipeline.errors import InputError, NoResultError, explained, missing_extra, one_line, shown
 
@@ -21,6 +23,8 @@ if TYPE_CHECKING:
 
 PROGRAM = "python -m pipeline"
 PARAMS = Path("params.yaml")
+ANYWHERE = ("coverage",)
+"""The commands that need no project."""
 RESUMES = "finished tests are kept, and the same command goes on from there"
 BY_HAND = "by hand"
 """The stamp of a step that a person ran: Snakemake makes its files again, because it cannot know their inputs."""
@@ -77,7 +81,7 @@ def run_step(name: str, arguments: Sequence[str]) -> int:
 
     step = step_of(name)
     options = argparse.ArgumentParser(f"{PROGRAM} {name.replace('_', '-')}", description=step.help, add_help=False)
-    options.add_argument("--params", type=Path, default=PARAMS, help="resolved configuration (default: %(default)s)")
+    options.add_argument("--params", type=typed, default=PARAMS, help="resolved configuration (default: %(default)s)")
     config = load(options.parse_known_args(arguments)[0].params)
     wildcards = step.names(Folders(config))
     options.add_argument("--help", "-h", action="help", help="show this message and exit")
@@ -116,10 +120,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     first = words[0] if words else ""
     try:
-        if calls_step(words):
-            return run_step(names(steps)[first], words[1:])
-        options = parser(first).parse_args(words)
-        code: int = options.run(options)
+        with nullcontext() if first in ANYWHERE else entered():
+            if calls_step(words):
+                return run_step(names(steps)[first], words[1:])
+            options = parser(first).parse_args(words)
+            code: int = options.run(options)
     except KeyboardInterrupt:
         goes_on = f"; {RESUMES}" if calls_step(words) or first == "test-detector" else ""
         print(f"blindspot {first}: stopped{goes_on}", file=sys.stderr)

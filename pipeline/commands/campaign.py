@@ -13,6 +13,7 @@ import numpy as np
 
 from pipeline.artefacts.tables import TABLES
 from pipeline.config.composing import compose, functional_scenario
+from pipeline.config.project import typed
 from pipeline.core.identity import CampaignId
 from pipeline.core.measures import kinds_of, pair_coverage
 from pipeline.core.names import nearest
@@ -68,8 +69,8 @@ READ: dict[str, Callable[[str, str], Any]] = {
     "strategy": lambda _, text: text,
     "budget": whole(1),
     "seed": whole(0),
-    "model": lambda _, text: Path(text),
-    "out": lambda _, text: Path(text),
+    "model": lambda _, text: typed(text),
+    "out": lambda _, text: typed(text),
 }
 """How each word of our own is read, from its key and text; all others are overrides."""
 

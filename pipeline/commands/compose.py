@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from pipeline.config.composing import PARAMS, compose, dump
+from pipeline.config.project import typed
 from pipeline.errors import InputError
 
 HELP = "Compose conf/ into params.yaml."
@@ -13,7 +13,7 @@ HELP = "Compose conf/ into params.yaml."
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("words", nargs="+", metavar="study=NAME", help="the study, then Hydra overrides such as campaign.tests=100")
-    parser.add_argument("--out", type=Path, default=PARAMS, help="the file (default: %(default)s)")
+    parser.add_argument("--out", type=typed, default=PARAMS, help="the file (default: %(default)s)")
 
 
 def run(options: argparse.Namespace) -> int:

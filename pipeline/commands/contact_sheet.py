@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from pipeline.config.composing import compose, functional_scenario
+from pipeline.config.project import typed
 from pipeline.errors import InputError
 
 HELP = "Draw a scenario in all weathers and at several distances."
@@ -13,7 +13,7 @@ HELP = "Draw a scenario in all weathers and at several distances."
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scenario", help="name of a file in conf/scenario, such as F1")
-    parser.add_argument("--out", type=Path, default=Path("contact-sheet.png"), help="the picture (default: %(default)s)")
+    parser.add_argument("--out", type=typed, default="contact-sheet.png", help="the picture (default: %(default)s)")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from pipeline.config.composing import PARAMS, load
+from pipeline.config.project import typed
 
 HELP = "Write the kept frames of a campaign as YOLO, COCO, CSV and OpenLABEL."
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("frames", type=Path, help="frames.parquet of a campaign")
-    parser.add_argument("--out", type=Path, default=Path("frames"), help="folder (default: %(default)s)")
+    parser.add_argument("frames", type=typed, help="frames.parquet of a campaign")
+    parser.add_argument("--out", type=typed, default="frames", help="folder (default: %(default)s)")
     parser.add_argument("--films", action="store_true", help="write a film of each failure, too")
-    parser.add_argument("--params", type=Path, default=PARAMS, help="params.yaml of the study, for its camera (default: %(default)s)")
+    parser.add_argument("--params", type=typed, default=PARAMS, help="params.yaml of the study, for its camera (default: %(default)s)")
 
 
 def run(options: argparse.Namespace) -> int:

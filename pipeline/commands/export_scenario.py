@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from pipeline.commands.simulate import concrete_scenario
 from pipeline.config.composing import functional_scenario
+from pipeline.config.project import typed
 
 HELP = "Write one concrete scenario as OpenSCENARIO and OpenDRIVE."
 
@@ -14,7 +14,7 @@ HELP = "Write one concrete scenario as OpenSCENARIO and OpenDRIVE."
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scenario", help="name of a file in conf/scenario, such as F1")
     parser.add_argument("assignments", nargs="*", metavar="key=value", help="scenario variables; others have defaults")
-    parser.add_argument("--out", type=Path, default=Path("scenario"), help="name of both files, without suffix (default: %(default)s)")
+    parser.add_argument("--out", type=typed, default="scenario", help="name of both files, without suffix (default: %(default)s)")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline.commands.campaign import STOPPED, Search, planned, read_words, whole
 from pipeline.config.composing import functional_scenario
 from pipeline.config.exposure import ExposureFile, read_exposure
+from pipeline.config.project import typed
 from pipeline.core.exposure import Exposure
 from pipeline.core.identity import CampaignId
 from pipeline.core.names import nearest
@@ -40,7 +41,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--from",
         dest="folders",
-        type=Path,
+        type=typed,
         nargs="+",
         help="execute nothing: weigh the tests of these campaigns of `random` by the exposure",
     )
@@ -82,8 +83,9 @@ def _method(key: str, text: str) -> str:
 
 
 READ: dict[str, Callable[[str, str], Any]] = {
-    **dict.fromkeys(("scenario", "exposure"), lambda _, text: text),
-    **dict.fromkeys(("model", "out"), lambda _, text: Path(text)),
+    "scenario": lambda _, text: text,
+    "exposure": lambda _, text: str(typed(text)) if text.endswith((".yaml", ".yml")) else text,
+    **dict.fromkeys(("model", "out"), lambda _, text: typed(text)),
     "method": _method,
     "budget": whole(100),
     "seed": whole(0),

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.commands.top_view import SPEEDS_MPS, top_view
 from pipeline.config.composing import CONF, functional_scenario
+from pipeline.config.project import typed
 
 HELP = "Draw the pictures of the documentation."
 README_ROWS = {
@@ -25,7 +26,7 @@ README_ROWS = {
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument("--out", type=Path, default=Path("docs/images"), help="folder (default: %(default)s)")
+    parser.add_argument("--out", type=typed, default=Path("docs/images"), help="folder (default: %(default)s)")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -8,19 +8,21 @@ from pathlib import Path
 
 import numpy as np
 
+from pipeline.config.project import typed
+
 HELP = "Write the int8 form of our detector and print its loss."
 CALIBRATION_IMAGES = 100
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--model", type=Path, default=Path("models/uniform"), help="folder of a model version (default: %(default)s)")
+    parser.add_argument("--model", type=typed, default=Path("models/uniform"), help="folder of a model version (default: %(default)s)")
     parser.add_argument(
         "--base-set",
-        type=Path,
+        type=typed,
         default=Path("data/default/base_set/truth.coco.json"),
         help="truth.coco.json of the base set that sets the ranges and gives the metrics (default: %(default)s)",
     )
-    parser.add_argument("--out", type=Path, default=Path("int8.onnx"), help="the file (default: %(default)s)")
+    parser.add_argument("--out", type=typed, default="int8.onnx", help="the file (default: %(default)s)")
 
 
 def run(options: argparse.Namespace) -> int:

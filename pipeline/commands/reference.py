@@ -16,6 +16,7 @@ from pydantic import BaseModel
 from pipeline.artefacts.evidence import Evidence
 from pipeline.artefacts.tables import TABLES, WHY
 from pipeline.config.composing import CONF, compose
+from pipeline.config.project import typed
 from pipeline.config.schema import Config
 from pipeline.core.columns import Column
 
@@ -56,7 +57,7 @@ LINE = 120
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--check", action="store_true", help="write nothing; exit code 1 if a page is out of date")
-    parser.add_argument("--out", type=Path, default=FOLDER, help="folder (default: %(default)s)")
+    parser.add_argument("--out", type=typed, default=FOLDER, help="folder (default: %(default)s)")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -14,6 +14,7 @@ from pipeline.artefacts.points import concrete
 from pipeline.artefacts.results import read
 from pipeline.artefacts.tables import read_tests
 from pipeline.config.composing import PARAMS, load
+from pipeline.config.project import typed
 from pipeline.core import kpi
 from pipeline.core.columns import columns
 from pipeline.core.kpi import Kpi
@@ -25,8 +26,8 @@ HELP = "Execute a test of the study again, write its replay and compare it with 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("test", metavar="TEST_ID", help="as in tests.parquet and on the report, such as F1-forest-base-0-00012")
-    parser.add_argument("--params", type=Path, default=PARAMS, help="configuration of the study (default: %(default)s)")
-    parser.add_argument("--out", type=Path, default=Path("replay.mp4"), help=".mp4 or .gif (default: %(default)s)")
+    parser.add_argument("--params", type=typed, default=PARAMS, help="configuration of the study (default: %(default)s)")
+    parser.add_argument("--out", type=typed, default="replay.mp4", help=".mp4 or .gif (default: %(default)s)")
 
 
 def run(options: argparse.Namespace) -> int:

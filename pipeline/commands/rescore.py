@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from pipeline.config.components import STORED_FROM
 from pipeline.config.composing import PARAMS, load
+from pipeline.config.project import typed
 from pipeline.config.schema import Config
 from pipeline.errors import InputError
 from pipeline.progress import Progress
@@ -23,13 +24,13 @@ HELP = "Judge stored tests again at other IoUs and thresholds."
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("folders", type=Path, nargs="+", help="folders with campaigns, such as data/default/campaigns")
+    parser.add_argument("folders", type=typed, nargs="+", help="folders with campaigns, such as data/default/campaigns")
     parser.add_argument("--iou", type=float, nargs="+", default=[0.1, 0.2, 0.3, 0.4, 0.5], help="IoU above which a detection matches")
     parser.add_argument("--threshold", type=float, nargs="+", help="score from which a detection is reported (default: the study's)")
     parser.add_argument("--drive", action="store_true", help="execute the tests again in which the car would have braked otherwise")
     parser.add_argument("--workers", type=int, default=2, help="processes for --drive (default: %(default)s)")
-    parser.add_argument("--params", type=Path, default=PARAMS, help="params.yaml of the study (default: %(default)s)")
-    parser.add_argument("--out", type=Path, help="write the table as CSV")
+    parser.add_argument("--params", type=typed, default=PARAMS, help="params.yaml of the study (default: %(default)s)")
+    parser.add_argument("--out", type=typed, help="write the table as CSV")
 
 
 def run(options: argparse.Namespace) -> int:

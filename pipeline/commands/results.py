@@ -20,6 +20,7 @@ from difflib import ndiff
 from pathlib import Path
 
 from pipeline.artefacts.files import write_bytes
+from pipeline.config.project import typed
 from pipeline.errors import InputError
 
 HELP = "Check that the published numbers follow from the published outcomes, or write them."
@@ -28,7 +29,7 @@ BLOCK = re.compile(r"^<!-- made by: (?P<command>.+?) -->\n(?P<text>.*?)^<!-- end
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("action", choices=["verify", "write"], help="`verify` ends with 1 if a page differs; `write` fills the pages in")
-    parser.add_argument("page", nargs="*", type=Path, help="default: README.md and every page in docs/ that has such numbers")
+    parser.add_argument("page", nargs="*", type=typed, help="default: README.md and every page in docs/ that has such numbers")
 
 
 def run(options: argparse.Namespace) -> int:

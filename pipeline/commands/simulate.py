@@ -10,6 +10,7 @@ from pathlib import Path
 
 from pipeline.config.components import make_detector, make_simulator
 from pipeline.config.composing import compose, functional_scenario
+from pipeline.config.project import typed
 from pipeline.core import kpi
 from pipeline.core.episode import Episode
 from pipeline.core.names import nearest
@@ -34,8 +35,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "assignments", nargs="*", metavar="key=value", help="scenario variables, such as fog=80 'blueprint=M 03'; others have defaults"
     )
-    parser.add_argument("--model", type=Path, default=Path("models/uniform"), help="folder of a model version (default: %(default)s)")
-    parser.add_argument("--out", type=Path, default=Path("replay.mp4"), help=".mp4 or .gif (default: %(default)s)")
+    parser.add_argument("--model", type=typed, default=Path("models/uniform"), help="folder of a model version (default: %(default)s)")
+    parser.add_argument("--out", type=typed, default="replay.mp4", help=".mp4 or .gif (default: %(default)s)")
 
 
 def run(options: argparse.Namespace) -> int:

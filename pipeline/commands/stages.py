@@ -14,6 +14,7 @@ from typing import Any
 import yaml
 
 from pipeline.config.composing import compose
+from pipeline.config.project import typed
 from pipeline.config.schema import FAN_OUT
 from pipeline.contract import STAMP
 from pipeline.sources import sources
@@ -30,7 +31,7 @@ METRICS, PLOTS = ("metrics.json",), {"theta.csv": {"x": "tests", "title": "Failu
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--out", type=Path, default=FILE, help="default: %(default)s")
+    parser.add_argument("--out", type=typed, default=FILE, help="default: %(default)s")
 
 
 def run(options: argparse.Namespace) -> int:

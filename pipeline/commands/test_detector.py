@@ -19,6 +19,7 @@ from pipeline.artefacts.run_lock import hold
 from pipeline.commands.verify import withdraw_damaged
 from pipeline.config.components import make_detector
 from pipeline.config.composing import compose, dump, validate
+from pipeline.config.project import typed
 from pipeline.config.schema import Config
 from pipeline.contract import VERDICT_FOLLOWS
 from pipeline.detectors.function import source_of
@@ -44,7 +45,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Compose the study, check every detector on three images, and let Snakemake run it; the same call resumes it."""
-    files = [Path(word) for word in options.words if "=" not in word]
+    files = [typed(word) for word in options.words if "=" not in word]
     overrides = [word for word in options.words if "=" in word]
     if options.cores is not None and options.cores < 1:
         raise InputError(f"--cores must be at least 1, got {options.cores}")

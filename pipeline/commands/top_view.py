@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.config.composing import functional_scenario
+from pipeline.config.project import typed
 from pipeline.core.footprints import Rectangle
 from pipeline.core.paths import Pose
 from pipeline.errors import InputError
@@ -36,7 +36,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.add_argument("scenario", help="name of a file in conf/scenario, such as F1")
     parser.add_argument("--speeds", type=float, nargs="+", default=SPEEDS_MPS, help="of the pedestrian, m/s (default: 0 1.5 3)")
-    parser.add_argument("--out", type=Path, default=Path("top-view.png"), help="the picture, a .png (default: %(default)s)")
+    parser.add_argument("--out", type=typed, default="top-view.png", help="the picture, a .png (default: %(default)s)")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -7,12 +7,13 @@ from pathlib import Path
 
 from pipeline.artefacts.folders import Folders
 from pipeline.config.composing import PARAMS, load
+from pipeline.config.project import typed
 
 HELP = "Print the table of the comparison."
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--comparison", type=Path, help="comparison.json (default: that of the study in params.yaml)")
+    parser.add_argument("--comparison", type=typed, help="comparison.json (default: that of the study in params.yaml)")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -8,12 +8,13 @@ from pathlib import Path
 from pipeline.artefacts import stamps
 from pipeline.artefacts.folders import Folders
 from pipeline.config.composing import PARAMS, load
+from pipeline.config.project import typed
 
 HELP = "Compare the study's files with their digests. The jobs of damaged files lose their stamps, so the next run makes the files again."
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--folder", type=Path, help="folder of a study (default: that of the study in params.yaml)")
+    parser.add_argument("--folder", type=typed, help="folder of a study (default: that of the study in params.yaml)")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -122,7 +122,8 @@ def load(path: Path = PARAMS) -> Config:
     try:
         plain = read_yaml(path)
     except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file; make it with `python -m pipeline compose study=default`") from error
+        where = f" in {Path.cwd()}" if path == PARAMS else ""
+        raise InputError(f"{path}: no such file{where}; make it with `python -m pipeline compose study=default`") from error
     return validate(plain, str(path))
 
 

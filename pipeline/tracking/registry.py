@@ -157,7 +157,7 @@ def registered(store: Path) -> list[dict[str, str]]:
     from mlflow.exceptions import MlflowException
 
     if server() is None and not store.is_file():
-        raise InputError(f"{store}: expected MLflow's database, found no file; the step track makes it")
+        raise InputError(f"{store.absolute()}: expected MLflow's database, found no file; the step track makes it")
     client = connect(store)
     rows = []
     try:

@@ -15,6 +15,7 @@ SCRIPT = "import sys; rows = open(sys.argv[1]).read().split(); print(f'| failure
 @pytest.fixture
 def page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "params.yaml").touch()
     (tmp_path / "count.py").write_text(SCRIPT)
     (tmp_path / "outcomes.csv").write_text("1\n0\n1\n")
     (tmp_path / "docs").mkdir()

@@ -69,7 +69,7 @@ def test_the_snakefile_lists_every_step() -> None:
     [
         ("tests: eighty", "params.yaml: campaign.tests: Input should be a valid integer"),
         ("tests: [40", "params.yaml, line"),
-        (None, "params.yaml: no such file; make it with `python -m pipeline compose study=default`"),
+        (None, "params.yaml: no such file in {folder}; make it with `python -m pipeline compose study=default`"),
     ],
 )
 def test_an_error_in_params_is_one_line(wrong: str | None, told: str, tmp_path: Path) -> None:
@@ -82,7 +82,7 @@ def test_an_error_in_params_is_one_line(wrong: str | None, told: str, tmp_path: 
         params.write_text(params.read_text().replace("tests: 40", wrong))
     done = snakemake(folder, "-n")
     (line,) = [line for line in done.stderr.splitlines() if "profile" not in line]
-    assert done.returncode == 2 and line.startswith(f"error: {told}")
+    assert done.returncode == 2 and line.startswith(f"error: {told.format(folder=folder)}")
 
 
 def test_the_command_line_of_snakemake_does_not_change_the_study(tmp_path: Path) -> None:
