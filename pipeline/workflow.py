@@ -45,7 +45,7 @@ STAGES = {
     "analysis": ("measures.json", "theta.csv", "white_box.json", "regions", "filter"),
     "versions": ("retrained",),
     "held_out": ("held_out",),
-    "compare": ("comparison.json", "comparison.parquet", "changes.csv", "metrics.json"),
+    "compare": ("comparison.json", "comparison.parquet", "changes.csv", "metrics"),
     "report": ("report.html", "plots", "evidence"),
     "track": ("tracking.json",),
 }

@@ -1,4 +1,4 @@
-"""The comparison of model versions as an artefact: from the held-out tests to comparison.json, changes.csv and metrics.json."""
+"""The comparison of model versions as an artefact: from the held-out tests to comparison.json, changes.csv and metrics/."""
 
 from __future__ import annotations
 
@@ -37,6 +37,8 @@ from pipeline.core.space import Space
 
 CHANGED = ("adj_ttc_s", "failure_mode", "false_positives", "first_detection_m")
 """KPIs listed for a changed test, before and after."""
+DETECTION = ("ap50", "recall")
+"""Detection metrics that `dvc metrics show` has room for; model.json has all."""
 
 
 def compare(held_out: HeldOut, named: Mapping[str, Bools], digest: str, regions: Sequence[RegionResult], policy: Policy) -> Comparison:
@@ -217,20 +219,19 @@ def changed_tests(comparison: Comparison, tests: pd.DataFrame, variables: Sequen
     return pd.DataFrame(rows, columns=[*columns, *variables])
 
 
-def flat_metrics(comparison: Comparison, measures: Measures, detection: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
-    """What `dvc metrics` shows: failures and detection metrics of each version, measures of each search strategy."""
-    plain: dict[str, dict[str, float]] = {}
+def shown_metrics(comparison: Comparison, measures: Measures, detection: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
+    """The table of `dvc metrics show`: the file of each row, with its columns. detection: metrics of each version on validation images."""
+    rows: dict[str, dict[str, float]] = {}
     for result in comparison.versions:
-        row = plain[result.version] = {
-            "failures": result.failures,
-            "failures_by_ttc": result.modes.by_ttc,
-            "failure_rate": round(result.rate, 6),
-        }
-        row |= {name: round(value, 6) for name, value in detection.get(result.version, {}).items()}
-    for strategy in measures.strategies:
-        row = plain[series_name(strategy)] = {"failures_per_campaign": strategy.failures_per_campaign.value}
-        row["f_measure"] = round(strategy.f_measure.value, 6)
-        if strategy.c_measure is not None:
-            row["c_measure"] = round(strategy.c_measure.value, 6)
-        row["pair_coverage_failures"] = round(strategy.pair_coverage_failures.value, 6)
-    return plain
+        row = rows[f"held_out/{result.version}.json"] = _counted(result.failures, result.tests, result.rate)
+        row |= {name: round(value, 4) for name, value in detection.get(result.version, {}).items() if name in DETECTION}
+    for searched in measures.strategies:
+        valid = searched.tests - searched.errors
+        row = rows[f"search/{series_name(searched)}.json"] = _counted(searched.failures, valid, searched.rate.value)
+        if searched.failures:
+            row["tests_to_first_failure"] = round(searched.f_measure.value, 1)
+    return rows
+
+
+def _counted(failures: int, tests: int, rate: float) -> dict[str, float]:
+    return {"failures": failures, "tests": tests, "failure_rate": round(rate, 4)}

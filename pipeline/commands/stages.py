@@ -27,7 +27,7 @@ HEADER = """# The parts of a study that DVC versions. Made by `python -m pipelin
 """
 VARIANTS = (["retraining.rounds=2"], ["base.source=trained", "retraining.start=scratch"])
 """Overrides that together use every file and section of a study."""
-METRICS, PLOTS = ("metrics.json",), {"theta.csv": {"x": "tests", "title": "Failures found"}, "plots": {}}
+METRICS, PLOTS = ("metrics",), {"theta.csv": {"x": "tests", "title": "Failures found"}, "plots": {}}
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

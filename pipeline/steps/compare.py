@@ -10,6 +10,7 @@ from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.model_card import read_card
 from pipeline.artefacts.results import FailureRegions, Frequencies, Measures, read, write
 from pipeline.artefacts.scenario_space import read_space
+from pipeline.artefacts.stamps import remove
 from pipeline.artefacts.tables import read_tests, write_tests
 from pipeline.config.schema import Config
 from pipeline.contract import Files, Job, Step, Wildcards
@@ -47,7 +48,7 @@ STEP = Step(
         "comparison": f"{folders.root}/comparison.json",
         "table": f"{folders.root}/comparison.parquet",
         "changes": f"{folders.root}/changes.csv",
-        "metrics": f"{folders.root}/metrics.json",
+        "metrics": f"{folders.root}/metrics/",
     },
     sections=_sections,
 )
@@ -61,7 +62,7 @@ def run(job: Job) -> None:
     Raises InputError if the versions did not execute the same points in the same order, or if one has no campaign, was judged at another
     threshold than the config's, or was trained on a held-out town or on held-out people.
     """
-    from pipeline.analysis.comparison import base_regions, changed_tests, compare, compared_again, flat_metrics
+    from pipeline.analysis.comparison import base_regions, changed_tests, compare, compared_again, shown_metrics
     from pipeline.analysis.held_out import read_held_out
     from pipeline.analysis.named_groups import named_groups
     from pipeline.analysis.planted import planted_groups
@@ -94,7 +95,9 @@ def run(job: Job) -> None:
     write_tests(job.output("table"), held_out.joined, first)
     write_changes(job.output("changes"), changed_tests(result, held_out.joined, first.names))
     detection = {card.version: card.metrics for card in cards}
-    write_json(job.output("metrics"), flat_metrics(result, measures, detection))
+    remove(job.output("metrics"))
+    for name, row in shown_metrics(result, measures, detection).items():
+        write_json(job.output("metrics") / name, row)
 
 
 def _searched(job: Job) -> Searched:

@@ -318,10 +318,13 @@ def test_step_on_files(tmp_path: Path) -> None:
     assert result.versions[3].scenarios["F1star"].failures == result.versions[3].failures
     changes = pd.read_csv(study.root / "changes.csv")
     assert (changes["version"] == "adaptive").sum() == -result.versions[3].change
-    metrics = read_json(study.root / "metrics.json")
-    assert metrics["adaptive"]["failures"] == result.versions[3].failures
-    assert metrics["base"]["ap50"] == 0.88
-    assert "c_measure" in metrics["F1-mixed"]
+    metrics = {str(path.relative_to(study.root / "metrics")): read_json(path) for path in (study.root / "metrics").rglob("*.json")}
+    versions = {f"held_out/{version.version}.json": version for version in result.versions}
+    assert metrics.keys() == {*versions, *(f"search/{name}-{strategy}.json" for name in ("F1", "F2") for strategy in ("mixed", "random"))}
+    assert {name: metrics[name]["failures"] for name in versions} == {name: version.failures for name, version in versions.items()}
+    assert metrics["held_out/base.json"].keys() == {"failures", "tests", "failure_rate", "ap50", "recall"}
+    assert metrics["held_out/base.json"]["ap50"] == 0.88
+    assert metrics["search/F1-random.json"]["tests"] > 0 and metrics["search/F1-random.json"]["tests_to_first_failure"] >= 1
     text = verdict_table(result, study.root / "report.html")
     assert "adaptive ★" in text
     assert "F1*" in text
