@@ -10,6 +10,8 @@
   const named = Object.fromEntries(fields.map(field => [field.name, field]));
   const axes = [named.adj_ttc_s, ...fields.filter(field => field.variable)];
   const brushed = new Map();  // What each plot chooses: a function of a row.
+  const served = "served" in document.documentElement.dataset;  // By `python -m pipeline explore`, which makes films.
+  let asking = new AbortController(), fetched = "";
   const parallel = chart("explorer-parallel"), scatter = chart("explorer-scatter");
 
   const table = new Tabulator("#explorer-table", {
@@ -218,18 +220,44 @@
     at("explorer-one").hidden = false;
     at("explorer-title").textContent = `${row.test}: ${row.end}`;
     at("explorer-command").textContent = `python -m pipeline replay ${row.test}`;
-    at("explorer-view").replaceChildren(view(row));
+    at("explorer-view").replaceChildren(...view(row));
     at("explorer-values").replaceChildren(...fields.slice(1).flatMap(field => pair(words(field), shown(row[field.name]))));
     at("explorer-one").scrollIntoView({ block: "nearest" });
   }
 
   function view(row) {
     const film = at(`film-${row.test}`), image = thumbnails[row.test];
-    const shown = document.createElement(film ? "video" : image ? "img" : "p");
-    if (film) Object.assign(shown, { src: film.src, poster: film.poster, controls: true, loop: true, muted: true, autoplay: true });
-    else if (image) Object.assign(shown, { src: image, alt: `A moment of test ${row.test}` });
-    else shown.textContent = "This test has no picture here. The command above makes its film.";
-    return shown;
+    asking.abort();
+    if (film) return [playing(row, film.src, film.poster)];
+    const said = document.createElement("p"), picture = image ? [document.createElement("img")] : [];
+    for (const one of picture) Object.assign(one, { src: image, alt: `A moment of test ${row.test}` });
+    said.setAttribute("role", "status");
+    if (row.end === "error") said.textContent = "This test ended in an error, so it has no film.";
+    else if (served) ask(row, said);
+    else if (!image) said.textContent = "This test has no picture here. The command above makes its film.";
+    return [...picture, said];
+  }
+
+  function playing(row, src, poster = "") {
+    const shown = document.createElement("video");
+    return Object.assign(shown, { src, poster, controls: true, loop: true, muted: true, autoplay: true, ariaLabel: `Film of test ${row.test}` });
+  }
+
+  // A page that goes on to another test hangs up, so that its film is not made in vain.
+  async function ask(row, said) {
+    asking = new AbortController();
+    said.textContent = "The film of this test is being made; this takes some seconds.";
+    try {
+      const answer = await fetch(`/films/${row.test}.mp4`, { signal: asking.signal });
+      const body = await (answer.ok ? answer.blob() : answer.text());
+      if (!answer.ok) { said.textContent = body; return; }
+      URL.revokeObjectURL(fetched);
+      fetched = URL.createObjectURL(body);
+      said.textContent = answer.headers.get("X-Changed") ?? "";
+      at("explorer-view").replaceChildren(playing(row, fetched), said);
+    } catch (error) {
+      if (error.name !== "AbortError") said.textContent = "The server does not answer. Start it again: ./run explore";
+    }
   }
 
   function pair(name, value) {

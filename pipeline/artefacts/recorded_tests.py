@@ -1,0 +1,36 @@
+"""The executed tests of a study, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import pandas as pd
+
+from pipeline.artefacts.folders import Folders
+from pipeline.artefacts.tables import read_tests
+from pipeline.core.names import nearest
+from pipeline.errors import InputError
+
+
+def recorded(folders: Folders, test: str) -> pd.Series:
+    """The row of a test; InputError if the study has no such test, or if it ended in an error."""
+    tables = campaigns(folders)
+    campaign = test.rpartition("-")[0]
+    if not tables:
+        raise InputError(f"study {folders.config.study} has no executed campaign here; make it with ./run")
+    if campaign not in tables:
+        raise InputError(f"study {folders.config.study} has no campaign '{campaign}'{nearest(campaign, list(tables))}")
+    table = read_tests(tables[campaign]).set_index("test_id", drop=False)
+    if test not in table.index:
+        raise InputError(f"{tables[campaign]} has the tests {table.index[0]} to {table.index[-1]}, got {test}")
+    row = table.loc[test]
+    if row["status"] == "error":
+        raise InputError(f"{test} ended in an error, so there is nothing to replay: {row['reason']}")
+    return row
+
+
+def campaigns(folders: Folders) -> Mapping[str, Path]:
+    """The table of each executed campaign of a study, by the beginning of its tests' names."""
+    paths = map(Path, [*folders.searches("tests.parquet"), *folders.later_search("tests.parquet"), *folders.held_out("tests.parquet")])
+    return {"-".join(path.parts[-5:-1]): path for path in paths if path.is_file()}

@@ -1,0 +1,72 @@
+"""Command `explore`: the finished report from a local server, which films any test on demand."""
+
+from __future__ import annotations
+
+import argparse
+import errno
+from collections.abc import Mapping
+from pathlib import Path
+
+from pipeline.artefacts.folders import Folders
+from pipeline.config.composing import PARAMS, load
+from pipeline.config.schema import Config
+from pipeline.errors import InputError
+
+HELP = "Serve the report of a finished study to this machine alone; a click on a test makes its film."
+PORT = 8765
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("study", nargs="?", metavar="STUDY", help="default: the study in params.yaml")
+    parser.add_argument("--port", type=int, default=PORT, help="port on 127.0.0.1; 0 takes a free one (default: %(default)s)")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Serve until Ctrl-C."""
+    from pipeline.report.films_on_demand import FilmsOnDemand
+    from pipeline.report.report_server import ADDRESS, ReportServer, served
+
+    config, params = chosen(options.study)
+    folders = Folders(config)
+    pages = pages_of(folders)
+    for page in pages.values():
+        served(page)
+    try:
+        server = ReportServer(options.port, pages, FilmsOnDemand(folders, params))
+    except (OSError, OverflowError) as error:
+        raise InputError(_port_message(options.port, error)) from error
+    with server:
+        print(f"The report of study {config.study} is at http://{ADDRESS}:{server.port}/ (stop it with Ctrl-C)", flush=True)
+        server.serve_forever()
+    return 0
+
+
+def chosen(study: str | None) -> tuple[Config, Path]:
+    """The configuration of a study, and its file: the study's own, as test-detector writes it, or params.yaml."""
+    own = Path("data", study or "", "params.yaml")
+    params = own if study and own.is_file() else PARAMS
+    config = load(params)
+    if study not in (None, config.study):
+        instead = f"python -m pipeline compose study={study}, with the overrides that it was made with"
+        raise InputError(f"{params} holds study {config.study}, expected {study}; type: {instead}")
+    return config, params
+
+
+def pages_of(folders: Folders) -> Mapping[str, Path]:
+    """The pages with a table of tests, by their addresses; InputError if the study has none or is not finished."""
+    study = folders.config.study
+    if folders.config.goal not in ("report", "detectors"):
+        raise InputError(f"study {study} has no report of tests; it makes {', '.join(folders.goals)}")
+    paths = [Path(goal) for goal in folders.goals if goal.endswith(".html")]
+    missing = next((path for path in paths if not path.is_file()), None)
+    if missing is not None:
+        raise InputError(f"{missing}: no such file, so study {study} is not finished; finish it first (./run, or the same test-detector)")
+    return {f"/{path.relative_to(folders.root).as_posix()}": path for path in paths}
+
+
+def _port_message(port: int, error: OSError | OverflowError) -> str:
+    if isinstance(error, OverflowError):
+        return f"--port must be in [0, 65535], got {port}"
+    if error.errno == errno.EADDRINUSE:
+        return f"--port: {port} is taken; choose another one, as in --port {port + 1}"
+    return f"--port: {port} cannot be used ({error.strerror})"
