@@ -20,7 +20,7 @@ from pipeline.report.report_server import ReportServer
 from tests.analysis.fabricated import FabricatedStudy
 from tests.browser import browser_page
 
-SHOTS = Path("data/test-artefacts")
+SHOTS = Path("data/test-artefacts").absolute()
 
 
 @pytest.fixture(scope="module")
