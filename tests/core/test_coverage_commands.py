@@ -178,6 +178,15 @@ def test_named_planes_and_combinations_count_in_every_command(folder: Path, caps
     assert "sight: 3 of weather × fog × lanes" in text and "k = 2 with these: 20/45 = 44.44 %" in text
 
 
+def test_a_space_that_cannot_be_planned_is_refused_with_the_number_of_points(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    names = ", ".join(map(str, range(5000)))
+    (folder / "wide.yaml").write_text(f"variables:\n  a: {{values: [{names}]}}\n  b: {{values: [{names}]}}\n")
+    assert main(["coverage", "plan", "--space", str(folder / "wide.yaml")]) == 2
+    assert capsys.readouterr().err.splitlines()[-1] == (
+        "blindspot coverage: a plan needs at least 25,000,000 points, at most 100,000 can be planned; take fewer values or a lower strength"
+    )
+
+
 def test_planes_with_too_many_cells_are_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     names, values = "abcdef", ", ".join(map(str, range(100)))
     head = "variables: {" + ", ".join(f"{name}: {{values: [{values}]}}" for name in names) + "}\n"

@@ -86,6 +86,10 @@ def test_symmetric_arrays_reach_published_sizes(categories: int, columns: int, s
     raise AssertionError(f"got {fewest}")
 
 
+def test_lengths_of_searches_follow_the_universal_sequence() -> None:
+    assert [symmetric.luby(number) for number in range(1, 16)] == [1, 1, 2, 1, 1, 2, 4, 1, 1, 2, 1, 1, 2, 4, 8]
+
+
 def test_polishing_takes_columns_of_fewer_categories_along() -> None:
     sizes = (3, 3, 2, 3, 3, 3, 3, 3, 2)
     array = covering_array(Constraints(sizes), 3, effort=Effort(2.0, processor=True))

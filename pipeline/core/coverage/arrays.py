@@ -16,11 +16,15 @@ from pipeline.core.coverage.mixed import STRONGEST, Mixed, NamedPlanes, all_plan
 from pipeline.core.coverage.problem import lay_out
 from pipeline.core.coverage.search import Limit, Search
 from pipeline.core.space import Ints
+from pipeline.errors import InputError
 
 Progress = Callable[[float, int, int], None]
 """Called with the share done (of the cells; when polishing, of the time), the current size and the lower bound."""
 QUICK_OPERATIONS = 3e8
 """Elementary annealing steps for a quick array: a fixed number, so the same seed gives the same rows on any machine."""
+
+MOST_ROWS = 100_000
+"""Rows of an array, at most: so many take about a minute, and time and memory grow with the cells."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +72,8 @@ def covering_array(
 
     strength: t, 1 to 6, alone or with more planes. seeds: (m, d) rows that the array starts with.
 
-    Raises ValueError for contradictory constraints, an infeasible seed row and a strength out of range.
+    Raises ValueError for contradictory constraints, an infeasible seed row and a strength out of range, InputError if it needs more than
+    `MOST_ROWS` rows.
     """
     sizes, mixed = constraints.sizes, Mixed(strength) if isinstance(strength, int) else strength
     if not 1 <= mixed.strength <= min(STRONGEST, len(sizes)):
@@ -85,6 +90,10 @@ def covering_array(
         raise ValueError(f"seed row {broken[0]} breaks clause {broken[1]}")
     started = effort.clock()
     bound = max([lower_bound(sizes, mixed.strength, limits), *(_bound_of(named, limits) for named in mixed.extras.planes)])
+
+    if bound > MOST_ROWS:
+        needed = f"a plan needs at least {bound:,} points, at most {MOST_ROWS:,} can be planned"
+        raise InputError(f"{needed}; take fewer values or a lower strength")
 
     def covering(share: float, size: int) -> None:
         if effort.progress is not None:

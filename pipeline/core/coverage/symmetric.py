@@ -8,7 +8,7 @@ the cells by about the order of the group (Chateauneuf, Colbourn and Kreher 1999
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from heapq import heapify, heappop, heappush
 
 import numpy as np
@@ -25,10 +25,9 @@ from pipeline.core.space import Ints
 FIXED_COLUMNS = 2
 """Most columns that a rotation leaves in place."""
 FIRST_OPERATIONS = 4e6
-"""Elementary steps of a symmetry's first search. Each further one takes twice as many."""
-DOUBLINGS = 5
-PATIENCE = 1.3
-"""By how much a failure lowers a symmetry's rank, beyond the share of classes that it left uncovered."""
+"""Elementary steps of a symmetry's first search; further ones take multiples of it."""
+PATIENCE = 0.4
+"""How fast a symmetry's rank falls with the steps spent on it in vain, beyond the smallest share of classes that they left uncovered."""
 TEMPERATURES = ((0.8, 0.4), (1.0, 0.2))
 """First and last temperature in classes: the first suits large groups, the second small ones."""
 MOST_CELLS = 200_000
@@ -129,13 +128,15 @@ class SymmetricSearch:
 
 @dataclass(order=True)
 class _Candidate:
-    """A symmetry in the queue: rank, smallest first, and the number of failed searches."""
+    """A symmetry in the queue: rank, smallest first; since its last success, failed searches, their length and the least they left."""
 
     rank: float
     larger_first: int
     number: int
     symmetry: Symmetry = field(compare=False)
     fails: int = field(default=0, compare=False)
+    spent: int = field(default=0, compare=False)
+    least: float = field(default=1.0, compare=False)
     of_cell: Int32s | None = field(default=None, compare=False)
 
     def search(self, problem: Problem, count: int, rng: np.random.Generator) -> tuple[Int32s, float]:
@@ -148,15 +149,25 @@ class _Candidate:
         fixed = np.repeat(np.array(self.symmetry.constants, np.int32)[:, None], columns, axis=1).reshape(-1, columns)
         cells = problem.counts(np.vstack([starters, fixed]))
         counts = np.bincount(self.of_cell, weights=cells, minlength=classes).astype(np.int32)
-        steps = int(FIRST_OPERATIONS * 2 ** min(self.fails, DOUBLINGS) / problem.grid.lines.base.shape[1])
+        steps = int(FIRST_OPERATIONS * luby(self.fails + 1) / problem.grid.lines.base.shape[1])
         hot, cold = TEMPERATURES[self.fails % len(TEMPERATURES)]
         left = anneal_starters(problem.grid.lines, self.of_cell, counts, starters, (categories, steps, hot, cold), int(rng.integers(2**31)))
         return starters, left / classes
 
     def next(self, left: float) -> _Candidate:
-        """The candidate after a search: at the front after a success, else ranked by what it left."""
-        fails = self.fails + 1 if left else 0
-        return _Candidate(left * PATIENCE**fails, self.larger_first, self.number, self.symmetry, fails, self.of_cell)
+        """The candidate after a search: at the front after a success, else ranked by the least that its searches left."""
+        after = replace(self, rank=0.0, fails=0, spent=0, least=1.0)
+        if left:
+            spent, least = self.spent + luby(self.fails + 1), min(self.least, left)
+            after = replace(self, rank=least * (1 + spent) ** PATIENCE, fails=self.fails + 1, spent=spent, least=least)
+        return after
+
+
+def luby(number: int) -> int:
+    """Length of the n-th search, n >= 1: 1, 1, 2, 1, 1, 2, 4, 1, … No order of lengths, whatever suits, needs much less time
+    (Luby, Sinclair and Zuckerman 1993)."""
+    power = number.bit_length()
+    return 1 << (power - 1) if number == (1 << power) - 1 else luby(number - (1 << (power - 1)) + 1)
 
 
 def _classes(problem: Problem, symmetry: Symmetry) -> Int32s:
