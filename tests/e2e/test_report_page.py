@@ -4,23 +4,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from contextlib import chdir, contextmanager
 from pathlib import Path
-from threading import Thread
 
 import pandas as pd
 import pytest
 from playwright.sync_api import Page, expect
 
-from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.tables import read_tests
-from pipeline.config.composing import dump, load
-from pipeline.report.films_on_demand import FilmsOnDemand
-from pipeline.report.report_server import ReportServer
 from tests.analysis.fabricated import FabricatedStudy
 from tests.browser import browser_page
 
-SHOTS = Path("data/test-artefacts").absolute()
+SHOTS = Path("data/test-artefacts")
 
 
 @pytest.fixture(scope="module")
@@ -112,33 +106,3 @@ def test_a_test_shows_its_command_and_its_film(page: Page) -> None:
     page.keyboard.press("Enter")
     expect(page.locator("#explorer-command")).to_have_text(f"python -m pipeline replay {test}")
     expect(page.locator("#explorer-view video")).to_be_visible()
-
-
-def test_a_served_page_films_a_test_by_a_click(study: FabricatedStudy, rows: pd.DataFrame) -> None:
-    said: list[str] = []
-    (study.folder / "params.yaml").write_text(dump(study.config, "test"))
-    with chdir(study.folder), browser_page(1600, 1000) as page, server(study) as address:
-        page.on("console", lambda message: said.append(message.text))
-        page.goto(address)
-        page.wait_for_selector("#explorer[data-ready]")
-        filmed = {film.removeprefix("film-") for film in page.locator("video").evaluate_all("films => films.map(film => film.id)")}
-        test = next(row.test_id for row in rows.itertuples() if row.status == "ok" and row.version == "base" and row.test_id not in filmed)
-        type_filter(page, "test", test)
-        page.locator(".tabulator-row").filter(has_text=test).focus()
-        page.keyboard.press("Enter")
-        film = page.locator("#explorer-view video")
-        expect(film).to_be_visible(timeout=60_000)
-        page.wait_for_function("document.querySelector('#explorer-view video').currentTime > 0")
-        # The table is fabricated, so the test ends otherwise than its row says.
-        expect(page.locator("#explorer-view p")).to_contain_text(" instead of ")
-        page.locator("#explorer-one").screenshot(path=SHOTS / "report-served.png")
-    assert said == []
-
-
-@contextmanager
-def server(study: FabricatedStudy) -> Iterator[str]:
-    films = FilmsOnDemand(Folders(load()), Path("params.yaml"))
-    with ReportServer(0, {"/report.html": study.root / "report.html"}, films) as running:
-        Thread(target=running.serve_forever, daemon=True).start()
-        yield f"http://127.0.0.1:{running.port}/"
-        running.shutdown()

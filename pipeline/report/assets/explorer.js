@@ -112,6 +112,7 @@
     brushed.clear();
     table.clearFilter();
     table.clearHeaderFilter();
+    label();  // The fields are new ones.
     drawn = null;
     draw(rows);
   }
