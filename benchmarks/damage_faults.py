@@ -23,8 +23,11 @@ from pipeline.artefacts.dataset import Record, read_dataset, write_image, write_
 from pipeline.artefacts.filter_table import read_filter
 from pipeline.artefacts.folders import VERSION
 from pipeline.artefacts.model_card import read_card, read_curve
-from pipeline.artefacts.results import FailureRegions, Measures, WhiteBoxMeasures, read
+from pipeline.artefacts.region_results import FailureRegions
+from pipeline.artefacts.results import read
 from pipeline.artefacts.scenario_space import read_space
+from pipeline.artefacts.search_results import Measures
+from pipeline.artefacts.white_box_results import WhiteBoxMeasures
 from pipeline.config.composing import compose
 from pipeline.contract import order_of, perform
 from pipeline.core.truth import Truth

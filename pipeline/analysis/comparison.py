@@ -26,8 +26,9 @@ from pipeline.artefacts.comparison_results import (
     VersionResult,
 )
 from pipeline.artefacts.points import encode_tests
-from pipeline.artefacts.results import Estimate, Measures
+from pipeline.artefacts.results import Estimate
 from pipeline.artefacts.scenario_space import ScenarioInfo
+from pipeline.artefacts.search_results import Measures
 from pipeline.config.sections import Regions
 from pipeline.core import comparison as core
 from pipeline.core.comparison import Bools, Interval, SequenceOutcomes

@@ -15,7 +15,8 @@ from pipeline.analysis.measures import PROJECTION_K
 from pipeline.analysis.stored_rules import stored_rule
 from pipeline.artefacts.evidence import Area, Areas, Coverage, Domain, OpenRegion, Risk, ScenarioEvidence, Whole
 from pipeline.artefacts.points import encode_tests
-from pipeline.artefacts.results import Estimate, FailureRegion, FailureRegions
+from pipeline.artefacts.region_results import FailureRegion, FailureRegions
+from pipeline.artefacts.results import Estimate
 from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.config.exposure import ExposureFile
 from pipeline.config.sections import Regions

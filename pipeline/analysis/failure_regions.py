@@ -11,7 +11,7 @@ import pandas as pd
 from pipeline.analysis.measures import count_modes
 from pipeline.analysis.named_groups import named_groups
 from pipeline.artefacts.points import concrete, encode_tests
-from pipeline.artefacts.results import FailureRegion, FailureRegions, Inside, Representative, Role, RuleCondition
+from pipeline.artefacts.region_results import FailureRegion, FailureRegions, Inside, Representative, Role, RuleCondition
 from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.config.sections import Regions
 from pipeline.core.distance import mixed_distance

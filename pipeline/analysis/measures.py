@@ -9,8 +9,10 @@ from typing import TypeVar
 import numpy as np
 import pandas as pd
 
+from pipeline.artefacts.failure_counts import Causes, FalseActivations, Modes
 from pipeline.artefacts.points import encode_tests
-from pipeline.artefacts.results import CampaignMeasures, Causes, Estimate, FalseActivations, Modes, Result, StrategyMeasures
+from pipeline.artefacts.results import Estimate, Result
+from pipeline.artefacts.search_results import CampaignMeasures, StrategyMeasures
 from pipeline.core.coverage.projection import Demand, projection_coverage
 from pipeline.core.identity import CampaignId
 from pipeline.core.measures import baseline_cost, c_measure, f_measure, failure_sequence, pair_coverage

@@ -10,8 +10,9 @@ import pandas as pd
 from pipeline.analysis.held_out import HeldOut
 from pipeline.analysis.named_groups import named_groups
 from pipeline.artefacts.comparison_results import Count, PlantedGroup
+from pipeline.artefacts.model_card import Frequencies
 from pipeline.artefacts.points import encode_tests
-from pipeline.artefacts.results import FailureRegions, Frequencies
+from pipeline.artefacts.region_results import FailureRegions
 from pipeline.core.comparison import Bools
 from pipeline.core.space import Space
 

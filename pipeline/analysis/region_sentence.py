@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from pipeline.artefacts.results import Repair, RuleCondition, Seen
+from pipeline.artefacts.region_results import Repair, RuleCondition, Seen
 from pipeline.scenarios import people
 
 NOUNS = {"child": "children", "adult": "adults"}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pipeline.artefacts.results import RuleCondition
+from pipeline.artefacts.region_results import RuleCondition
 from pipeline.core.rules import Condition, Rule
 from pipeline.core.space import Space
 

@@ -10,7 +10,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from pipeline.analysis.region_sentence import sentence
-from pipeline.artefacts.results import Estimate, FailureRegion, Repair, Seen, Why
+from pipeline.artefacts.region_results import FailureRegion, Repair, Seen, Why
+from pipeline.artefacts.results import Estimate
 from pipeline.artefacts.tables import UNCHANGED
 from pipeline.core.confirmation import Counted
 from pipeline.core.sight import sight

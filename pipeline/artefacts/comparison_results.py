@@ -9,8 +9,11 @@ from typing import Annotated
 import pandas as pd
 from pydantic import BeforeValidator, PlainSerializer
 
+from pipeline.artefacts.failure_counts import Causes, FalseActivations, Modes
 from pipeline.artefacts.files import read_bytes, write_bytes
-from pipeline.artefacts.results import BaseRate, Causes, Estimate, FalseActivations, Frequencies, Modes, Result
+from pipeline.artefacts.model_card import Frequencies
+from pipeline.artefacts.results import Estimate, Result
+from pipeline.artefacts.search_results import BaseRate
 from pipeline.core.comparison import SequenceTest, Verdict
 from pipeline.core.gate import Judgement, Measure
 from pipeline.errors import InputError

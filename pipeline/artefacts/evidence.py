@@ -6,7 +6,8 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from pipeline.artefacts.results import Confirmation, Estimate, Result, RuleCondition
+from pipeline.artefacts.region_results import Confirmation, RuleCondition
+from pipeline.artefacts.results import Estimate, Result
 
 
 class Area(Result):

@@ -9,7 +9,8 @@ from pathlib import Path
 import pandas as pd
 
 from pipeline.artefacts.dataset import Split
-from pipeline.artefacts.results import FailureRegions, read
+from pipeline.artefacts.region_results import FailureRegions
+from pipeline.artefacts.results import read
 from pipeline.artefacts.tables import TESTS, campaign_of, read_tests
 from pipeline.core.space import Value
 

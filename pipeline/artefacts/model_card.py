@@ -11,9 +11,21 @@ import pandas as pd
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from pipeline.artefacts.files import read_bytes, read_json, write_bytes, write_json
-from pipeline.artefacts.results import Frequencies
+from pipeline.artefacts.results import Result
 from pipeline.core.worlds import Worlds
 from pipeline.errors import InputError
+
+
+class Frequencies(Result):
+    """How often a base set shows children and crouching people, relative to others."""
+
+    children: float
+    crouching: float
+
+    @property
+    def uniform(self) -> bool:
+        """Whether all people and poses are equally frequent; otherwise the base set is long-tailed."""
+        return self.children == self.crouching == 1
 
 
 class ModelCard(BaseModel):

@@ -131,7 +131,9 @@ def table(config: Config) -> str:
     no rate."""
     from pipeline.artefacts.calibration_results import DetectorCalibration
     from pipeline.artefacts.comparison_results import Comparison
-    from pipeline.artefacts.results import FailureRegions, Measures, read
+    from pipeline.artefacts.region_results import FailureRegions
+    from pipeline.artefacts.results import read
+    from pipeline.artefacts.search_results import Measures
     from pipeline.report.failure_tables import braking_in_search
     from pipeline.report.formats import aligned, percent
     from pipeline.report.verdict import verdict_table

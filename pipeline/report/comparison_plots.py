@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from pipeline.artefacts.comparison_results import Comparison
-from pipeline.artefacts.results import Modes
+from pipeline.artefacts.failure_counts import Modes
 from pipeline.report.style import MODE_COLOURS, MODE_NAMES, legend_below, panels, series_colours, styled
 
 

@@ -14,7 +14,9 @@ from matplotlib.figure import Figure
 from pipeline.artefacts.calibration_results import DetectorCalibration
 from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.model_card import ModelCard
-from pipeline.artefacts.results import FailureRegions, Measures, WhiteBoxMeasures
+from pipeline.artefacts.region_results import FailureRegions
+from pipeline.artefacts.search_results import Measures
+from pipeline.artefacts.white_box_results import WhiteBoxMeasures
 from pipeline.config.schema import Config
 from pipeline.core.space import Space
 from pipeline.progress import OnProgress

@@ -7,7 +7,7 @@ from html import escape
 from math import ceil
 
 from pipeline.artefacts.evidence import Area, Areas, Coverage, Domain, Evidence, OpenRegion, Risk, ScenarioEvidence
-from pipeline.artefacts.results import Fresh
+from pipeline.artefacts.region_results import Fresh
 from pipeline.report.formats import percent
 from pipeline.report.page import Drawing, Page, Passage, Section, Table
 

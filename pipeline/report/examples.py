@@ -11,7 +11,7 @@ import pandas as pd
 from pipeline.analysis.named_groups import named_groups
 from pipeline.artefacts.comparison_results import Comparison, VersionPair
 from pipeline.artefacts.points import concrete, encode_tests
-from pipeline.artefacts.results import FailureRegions
+from pipeline.artefacts.region_results import FailureRegions
 from pipeline.core.comparison import SequenceTest
 from pipeline.core.space import Space, Value
 

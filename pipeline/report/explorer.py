@@ -14,7 +14,7 @@ from typing import Any
 import pandas as pd
 from PIL import Image
 
-from pipeline.artefacts.results import FailureRegions
+from pipeline.artefacts.region_results import FailureRegions
 from pipeline.artefacts.tables import TESTS, read_frames
 from pipeline.core.space import Space, Variable
 from pipeline.report import texts

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from pipeline.artefacts.comparison_results import Comparison
-from pipeline.artefacts.results import BaseRate, Causes, FalseActivations, Measures
+from pipeline.artefacts.failure_counts import Causes, FalseActivations
+from pipeline.artefacts.search_results import BaseRate, Measures
 from pipeline.report.formats import percent
 
 CAUSES = {

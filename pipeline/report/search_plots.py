@@ -9,7 +9,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pipeline.artefacts.results import FailureRegions, Measures, StrategyMeasures
+from pipeline.artefacts.region_results import FailureRegions
+from pipeline.artefacts.search_results import Measures, StrategyMeasures
 from pipeline.core.space import Space, Variable
 from pipeline.report.style import INK, MODE_COLOURS, MODE_NAMES, UNASSIGNED, legend_below, panels, series_colours, styled, wrapped
 

@@ -9,18 +9,9 @@ import pandas as pd
 from pipeline.analysis.frame_criteria import MEANINGS
 from pipeline.artefacts.calibration_results import DetectorCalibration
 from pipeline.artefacts.model_card import ModelCard
-from pipeline.artefacts.results import (
-    BaseRate,
-    FailureRegion,
-    FailureRegions,
-    Fresh,
-    Measures,
-    Repair,
-    StrategyMeasures,
-    WhiteBoxMeasures,
-    WhiteBoxSet,
-    Why,
-)
+from pipeline.artefacts.region_results import FailureRegion, FailureRegions, Fresh, Repair, Why
+from pipeline.artefacts.search_results import BaseRate, Measures, StrategyMeasures
+from pipeline.artefacts.white_box_results import WhiteBoxMeasures, WhiteBoxSet
 from pipeline.report import texts
 from pipeline.report.failure_tables import CAUSES, MIXED, NONE, base_rate_sentence, braking_in_search, cause_cells, rate_text
 from pipeline.report.formats import censored, decimal, percent, share

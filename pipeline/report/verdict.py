@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from pipeline.artefacts.comparison_results import Comparison, Count, GroupPair, VersionPair, VersionResult
-from pipeline.artefacts.results import Frequencies
+from pipeline.artefacts.model_card import Frequencies
 from pipeline.core.lineage import Version
 from pipeline.report.failure_tables import base_rate_sentence, braking_held_out
 from pipeline.report.formats import aligned, counted

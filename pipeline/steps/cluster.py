@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from pipeline.artefacts.folders import Folders
-from pipeline.artefacts.results import FailureRegion, write
+from pipeline.artefacts.region_results import FailureRegion
+from pipeline.artefacts.results import write
 from pipeline.artefacts.scenario_space import read_space
 from pipeline.artefacts.tables import read_signals, read_tests, write_why
 from pipeline.config.schema import JUDGED, Config

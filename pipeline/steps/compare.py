@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING
 from pipeline.artefacts.comparison_results import write_changes
 from pipeline.artefacts.files import write_json
 from pipeline.artefacts.folders import Folders
-from pipeline.artefacts.model_card import read_card
-from pipeline.artefacts.results import FailureRegions, Frequencies, Measures, read, write
+from pipeline.artefacts.model_card import Frequencies, read_card
+from pipeline.artefacts.region_results import FailureRegions
+from pipeline.artefacts.results import read, write
 from pipeline.artefacts.scenario_space import read_space
+from pipeline.artefacts.search_results import Measures
 from pipeline.artefacts.stamps import remove
 from pipeline.artefacts.tables import read_tests, write_tests
 from pipeline.config.schema import Config

@@ -9,8 +9,10 @@ from pipeline.artefacts.calibration_results import DetectorCalibration
 from pipeline.artefacts.comparison_results import Comparison, read_changes
 from pipeline.artefacts.files import write_bytes
 from pipeline.artefacts.folders import Folders
-from pipeline.artefacts.results import FailureRegions, Measures, read
+from pipeline.artefacts.region_results import FailureRegions
+from pipeline.artefacts.results import read
 from pipeline.artefacts.scenario_space import read_space
+from pipeline.artefacts.search_results import Measures
 from pipeline.artefacts.tables import read_tests
 from pipeline.config.schema import JUDGED, Config
 from pipeline.contract import Files, Job, Step, Wildcards

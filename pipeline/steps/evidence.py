@@ -11,7 +11,8 @@ import pandas as pd
 
 from pipeline.artefacts.files import sha256, write_bytes
 from pipeline.artefacts.folders import Folders
-from pipeline.artefacts.results import FailureRegions, read, write
+from pipeline.artefacts.region_results import FailureRegions
+from pipeline.artefacts.results import read, write
 from pipeline.artefacts.scenario_space import read_space
 from pipeline.artefacts.tables import read_tests
 from pipeline.config.schema import Config

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from pipeline.artefacts.files import write_bytes
-from pipeline.artefacts.results import Measures, write
+from pipeline.artefacts.results import write
 from pipeline.artefacts.scenario_space import read_space
+from pipeline.artefacts.search_results import Measures
 from pipeline.artefacts.tables import campaign_of, read_tests
 from pipeline.contract import Job, Step
 

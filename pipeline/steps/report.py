@@ -9,9 +9,12 @@ from pipeline.artefacts.files import write_bytes
 from pipeline.artefacts.filter_table import read_filter
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.model_card import read_card
-from pipeline.artefacts.results import FailureRegions, Measures, WhiteBoxMeasures, read
+from pipeline.artefacts.region_results import FailureRegions
+from pipeline.artefacts.results import read
 from pipeline.artefacts.scenario_space import read_space
+from pipeline.artefacts.search_results import Measures
 from pipeline.artefacts.tables import read_tests
+from pipeline.artefacts.white_box_results import WhiteBoxMeasures
 from pipeline.config.schema import JUDGED, Config
 from pipeline.contract import Files, Job, Step, Wildcards
 

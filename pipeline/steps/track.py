@@ -6,7 +6,8 @@ from pathlib import Path
 
 from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.folders import Folders
-from pipeline.artefacts.results import Measures, read, write
+from pipeline.artefacts.results import read, write
+from pipeline.artefacts.search_results import Measures
 from pipeline.artefacts.tracking_results import TrackedRun, TrackedStudy
 from pipeline.config.schema import Config
 from pipeline.contract import Files, Job, Step, Wildcards

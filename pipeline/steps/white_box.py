@@ -8,7 +8,8 @@ import numpy as np
 
 from pipeline.artefacts.dataset import decode_jpeg, read_dataset
 from pipeline.artefacts.folders import Folders
-from pipeline.artefacts.results import WhiteBoxMeasures, WhiteBoxSet, write
+from pipeline.artefacts.results import write
+from pipeline.artefacts.white_box_results import WhiteBoxMeasures, WhiteBoxSet
 from pipeline.contract import Files, Job, Step, Wildcards
 from pipeline.errors import InputError
 

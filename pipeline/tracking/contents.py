@@ -13,7 +13,7 @@ import pandas as pd
 from pipeline.analysis.measures import count_modes
 from pipeline.artefacts.comparison_results import Comparison, VersionResult
 from pipeline.artefacts.model_card import ModelCard, read_curve
-from pipeline.artefacts.results import CampaignMeasures
+from pipeline.artefacts.search_results import CampaignMeasures
 from pipeline.artefacts.tables import campaign_of
 from pipeline.config.schema import Config
 from pipeline.core.measures import failure_sequence

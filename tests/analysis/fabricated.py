@@ -15,9 +15,10 @@ from onnx import TensorProto, helper, numpy_helper
 from pipeline.artefacts.dataset import encode_jpeg
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.model_card import CurvePoint, ModelCard, write_card, write_curve
-from pipeline.artefacts.results import WhiteBoxMeasures, WhiteBoxSet, write
+from pipeline.artefacts.results import write
 from pipeline.artefacts.scenario_space import ScenarioInfo, write_space
 from pipeline.artefacts.tables import FRAMES, TESTS, write_frames, write_signals, write_tests
+from pipeline.artefacts.white_box_results import WhiteBoxMeasures, WhiteBoxSet
 from pipeline.config.composing import compose
 from pipeline.config.schema import Config
 from pipeline.contract import Files, order_of, perform

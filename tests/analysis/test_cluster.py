@@ -10,7 +10,8 @@ import pandas as pd
 import pytest
 
 from pipeline.analysis.failure_regions import cluster
-from pipeline.artefacts.results import FailureRegions, read
+from pipeline.artefacts.region_results import FailureRegions
+from pipeline.artefacts.results import read
 from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.config.sections import Regions
 from pipeline.core import kpi

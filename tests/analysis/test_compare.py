@@ -13,8 +13,9 @@ import pytest
 from pipeline.analysis.comparison import base_regions, changed_tests, compare
 from pipeline.analysis.held_out import HeldOut
 from pipeline.artefacts.comparison_results import Comparison
+from pipeline.artefacts.failure_counts import Causes
 from pipeline.artefacts.files import read_json
-from pipeline.artefacts.results import Causes, read, write
+from pipeline.artefacts.results import read, write
 from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.artefacts.tables import read_tests, write_tests
 from pipeline.config.composing import compose

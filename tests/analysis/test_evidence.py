@@ -15,8 +15,10 @@ import pytest
 from pipeline.analysis.evidence import NO_RANDOM, ONLY_RANDOM, UNCONFIRMED, Judged, Searched, judged, scenario_evidence, whole
 from pipeline.analysis.stored_rules import stored_rule
 from pipeline.artefacts.evidence import Evidence
+from pipeline.artefacts.failure_counts import Modes
 from pipeline.artefacts.files import read_json, sha256
-from pipeline.artefacts.results import FailureRegion, FailureRegions, Inside, Modes, Representative, RuleCondition, read
+from pipeline.artefacts.region_results import FailureRegion, FailureRegions, Inside, Representative, RuleCondition
+from pipeline.artefacts.results import read
 from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.artefacts.tables import read_tests
 from pipeline.config.composing import compose

@@ -10,7 +10,8 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from pipeline.artefacts.results import FailureRegions, read
+from pipeline.artefacts.region_results import FailureRegions
+from pipeline.artefacts.results import read
 from pipeline.artefacts.tables import read_tests
 from pipeline.report.explorer import THUMBNAILS, Explorer, explorer
 from tests.analysis.fabricated import FabricatedStudy

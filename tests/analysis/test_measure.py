@@ -11,8 +11,10 @@ import pandas as pd
 import pytest
 
 from pipeline.analysis.measures import measure_campaign, summarise, theta_table
+from pipeline.artefacts.failure_counts import Causes, FalseActivations
 from pipeline.artefacts.points import encode_tests
-from pipeline.artefacts.results import CampaignMeasures, Causes, FalseActivations, Measures, StrategyMeasures, read
+from pipeline.artefacts.results import read
+from pipeline.artefacts.search_results import CampaignMeasures, Measures, StrategyMeasures
 from pipeline.core.causes import Cause
 from pipeline.core.identity import CampaignId
 from pipeline.core.space import Space, Variable

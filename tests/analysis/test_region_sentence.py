@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from pipeline.analysis.region_sentence import plain, sentence, subject
-from pipeline.artefacts.results import Repair, RuleCondition, Seen
+from pipeline.artefacts.region_results import Repair, RuleCondition, Seen
 
 SEEN = Seen(
     failures=20,

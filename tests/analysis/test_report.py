@@ -12,7 +12,9 @@ import pytest
 from matplotlib.container import ErrorbarContainer
 
 from pipeline.artefacts.comparison_results import Comparison
-from pipeline.artefacts.results import Estimate, FailureRegions, Measures, read
+from pipeline.artefacts.region_results import FailureRegions
+from pipeline.artefacts.results import Estimate, read
+from pipeline.artefacts.search_results import Measures
 from pipeline.artefacts.tables import read_tests
 from pipeline.report import sections, texts
 from pipeline.report.border import nearest

@@ -17,7 +17,10 @@ from pipeline.artefacts.comparison_results import (
     VersionPair,
     VersionResult,
 )
-from pipeline.artefacts.results import BaseRate, Causes, Estimate, FalseActivations, Frequencies, Modes
+from pipeline.artefacts.failure_counts import Causes, FalseActivations, Modes
+from pipeline.artefacts.model_card import Frequencies
+from pipeline.artefacts.results import Estimate
+from pipeline.artefacts.search_results import BaseRate
 from pipeline.core.comparison import SequenceTest, Verdict
 from pipeline.core.gate import Judgement, Measure
 from pipeline.report.page import Table

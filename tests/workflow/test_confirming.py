@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.artefacts.results import FailureRegions, read
+from pipeline.artefacts.region_results import FailureRegions
+from pipeline.artefacts.results import read
 from pipeline.artefacts.tables import read_tests
 from pipeline.core.episode import Episode
 from pipeline.core.space import Value

@@ -13,7 +13,8 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.__main__ import main
-from pipeline.artefacts.results import FailureRegion, FailureRegions, Repair, read
+from pipeline.artefacts.region_results import FailureRegion, FailureRegions, Repair
+from pipeline.artefacts.results import read
 from pipeline.artefacts.tables import UNCHANGED, read_why
 from pipeline.config.composing import load
 from pipeline.core.episode import Episode

@@ -15,7 +15,8 @@ import yaml
 
 from pipeline.__main__ import main
 from pipeline.artefacts.dataset import SPLITS, encode_jpeg, read_dataset
-from pipeline.artefacts.results import FailureRegions, read
+from pipeline.artefacts.region_results import FailureRegions
+from pipeline.artefacts.results import read
 from pipeline.artefacts.tables import read_frames, read_tests, write_frames
 from pipeline.commands.simulate import concrete_scenario
 from pipeline.commands.top_view import top_view

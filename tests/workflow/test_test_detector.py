@@ -11,7 +11,8 @@ import pytest
 from pipeline.__main__ import main
 from pipeline.artefacts.calibration_results import DetectorCalibration
 from pipeline.artefacts.comparison_results import Comparison
-from pipeline.artefacts.results import Measures, read
+from pipeline.artefacts.results import read
+from pipeline.artefacts.search_results import Measures
 from pipeline.commands import test_detector
 from pipeline.config.composing import compose
 from pipeline.contract import REFUSED
