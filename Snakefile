@@ -1,5 +1,6 @@
 # Finds, explains and fixes the blind spots of a camera detector: the study in params.yaml.
-from pipeline.workflow import checked, fail, plan
+from pipeline.workflow.guards import checked, fail
+from pipeline.workflow.plan import plan
 
 if not workflow.configfiles:
 
@@ -40,7 +41,7 @@ PLAN = plan(
 
 rule all:
     input:
-        PLAN.folders.goals,
+        PLAN.jobs.folders.goals,
 
 
 include: "pipeline/rules/targets.smk"

@@ -36,7 +36,7 @@ from pipeline.detectors.onnx import OnnxDetector
 from pipeline.errors import LONGEST_MESSAGE, InputError, one_line
 from pipeline.simulators.mujoco.lens import CameraSettings
 from pipeline.simulators.mujoco.simulator import MujocoSimulator
-from pipeline.workflow import Plan, step_names
+from pipeline.workflow.jobs import Jobs, step_names
 
 Keys = tuple[str | int, ...]
 HOSTILE: tuple[str, ...] = (
@@ -267,8 +267,8 @@ def outcome(mutation: Mutation, folder: Path) -> str:
         else:
             config = validate(mutation.content, "params.yaml")
         check_components(config)
-        plan = Plan(config, step_names())
-        sum(1 for _ in plan.jobs(plan.folders.goals))
+        jobs = Jobs(config, step_names())
+        sum(1 for _ in jobs.in_order())
     except InputError as error:
         said = one_line(error)
         if mutation.key[:40] in str(error) and len(said) <= LONGEST_MESSAGE + 1:

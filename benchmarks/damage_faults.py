@@ -35,7 +35,8 @@ from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.yolo.export import onnx_of
 from pipeline.detectors.yolo.weights import load_weights
 from pipeline.errors import InputError
-from pipeline.workflow import Plan, step_names
+from pipeline.workflow.jobs import Jobs, step_names
+from pipeline.workflow.stamping import Stamps
 
 SHIPPED = Path(__file__).resolve().parents[1] / "models" / "uniform"
 OVERRIDES = [
@@ -90,11 +91,12 @@ def tiny_study() -> Path:
     Path("models").symlink_to(SHIPPED.parent)
     for name in ("one.onnx", "other.onnx"):  # The oracle needs none.
         Path(name).write_text(name)
-    plan = Plan(compose("default", OVERRIDES), step_names())
-    for target, _ in plan.jobs(plan.folders.goals):
+    jobs = Jobs(compose("default", OVERRIDES), step_names())
+    stamps = Stamps(jobs)
+    for target, _ in jobs.in_order():
         wildcards = dict(target.wildcards)
-        perform(order_of(target.step, plan.config, wildcards, plan.stamp(target.step, wildcards)), plan.config)
-    root = Path(plan.folders.root)
+        perform(order_of(target.step, jobs.config, wildcards, stamps.stamp(target.step, wildcards)), jobs.config)
+    root = Path(jobs.folders.root)
     shutil.copytree(SHIPPED, root / "models/base", ignore=shutil.ignore_patterns("README.md"))
     onnx_of(root / "models/base", root / "models/base")
     stamp(root / "models/base/model.json.stamp", *(root / "models/base" / name for name in VERSION.values()))

@@ -18,7 +18,8 @@ from pipeline.config.project import typed
 from pipeline.config.schema import FAN_OUT
 from pipeline.contract import STAMP
 from pipeline.sources import sources
-from pipeline.workflow import STAGES, Plan, Target, flat, step_names
+from pipeline.workflow.jobs import STAGES, Jobs, Target, flat, step_names
+from pipeline.workflow.stamping import Stamps
 
 HELP = "Write dvc.yaml from the contracts of the steps."
 FILE = Path("dvc.yaml")
@@ -43,23 +44,24 @@ def run(options: argparse.Namespace) -> int:
 
 def text() -> str:
     """The text of dvc.yaml."""
-    plans = [Plan(compose("default", overrides), step_names()) for overrides in VARIANTS]
-    body: str = yaml.safe_dump({"stages": {name: _stage(name, plans) for name in STAGES}}, sort_keys=False, width=140)
+    studies = [Jobs(compose("default", overrides), step_names()) for overrides in VARIANTS]
+    body: str = yaml.safe_dump({"stages": {name: _stage(name, studies) for name in STAGES}}, sort_keys=False, width=140)
     return HEADER + body
 
 
-def _stage(name: str, plans: Iterable[Plan]) -> dict[str, Any]:
+def _stage(name: str, studies: Iterable[Jobs]) -> dict[str, Any]:
     code: set[str] = set()
     deps: set[str] = set()
     stamps: set[str] = set()
     params = set(FAN_OUT)
-    for plan in plans:
-        for target, outputs in plan.parts[name]:
-            stamps |= {root for root in (_root(plan, path) for path in outputs) if root.endswith(f".{STAMP}")}
-            keys, files = _depends(plan, target)
-            deps |= {_root(plan, path) for path in files}
+    for jobs in studies:
+        stamped = Stamps(jobs)
+        for target, outputs in jobs.parts[name]:
+            stamps |= {root for root in (_root(jobs, path) for path in outputs) if root.endswith(f".{STAMP}")}
+            keys, files = _depends(jobs, target)
+            deps |= {_root(jobs, path) for path in files}
             params |= {key.split(".")[0] if key.startswith(("scenarios.", "samplers.")) else key for key in keys}
-            modules = plan.modules(target.step, [plan.value(key) for key in keys])
+            modules = stamped.modules(target.step, [stamped.value(key) for key in keys])
             code |= {path for module in modules for path in sources(module)}
     below = [f"data/${{study}}/{root}" for root in STAGES[name]]
     shown = {root: {f"data/${{study}}/{root}": {"persist": True, **PLOTS.get(root, {})}} for root in STAGES[name]}
@@ -72,15 +74,15 @@ def _stage(name: str, plans: Iterable[Plan]) -> dict[str, Any]:
     return {key: value for key, value in stage.items() if value}
 
 
-def _depends(plan: Plan, target: Target) -> tuple[tuple[str, ...], list[str]]:
+def _depends(jobs: Jobs, target: Target) -> tuple[tuple[str, ...], list[str]]:
     """The keys and the files that a job depends on."""
-    step, wildcards = plan.contracts[target.step], dict(target.wildcards)
-    return step.depends(plan.config, wildcards), flat(step.reads(plan.folders, wildcards))
+    step, wildcards = jobs.contracts[target.step], dict(target.wildcards)
+    return step.depends(jobs.config, wildcards), flat(step.reads(jobs.folders, wildcards))
 
 
-def _root(plan: Plan, path: str) -> str:
+def _root(jobs: Jobs, path: str) -> str:
     """The path that DVC tracks for a file: the top file or folder of the study, or the folder of an external file."""
-    below = path.removeprefix(f"{plan.folders.root}/")
+    below = path.removeprefix(f"{jobs.folders.root}/")
     return str(Path(path).parent) if below == path else f"data/${{study}}/{below.split('/')[0]}"
 
 

@@ -3,10 +3,10 @@
 # `snakemake --lint` asks for a conda environment or a container for each rule. There is none on purpose: all steps use the one
 # environment of pyproject.toml and requirements.lock, and every job runs in the Python that runs Snakemake.
 wildcard_constraints:
-    **PLAN.constraints,
+    **PLAN.jobs.constraints,
 
 
-for step in PLAN.steps:
+for step in PLAN.jobs.steps:
 
     rule:
         name:
@@ -20,7 +20,7 @@ for step in PLAN.steps:
         benchmark:
             PLAN.log(step, ".tsv")
         wildcard_constraints:
-            **PLAN.contracts[step].wildcards,
+            **PLAN.jobs.contracts[step].wildcards,
         params:
             stamp=PLAN.stamps(step),
         script:

@@ -16,7 +16,8 @@ from snakemake.settings.types import StorageSettings
 from pipeline.config.components import check_components
 from pipeline.config.composing import compose, validate
 from pipeline.errors import InputError
-from pipeline.workflow import plan, step_names
+from pipeline.workflow.jobs import step_names
+from pipeline.workflow.plan import plan
 
 
 def test_mutated_configs_are_refused_by_name_or_valid() -> None:

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from pipeline import workflow
 from pipeline.artefacts.run_lock import HELD
+from pipeline.workflow.guards import alone
 from tests.studies import ROOT
 
 HOLD = "import sys; from pipeline.artefacts.run_lock import hold; hold(sys.argv[1]); print('held', flush=True); sys.stdin.read()"
@@ -52,7 +52,7 @@ def test_only_a_snakemake_that_executes_holds_the_folder(
     left = tmp_path / ".snakemake/locks/0.input.lock"
     left.parent.mkdir(parents=True)
     left.touch()
-    workflow.alone(snakemake(**waits_not))
+    alone(snakemake(**waits_not))
     assert left.exists() and not (tmp_path / ".cache").exists()
-    workflow.alone(snakemake())
+    alone(snakemake())
     assert not left.exists() and (tmp_path / ".cache/run.lock").read_text() == f"snakemake (process {os.getpid()})\n"

@@ -27,7 +27,8 @@ from pipeline.contract import order_of, perform, step_of
 from pipeline.detectors import onnx
 from pipeline.detectors.yolo import weights
 from pipeline.detectors.yolo.export import onnx_of
-from pipeline.workflow import Plan, flat, step_names
+from pipeline.workflow.jobs import Jobs, flat, step_names
+from pipeline.workflow.stamping import Stamps
 from tests.studies import ROOT
 
 # At 10 s every test fails: a region has replays, which read the simulator and the detector.
@@ -142,31 +143,32 @@ def noting(watch: Watch, opens: Callable[..., Any]) -> Callable[..., Any]:
 @pytest.mark.parametrize("study", SMALL)
 def test_every_step_reads_and_writes_what_it_declares(study: str, tmp_path: Path, watch: Watch) -> None:
     overrides = ["base.weights=models/uniform", *SMALL[study]]
-    plan = Plan(compose("default" if study == "detectors" else study, overrides), step_names())
-    for file in plan.config.tested.values():
+    jobs = Jobs(compose("default" if study == "detectors" else study, overrides), step_names())
+    stamps = Stamps(jobs)
+    for file in jobs.config.tested.values():
         onnx_of(ROOT / "models" / "uniform", tmp_path).rename(tmp_path / file)
     (tmp_path / "models").symlink_to(ROOT / "models")
     read: dict[tuple[str, str], bool] = {}
     performed = set()
     with chdir(tmp_path):
-        for target, outputs in plan.jobs(plan.folders.goals):
+        for target, outputs in jobs.in_order():
             wildcards = dict(target.wildcards)
-            order = order_of(target.step, plan.config, wildcards, plan.stamp(target.step, wildcards), 2)
+            order = order_of(target.step, jobs.config, wildcards, stamps.stamp(target.step, wildcards), 2)
             with watch.watching():
-                perform(order, plan.config)
+                perform(order, jobs.config)
             inputs = relative(flat(order.reads))
-            allowed = [*outputs, *ALSO.get(target.step, ()), f"data/{plan.config.study}/journal/"]
+            allowed = [*outputs, *ALSO.get(target.step, ()), f"data/{jobs.config.study}/journal/"]
             assert not [path for path in watch.read if not covers([*inputs, *allowed], path)], f"{target} reads undeclared files"
             assert not [path for path in watch.written if not covers(allowed, finished(path))], f"{target} writes undeclared files"
             needed = relative(flat({name: files for name, files in order.reads.items() if (target.step, name) not in SOMETIMES}))
             unused = [path for path in needed if not any(covers([path], read) for read in watch.read)]
             assert not unused, f"{target} declares files that it does not read"
             assert all(Path(path).exists() for path in outputs), f"{target} declares files that it does not write"
-            for key in plan.contracts[target.step].depends(plan.config, wildcards):
+            for key in jobs.contracts[target.step].depends(jobs.config, wildcards):
                 read[target.step, key] = read.get((target.step, key), False) or read_of(key) in watch.keys
             performed.add(target.step)
     # What the jobs that share a step's work read, that step declares for its stamp.
-    unread = {(name, key) for (name, key), seen in read.items() if not seen and not read.get((str(plan.contracts[name].parts), key))}
+    unread = {(name, key) for (name, key), seen in read.items() if not seen and not read.get((str(jobs.contracts[name].parts), key))}
     assert unread == UNREAD[study], "steps declare these keys and do not read them"
     assert performed == STEPS[study]
 

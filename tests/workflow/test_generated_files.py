@@ -8,7 +8,7 @@ import yaml
 
 from pipeline.commands import reference, stages
 from pipeline.config.composing import PARAMS, compose, load
-from pipeline.workflow import Plan, step_names
+from pipeline.workflow.jobs import Jobs, step_names
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -31,6 +31,6 @@ def test_dvc_yaml_matches_the_contracts() -> None:
 def test_dvc_records_every_file_of_a_study_with_its_stamp() -> None:
     stages_ = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"].values()
     recorded = {path for stage in stages_ for kind in ("outs", "metrics", "plots") for out in stage.get(kind, ()) for path in out}
-    plan = Plan(compose("default", ["retraining.rounds=2"]), step_names())
-    made = {path.split("/")[2] for _, outputs in plan.jobs(plan.folders.goals) for path in outputs}
+    jobs = Jobs(compose("default", ["retraining.rounds=2"]), step_names())
+    made = {path.split("/")[2] for _, outputs in jobs.in_order() for path in outputs}
     assert {path.removeprefix("data/${study}/") for path in recorded} == made

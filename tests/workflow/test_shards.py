@@ -11,7 +11,8 @@ from pipeline.config.composing import compose
 from pipeline.core.samplers.forest import ForestSampler
 from pipeline.core.shards import Shard
 from pipeline.testing import check_sampler
-from pipeline.workflow import Plan, Target, step_names
+from pipeline.workflow.jobs import Jobs, Target, step_names
+from pipeline.workflow.stamping import Stamps
 from tests.spaces import SMALL
 from tests.studies import StudyFolder
 from tests.workflow.test_campaign import analytic_study, folder, key
@@ -48,22 +49,23 @@ def test_a_missing_shard_is_an_error_that_names_its_file(tmp_path: Path, capsys:
 
 
 def test_the_number_of_shards_makes_only_tracking_out_of_date() -> None:
-    one, many = (stamps(Plan(compose("smoke", [f"campaign.shards={shards}"]), step_names())) for shards in (1, 16))
+    one, many = (stamps(Jobs(compose("smoke", [f"campaign.shards={shards}"]), step_names())) for shards in (1, 16))
     # Tracking records the whole config.
     assert {job.step for job in one if one[job] != many[job]} == {"track"}
     assert {job.step for job in many if job not in one} == {"shard"}
 
 
-def stamps(plan: Plan) -> dict[Target, str]:
-    return {job: plan.stamp(job.step, dict(job.wildcards)) for job, _ in plan.jobs(plan.folders.goals)}
+def stamps(jobs: Jobs) -> dict[Target, str]:
+    today = Stamps(jobs)
+    return {job: today.stamp(job.step, dict(job.wildcards)) for job, _ in jobs.in_order()}
 
 
 def test_strategies_that_learn_have_no_shards_and_no_shard_is_empty() -> None:
-    plan = Plan(compose("smoke", ["campaign.shards=16"]), step_names())
-    shared = [job for job, _ in plan.jobs(plan.folders.goals) if job.step == "shard"]
+    jobs = Jobs(compose("smoke", ["campaign.shards=16"]), step_names())
+    shared = [job for job, _ in jobs.in_order() if job.step == "shard"]
     assert {dict(job.wildcards)["strategy"] for job in shared} == {"random", "pairwise"}
     # 12 tests of each search and 8 of each held-out sequence.
-    assert _count(shared, kind="campaigns") == 2 * 12 and _count(shared, kind="held_out") == 8 * len(plan.config.versions)
+    assert _count(shared, kind="campaigns") == 2 * 12 and _count(shared, kind="held_out") == 8 * len(jobs.config.versions)
 
 
 def _count(jobs: list[Target], kind: str) -> int:

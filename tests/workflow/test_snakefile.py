@@ -18,7 +18,10 @@ from pipeline.config.composing import CONF, compose, dump
 from pipeline.config.schema import Config
 from pipeline.errors import InputError
 from pipeline.report.catalogue import CATEGORIES, COMPARISON, DETECTOR, PAGES, SEARCH, entry
-from pipeline.workflow import Plan, Target, flat, step_names
+from pipeline.workflow.jobs import Jobs, Target, flat, step_names
+from pipeline.workflow.plan import Plan
+from pipeline.workflow.staleness import Staleness
+from pipeline.workflow.stamping import Stamps
 
 ROOT = Path(__file__).resolve().parents[2]
 STUDIES = sorted(path.stem for path in (CONF / "study").glob("*.yaml"))
@@ -47,8 +50,13 @@ def planned(folder: Path, *words: str) -> dict[str, int]:
     return {} if table is None else {name: int(count) for name, count in (line.split() for line in table[1].splitlines())}
 
 
-def plan(*overrides: str, study: str = "default") -> Plan:
-    return Plan(compose(study, list(overrides)), step_names())
+def jobs_of(study: str, *overrides: str) -> Jobs:
+    return Jobs(compose(study, list(overrides)), step_names())
+
+
+def today(*overrides: str) -> Stamps:
+    """The stamps of the default study."""
+    return Stamps(jobs_of("default", *overrides))
 
 
 @pytest.mark.parametrize("study", STUDIES)
@@ -135,13 +143,14 @@ def test_stamps_decide_what_runs_again(tmp_path: Path) -> None:
     assert planned(folder, "spaces") == {"spaces": 1, "define_space": 1}
 
 
-def made(folder: Path, config: Config) -> Plan:
-    """The plan of a study of which every file is there, with the stamps of its config."""
-    study = Plan(config, step_names())
-    for target, outputs in study.jobs(study.folders.goals):
+def made(folder: Path, config: Config) -> Jobs:
+    """The jobs of a study of which every file is there, with the stamps of its config."""
+    study = Jobs(config, step_names())
+    stamps = Stamps(study)
+    for target, outputs in study.in_order():
         for path in (folder / output for output in outputs if not output.endswith("/")):
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(Stamp(study.stamp(target.step, dict(target.wildcards))).text() if path.suffix == ".stamp" else "content")
+            path.write_text(Stamp(stamps.stamp(target.step, dict(target.wildcards))).text() if path.suffix == ".stamp" else "content")
         for path in (folder / output for output in outputs if output.endswith("/")):
             path.mkdir(parents=True, exist_ok=True)
     return study
@@ -199,7 +208,7 @@ def test_the_reason_of_a_later_job_is_the_key_that_changed_first(tmp_path: Path,
     for path in ("models",):
         (tmp_path / path).symlink_to(ROOT / path)
     made(tmp_path, compose("smoke", []))
-    changed = Plan(compose("smoke", ["campaign.tests=13", "retraining.iterations=9"]), step_names())
+    changed = Staleness(Stamps(jobs_of("smoke", "campaign.tests=13", "retraining.iterations=9")))
     assert changed.reasons(Target("measure", ())) == ("campaign.tests",)
     assert set(changed.reasons(Target("report", ()))) == {"campaign.tests", "retraining.iterations"}
 
@@ -208,7 +217,7 @@ def test_every_page_and_plot_has_a_category_and_a_caption() -> None:
     """Of every study; and no caption is left over."""
     used = set()
     for study in STUDIES:
-        found = plan(study=study)
+        found = jobs_of(study)
         paths = [path for step in found.contracts.values() for path in flat(step.outputs(found.folders))]
         used |= {entry(path) for path in paths if path.endswith((".html", ".png"))}
     for listed in used:
@@ -263,7 +272,7 @@ def test_sources_follow_the_imports() -> None:
 
 def test_what_a_changed_key_makes_stale() -> None:
     def stamps(*overrides: str) -> dict[str, str]:
-        made = plan(*overrides)
+        made = today(*overrides)
         held_out = {**CAMPAIGN, "kind": "held_out", "scenario": "F1star", "strategy": "pairwise"}
         jobs = {"search": ("campaign", CAMPAIGN), "held_out": ("campaign", held_out), "version": ("retrain", {"version": "adaptive"})}
         return {name: made.stamp(*job) for name, job in jobs.items()}
@@ -280,32 +289,32 @@ def test_what_a_changed_key_makes_stale() -> None:
 
 
 def test_a_newly_held_out_town_is_checked_again() -> None:
-    first, other = plan(), plan("held_out=[F1star,F2star]")
+    first, other = today(), today("held_out=[F1star,F2star]")
     for step, wildcards in (("render_base", {}), ("train", {}), ("retrain", {"version": "control"})):
         assert first.stamp(step, wildcards) != other.stamp(step, wildcards), step
 
 
 def test_another_tracking_server_is_sent_everything(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = plan().stamp("track", {})
+    before = today().stamp("track", {})
     monkeypatch.setenv("MLFLOW_TRACKING_URI", "http://127.0.0.1:5001")
-    assert plan().stamp("track", {}) != before
+    assert today().stamp("track", {}) != before
 
 
 def test_a_step_depends_on_the_stamps_of_its_inputs() -> None:
-    first, other = plan(), plan("base_set.seed=5")
+    first, other = today(), today("base_set.seed=5")
     assert first.stamp("train", {}) != other.stamp("train", {})
     assert first.stamp("measure", {}) != other.stamp("measure", {})
     assert first.stamp("define_space", {"scenario": "F1"}) == other.stamp("define_space", {"scenario": "F1"})
 
 
 def test_only_a_whole_run_prints_its_verdict(monkeypatch: pytest.MonkeyPatch) -> None:
-    study = plan()
+    study = Plan(jobs_of("default"))
     told: list[list[str]] = []
     monkeypatch.setattr(subprocess, "run", lambda command, **_: told.append(command))
-    for part in ({"targets": {"search"}}, {"targets": {study.folders.goals[0]}}, {"until": {"compare"}}, {"omit_from": {"report"}}):
+    for part in ({"targets": {"search"}}, {"targets": {study.jobs.folders.goals[0]}}, {"until": {"compare"}}, {"omit_from": {"report"}}):
         study.finish(DAGSettings(**{name: frozenset(values) for name, values in part.items()}))
     assert not told
-    for whole in ((), ("all",), study.folders.goals, ("track",)):
+    for whole in ((), ("all",), study.jobs.folders.goals, ("track",)):
         study.finish(DAGSettings(targets=list(whole)))  # As Snakemake's command line passes them.
     assert [command[3] for command in told] == ["verdict"] * 4
     monkeypatch.setenv("BLINDSPOT_VERDICT_FOLLOWS", "1")
@@ -315,7 +324,7 @@ def test_only_a_whole_run_prints_its_verdict(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_a_search_without_kept_frames_is_refused_at_the_start() -> None:
     with pytest.raises(InputError, match=r"^campaign\.keep_every must be at least 1, or no frame is left to train on, got 0$"):
-        plan("campaign.keep_every=0")
+        jobs_of("default", "campaign.keep_every=0")
 
 
 def test_a_changed_line_makes_exactly_its_steps_stale_and_a_comment_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -342,13 +351,13 @@ def test_a_changed_line_makes_exactly_its_steps_stale_and_a_comment_none(tmp_pat
 
 def test_a_round_learns_from_all_campaigns_before_it(tmp_path: Path) -> None:
     config = compose("smoke", ["retraining.rounds=2", "retraining.seeds=[0,4]"])
-    folders = Plan(config, step_names()).folders
+    folders = Jobs(config, step_names()).folders
     filters = {source: folders.added_filters("adaptive-r2-s4", source) for source in ("adaptive", "random")}
     assert filters["adaptive"] == ["data/smoke/filter/mixed/base.csv", "data/smoke/retrained/filter/mixed/adaptive-s4.csv"]
     assert filters["random"] == ["data/smoke/filter/random/base.csv", "data/smoke/retrained/filter/random/random-s4.csv"]
     frames = folders.added("adaptive-r2-s4", "adaptive", "frames.parquet")
     assert "data/smoke/retrained/campaigns/F2/mixed/adaptive-s4/0/frames.parquet" in frames
-    own = Plan(compose("smoke", ["retraining.rounds=2", "seeds=[0,4]", "retraining.seeds=[0,4]", "retraining.searches=own"]), step_names())
+    own = jobs_of("smoke", "retraining.rounds=2", "seeds=[0,4]", "retraining.seeds=[0,4]", "retraining.searches=own")
     root, alone = "data/smoke/retrained/campaigns", own.folders.added("adaptive-r2-s4", "adaptive", "frames.parquet")
     assert {path.split("/")[-2] for path in alone} == {"4"} and f"{root}/F2/mixed/adaptive-s4/4/frames.parquet" in alone
     assert [path.split("/")[-3:-1] for path in own.folders.later_search("tests.parquet")[:2]] == [["random", "0"], ["random", "0"]]
@@ -361,7 +370,7 @@ def test_a_round_learns_from_all_campaigns_before_it(tmp_path: Path) -> None:
 
 
 def test_a_campaign_waits_for_the_campaigns_that_it_learns_from() -> None:
-    folders = plan("search=[F1,F2,F5]", "campaign.transfer=[mixed]", study="retraining").folders
+    folders = jobs_of("retraining", "search=[F1,F2,F5]", "campaign.transfer=[mixed]").folders
     key = {"kind": "campaigns", "scenario": "F5", "strategy": "mixed", "version": "base", "seed": "0"}
     assert folders.earlier(**key) == [f"data/retraining/campaigns/{name}/mixed/base/0/tests.parquet" for name in ("F1", "F2")]
     later = folders.earlier(**key | {"kind": "retrained/campaigns", "scenario": "F2", "version": "adaptive"})
@@ -370,6 +379,6 @@ def test_a_campaign_waits_for_the_campaigns_that_it_learns_from() -> None:
 
 
 def test_every_version_executes_the_sequences_of_one_seed() -> None:
-    paths = [Path(path) for path in plan("comparison.seed=3", study="retraining").folders.held_out("tests.parquet")]
+    paths = [Path(path) for path in jobs_of("retraining", "comparison.seed=3").folders.held_out("tests.parquet")]
     seeds = {(path.parts[-5], path.parts[-2]) for path in paths}
     assert len(paths) == 6 * 9 and seeds == {(f"F{i}star", "3") for i in range(1, 7)}

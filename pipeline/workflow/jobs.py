@@ -1,0 +1,147 @@
+"""The jobs of a study: the files of each, and the order in which they need each other."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pkgutil import iter_modules
+
+from snakemake.io import regex_from_filepattern
+
+from pipeline import steps
+from pipeline.artefacts.folders import Folders
+from pipeline.config.schema import Config
+from pipeline.contract import Files, Step, Wildcards, step_of
+from pipeline.core.lineage import BASE
+from pipeline.errors import InputError
+
+STAGES = {
+    "spaces": ("space",),
+    "base_set": ("base_set",),
+    "base": ("models",),
+    "search": ("campaigns",),
+    "analysis": ("measures.json", "theta.csv", "white_box.json", "regions", "filter"),
+    "versions": ("retrained",),
+    "held_out": ("held_out",),
+    "compare": ("comparison.json", "comparison.parquet", "changes.csv", "metrics"),
+    "report": ("report.html", "plots", "evidence"),
+    "track": ("tracking.json",),
+}
+"""Parts of a study: the files and folders of each, relative to the study's folder. They are targets of Snakemake and stages of DVC."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """A job: a step and its wildcards."""
+
+    step: str
+    wildcards: tuple[tuple[str, str], ...]
+
+    @classmethod
+    def of(cls, step: str, wildcards: Wildcards) -> Target:
+        return cls(step, tuple(sorted(wildcards.items())))
+
+
+@dataclass(frozen=True)
+class Jobs:
+    """The jobs of a study of a config. steps: the names of all steps, in the order of the data flow."""
+
+    config: Config
+    steps: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        if self.config.goal == "report" and not self.config.campaign.keep_every:
+            raise InputError("campaign.keep_every must be at least 1, or no frame is left to train on, got 0")
+
+    @cached_property
+    def folders(self) -> Folders:
+        return Folders(self.config)
+
+    @cached_property
+    def contracts(self) -> dict[str, Step]:
+        return {name: step_of(name) for name in self.steps}
+
+    @property
+    def constraints(self) -> dict[str, str]:
+        """The possible values of wildcards in every rule."""
+        config = self.config
+        return {
+            "scenario": "|".join(config.scenarios),
+            "strategy": "|".join(config.samplers),
+            "version": "|".join(dict.fromkeys([BASE, *map(str, config.versions)])),
+            "seed": r"\d+",
+        }
+
+    def maker(self, path: str) -> Target | None:
+        """The job that makes a file; None if no step does."""
+        for name, pattern in self._patterns:
+            if found := pattern.fullmatch(path):
+                return Target.of(name, found.groupdict())
+        return None
+
+    @cached_property
+    def _patterns(self) -> list[tuple[str, re.Pattern[str]]]:
+        found = []
+        for name, step in self.contracts.items():
+            limits = {**self.constraints, **step.wildcards}
+            for path in flat(step.outputs(self.folders)):
+                found.append((name, re.compile(_expression(path, limits))))
+        return found
+
+    def inputs(self, target: Target) -> list[str]:
+        """The paths that a job reads."""
+        return flat(self.contracts[target.step].reads(self.folders, dict(target.wildcards)))
+
+    def outputs(self, target: Target) -> list[str]:
+        """The paths that a job writes; the last is its stamp."""
+        return [path.format(**dict(target.wildcards)) for path in flat(self.contracts[target.step].outputs(self.folders))]
+
+    def in_order(self) -> Iterator[tuple[Target, list[str]]]:
+        """Every job of the study with its outputs, after the jobs that it depends on."""
+        seen: set[Target] = set()
+
+        def visit(path: str) -> Iterator[tuple[Target, list[str]]]:
+            target = self.maker(path)
+            if target is None or target in seen:
+                return
+            seen.add(target)
+            for read in self.inputs(target):
+                yield from visit(read)
+            yield target, self.outputs(target)
+
+        for goal in self.folders.goals:
+            yield from visit(goal)
+
+    @cached_property
+    def parts(self) -> dict[str, list[tuple[Target, list[str]]]]:
+        """The jobs of each of `STAGES`, each with its outputs."""
+        where = {root: stage for stage, roots in STAGES.items() for root in roots}
+        found: dict[str, list[tuple[Target, list[str]]]] = {stage: [] for stage in STAGES}
+        for job, outputs in self.in_order():
+            root = outputs[0].removeprefix(f"{self.folders.root}/").split("/")[0]
+            if root in where:
+                found[where[root]].append((job, outputs))
+        return found
+
+    @property
+    def targets(self) -> dict[str, list[str]]:
+        """The files of the parts that are not named after a step."""
+        return {name: [path for _, outputs in jobs for path in outputs] for name, jobs in self.parts.items() if name not in self.steps}
+
+
+def step_names() -> tuple[str, ...]:
+    """The names of all steps."""
+    return tuple(sorted(module.name for module in iter_modules(steps.__path__)))
+
+
+def flat(files: Mapping[str, Files]) -> list[str]:
+    """All paths of named files."""
+    return [path for paths in files.values() for path in ([paths] if isinstance(paths, str) else paths)]
+
+
+def _expression(pattern: str, limits: Mapping[str, str]) -> str:
+    """The regular expression of a path with wildcards in braces."""
+    limited = re.sub(r"\{(\w+)\}", lambda found: f"{{{found[1]},{limits.get(found[1], '[^/]+')}}}", pattern)
+    return str(regex_from_filepattern(limited))

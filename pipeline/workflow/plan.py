@@ -1,0 +1,107 @@
+"""The plan of a study as Snakemake needs it: the files, log and stamp of each rule, and the end of a run."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+from typing import TYPE_CHECKING, Any
+
+from snakemake.io import ancient, directory, report, temp
+from snakemake.settings.types import DAGSettings
+
+from pipeline.config.components import check_components
+from pipeline.config.composing import of_snakemake
+from pipeline.contract import VERDICT_FOLLOWS
+from pipeline.errors import InputError
+from pipeline.report.catalogue import entry
+from pipeline.workflow.guards import alone, check_source, end
+from pipeline.workflow.jobs import Jobs, Target
+from pipeline.workflow.staleness import Staleness
+from pipeline.workflow.stamping import Stamps
+
+if TYPE_CHECKING:
+    from snakemake.workflow import Workflow
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What Snakemake's rules are made from.
+
+    stored: whether the files are in one of Snakemake's storages. begin: called before any file is looked at.
+    """
+
+    jobs: Jobs
+    stored: bool = False
+    begin: Callable[[], None] = lambda: None
+
+    @cached_property
+    def staleness(self) -> Staleness:
+        return Staleness(Stamps(self.jobs))
+
+    def reads(self, name: str) -> Callable[[Any], dict[str, Any]]:
+        """The input function of a step's rule.
+
+        Stamps decide what is out of date. The inputs' times do not count for a job that is up to date; any other job reads a file that
+        is always newer. In a storage, Snakemake's own records decide.
+        """
+
+        def read(wildcards: Mapping[str, str]) -> dict[str, Any]:
+            self.begin()
+            target = Target.of(name, wildcards)
+            files = dict(self.jobs.contracts[name].reads(self.jobs.folders, dict(target.wildcards)))
+            if self.stored:
+                return files
+            if self.staleness.out_of_date(target):
+                # Only through inputs that are not ancient does Snakemake see that a job follows one that runs again.
+                return {**files, **self.staleness.marks(target)}
+            return {key: ancient(paths) if isinstance(paths, str) else list(map(ancient, paths)) for key, paths in files.items()}
+
+        return read
+
+    def writes(self, name: str) -> dict[str, Any]:
+        """The outputs of a step's rule; pages and plots go into Snakemake's own report, files of parts are deleted after use."""
+        outputs = self.jobs.contracts[name].outputs(self.jobs.folders)
+        flag = temp if name in {step.parts for step in self.jobs.contracts.values()} else _flagged
+        return {key: flag(paths) if isinstance(paths, str) else list(map(flag, paths)) for key, paths in outputs.items()}
+
+    def log(self, name: str, suffix: str) -> str:
+        """The path of a job's log or benchmark."""
+        wildcards = self.jobs.contracts[name].names(self.jobs.folders)
+        return "/".join(["logs", self.jobs.config.study, name, *(f"{{{w}}}" for w in wildcards)]) + suffix
+
+    def stamps(self, name: str) -> Callable[[Any], str]:
+        """The stamp of a rule's job, by its wildcards."""
+        return lambda wildcards: self.staleness.today.stamp(name, dict(wildcards.items()))
+
+    def finish(self, asked: DAGSettings) -> None:
+        """Print the verdict after a run of the whole study, or of its last step; in a storage, its files are not at hand."""
+        targets = set(asked.targets)
+        part = self.stored or (targets and not targets & {"all", "track"} and not targets >= set(self.jobs.folders.goals))
+        if part or asked.until or asked.omit_from or asked.allowed_rules or asked.batch or VERDICT_FOLLOWS in os.environ:
+            return
+        subprocess.run([sys.executable, "-m", "pipeline", "verdict"], check=False)
+
+
+def plan(config: Mapping[str, Any], workflow: Workflow, steps: Sequence[str]) -> Plan:
+    """The plan of Snakemake's config: params.yaml with the changes from the command line."""
+    stored = workflow.storage_settings.default_storage_provider is not None
+    try:
+        checked = of_snakemake(config)
+        check_source(checked, workflow)
+        check_components(checked)
+        return Plan(Jobs(checked, tuple(steps)), stored, cache(lambda: alone(workflow)))
+    except InputError as error:
+        end(error)
+
+
+def _flagged(path: str) -> Any:
+    if path.endswith("/"):
+        return directory(path)
+    if not path.endswith((".html", ".png")):
+        return path
+    listed = entry(path)
+    return report(path, caption=listed.caption, category=listed.category, labels=dict(listed.labels))

@@ -1,0 +1,68 @@
+"""Which jobs are out of date, and why."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from pipeline.artefacts import stamps
+from pipeline.artefacts.stamp_parts import differences
+from pipeline.workflow.jobs import Jobs, Target
+from pipeline.workflow.stamping import Stamps
+
+REASONS = Path(".snakemake/reasons")
+"""Inputs of jobs that are out of date, named after what changed: always newer than the outputs."""
+SHOWN = 3
+"""Largest number of such inputs of a job."""
+
+
+@dataclass(frozen=True)
+class Staleness:
+    """Compares the stamps on the disk with today's."""
+
+    today: Stamps
+    _old: dict[Target, bool] = field(default_factory=dict)
+
+    @property
+    def jobs(self) -> Jobs:
+        return self.today.jobs
+
+    def out_of_date(self, target: Target) -> bool:
+        """Whether a job has to run: its stamp is not today's, or a job before it runs again."""
+        if target not in self._old:
+            makers = dict.fromkeys(map(self.jobs.maker, self.jobs.inputs(target)))
+            again = (self._made(job) and self.out_of_date(job) for job in makers if job is not None)
+            self._old[target] = not self._has_its_stamp(target) or any(again)
+        return self._old[target]
+
+    def _has_its_stamp(self, target: Target) -> bool:
+        found = stamps.read(Path(self.jobs.outputs(target)[-1]))
+        return found is not None and found.depends == self.today.stamp(target.step, dict(target.wildcards))
+
+    def _made(self, target: Target) -> bool:
+        return any(Path(path).exists() for path in self.jobs.outputs(target))
+
+    def reasons(self, target: Target) -> Sequence[str]:
+        """Why a job is out of date: the keys, variables and files that changed since its files were made."""
+        found = stamps.read(Path(self.jobs.outputs(target)[-1]))
+        now = self.today.stamp(target.step, dict(target.wildcards))
+        if found is None:
+            return ("no_stamp",)
+        if found.depends == now:
+            return ("an_input_is_made_again",)
+        return differences(found.depends, now) or ("other_settings_or_code",)
+
+    def marks(self, target: Target) -> dict[str, list[str]]:
+        """The inputs that make Snakemake run a job again, and show why; none where the job has made nothing yet."""
+        if not self._made(target):
+            return {}
+        names = self.reasons(target)
+        more = [f"and_{len(names) - SHOWN}_more"] if len(names) > SHOWN else []
+        named = [REASONS / re.sub(r"[^\w./-]", "_", name) for name in (*names[:SHOWN], *more)]
+        for mark in named:
+            mark.parent.mkdir(parents=True, exist_ok=True)
+            mark.write_text(str(time.time_ns()))  # A newer file with the same content would not count.
+        return {"changed": list(map(str, named))}
