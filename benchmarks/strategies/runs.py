@@ -29,7 +29,7 @@ from pipeline.sources import code_digest
 
 CODE = ("analytic", "campaigns", "ceiling", "emulators", "recorded", "scores", "worlds")
 """Files of this folder, and modules of the package, that decide what a run gives, whatever its strategy."""
-MODULES = ("pipeline.core.measures", "pipeline.core.regions", "pipeline.core.samplers.features", "pipeline.core.samplers.mutations")
+MODULES = ("pipeline.core.density", "pipeline.core.measures", "pipeline.core.samplers.features", "pipeline.core.samplers.mutations")
 
 DIGITS = 6
 """Decimals of a measure: unpublished and published runs give the same tables."""

@@ -8,8 +8,11 @@ import numpy as np
 from sklearn.cluster import DBSCAN
 
 from pipeline.core.distance import mixed_distance
-from pipeline.core.regions import PROBES, Ints, largest_first
+from pipeline.core.regions import Ints, largest_first
 from pipeline.core.space import Floats, Space
+
+PROBES = 1200
+"""Number of random points from which the distances in a space are estimated."""
 
 
 def described_distance(space: Space, a: Floats, b: Floats) -> Floats:
