@@ -1,4 +1,4 @@
-"""One sentence about a failure region: who fails under which conditions, what the camera saw, and which change repairs how much."""
+"""A few short sentences about a failure region: who fails under which conditions, what the camera saw, which change repairs how much."""
 
 from __future__ import annotations
 
@@ -10,13 +10,12 @@ from pipeline.scenarios import people
 
 NOUNS = {"child": "children", "adult": "adults"}
 NAMED = 2
-"""Repairs that the sentence names."""
+"""Single changes that the text names."""
 
 
 def sentence(conditions: Sequence[RuleCondition], seen: Seen, repairs: Sequence[Repair], control: Repair | None) -> str:
-    """The sentence. repairs: those that repair most first."""
-    parts = [f"{subject(conditions)} {_seen(seen)}", *([_repairs(repairs, control)] if repairs else [])]
-    return f"{'; '.join(parts)}."
+    """The sentences as one text. repairs: those that repair most first."""
+    return " ".join([f"{subject(conditions)} {_seen(seen)}", *([_repairs(repairs, control)] if repairs else [])])
 
 
 def subject(conditions: Sequence[RuleCondition]) -> str:
@@ -45,18 +44,14 @@ def plain(condition: str) -> str:
 
 def _seen(seen: Seen) -> str:
     if not seen.in_sight:
-        return f"are never in sight ({seen.failures} failures)"
+        return f"are never in sight ({seen.failures} failures)."
     if seen.delay_s is None or seen.first_detection_m is None:
-        return (
-            f"come into sight {_metres(seen.first_sight_m)} before the conflict point and are never detected ({_failures(seen.failures)})"
-        )
+        sight = f"come into sight {_metres(seen.first_sight_m)} before the conflict point and are never detected"
+        return f"{sight} (median of {seen.failures} failures)."
     delay = f"{seen.delay_s:.1f} s after they come into sight" if seen.delay_s >= 0.05 else "as soon as they come into sight"
-    never = f"; {seen.failures - seen.detected} never detected" if seen.detected < seen.failures else ""
-    return f"are first detected {delay}, {_metres(seen.first_detection_m)} before the conflict point ({_failures(seen.failures)}{never})"
-
-
-def _failures(count: int) -> str:
-    return f"median of {count} failures"
+    never = f"; {missed} {'is' if missed == 1 else 'are'} never detected" if (missed := seen.failures - seen.detected) else ""
+    medians = f"Medians of {seen.failures} failures{never}."
+    return f"are first detected {delay}, {_metres(seen.first_detection_m)} before the conflict point. {medians}"
 
 
 def _metres(distance: float | None) -> str:
@@ -65,11 +60,10 @@ def _metres(distance: float | None) -> str:
 
 def _repairs(repairs: Sequence[Repair], control: Repair | None) -> str:
     found = _named(repairs)
-    noise = f", {_share(control, '')}" if control else ""
-    if not found:
-        return f"no single change repairs any of {max(repair.tests for repair in repairs)}{noise}"
-    first, *rest = found
-    return ", ".join([_share(first, " repairs"), *(_share(repair, "") for repair in rest)]) + noise
+    shares = ", ".join(f"{repair.change} {repair.repaired} of {repair.tests}" for repair in [*found, *([control] if control else [])])
+    if found:
+        return f"Repairs: {shares}."
+    return f"No single change repairs any of {max(repair.tests for repair in repairs)}{', ' if control else ''}{shares}."
 
 
 def _named(repairs: Sequence[Repair]) -> list[Repair]:
@@ -77,10 +71,6 @@ def _named(repairs: Sequence[Repair]) -> list[Repair]:
     single = [repair for repair in repairs if len(repair.values) < 2 and repair.repaired][:NAMED]
     most = max((repair.repaired for repair in single), default=0)
     return [*single, *(repair for repair in repairs if len(repair.values) > 1 and repair.repaired > most)]
-
-
-def _share(repair: Repair, verb: str) -> str:
-    return f"{repair.change}{verb} {repair.repaired} of {repair.tests}"
 
 
 def _listed(parts: Sequence[str], last: str) -> str:

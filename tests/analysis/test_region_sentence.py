@@ -1,4 +1,4 @@
-"""The sentence about a region."""
+"""The sentences about a region."""
 
 from __future__ import annotations
 
@@ -56,32 +56,34 @@ def test_listed_values_and_circles() -> None:
     assert plain("sun_azimuth from 330 through 360 to 30 deg") == "sun azimuth from 330 through 360 to 30 deg"
 
 
-def test_the_whole_sentence() -> None:
+def test_the_whole_text() -> None:
     repairs = [repair("a taller person (M 12)", 14), repair("no rain", 3), repair("no fog", 1), repair("clear weather by day", 14, 4)]
     said = sentence(conditions("child"), SEEN, repairs, repair("other noise", 1, 0))
     assert said == (
-        "Children are first detected 0.6 s after they come into sight, 9 m before the conflict point (median of 20 failures; "
-        "2 never detected); a taller person (M 12) repairs 14 of 20, no rain 3 of 20, other noise 1 of 20."
+        "Children are first detected 0.6 s after they come into sight, 9 m before the conflict point. "
+        "Medians of 20 failures; 2 are never detected. Repairs: a taller person (M 12) 14 of 20, no rain 3 of 20, other noise 1 of 20."
     )
 
 
 def test_clear_weather_is_named_if_it_repairs_more_than_any_part() -> None:
     said = sentence([], SEEN, [repair("no rain", 3), repair("clear weather by day", 12, 4)], None)
-    assert said.endswith("; no rain repairs 3 of 20, clear weather by day 12 of 20.")
+    assert said.endswith(". Repairs: no rain 3 of 20, clear weather by day 12 of 20.")
 
 
 def test_nothing_repairs() -> None:
     assert sentence([], SEEN, [repair("no rain", 0)], repair("other noise", 0, 0)).endswith(
-        "; no single change repairs any of 20, other noise 0 of 20."
+        ". No single change repairs any of 20, other noise 0 of 20."
     )
 
 
 @pytest.mark.parametrize(
     ("changes", "expected"),
     [
-        ({"in_sight": 0}, "are never in sight (20 failures)"),
+        ({"in_sight": 0}, "are never in sight (20 failures)."),
         ({"delay_s": None, "detected": 0}, "come into sight 21 m before the conflict point and are never detected"),
         ({"delay_s": -0.1}, "are first detected as soon as they come into sight, 9 m before"),
+        ({"detected": 19}, ". Medians of 20 failures; 1 is never detected."),
+        ({"detected": 20}, ". Medians of 20 failures."),
     ],
 )
 def test_what_the_camera_saw(changes: dict[str, Any], expected: str) -> None:
