@@ -70,7 +70,8 @@ FAILURE = Risk(share=None, definition="Failures, inside rules or not.", source="
 
 @dataclass(frozen=True)
 class Searched:
-    """What is known of one scenario. tests: rows of all campaigns against the detector. independent: strategies whose tests are random."""
+    """What is known of one scenario. tests: rows of all campaigns against the detector, its audit included. independent:
+    strategies whose tests are random."""
 
     info: ScenarioInfo
     space: Space

@@ -12,12 +12,13 @@ import pandas as pd
 from pipeline.artefacts.failure_counts import Causes, FalseActivations, Modes
 from pipeline.artefacts.points import encode_tests
 from pipeline.artefacts.results import Estimate, Result
-from pipeline.artefacts.search_results import CampaignMeasures, StrategyMeasures
+from pipeline.artefacts.search_results import BaseRate, CampaignMeasures, StrategyMeasures
+from pipeline.core.confirmation import Counted
 from pipeline.core.coverage.projection import Demand, projection_coverage
 from pipeline.core.identity import CampaignId
 from pipeline.core.measures import baseline_cost, c_measure, f_measure, failure_sequence, pair_coverage
 from pipeline.core.space import Ints, Space
-from pipeline.core.statistics import CensoredMean, censored_mean, mean_interval, wilson_interval
+from pipeline.core.statistics import CensoredMean, censored_mean, mean_interval
 from pipeline.errors import InputError
 
 PROJECTION_K = 2
@@ -158,10 +159,28 @@ def _rate(campaign: CampaignMeasures) -> float:
 
 
 def _pooled_rate(group: Sequence[CampaignMeasures], confidence: float) -> Estimate:
-    """Failures per valid test over all campaigns, with Wilson's interval: for independent tests only."""
-    failures, valid = sum(c.failures for c in group), sum(c.tests - c.errors for c in group)
-    low, high = wilson_interval(failures, valid, confidence)
-    return Estimate(value=failures / max(1, valid), low=low, high=high)
+    """Failures per valid test over all campaigns, for independent tests only."""
+    return _exact(Counted(sum(c.tests - c.errors for c in group), sum(c.failures for c in group)), confidence)
+
+
+def _exact(counted: Counted, confidence: float) -> Estimate:
+    """A failure rate with its exact interval (Clopper-Pearson)."""
+    low, high = counted.interval(confidence)
+    return Estimate(value=counted.failures / max(1, counted.tests), low=low, high=high)
+
+
+def audited(tables: Mapping[CampaignId, pd.DataFrame], confidence: float) -> tuple[BaseRate, ...]:
+    """The failure rates of campaigns with independent tests, by scenario, strategy and version, over all seeds."""
+    groups: dict[tuple[str, str, str], list[pd.DataFrame]] = {}
+    for campaign, tests in tables.items():
+        groups.setdefault((campaign.scenario, campaign.strategy, campaign.version), []).append(tests)
+    rates = []
+    for (scenario, strategy, version), each in groups.items():
+        tests = pd.concat(each)
+        counted = Counted.of(tests["failure"].to_numpy(bool), (tests["status"] == "error").to_numpy())
+        named = {"scenario": scenario, "strategy": strategy, "version": version}
+        rates.append(BaseRate(**named, tests=counted.tests, failures=counted.failures, rate=_exact(counted, confidence)))
+    return tuple(rates)
 
 
 def series_name(measured: CampaignMeasures | StrategyMeasures) -> str:

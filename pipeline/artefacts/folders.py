@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from pipeline.config.schema import Config
+from pipeline.config.schema import AUDIT, Config
 from pipeline.core.lineage import Version
 
 VERSION = {"card": "model.json", "weights": "weights.safetensors", "onnx": "model.onnx", "curve": "curve.csv"}
 """The files of a model version."""
+AUDITS = "campaigns/audit"
+"""The folder of the audit's campaigns."""
 
 
 @dataclass(frozen=True)
@@ -108,6 +110,15 @@ class Folders:
     def searches(self, name: str) -> list[str]:
         """The file `name` of the search campaigns against every version that was not retrained."""
         return [path for v in self.config.versions if not v.round for path in self.search(name, version=str(v))]
+
+    def audit(self, name: str, version: str) -> list[str]:
+        """The file `name` of the random campaigns beside the searches against a version; none if a search is random itself."""
+        scenarios, seeds = self.config.search if self.config.audited else (), self.config.seeds
+        return [f"{self.root}/{AUDITS}/{scenario}/{AUDIT}/{version}/{seed}/{name}" for scenario in scenarios for seed in seeds]
+
+    def audits(self, name: str) -> list[str]:
+        """The file `name` of the audit of every version that was not retrained."""
+        return [path for v in self.config.versions if not v.round for path in self.audit(name, str(v))]
 
     def earlier(self, kind: str, scenario: str, strategy: str, version: str, seed: str) -> list[str]:
         """The tests of the earlier campaigns that a campaign learns from: same version and seed, scenarios before its own."""

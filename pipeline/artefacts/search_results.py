@@ -7,7 +7,8 @@ from pipeline.artefacts.results import Estimate, Result
 
 
 class BaseRate(Result):
-    """How often the first version fails in random tests of a search scenario. rate: failures per valid test, with its interval."""
+    """How often a version fails in the independent tests of a search scenario, over all seeds: those of a random strategy, or else of the
+    audit. rate: failures of `tests` without an error, with its exact interval (Clopper-Pearson)."""
 
     scenario: str
     version: str
@@ -52,7 +53,7 @@ class CampaignMeasures(Result):
 class StrategyMeasures(Result):
     """Means over the seeds of one scenario and strategy, with Student's intervals.
 
-    rate: failures per valid test. If the strategy draws independent samples, all tests are pooled and the interval is Wilson's; the tests
+    rate: failures per valid test. If the strategy draws independent samples, all tests are pooled and the interval is exact; the tests
     of other strategies depend on each other, so theirs is Student's over the campaigns' rates. f_measure, c_measure: Kaplan-Meier
     estimates of the restricted mean, because a campaign without its first, or n-th, failure is right-censored at its last test;
     `f_measure_censored` and `c_measure_censored` campaigns are. See `pipeline.core.statistics.censored_mean`. c_measure is null for the
@@ -79,32 +80,28 @@ class StrategyMeasures(Result):
     pair_coverage_failures: Estimate
     projection_coverage: Estimate
 
-    @property
-    def base_rate(self) -> BaseRate:
-        """Its failure rate as that of the base."""
-        named = {"scenario": self.scenario, "version": self.version, "strategy": self.strategy}
-        return BaseRate(**named, tests=self.tests - self.errors, failures=self.failures, rate=self.rate)
-
 
 class Measures(Result):
-    """All search campaigns measured. confidence: of every interval. k: of the projection coverage. no_braking: scenarios in which the right
-    answer is not to brake."""
+    """All search campaigns measured. confidence: of every interval. k: of the projection coverage. audit: failure rates without bias, which
+    no adaptive test enters. no_braking: scenarios in which the right answer is not to brake."""
 
     confidence: float
     k: int
     baseline: str
     campaigns: tuple[CampaignMeasures, ...]
     strategies: tuple[StrategyMeasures, ...]
+    audit: tuple[BaseRate, ...] = ()
     no_braking: tuple[str, ...] = ()
 
     @property
     def base_rates(self) -> tuple[BaseRate, ...]:
-        """The base failure rate of each scenario: that of the first version in tests of the baseline strategy."""
+        """The base failure rate of each scenario: the audit of the first version."""
         version = self.strategies[0].version if self.strategies else ""
-        return tuple(row.base_rate for row in self.strategies if (row.version, row.strategy) == (version, self.baseline))
+        return tuple(rate for rate in self.audit if rate.version == version)
 
     def of(self, version: str) -> Measures:
         """The measures of the campaigns against one version."""
         campaigns = tuple(measured for measured in self.campaigns if measured.version == version)
         strategies = tuple(measured for measured in self.strategies if measured.version == version)
-        return self.model_copy(update={"campaigns": campaigns, "strategies": strategies})
+        audit = tuple(rate for rate in self.audit if rate.version == version)
+        return self.model_copy(update={"campaigns": campaigns, "strategies": strategies, "audit": audit})

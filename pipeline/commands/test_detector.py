@@ -134,7 +134,7 @@ def table(config: Config) -> str:
     from pipeline.artefacts.region_results import FailureRegions
     from pipeline.artefacts.results import read
     from pipeline.artefacts.search_results import Measures
-    from pipeline.report.failure_tables import braking_in_search
+    from pipeline.report.failure_tables import base_rate_sentence, braking_in_search
     from pipeline.report.formats import aligned, percent
     from pipeline.report.verdict import verdict_table
 
@@ -148,6 +148,8 @@ def table(config: Config) -> str:
         counts = f"{row.tests:>6}{row.errors:>8}{row.failures:>6}{modes.contact:>9}{modes.late:>6}{modes.false_positives:>17}"
         counts += f"{modes.false_activation:>14}"
         lines.append(f"{row.version:{width}}{row.scenario:10}{row.strategy:12}{counts}   {percent(row.rate)}")
+    if config.audited:
+        lines += [base_rate_sentence(measures.of(version).base_rates) for version in config.tested]
     for path in folders.calibrations(config.tested):
         lines.append(_calibrated(read(Path(path), DetectorCalibration)))
     if braking := braking_in_search(measures):

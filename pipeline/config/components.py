@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError, create_model
 from pydantic.errors import PydanticUserError
 
 from pipeline.config.messages import message
-from pipeline.config.schema import Config
+from pipeline.config.schema import AUDIT, Config
 from pipeline.core.car import Car
 from pipeline.core.names import nearest
 from pipeline.core.space import Space, Variable
@@ -43,13 +43,6 @@ class Kind:
 SIMULATOR = Kind(Simulator, ("scenario", "car"))
 DETECTOR = Kind(Detector, ("model",))
 SAMPLER = Kind(Sampler, ("space", "seed"), ("earlier",))
-
-
-def independent_strategies(samplers: Mapping[str, Mapping[str, Any]]) -> set[str]:
-    """The strategies whose tests are independent samples of the space."""
-    from hydra.utils import get_class
-
-    return {name for name, section in samplers.items() if getattr(get_class(section["_target_"]), "independent", False)}
 
 
 def make_simulator(section: Mapping[str, Any], scenario: FunctionalScenario, car: Car) -> Simulator:
@@ -103,6 +96,8 @@ def check_components(config: Config) -> None:
     if config.base.source == "shipped" and not (weights := Path(config.base.weights) / "weights.safetensors").is_file():
         raise InputError(f"base.weights: expected the folder of a detector, found no file {weights}")
     _check_learning(config)
+    if config.audited and not config.independent(AUDIT):
+        raise InputError(f"samplers.{AUDIT}: the audit needs a class whose tests are independent; or set campaign.audit=0")
 
 
 def _check_needs(config: Config) -> None:

@@ -42,6 +42,8 @@ from pipeline.scenarios.parts import Name, Seed
 
 BASE_SET, NEW_SCENES, BALANCED_SCENES = "base_set", "new_scenes", "balanced_scenes"
 """What an arm may learn from, beside a strategy's frames."""
+AUDIT = "random"
+"""The strategy of the audit, see `Campaign.audit`."""
 
 
 def _has_target(section: dict[str, Any]) -> dict[str, Any]:
@@ -193,8 +195,21 @@ class Config(Section):
 
     def learns(self, strategy: str) -> bool:
         """Whether a strategy's tests depend on results: its class says so by `learns`, which is true if it says nothing."""
+        return bool(getattr(self._class(strategy), "learns", True))
+
+    def independent(self, strategy: str) -> bool:
+        """Whether a strategy's tests are independent samples of the space: its class says so by `independent`."""
+        return bool(getattr(self._class(strategy), "independent", False))
+
+    def _class(self, strategy: str) -> type:
         module, _, name = self.samplers[strategy]["_target_"].rpartition(".")
-        return bool(getattr(getattr(import_module(module), name), "learns", True))
+        found: type = getattr(import_module(module), name)
+        return found
+
+    @property
+    def audited(self) -> bool:
+        """Whether an audit is executed: the study asks for it, and no strategy of the search has independent tests anyhow."""
+        return self.campaign.audit > 0 and not any(map(self.independent, self.strategies))
 
     @property
     def sources(self) -> dict[str, str]:
@@ -267,6 +282,6 @@ JUDGED = ("detector", "vehicle", "aeb", "campaign.match_iou", "campaign.failure_
 
 FAN_OUT = (
     *("study", "search", "held_out", "seeds", "strategies", "arms", "retraining.rounds", "retraining.seeds", "retraining.searches"),
-    *("comparison.strategy", "comparison.seed", "campaign.transfer"),
+    *("comparison.strategy", "comparison.seed", "campaign.transfer", "campaign.audit"),
 )
 """The keys that determine a study's jobs and the files that they read."""

@@ -54,6 +54,9 @@ class Campaign(Section):
     """A detection matches the pedestrian if it overlaps the visible box by more than this IoU."""
     transfer: tuple[str, ...]
     """Strategies with campaigns that learn from those on earlier scenarios in `search`; these campaigns run one after another."""
+    audit: int = Field(ge=0, le=100_000)
+    """Random tests beside the searches of a scenario, for a failure rate without bias, if no strategy of the search is random; 0 for none.
+    No search sees them, and they count in no search."""
     shards: int = Field(ge=1, le=10_000)
     """Number of jobs that share a campaign, on a cluster; they change no result. Strategies that learn from results use one job."""
 

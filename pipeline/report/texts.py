@@ -83,12 +83,12 @@ PAIR = _prose("""
 """)
 SEARCH = _prose("""
     Every strategy had the same number of tests to find failures. Intervals are {confidence:g} %. The failure rate of random testing has
-    Wilson's interval over all its tests, because they are independent samples of the space. The tests of other strategies depend on each
+    the exact interval over all its tests, because they are independent samples of the space. The tests of other strategies depend on each
     other. Their rates, and all other values, have Student's interval over seeds, and none with one seed.
 """)
 MEASURES = _prose("""
-    Base failure rate: failures of the searched version in {baseline} tests of the same scenario, and their number. F: tests until the
-    first failure. C: share of tests saved compared with {baseline}, for as many failures as {baseline} found. 1
+    Base failure rate: failures of the searched version in random tests of the same scenario, which no search chose, and their number.
+    F: tests until the first failure. C: share of tests saved compared with {baseline}, for as many failures as {baseline} found. 1
     is best; below 0 is slower than {baseline}. If {baseline} found none, the test after its last one counts as its first failure.
     Censored: a campaign that ended before it found so many failures. It counts as needing more tests than it had (Kaplan-Meier, mean
     restricted to the longest campaign). If all are censored, F is larger and C smaller than shown.

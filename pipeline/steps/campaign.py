@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.artefacts.calibration_results import DetectorCalibration
-from pipeline.artefacts.folders import Folders
+from pipeline.artefacts.folders import AUDITS, Folders
 from pipeline.artefacts.results import read
 from pipeline.artefacts.scenario_space import read_space
 from pipeline.config.schema import JUDGED, Config, Target
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 TABLES = ("tests", "signals", "detections", "frames", "timings")
 HELD_OUT = "held_out"
-KINDS = {"kind": f"campaigns|{HELD_OUT}|retrained/campaigns"}
+KINDS = {"kind": f"campaigns|{AUDITS}|{HELD_OUT}|retrained/campaigns"}
 FOLDER = "{kind}/{scenario}/{strategy}/{version}/{seed}"
 
 
@@ -43,7 +43,9 @@ def _shards(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
 
 
 def _tests(config: Config, wildcards: Wildcards) -> int:
-    return config.comparison.tests if wildcards["kind"] == HELD_OUT else config.campaign.tests
+    if wildcards["kind"] == HELD_OUT:
+        return config.comparison.tests
+    return config.campaign.audit if wildcards["kind"] == AUDITS else config.campaign.tests
 
 
 def detector_files(folders: Folders, version: str) -> dict[str, Files]:
@@ -62,9 +64,9 @@ def detector(job: Job) -> Target:
 
 
 def sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
-    """Sections of a comparison's campaign: the size of the search does not matter, but the same threshold judges all tests."""
-    held_out = wildcards["kind"] == HELD_OUT
-    budget = ("comparison.tests",) if held_out else ("campaign.tests", "campaign.keep_every")
+    """The size of the search does not matter to the comparison and the audit, but the same threshold judges all tests."""
+    budgets = {HELD_OUT: ("comparison.tests",), AUDITS: ("campaign.audit",)}
+    budget = budgets.get(wildcards["kind"], ("campaign.tests", "campaign.keep_every"))
     return ("scenarios.{scenario}", "samplers.{strategy}", "simulator", *JUDGED, "limits", *budget)
 
 
@@ -118,6 +120,6 @@ def planned(job: Job, earlier: Sequence[Path] = (), shard: Shard | None = None) 
             model=model,
             car=config.car,
             limits=config.limits,
-            keep_every=0 if held_out else config.campaign.keep_every,
+            keep_every=0 if wildcards["kind"] in (HELD_OUT, AUDITS) else config.campaign.keep_every,
         ),
     )

@@ -15,7 +15,7 @@ from pipeline.artefacts.region_results import FailureRegions
 from pipeline.artefacts.results import read, write
 from pipeline.artefacts.scenario_space import read_space
 from pipeline.artefacts.tables import read_tests
-from pipeline.config.schema import Config
+from pipeline.config.schema import AUDIT, Config
 from pipeline.contract import Files, Job, Step, Wildcards
 
 if TYPE_CHECKING:
@@ -28,14 +28,14 @@ def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
     return {
         "spaces": folders.spaces(config.search),
         "regions": [folders.regions(version, scenario) for scenario in config.search],
-        "tests": folders.search("tests.parquet", version=version),
+        "tests": [*folders.search("tests.parquet", version=version), *folders.audit("tests.parquet", version)],
         "detector": folders.detector(version),
         "card": [folders.model(version, "model.json")] if folders.cards else [],
     }
 
 
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
-    samplers = (f"samplers.{name}" for name in config.strategies)
+    samplers = (f"samplers.{name}" for name in (*config.strategies, *([AUDIT] if config.audited else [])))
     return ("study", "goal", "search", "exposure", "regions", "campaign.failure_threshold_s", *samplers)
 
 
@@ -80,10 +80,9 @@ def run(job: Job) -> None:
 
 def _judged(job: Job) -> list[Judged]:
     from pipeline.analysis.evidence import Searched, judged
-    from pipeline.config.components import independent_strategies
 
     rows = pd.concat(map(read_tests, job.inputs("tests")), ignore_index=True)
-    independent = frozenset(independent_strategies(job.config.samplers))
+    independent = frozenset(filter(job.config.independent, job.config.samplers))
     found = []
     for done, (space_file, regions) in enumerate(zip(job.inputs("spaces"), job.inputs("regions"), strict=True), 1):
         info, space = read_space(space_file)

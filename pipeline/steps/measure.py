@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
+
+import pandas as pd
+
 from pipeline.artefacts.files import write_bytes
 from pipeline.artefacts.results import write
 from pipeline.artefacts.scenario_space import read_space
 from pipeline.artefacts.search_results import Measures
 from pipeline.artefacts.tables import campaign_of, read_tests
 from pipeline.contract import Job, Step
+from pipeline.core.identity import CampaignId
 
 STEP = Step(
     "Measure the search campaigns.",
     reads=lambda folders, wildcards: {
         "spaces": folders.spaces(folders.config.search),
         "tests": folders.searches("tests.parquet"),
+        "audit": folders.audits("tests.parquet"),
     },
     writes=lambda folders: {"measures": f"{folders.root}/measures.json", "theta": f"{folders.root}/theta.csv"},
     sections=lambda config, wildcards: ("strategies", "comparison.confidence", *(f"samplers.{name}" for name in config.strategies)),
@@ -25,21 +32,18 @@ def run(job: Job) -> None:
 
     Raises InputError for a campaign without its space or its baseline of the same seed.
     """
-    from pipeline.analysis.measures import PROJECTION_K, by_strategy, measure_campaign, summarise, theta_table
-    from pipeline.config.components import independent_strategies
+    from pipeline.analysis.measures import PROJECTION_K, audited, by_strategy, measure_campaign, summarise, theta_table
 
     baseline, confidence = job.config.strategies[0], job.config.comparison.confidence
     known = [read_space(path) for path in job.inputs("spaces")]
     spaces = {info.name: space for info, space in known}
-    tables = {}
-    for path in job.inputs("tests"):
-        table = read_tests(path).sort_values("index")
-        tables[campaign_of(table, path)] = table
+    tables, audit = _tables(job.inputs("tests")), _tables(job.inputs("audit"))
     measured = []
     for done, campaign in enumerate(tables, 1):
         measured.append(measure_campaign(campaign, tables, spaces, baseline))
         job.progress(done, len(tables), str(campaign))
-    independent = independent_strategies(job.config.samplers)
+    independent = set(filter(job.config.independent, job.config.strategies))
+    audit |= {campaign: table for campaign, table in tables.items() if campaign.strategy in independent}
     groups = tuple(summarise(group, confidence, baseline, independent) for group in by_strategy(measured))
     measures = Measures(
         confidence=confidence,
@@ -47,7 +51,17 @@ def run(job: Job) -> None:
         baseline=baseline,
         campaigns=tuple(measured),
         strategies=groups,
+        audit=audited(audit, confidence),
         no_braking=tuple(info.name for info, _ in known if not info.asks_to_brake),
     )
     write(job.output("measures"), measures)
     write_bytes(job.output("theta"), theta_table(measured).to_csv(index=False, lineterminator="\n").encode())
+
+
+def _tables(paths: Sequence[Path]) -> dict[CampaignId, pd.DataFrame]:
+    """The tests of campaigns, in the order executed."""
+    tables = {}
+    for path in paths:
+        table = read_tests(path).sort_values("index")
+        tables[campaign_of(table, path)] = table
+    return tables

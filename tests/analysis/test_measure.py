@@ -132,10 +132,10 @@ def over_seeds(*campaigns: CampaignMeasures) -> StrategyMeasures:
     return summarise([c.model_copy(update={"seed": seed}) for seed, c in enumerate(campaigns)], 0.95, "random", {"random"})
 
 
-def test_the_rate_of_independent_tests_has_wilsons_interval() -> None:
+def test_the_rate_of_independent_tests_has_the_exact_interval() -> None:
     summary = over_seeds(*(measured([1, 2], [4]).model_copy(update={"strategy": "random", "c_measure": None}) for _ in range(2)))
-    # Wilson's interval of 4 of 10.
-    assert (summary.rate.value, summary.rate.low, summary.rate.high) == pytest.approx((0.4, 0.1682, 0.6873), abs=1e-4)
+    # Clopper-Pearson's interval of 4 of 10.
+    assert (summary.rate.value, summary.rate.low, summary.rate.high) == pytest.approx((0.4, 0.1216, 0.7376), abs=1e-4)
     assert summary.c_measure is None and summary.c_measure_censored == 0
 
 
@@ -178,7 +178,8 @@ def test_step_writes_the_same_measures_twice(tmp_path: Path) -> None:
         rows = [c for c in result.campaigns if (c.scenario, c.strategy) == (rate.scenario, "random")]
         assert (rate.version, rate.failures) == ("base", sum(c.failures for c in rows))
         assert rate.rate.low < rate.failures / rate.tests < rate.rate.high
-    assert [rate.scenario for rate in result.base_rates] == ["F1", "F2"]
+        assert (rate.strategy, rate.tests) == ("random", sum(c.tests - c.errors for c in rows))
+    assert [rate.scenario for rate in result.base_rates] == ["F1", "F2"] and result.base_rates == result.audit
     assert sum(campaign.errors for campaign in result.campaigns) > 0
 
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from pipeline.core.failure_model import joined, linear_chances, tree_chances
 from pipeline.core.likelihood.estimator import Estimator
-from pipeline.core.likelihood.rate import Limits, Rate, bounded, exact, spread
+from pipeline.core.likelihood.rate import Rate, bounded, exact, spread
 from pipeline.core.samplers.features import features
-from pipeline.core.space import Floats
+from pipeline.core.space import Floats, Ints
 
 ENOUGH_FAILURES = 20
 """Random failures before the meta-model chooses: a failure mode with a fifth of them is missed once in a hundred times."""
@@ -30,8 +30,9 @@ class ImportanceSampling(Estimator):
     its failure probability by the meta-model: a defensive mixture (Hesterberg 1995). Its weight is the uniform probability 1 / n over that,
     at most 5. The pool is itself a random sample of the exposure, so no density is needed, and categories and constraints need no care.
 
-    The interval takes (Σ w)² / Σ w² as the number of independent failures, and a limit that holds for any failures not yet seen where it is
-    nearer. If half of the budget shows fewer failures, all tests are random and the interval is exact.
+    The interval has the variance of the weights and that of the pools. If the weights of the failures are worth fewer than 20 equal ones,
+    it is the one that holds for any failures not seen. If half of the budget shows fewer failures, all tests are random and the interval is
+    exact.
 
     pool: points of a pool. trees: of the meta-model.
     """
@@ -46,6 +47,7 @@ class ImportanceSampling(Estimator):
         self._asked_weights: Floats = np.zeros(0)
         self._random = 0
         self._pools: list[tuple[Floats, Floats]] = []
+        self._pool_of: Ints = np.zeros(0, int)
         self._fitted = 0
 
     def ask(self) -> Floats:
@@ -68,21 +70,21 @@ class ImportanceSampling(Estimator):
         super().tell(points, kpi)
         self._points = np.concatenate([self._points, points])
         self._weights = np.concatenate([self._weights, self._asked_weights[: len(kpi)]])
+        self._pool_of = np.concatenate([self._pool_of, np.full(len(kpi), len(self._pools))])
 
     def rate(self) -> Rate:
         if self._random == len(self._kpi):
             return self._rate(self._failures / max(self._tests, 1), exact(self._failures, self._tests), FEW)
-        kpi, weights = self._kpi[self._random :], self._weights[self._random :]
-        tests = int((~np.isnan(kpi)).sum())
-        failed = weights[kpi <= self.failure_threshold_s]
-        hard = bounded(failed, 1 / DEFENSIVE, tests)
-        if not len(failed):
-            return self._rate(0.0, hard)
+        valid = ~np.isnan(self._kpi) & (np.arange(len(self._kpi)) >= self._random)
+        failed, tests = self._weights[valid & (self._kpi <= self.failure_threshold_s)], int(valid.sum())
+        if not len(failed) or failed.sum() ** 2 < ENOUGH_FAILURES * (failed @ failed):
+            return self._rate(float(failed.sum()) / max(tests, 1), bounded(failed, 1 / DEFENSIVE, max(tests, 1)))
         value = float(failed.sum()) / tests
-        # The second term is the random error of the pools themselves.
-        variance = float(failed @ failed) / tests**2 + value / (len(self._pools) * self.pool)
-        soft = spread(value, value**2 / variance)
-        return self._rate(value, Limits(max(soft.low, hard.low), min(soft.high, hard.high), min(soft.below, hard.below)))
+        # Each pool is itself a sample, whose error all tests from it share.
+        shares = np.bincount(self._pool_of[valid]) / tests
+        pools = value * (1 - value) / self.pool * float(shares @ shares)
+        variance = (float(failed @ failed) / tests - value**2) / tests + pools
+        return self._rate(value, spread(value, value**2 / variance))
 
     @property
     def _learning(self) -> bool:
