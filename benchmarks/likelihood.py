@@ -3,6 +3,8 @@
     python benchmarks/likelihood.py run [--repeats 400] [--only subset] [--processes 2]   writes docs/results/likelihood.csv
     python benchmarks/likelihood.py show                                                  prints its table
 
+Finished estimates stay in build/likelihood until the method's code changes, so the same command resumes a killed run.
+
 The space has seven variables and two regimes. The failures are a half-space, a box, two separate modes at opposite ends of a variable, and
 one rare category; two modes that near misses do not announce alike come last.
 """
@@ -12,7 +14,7 @@ from __future__ import annotations
 import argparse
 import multiprocessing
 from collections.abc import Callable, Iterator, Mapping
-from itertools import product
+from multiprocessing.pool import Pool
 from pathlib import Path
 from typing import Any
 
@@ -28,8 +30,10 @@ from pipeline.core.likelihood.rate import Rate, combined
 from pipeline.core.likelihood.reweighted import reweighted
 from pipeline.core.likelihood.subset import SubsetSimulation
 from pipeline.core.space import Floats, Space, Variable
+from pipeline.sources import code_digest
 
 OUT = Path("docs/results/likelihood.csv")
+DONE = Path("build/likelihood")
 KINDS = tuple("abcdefgh")
 SPACE = Space(
     (
@@ -146,20 +150,22 @@ def system(case: str, seed: int) -> tuple[float, Rate]:
     return float(np.dot(rates, shares)), combined(parts, shares)
 
 
-METHODS: Mapping[str, Callable[[str, int], tuple[float, Rate]]] = {
-    "monte_carlo": monte_carlo,
-    "monte_carlo, below": looking,
-    "subset": subset,
-    "importance": importance,
-    "uniform, reweighted": uniform_tests,
-    "system": system,
+METHODS: Mapping[str, tuple[Callable[[str, int], tuple[float, Rate]], str]] = {
+    "monte_carlo": (monte_carlo, "monte_carlo"),
+    "monte_carlo, below": (looking, "monte_carlo"),
+    "subset": (subset, "subset"),
+    "importance": (importance, "importance"),
+    "uniform, reweighted": (uniform_tests, "reweighted"),
+    "system": (system, "monte_carlo"),
 }
+"""How each method estimates a rate, and its module."""
 
 
-def repeated(method: str, case: str, seed: int) -> dict[str, Any]:
-    """One estimate as a row."""
+def repeated(job: tuple[str, str, int]) -> dict[str, Any]:
+    """One estimate, of a method, a case and a seed, as a row."""
+    method, case, seed = job
     with threadpool_limits(1):
-        true, rate = METHODS[method](case, seed)
+        true, rate = METHODS[method][0](case, seed)
     limits = {"low": rate.limits.low, "high": rate.limits.high, "below": rate.limits.below}
     return {"method": method, "case": case, "seed": seed, "true": true, "value": rate.value, **limits, "tests": rate.tests}
 
@@ -167,15 +173,32 @@ def repeated(method: str, case: str, seed: int) -> dict[str, Any]:
 def run(repeats: int, only: str | None, processes: int) -> None:
     """Estimate every rate many times; write a row for each method and case."""
     methods = [name for name in METHODS if only in (None, name)]
-    jobs = [(method, case, seed) for method, case in product(methods, CASES) for seed in range(repeats)]
     with multiprocessing.Pool(processes) as pool:
-        rows = pd.DataFrame(pool.starmap(repeated, jobs, chunksize=10))
+        rows = pd.concat([estimates(method, repeats, pool) for method in methods])
     table = pd.DataFrame(map(summary, (group for _, group in rows.groupby(["method", "case"], sort=False))))
     if only and OUT.exists():
         kept = pd.read_csv(OUT)
         table = pd.concat([kept[~kept["method"].isin(methods)], table])
     table["method"] = pd.Categorical(table["method"], list(METHODS))
     table.sort_values("method", kind="stable").to_csv(OUT, index=False, float_format="%.6g")
+
+
+def estimates(method: str, repeats: int, pool: Pool) -> pd.DataFrame:
+    """The rows of a method: those of an earlier run of the same code, and the missing ones."""
+    path = stored(method)
+    known = pd.read_csv(path) if path.exists() else pd.DataFrame(columns=["case", "seed"])
+    done = set(zip(known["case"], known["seed"], strict=True))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    missing = [(method, case, seed) for seed in range(repeats) for case in CASES if (case, seed) not in done]
+    for row in pool.imap(repeated, missing):
+        pd.DataFrame([row]).to_csv(path, mode="a", header=not path.exists(), index=False)
+    rows = pd.read_csv(path)
+    return rows[rows["seed"] < repeats]
+
+
+def stored(method: str) -> Path:
+    """The file of a method's finished estimates."""
+    return DONE / f"{method} {code_digest(f'pipeline.core.likelihood.{METHODS[method][1]}')[:12]}.csv"
 
 
 def summary(rows: pd.DataFrame) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -74,6 +75,15 @@ def test_points_keep_the_constraints_and_the_ratio_knows_what_they_exclude() -> 
     drawn = exposure.sample(5000, np.random.default_rng(0))
     assert CONSTRAINED.violation(drawn) is None
     assert exposure.ratio(CONSTRAINED.sample(200_000, np.random.default_rng(1))).mean() == pytest.approx(1, abs=0.03)
+
+
+def test_every_number_of_an_exposure_says_where_it_comes_from() -> None:
+    for path in FOLDER.glob("*.yaml"):
+        read = read_exposure(path.stem)
+        bodies = [*read.variables.values(), *(body for regime in read.regimes.values() for body in regime.variables.values())]
+        sources = [body["source"] for body in bodies] + [regime.source for regime in read.regimes.values()]
+        for source in [*sources, *([read.scenarios.source] if read.scenarios else [])]:
+            assert re.search("measured|derived|assumed", source, re.IGNORECASE), f"{path}: {source}"
 
 
 def test_the_sun_stands_as_high_as_the_latitude_lets_it() -> None:

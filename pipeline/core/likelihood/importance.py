@@ -82,8 +82,8 @@ class ImportanceSampling(Estimator):
         value = float(failed.sum()) / tests
         # Each pool is itself a sample, whose error all tests from it share.
         shares = np.bincount(self._pool_of[valid]) / tests
-        pools = value * (1 - value) / self.pool * float(shares @ shares)
-        variance = (float(failed @ failed) / tests - value**2) / tests + pools
+        pools = value * max(1 - value, 1 / tests) / self.pool * float(shares @ shares)
+        variance = max(float(failed @ failed) / tests - value**2, 0.0) / tests + pools
         return self._rate(value, spread(value, value**2 / variance))
 
     @property
