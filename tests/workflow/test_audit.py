@@ -10,7 +10,8 @@ import pytest
 
 from pipeline.__main__ import main
 from pipeline.analysis.measures import audited
-from pipeline.artefacts.results import BaseRate, Measures, read
+from pipeline.artefacts.results import read
+from pipeline.artefacts.search_results import BaseRate, Measures
 from pipeline.artefacts.tables import read_tests
 from pipeline.config.composing import compose
 from pipeline.core.identity import CampaignId
@@ -18,7 +19,8 @@ from pipeline.core.rules import Condition, Rule
 from pipeline.core.samplers.random import RandomSampler
 from pipeline.errors import InputError
 from pipeline.execution.campaign import sampler_seed
-from pipeline.workflow import Plan, step_names
+from pipeline.workflow.jobs import Jobs, step_names
+from pipeline.workflow.stamping import Stamps
 from tests.planted import ALTITUDE, FOG, SPACE, World
 from tests.studies import StudyFolder
 from tests.workflow.test_campaign import MODEL, OVERRIDES, folder, key, same
@@ -54,13 +56,10 @@ def test_a_search_proposes_the_same_tests_with_and_without_an_audit(study: Study
     alone = studied(tmp_path, *ADAPTIVE, "campaign.audit=0")
     assert alone.run("campaign", **key()) == 0
     assert same(folder(alone), folder(study))
-    stamps = [
-        Plan(compose("smoke", [*OVERRIDES, *ADAPTIVE, f"campaign.audit={tests}"]), step_names()).stamp(
-            "campaign", {k: str(v) for k, v in key().items()}
-        )
-        for tests in (0, 15)
-    ]
-    assert stamps[0] == stamps[1]
+    jobs = (Jobs(compose("smoke", [*OVERRIDES, *ADAPTIVE, f"campaign.audit={tests}"]), step_names()) for tests in (0, 15))
+    wildcards = {name: str(value) for name, value in key().items()}
+    first, second = (Stamps(planned).stamp("campaign", wildcards) for planned in jobs)
+    assert first == second
 
 
 def test_only_random_tests_enter_the_rate(study: StudyFolder) -> None:
