@@ -38,7 +38,7 @@ class Folders:
     @property
     def plots(self) -> list[str]:
         """The report's plots."""
-        each = [f"{kind}_{scenario}" for scenario in self.config.search for kind in ("kpi", "failures")]
+        each = [f"{kind}_{scenario}" for scenario in self.config.search for kind in ("kpi", "pairs", "failures")]
         rounds = ["rounds"] if self.config.retraining.rounds > 1 else []
         names = ("theta", "coverage", "comparison", "detection", "histogram", "reliability", "border", *rounds, *each)
         return [f"{self.root}/plots/{name}.png" for name in names]

@@ -15,6 +15,7 @@ CATEGORIES: Mapping[str, str] = {
     "theta": SEARCH,
     "coverage": SEARCH,
     "kpi": SEARCH,
+    "pairs": SEARCH,
     "failures": SEARCH,
     "comparison": COMPARISON,
     "histogram": COMPARISON,

@@ -11,29 +11,36 @@ from pathlib import Path
 import pandas as pd
 from matplotlib.figure import Figure
 
+from pipeline.analysis.pair_shares import PairShare, pair_shares
 from pipeline.artefacts.calibration_results import DetectorCalibration
 from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.model_card import ModelCard
+from pipeline.artefacts.points import encode_tests
 from pipeline.artefacts.region_results import FailureRegions
 from pipeline.artefacts.search_results import Measures
 from pipeline.artefacts.white_box_results import WhiteBoxMeasures
 from pipeline.config.schema import Config
+from pipeline.core.episode import Episode
 from pipeline.core.space import Space
 from pipeline.progress import OnProgress
 from pipeline.protocols import Detector
-from pipeline.report import comparison_plots, search_plots, sections, texts, training_plots, verdict_section
+from pipeline.report import comparison_plots, coverage_plots, search_plots, sections, texts, training_plots, verdict_section
 from pipeline.report.before_after import before_after
 from pipeline.report.border import Case, cases, nearest
-from pipeline.report.examples import Chosen, Fix, choose_fixes, choose_pairs, choose_regions
+from pipeline.report.examples import Chosen, Fix, choose_fixes, choose_regions, choose_regression
 from pipeline.report.explorer import explorer
-from pipeline.report.page import BeforeAfter, Drawing, Film, Page, Section
+from pipeline.report.first_screen import drive, first_screen
+from pipeline.report.kept_frames import KeptFrames
+from pipeline.report.page import BeforeAfter, Card, Drawing, Film, FirstScreen, Page, Section
+from pipeline.report.region_cards import Shown, cards, ends, pictured
 from pipeline.report.replays import Replay, draw_replay, jpeg_uri, most_telling_frame, render_replay
 from pipeline.report.reruns import Reruns, calibrated_detector
 from pipeline.report.style import data_uri, svg
 
 BORDER_CASES = 32
 FIXES = 3
-"""Fixes shown as stills."""
+"""Fixes shown, the first one on the first screen."""
+Both = tuple[Episode, Episode]
 
 
 @dataclass(frozen=True)
@@ -84,9 +91,11 @@ def draw_figures(data: ReportData, strategies: Sequence[str], threshold_s: float
         "theta": search_plots.theta_curves(data.measures, data.labels),
         "coverage": search_plots.coverage_bars(data.measures, data.labels),
     }
+    covered = _pairs(data)
     for regions in data.regions:
         name, tests = regions.scenario, data.tests[regions.scenario]
         figures[f"kpi_{name}"] = search_plots.kpi_scatter(tests, strategies, regions.label, threshold_s)
+        figures[f"pairs_{name}"] = coverage_plots.pair_matrix(covered[name], regions.label)
         figures[f"failures_{name}"] = search_plots.parallel_coordinates(tests, data.spaces[name], regions)
     if data.compared is not None:
         figures |= _comparison_figures(data.compared, threshold_s)
@@ -100,6 +109,15 @@ def draw_figures(data: ReportData, strategies: Sequence[str], threshold_s: float
         diagrams = {version: found.reliability for version, found in data.calibrations.items()}
         figures["reliability"] = training_plots.reliability_diagrams(diagrams)
     return figures
+
+
+def _pairs(data: ReportData) -> dict[str, tuple[PairShare, ...]]:
+    """What the valid tests of all strategies cover, by scenario."""
+    valid = {name: tests[tests["status"] == "ok"] for name, tests in data.tests.items()}
+    return {
+        name: pair_shares(data.spaces[name], encode_tests(rows, data.spaces[name]), rows["failure"].to_numpy())
+        for name, rows in valid.items()
+    }
 
 
 def _comparison_figures(compared: ComparedVersions, threshold_s: float) -> dict[str, Figure]:
@@ -117,19 +135,23 @@ def make_page(config: Config, data: ReportData, figures: Mapping[str, Figure], p
     """The page with its stills and replays, whose tests are simulated again."""
     spaces = dict(data.spaces) | {name: config.space(name) for name in config.held_out}
     fixes, pair = _changes(data.compared, spaces)
-    pair = pair[: config.report.replays // 2 * 2]
-    chosen = choose_regions(data.regions, next(iter(data.detectors)), config.report.replays - len(pair))
+    budget = config.report.replays
+    filmed = 2 if fixes and budget >= 2 else 0
+    pair = pair if budget - filmed >= 2 else []
+    chosen = choose_regions(data.regions, next(iter(data.detectors)), budget - filmed - len(pair))
     reruns = Reruns(config, partial(_detector, config, data), 2 * len(fixes) + len(pair) + len(chosen), progress)
-    stills = [_stills(reruns, fix, config.campaign.failure_threshold_s) for fix in fixes]
+    executed = [(fix, (reruns.execute(fix.before), reruns.execute(fix.after))) for fix in fixes]
+    stills = [_stills(fix, episodes, config.campaign.failure_threshold_s) for fix, episodes in executed[1:]]
     films = [_film(reruns, test, spaces[test.scenario], config.campaign.failure_threshold_s) for test in pair]
-    by_scenario: dict[str, list[Film]] = {}
+    by_region: dict[str, list[Film]] = {}
     for test in chosen:
         film = _film(reruns, test, spaces[test.scenario], config.campaign.failure_threshold_s)
-        by_scenario.setdefault(test.scenario, []).append(film)
+        by_region.setdefault(test.region, []).append(film)
     drawings = {name: _drawing(figure, name) for name, figure in figures.items()}
+    frames = KeptFrames(data.frames)
     found = [
         _verdict(data, drawings, stills, films),
-        _regions(data, drawings, by_scenario),
+        _regions(data, drawings, _cards(data, frames, by_region, config.threshold)),
         _search(data, drawings),
         sections.data_section(data.filters, data.cards, _named(drawings, "border"), _named(drawings, "detection", "reliability")),
     ]
@@ -137,7 +159,23 @@ def make_page(config: Config, data: ReportData, figures: Mapping[str, Figure], p
         found.append(sections.calibration_section(tuple(data.calibrations.values()), _named(drawings, "reliability")))
     title = "Where does the detector fail, and did retraining help?" if data.cards else "Where does the detector fail?"
     shown = tuple(section for section in found if section is not None)
-    return Page(config.study, _headline(data), shown, title, explorer(_all_tests(data), spaces, data.regions, data.frames))
+    table = explorer(_all_tests(data), spaces, data.regions, frames)
+    return Page(config.study, _headline(data), shown, title, table, _first(config, data, executed, bool(filmed)))
+
+
+def _first(config: Config, data: ReportData, executed: Sequence[tuple[Fix, Both]], filmed: bool) -> FirstScreen | None:
+    """The first fix, as films or as stills; words if there is none, and nothing if no versions are compared."""
+    if data.compared is None:
+        return None
+    if not executed:
+        return FirstScreen(texts.NO_FIX.format(base=data.compared.comparison.versions[0].version))
+    (fix, episodes), threshold_s = executed[0], config.campaign.failure_threshold_s
+    scenario, space = config.scenarios[fix.before.scenario], config.space(fix.before.scenario)
+    where = f"{scenario.label}: {scenario.description.partition('. ')[0].removesuffix('.')}."
+    if not filmed:
+        return first_screen(where, fix.before.concrete, space, stills=_stills(fix, episodes, threshold_s))
+    both = zip((fix.before, fix.after), episodes, strict=True)
+    return first_screen(where, fix.before.concrete, space, [drive(one.test_id, one.version, episode, threshold_s) for one, episode in both])
 
 
 def _all_tests(data: ReportData) -> pd.DataFrame:
@@ -152,11 +190,11 @@ def _detector(config: Config, data: ReportData, version: str) -> Detector:
 
 
 def _changes(compared: ComparedVersions | None, spaces: Mapping[str, Space]) -> tuple[list[Fix], list[Chosen]]:
-    """Tests whose outcome retraining changed: for stills and for replays."""
+    """Tests whose outcome retraining changed: the fixes, and a regression with both versions."""
     if compared is None:
         return [], []
     found = compared.comparison, compared.tests, spaces
-    return choose_fixes(*found, FIXES), choose_pairs(*found)
+    return choose_fixes(*found, FIXES), choose_regression(*found)
 
 
 def _headline(data: ReportData) -> str:
@@ -173,14 +211,24 @@ def _verdict(data: ReportData, drawings: Mapping[str, Drawing], stills: Sequence
     return verdict_section.verdict_section(data.compared.comparison, data.compared.changes, plots, rounds, stills, films)
 
 
-def _regions(data: ReportData, drawings: Mapping[str, Drawing], films: Mapping[str, Sequence[Film]]) -> Section:
+def _cards(data: ReportData, frames: KeptFrames, films: Mapping[str, Sequence[Film]], reported_from: float) -> dict[str, tuple[Card, ...]]:
+    """The cards of each scenario. films: by region."""
+    tests = {regions.scenario: pictured(regions, frames) for regions in data.regions}
+    wanted = {test for chosen in tests.values() for some in chosen.values() for test in some}
+    rows = pd.concat(data.tests.values())
+    shown = Shown(frames.moments(wanted), ends(rows[rows["test_id"].isin(wanted)]), films, reported_from)
+    return {regions.scenario: cards(regions, tests[regions.scenario], shown) for regions in data.regions}
+
+
+def _regions(data: ReportData, drawings: Mapping[str, Drawing], found: Mapping[str, Sequence[Card]]) -> Section:
     plots = {name: drawings[f"failures_{name}"] for name in data.labels}
-    return sections.regions_section(data.regions, data.measures.base_rates, plots, films)
+    return sections.regions_section(data.regions, data.measures.base_rates, plots, found)
 
 
 def _search(data: ReportData, drawings: Mapping[str, Drawing]) -> Section:
     plots = _named(drawings, "theta", *(f"kpi_{name}" for name in data.labels))
-    return sections.search_section(data.measures, data.white_box, data.labels, plots, _named(drawings, "coverage"))
+    covered = _named(drawings, "coverage", *(f"pairs_{name}" for name in data.labels))
+    return sections.search_section(data.measures, data.white_box, data.labels, plots, covered, _pairs(data))
 
 
 def _drawing(figure: Figure, name: str) -> Drawing:
@@ -192,11 +240,10 @@ def _named(drawings: Mapping[str, Drawing], *names: str) -> list[Drawing]:
     return [drawings[name] for name in names if name in drawings]
 
 
-def _stills(reruns: Reruns, fix: Fix, threshold_s: float) -> BeforeAfter:
+def _stills(fix: Fix, episodes: Both, threshold_s: float) -> BeforeAfter:
     heading, _, _ = fix.before.heading.rpartition(" · ")
     values = (group.rpartition(" = ")[2] for group in fix.groups)
-    versions, episodes = (fix.before.version, fix.after.version), (reruns.execute(fix.before), reruns.execute(fix.after))
-    return before_after(f"{heading}: {', '.join(values)}", versions, episodes, threshold_s)
+    return before_after(f"{heading}: {', '.join(values)}", (fix.before.version, fix.after.version), episodes, threshold_s)
 
 
 def _film(reruns: Reruns, test: Chosen, space: Space, threshold_s: float) -> Film:

@@ -8,9 +8,10 @@ import numpy as np
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
+from pipeline.analysis.pair_shares import PairShare
 from pipeline.core.coverage.projection import Plane
 from pipeline.core.space import Space
-from pipeline.report.style import INK, SERIES, panels, styled
+from pipeline.report.style import INK, PAGE_INCHES, SERIES, panels, styled
 
 COLUMNS = 5
 MOST_PLANES = 60
@@ -43,6 +44,28 @@ def heat_maps(planes: Sequence[Plane], space: Space) -> Figure:
                 for (i, j), count in np.ndenumerate(plane.counts):
                     text = "×" if not plane.feasible[i, j] else f"{count}"
                     axis.text(j, i, text, ha="center", va="center", fontsize=6.5, color="#20262e")
+    return figure
+
+
+def pair_matrix(shares: Sequence[PairShare], title: str) -> Figure:
+    """For each two variables, the share of their feasible pairs of categories that tests (left) and failures (right) show, in percent."""
+    names = list(dict.fromkeys(name for share in shares for name in (share.first, share.second)))
+    with styled({"axes.grid": False, "axes.spines.left": False, "axes.spines.bottom": False}):
+        figure, axes = panels(1, 2, width=PAGE_INCHES / 2, height=0.4 * len(names) + 1.1)
+        for axis, field in zip(axes[0], ("tests", "failures"), strict=True):
+            values = np.full((len(names), len(names)), np.nan)
+            for share in shares:
+                values[names.index(share.second), names.index(share.first)] = 100 * getattr(share, field) / share.feasible
+            shown = np.ma.masked_invalid(values[1:, :-1])
+            axis.imshow(shown, cmap=SHADES, vmin=0, vmax=100, aspect="auto", interpolation="nearest")
+            for (row, column), value in np.ndenumerate(shown):
+                if value is not np.ma.masked:
+                    axis.text(column, row, f"{value:.0f}", ha="center", va="center", fontsize=8.5, color="#20262e")
+            labels = [name.replace("_", " ") for name in names]
+            axis.set_xticks(range(len(names) - 1), labels[:-1], rotation=35, ha="right", rotation_mode="anchor")
+            axis.set_yticks(range(len(names) - 1), labels[1:])
+            axis.tick_params(length=0)
+            axis.set_title(f"{title}: pairs in {field} (%)")
     return figure
 
 

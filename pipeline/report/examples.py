@@ -20,7 +20,7 @@ ROLES = {"medoid": "most typical failure", "worst": "worst failure", "furthest":
 
 @dataclass(frozen=True)
 class Chosen:
-    """One test to replay with one version. heading: first line on the film; reason: why it was chosen."""
+    """One test to replay with one version. heading: first line on the film; reason: why it was chosen. region: that it represents."""
 
     test_id: str
     scenario: str
@@ -28,6 +28,7 @@ class Chosen:
     heading: str
     reason: str
     concrete: Mapping[str, Value]
+    region: str = ""
 
 
 @dataclass(frozen=True)
@@ -51,8 +52,9 @@ def choose_regions(found: Sequence[FailureRegions], version: str, limit: int) ->
                     regions.scenario,
                     version,
                     f"{regions.label} · {r.strategy} · seed {r.seed} · {r.test_id.rsplit('-', 1)[1]}",
-                    f"{region.name}, {ROLES[r.role]}: {region.rule}.",
+                    f"The {ROLES[r.role]} of {region.name}.",
                     r.concrete,
+                    region.name,
                 )
                 for region, r in ranked
             ]
@@ -60,20 +62,19 @@ def choose_regions(found: Sequence[FailureRegions], version: str, limit: int) ->
     return [chosen for turn in zip_longest(*queues) for chosen in turn if chosen is not None][:limit]
 
 
-def choose_pairs(comparison: Comparison, table: pd.DataFrame, spaces: Mapping[str, Space]) -> list[Chosen]:
-    """A fix and a regression of one retrained version, the champion if it is one, each with base and that version, in this order.
+def choose_regression(comparison: Comparison, table: pd.DataFrame, spaces: Mapping[str, Space]) -> list[Chosen]:
+    """A regression of one retrained version, the champion if it is one, with base and that version, in this order.
 
-    table: rows of comparison.parquet. Empty if no version changes any outcome.
+    table: rows of comparison.parquet. Empty without a regression.
     """
     paired = _changed(comparison)
-    if paired is None:
+    if paired is None or not paired.regressions:
         return []
-    changes = [*((test, "fix") for test in paired.fixes[:1]), *((test, "regression") for test in paired.regressions[:1])]
-    return [chosen for change in changes for chosen in _both(comparison, paired, change, table, spaces)]
+    return _both(comparison, paired, (paired.regressions[0], "regression"), table, spaces)
 
 
 def choose_fixes(comparison: Comparison, table: pd.DataFrame, spaces: Mapping[str, Space], limit: int) -> list[Fix]:
-    """At most `limit` fixes of the version that `choose_pairs` shows. They cover as many groups that the base set shows rarely as
+    """At most `limit` fixes of the version that `choose_regression` shows. They cover as many groups that the base set shows rarely as
     possible, then as many other named groups; the first in the sequence wins a tie."""
     paired = _changed(comparison)
     if paired is None:

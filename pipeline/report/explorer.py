@@ -8,17 +8,17 @@ import io
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
 from PIL import Image
 
 from pipeline.artefacts.region_results import FailureRegions
-from pipeline.artefacts.tables import TESTS, read_frames
+from pipeline.artefacts.tables import TESTS
 from pipeline.core.space import Space, Variable
 from pipeline.report import texts
 from pipeline.report.failure_tables import CAUSES
+from pipeline.report.kept_frames import KeptFrames
 from pipeline.report.style import MODE_COLOURS, MODE_NAMES, data_uri
 
 DIGITS = 6
@@ -28,6 +28,7 @@ THUMBNAIL = (160, 96)
 """Width and height in pixels."""
 KPIS = ("adj_ttc_s", "impact_speed_mps", "first_detection_m", "missed_frames", "false_positives")
 """Columns of tests.parquet that the table shows beside a test's identity, its end and its variables."""
+ISOLATED = "isolated"
 UNITS = {column.name: column.unit for column in TESTS}
 
 
@@ -40,16 +41,21 @@ class Explorer:
     thumbnails: str
 
 
-def explorer(tests: pd.DataFrame, spaces: Mapping[str, Space], regions: Iterable[FailureRegions], frames: Sequence[Path]) -> Explorer:
-    """The rows of tests.parquet of several campaigns. spaces: of their scenarios. frames: frames.parquet of campaigns with thumbnails."""
+def explorer(tests: pd.DataFrame, spaces: Mapping[str, Space], regions: Iterable[FailureRegions], frames: KeptFrames) -> Explorer:
+    """The rows of tests.parquet of several campaigns. spaces: of their scenarios. frames: of campaigns with thumbnails."""
     fields = list(_fields(tests, spaces, regions))
     content = {"colours": {**{MODE_NAMES[mode]: colour for mode, colour in MODE_COLOURS.items()}, "error": "#8f98a3"}, "fields": fields}
     packed = gzip.compress(json.dumps(content, allow_nan=False, separators=(",", ":")).encode(), mtime=0)
     return Explorer(texts.EXPLORER, base64.b64encode(packed).decode(), json.dumps(_thumbnails(tests, frames)))
 
 
+def groups(found: FailureRegions) -> dict[str, tuple[str, ...]]:
+    """The failures of each region and those in none, by the name that the table has for them."""
+    return {region.name: region.members for region in found.regions} | {f"{found.label} {ISOLATED}": found.isolated}
+
+
 def _fields(tests: pd.DataFrame, spaces: Mapping[str, Space], regions: Iterable[FailureRegions]) -> Iterator[dict[str, Any]]:
-    region_of = {test: region.name for found in regions for region in found.regions for test in region.members}
+    region_of = {test: name for found in regions for name, tests_of in groups(found).items() for test in tests_of}
     yield _text("test", tests["test_id"])
     for name in ("scenario", "strategy", "version"):
         yield _text(name, tests[name])
@@ -92,24 +98,10 @@ def _number(name: str, values: pd.Series, unit: str = "") -> dict[str, Any]:
     return {"name": name, "unit": unit, "numbers": [int(n) if n is not None and n == int(n) else n for n in numbers]}
 
 
-def _thumbnails(tests: pd.DataFrame, frames: Sequence[Path]) -> dict[str, str]:
-    """A moment of the first tests, failures first: three quarters through the kept frames that show the pedestrian."""
+def _thumbnails(tests: pd.DataFrame, frames: KeptFrames) -> dict[str, str]:
+    """The decisive moment of the first tests, failures first."""
     ranked = tests.sort_values("failure", ascending=False, kind="stable")["test_id"]
-    wanted = set(ranked[:THUMBNAILS])
-    return dict(thumbnail for path in frames for thumbnail in _of_campaign(path, wanted))
-
-
-def _of_campaign(path: Path, wanted: set[str]) -> Iterator[tuple[str, str]]:
-    rows = read_frames(path, ["test_id", "visible_pixels"])
-    chosen = [_most_telling(group) for test, group in rows.groupby("test_id", sort=False) if test in wanted]
-    if chosen:
-        images = read_frames(path, ["image"])["image"]
-        yield from ((str(rows["test_id"][row]), _small(images[row])) for row in chosen)
-
-
-def _most_telling(frames: pd.DataFrame) -> int:
-    shown = frames.index[frames["visible_pixels"] > 0]
-    return int(shown[max(0, len(shown) * 3 // 4 - 1)] if len(shown) else frames.index[0])
+    return {test: _small(image) for test, image in frames.images(set(ranked[:THUMBNAILS])).items()}
 
 
 def _small(jpeg: bytes) -> str:

@@ -8,6 +8,7 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
+from pipeline.report import texts
 from pipeline.report.explorer import Explorer
 
 ASSETS = Path(__file__).parent / "assets"
@@ -60,6 +61,16 @@ class BeforeAfter:
 
 
 @dataclass(frozen=True)
+class FirstScreen:
+    """One fix beside the headline. title: the person and the place. films: of both versions; stills: instead of films."""
+
+    title: str
+    text: str = ""
+    films: tuple[Film, ...] = ()
+    stills: BeforeAfter | None = None
+
+
+@dataclass(frozen=True)
 class Bar:
     """One bar of a list: `value` of `most`, and the same in words."""
 
@@ -70,18 +81,49 @@ class Bar:
 
 
 @dataclass(frozen=True)
-class Bars:
-    """A paragraph with a list of bars."""
+class Box:
+    """A box on a picture, in its pixels. kind: `truth`, `reported` or `unreported`. label: its score."""
 
-    title: str
+    left: float
+    top: float
+    right: float
+    bottom: float
+    kind: str
+    label: str = ""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A frame of a test. image: as a data: address. size: width and height in pixels. words: what is to be seen."""
+
+    test_id: str
+    image: str
+    size: tuple[int, int]
+    boxes: tuple[Box, ...]
+    words: str
+
+
+@dataclass(frozen=True)
+class Card:
+    """A group of failures. name: as the table of every test has it. tag: beside the name. text: a sentence. facts: names and values.
+    members: number of its failures. fewer: why it has few pictures. bars: what repairs it. test: one to execute again."""
+
+    name: str
+    tag: str
     text: str
+    rule: str
+    members: int
+    facts: tuple[tuple[str, str], ...]
+    pictures: tuple[Picture, ...]
+    fewer: str
     bars: tuple[Bar, ...]
+    replays: tuple[Film, ...]
+    test: str
 
 
 @dataclass(frozen=True)
 class Passage:
-    """A titled part of a section; empty fields are left out. notes: a list below the table. folded: the label that opens the table. bars:
-    paragraphs below the notes."""
+    """A titled part of a section; empty fields are left out. notes: a list below the table. folded: the label that opens the table."""
 
     title: str = ""
     text: str = ""
@@ -91,7 +133,7 @@ class Passage:
     stills: tuple[BeforeAfter, ...] = ()
     notes: tuple[str, ...] = ()
     folded: str = ""
-    bars: tuple[Bars, ...] = ()
+    cards: tuple[Card, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -105,20 +147,22 @@ class Section:
 
 @dataclass(frozen=True)
 class Page:
-    """The whole page. headline: the result in one or two sentences. explorer: every test, if the page shows them."""
+    """The whole page. headline: the result in one or two sentences. explorer: every test, if the page shows them. first: below the
+    headline."""
 
     study: str
     headline: str
     sections: tuple[Section, ...]
     title: str = "Where does the detector fail, and did retraining help?"
     explorer: Explorer | None = None
+    first: FirstScreen | None = None
 
 
 def render(page: Page) -> str:
     """The page as HTML; texts and cells are escaped."""
     loader = FileSystemLoader(Path(__file__).parent)
     environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    return environment.get_template("page.html.jinja").render(page=page, asset=_asset)
+    return environment.get_template("page.html.jinja").render(page=page, asset=_asset, first_how=texts.FIRST)
 
 
 def _asset(name: str) -> Markup:

@@ -7,15 +7,16 @@ from collections.abc import Mapping, Sequence
 import pandas as pd
 
 from pipeline.analysis.frame_criteria import MEANINGS
+from pipeline.analysis.pair_shares import PairShare
 from pipeline.artefacts.calibration_results import DetectorCalibration
 from pipeline.artefacts.model_card import ModelCard
-from pipeline.artefacts.region_results import FailureRegion, FailureRegions, Fresh, Repair, Why
+from pipeline.artefacts.region_results import FailureRegions
 from pipeline.artefacts.search_results import BaseRate, Measures, StrategyMeasures
 from pipeline.artefacts.white_box_results import WhiteBoxMeasures, WhiteBoxSet
 from pipeline.report import texts
-from pipeline.report.failure_tables import CAUSES, MIXED, NONE, base_rate_sentence, braking_in_search, cause_cells, rate_text
+from pipeline.report.failure_tables import CAUSES, NONE, base_rate_sentence, braking_in_search, cause_cells, rate_text
 from pipeline.report.formats import censored, decimal, percent, share
-from pipeline.report.page import Bar, Bars, Drawing, Film, Passage, Section, Table
+from pipeline.report.page import Card, Drawing, Passage, Section, Table
 
 METRICS = {"precision": "precision", "recall": "recall", "ap50": "AP50", "ap50_95": "AP50-95"}
 
@@ -38,10 +39,11 @@ def search_section(
     labels: Mapping[str, str],
     plots: Sequence[Drawing],
     coverage: Sequence[Drawing],
+    pairs: Mapping[str, Sequence[PairShare]],
 ) -> Section:
-    """How well the strategies find failures. labels: scenario -> its label. white_box: None leaves its part out."""
+    """How well the strategies find failures. labels: scenario -> its label. white_box: None leaves its part out. pairs: by scenario."""
     found = [_failures_found(measures, labels, plots), _causes(measures, labels), *_braking(measures, labels)]
-    parts = [*found, _coverage(measures, labels, coverage)]
+    parts = [*found, _coverage(measures, labels, coverage), _pairs(pairs, labels)]
     if white_box is not None:
         parts.append(_white_box(white_box))
     return Section("Search", (texts.SEARCH.format(confidence=100 * measures.confidence),), tuple(parts))
@@ -86,6 +88,21 @@ def _coverage(measures: Measures, labels: Mapping[str, str], plots: Sequence[Dra
     return Passage("Coverage of the scenario space", texts.COVERAGE, Table(headers, rows, numbers=(2, 3, 4)), tuple(plots))
 
 
+def _pairs(pairs: Mapping[str, Sequence[PairShare]], labels: Mapping[str, str]) -> Passage:
+    """The heat maps in numbers."""
+    rows = tuple(
+        (labels[scenario], one.first, one.second, str(one.feasible), *(_of(part, one.feasible) for part in (one.tests, one.failures)))
+        for scenario, shares in pairs.items()
+        for one in shares
+    )
+    headers = ("scenario", "variable", "and variable", "pairs of categories", "in tests", "in failures")
+    return Passage(table=Table(headers, rows, numbers=(4, 5)), folded=f"Covered pairs of categories in numbers ({len(rows)})")
+
+
+def _of(part: int, whole: int) -> str:
+    return f"{part} = {share(part / whole)}"
+
+
 def _white_box(measures: WhiteBoxMeasures) -> Passage:
     headers = ("strategy", "images", "active neurons", "sections", "strongly active", "top", "pairs")
     how = texts.WHITE_BOX.format(neurons=measures.neurons, layers=measures.layers, images=measures.training_images)
@@ -94,79 +111,27 @@ def _white_box(measures: WhiteBoxMeasures) -> Passage:
 
 def _white_box_row(shown: WhiteBoxSet) -> tuple[str, ...]:
     shares = (shown.neuron, shown.multisection, shown.strong, shown.top, shown.pairs)
-    return shown.name, str(shown.images), *(f"{100 * share:.1f} %" for share in shares)
+    return shown.name, str(shown.images), *map(share, shares)
 
 
 def regions_section(
-    found: Sequence[FailureRegions], rates: Sequence[BaseRate], plots: Mapping[str, Drawing], replays: Mapping[str, Sequence[Film]]
+    found: Sequence[FailureRegions], rates: Sequence[BaseRate], plots: Mapping[str, Drawing], cards: Mapping[str, Sequence[Card]]
 ) -> Section:
-    """Where the searched version fails, scenario by scenario. rates: its base failure rates."""
+    """Where the searched version fails, scenario by scenario. rates: its base failure rates. cards: by scenario."""
     bases = {rate.scenario: f" Base failure rate: {rate_text(rate)} {rate.strategy} tests." for rate in rates}
-    parts = tuple(_scenario_regions(r, bases.get(r.scenario, ""), plots, replays.get(r.scenario, ())) for r in found)
+    parts = tuple(_scenario_regions(r, bases.get(r.scenario, ""), plots, cards[r.scenario]) for r in found)
     return Section("Failure regions", (texts.REGIONS,), parts)
 
 
-def _scenario_regions(regions: FailureRegions, base: str, plots: Mapping[str, Drawing], replays: Sequence[Film]) -> Passage:
+def _scenario_regions(regions: FailureRegions, base: str, plots: Mapping[str, Drawing], cards: Sequence[Card]) -> Passage:
     every = "Every test fails. " if regions.failures == regions.tests > 0 else ""
     summary = (
         f"{every}{regions.failures} of {regions.tests} tests fail ({100 * regions.failure_rate:.1f} %). Regions: {len(regions.regions)}. "
         f"Isolated failures, in no region: {len(regions.isolated)}. Connected sets of failures (Def. 4.19): {regions.connected}. "
         f"Not solvable with this camera: {len(regions.not_solvable)}.{base}"
     )
-    headers = ("region", "rule", "cause", "failures", "failures inside rule", "lift", "held back", "status", "failure modes", "found by")
-    table = Table(headers, tuple(map(_region_row, regions.regions)), numbers=(4, 6), codes=(1,)) if regions.regions else None
-    drawings = (plots[regions.scenario],) if regions.failures else ()
     text = summary if regions.failures else f"{summary} {texts.NO_FAILURES}"
-    return Passage(
-        regions.label,
-        text,
-        table,
-        drawings,
-        tuple(replays),
-        bars=tuple(_why(region.name, region.why) for region in regions.regions if region.why),
-    )
-
-
-def _why(region: str, why: Why) -> Bars:
-    """A region's sentence, and what repairs its failures, the control last."""
-    return Bars(f"{region}:", why.sentence, tuple(map(_bar, [*why.repairs, *([why.control] if why.control else [])])))
-
-
-def _bar(repair: Repair) -> Bar:
-    errors = f"; errors: {repair.errors}" if repair.errors else ""
-    rate = f" = {percent(repair.rate)}" if repair.rate else ""
-    return Bar(repair.change, repair.repaired, max(1, repair.tests), f"{repair.repaired} / {repair.tests}{rate}{errors}")
-
-
-def _region_row(region: FailureRegion) -> tuple[str, ...]:
-    held_back = region.held_back
-    return (
-        region.name,
-        region.rule,
-        CAUSES.get(region.cause, MIXED),
-        str(len(region.members)),
-        f"{region.failures_inside} / {region.support} = {share(region.precision)}",
-        f"{region.lift:.1f}",
-        NONE if held_back.rate is None else f"{held_back.failures} / {held_back.tests} = {share(held_back.rate)}",
-        _status(region),
-        ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in region.modes if count),
-        ", ".join(f"{count} {name}" for name, count in region.strategies.items()),
-    )
-
-
-def _status(region: FailureRegion) -> str:
-    """Whether fresh tests confirm the rule, and their failures inside and just outside it."""
-    found = region.confirmation
-    if found is None:
-        return region.status
-    parts = [_fresh(f"{region.status}: inside", found.inside), _fresh("just outside", found.outside)]
-    errors = found.inside.errors + found.outside.errors
-    return "; ".join([*parts, *([f"errors: {errors}"] if errors else [])])
-
-
-def _fresh(where: str, found: Fresh) -> str:
-    rate = f" = {percent(found.rate)}" if found.rate else ""
-    return f"{where} {found.failures} / {found.tests}{rate}"
+    return Passage(regions.label, text, plots=(plots[regions.scenario],) if regions.failures else (), cards=tuple(cards))
 
 
 def data_section(

@@ -73,12 +73,18 @@ CHANGES = _prose("""
     Tests whose outcome differs between {base} and {of}, regressions first. The table shows {shown} of the {all} rows in changes.csv,
     which covers all versions.
 """)
+NO_FIX = _prose("""
+    No fix can be shown: no other version shown here passes a held-out test that {base} fails.
+""")
 STILLS = _prose("""
-    Three held-out tests, or fewer, that the upper version fails and the lower one passes. Both see the same camera image. Blue: the
-    true pedestrian. Red: the detections with their confidence. A replay below shows a regression, if there is one.
+    More held-out tests that the upper version fails and the lower one passes. Both see the same camera image. Blue: the true pedestrian.
+    Red: the detections with their confidence.
+""")
+FIRST = _prose("""
+    Blue: the true pedestrian. Red: the detections with their confidence. The same test with both versions.
 """)
 PAIR = _prose("""
-    The same concrete scenario with both versions, side by side. Blue: the true pedestrian. Red: the detections with their
+    A regression: the same concrete scenario with both versions, side by side. Blue: the true pedestrian. Red: the detections with their
     confidence. Purple line: TTC divided by one plus the false positives so far.
 """)
 SEARCH = _prose("""
@@ -154,6 +160,10 @@ FIGURES = {
     "coverage": _prose("""
         Left: how much of the scenario space the tests cover. Right: how varied the failures are. Thin lines: intervals over
         seeds.
+    """),
+    "pairs": _prose("""
+        For each two variables, the share of their feasible pairs of categories that the search covers, all strategies together. Left: in at
+        least one test. Right: in at least one failure. Low numbers on the left show where nobody has looked yet.
     """),
     "rounds": _prose("""
         Failures on the held-out sequence after each round; round 0 is base. Bars: Student's intervals over the seeds of

@@ -71,7 +71,7 @@ def verdict_section(
     base = comparison.versions[0].version
     parts = [
         Passage(table=Table(HEADERS, tuple(verdict_rows(comparison)), numbers=(1, 2, 3))),
-        *([Passage("Before and after", texts.STILLS, stills=tuple(stills))] if stills else []),
+        *([Passage("More fixes, before and after", texts.STILLS, stills=tuple(stills))] if stills else []),
         *_planted(comparison),
         Passage("What the verdict rests on", notes=tuple(verdict_sentences(comparison))),
         *_limits(comparison),
@@ -88,7 +88,7 @@ def verdict_section(
     if len(changes):
         parts.append(_changes(changes, comparison))
     if replays:
-        parts.append(Passage("Replays of changed tests", texts.PAIR, replays=tuple(replays)))
+        parts.append(Passage("Replays of a regression", texts.PAIR, replays=tuple(replays)))
     return Section("Verdict", _introduction(comparison), tuple(parts))
 
 

@@ -25,6 +25,7 @@ def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
         "regions": [folders.regions(version, scenario) for scenario in config.search],
         "tests": folders.search("tests.parquet", version=version),
         "frames": folders.search("frames.parquet", version=version),
+        "detections": folders.search("detections.parquet", version=version),
         "spaces": folders.spaces(config.search),
         "detectors": list(config.tested.values()),
         "calibrations": folders.calibrations(config.tested),

@@ -30,6 +30,7 @@ def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
         "regions": [folders.regions("base", scenario) for scenario in config.search],
         "tests": folders.search("tests.parquet"),
         "frames": folders.search("frames.parquet"),
+        "detections": folders.search("detections.parquet"),
         "later_tests": folders.later_search("tests.parquet"),
         "spaces": folders.spaces(config.search),
         "filters": [folders.filter(strategy) for strategy in dict.fromkeys(config.sources.values())],

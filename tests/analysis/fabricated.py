@@ -17,14 +17,14 @@ from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.model_card import CurvePoint, ModelCard, write_card, write_curve
 from pipeline.artefacts.results import write
 from pipeline.artefacts.scenario_space import ScenarioInfo, write_space
-from pipeline.artefacts.tables import FRAMES, TESTS, write_frames, write_signals, write_tests
+from pipeline.artefacts.tables import DETECTIONS, FRAMES, TESTS, write_detections, write_frames, write_signals, write_tests
 from pipeline.artefacts.white_box_results import WhiteBoxMeasures, WhiteBoxSet
 from pipeline.config.composing import compose
 from pipeline.config.schema import Config
 from pipeline.contract import Files, order_of, perform
 from pipeline.core.identity import CampaignId
 from pipeline.core.samplers.pairwise import PairwiseSampler
-from pipeline.core.signals import SIGNALS
+from pipeline.core.signals import SIDES, SIGNALS
 from pipeline.core.space import Floats, Space
 
 VERSIONS = ("base", "control", "random", "adaptive")
@@ -35,6 +35,8 @@ FOG_FROM = {"base": 12.0, "control": 18.0, "random": 50.0, "adaptive": 88.0}
 
 
 IMAGES = [encode_jpeg(np.random.default_rng(step).integers(0, 255, (48, 80, 3), dtype=np.uint8)) for step in range(5)]
+TRUTH = (30.0, 10.0, 42.0, 38.0)
+"""Box around every fabricated pedestrian."""
 
 
 def make_tests(space: Space, keys: dict[str, Any], points: Floats, fog_from: float = 45.0) -> pd.DataFrame:
@@ -91,7 +93,18 @@ def make_frames(tests: pd.DataFrame) -> pd.DataFrame:
     for column in FRAMES:
         if column.name not in frames:
             frames[column.name] = [IMAGES[step] for step in frames["step"]] if column.name == "image" else 0
+    shown = frames["visible_pixels"] > 0
+    for side, value in zip(SIDES, TRUTH, strict=True):
+        frames[f"visible_{side}"] = np.where(shown, value, np.nan)
     return frames[[column.name for column in FRAMES]]
+
+
+def make_detections(frames: pd.DataFrame) -> pd.DataFrame:
+    """Rows of detections.parquet: per frame a box that is reported and one that is not."""
+    rows = pd.DataFrame({"test_id": np.repeat(frames["test_id"], 2), "step": np.repeat(frames["step"], 2)}).reset_index(drop=True)
+    for side, value in zip(SIDES, TRUTH, strict=True):
+        rows[side] = value + 2.0
+    return rows.assign(score=np.tile([0.9, 0.3], len(frames)), in_path=True)[[column.name for column in DETECTIONS]]
 
 
 def make_signals(tests: pd.DataFrame) -> pd.DataFrame:
@@ -198,7 +211,9 @@ class FabricatedStudy:
         keys = {"scenario": scenario, "strategy": strategy, "version": version, "seed": int(seed)}
         tests = make_tests(space, keys, points)
         write_tests(path, tests, space)
-        write_frames(path.with_name("frames.parquet"), make_frames(tests.head(6)))
+        frames = make_frames(tests.head(6))
+        write_frames(path.with_name("frames.parquet"), frames)
+        write_detections(path.with_name("detections.parquet"), make_detections(frames))
         write_signals(path.with_name("signals.parquet"), make_signals(tests))
 
     def _held_out(self, name: str) -> None:

@@ -38,8 +38,10 @@
   for (const plot of [parallel, scatter]) plot.on("click", event => event.data && choose(rows[event.data.row ?? event.data.value[2]]));
   at("explorer-area").onclick = () => area(at("explorer-area").getAttribute("aria-pressed") !== "true");
   at("explorer-reset").onclick = reset;
-  at("explorer-copy").onclick = copy;
+  for (const button of document.querySelectorAll(".copy")) button.onclick = () => copy(button);
+  for (const card of document.querySelectorAll("[data-region]")) card.addEventListener("click", event => showRegion(card, event.target));
   addEventListener("resize", () => { parallel.resize(); scatter.resize(); });
+  together([...document.querySelectorAll(".drive")]);
   draw(rows);
   at("explorer").setAttribute("data-ready", "");
 
@@ -268,14 +270,35 @@
     return [term, text];
   }
 
-  async function copy() {
-    try {
-      await navigator.clipboard.writeText(at("explorer-command").textContent);
-      at("explorer-copy").textContent = "Copied";
-    } catch {
-      getSelection().selectAllChildren(at("explorer-command"));
-      at("explorer-copy").textContent = "Press Ctrl-C";
+  // Two films that play at the same time, again and again; the shorter one waits on its last picture.
+  function together(films) {
+    const ended = () => films.every(film => film.ended);
+    for (const film of films) {
+      film.onplay = () => films.forEach(other => { if (other.paused && !other.ended) other.play().catch(() => {}); });
+      film.onpause = () => { if (!film.ended) films.forEach(other => other.pause()); };
+      film.onended = () => setTimeout(() => { if (ended()) films.forEach(other => { other.currentTime = 0; other.play().catch(() => {}); }); }, 1500);
     }
-    setTimeout(() => { at("explorer-copy").textContent = "Copy"; }, 1500);
+    if (!matchMedia("(prefers-reduced-motion: reduce)").matches) films[0]?.play().catch(() => {});
+  }
+
+  // A click anywhere on a region's card, but not on its other controls and not to select its text.
+  function showRegion(card, clicked) {
+    const button = clicked.closest("button, video, summary, a");
+    if (button ? !button.matches(".show") : String(getSelection())) return;
+    reset();
+    table.setHeaderFilterValue("region", `= ${card.dataset.region}`);
+    at("explorer-count").scrollIntoView({ block: "center" });
+  }
+
+  async function copy(button) {
+    const command = button.previousElementSibling;
+    try {
+      await navigator.clipboard.writeText(command.textContent);
+      button.textContent = "Copied";
+    } catch {
+      getSelection().selectAllChildren(command);
+      button.textContent = "Press Ctrl-C";
+    }
+    setTimeout(() => { button.textContent = "Copy"; }, 1500);
   }
 })();

@@ -1,0 +1,44 @@
+"""Which pairs of categories tests and failures show, for each two variables of a scenario space."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.core.coverage.projection import Demand, planes
+from pipeline.core.space import Floats, Space
+
+
+@dataclass(frozen=True)
+class PairShare:
+    """Two variables. feasible: number of their pairs of categories; tests, failures: of these, how many a test or a failure shows."""
+
+    first: str
+    second: str
+    feasible: int
+    tests: int
+    failures: int
+
+
+def pair_shares(space: Space, points: Floats, failed: NDArray[np.bool_]) -> tuple[PairShare, ...]:
+    """Every two variables in the order of the space; pairs that no feasible point has are left out.
+
+    points: valid tests (n, d). failed: (n,). The sums over all variables are those of the pair coverage (thesis section 6.1).
+    """
+    demand = Demand(space.constraints, 2)
+    by_tests, by_failures = demand.counts(), demand.counts()
+    by_tests.add(space.categorise(points))
+    by_failures.add(space.categorise(points[failed]))
+    both = zip(planes(by_tests, demand), planes(by_failures, demand), strict=True)
+    return tuple(
+        PairShare(
+            *(space.names[variable] for variable in plane.variables),
+            feasible=int(plane.feasible.sum()),
+            tests=int((plane.counts[plane.feasible] > 0).sum()),
+            failures=int((other.counts[other.feasible] > 0).sum()),
+        )
+        for plane, other in both
+        if plane.feasible.any()
+    )
