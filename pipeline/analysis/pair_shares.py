@@ -34,7 +34,8 @@ def pair_shares(space: Space, points: Floats, failed: NDArray[np.bool_]) -> tupl
     both = zip(planes(by_tests, demand), planes(by_failures, demand), strict=True)
     return tuple(
         PairShare(
-            *(space.names[variable] for variable in plane.variables),
+            first=space.names[plane.variables[0]],
+            second=space.names[plane.variables[1]],
             feasible=int(plane.feasible.sum()),
             tests=int((plane.counts[plane.feasible] > 0).sum()),
             failures=int((other.counts[other.feasible] > 0).sum()),

@@ -30,12 +30,13 @@ from pipeline.report.border import Case, cases, nearest
 from pipeline.report.examples import Chosen, Fix, choose_fixes, choose_regions, choose_regression
 from pipeline.report.explorer import explorer
 from pipeline.report.first_screen import drive, first_screen
+from pipeline.report.identity_section import identity_section
 from pipeline.report.kept_frames import KeptFrames
 from pipeline.report.page import BeforeAfter, Card, Drawing, Film, FirstScreen, Page, Section
 from pipeline.report.region_cards import Shown, cards, ends, pictured
 from pipeline.report.replays import Replay, draw_replay, jpeg_uri, most_telling_frame, render_replay
 from pipeline.report.reruns import Reruns, calibrated_detector
-from pipeline.report.style import data_uri, svg
+from pipeline.report.style import data_uri
 
 BORDER_CASES = 32
 FIXES = 3
@@ -59,7 +60,7 @@ class ReportData:
     tests: search scenario -> rows of all its campaigns. searched: rows of the campaigns that versions learn from, round by round.
     detectors: version -> ONNX file, the searched version first. frames: frames.parquet of the search. filters: strategy ->
     its filter table. border: frames at the border of the filters. calibrations: of detectors that are only tested, if the study
-    calibrates them.
+    calibrates them. files: path -> SHA-256 of all that the page is made from.
     """
 
     measures: Measures
@@ -75,6 +76,7 @@ class ReportData:
     filters: Mapping[str, pd.DataFrame]
     cards: tuple[ModelCard, ...]
     border: tuple[Case, ...]
+    files: Mapping[str, str]
     calibrations: Mapping[str, DetectorCalibration] = field(default_factory=dict)
 
 
@@ -157,9 +159,11 @@ def make_page(config: Config, data: ReportData, figures: Mapping[str, Figure], p
     ]
     if data.calibrations:
         found.append(sections.calibration_section(tuple(data.calibrations.values()), _named(drawings, "reliability")))
+    every = _all_tests(data)
+    found.append(identity_section(every, _labels(data), data.cards, data.files, _settings(config)))
     title = "Where does the detector fail, and did retraining help?" if data.cards else "Where does the detector fail?"
     shown = tuple(section for section in found if section is not None)
-    table = explorer(_all_tests(data), spaces, data.regions, frames)
+    table = explorer(every, spaces, data.regions, frames)
     return Page(config.study, _headline(data), shown, title, table, _first(config, data, executed, bool(filmed)))
 
 
@@ -176,6 +180,24 @@ def _first(config: Config, data: ReportData, executed: Sequence[tuple[Fix, Both]
         return first_screen(where, fix.before.concrete, space, stills=_stills(fix, episodes, threshold_s))
     both = zip((fix.before, fix.after), episodes, strict=True)
     return first_screen(where, fix.before.concrete, space, [drive(one.test_id, one.version, episode, threshold_s) for one, episode in both])
+
+
+def _labels(data: ReportData) -> dict[str, str]:
+    """Of the scenarios of the search and of the comparison."""
+    return {**data.labels, **({} if data.compared is None else data.compared.comparison.scenarios)}
+
+
+def _settings(config: Config) -> list[tuple[str, str]]:
+    """The settings that decide what fails, as in params.yaml."""
+    judged = {"campaign.failure_threshold_s": config.campaign.failure_threshold_s, "campaign.match_iou": config.campaign.match_iou}
+    sections = {
+        "detector": config.detector,
+        "simulator": config.simulator,
+        "aeb": config.aeb.model_dump(),
+        "vehicle": config.vehicle.model_dump(),
+    }
+    flat = {f"{name}.{key}": value for name, section in sections.items() for key, value in section.items()}
+    return [(key, "null" if value is None else str(value)) for key, value in (judged | flat).items()]
 
 
 def _all_tests(data: ReportData) -> pd.DataFrame:
@@ -232,7 +254,7 @@ def _search(data: ReportData, drawings: Mapping[str, Drawing]) -> Section:
 
 
 def _drawing(figure: Figure, name: str) -> Drawing:
-    return Drawing(svg(figure), texts.FIGURES[name.partition("_")[0]])
+    return Drawing.of(figure, texts.FIGURES[name.partition("_")[0]])
 
 
 def _named(drawings: Mapping[str, Drawing], *names: str) -> list[Drawing]:

@@ -56,11 +56,10 @@ def pair_matrix(shares: Sequence[PairShare], title: str) -> Figure:
             values = np.full((len(names), len(names)), np.nan)
             for share in shares:
                 values[names.index(share.second), names.index(share.first)] = 100 * getattr(share, field) / share.feasible
-            shown = np.ma.masked_invalid(values[1:, :-1])
-            axis.imshow(shown, cmap=SHADES, vmin=0, vmax=100, aspect="auto", interpolation="nearest")
-            for (row, column), value in np.ndenumerate(shown):
-                if value is not np.ma.masked:
-                    axis.text(column, row, f"{value:.0f}", ha="center", va="center", fontsize=8.5, color="#20262e")
+            shown = values[1:, :-1]
+            axis.imshow(np.ma.masked_invalid(shown), cmap=SHADES, vmin=0, vmax=100, aspect="auto", interpolation="nearest")
+            for row, column in np.argwhere(np.isfinite(shown)):
+                axis.text(column, row, f"{shown[row, column]:.0f}", ha="center", va="center", fontsize=8.5, color="#20262e")
             labels = [name.replace("_", " ") for name in names]
             axis.set_xticks(range(len(names) - 1), labels[:-1], rotation=35, ha="right", rotation_mode="anchor")
             axis.set_yticks(range(len(names) - 1), labels[1:])

@@ -15,7 +15,7 @@ from pipeline.artefacts.dataset import SEGMENT_COLOURS
 from pipeline.artefacts.front_car_results import DetectorResult, Evaluation, Points
 from pipeline.core.space import Ints, Space
 from pipeline.report.page import Drawing, Page, Passage, Section, Table
-from pipeline.report.style import GRID, INK, SERIES, panels, styled, svg
+from pipeline.report.style import GRID, INK, SERIES, panels, styled
 
 NOT_COVERABLE = "×"
 EXISTING, GENERATED = SERIES[0], SERIES[1]
@@ -149,15 +149,15 @@ def _coverage(points: Points, figures: Mapping[str, Figure]) -> Section:
         "Coverage",
         (how,),
         (
-            Passage(plots=(Drawing(svg(figures["growth"]), "Number of cells covered after each point."),)),
+            Passage(plots=(Drawing.of(figures["growth"], "Number of cells covered after each point."),)),
             Passage(title="Points", table=listed),
-            Passage(title="Planes", plots=(Drawing(svg(figures["table"]), legend),)),
+            Passage(title="Planes", plots=(Drawing.of(figures["table"], legend),)),
         ),
     )
 
 
 def _snapshots(figures: Mapping[str, Figure]) -> Section:
-    drawing = Drawing(svg(figures["gallery"]), "The first snapshot of each point, above its segmentation. Yellow: the forward vehicle.")
+    drawing = Drawing.of(figures["gallery"], "The first snapshot of each point, above its segmentation. Yellow: the forward vehicle.")
     text = "A point fixes the conditions. Town, place, distances, vehicles, pedestrians and light are random."
     return Section("Snapshots", (text,), (Passage(plots=(drawing,)),))
 
@@ -176,7 +176,7 @@ def _detectors(evaluation: Evaluation, figures: Mapping[str, Figure]) -> Section
         share = f"{np.mean(right):.3f}"
         rows.append((f"{detector.learnt_points} points", f"{detector.images}", *(f"{detector.metrics[n]:.3f}" for n in names), share))
     headers = ("trained on", "images", "AP50", "AP50-95", "precision", "recall", "false positives per image", "right snapshots")
-    plot = Drawing(svg(figures["by_condition"]), "Share of right snapshots by condition.")
+    plot = Drawing.of(figures["by_condition"], "Share of right snapshots by condition.")
     parts = (Passage(table=Table(headers, tuple(rows), numbers=(7,))), Passage(title="By operating condition", plots=(plot,)))
     return Section("Detectors", (how,), parts)
 

@@ -7,9 +7,11 @@ from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
+from matplotlib.figure import Figure
 
 from pipeline.report import texts
 from pipeline.report.explorer import Explorer
+from pipeline.report.style import svg
 
 ASSETS = Path(__file__).parent / "assets"
 
@@ -30,6 +32,11 @@ class Drawing:
 
     svg: str
     how: str
+
+    @staticmethod
+    def of(figure: Figure, how: str) -> Drawing:
+        """The figure, which a screen reader announces by how to read it."""
+        return Drawing(svg(figure, how), how)
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,10 @@ from pipeline.artefacts.search_results import BaseRate, Measures, StrategyMeasur
 from pipeline.artefacts.white_box_results import WhiteBoxMeasures, WhiteBoxSet
 from pipeline.report import texts
 from pipeline.report.failure_tables import CAUSES, NONE, base_rate_sentence, braking_in_search, cause_cells, rate_text
-from pipeline.report.formats import censored, decimal, percent, share
+from pipeline.report.formats import censored, decimal, mean_text, percent, share
 from pipeline.report.page import Card, Drawing, Passage, Section, Table
 
+QUARTERS = (0.25, 0.5, 0.75, 1)
 METRICS = {"precision": "precision", "recall": "recall", "ap50": "AP50", "ap50_95": "AP50-95"}
 
 
@@ -42,7 +43,7 @@ def search_section(
     pairs: Mapping[str, Sequence[PairShare]],
 ) -> Section:
     """How well the strategies find failures. labels: scenario -> its label. white_box: None leaves its part out. pairs: by scenario."""
-    found = [_failures_found(measures, labels, plots), _causes(measures, labels), *_braking(measures, labels)]
+    found = [_failures_found(measures, labels, plots), _theta(measures, labels), _causes(measures, labels), *_braking(measures, labels)]
     parts = [*found, _coverage(measures, labels, coverage), _pairs(pairs, labels)]
     if white_box is not None:
         parts.append(_white_box(white_box))
@@ -62,6 +63,18 @@ def _search_row(row: StrategyMeasures, label: str, base: str) -> tuple[str, ...]
     saved = "baseline" if row.c_measure is None else censored(row.c_measure, row.c_measure_censored, seeds, "{:.2f}", "<")
     first = censored(row.f_measure, row.f_measure_censored, seeds, "{:.0f}", ">")
     return label, row.strategy, f"{row.failures} / {row.tests - row.errors}", percent(row.rate), base, first, saved
+
+
+def _theta(measures: Measures, labels: Mapping[str, str]) -> Passage:
+    """The curves of failures found in numbers."""
+    rows = []
+    for row in measures.strategies:
+        curves = [c.theta for c in measures.campaigns if (c.scenario, c.strategy) == (row.scenario, row.strategy)]
+        length = min(map(len, curves))
+        found = (sum(curve[max(0, round(part * length) - 1)] for curve in curves) / len(curves) for part in QUARTERS if length)
+        rows.append((labels[row.scenario], row.strategy, str(length), *map(mean_text, found)))
+    headers = ("scenario", "strategy", "tests", *(f"after {100 * part:.0f} % of them" for part in QUARTERS))
+    return Passage(table=Table(headers, tuple(rows)), folded="Failures found after each quarter of the tests, mean over seeds")
 
 
 def _causes(measures: Measures, labels: Mapping[str, str]) -> Passage:

@@ -6,6 +6,7 @@ import base64
 import io
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from html import escape
 from pathlib import Path
 
 import matplotlib
@@ -104,13 +105,13 @@ def series_colours(names: list[str] | tuple[str, ...]) -> dict[str, str]:
     return {name: SERIES[index % len(SERIES)] for index, name in enumerate(names)}
 
 
-def svg(figure: Figure) -> str:
-    """The figure as an inline SVG element in the text colour of the page; the same figure gives the same SVG."""
+def svg(figure: Figure, label: str) -> str:
+    """The figure as an inline SVG element in the text colour of the page; the same figure gives the same SVG. label: what it shows."""
     buffer = io.StringIO()
     with styled():
         figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
     text = buffer.getvalue()
-    return text[text.index("<svg") :].replace(INK, "currentColor")
+    return text[text.index("<svg") :].replace("<svg", f'<svg role="img" aria-label="{escape(label)}"', 1).replace(INK, "currentColor")
 
 
 def save_png(figure: Figure, path: Path) -> None:

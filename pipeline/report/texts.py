@@ -140,6 +140,17 @@ NOT_CALIBRATED = _prose("""
     {version} could not be calibrated and keeps its confidences: all or none of its detections are right, or more confident ones are not
     right more often.
 """)
+SEEDS = _prose("""
+    The same seeds, settings and files give the same tests. A test that ended in an error counts in no rate.
+""")
+NOT_SHOWN = (
+    "The simulator and its camera stand for the road. Nothing here was recorded on a real road.",
+    "Each test has one pedestrian, and the ego brakes as the settings say. Other road users follow fixed plans.",
+    "A search looks where failures are. Only random tests give a failure rate, and it holds for the conditions that they were drawn from.",
+    "The rule of a region that is not confirmed is judged by the tests that made it.",
+    "A heat map that is full says that each pair of categories occurred, and not that the detector is safe there.",
+    "How likely failures are on the road, and what may be claimed, is on the evidence page of the version.",
+)
 EXPLORER = _prose("""
     Click a column's title to sort by it. The field below it filters: text, "a | b", "< 0.1", ">= 40", "5 .. 10" or "= M 03".
     In the first plot, drag along an axis to choose a range. In the second, press "Choose an area" and drag a rectangle. Click

@@ -14,6 +14,7 @@ from pipeline.artefacts.region_results import FailureRegions
 from pipeline.artefacts.results import read
 from pipeline.artefacts.tables import read_tests
 from pipeline.report.explorer import THUMBNAILS, Explorer, explorer
+from pipeline.report.kept_frames import KeptFrames
 from tests.analysis.fabricated import FabricatedStudy
 
 
@@ -34,7 +35,7 @@ def rows(study: FabricatedStudy) -> pd.DataFrame:
 def made(study: FabricatedStudy, rows: pd.DataFrame) -> Explorer:
     regions = [read(path, FailureRegions) for path in study.regions]
     spaces = {name: study.config.space(name) for name in (*study.config.search, *study.config.held_out)}
-    return explorer(rows, spaces, regions, [path.with_name("frames.parquet") for path in study.search_tests])
+    return explorer(rows, spaces, regions, KeptFrames([path.with_name("frames.parquet") for path in study.search_tests]))
 
 
 @pytest.fixture(scope="module")

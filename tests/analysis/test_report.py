@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from html import unescape
 from html.parser import HTMLParser
 
 import numpy as np
@@ -11,19 +12,29 @@ import pandas as pd
 import pytest
 from matplotlib.container import ErrorbarContainer
 
+from pipeline.analysis.pair_shares import pair_shares
 from pipeline.artefacts.comparison_results import Comparison
+from pipeline.artefacts.files import sha256
+from pipeline.artefacts.model_card import read_card
+from pipeline.artefacts.points import encode_tests
 from pipeline.artefacts.region_results import FailureRegions
 from pipeline.artefacts.results import Estimate, read
 from pipeline.artefacts.search_results import Measures
 from pipeline.artefacts.tables import read_tests
+from pipeline.core.measures import pair_coverage
+from pipeline.detectors.scripted import VisiblePixelOracle
 from pipeline.report import sections, texts
 from pipeline.report.border import nearest
 from pipeline.report.comparison_plots import failures_by_round, kpi_histogram
 from pipeline.report.contents import ReportData, draw_figures, make_page
-from pipeline.report.examples import choose_fixes, choose_pairs, choose_regions
+from pipeline.report.examples import choose_fixes, choose_regions, choose_regression
 from pipeline.report.failure_tables import CAUSES, rate_text
-from pipeline.report.page import Drawing
+from pipeline.report.first_screen import STRIP_HEIGHT, draw_drive
+from pipeline.report.page import Drawing, FirstScreen, Page, render
+from pipeline.report.replays import draw_view
 from pipeline.report.verdict_section import headline, rounds_part, verdict_section
+from pipeline.simulators.analytic import AnalyticSimulator
+from pipeline.testing import CAR
 from tests.analysis.fabricated import FabricatedStudy
 
 LOADING = {"src", "href", "poster", "xlink:href", "data", "srcset", "action"}
@@ -114,7 +125,7 @@ def test_page_shows_the_limits_of_the_gate(study: FabricatedStudy, page: str) ->
 
 def test_braking_without_need_has_a_table_where_it_is_asked_for(study: FabricatedStudy) -> None:
     measures = read(study.root / "measures.json", Measures).model_copy(update={"no_braking": ("F2",)})
-    parts = sections.search_section(measures, None, {"F1": "F1", "F2": "F2"}, [], []).parts
+    parts = sections.search_section(measures, None, {"F1": "F1", "F2": "F2"}, [], [], {}).parts
     table = next(part.table for part in parts if part.title == "Braking without need")
     assert table is not None and [row[:3] for row in table.rows] == [("base", "F2", name) for name in study.config.strategies]
 
@@ -127,7 +138,7 @@ def test_plots_are_written(study: FabricatedStudy, page: str) -> None:
     assert page
     names = {path.name for path in (study.root / "plots").iterdir()}
     kinds = {"comparison", "histogram", "reliability", "border", "theta", "coverage", "detection"}
-    kinds |= {"kpi_F1", "kpi_F2", "failures_F1", "failures_F2"}
+    kinds |= {f"{kind}_{name}" for kind in ("kpi", "pairs", "failures") for name in ("F1", "F2")}
     assert names == {f"{kind}.png" for kind in kinds}
 
 
@@ -135,24 +146,24 @@ def test_replays_are_shared_among_regions(study: FabricatedStudy) -> None:
     found = [read(path, FailureRegions) for path in study.regions]
     chosen = choose_regions(found, "base", 4)
     assert [test.scenario for test in chosen] == ["F1", "F2", "F1", "F2"]
-    assert "most typical" in chosen[0].reason
+    assert "most typical" in chosen[0].reason and chosen[0].region == found[0].regions[0].name
     assert choose_regions(found, "base", 0) == []
 
 
-def test_pairs_are_a_fix_and_a_regression_of_the_champion(study: FabricatedStudy) -> None:
+def test_a_regression_of_the_champion_is_shown_with_both_versions(study: FabricatedStudy) -> None:
     comparison = read(study.root / "comparison.json", Comparison)
     table, spaces = read_tests(study.root / "comparison.parquet"), {"F1star": study.config.space("F1star")}
-    before, after = choose_pairs(comparison, table, spaces)
-    assert (before.version, after.version) == ("base", comparison.champion)
-    assert before.concrete == after.concrete
-    assert after.reason == f"A fix of {comparison.champion} on a held-out test."
+    assert choose_regression(comparison, table, spaces) == [], "the fabricated champion has none"
     champion = next(v for v in comparison.versions if v.version == comparison.champion)
     assert champion.paired is not None
     worse = champion.paired.model_copy(update={"regressions": champion.paired.fixes[1:2]})
     changed = comparison.model_copy(update={"versions": (comparison.versions[0], champion.model_copy(update={"paired": worse}))})
-    assert [chosen.reason.split()[1] for chosen in choose_pairs(changed, table, spaces)] == ["fix", "fix", "regression", "regression"]
+    before, after = choose_regression(changed, table, spaces)
+    assert (before.version, after.version) == ("base", comparison.champion)
+    assert before.concrete == after.concrete
+    assert after.reason == f"A regression of {comparison.champion} on a held-out test."
     same = comparison.model_copy(update={"versions": comparison.versions[:1]})
-    assert choose_pairs(same, table, {}) == []
+    assert choose_regression(same, table, {}) == []
 
 
 def test_fixes_show_rare_groups_first_and_then_other_groups(study: FabricatedStudy) -> None:
@@ -169,10 +180,69 @@ def test_fixes_show_rare_groups_first_and_then_other_groups(study: FabricatedStu
     assert choose_fixes(comparison.model_copy(update={"versions": comparison.versions[:1]}), table, spaces, 3) == []
 
 
-def test_first_screen_shows_fixes_before_and_after(page: str) -> None:
-    first = page.partition("Planted blind spots")[0]
-    assert first.count("<img ") == 6 and "Before and after" in first
-    assert len(re.findall(r"<figcaption>base: (contact at [0-9.]+ m/s|too late|false positives alone|no failure)</figcaption>", first)) == 3
+def test_first_screen_shows_a_person_a_place_and_both_films(study: FabricatedStudy, page: str) -> None:
+    first = page.partition("<main>")[0]
+    comparison = read(study.root / "comparison.json", Comparison)
+    fix = choose_fixes(comparison, read_tests(study.root / "comparison.parquet"), {"F1star": study.config.space("F1star")}, 1)[0]
+    assert first.count("<video ") == 2 and first.index(fix.before.test_id) < first.index(fix.after.test_id)
+    assert re.search(
+        rf"<strong>An? {fix.before.concrete['animation']} (child|adult)[^.]*\. F1\*: Suburban street with a bus station", first
+    )
+    assert f"fog {fix.before.concrete['fog']:.3g} %" in first
+    assert page.partition("Planted blind spots")[0].count("<img ") == 4, "two more fixes as stills"
+
+
+def test_first_screen_falls_back_to_stills_and_to_words(study: FabricatedStudy) -> None:
+    first = without_scripts(make(study, replays=1)).partition("<main>")[0]
+    assert "<video" not in first and first.count("<img ") == 2 and "<strong>Before</strong>, base: " in first
+    nothing = render(Page("smoke", "headline", (), first=FirstScreen(texts.NO_FIX.format(base="base"))))
+    assert "no other version shown here passes a held-out test that base fails" in nothing and "<video" not in nothing
+
+
+def test_a_film_of_the_first_screen_has_a_line_above_each_view(study: FabricatedStudy) -> None:
+    space = study.config.space("F1")
+    concrete = space.decode(space.sample(1, np.random.default_rng(0))[0])
+    episode = AnalyticSimulator(study.config.scenarios["F1"], CAR).execute(concrete, VisiblePixelOracle(), keep_every=1)
+    images = draw_drive(episode)
+    assert len(images) == len(episode.frames) and images[0].shape[0] == draw_view(episode.frames[0]).shape[0] + STRIP_HEIGHT
+    assert not np.array_equal(images[0][:STRIP_HEIGHT], images[-1][:STRIP_HEIGHT]), "time, speed and TTC change"
+
+
+def test_heat_maps_count_the_pairs_that_tests_and_failures_show(study: FabricatedStudy, page: str) -> None:
+    space = study.config.space("F1")
+    rows = pd.concat([read_tests(path) for path in study.search_tests if path.parts[-5] == "F1"], ignore_index=True)
+    rows = rows[rows["status"] == "ok"]
+    points, failed = encode_tests(rows, space), rows["failure"].to_numpy()
+    found = pair_shares(space, points, failed)
+    categories = space.categorise(points)
+    assert len(found) == len(space) * (len(space) - 1) // 2
+    for one in found:
+        columns = [space.names.index(one.first), space.names.index(one.second)]
+        assert one.tests == len({tuple(row) for row in categories[:, columns]})
+        assert one.failures == len({tuple(row) for row in categories[failed][:, columns]})
+    assert sum(one.tests for one in found) / sum(one.feasible for one in found) == pytest.approx(pair_coverage(space, points))
+    shown = next(share for share in found if (share.first, share.second) == ("rain", "fog"))
+    assert f"{shown.tests} = {100 * shown.tests / shown.feasible:.1f} %" in page
+
+
+def test_the_page_names_seeds_settings_hashes_and_limits(study: FabricatedStudy, page: str) -> None:
+    last = page.partition('">Limits, seeds and hashes</h2>')[2].partition("Every test</h2>")[0]
+    files = dict(re.findall(r"<code>(data/[^<]+)</code></td><td[^>]*>\s*<code>([0-9a-f]{64})</code>", last))
+    assert {f"data/default/{name}" for name in ("measures.json", "comparison.json", "regions/base/F1.json")} < set(files)
+    assert all(sha256(study.folder / path) == digest for path, digest in files.items())
+    for card in map(read_card, study.cards):
+        assert card.weights_sha256 in last
+    assert ">0, 1</td>" in last and "campaign.failure_threshold_s" in last
+    assert all(text in unescape(last) for text in texts.NOT_SHOWN)
+
+
+def test_theta_is_told_in_numbers(study: FabricatedStudy, page: str) -> None:
+    measures = read(study.root / "measures.json", Measures)
+    curves = [c.theta for c in measures.campaigns if (c.scenario, c.strategy) == ("F1", "mixed")]
+    cells = re.findall(r"<td[^>]*>\s*([^<]*)</td>", page.partition("Failures found after each quarter")[2].partition("</table>")[0])
+    row = cells.index("mixed") + 1
+    means = [np.mean([curve[at - 1] for curve in curves]) for at in (15, 30, 45, 60)]
+    assert cells[row : row + 5] == ["60", *(f"{mean:.1f}".removesuffix(".0") for mean in means)]
 
 
 def test_border_cases_are_nearest_to_the_thresholds_and_half_are_kept() -> None:
@@ -276,13 +346,15 @@ def test_sections_without_data_are_left_out(study: FabricatedStudy) -> None:
         filters={},
         cards=(),
         border=(),
+        files={},
     )
     figures = draw_figures(data, study.config.strategies, 0.1)
-    assert set(figures) == {"theta", "coverage", "kpi_F1", "kpi_F2", "failures_F1", "failures_F2"}
+    assert set(figures) == {"theta", "coverage"} | {f"{kind}_{name}" for kind in ("kpi", "pairs", "failures") for name in ("F1", "F2")}
     config = study.config.model_copy(update={"report": study.config.report.model_copy(update={"replays": 1})})
     page = make_page(config, data, figures, lambda *_: None)
-    assert [section.title for section in page.sections] == ["Failure regions", "Search"]
-    assert [part.title for part in page.sections[1].parts] == ["Failures found", "Failures by cause", "Coverage of the scenario space"]
+    assert [section.title for section in page.sections] == ["Failure regions", "Search", "Limits, seeds and hashes"]
+    titles = [part.title for part in page.sections[1].parts if part.title]
+    assert titles == ["Failures found", "Failures by cause", "Coverage of the scenario space"] and page.first is None
     assert (page.title, page.headline.count("tests fail")) == ("Where does the detector fail?", 2)
 
 
@@ -291,7 +363,7 @@ def test_a_detector_that_fails_every_test_is_said_to(study: FabricatedStudy) -> 
     every = some.model_copy(update={"failures": some.tests})
     assert sections.headline([every], []) == f"{some.label}: every test fails ({some.tests} of {some.tests})."
     drawing = Drawing("<svg/>", "")
-    texts = [sections.regions_section([found], [], {some.scenario: drawing}, {}).parts[0].text for found in (every, some)]
+    texts = [sections.regions_section([found], [], {some.scenario: drawing}, {some.scenario: ()}).parts[0].text for found in (every, some)]
     assert texts[0].startswith("Every test fails. ") and "Every test" not in texts[1]
 
 

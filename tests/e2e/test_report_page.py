@@ -1,4 +1,5 @@
-"""The report in a real headless Chromium: its table sorts and filters, its plots choose rows, a click shows a test."""
+"""The report in a real headless Chromium: its table sorts and filters, its plots and cards choose rows, a click
+shows a test."""
 
 from __future__ import annotations
 
@@ -10,6 +11,8 @@ import pandas as pd
 import pytest
 from playwright.sync_api import Page, expect
 
+from pipeline.artefacts.region_results import FailureRegions
+from pipeline.artefacts.results import read
 from pipeline.artefacts.tables import read_tests
 from tests.analysis.fabricated import FabricatedStudy
 from tests.browser import browser_page
@@ -99,8 +102,45 @@ def drag(page: Page, plot: str, start: tuple[float, float], end: tuple[float, fl
     page.mouse.up()
 
 
+def test_a_card_filters_the_table_to_its_region(page: Page, study: FabricatedStudy, rows: pd.DataFrame) -> None:
+    region = read(study.regions[1], FailureRegions).regions[0]
+    type_filter(page, "fog (%)", ">= 99")
+    expect(page.locator("#explorer-count")).to_have_text(counted(rows, rows["fog"] >= 99))
+    card = page.locator(f'[data-region="{region.name}"]')
+    card.get_by_role("heading").click()
+    expect(page.locator("#explorer-count")).to_have_text(counted(rows, rows["test_id"].isin(region.members)))
+    expect(page.get_by_label("Filter region", exact=True)).to_have_value(f"= {region.name}")
+    expect(page.locator("#explorer-count")).to_be_in_viewport()
+
+
+def test_a_card_works_with_the_keyboard_and_gives_its_command(page: Page, study: FabricatedStudy, rows: pd.DataFrame) -> None:
+    region = read(study.regions[0], FailureRegions).regions[0]
+    card = page.locator(f'[data-region="{region.name}"]')
+    page.evaluate("navigator.clipboard.writeText = async text => { window.copied = text; }")
+    card.get_by_role("button", name="Copy").press("Enter")
+    assert page.evaluate("window.copied") == f"python -m pipeline replay {region.representatives[0].test_id}"
+    expect(page.locator("#explorer-count")).to_have_text(counted(rows))  # Copying chooses nothing.
+    card.get_by_role("button", name=f"Show all {len(region.members)}").press("Enter")
+    expect(page.locator("#explorer-count")).to_have_text(counted(rows, rows["test_id"].isin(region.members)))
+
+
+def test_the_films_of_the_first_screen_play_together(page: Page) -> None:
+    before, after = page.locator("header video").all()
+    for film in (before, after):
+        expect(film).to_be_in_viewport()
+        expect(film).not_to_have_js_property("currentTime", 0)  # It plays.
+    before.evaluate("film => film.pause()")
+    expect(after).to_have_js_property("paused", True)
+
+
+@pytest.mark.parametrize("width", [400, 900, 1600])
+def test_nothing_runs_over_the_edge(page: Page, width: int) -> None:
+    page.set_viewport_size({"width": width, "height": 900})
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+
 def test_a_test_shows_its_command_and_its_film(page: Page) -> None:
-    test = str(page.locator("video").first.get_attribute("id")).removeprefix("film-")
+    test = str(page.locator(".region video").first.get_attribute("id")).removeprefix("film-")
     type_filter(page, "test", test)
     page.locator(".tabulator-row").filter(has_text=test).focus()
     page.keyboard.press("Enter")

@@ -14,7 +14,8 @@ from pipeline.core.episode import Episode
 from pipeline.core.space import Value
 from pipeline.errors import SimulationError
 from pipeline.protocols import Detector
-from pipeline.report.sections import regions_section
+from pipeline.report.kept_frames import KeptFrames
+from pipeline.report.region_cards import Shown, cards, pictured
 from pipeline.simulators.analytic import AnalyticSimulator
 from tests.workflow.test_campaign import analytic_study
 
@@ -61,11 +62,10 @@ def test_every_rule_has_its_fresh_tests_and_errors_apart(found: FailureRegions) 
 
 
 def test_the_report_says_what_confirms_a_rule(found: FailureRegions) -> None:
-    (part,) = regions_section([found], [], {found.scenario: None}, {}).parts  # type: ignore[dict-item]
-    assert part.table is not None
-    cells = {row[0]: row[7] for row in part.table.rows}
+    shown = {card.name: card for card in cards(found, pictured(found, KeptFrames([])), Shown({}, {}, {}, 0.5))}
     for region in found.regions:
         assert region.confirmation is not None
-        inside = region.confirmation.inside
-        assert cells[region.name].startswith(f"{region.status}: inside {inside.failures} / {inside.tests}")
-    assert any("; errors: " in text for text in cells.values())
+        inside, card = region.confirmation.inside, shown[region.name]
+        assert card.tag == region.status
+        assert dict(card.facts)["fresh tests inside"].startswith(f"{inside.failures} / {inside.tests}")
+    assert any("; errors: " in value for card in shown.values() for _, value in card.facts)

@@ -25,7 +25,8 @@ from pipeline.execution.points import executed
 from pipeline.execution.workers import Setup
 from pipeline.progress import Progress
 from pipeline.protocols import Detector
-from pipeline.report.sections import regions_section
+from pipeline.report.kept_frames import KeptFrames
+from pipeline.report.region_cards import Shown, cards, pictured
 from pipeline.simulators.analytic import AnalyticSimulator
 from tests.studies import StudyFolder
 from tests.workflow.test_campaign import analytic_study
@@ -112,12 +113,12 @@ def test_every_number_comes_from_the_rows(found: FailureRegions, rows: pd.DataFr
 
 
 def test_the_report_shows_the_text_and_a_bar_for_each_change(found: FailureRegions) -> None:
-    (part,) = regions_section([found], [], {found.scenario: None}, {}).parts  # type: ignore[dict-item]
-    assert [shown.title for shown in part.bars] == [f"{region.name}:" for region in found.regions]
-    for shown, region in zip(part.bars, found.regions, strict=True):
-        assert region.why is not None and shown.text == region.why.sentence
-        assert [(bar.label, bar.value) for bar in shown.bars] == [(one.change, one.repaired) for one in _repairs(region)]
-        assert all(bar.text.startswith(f"{bar.value} / ") for bar in shown.bars)
+    shown = cards(found, pictured(found, KeptFrames([])), Shown({}, {}, {}, 0.5))
+    assert [card.name for card in shown[: len(found.regions)]] == [region.name for region in found.regions]
+    for card, region in zip(shown, found.regions, strict=False):
+        assert region.why is not None and card.text == region.why.sentence
+        assert [(bar.label, bar.value) for bar in card.bars] == [(one.change, one.repaired) for one in _repairs(region)]
+        assert all(bar.text.startswith(f"{bar.value} / ") for bar in card.bars)
 
 
 def _repairs(region: FailureRegion) -> list[Repair]:

@@ -287,6 +287,7 @@
     if (button ? !button.matches(".show") : String(getSelection())) return;
     reset();
     table.setHeaderFilterValue("region", `= ${card.dataset.region}`);
+    label();
     at("explorer-count").scrollIntoView({ block: "center" });
   }
 
