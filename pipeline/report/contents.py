@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
@@ -12,13 +11,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from pipeline.analysis.pair_shares import PairShare, pair_shares
-from pipeline.artefacts.calibration_results import DetectorCalibration
-from pipeline.artefacts.comparison_results import Comparison
-from pipeline.artefacts.model_card import ModelCard
 from pipeline.artefacts.points import encode_tests
-from pipeline.artefacts.region_results import FailureRegions
-from pipeline.artefacts.search_results import Measures
-from pipeline.artefacts.white_box_results import WhiteBoxMeasures
 from pipeline.config.schema import Config
 from pipeline.core.episode import Episode
 from pipeline.core.space import Space
@@ -27,6 +20,7 @@ from pipeline.protocols import Detector
 from pipeline.report import comparison_plots, coverage_plots, search_plots, sections, texts, training_plots, verdict_section
 from pipeline.report.before_after import before_after
 from pipeline.report.border import Case, cases, nearest
+from pipeline.report.data import ComparedVersions, ReportData
 from pipeline.report.examples import Chosen, Fix, choose_fixes, choose_regions, choose_regression
 from pipeline.report.explorer import explorer
 from pipeline.report.first_screen import drive, first_screen
@@ -42,42 +36,6 @@ BORDER_CASES = 32
 FIXES = 3
 """Fixes shown, the first one on the first screen."""
 Both = tuple[Episode, Episode]
-
-
-@dataclass(frozen=True)
-class ComparedVersions:
-    """The comparison, the rows of comparison.parquet and those of changes.csv."""
-
-    comparison: Comparison
-    tests: pd.DataFrame
-    changes: pd.DataFrame
-
-
-@dataclass(frozen=True)
-class ReportData:
-    """Everything that a report shows; a section whose data are None or empty is left out.
-
-    tests: search scenario -> rows of all its campaigns. searched: rows of the campaigns that versions learn from, round by round.
-    detectors: version -> ONNX file, the searched version first. frames: frames.parquet of the search. filters: strategy ->
-    its filter table. border: frames at the border of the filters. calibrations: of detectors that are only tested, if the study
-    calibrates them. files: path -> SHA-256 of all that the page is made from.
-    """
-
-    measures: Measures
-    regions: tuple[FailureRegions, ...]
-    tests: Mapping[str, pd.DataFrame]
-    spaces: Mapping[str, Space]
-    labels: Mapping[str, str]
-    detectors: Mapping[str, Path]
-    frames: Sequence[Path]
-    white_box: WhiteBoxMeasures | None
-    compared: ComparedVersions | None
-    searched: pd.DataFrame
-    filters: Mapping[str, pd.DataFrame]
-    cards: tuple[ModelCard, ...]
-    border: tuple[Case, ...]
-    files: Mapping[str, str]
-    calibrations: Mapping[str, DetectorCalibration] = field(default_factory=dict)
 
 
 def border_cases(config: Config, filters: Mapping[str, pd.DataFrame], frames: Sequence[Path]) -> tuple[Case, ...]:
@@ -159,8 +117,8 @@ def make_page(config: Config, data: ReportData, figures: Mapping[str, Figure], p
     ]
     if data.calibrations:
         found.append(sections.calibration_section(tuple(data.calibrations.values()), _named(drawings, "reliability")))
-    every = _all_tests(data)
-    found.append(identity_section(every, _labels(data), data.cards, data.files, _settings(config)))
+    every = data.every_test
+    found.append(identity_section(every, data.every_label, data.cards, data.files, _settings(config)))
     title = "Where does the detector fail, and did retraining help?" if data.cards else "Where does the detector fail?"
     shown = tuple(section for section in found if section is not None)
     table = explorer(every, spaces, data.regions, frames)
@@ -182,11 +140,6 @@ def _first(config: Config, data: ReportData, executed: Sequence[tuple[Fix, Both]
     return first_screen(where, fix.before.concrete, space, [drive(one.test_id, one.version, episode, threshold_s) for one, episode in both])
 
 
-def _labels(data: ReportData) -> dict[str, str]:
-    """Of the scenarios of the search and of the comparison."""
-    return {**data.labels, **({} if data.compared is None else data.compared.comparison.scenarios)}
-
-
 def _settings(config: Config) -> list[tuple[str, str]]:
     """The settings that decide what fails, as in params.yaml."""
     judged = {"campaign.failure_threshold_s": config.campaign.failure_threshold_s, "campaign.match_iou": config.campaign.match_iou}
@@ -198,12 +151,6 @@ def _settings(config: Config) -> list[tuple[str, str]]:
     }
     flat = {f"{name}.{key}": value for name, section in sections.items() for key, value in section.items()}
     return [(key, "null" if value is None else str(value)) for key, value in (judged | flat).items()]
-
-
-def _all_tests(data: ReportData) -> pd.DataFrame:
-    """Every row of the search, of later rounds and of the comparison once."""
-    held_out = [] if data.compared is None else [data.compared.tests]
-    return pd.concat([*data.tests.values(), data.searched, *held_out], ignore_index=True).drop_duplicates("test_id", ignore_index=True)
 
 
 def _detector(config: Config, data: ReportData, version: str) -> Detector:

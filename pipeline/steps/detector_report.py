@@ -55,7 +55,8 @@ STEP = Step(
 
 def run(job: Job) -> None:
     """Write the page; every detector's page contains the comparison."""
-    from pipeline.report.contents import ComparedVersions, ReportData, draw_figures, make_page
+    from pipeline.report.contents import draw_figures, make_page
+    from pipeline.report.data import ComparedVersions, ReportData
     from pipeline.report.page import render
 
     config, version = job.config, job.wildcards["version"]

@@ -56,7 +56,8 @@ STEP = Step(
 
 def run(job: Job) -> None:
     """Write report.html and its plots."""
-    from pipeline.report.contents import ComparedVersions, ReportData, border_cases, draw_figures, make_page
+    from pipeline.report.contents import border_cases, draw_figures, make_page
+    from pipeline.report.data import ComparedVersions, ReportData
     from pipeline.report.page import render
     from pipeline.report.style import save_png
 

@@ -26,7 +26,8 @@ from pipeline.detectors.scripted import VisiblePixelOracle
 from pipeline.report import sections, texts
 from pipeline.report.border import nearest
 from pipeline.report.comparison_plots import failures_by_round, kpi_histogram
-from pipeline.report.contents import ReportData, draw_figures, make_page
+from pipeline.report.contents import draw_figures, make_page
+from pipeline.report.data import ReportData
 from pipeline.report.examples import choose_fixes, choose_regions, choose_regression
 from pipeline.report.failure_tables import CAUSES, rate_text
 from pipeline.report.first_screen import STRIP_HEIGHT, draw_drive
