@@ -67,11 +67,12 @@ def painted(page: Path) -> tuple[float, float]:
 
 
 def fabricated(tests: int, folder: Path) -> Path:
-    """A page with so many tests in two scenarios, two strategies and two seeds."""
+    """A page with so many tests in the default study's campaigns."""
     config = compose("default", ["simulator=analytic", "detector=oracle"])
     started, spaces = time.perf_counter(), {name: config.space(name) for name in config.search}
     labels = {name: config.scenarios[name].label for name in spaces}
-    tables = {campaign: rows_of(campaign, spaces[campaign.scenario], tests // 8) for campaign in campaigns(config)}
+    every = campaigns(config)
+    tables = {campaign: rows_of(campaign, spaces[campaign.scenario], tests // len(every)) for campaign in every}
     by_scenario = {name: pd.concat([rows for key, rows in tables.items() if key.scenario == name], ignore_index=True) for name in spaces}
     measured = [measure_campaign(campaign, tables, spaces, "random") for campaign in tables]
     groups = tuple(summarise(group, 0.95, "random", {"random"}) for group in by_strategy(measured))

@@ -16,6 +16,8 @@ from pipeline.report.style import INK, MODE_COLOURS, MODE_NAMES, UNASSIGNED, leg
 
 MARKERS = ("o", "s", "^", "D", "v", "P")
 """One per seed; they repeat."""
+DRAWN_AS_SHAPES = 2000
+"""With more tests, a panel's points are one picture: shapes would make the page large and slow."""
 
 
 def kpi_scatter(tests: pd.DataFrame, strategies: Sequence[str], label: str, threshold_s: float) -> Figure:
@@ -57,6 +59,7 @@ def _scatter_modes(axis: Axes, tests: pd.DataFrame) -> None:
                 linewidths=0,
                 label=name,
                 zorder=2 if mode == "none" else 4,
+                rasterized=len(tests) > DRAWN_AS_SHAPES,
             )
 
 
@@ -108,7 +111,8 @@ def parallel_lines(groups: Mapping[str, pd.DataFrame], space: Space, title: str)
                 continue
             heights = np.column_stack([_heights(variable, rows[variable.name]) for variable in space.variables])
             alpha = float(np.clip(6 / len(rows), 0.3, 0.9))
-            lines = axis.plot(np.arange(len(space)), heights.T, color=colours[name], alpha=alpha, linewidth=1.3)
+            many = len(rows) > DRAWN_AS_SHAPES
+            lines = axis.plot(np.arange(len(space)), heights.T, color=colours[name], alpha=alpha, linewidth=1.3, rasterized=many)
             lines[0].set_label(f"{name} ({len(rows)})")
         _vertical_axes(axis, space)
         axis.set_title(title)

@@ -109,7 +109,7 @@ def svg(figure: Figure, label: str) -> str:
     """The figure as an inline SVG element in the text colour of the page; the same figure gives the same SVG. label: what it shows."""
     buffer = io.StringIO()
     with styled():
-        figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
+        figure.savefig(buffer, format="svg", transparent=True, dpi=150, metadata={"Date": None, "Creator": None})
     text = buffer.getvalue()
     return text[text.index("<svg") :].replace("<svg", f'<svg role="img" aria-label="{escape(label)}"', 1).replace(INK, "currentColor")
 

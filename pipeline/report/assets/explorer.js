@@ -19,7 +19,11 @@
     initialSort: [{ column: "adj_ttc_s", dir: "asc" }],
   });
   table.on("rowClick", (_, row) => choose(row.getData()));
-  table.on("tableBuilt", label);
+  table.on("tableBuilt", () => {
+    label();
+    // Rows take the focus, and a grid may have no other child that does.
+    document.querySelector(".tabulator-tableholder").removeAttribute("tabindex");
+  });
   let drawn = null;
   table.on("dataFiltered", (_, left) => {
     say(left.map(row => row.getData()));
