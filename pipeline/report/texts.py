@@ -117,8 +117,11 @@ REGIONS = _prose("""
     optimistic and has no interval. Held back: the same share for rules that are fitted without the tests they are judged on. A rule is
     not confirmed until fresh random tests inside and just outside it are executed. A failure is not solvable if full braking from
     the first frame in which a person could see the pedestrian comes too late. No single-image detector can fix such a failure with
-    this camera. Bars: failures of the region that pass with this one change, all else being equal, the noise of the camera included; with
-    exact intervals. Other noise changes nothing else: a change that repairs no more than it is no cause.
+    this camera. Covered by the rule: share of the region's failures. Fresh tests: failures / tests with exact intervals. Pictures: a
+    decisive moment of up to four failures, as the campaign saw it. Blue: the true pedestrian. Red: detections with their score; dashed
+    ones are below the detector's threshold. Bars: failures of the region that pass with this one change, all else being equal, the
+    noise of the camera included; with exact intervals. Other noise changes nothing else: a change that repairs no more than it is no
+    cause. A click on a card shows its failures in the table of every test.
 """)
 NO_FAILURES = _prose("""
     No test failed, so there are no regions. Run more tests, or look at the smallest adj. TTC in the figures of the search.
