@@ -7,6 +7,7 @@
     python benchmarks/strategies truth
     python benchmarks/strategies models
     python benchmarks/strategies ablation
+    python benchmarks/strategies bayesian
     python benchmarks/strategies confirmed
     python benchmarks/strategies grid [--figures FOLDER]
     python benchmarks/strategies list
@@ -14,7 +15,8 @@
 run: every strategy, seed and world; a rerun does only what is missing or was made by other code. keep: publish the finished runs in
 benchmarks/strategies/results. answer: which expectations hold. choose: what each strategy finds in 300 tests. show: tables and figure of
 the finished runs. truth: how true the emulators are. models: how well the models of the forest and of its variants predict rendered
-tests. ablation: what each part of the forest is worth, in the development worlds. confirmed: what the strategies found in
+tests. ablation: what each part of the forest is worth, in the development worlds. bayesian: VerifAI's Bayesian sampler in 120 tests.
+confirmed: what the strategies found in
 rendered campaigns. grid: tables and figures of thesis chapter 6 from the recorded campaigns. list: strategies, groups and worlds.
 """
 
@@ -25,6 +27,7 @@ import tempfile
 from pathlib import Path
 
 import ablation
+import bayesian
 import choosing
 import confirm
 import contestants
@@ -55,6 +58,29 @@ RESULTS = Path("data/strategies")
 
 def main() -> None:
     """Run one of the commands."""
+    chosen = {
+        "run": _run,
+        "keep": _keep,
+        "answer": _answer,
+        "choose": _choose,
+        "show": _show,
+        "truth": _truth,
+        "models": _models,
+        "ablation": _ablation,
+        "bayesian": _bayesian,
+        "confirmed": _confirmed,
+        "grid": _grid,
+        "list": _list,
+    }
+    parser = _parser()
+    options = parser.parse_args()
+    try:
+        chosen[options.command](options)
+    except InputError as error:
+        parser.error(str(error))
+
+
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
     run = commands.add_parser("run", help="execute what is missing")
@@ -71,10 +97,12 @@ def main() -> None:
     choose = commands.add_parser("choose", help="what each strategy finds in 300 tests")
     keep = commands.add_parser("keep", help="publish the finished runs in the repository")
     ablate = commands.add_parser("ablation", help="what each part of the forest is worth")
-    for command in (run, keep, show, answer, choose, ablate):
-        split = "judging" if command in (answer, choose) else "development"
+    slow = commands.add_parser("bayesian", help="VerifAI's Bayesian sampler in 120 tests")
+    for command in (run, keep, show, answer, choose, ablate, slow):
+        split = "judging" if command in (answer, choose, slow) else "development"
         command.add_argument("--split", choices=list(worlds.SPLITS), default=split, help="which scenarios and seeds (default: %(default)s)")
-        command.add_argument("--results", type=Path, help=f"default: {RESULTS}/<split>.jsonl")
+        own = RESULTS / "bayesian.jsonl" if command is slow else None
+        command.add_argument("--results", type=Path, default=own, help=f"default: {own or RESULTS / '<split>.jsonl'}")
     check = commands.add_parser("truth", help="cross-validation of the emulators")
     check.add_argument("--scenario", nargs="+", default=[name for split in worlds.SPLITS.values() for name in split.scenarios])
     commands.add_parser("models", help="how well the forest's models and their variants predict rendered tests")
@@ -82,24 +110,7 @@ def main() -> None:
     grid_ = commands.add_parser("grid", help="tables and figures of thesis chapter 6")
     grid_.add_argument("--figures", type=Path, help="folder for the figures")
     commands.add_parser("list", help="strategies, groups and worlds")
-    options = parser.parse_args()
-    chosen = {
-        "run": _run,
-        "keep": _keep,
-        "answer": _answer,
-        "choose": _choose,
-        "show": _show,
-        "truth": _truth,
-        "models": _models,
-        "ablation": _ablation,
-        "confirmed": _confirmed,
-        "grid": _grid,
-        "list": _list,
-    }
-    try:
-        chosen[options.command](options)
-    except InputError as error:
-        parser.error(str(error))
+    return parser
 
 
 def _results(options: argparse.Namespace) -> Path:
@@ -168,6 +179,10 @@ def _models(options: argparse.Namespace) -> None:
 
 def _ablation(options: argparse.Namespace) -> None:
     print(ablation.markdown(_finished(options)))
+
+
+def _bayesian(options: argparse.Namespace) -> None:
+    print(bayesian.markdown(_finished(options), runs.read(RESULTS / f"{options.split}.jsonl")))
 
 
 def _confirmed(options: argparse.Namespace) -> None:

@@ -82,11 +82,11 @@ def ratios(rows: Sequence[dict[str, Any]]) -> Ratios:
     return {key: one for key, one in found.items() if one is not None}
 
 
-def kinds(rows: Sequence[dict[str, Any]]) -> dict[tuple[str, int], list[Block]]:
+def kinds(rows: Sequence[dict[str, Any]], budgets: Sequence[int] = BUDGETS) -> dict[tuple[str, int], list[Block]]:
     """The blocks of every kind of worlds, both families of emulators together, after each budget."""
     groups: dict[tuple[str, int], list[Block]] = {}
     for block in blocks(rows):
-        if block.budget in BUDGETS:
+        if block.budget in budgets:
             groups.setdefault((kind_of(block.group), block.budget), []).append(block)
     return groups
 

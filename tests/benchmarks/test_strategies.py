@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import ablation
+import bayesian
 import ceiling
 import confirm
 import contestants
@@ -319,6 +320,15 @@ def test_the_ablation_divides_by_the_default() -> None:
     head, _, *table = ablation.markdown(longer).split("\n")
     assert head == "| failures, × `forest` | as recorded, 300 |"
     assert "| no slots for kinds | 0.50 (0.50–0.50) |" in table and "| no trees | – |" in table
+
+
+def test_the_slow_peer_is_compared_where_it_was_run() -> None:
+    slow = rows("verifai-bayesian", [6, 12])
+    head, _, _, _, *table = bayesian.markdown(slow, [*rows("random", [2, 4, 90]), *rows("forest", [8, 16, 90])]).split("\n")
+    assert head == "`verifai-bayesian` itself takes 10 CPU-ms a test. After 120 tests:"
+    assert table[0].startswith("| as recorded | random | 2 | 3.0 | 1.00 (1.00–1.00) |")
+    assert table[3].startswith("| as recorded | verifai-bayesian | 2 | 9.0 | 3.00 (3.00–3.00) | 2.0 |") and "| 10.0 % |" in table[3]
+    assert table[4].startswith("| as recorded | forest | 2 | 12.0 | 4.00 (4.00–4.00) |")
 
 
 def test_a_campaign_without_failure_is_censored() -> None:
