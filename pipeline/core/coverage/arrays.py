@@ -103,11 +103,11 @@ def covering_array(
     # Besides the seed rows, the array needs a row for each uncovered cell of the emptiest plane.
     left = np.add.reduceat(search.problem.counts(given) == 0, search.problem.first, dtype=np.int64)
     bound = max(bound, len(given) + int(left.max()))
-    rows = search.start()
     if effort.polish_s is None:
-        rows = search.shorten(rows, bound, operations=QUICK_OPERATIONS)
+        rows = search.shorten(search.start(), bound, operations=QUICK_OPERATIONS)
     else:
-        rows = search.polish(rows, bound, _limit(effort.polish_s, effort, started, bound))
+        limit = _limit(effort.polish_s, effort, started, bound)
+        rows = search.polish(search.start(lambda: limit.spent() < limit.seconds), bound, limit)
     rows = rows[:, : len(sizes)]
     return CoveringArray(rows.astype(np.int64), mixed.strength, int(search.problem.required.sum()), min(bound, len(rows)))
 

@@ -11,6 +11,7 @@ from pipeline.core.constraints import Bools, Constraints
 from pipeline.core.coverage.bounds import lower_bound
 from pipeline.core.coverage.constructions import FREE, cyclic, doubled, factorial, orthogonal
 from pipeline.core.coverage.grid import Int32s
+from pipeline.core.coverage.hash_families import from_hash_family
 from pipeline.core.coverage.problem import Problem, feasible_row, of_strength
 from pipeline.core.coverage.symmetric import SymmetricSearch
 
@@ -30,6 +31,8 @@ SYMMETRIC_SHARE = 0.7
 SMALLEST_DOUBLED = 8
 """Fewest columns for which halves of an array of strength 3 are put together."""
 HALF_OPERATIONS = 1.5e8
+SHRUNK = 0.97
+"""What annealing leaves of a greedy array, at most; it hardly shrinks one from a hash family."""
 
 
 @dataclass(frozen=True)
@@ -56,17 +59,22 @@ class Search:
         """Whether constructions apply: all cells are wanted, and there are no constraints and no given rows."""
         return not self._constraints.clauses and not len(self._given) and bool(self.problem.required.all())
 
-    def start(self) -> Int32s:
-        """The smallest array from greedy search and known constructions."""
-        found = [self.complete(self._given)]
-        if self.free and self.problem.strength > 1:
-            sizes, strength = tuple(self.problem.sizes.tolist()), self.problem.strength
-            size = len(found[0])
-            starts = [orthogonal(sizes, strength, 2 * size)]
-            if strength == 2:
-                starts += [factorial(sizes), cyclic(sizes, size, int(self._rng.integers(2**31)))]
-            found += [self.complete(rows) for rows in starts if rows is not None]
-        return min(found, key=len)
+    def start(self, go_on: Callable[[], bool] = lambda: True) -> Int32s:
+        """The smallest array from greedy search and known constructions. go_on: whether there is time for another construction."""
+        best = self.complete(self._given)
+        if not self.free or self.problem.strength == 1:
+            return best
+        sizes, strength, size = tuple(self.problem.sizes.tolist()), self.problem.strength, len(best)
+        seed = int(self._rng.integers(2**31))
+        starts: list[Callable[[], Int32s | None]] = [lambda: orthogonal(sizes, strength, 2 * size)]
+        if strength == 2:
+            starts += [lambda: factorial(sizes), lambda: cyclic(sizes, size, seed)]
+        else:
+            starts.append(lambda: from_hash_family(sizes, strength, int(SHRUNK * size), seed))
+        for construct in starts:
+            if go_on() and (rows := construct()) is not None:
+                best = min(best, self.complete(rows), key=len)
+        return best
 
     def structured(self, rows: Int32s, bound: int, limit: Limit) -> Int32s:
         """A smaller array from doubling or symmetry, if one is found in time; else the rows."""
