@@ -10,7 +10,8 @@ import pytest
 from pipeline.core.constraints import Constraints, Literal
 from pipeline.core.coverage import symmetric
 from pipeline.core.coverage.arrays import Effort, covering_array
-from pipeline.core.coverage.constructions import FREE, doubled, orthogonal
+from pipeline.core.coverage.bounds import lower_bound
+from pipeline.core.coverage.constructions import FREE, doubled, factorial, orthogonal
 from pipeline.core.coverage.fields import galois_field
 from pipeline.core.coverage.grid import Int32s
 from pipeline.core.coverage.problem import of_strength
@@ -45,6 +46,19 @@ def test_orthogonal_arrays_hold_every_cell_once(order: int, columns: int, streng
     for plane in combinations(range(columns), strength):
         assert len(np.unique(rows[:, plane], axis=0)) == len(rows)
     assert orthogonal((order,) * columns, strength, order**strength - 1) is None
+
+
+@pytest.mark.parametrize("sizes", [(13, 12, 12, 12, 12, 11, 6), (12,) * 7, (5, 4, 4, 4, 4), (9,) * 10, (3, 8, 20, 8), (7, 5, 5)])
+def test_a_factorial_with_a_difference_matrix_covers_every_pair(sizes: tuple[int, ...]) -> None:
+    rows = factorial(sizes)
+    assert rows is not None and len(rows) == lower_bound(sizes, 2)
+    assert verify(np.where(rows == FREE, 0, rows).astype(np.int64), Constraints(sizes), 2).valid
+
+
+@pytest.mark.parametrize("sizes", [(12,) * 8, (6, 6, 6), (4,) * 6])
+def test_a_factorial_without_a_difference_matrix_leaves_columns_free(sizes: tuple[int, ...]) -> None:
+    rows = factorial(sizes)
+    assert rows is not None and len(rows) == sizes[0] ** 2 and (rows[:, 2:] == FREE).all()
 
 
 @pytest.mark.usefixtures("short_annealing")

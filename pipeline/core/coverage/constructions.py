@@ -15,25 +15,49 @@ Int32s = NDArray[np.int32]
 FREE = -1
 """A cell of a row that may take any category."""
 STARTER_STEPS = 400_000
+OF_TWELVE = (
+    (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11),
+    (0, 2, 1, 6, 8, 7, 10, 9, 11, 4, 3, 5),
+    (0, 3, 8, 10, 1, 9, 2, 6, 5, 7, 11, 4),
+    (0, 4, 10, 9, 7, 1, 11, 5, 3, 2, 8, 6),
+    (0, 8, 6, 4, 3, 10, 9, 11, 2, 5, 1, 7),
+)
+"""Permutations of Z2 x Z6, where 6 x + y is (x, y)."""
 
 
 def factorial(sizes: tuple[int, ...]) -> Int32s | None:
-    """Every pair of the two largest variables once; the others by a linear rule if that covers all pairs, else free.
+    """Every pair of the two largest variables once; the others by a difference matrix if that covers all pairs, else free.
 
-    With B categories of the second largest, B prime, a row (a, b) gets (b + m a) mod B in the m-th other variable. Two different m give an
-    orthogonal array, so every pair is covered (Bose 1938); values beyond a variable's size stay free.
+    With B categories of the second largest, a row (a, b) gets b + m(a mod B) in another variable, where m is its row of the matrix. The
+    first B categories of the largest give an orthogonal array, so every pair is covered (Bose and Bush 1952); values beyond a variable's
+    size stay free.
     """
     if len(sizes) < 2:
         return None
     largest, second, *others = sorted(range(len(sizes)), key=lambda variable: -sizes[variable])
-    a, b = (axis.ravel() for axis in np.indices((sizes[largest], sizes[second])))
+    order = sizes[second]
+    a, b = (axis.ravel() for axis in np.indices((sizes[largest], order)))
     rows = np.full((len(a), len(sizes)), FREE, dtype=np.int32)
     rows[:, largest], rows[:, second] = a, b
-    if len(others) < sizes[second] and _is_prime(sizes[second]):
-        for multiplier, variable in enumerate(others, start=1):
-            values = (b + multiplier * a) % sizes[second]
+    add, matrix = _difference_matrix(order)
+    if len(others) <= len(matrix):
+        for of, variable in zip(matrix, others, strict=False):
+            values = add[b, of[a % order]]
             rows[:, variable] = np.where(values < sizes[variable], values, FREE)
     return rows
+
+
+def _difference_matrix(order: int) -> tuple[Ints, Ints]:
+    """The sums of a group, (order, order), and permutations of it with differences that are permutations, (m, order); m is 0 if none are
+    known.
+
+    A field has its multiples. Order 12 has five over Z2 x Z6, as many as Johnson, Dulmage and Mendelsohn (1961) found.
+    """
+    if arithmetic := galois_field(order):
+        return arithmetic.add, arithmetic.times[1:]
+    halves, sixths = np.divmod(np.arange(order), 6)
+    add = (halves[:, None] + halves) % 2 * 6 + (sixths[:, None] + sixths) % 6
+    return add, np.array(OF_TWELVE if order == 12 else [], np.int64).reshape(-1, order)
 
 
 def orthogonal(sizes: tuple[int, ...], strength: int, at_most: int) -> Int32s | None:
@@ -89,10 +113,6 @@ def cyclic(sizes: tuple[int, ...], fewer_than: int, seed: int) -> Int32s | None:
     rotated = np.array([np.roll(starter, -shift) for shift in range(columns)])
     shifted = [np.where(rotated == categories - 1, rotated, (rotated + by) % (categories - 1)) for by in range(categories - 1)]
     return np.vstack([*shifted, np.full((1, columns), categories - 1)]).astype(np.int32)
-
-
-def _is_prime(number: int) -> bool:
-    return number > 1 and all(number % divisor for divisor in range(2, int(number**0.5) + 1))
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
