@@ -130,7 +130,8 @@ def looking(case: str, seed: int) -> tuple[float, Rate]:
 
 
 def subset(case: str, seed: int) -> tuple[float, Rate]:
-    return 1e-4, estimated(made(SubsetSimulation, seed, 4600), CASES[case](1e-4))
+    """Its interval was chosen with the seeds from 0, so these are others."""
+    return 1e-4, estimated(made(SubsetSimulation, 1000 + seed, 4600), CASES[case](1e-4))
 
 
 def importance(case: str, seed: int) -> tuple[float, Rate]:

@@ -13,7 +13,7 @@ from pipeline.core.likelihood.importance import DEFENSIVE, FEW, ImportanceSampli
 from pipeline.core.likelihood.monte_carlo import MonteCarlo
 from pipeline.core.likelihood.rate import Limits, Rate, anytime, bounded, combined, exact, one_in, sentence, spread
 from pipeline.core.likelihood.reweighted import reweighted
-from pipeline.core.likelihood.subset import FLAT, SHORT, SubsetSimulation, moved
+from pipeline.core.likelihood.subset import FLAT, SHORT, SubsetSimulation, family_limits, moved
 from pipeline.core.space import Floats
 from tests.spaces import CONSTRAINED, SMALL
 
@@ -154,6 +154,15 @@ def test_moves_keep_the_exposure() -> None:
     assert latent.min() >= 0 and latent.max() < 1
     assert latent.mean(axis=0) == pytest.approx(0.5, abs=0.01)
     assert np.quantile(latent, 0.01, axis=0) == pytest.approx(0.01, abs=0.003)
+
+
+def test_families_spread_the_estimate_and_two_more_may_be_unseen() -> None:
+    limits = family_limits(0.01, np.array([3, 3, 7, 7]))
+    error = np.sqrt(0.5)  # Of two equal families.
+    assert limits.low == pytest.approx(0.01 * np.exp(-1.959964 * error))
+    assert limits.high == pytest.approx(0.01 * np.exp(1.959964 * error) * (1 + 2 * 0.5))
+    assert limits.below == pytest.approx(0.01 * np.exp(1.644854 * error) * 2)
+    assert family_limits(0.4, np.zeros(5, int)).high == 1
 
 
 def test_subset_simulation_says_when_the_kpi_leads_nowhere() -> None:

@@ -9,7 +9,7 @@ from scipy.special import ndtr, ndtri
 
 from pipeline.core.exposure import Exposure
 from pipeline.core.likelihood.estimator import Estimator
-from pipeline.core.likelihood.rate import Limits, Rate, exact, spread
+from pipeline.core.likelihood.rate import TAIL, Limits, Rate, exact
 from pipeline.core.space import Floats, Ints
 
 SHARE = 0.1
@@ -20,6 +20,8 @@ ACCEPTED = 0.4
 """Share of moves that should be accepted; the width of the moves follows it."""
 WIDTHS = (0.05, 0.99)
 EDGE = 1e-12
+UNSEEN = 2
+"""Families, as large as the largest, that the upper limits allow for although no test is in them: a mode may be lost on the way down."""
 FLAT = "the KPI is the same in most tests, so it does not lead to failures; use monte_carlo"
 SHORT = "the budget ended above the failures, so only the upper limit counts"
 
@@ -34,8 +36,7 @@ class SubsetSimulation(Estimator):
 
     The chains move in the exposure's latent numbers: numbers by a normal step of the quantile (Papaioannou et al. 2015), cyclic ones around
     the circle, regimes and categories by a new draw. All tests that descend from one test of the first level are a family. Families are
-    nearly independent, so the interval is that of (Σ c)² / Σ c² failures, where c are the failures of each family (the variance estimate of
-    Lee & Whiteley 2018, Biometrika 105:609). An error counts as no failure.
+    nearly independent, so the interval follows from the failures of each, see `family_limits`. An error counts as no failure.
     """
 
     def __post_init__(self) -> None:
@@ -88,7 +89,7 @@ class SubsetSimulation(Estimator):
         if not failed.any():
             return self._rate(0.0, self._above, self._end or SHORT)
         value = self._reached * float(failed.mean())
-        return self._rate(value, spread(value, effective(families[failed])))
+        return self._rate(value, family_limits(value, families[failed]))
 
     def _level(self) -> tuple[Floats, Ints]:
         """The KPIs (n,) of the current level, and their families (n,)."""
@@ -111,16 +112,22 @@ class SubsetSimulation(Estimator):
         self._bound = float(states[begin].max())
         self._reached *= float(begin.mean())
         self._families = families[begin]
-        above = spread(self._reached, effective(self._families))
+        above = family_limits(self._reached, self._families)
         self._above = Limits(0.0, above.high, above.below)
         latent = np.concatenate(self._latent)[: self._size]
         self._latent, self._states = [latent[begin]], [states[begin]]
 
 
-def effective(families: Ints) -> float:
-    """The number of equally large families with the same spread as these, given the family of each failure (n,): (Σ c)² / Σ c²."""
-    counts = np.bincount(families).astype(float)
-    return float(counts.sum() ** 2 / (counts @ counts))
+def family_limits(value: float, families: Ints) -> Limits:
+    """Limits of an estimate, given the family of each failure, (n,).
+
+    A normal interval of the logarithm with the squared relative error Σ c² / (Σ c)², where c are the failures of each family (Lee & Whiteley
+    2018, Biometrika 105:609). The upper limits also allow for `UNSEEN` more families.
+    """
+    counts = np.bincount(families) / len(families)
+    error, more = float(np.sqrt(counts @ counts)), 1 + UNSEEN * float(counts.max())
+    low, high, below = (value * np.exp(error * ndtri(share)) for share in (TAIL, 1 - TAIL, 1 - 2 * TAIL))
+    return Limits(float(low), float(min(1.0, high * more)), float(min(1.0, below * more)))
 
 
 def moved(exposure: Exposure, latent: Floats, width: float, rng: np.random.Generator) -> Floats:
