@@ -121,8 +121,8 @@ class SubsetSimulation(Estimator):
 def family_limits(value: float, families: Ints) -> Limits:
     """Limits of an estimate, given the family of each failure, (n,).
 
-    A normal interval of the logarithm with the squared relative error Σ c² / (Σ c)², where c are the failures of each family (Lee & Whiteley
-    2018, Biometrika 105:609). The upper limits also allow for `UNSEEN` more families.
+    A normal interval of the logarithm with the squared relative error Σ c² / (Σ c)², where c are the failures of each family (Lee &
+    Whiteley 2018, Biometrika 105:609). The upper limits also allow for `UNSEEN` more families.
     """
     counts = np.bincount(families) / len(families)
     error, more = float(np.sqrt(counts @ counts)), 1 + UNSEEN * float(counts.max())
