@@ -66,6 +66,8 @@ class Exposure:
     def latents(self, count: int, rng: np.random.Generator) -> Floats:
         """(count, 1 + d) latent numbers of independent points that break no constraint."""
         latent = rng.random((count, self.latent_size))
+        if not self.space.clauses:
+            return latent
         for _ in range(MAX_DRAWS):
             broken = ~self.space.constraints.holds(self.space.categorise(self.points(latent)))
             if not broken.any():
