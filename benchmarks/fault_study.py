@@ -28,7 +28,7 @@ TINY = (
     *("simulator.camera.width=160", "simulator.camera.height=96", "simulator.camera.rate_hz=4"),
 )
 """The smallest study with a job of every rule of the default study."""
-MADE = ("data/smoke", "data/mlflow", "logs", ".snakemake", ".cache/recorded", "dvc.lock", ".dvc/cache", ".dvc/tmp")
+MADE = ("data/mlflow", "logs", ".snakemake", ".cache/recorded", "dvc.lock", ".dvc/cache", ".dvc/tmp")
 CLOCKS = ("timings.parquet", "tracking.json")
 """Files that hold times or numbers of MLflow; all others are the same after every run."""
 REGISTERED = ("runs", "registered_models", "model_versions", "logged_models WHERE lifecycle_stage = 'active'", "metrics", "tags")
@@ -79,10 +79,11 @@ class Run:
 
 
 class FaultStudy:
-    """A clone in a folder, which is made anew unless it is of HEAD."""
+    """A clone in a folder, which is made anew unless it is of HEAD. overrides: the study, its name first. data: the study's folder."""
 
     def __init__(self, folder: Path, overrides: Sequence[str] = TINY) -> None:
         self.folder = folder
+        self.data = folder / "data" / overrides[0].removeprefix("study=")
         self._environment = {**os.environ, "PYTHONPATH": str(folder), "CORES": "2"}
         head = _said(["git", "rev-parse", "HEAD"], ROOT)
         if not (folder / ".venv/ready").exists() or _said(["git", "rev-parse", "HEAD"], folder) != head:
@@ -108,15 +109,19 @@ class FaultStudy:
 
     def clear(self) -> None:
         """Remove all that runs made."""
-        for name in MADE:
-            stamps.remove(self.folder / name)
+        for path in (self.data, *(self.folder / name for name in MADE)):
+            stamps.remove(path)
+
+    def start(self, *arguments: str) -> subprocess.Popen[str]:
+        """`./run` with arguments, as the first of its own group of processes; its output tells each command before it runs."""
+        command = ["bash", "-x", "run", *arguments]
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "stdin": subprocess.DEVNULL}
+        return subprocess.Popen(command, cwd=self.folder, env=self._environment, text=True, start_new_session=True, **pipes)  # type: ignore[call-overload, no-any-return]
 
     def run(self, kill_when: Callable[[str], float | None] = lambda phase: None) -> Run:
         """`./run`. kill_when: told each phase as it begins, the seconds after which all processes are killed with -9, None for not now."""
-        command = ["bash", "-x", "run"]
-        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "stdin": subprocess.DEVNULL}
         begin = time.monotonic()
-        process = subprocess.Popen(command, cwd=self.folder, env=self._environment, text=True, start_new_session=True, **pipes)  # type: ignore[call-overload]
+        process = self.start()
         assert process.stdout is not None
         phases, said = [("set-up", 0.0)], []
         after_s = kill_when("set-up")
@@ -135,8 +140,7 @@ class FaultStudy:
 
     def outcome(self) -> Outcome:
         """What the study consists of now."""
-        data = self.folder / "data/smoke"
-        files = {str(path.relative_to(data)): _digest(path) for path in sorted(data.rglob("*")) if path.is_file()}
+        files = {str(path.relative_to(self.data)): _digest(path) for path in sorted(self.data.rglob("*")) if path.is_file()}
         return Outcome(
             {path: digest for path, digest in files.items() if not path.endswith(CLOCKS)},
             dict(self._registered()),
@@ -171,12 +175,13 @@ def _digest(path: Path) -> str:
 def _kill_after(process: subprocess.Popen[str], seconds: float | None) -> threading.Timer | None:
     if seconds is None:
         return None
-    timer = threading.Timer(seconds, _kill, [process])
+    timer = threading.Timer(seconds, kill, [process])
     timer.start()
     return timer
 
 
-def _kill(process: subprocess.Popen[str]) -> None:
+def kill(process: subprocess.Popen[str]) -> None:
+    """Kill a run with -9, with all its processes on this machine."""
     if process.poll() is None:
         os.killpg(process.pid, signal.SIGKILL)
 
