@@ -1,64 +1,233 @@
-"""Speed-up by a second worker, and memory over time.
+"""How campaigns scale: workers, shards, jobs, memory. Each measurement publishes its figures beside docs/results/scale.md.
 
-    python benchmarks/scaling.py [--tests 60] [--scenario F1] [--memory 0]
+    python benchmarks/scaling.py workers [--tests 60] [--rounds 3]    time of a test with one worker and with two
+    python benchmarks/scaling.py shards [--tests 40] [--rounds 3]     cost of a shard, on one core
+    python benchmarks/scaling.py jobs CLONE                           time and memory of each step of the study that a clone made, and what
+                                                                      SLURM added to its jobs, if it ran them in the last hour
+    python benchmarks/scaling.py memory [--tests 5000]                memory of one process over many tests; publishes nothing
+    python benchmarks/scaling.py show                                 the tables of the page
 
-Executes the same random tests with one worker and with two and compares the wall time. With --memory N, executes N tests in this process
-and prints the memory after each tenth of them.
+The first two need an idle machine.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
+import re
+import resource
+import shutil
+import subprocess
 import tempfile
 import time
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from datetime import datetime
 from pathlib import Path
+from statistics import median
 
 import numpy as np
+from fault_study import TINY, FaultStudy
+from published import header
 
-from pipeline.config.composing import compose, functional_scenario
-from pipeline.core.space import Space
+from pipeline.config.composing import compose, functional_scenario, load
 from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.yolo.export import onnx_of
 from pipeline.execution.workers import Execution, Setup, Workers
 from pipeline.simulators.mujoco.simulator import MujocoSimulator
 
+PUBLISHED = Path("docs/results/scale.csv")
+SCENARIO = "F1"
+WORKERS = (1, 2)
+SHARDS = (1, 8)
+CLONE = Path(".cache/faults/scaling")
+Figures = dict[tuple[str, str], float]
+"""Values by case and figure."""
+
 
 def main() -> None:
-    """Measure and print."""
+    """Measure and publish, or print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--tests", type=int, default=60)
-    parser.add_argument("--scenario", default="F1")
-    parser.add_argument("--memory", type=int, default=0, metavar="N", help="instead, watch the memory over N executions in one process")
+    commands = parser.add_subparsers(dest="command", required=True)
+    for name, tests in (("workers", 60), ("shards", 40), ("memory", 5000)):
+        command = commands.add_parser(name)
+        command.add_argument("--tests", type=int, default=tests)
+        if name != "memory":
+            command.add_argument("--rounds", type=int, default=3)
+    commands.add_parser("jobs").add_argument("clone", type=Path)
+    commands.add_parser("show")
     options = parser.parse_args()
-    scenario, study = functional_scenario(options.scenario), compose("default", [])
-    space = scenario.logical_space()
+    if options.command == "workers":
+        publish("workers", workers(options.tests, options.rounds))
+    elif options.command == "shards":
+        publish("shards", shards(options.tests, options.rounds))
+    elif options.command == "jobs":
+        publish("steps", steps(options.clone))
+        publish("slurm", slurm_jobs(options.clone))
+    elif options.command == "memory":
+        watch(options.tests)
+    else:
+        print(page(published()))
+
+
+def workers(tests: int, rounds: int) -> Figures:
+    """Wall seconds of a test by workers and round; each worker has compiled its world before."""
+    scenario, study = functional_scenario(SCENARIO), compose("default", [])
+    space, found = scenario.logical_space(), Figures()
+    for place in range(rounds):
+        for count in WORKERS:
+            with tempfile.TemporaryDirectory() as folder:
+                onnx = onnx_of(Path("models/uniform"), Path(folder))
+                pool = Workers(count, Setup(study.simulator, scenario, study.detector, onnx, study.car, study.limits))
+                points = space.sample(tests + 2 * count, np.random.default_rng(1))
+                jobs = [Execution(i, Path(folder) / f"{i}.npz", space.decode(point)) for i, point in enumerate(points)]
+                list(pool.execute(jobs[: 2 * count]))
+                begin = time.perf_counter()
+                list(pool.execute(jobs[2 * count :]))
+                found[str(count), f"round {place}"] = (time.perf_counter() - begin) / tests
+                pool.close()
+    return found
+
+
+def shards(tests: int, rounds: int) -> Figures:
+    """Processor seconds of a random campaign on one core by its shards, with Snakemake and all that its jobs start."""
+    study = FaultStudy(CLONE.resolve(), [*TINY, f"campaign.tests={tests}"])
+    target, found = "data/smoke/campaigns/F1/random/base/0/tests.parquet", Figures()
+    study.python("-m", "snakemake", "--cores", "1", "train", "spaces")
+    for place in range(rounds):
+        for count in SHARDS:
+            study.python("-m", "pipeline", "compose", *TINY, f"campaign.tests={tests}", f"campaign.shards={count}")
+            shutil.rmtree(study.data / "campaigns", ignore_errors=True)
+            before = resource.getrusage(resource.RUSAGE_CHILDREN)
+            study.python("-m", "snakemake", "--cores", "1", target)
+            after = resource.getrusage(resource.RUSAGE_CHILDREN)
+            found[str(count), f"round {place}"] = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return found
+
+
+def steps(clone: Path) -> Figures:
+    """Number, longest time and largest memory of the jobs of each step, by Snakemake's benchmark files."""
+    found: defaultdict[str, list[Mapping[str, float]]] = defaultdict(list)
+    for step, _, row in benchmarks(clone):
+        found[step].append(row)
+    return {
+        (step, figure): value
+        for step, rows in sorted(found.items())
+        for figure, value in {
+            "jobs": len(rows),
+            "s": max(row["s"] for row in rows),
+            "mb": max(row["max_rss"] for row in rows),
+        }.items()
+    }
+
+
+def benchmarks(clone: Path) -> Iterator[tuple[str, str, Mapping[str, float]]]:
+    """The step of each job of a clone's study, the wildcards joined by `_`, and the figures of its benchmark file that are numbers."""
+    logs = clone / "logs" / load(clone / "params.yaml").study
+    for file in sorted(logs.rglob("*.tsv")):
+        step, *wildcards = file.relative_to(logs).with_suffix("").parts
+        with file.open(newline="") as lines:
+            row = next(csv.DictReader(lines, delimiter="\t"))
+        yield step, "_".join(wildcards), {name: float(row[name]) for name in ("s", "max_rss")}
+
+
+def slurm_jobs(clone: Path) -> Figures:
+    """Seconds from the begin of SLURM's job to its end, less those of the step in it: their number, median and largest value.
+
+    Only of jobs with one step that ran once. SLURM tells whole seconds.
+    """
+    own = {f"rule_{step}" + (f"_wildcards_{wildcards}" if wildcards else ""): row["s"] for step, wildcards, row in benchmarks(clone)}
+    over = []
+    for line in subprocess.run(["scontrol", "--oneliner", "show", "job"], capture_output=True, text=True, check=True).stdout.splitlines():
+        job = dict(re.findall(r"(\w+)=(\S*)", line))
+        if (
+            job.get("WorkDir") == str(clone.resolve())
+            and job["JobState"] == "COMPLETED"
+            and job["Restarts"] == "0"
+            and job["Comment"] in own
+        ):
+            begin, end = (datetime.fromisoformat(job[name]) for name in ("StartTime", "EndTime"))
+            over.append((end - begin).total_seconds() - own[job["Comment"]])
+    return {("all", "jobs"): len(over), ("all", "median"): median(over), ("all", "largest"): max(over)} if over else {}
+
+
+def publish(measurement: str, figures: Figures) -> None:
+    """Replace the published figures of a measurement, if there are new ones."""
+    if not figures:
+        return
+    kept = {name: values for name, values in published().items() if name != measurement} if PUBLISHED.exists() else {}
+    with PUBLISHED.open("w", newline="") as file:
+        lines = csv.writer(file, lineterminator="\n")
+        lines.writerow(["measurement", "case", "figure", "value"])
+        for name, values in {**kept, measurement: figures}.items():
+            lines.writerows([name, *key, f"{value:.4g}"] for key, value in values.items())
+
+
+def published() -> dict[str, Figures]:
+    """The published figures by measurement."""
+    found: defaultdict[str, Figures] = defaultdict(dict)
+    with PUBLISHED.open(newline="") as file:
+        for row in csv.DictReader(file):
+            found[row["measurement"]][row["case"], row["figure"]] = float(row["value"])
+    return found
+
+
+def page(figures: Mapping[str, Figures]) -> str:
+    """The tables of the page, for the measurements that are published."""
+    parts = {"workers": by_workers, "shards": by_shards, "slurm": by_slurm, "steps": by_steps}
+    return "\n\n".join(show(figures[name]) for name, show in parts.items() if name in figures)
+
+
+def by_workers(figures: Figures) -> str:
+    lines = header("workers", "seconds a test: median of rounds (smallest to largest)", "tests an hour", "times as fast")
+    alone = median(rounds(figures, WORKERS[0]))
+    for count in WORKERS:
+        seconds = rounds(figures, count)
+        fast = f"{3600 / median(seconds):,.0f} | {alone / median(seconds):.2f}"
+        lines.append(f"| {count} | {median(seconds):.2f} ({min(seconds):.2f} to {max(seconds):.2f}) | {fast} |")
+    return "\n".join(lines)
+
+
+def by_shards(figures: Figures) -> str:
+    lines = header("shards", "processor seconds of the campaign: median (smallest to largest)", "more for each job")
+    few = median(rounds(figures, SHARDS[0]))
+    for count in SHARDS:
+        seconds = rounds(figures, count)
+        more = (
+            "–" if count == 1 else f"{(median(seconds) - few) / count:.1f}"
+        )  # The shards, and the job that joins them instead of the one.
+        lines.append(f"| {count} | {median(seconds):.0f} ({min(seconds):.0f} to {max(seconds):.0f}) | {more} |")
+    return "\n".join(lines)
+
+
+def by_slurm(figures: Figures) -> str:
+    jobs, middle, largest = (figures["all", name] for name in ("jobs", "median", "largest"))
+    return f"Of {jobs:.0f} jobs, SLURM's job takes {middle:.0f} s more than the step in it (median), {largest:.0f} s at most."
+
+
+def by_steps(figures: Figures) -> str:
+    lines = header("step", "jobs", "longest, s", "largest memory, MB")
+    for step in sorted({step for step, _ in figures}, key=lambda step: -figures[step, "mb"]):
+        jobs, seconds, memory = (figures[step, name] for name in ("jobs", "s", "mb"))
+        lines.append(f"| `{step}` | {jobs:.0f} | {seconds:.0f} | {memory:.0f} |")
+    return "\n".join(lines)
+
+
+def rounds(figures: Figures, case: int) -> Sequence[float]:
+    return [value for (name, _), value in figures.items() if name == str(case)]
+
+
+def watch(tests: int) -> None:
+    """Print the resident memory of this process after each tenth of its executions."""
+    scenario, study = functional_scenario(SCENARIO), compose("default", [])
+    space, simulator = scenario.logical_space(), MujocoSimulator(scenario, study.car)
     with tempfile.TemporaryDirectory() as folder:
-        onnx = onnx_of(Path("models/uniform"), Path(folder))
-        if options.memory:
-            detector = OnnxDetector(onnx, threshold=study.detector["threshold"])
-            watch(MujocoSimulator(scenario, compose("default", []).car), detector, space, options.memory)
-            return
-        seconds = {}
-        for count in (1, 2):
-            workers = Workers(count, Setup(study.simulator, scenario, study.detector, onnx, study.car, study.limits))
-            points = space.sample(options.tests + 2 * count, np.random.default_rng(1))
-            jobs = [Execution(i, Path(folder) / f"{count}-{i}.npz", space.decode(point)) for i, point in enumerate(points)]
-            list(workers.execute(jobs[: 2 * count]))  # Each worker compiles its world.
-            start = time.perf_counter()
-            list(workers.execute(jobs[2 * count :]))
-            seconds[count] = time.perf_counter() - start
-            workers.close()
-    gain = seconds[1] / seconds[2]
-    print(f"{options.tests} tests: {seconds[1]:.1f} s with one worker, {seconds[2]:.1f} s with two: {gain:.2f} times as fast")
-
-
-def watch(simulator: MujocoSimulator, detector: OnnxDetector, space: Space, tests: int) -> None:
-    """Print the resident memory after each tenth of the executions."""
+        detector = OnnxDetector(onnx_of(Path("models/uniform"), Path(folder)), threshold=study.detector["threshold"])
     for i, point in enumerate(space.sample(tests, np.random.default_rng(1)), 1):
         simulator.execute(space.decode(point), detector)
         if i % max(1, tests // 10) == 0:
             pages = int(Path("/proc/self/statm").read_text().split()[1])
-            print(f"{i} executions: {pages * 4096 / 2**20:.0f} MiB", flush=True)
+            print(f"{i} executions: {pages * resource.getpagesize() / 2**20:.0f} MiB", flush=True)
 
 
 if __name__ == "__main__":
