@@ -37,7 +37,7 @@ SLURM = (
     "5",
 )
 """Words of `./run`: no accounting here, and short jobs are asked for more often than every 40 s."""
-SUBMITTED = re.compile(r"Job \d+ has been submitted with SLURM jobid (?P<number>\d+) \(log: (?P<log>.*/(?:rule|group)_(?P<name>\w+)/.*)\)")
+SUBMITTED = re.compile(r"Job \S+ has been submitted with SLURM jobid (?P<number>\d+) \(log: (?P<log>.*/(?:rule|group)_(?P<name>\w+)/.*)\)")
 DOWN_S = 25.0
 """Time for which the node is down: SLURM takes a batch job for lost that a node does not know 20 s after its start."""
 RUNS = 4
