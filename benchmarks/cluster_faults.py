@@ -1,11 +1,12 @@
 """A study on a real SLURM of one node, in which jobs, the node and Snakemake die; then it is compared with one without SLURM.
 
     bash tests/faults/slurm_node.sh start .cache/slurm              # root, Debian's packages
-    python benchmarks/cluster_faults.py [--study default] [--keep]
+    python benchmarks/cluster_faults.py [--study smoke] [--keep]
     bash tests/faults/slurm_node.sh stop .cache/slurm
 
-The study is made once by `./run`, and once by `./run --profile profiles/slurm`, always with the same words, until it ends well. Both run in
-a clone of HEAD. The table lists what was done to the second one, and how many files have the bits of the first.
+The study, by default the smallest with a job of every rule, is made once by `./run`, and once by `./run --profile profiles/slurm`, always
+with the same words, until it ends well. Both run in a clone of HEAD. The table lists what was done to the second one, and how many files
+have the bits of the first.
 """
 
 from __future__ import annotations
@@ -22,19 +23,15 @@ from dataclasses import asdict
 from pathlib import Path
 
 from fault_report import Row, keep, table
-from fault_study import CLOCKS, FaultStudy, Outcome, kill
+from fault_study import CLOCKS, TINY, FaultStudy, Outcome, kill
 from kill_faults import say
 
 from pipeline.artefacts.files import read_json, write_json
 
+SMALLEST = "smallest"
 SLURM = (
-    "--profile",
-    "profiles/slurm",
-    "--slurm-status-command",
-    "squeue",
-    "--slurm-no-account",
-    "--slurm-init-seconds-before-status-checks",
-    "5",
+    *("--profile", "profiles/slurm", "--slurm-status-command", "squeue", "--slurm-no-account"),
+    *("--slurm-init-seconds-before-status-checks", "5"),
 )
 """Words of `./run`: no accounting here, and short jobs are asked for more often than every 40 s."""
 SUBMITTED = re.compile(r"Job \S+ has been submitted with SLURM jobid (?P<number>\d+) \(log: (?P<log>.*/(?:rule|group)_(?P<name>\w+)/.*)\)")
@@ -85,12 +82,13 @@ FAULTS: tuple[tuple[str, str, Callable[[str, subprocess.Popen[str]], None]], ...
 def main() -> int:
     """Make the study twice and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--study", default="smoke", help="default: %(default)s")
+    parser.add_argument("--study", default=SMALLEST, help="default: %(default)s")
     parser.add_argument("--folder", type=Path, default=Path(".cache/faults"), help="for the clone (default: %(default)s)")
     parser.add_argument("--keep", action="store_true", help="publish the rows beside docs/results/faults.md")
     options = parser.parse_args()
     slurm("sinfo")
-    study = FaultStudy(options.folder.resolve() / f"cluster-{options.study}", [f"study={options.study}"])
+    overrides = TINY if options.study == SMALLEST else (f"study={options.study}",)
+    study = FaultStudy(options.folder.resolve() / f"cluster-{options.study}", overrides)
     whole = without_slurm(study)
     study.clear()
     rows = list(compared(options.study, whole, study, *on_slurm(study)))
