@@ -4,7 +4,7 @@
     python benchmarks/faults.py --published             the table of docs/results/faults.md
 
 --kills and --repairs execute a tiny study in a clone of HEAD, about a minute of processor time for each study and ten seconds for each
-fault. They print their progress, and --kills resumes after the last finished study.
+fault. They print their progress, and resume after the last finished study or repair as long as HEAD is the same.
 """
 
 from __future__ import annotations
@@ -27,7 +27,13 @@ def main() -> int:
     parser.add_argument("--kills", type=int, default=0, metavar="N", help="kill ./run with -9, by turns in each of its phases")
     parser.add_argument("--configs", type=int, default=0, metavar="N", help="change params.yaml")
     parser.add_argument("--damage", type=int, default=0, metavar="N", help="flip a bit in a file, then read it")
-    parser.add_argument("--repairs", type=int, default=0, metavar="N", help="flip a bit in a file of a finished study, then ./run")
+    parser.add_argument(
+        "--repairs",
+        type=int,
+        default=0,
+        metavar="N",
+        help="flip a bit in a file of each kind of a finished study, then ./run; then in N files, one by one",
+    )
     parser.add_argument("--seed", type=int, default=0, help="default: %(default)s")
     parser.add_argument("--folder", type=Path, default=Path(".cache/faults"), help="for the clone (default: %(default)s)")
     parser.add_argument("--keep", action="store_true", help="publish the rows beside docs/results/faults.md")

@@ -14,7 +14,7 @@ from fault_study import FaultStudy, Outcome, Run
 
 from pipeline.artefacts.files import read_json, write_json
 
-STATE = "kills.json"
+STATE = ".cache/kills.json"
 
 
 @dataclass
@@ -34,7 +34,7 @@ class State:
 
 def kills(study: FaultStudy, count: int, seed: int) -> list[Row]:
     """A row for each phase after at least `count` kills; a killed benchmark resumes after its last finished pass."""
-    state = _resumed(study.folder.parent / STATE, seed)
+    state = _resumed(study.folder / STATE, seed)
     if state.whole is None:
         study.clear()
         say("an uninterrupted run")
@@ -103,7 +103,7 @@ def _resumed(path: Path, seed: int) -> State:
 
 
 def _save(study: FaultStudy, state: State) -> None:
-    write_json(study.folder.parent / STATE, asdict(state))
+    write_json(study.folder / STATE, asdict(state))
 
 
 def say(text: str) -> None:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -13,38 +13,59 @@ from fault_report import Row
 from fault_study import FaultStudy, Outcome, Run
 from kill_faults import say
 
+from pipeline.artefacts.files import read_json, write_json
+
+STATE = ".cache/repairs.json"
 WAYS = ("made again", "named", "unseen")
 TOGETHER = "a file of each kind at once"
 
 
+@dataclass
+class State:
+    """What is known so far: the undamaged study, and each repair: the kind of its files, their number, and how it ended."""
+
+    seed: int
+    whole: Outcome
+    ends: list[tuple[str, int, str]] = field(default_factory=list)
+
+
 def repairs(study: FaultStudy, count: int, seed: int) -> list[Row]:
-    """A row for each kind of file, after so many flips: in one file of each kind, then in others. A last row for all kinds at once."""
-    rng = np.random.default_rng(seed)
+    """A row for each kind of file: first one of each kind at once, then `count` alone, those of different kinds first.
+
+    A killed benchmark resumes after its last repair.
+    """
+    state = _resumed(study, seed)
+    files = in_turn([study.data / name for name in state.whole.files], np.random.default_rng(seed))
+    together = list({kind_of(file): file for file in files}.values())  # The last of each kind.
+    tasks = [(TOGETHER, together), *((kind_of(file), [file]) for file in files[:count])]
+    for number, (kind, damaged) in enumerate(tasks[len(state.ends) :], len(state.ends)):
+        way = repaired(study, state.whole, damaged, np.random.default_rng([seed, number]))
+        state.ends.append((kind, len(damaged), way))
+        write_json(study.folder / STATE, asdict(state))
+    return [_row(kind, [end for end in state.ends if end[0] == kind]) for kind in sorted({kind for kind, _, _ in state.ends})]
+
+
+def _resumed(study: FaultStudy, seed: int) -> State:
+    """The state of an earlier benchmark of the same seed in the same clone, or of an undamaged study. It finishes the study in any case."""
+    path = study.folder / STATE
     if (first := study.run()).code:
         raise SystemExit(f"the undamaged run failed: {' | '.join(first.said[-3:])}")
-    whole = study.outcome()
-    found: Counter[tuple[str, str]] = Counter()
-    files = in_turn([study.data / name for name in whole.files], rng)
-    for file in files[:count]:
-        found[kind_of(file), repaired(study, whole, [file], rng)] += 1
-    kinds = sorted({kind for kind, _ in found})
-    together = list({kind_of(file): file for file in files}.values())  # The last of each kind.
-    found[TOGETHER, repaired(study, whole, together, rng)] += len(together)
-    return [
-        Row("repair", kind, sum(found[kind, way] for way in WAYS), found[kind, "unseen"], {way: found[kind, way] for way in WAYS})
-        for kind in (*kinds, TOGETHER)
-    ]
+    if path.exists() and (known := read_json(path))["seed"] == seed:
+        return State(seed, Outcome(**known["whole"]), [(kind, number, way) for kind, number, way in known["ends"]])
+    state = State(seed, study.outcome())
+    write_json(path, asdict(state))
+    return state
 
 
 def repaired(study: FaultStudy, whole: Outcome, files: Sequence[Path], rng: np.random.Generator) -> str:
-    """Flip a bit in each of the files, then `./run`: one of `WAYS`. The study is the undamaged one again afterwards."""
+    """Flip a bit in each of the files, then `./run`: one of `WAYS`. The files have their old content if they are not made again."""
     kept = {file: file.read_bytes() for file in files}
     for file, content in kept.items():
         file.write_bytes(flipped(content, int(rng.integers(8 * len(content)))))
     done = study.run()
     differences = study.outcome().differences(whole)
     way = judged(done, files, differences)
-    say(f"{len(files)} damaged, the first {files[0].relative_to(study.folder)}: {way}")
+    say(f"{', '.join(str(file.relative_to(study.data)) for file in files)}: {way}")
     if way != "made again":
         say("; ".join([*done.said[-2:], *differences]))
     if differences:
@@ -71,3 +92,8 @@ def judged(run: Run, files: Sequence[Path], differences: Sequence[str]) -> str:
     if named and run.code == 0 and not differences:
         return "made again"
     return "named" if named and run.code == 2 else "unseen"
+
+
+def _row(kind: str, ends: Sequence[tuple[str, int, str]]) -> Row:
+    outcomes = {way: sum(number for _, number, other in ends if other == way) for way in WAYS}
+    return Row("repair", kind, sum(outcomes.values()), outcomes["unseen"], outcomes)

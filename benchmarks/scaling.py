@@ -27,6 +27,7 @@ from pathlib import Path
 from statistics import median
 
 import numpy as np
+import yaml
 from fault_study import TINY, FaultStudy
 from published import header
 
@@ -36,6 +37,7 @@ from pipeline.detectors.yolo.export import onnx_of
 from pipeline.execution.workers import Execution, Setup, Workers
 from pipeline.simulators.mujoco.simulator import MujocoSimulator
 
+PROFILE = Path("profiles/default/config.yaml")
 PUBLISHED = Path("docs/results/scale.csv")
 SCENARIO = "F1"
 WORKERS = (1, 2)
@@ -206,10 +208,13 @@ def by_slurm(figures: Figures) -> str:
 
 
 def by_steps(figures: Figures) -> str:
-    lines = header("step", "jobs", "longest, s", "largest memory, MB")
+    """The steps by memory, beside what the profile reserves on a cluster for the first attempt."""
+    profile = yaml.safe_load(PROFILE.read_text())
+    lines = header("step", "jobs", "longest, s", "largest memory, MB", "reserved, MB")
     for step in sorted({step for step, _ in figures}, key=lambda step: -figures[step, "mb"]):
         jobs, seconds, memory = (figures[step, name] for name in ("jobs", "s", "mb"))
-        lines.append(f"| `{step}` | {jobs:.0f} | {seconds:.0f} | {memory:.0f} |")
+        reserved = profile["set-resources"].get(step, profile["default-resources"])["mem_mb"].split(" ")[0]
+        lines.append(f"| `{step}` | {jobs:.0f} | {seconds:.0f} | {memory:.0f} | {reserved} |")
     return "\n".join(lines)
 
 
