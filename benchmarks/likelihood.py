@@ -221,13 +221,13 @@ def summary(rows: pd.DataFrame) -> dict[str, Any]:
 
 def shown() -> Iterator[str]:
     """The rows of the published table."""
-    yield "| method | failures | true rate | tests | inside the interval | under the one-sided limit | relative error | Monte Carlo needs |"
-    yield "|---|---|---|---|---|---|---|---|"
+    yield "| method | failures | true rate | repeats | tests | in the interval | under the one-sided limit | error | Monte Carlo needs |"
+    yield "|---|---|---|---|---|---|---|---|---|"
     for row in pd.read_csv(OUT).itertuples():
         shares = " | ".join(f"{100 * count / row.repeats:.1f} %" for count in (row.inside, row.under_limit))
         yield (
-            f"| {row.method} | {row.case} | {row.true:g} | {row.tests:,.0f} | {shares} | {100 * row.relative_error:.0f} % | "
-            f"{row.saving:.1f} × |"
+            f"| {row.method} | {row.case} | {row.true:g} | {row.repeats} | {row.tests:,.0f} | {shares} | "
+            f"{100 * row.relative_error:.0f} % | {row.saving:.1f} × |"
         )
 
 

@@ -72,10 +72,7 @@ def test_only_random_tests_enter_the_rate(study: StudyFolder) -> None:
     assert [row.strategy for row in measures.strategies] == ["mixed"] and measures.strategies[0].tests == 24
 
 
-def test_likelihood_and_replay_know_the_audit(
-    study: StudyFolder, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(study.root)
+def test_likelihood_weighs_the_audit_and_refuses_the_search(study: StudyFolder, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["likelihood", "exposure=uniform", "--from", str(study / KIND)]) == 0
     assert "under this exposure, 15 uniform tests are worth 15" in capsys.readouterr().out
     assert main(["likelihood", "exposure=uniform", "--from", str(study / "campaigns")]) == 2
