@@ -176,7 +176,7 @@ def test_ctrl_c_ends_with_one_sentence_that_says_what_goes_on(ready: Path) -> No
     while not (ready / "begun").exists():
         assert run.poll() is None
     os.killpg(run.pid, signal.SIGINT)
-    told = run.communicate()[1]
+    told = run.communicate(timeout=30)[1]
     assert told == "blindspot: stopped; finished jobs and tests are kept, and the same command goes on from there\n"
     assert run.returncode == 130
 
