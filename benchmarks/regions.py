@@ -15,7 +15,8 @@ from itertools import combinations
 
 import numpy as np
 
-from pipeline.core.confirmation import Counted, confirmed, draw_inside, draw_just_outside
+from pipeline.core.confirmation import confirmed, draw_inside, draw_just_outside
+from pipeline.core.counted import Counted
 from pipeline.core.grouping import Group, Outcomes, group_failures, held_back
 from pipeline.core.rules import Bools
 from pipeline.progress import Progress

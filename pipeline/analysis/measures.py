@@ -13,7 +13,7 @@ from pipeline.artefacts.failure_counts import Causes, FalseActivations, Modes
 from pipeline.artefacts.points import encode_tests
 from pipeline.artefacts.results import Estimate, Result
 from pipeline.artefacts.search_results import BaseRate, CampaignMeasures, StrategyMeasures
-from pipeline.core.confirmation import Counted
+from pipeline.core.counted import Counted
 from pipeline.core.coverage.projection import Demand, projection_coverage
 from pipeline.core.identity import CampaignId
 from pipeline.core.measures import baseline_cost, c_measure, f_measure, failure_sequence, pair_coverage

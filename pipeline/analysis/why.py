@@ -13,7 +13,7 @@ from pipeline.analysis.region_sentence import sentence
 from pipeline.artefacts.region_results import FailureRegion, Repair, Seen, Why
 from pipeline.artefacts.results import Estimate
 from pipeline.artefacts.tables import UNCHANGED
-from pipeline.core.confirmation import Counted
+from pipeline.core.counted import Counted
 from pipeline.core.sight import sight
 from pipeline.scenarios.changes import CONTROL, Change, ranked
 

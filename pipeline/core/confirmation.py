@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.core.counted import Counted
 from pipeline.core.rules import Bools, Condition, Rule
 from pipeline.core.space import MAX_DRAWS, Floats, Space, Variable
 
@@ -80,34 +80,6 @@ def _values(variable: Variable, filters: Sequence[Filter], count: int, rng: np.r
         if len(values) >= count:
             return values[:count]
     raise ValueError(f"{variable.name}: hardly any value is wanted")
-
-
-@dataclass(frozen=True)
-class Counted:
-    """Fresh tests. failures: of `tests` that ended well. errors: tests whose simulation broke, in neither number."""
-
-    tests: int
-    failures: int
-    errors: int = 0
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.failures <= self.tests or self.errors < 0:
-            raise ValueError(f"failures must be in [0, {self.tests}] and errors not negative, got {self.failures} and {self.errors}")
-
-    @staticmethod
-    def of(failed: Bools, error: Bools | None = None) -> Counted:
-        """Count (n,) outcomes; `failed` does not matter where `error` holds."""
-        broken = np.zeros(len(failed), bool) if error is None else error
-        return Counted(int((~broken).sum()), int((failed & ~broken).sum()), int(broken.sum()))
-
-    def interval(self, confidence: float) -> tuple[float, float]:
-        """The exact interval of the failure rate, (0, 1) without tests. Source: Clopper & Pearson 1934."""
-        from scipy.stats import beta
-
-        tail, passed = (1 - confidence) / 2, self.tests - self.failures
-        low = float(beta.ppf(tail, self.failures, passed + 1)) if self.failures else 0.0
-        high = float(beta.ppf(1 - tail, self.failures + 1, passed)) if passed else 1.0
-        return low, high
 
 
 def more_inside(inside: Counted, outside: Counted) -> float:

@@ -12,7 +12,8 @@ import numpy as np
 from pipeline.analysis.failure_regions import Found
 from pipeline.artefacts.region_results import Confirmation, FailureRegion, Fresh
 from pipeline.artefacts.results import Estimate
-from pipeline.core.confirmation import Counted, confirmed, draw_inside, draw_just_outside, more_inside
+from pipeline.core.confirmation import confirmed, draw_inside, draw_just_outside, more_inside
+from pipeline.core.counted import Counted
 from pipeline.core.kpi import evaluate
 from pipeline.core.space import Floats, Space
 from pipeline.execution.journal import Outcome

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import binom, fisher_exact
 
-from pipeline.core.confirmation import MARGIN, Counted, confirmed, draw_inside, draw_just_outside, more_inside
+from pipeline.core.confirmation import MARGIN, confirmed, draw_inside, draw_just_outside, more_inside
+from pipeline.core.counted import Counted
 from pipeline.core.grouping import Outcomes, group_failures
 from pipeline.core.rules import Condition, Rule
 from pipeline.scenarios.people import WORDS
