@@ -257,26 +257,25 @@ def test_training_from_scratch_resumes_in_every_phase(tmp_path: Path, monkeypatc
 
 def test_a_training_killed_during_an_evaluation_repeats_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
-    images, scores = people(4, 1), {2: 0.5, 4: 0.9, 6: 0.1, 8: 0.2}
+    images = people(4, 1)
 
-    def fitted(checkpoint: Path | None, killed_at: int | None = None) -> Fitted:
-        steps: list[int] = []
+    def fitted(checkpoint: Path | None, *scores: float | None) -> Fitted:
+        answers = iter(scores)
 
         def ap50(_: Yolo) -> float:
-            if steps[-1] == killed_at:
+            if (score := next(answers)) is None:
                 raise KeyboardInterrupt
-            return scores[steps[-1]]
+            return score
 
-        def feed(iteration: int) -> Batch:
-            steps.append(iteration + 1)
+        def feed(_: int) -> Batch:
             return images.images, images.boxes
 
         watch = Validation(ap50, every=2, patience=2)
         return fit(small(), Lesson(Schedule(0, 10, 1e-3, warm_up=3), feed, validation=watch), Run(checkpoint, threads=1))
 
     with pytest.raises(KeyboardInterrupt):
-        fitted(tmp_path / "c", killed_at=4)
-    resumed, uninterrupted = fitted(tmp_path / "c"), fitted(None)
+        fitted(tmp_path / "c", 0.5, None)
+    resumed, uninterrupted = fitted(tmp_path / "c", 0.9, 0.1, 0.2), fitted(None, 0.5, 0.9, 0.1, 0.2)
     assert resumed.curve == uninterrupted.curve and same(resumed.model, uninterrupted.model)
 
 
