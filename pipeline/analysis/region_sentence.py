@@ -9,6 +9,7 @@ from pipeline.artefacts.region_results import Repair, RuleCondition, Seen
 from pipeline.scenarios import people
 
 NOUNS = {"child": "children", "adult": "adults"}
+WITHOUT = {"hat = 0": "without a hat", "bag = 0": "without a bag", "skirt = 0": "without a skirt"}
 NAMED = 2
 """Single changes that the text names."""
 
@@ -22,15 +23,22 @@ def subject(conditions: Sequence[RuleCondition]) -> str:
     """`Crouching children with rain of at least 40 %`, of a rule's conditions; `People in every test` without any."""
     words = {word.text: word for word in people.WORDS}
     named = [c.text for c in conditions if c.text in words]
-    others = [plain(c.text) for c in conditions if c.text not in words]
+    others = [plain(c.text) for c in conditions if c.text not in words and c.text not in WITHOUT]
     before = [text for text in named if words[text].variable == people.POSE]
-    noun = next((NOUNS[text] for text in named if text in NOUNS), "people")
+    noun = next((NOUNS[text] for text in named if text in NOUNS), "children" if _only_children(conditions) else "people")
     after = [text for text in named if text not in before and text not in NOUNS]
+    after += [WITHOUT[c.text] for c in conditions if c.text in WITHOUT]
     phrase = " ".join([*before, noun, *after])
     if not conditions:
         phrase += " in every test"
     conditioned = f" with {_listed(others, 'and')}" if others else ""
     return f"{phrase[0].upper()}{phrase[1:]}{conditioned}"
+
+
+def _only_children(conditions: Sequence[RuleCondition]) -> bool:
+    """Whether the conditions list people of whom none is an adult, as `blueprint = M 34` does."""
+    listed = [set(c.values) for c in conditions if c.variable == people.VARIABLE]
+    return bool(listed) and all(people.person(name).child for name in set.intersection(*listed))
 
 
 def plain(condition: str) -> str:

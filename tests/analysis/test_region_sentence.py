@@ -43,11 +43,23 @@ def repair(change: str, repaired: int, variables: int = 1) -> Repair:
             ("sun_altitude in [-1, 2] deg", "pedestrian_speed <= 0.75 m/s", "rain - fog in [-12, 12] %"),
             "People with sun altitude from -1 to 2 deg, pedestrian speed of at most 0.75 m/s and rain - fog from -12 to 12 %",
         ),
+        (("crouching", "under an umbrella", "hat = 0"), "Crouching people under an umbrella without a hat"),
         ((), "People in every test"),
     ],
 )
 def test_the_subject_says_the_rule(texts: tuple[str, ...], expected: str) -> None:
     assert subject(conditions(*texts)) == expected
+
+
+def test_people_listed_by_name_are_children_if_all_of_them_are() -> None:
+    def listed(*names: str) -> RuleCondition:
+        return RuleCondition(variable="blueprint", text=f"blueprint in {{{', '.join(names)}}}", values=names)
+
+    assert subject([listed("M 34", "W 37")]) == "Children with blueprint M 34 or W 37"
+    assert subject([listed("M 34", "W 01")]) == "People with blueprint M 34 or W 01"
+    assert subject([listed("M 34", "W 01"), RuleCondition(variable="blueprint", text="hat = 0", values=("M 34", "M 02"))]) == (
+        "Children without a hat with blueprint M 34 or W 01"
+    )
 
 
 def test_listed_values_and_circles() -> None:
