@@ -10,9 +10,11 @@ same outcomes take longer: `--busy` leaves the time out.
 from __future__ import annotations
 
 import argparse
+import json
 import shutil
 import subprocess
 import time
+from collections.abc import Iterable
 from pathlib import Path
 from textwrap import fill
 
@@ -20,7 +22,9 @@ import numpy as np
 import pandas as pd
 from outcomes import failures, of_study, valid, write
 
+from pipeline.analysis.region_sentence import subject
 from pipeline.artefacts.comparison_results import Comparison
+from pipeline.artefacts.region_results import FailureRegions, RuleCondition
 from pipeline.artefacts.results import read
 from pipeline.core.statistics import mcnemar, mean_interval
 
@@ -29,6 +33,7 @@ CLONES = Path(".cache/default_study")
 SEEDS = range(10)
 VERSIONS = ["base", "control", "random", "adaptive"]
 ALPHA = 0.05
+PLANTED = ("children", "crouching")
 LINE = 128
 """Length of a line of prose."""
 
@@ -64,16 +69,42 @@ def run(seed: int, timed: bool) -> None:
     rows = pd.read_csv(verdicts) if verdicts.exists() else pd.DataFrame(columns=["seed"])
     row = pd.DataFrame([{"seed": seed, "champion": champion, "minutes": round(minutes, 1)}])
     pd.concat([rows[rows["seed"] != seed], row]).sort_values("seed").to_csv(verdicts, index=False)
+    publish_regions(clone / "data/default", seed)
     shutil.rmtree(clone)
 
 
-def published(folder: Path = PUBLISHED) -> tuple[dict[int, pd.DataFrame], pd.DataFrame]:
-    """The outcomes by seed, and champion and minutes by seed."""
+def publish_regions(study: Path, seed: int, path: Path = PUBLISHED / "regions.csv") -> None:
+    """Publish the failure regions that a study found in its base detector."""
+    found = [read(each, FailureRegions) for each in sorted((study / "regions/base").glob("*.json"))]
+    rows = [
+        {
+            "seed": seed,
+            "scenario": of_scenario.scenario,
+            "cause": region.cause,
+            "failures": len(region.members),
+            "tests_inside": region.support,
+            "failures_inside": region.failures_inside,
+            "conditions": json.dumps([condition.model_dump() for condition in region.conditions]),
+        }
+        for of_scenario in found
+        for region in of_scenario.regions
+    ]
+    table = pd.DataFrame(rows)
+    if path.exists():
+        earlier = pd.read_csv(path)
+        table = pd.concat([earlier[earlier["seed"] != seed], table])
+    table.sort_values(["seed", "failures"], ascending=[True, False], kind="stable").to_csv(path, index=False)
+
+
+def published(folder: Path = PUBLISHED) -> tuple[dict[int, pd.DataFrame], pd.DataFrame, pd.DataFrame]:
+    """The outcomes by seed, champion and minutes by seed, and the failure regions, the largest of each seed first."""
     pieces = {seed: pd.read_csv(folder / f"{seed}.csv.gz") for seed in SEEDS if (folder / f"{seed}.csv.gz").exists()}
-    return pieces, pd.read_csv(folder / "verdicts.csv", index_col="seed") if pieces else pd.DataFrame()
+    if not pieces:
+        return {}, pd.DataFrame(), pd.DataFrame()
+    return pieces, pd.read_csv(folder / "verdicts.csv", index_col="seed"), pd.read_csv(folder / "regions.csv")
 
 
-def answer(pieces: dict[int, pd.DataFrame], verdicts: pd.DataFrame) -> str:
+def answer(pieces: dict[int, pd.DataFrame], verdicts: pd.DataFrame, regions: pd.DataFrame) -> str:
     if not pieces:
         return "No study is published."
     better = {name: sum(_p_value(piece, name) <= ALPHA for piece in pieces.values()) for name in ("base", "control")}
@@ -98,7 +129,35 @@ def answer(pieces: dict[int, pd.DataFrame], verdicts: pd.DataFrame) -> str:
         took = "not timed" if np.isnan(minutes) else f"{minutes:.1f}"
         p_values = f"{_p_value(piece, 'base'):.4f} | {_p_value(piece, 'control'):.4f}"
         lines.append(f"| {counted} | {p_values} | `{verdicts.loc[seed, 'champion']}` | {took} |")
-    return "\n".join(lines)
+    return "\n".join([*lines, "", *_largest(pieces, regions)])
+
+
+def _largest(seeds: Iterable[int], regions: pd.DataFrame) -> list[str]:
+    """What the largest failure region of each seed is about, and whether its sentence names a planted group."""
+    rows, named = [], 0
+    for seed in seeds:
+        found = regions[regions["seed"] == seed]
+        if found.empty:
+            rows.append(f"| {seed} | 0 | none | – | – | – |")
+            continue
+        largest = found.iloc[0]
+        text = subject(stored(largest["conditions"]))
+        named += any(group in text.lower() for group in PLANTED)
+        counts = " | ".join(str(largest[name]) for name in ("failures", "tests_inside", "failures_inside"))
+        rows.append(f"| {seed} | {len(found)} | {text} | {counts} |")
+    head = f"The largest region's sentence names a planted group, children or crouching people, in {named} of {len(rows)} searches."
+    return [
+        fill(head, LINE),
+        "",
+        "| seed | regions | the largest, in words | failures in it | tests inside its rule | of them, failures |",
+        "|---|---|---|---|---|---|",
+        *rows,
+    ]
+
+
+def stored(conditions: str) -> list[RuleCondition]:
+    """The conditions of a published rule."""
+    return [RuleCondition.model_validate(condition) for condition in json.loads(conditions)]
 
 
 def _p_value(piece: pd.DataFrame, against: str) -> float:

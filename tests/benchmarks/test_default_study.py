@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import default_study
 import numpy as np
 import pandas as pd
@@ -13,9 +15,17 @@ def study(**failed: range) -> pd.DataFrame:
     return pd.DataFrame({**keys, **{version: np.isin(np.arange(20), tests).astype(int) for version, tests in failed.items()}})
 
 
+def region(seed: int, failures: int, *texts: str) -> dict[str, object]:
+    conditions = json.dumps([{"variable": "x", "text": text, "low": None, "high": None, "values": []} for text in texts])
+    return {"seed": seed, "failures": failures, "tests_inside": 30, "failures_inside": 25, "conditions": conditions}
+
+
+REGIONS = pd.DataFrame([region(0, 20, "child", "rain >= 40 %"), region(0, 9, "in a skirt"), region(1, 7, "fog <= 5 %")])
+
+
 def answer(*studies: pd.DataFrame) -> str:
     verdicts = pd.DataFrame({"champion": "random", "minutes": [14.0, 16.0, np.nan][: len(studies)]}, index=range(len(studies)))
-    return default_study.answer(dict(enumerate(studies)), verdicts)
+    return default_study.answer(dict(enumerate(studies)), verdicts, REGIONS)
 
 
 def test_counts_and_p_values_by_hand() -> None:
@@ -35,8 +45,19 @@ def test_counts_and_p_values_by_hand() -> None:
 def test_a_study_without_a_time_does_not_move_the_median() -> None:
     same = study(base=range(2), control=range(2), random=range(2), adaptive=range(2))
     text = answer(same, same, same)
-    assert text.splitlines()[-1].endswith("| `random` | not timed |") and "15 minutes (median" in text
+    assert "| `random` | not timed |" in text and "15 minutes (median" in text
 
 
 def test_nothing_is_said_without_a_study() -> None:
-    assert default_study.answer({}, pd.DataFrame()) == "No study is published."
+    assert default_study.answer({}, pd.DataFrame(), pd.DataFrame()) == "No study is published."
+
+
+def test_the_largest_region_of_each_seed_is_put_in_words() -> None:
+    same = study(base=range(2), control=range(2), random=range(2), adaptive=range(2))
+    text = answer(same, same, same)
+    assert "names a planted group, children or crouching people, in 1 of 3 searches." in " ".join(text.split())
+    assert text.splitlines()[-3:] == [
+        "| 0 | 2 | Children with rain of at least 40 % | 20 | 30 | 25 |",
+        "| 1 | 1 | People with fog of at most 5 % | 7 | 30 | 25 |",
+        "| 2 | 0 | none | – | – | – |",
+    ]
