@@ -6,9 +6,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Literal
 
 import pandas as pd
 import pytest
+from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page, expect
 
 from pipeline.artefacts.region_results import FailureRegions
@@ -46,6 +48,18 @@ def page(study: FabricatedStudy) -> Iterator[Page]:
         SHOTS.mkdir(parents=True, exist_ok=True)
         opened.locator("#explorer").screenshot(path=SHOTS / "report-explorer.png")
     assert said == []
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [400, 900, 1600])
+def test_axe_finds_no_barrier(study: FabricatedStudy, width: int, scheme: Literal["light", "dark"]) -> None:
+    with browser_page(width, 1000) as opened:
+        opened.emulate_media(color_scheme=scheme, reduced_motion="reduce")
+        opened.goto(f"file://{study.root / 'report.html'}")
+        opened.wait_for_selector("#explorer[data-ready]")
+        found = Axe().run(opened, options={"resultTypes": ["violations"]})
+        assert found.violations_count == 0, found.generate_report()
+        assert opened.evaluate("document.documentElement.scrollWidth") <= width
 
 
 def type_filter(page: Page, column: str, text: str) -> None:
