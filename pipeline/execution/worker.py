@@ -136,7 +136,7 @@ def _resident_mb(pid: int | None) -> float:
 def _serve(make: Make[Task, Result], connection: Connection, calls: Calls, parent: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes; the parent ends its workers.
     # With several threads, sums depend on their number; and the processes already share the cores.
-    os.environ.update(OMP_NUM_THREADS="1", LP_NUM_THREADS="0")
+    os.environ.update(OMP_NUM_THREADS="1", OPENCV_FOR_THREADS_NUM="1", LP_NUM_THREADS="0")
     threadpool_limits(1)
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     try:

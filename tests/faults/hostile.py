@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_info
 
 from pipeline.core.detections import Detections
 from pipeline.core.episode import Episode, Frame
@@ -135,6 +136,17 @@ def leaking(calls: Calls) -> Callable[[int], int]:
         return len(kept)
 
     return leak
+
+
+def counting(_: Calls) -> Callable[[int], list[int]]:
+    """Counts the threads that each library would take."""
+
+    def threads(_: int) -> list[int]:
+        import cv2
+
+        return [cv2.getNumThreads(), *(pool["num_threads"] for pool in threadpool_info())]
+
+    return threads
 
 
 def unmakeable(calls: Calls) -> Callable[[int], int]:

@@ -119,6 +119,13 @@ def test_a_process_over_a_limit_is_ended(limits: dict[str, float], harm: object,
     assert isinstance(result, Broken) and result.reason == reason
 
 
+def test_a_process_works_with_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OPENCV_FOR_THREADS_NUM", "4")
+    with Pool(1, hostile.counting) as pool:
+        ((_, threads),) = pool.run([0])
+    assert isinstance(threads, list) and len(threads) > 1 and set(threads) == {1}
+
+
 def test_a_leak_ends_its_process_but_no_task() -> None:
     with Pool(1, hostile.leaking, LOOSE.model_copy(update={"memory_mb": 500})) as pool:
         done = [result for _, result in sorted(pool.run(range(6)))]
