@@ -66,6 +66,7 @@ PUBLISHED = {
     "services": (0, 100),
     "healthcare3": (0, 34),
     "gcc": (0, 16),
+    "spinv": (0, 31),
 }
 """ACTS 2.92 and the best of FastCA."""
 NAMES = ("sunny", "cloudy", "rainy", "foggy")
