@@ -37,7 +37,8 @@ def gate_reason(found: Gate, base: VersionResult, version: VersionResult, over_s
     if found.more_errors:
         return f"held back: {version.errors} errors, {base.errors} with {base.version}"
     if not found.fewer:
-        return f"held back: not significantly fewer failures than {base.version} (p = {p_value:.2g})"
+        how_many = "significantly more" if version.verdict == "worse" else "not significantly fewer"
+        return f"held back: {how_many} failures than {base.version} (p = {p_value:.2g})"
     if not found.fewer_over_seeds:
         mean = over_seeds.difference
         difference = f"{mean.value:+.1f}, {mean.low:+.1f} to {mean.high:+.1f}; p = {over_seeds.p_value:.2g}"

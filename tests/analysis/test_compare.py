@@ -92,6 +92,13 @@ def test_counts_pairs_and_exact_p_value() -> None:
     assert result.gate["adaptive"] == "held back: not significantly fewer failures than base (p = 0.07)"
 
 
+def test_a_worse_version_is_held_back_for_more_failures() -> None:
+    # Eight regressions without a fix: p = 2 / 2 ** 8.
+    result = compared(base="............", adaptive="cccccccc....")
+    assert result.versions[1].verdict == "worse"
+    assert result.gate["adaptive"] == "held back: significantly more failures than base (p = 0.0078)"
+
+
 def test_failures_are_counted_by_cause() -> None:
     result = compared(base="cclfn.e", adaptive=".......")
     assert result.versions[0].causes == Causes(never_seen=2, box=1, false_positives=1, false_activation=1)
