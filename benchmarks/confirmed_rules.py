@@ -35,7 +35,7 @@ RULES = Path("docs/results/default/regions.csv")
 PUBLISHED = Path("docs/results/default/confirmed.csv")
 MODEL = Path("data/default/models/base/model.onnx")
 JOURNALS = Path(".cache/confirmed_rules")
-STATED, CHECKS = 40, 120
+STATED, CHECKS = 20, 80
 CONFIDENCE = 0.95
 
 
