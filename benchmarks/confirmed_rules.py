@@ -49,7 +49,7 @@ def main() -> None:
     options = parser.parse_args()
     rules = pd.read_csv(RULES)
     if options.command == "answer":
-        print(answer(rules, pd.read_csv(PUBLISHED)))
+        print(answer(rules, pd.read_csv(PUBLISHED)) if PUBLISHED.exists() else "No rule is checked yet.")
         return
     for seed in options.seed:
         publish(seed, list(run(rules[rules["seed"] == seed], options.workers)))
