@@ -52,27 +52,33 @@ def main() -> None:
         print(answer(rules, pd.read_csv(PUBLISHED)) if PUBLISHED.exists() else "No rule is checked yet.")
         return
     for seed in options.seed:
-        publish(seed, list(run(rules[rules["seed"] == seed], options.workers)))
+        publish(seed, list(run(distinct(rules[rules["seed"] == seed]), options.workers)))
+
+
+def distinct(rules: pd.DataFrame) -> pd.DataFrame:
+    """Without the rules that a region of another cause has, too; numbered as in the file, from 0 for each seed."""
+    numbered = rules.assign(number=rules.groupby("seed").cumcount())
+    return numbered.drop_duplicates(["seed", "scenario", "conditions"])
 
 
 def run(rules: pd.DataFrame, workers: int) -> Iterator[dict[str, object]]:
     """Execute the fresh tests of a seed's rules: a row for each rule. A killed call resumes."""
     config = compose("default", [])
-    for number, rule in enumerate(rules.itertuples()):
+    for rule in rules.itertuples():
         described = functional_scenario(rule.scenario)
         space, name = described.logical_space(), f"{rule.seed} {rule.scenario} {rule.conditions}"
         rng = np.random.default_rng(int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big"))
         points = [space.decode(point) for point in draw_inside(space, stored_rule(space, stored(rule.conditions)), STATED + CHECKS, rng)]
         setup = Setup(config.simulator, described, config.detector, MODEL, config.car, config.limits)
-        folder = JOURNALS / f"{rule.seed}-{number}"
-        with Progress(f"seed {rule.seed}, rule {number + 1} of {len(rules)}") as progress:
+        folder = JOURNALS / f"{rule.seed}-{rule.number}"
+        with Progress(f"seed {rule.seed}, rule {rule.number}") as progress:
             log = executed(points, setup, folder, workers, progress)
             stated = counted(log, range(STATED), config.campaign.failure_threshold_s)
             checks = counted(log, range(STATED, len(points)), config.campaign.failure_threshold_s)
         shutil.rmtree(folder)
         counts = {"stated_tests": stated.tests, "stated_failures": stated.failures}
         checked = {"check_tests": checks.tests, "check_failures": checks.failures}
-        yield {"seed": rule.seed, "number": number, **counts, **checked}
+        yield {"seed": rule.seed, "number": rule.number, **counts, **checked}
 
 
 def counted(log: Journal, indices: Sequence[int], threshold_s: float) -> Counted:
@@ -92,15 +98,14 @@ def publish(seed: int, rows: Sequence[dict[str, object]], path: Path = PUBLISHED
 
 def answer(rules: pd.DataFrame, outcomes: pd.DataFrame) -> str:
     """Every rule with its stated interval and the rate of the other tests, and in how many it lies inside."""
-    known = {(seed, number): rule for seed, of_seed in rules.groupby("seed") for number, rule in enumerate(of_seed.itertuples())}
     lines, held, within = [], 0, 0
-    for row in outcomes.itertuples():
-        rule, stated = known[row.seed, row.number], Counted(row.stated_tests, row.stated_failures)
+    for rule in distinct(rules).merge(outcomes, on=["seed", "number"]).itertuples():
+        stated = Counted(rule.stated_tests, rule.stated_failures)
         low, high = stated.interval(CONFIDENCE)
-        rate, precision = row.check_failures / row.check_tests, rule.failures_inside / rule.tests_inside
+        rate, precision = rule.check_failures / rule.check_tests, rule.failures_inside / rule.tests_inside
         holds = low <= rate <= high
         held, within = held + holds, within + (low <= precision <= high)
-        cells = (row.seed, rule.scenario, subject(stored(rule.conditions)), f"{precision:.0%}", f"{low:.0%} to {high:.0%}", f"{rate:.0%}")
+        cells = (rule.seed, rule.scenario, subject(stored(rule.conditions)), f"{precision:.0%}", f"{low:.0%} to {high:.0%}", f"{rate:.0%}")
         lines.append(f"| {' | '.join(map(str, cells))} | {'yes' if holds else 'no'} |")
     head = (
         f"The rate of {CHECKS} other tests lies in the stated interval for {held} of {len(lines)} rules. "

@@ -12,13 +12,14 @@ import pandas as pd
 def rules() -> pd.DataFrame:
     conditions = json.dumps([{"variable": "x", "text": "child"}])
     found = {"scenario": "F1", "tests_inside": 10, "failures_inside": 9, "conditions": conditions}
-    return pd.DataFrame([{"seed": 0, **found}, {"seed": 0, **found, "scenario": "F2"}])
+    return pd.DataFrame([{"seed": 0, **found}, {"seed": 0, **found, "scenario": "F2"}, {"seed": 0, **found}])
 
 
 def test_a_rate_outside_of_its_interval_is_counted() -> None:
     # Clopper and Pearson: 20 of 40 gives 0.338 to 0.662.
     stated = {"seed": 0, "stated_tests": 40, "stated_failures": 20, "check_tests": 120}
-    outcomes = pd.DataFrame([{**stated, "number": 0, "check_failures": 60}, {**stated, "number": 1, "check_failures": 30}])
+    failures = {0: 60, 1: 30, 2: 60}  # The last rule is the first one again, and counts once.
+    outcomes = pd.DataFrame([{**stated, "number": number, "check_failures": count} for number, count in failures.items()])
     text = confirmed_rules.answer(rules(), outcomes)
     assert "lies in the stated interval for 1 of 2 rules. The precision in the search's own tests lies in it for 0." in " ".join(
         text.split()
