@@ -25,8 +25,7 @@ from pipeline.analysis.stored_rules import stored_rule
 from pipeline.config.composing import compose, functional_scenario
 from pipeline.core.confirmation import draw_inside
 from pipeline.core.counted import Counted
-from pipeline.core.kpi import evaluate
-from pipeline.execution.journal import Journal
+from pipeline.execution.confirming import counted
 from pipeline.execution.points import executed
 from pipeline.execution.workers import Setup
 from pipeline.progress import Progress
@@ -73,19 +72,12 @@ def run(rules: pd.DataFrame, workers: int) -> Iterator[dict[str, object]]:
         folder = JOURNALS / f"{rule.seed}-{rule.number}"
         with Progress(f"seed {rule.seed}, rule {rule.number}") as progress:
             log = executed(points, setup, folder, workers, progress)
-            stated = counted(log, range(STATED), config.campaign.failure_threshold_s)
-            checks = counted(log, range(STATED, len(points)), config.campaign.failure_threshold_s)
+            outcomes = [log.read(i) for i in range(len(points))]
+        stated, checks = (counted(part, config.campaign.failure_threshold_s) for part in (outcomes[:STATED], outcomes[STATED:]))
         shutil.rmtree(folder)
         counts = {"stated_tests": stated.tests, "stated_failures": stated.failures}
         checked = {"check_tests": checks.tests, "check_failures": checks.failures}
         yield {"seed": rule.seed, "number": rule.number, **counts, **checked}
-
-
-def counted(log: Journal, indices: Sequence[int], threshold_s: float) -> Counted:
-    """Tests and failures of some tests; errors are in neither number."""
-    outcomes = [log.read(i) for i in indices]
-    failed = [not outcome.is_error and evaluate(outcome.signals, threshold_s).failure for outcome in outcomes]
-    return Counted.of(np.array(failed), np.array([outcome.is_error for outcome in outcomes]))
 
 
 def publish(seed: int, rows: Sequence[dict[str, object]], path: Path = PUBLISHED) -> None:

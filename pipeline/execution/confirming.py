@@ -22,6 +22,13 @@ from pipeline.execution.workers import Setup
 from pipeline.progress import Progress
 
 
+def counted(outcomes: Sequence[Outcome], failure_threshold_s: float) -> Counted:
+    """Tests and failures of some outcomes; errors are in neither number."""
+    error = np.array([outcome.is_error for outcome in outcomes], bool)
+    failed = [not outcome.is_error and evaluate(outcome.signals, failure_threshold_s).failure for outcome in outcomes]
+    return Counted.of(np.array(failed, bool), error)
+
+
 @dataclass(frozen=True)
 class FreshTests:
     """What confirms rules. tests: inside each rule, and as many just outside. journal: folder from which a killed call resumes; the caller
@@ -39,7 +46,7 @@ class FreshTests:
         drawn = [points for one in found for points in self._drawn(one)]
         outcomes = self._outcomes(np.concatenate(drawn), threads, progress) if drawn else []
         ends = np.cumsum([len(points) for points in drawn])
-        counts = [self._counted(outcomes[end - len(points) : end]) for points, end in zip(drawn, ends, strict=True)]
+        counts = [counted(outcomes[end - len(points) : end], self.failure_threshold_s) for points, end in zip(drawn, ends, strict=True)]
         pairs = list(zip(counts[::2], counts[1::2], strict=True))
         status = confirmed(pairs, 1 - self.confidence)
         return tuple(self._with(one.region, *pair, holds) for one, pair, holds in zip(found, pairs, status, strict=True))
@@ -53,11 +60,6 @@ class FreshTests:
         concrete = [self.space.decode(point) for point in points]
         log = executed(concrete, self.setup, self.journal, threads, progress)
         return [log.read(i) for i in range(len(points))]
-
-    def _counted(self, outcomes: Sequence[Outcome]) -> Counted:
-        error = np.array([outcome.is_error for outcome in outcomes], bool)
-        failed = [not outcome.is_error and evaluate(outcome.signals, self.failure_threshold_s).failure for outcome in outcomes]
-        return Counted.of(np.array(failed, bool), error)
 
     def _with(self, region: FailureRegion, inside: Counted, outside: Counted, holds: bool) -> FailureRegion:
         found = Confirmation(
