@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from pipeline.config.schema import Config
     from pipeline.contract import Step
 
-PROGRAM = "python -m pipeline"
+PROGRAM = "blindspot" if Path(sys.argv[0]).name == "blindspot" else "python -m pipeline"
+"""As the user called it: the installed command, or this module."""
 PARAMS = Path("params.yaml")
 ANYWHERE = ("coverage",)
 """The commands that need no project."""

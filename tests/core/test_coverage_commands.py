@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -263,3 +265,10 @@ def test_weights_of_zero_are_refused(folder: Path, capsys: pytest.CaptureFixture
     (folder / "zero.yaml").write_text("variables: {weather: {values: [sunny, cloudy, rainy], weights: [0, 0, 0]}}")
     assert main(["coverage", "score", "--space", str(folder / "zero.yaml"), "--points", str(folder / "points.csv"), "--k", "1"]) == 2
     assert "zero.yaml: coverage is undefined: the weights of all feasible cells sum to 0" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", [["blindspot"], ["python", "-m", "pipeline"]], ids=" ".join)
+def test_the_usage_names_the_command_as_it_was_typed(words: list[str]) -> None:
+    program, *rest = words
+    command = [str(Path(sys.executable).with_name(program)), *rest, "coverage", "--help"]
+    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout.startswith(f"usage: {' '.join(words)} coverage ")
