@@ -4,14 +4,23 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from enum import Enum
 
 from pipeline.artefacts.region_results import Repair, RuleCondition, Seen
 from pipeline.scenarios import people
 
 NOUNS = {"child": "children", "adult": "adults"}
 WITHOUT = {"hat = 0": "without a hat", "bag = 0": "without a bag", "skirt = 0": "without a skirt"}
+WORDS = {word.text: word for word in people.WORDS}
+POSES = {word.value: word.text for word in people.WORDS if word.variable == people.POSE}
 NAMED = 2
 """Single changes that the text names."""
+
+
+class Part(Enum):
+    """The parts of a phrase about people, in their order: crouching | children | (W 37) | at most 1.3 m tall | in a skirt | with fog."""
+
+    POSE, NOUN, NAMES, HEIGHT, LOOKS, OTHER = range(6)
 
 
 def sentence(conditions: Sequence[RuleCondition], seen: Seen, repairs: Sequence[Repair], control: Repair | None) -> str:
@@ -21,18 +30,34 @@ def sentence(conditions: Sequence[RuleCondition], seen: Seen, repairs: Sequence[
 
 def subject(conditions: Sequence[RuleCondition]) -> str:
     """`Crouching children with rain of at least 40 %`, of a rule's conditions; `People in every test` without any."""
-    words = {word.text: word for word in people.WORDS}
-    named = [c.text for c in conditions if c.text in words]
-    others = [plain(c.text) for c in conditions if c.text not in words and c.text not in WITHOUT]
-    before = [text for text in named if words[text].variable == people.POSE]
-    noun = next((NOUNS[text] for text in named if text in NOUNS), "children" if _only_children(conditions) else "people")
-    after = [text for text in named if text not in before and text not in NOUNS]
-    after += [WITHOUT[c.text] for c in conditions if c.text in WITHOUT]
-    phrase = " ".join([*before, noun, *after])
     if not conditions:
-        phrase += " in every test"
-    conditioned = f" with {_listed(others, 'and')}" if others else ""
-    return f"{phrase[0].upper()}{phrase[1:]}{conditioned}"
+        return "People in every test"
+    parts: dict[Part, list[str]] = {part: [] for part in Part}
+    for condition in conditions:
+        part, text = _part(condition.text)
+        parts[part].append(text)
+    noun = parts[Part.NOUN] or ["children" if _only_children(conditions) else "people"]
+    others = [f"with {_listed(parts[Part.OTHER], 'and')}"] if parts[Part.OTHER] else []
+    phrase = " ".join([*parts[Part.POSE], *noun, *parts[Part.NAMES], *parts[Part.HEIGHT], *parts[Part.LOOKS], *others])
+    return f"{phrase[0].upper()}{phrase[1:]}"
+
+
+def _part(condition: str) -> tuple[Part, str]:
+    """The part of the phrase that a condition makes, and its words."""
+    if condition in NOUNS:
+        return Part.NOUN, NOUNS[condition]
+    if condition in WORDS:
+        return Part.POSE if WORDS[condition].variable == people.POSE else Part.LOOKS, condition
+    if condition in WITHOUT:
+        return Part.LOOKS, WITHOUT[condition]
+    about, words = plain(condition).split(" ", 1)
+    if about == people.VARIABLE:
+        return Part.NAMES, f"({words})"
+    if about == people.POSE:
+        return Part.POSE, re.sub(r"\w+", lambda pose: POSES.get(pose[0], pose[0]), words)
+    if about == "height":
+        return Part.HEIGHT, f"{words.removeprefix('of ').removeprefix('from ')} tall"
+    return Part.OTHER, f"{about} {words}"
 
 
 def _only_children(conditions: Sequence[RuleCondition]) -> bool:

@@ -36,7 +36,14 @@ def repair(change: str, repaired: int, variables: int = 1) -> Repair:
     ("texts", "expected"),
     [
         (("child", "rain >= 40 %"), "Children with rain of at least 40 %"),
-        (("height_m <= 1.25",), "People with height of at most 1.25 m"),
+        (("height_m <= 1.25",), "People at most 1.25 m tall"),
+        (
+            ("child", "height_m in [1.2, 1.25]", "in bright trousers", "fog >= 40 %"),
+            "Children 1.2 to 1.25 m tall in bright trousers with fog of at least 40 %",
+        ),
+        (("animation in {crouching, stumble}",), "Crouching or stumbling people"),
+        (("animation in {stumble, limping, drunk}", "adult"), "Stumbling, limping or drunk adults"),
+        (("trousers_brightness in [0.6, 0.65]",), "People with trousers brightness from 0.6 to 0.65"),
         (("crouching", "under an umbrella"), "Crouching people under an umbrella"),
         (("under an umbrella", "adult", "limping"), "Limping adults under an umbrella"),
         (
@@ -55,10 +62,10 @@ def test_people_listed_by_name_are_children_if_all_of_them_are() -> None:
     def listed(*names: str) -> RuleCondition:
         return RuleCondition(variable="blueprint", text=f"blueprint in {{{', '.join(names)}}}", values=names)
 
-    assert subject([listed("M 34", "W 37")]) == "Children with blueprint M 34 or W 37"
-    assert subject([listed("M 34", "W 01")]) == "People with blueprint M 34 or W 01"
+    assert subject([listed("M 34", "W 37")]) == "Children (M 34 or W 37)"
+    assert subject([listed("M 34", "W 01")]) == "People (M 34 or W 01)"
     assert subject([listed("M 34", "W 01"), RuleCondition(variable="blueprint", text="hat = 0", values=("M 34", "M 02"))]) == (
-        "Children without a hat with blueprint M 34 or W 01"
+        "Children (M 34 or W 01) without a hat"
     )
 
 
