@@ -28,8 +28,8 @@ def server() -> str | None:
 
 
 def connect(store: Path) -> MlflowClient:
-    """A client of the server or, without one, of the SQLite file `store`; InputError if the server does not answer or the file is
-    damaged."""
+    """A client of the server or, without one, of the SQLite file `store`, which is made if it is missing; InputError if the server does not
+    answer or the file is damaged."""
     if (address := server()) is not None:
         check_answer(address)
     elif store.exists():
@@ -38,19 +38,42 @@ def connect(store: Path) -> MlflowClient:
     os.environ.setdefault("MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT", "true")
     # Without this, MLflow waits minutes for a server that does not answer.
     os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "3")
-    from mlflow import MlflowClient
 
     # The store's migrations log a hundred lines on first use.
     logging.getLogger("alembic").setLevel(logging.WARNING)
-    uri = server() or f"sqlite:///{store.resolve()}"
+    if address is None and not store.exists():
+        _make(store)
+    return _client(address or _uri(store))
+
+
+def _client(uri: str) -> MlflowClient:
+    from mlflow import MlflowClient
+
     return MlflowClient(tracking_uri=uri, registry_uri=uri)
 
 
+def _uri(store: Path) -> str:
+    return f"sqlite:///{store.resolve()}"
+
+
+def _make(store: Path) -> None:
+    """Make an empty store under another name and rename it when it is whole: MLflow's migrations cannot go on after a kill."""
+    making = store.with_name(f".{store.name}.making")
+    store.parent.mkdir(parents=True, exist_ok=True)
+    making.unlink(missing_ok=True)
+    _client(_uri(making)).search_experiments(max_results=1)
+    with making.open("rb") as file:
+        os.fsync(file.fileno())
+    making.rename(store)
+
+
 def _check(store: Path) -> None:
-    """SQLite's own check: its file has no digest, because it changes with every run."""
+    """SQLite's own check, as the file has no digest: it changes with every run. Then a search for what a broken migration leaves."""
     try:
         with closing(sqlite3.connect(store)) as database:
             found = str(database.execute("PRAGMA integrity_check(1)").fetchone()[0])
+            if half := database.execute("SELECT name FROM sqlite_master WHERE name LIKE '\\_alembic\\_tmp%' ESCAPE '\\'").fetchone():
+                found = f"a migration was broken off at {half[0]}"
     except sqlite3.Error as error:
         found = str(error)
     if found != "ok":

@@ -60,8 +60,7 @@ class Registry:
             for name, value in registration.tags.items():
                 self._client.set_model_version_tag(model, known.version, name, value)
             for logged in known_models:
-                newest = {metric.key: metric.value for metric in sorted(logged.metrics or [], key=lambda metric: metric.timestamp)}
-                self._tracker.log_results(run_id, registration.content, newest, logged.model_id)
+                self._tracker.log_results(run_id, registration.content, _newest(logged), logged.model_id)
             return str(known.version), run_id
         if not self._client.search_registered_models(f"name = '{model}'"):
             self._client.create_registered_model(model, description="Pedestrian detectors, tested in closed loop by Blindspot.")
@@ -101,22 +100,23 @@ class Registry:
             self._client.set_tag(run_id, "model_version", f"{model}/{version}")
 
     def _logged_model(self, registration: Registration, run_id: str) -> Any:
-        """The logged model of a registration; deletes incomplete ones."""
+        """The logged model of a registration; one that was killed is logged to its end."""
         from mlflow.entities import LoggedModelStatus, Metric
 
         content, digest = registration.content, registration.digest
-        for found in self._logged_models(digest):
-            if found.status == LoggedModelStatus.READY:
-                return found
-            self._client.delete_logged_model(found.model_id)
-        logged = self._client.create_logged_model(
-            self._tracker.experiment,
-            name=content.name.replace("/", "-"),
-            source_run_id=run_id,
-            params=dict(content.params),
-            tags={DIGEST: digest},
-            model_type="detector",
-        )
+        known = self._logged_models(digest)
+        logged = next((found for found in known if found.status == LoggedModelStatus.READY), known[0] if known else None)
+        if logged is not None and logged.status == LoggedModelStatus.READY:
+            return logged
+        if logged is None:
+            logged = self._client.create_logged_model(
+                self._tracker.experiment,
+                name=content.name.replace("/", "-"),
+                source_run_id=run_id,
+                params=dict(content.params),
+                tags={DIGEST: digest},
+                model_type="detector",
+            )
         with tempfile.TemporaryDirectory() as folder:
             for path in registration.files:
                 if path.suffix == ".onnx":
@@ -125,8 +125,9 @@ class Registry:
             for path in registration.files:
                 if path.suffix != ".onnx":
                     self._client.log_model_artifact(logged.model_id, str(path))
-        points = {**content.metrics, **content.results}.items()
-        self._client.log_batch(run_id, metrics=[Metric(*point, 1, 0, model_id=logged.model_id) for point in points])
+        if points := content.metrics.items():
+            self._client.log_batch(run_id, metrics=[Metric(*point, 1, 0, model_id=logged.model_id) for point in points])
+        self._tracker.log_results(run_id, content, _newest(logged), logged.model_id)
         return self._client.finalize_logged_model(logged.model_id, "READY")
 
     def _logged_models(self, digest: str) -> Sequence[LoggedModel]:
@@ -137,6 +138,11 @@ class Registry:
         sources = {one.artifact_location for one in logged}
         found = self._client.search_model_versions(f"name = '{model}' and run_id = '{run_id}'")
         return next((version for version in found if version.source in sources), None)
+
+
+def _newest(logged: LoggedModel) -> dict[str, float]:
+    """The newest value of each metric of a logged model."""
+    return {metric.key: metric.value for metric in sorted(logged.metrics or [], key=lambda metric: metric.timestamp)}
 
 
 def _pages(search: Callable[..., Any], **wanted: str) -> list[Any]:

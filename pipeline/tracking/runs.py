@@ -26,6 +26,7 @@ PARENT = "mlflow.parentRunId"
 DESCRIPTION = "mlflow.note.content"
 KIND, TRAINING = "mlflow.experimentKind", "custom_model_development"
 """Tag that makes MLflow's page show an experiment as model training, not as generative AI."""
+FINISHED = "FINISHED"
 BATCH, PARAMS = 900, 100
 """Metrics and parameters per request; MLflow takes at most 1,000 and 100."""
 ROOM = 8000
@@ -80,10 +81,10 @@ class Tracker:
         if server() is None:
             store.parent.mkdir(parents=True, exist_ok=True)
             artifacts.mkdir(parents=True, exist_ok=True)
-        self.client = connect(store)
         self._lineage = dict(lineage)
         place = None if server() else (artifacts.resolve() / experiment).as_uri()
         try:
+            self.client = connect(store)
             known = self.client.get_experiment_by_name(experiment)
             if known is not None and known.lifecycle_stage == "deleted":
                 raise InputError(f"MLflow's experiment '{experiment}' is deleted; restore it, or name another as tracking.experiment")
@@ -94,18 +95,23 @@ class Tracker:
     def log(self, content: Content, parent: str | None = None) -> str:
         """Log a run unless one with the same name and content exists; returns its id.
 
-        parent: id of the parent run. An existing run moves under it.
+        parent: id of the parent run. An existing run moves under it. A run that was killed while it was logged is logged to its end: MLflow
+        takes a number, a data set or a file that it has already once more.
         """
         digest = content.digest
-        if (known := self._finished(content.name, digest)) is not None:
-            if parent is not None and known.data.tags.get(PARENT) != parent:
-                self.client.set_tag(known.info.run_id, PARENT, parent)
+        known = self._known(content.name, digest)
+        if known is not None and parent is not None and known.data.tags.get(PARENT) != parent:
+            self.client.set_tag(known.info.run_id, PARENT, parent)
+        if known is not None and known.info.status == FINISHED:
             self._log_pictures(known.info.run_id, content, known.data.tags.get(PICTURES, ""))
             self.log_results(known.info.run_id, content, known.data.metrics)
             return str(known.info.run_id)
-        tags = {**self._lineage, **content.tags, DIGEST: digest, "kind": content.kind} | ({} if parent is None else {PARENT: parent})
-        run_id = str(self.client.create_run(self.experiment, run_name=content.name, tags=tags).info.run_id)
+        if known is None:
+            tags = {**self._lineage, **content.tags, DIGEST: digest, "kind": content.kind} | ({} if parent is None else {PARENT: parent})
+            known = self.client.create_run(self.experiment, run_name=content.name, tags=tags)
+        run_id = str(known.info.run_id)
         self._log_numbers(run_id, content)
+        self.log_results(run_id, content, known.data.metrics)
         if content.data:
             self.client.log_inputs(run_id, [_dataset(data) for data in content.data])
         for path in content.files:
@@ -142,7 +148,7 @@ class Tracker:
         from mlflow.entities import Metric, Param
 
         # A fixed time: metrics have no time of measurement, and the steps order a series.
-        points = [Metric(name, float(value), 0, 0) for name, value in {**content.metrics, **content.results}.items()]
+        points = [Metric(name, float(value), 0, 0) for name, value in content.metrics.items()]
         points += [Metric(name, float(value), 0, step) for name, values in content.series.items() for step, value in values]
         params = [Param(name, value) for name, value in content.params.items()]
         for begin in range(0, len(params), PARAMS):
@@ -150,14 +156,10 @@ class Tracker:
         for begin in range(0, len(points), BATCH):
             self.client.log_batch(run_id, metrics=points[begin : begin + BATCH])
 
-    def _finished(self, name: str, digest: str) -> Run | None:
-        """The finished run with this name and content; deletes incomplete ones."""
+    def _known(self, name: str, digest: str) -> Run | None:
+        """The run with this name and content, a finished one before one that was killed."""
         runs = self.client.search_runs([self.experiment], f"tags.`{DIGEST}` = '{digest}' and attributes.run_name = '{name}'")
-        for run in runs:
-            if run.info.status == "FINISHED":
-                return run
-            self.client.delete_run(run.info.run_id)
-        return None
+        return next((run for run in runs if run.info.status == FINISHED), runs[0] if runs else None)
 
 
 def shortened(text: str, room: int) -> str:

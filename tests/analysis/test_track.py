@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mlflow.entities import ViewType
 
 from pipeline.__main__ import main
 from pipeline.artefacts import stamps
@@ -18,7 +19,7 @@ from pipeline.artefacts.results import read, write
 from pipeline.artefacts.tracking_results import TrackedStudy
 from pipeline.errors import InputError
 from pipeline.tracking.registry import Registration, Registry
-from pipeline.tracking.runs import Content, Tracker
+from pipeline.tracking.runs import Content, DataSet, Tracker
 from tests.analysis.fabricated import VERSIONS, FabricatedStudy
 
 
@@ -167,15 +168,31 @@ def test_a_deleted_experiment_is_named(tmp_path: Path) -> None:
         Tracker(tmp_path / "m.db", tmp_path / "artifacts", "e", {})
 
 
-def test_an_interrupted_run_is_logged_again(tmp_path: Path) -> None:
+def test_an_interrupted_run_is_logged_to_its_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file, picture = tmp_path / "table.csv", tmp_path / "plot.png"
+    file.write_text("a")
+    picture.write_bytes(b"b")
+    content = Content(
+        "one", "campaign", {"k": "2"}, {"failures": 3.0}, {"theta": [(1, 0.0), (2, 1.0)]}, {"strategy": "random"}, [file],
+        [DataSet("tests", "d" * 64, "tests.parquet", "testing")], [picture], {"p_value": 0.5},
+    )  # fmt: skip
     tracker = Tracker(tmp_path / "m.db", tmp_path / "artifacts", "e", {})
-    content = Content("one", "campaign", metrics={"failures": 3.0})
-    first = tracker.log(content)
-    tracker.client.update_run(first, status="RUNNING")
-    second = tracker.log(content)
-    assert first != second
-    assert tracker.log(content) == second
-    assert tracker.client.get_run(first).info.lifecycle_stage == "deleted"
+    for method in ("log_batch", "log_inputs", "log_artifact", "set_tag", "set_terminated"):
+        with monkeypatch.context() as patch:
+            patch.setattr(tracker.client, method, lambda *_, **__: (_ for _ in ()).throw(KeyboardInterrupt))
+            with pytest.raises(KeyboardInterrupt):
+                tracker.log(content)
+    run_id = tracker.log(content)
+    (run,) = tracker.client.search_runs([tracker.experiment], run_view_type=ViewType.ALL)
+    assert (run.info.run_id, run.info.status, run.data.params) == (run_id, "FINISHED", {"k": "2"})
+    assert {name: len(tracker.client.get_metric_history(run_id, name)) for name in run.data.metrics} == {
+        "failures": 1,
+        "theta": 2,
+        "p_value": 1,
+    }
+    assert len(run.inputs.dataset_inputs) == 1
+    assert {found.path for found in tracker.client.list_artifacts(run_id)} == {"table.csv", "plot.png"}
+    assert tracker.log(content) == run_id
 
 
 def test_versions_prints_the_failures_of_every_version(study: FabricatedStudy, capsys: pytest.CaptureFixture[str]) -> None:

@@ -252,3 +252,11 @@ def test_a_damaged_database_names_the_way_to_a_new_one(tmp_path: Path, name: str
     DAMAGE[name](store)
     with pytest.raises(InputError, match=rf"^{store}: damaged \(.*type: mv {store} {store}\.damaged && \./run --forcerun track$"):
         connect(store)
+
+
+def test_a_database_whose_migration_was_broken_off_names_the_way_to_a_new_one(tmp_path: Path) -> None:
+    store = tmp_path / "mlflow.db"
+    with closing(sqlite3.connect(store)) as database:
+        database.execute("CREATE TABLE _alembic_tmp_metrics (key TEXT)")
+    with pytest.raises(InputError, match=rf"damaged \(a migration was broken off at _alembic_tmp_metrics\); .* type: mv {store} "):
+        connect(store)

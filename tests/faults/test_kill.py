@@ -66,6 +66,14 @@ for version in ("base", "control", "random"):
     registry.set_alias("detector", "champion", number)
 """
 
+OPEN = """
+import sys
+from pathlib import Path
+from pipeline.tracking.runs import Tracker
+print("ready", flush=True)
+print(Tracker(Path(sys.argv[1]) / "m.db", Path(sys.argv[1]) / "artifacts", "e", {}).experiment)
+"""
+
 
 def killed(script: str, *arguments: Path, after_s: float = 0.0, until: Path | None = None) -> bool:
     """Run a script and kill it a given time after it is ready, or once a file exists; returns whether it was still running."""
@@ -116,6 +124,14 @@ def test_in_filtering(tmp_path: Path) -> None:
     assert any(at_work)
     finish(FILTER, tmp_path)
     assert table.read_bytes() == whole
+
+
+def test_while_the_store_is_made(tmp_path: Path) -> None:
+    making = tmp_path / ".m.db.making"
+    assert killed(OPEN, tmp_path, until=making)
+    assert making.exists() and not (tmp_path / "m.db").exists()
+    finish(OPEN, tmp_path)
+    assert (tmp_path / "m.db").exists() and not making.exists()
 
 
 def test_in_registration(tmp_path: Path) -> None:
