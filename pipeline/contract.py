@@ -12,7 +12,7 @@ from pathlib import Path
 from string import Formatter
 
 from pipeline.artefacts import stamps
-from pipeline.artefacts.files import write_bytes
+from pipeline.artefacts.files import remove_unfinished, write_bytes
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.job_lock import held
 from pipeline.config.declared import declared
@@ -144,6 +144,8 @@ def perform(order: Order, config: Config) -> None:
         if waited and _made(order):
             return
         stamps.withdraw(stamp)
+        made = [path for files in outputs.values() for path in _several(files)]
+        remove_unfinished([*made, stamp])
         job = Job(part, order.wildcards, order.reads, outputs, order.threads, progress, scratch)
         try:
             import_module(f"pipeline.steps.{order.step}").run(job)
@@ -152,7 +154,6 @@ def perform(order: Order, config: Config) -> None:
                 raise
             progress.record(str(told))
             raise told from error
-        made = [path for files in outputs.values() for path in _several(files)]
         write_bytes(stamp, stamps.made(stamp, order.stamp, made).text().encode())
 
 

@@ -159,9 +159,9 @@ def write_classes(root: Path, split: Split, index: int, classes: NDArray[np.uint
 
 
 def remove_leftovers(root: Path, records: Iterable[Record]) -> None:
-    """Delete the images, labels and segmentations of an earlier data set that these records do not name."""
+    """Delete the images, labels and segmentations that these records do not name, of an earlier data set or of a killed writer."""
     wanted = {f"{record.split}/{record.index:06d}" for record in records}
-    for path in [*root.glob("images/*/*.jpg"), *root.glob("labels/*/*.txt"), *root.glob("segments/*/*.png")]:
+    for path in [*root.glob("images/*/*"), *root.glob("labels/*/*"), *root.glob("segments/*/*")]:
         if f"{path.parent.name}/{path.stem}" not in wanted:
             path.unlink()
 

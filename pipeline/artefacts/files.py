@@ -10,6 +10,8 @@ import hashlib
 import json
 import os
 import tempfile
+from collections.abc import Iterable
+from glob import escape
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +42,13 @@ def write_bytes(path: Path, data: bytes, *, flush: bool = True) -> None:
         temporary.unlink(missing_ok=True)
     if flush:
         _flush_folder(path.parent)
+
+
+def remove_unfinished(paths: Iterable[Path]) -> None:
+    """Remove what killed writers of these files left beside them; nobody may be writing them."""
+    for path in paths:
+        for temporary in path.parent.glob(f".{escape(path.name)}.*.tmp"):
+            temporary.unlink()
 
 
 def _flush_folder(folder: Path) -> None:

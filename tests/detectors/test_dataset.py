@@ -17,6 +17,7 @@ from pipeline.artefacts.dataset import (
     image_path,
     image_set,
     read_dataset,
+    remove_leftovers,
     write_image,
     write_truth,
 )
@@ -61,6 +62,14 @@ def test_the_digest_depends_on_the_content_alone(tmp_path: Path) -> None:
     assert first == read_dataset(tmp_path / "b", "train").digest
     write_image(tmp_path / "b", "train", 1, image(9), SHOWN)
     assert first != read_dataset(tmp_path / "b", "train").digest
+
+
+def test_images_of_an_earlier_set_and_of_a_killed_writer_are_removed(tmp_path: Path) -> None:
+    write(tmp_path)
+    (tmp_path / "images/train/.000001.jpg.12345.tmp").write_bytes(b"half")
+    remove_leftovers(tmp_path, [Record("train", 1, WIDTH, HEIGHT, SHOWN, {})])
+    left = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file() and path.parent != tmp_path}
+    assert left == {"images/train/000001.jpg", "labels/train/000001.txt"}
 
 
 def test_truth_file_is_coco(tmp_path: Path) -> None:

@@ -126,6 +126,19 @@ def test_in_filtering(tmp_path: Path) -> None:
     assert table.read_bytes() == whole
 
 
+def test_what_a_killed_writer_left_is_removed_by_the_next_job(tmp_path: Path) -> None:
+    study = FabricatedStudy(tmp_path).make()
+    table = study.root / "filter/random/base.csv"
+    left = [table.with_name(f".{name}.12345.tmp") for name in ("base.csv", "base.csv.stamp")]
+    of_another_job = table.with_name(".other.csv.12345.tmp")
+    for path in (*left, of_another_job):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("half")
+    finish(FILTER, tmp_path)
+    assert table.exists() and of_another_job.exists()
+    assert not any(path.exists() for path in left)
+
+
 def test_while_the_store_is_made(tmp_path: Path) -> None:
     making = tmp_path / ".m.db.making"
     assert killed(OPEN, tmp_path, until=making)
