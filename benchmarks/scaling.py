@@ -4,7 +4,7 @@
     python benchmarks/scaling.py shards [--tests 40] [--rounds 3]     cost of a shard, on one core
     python benchmarks/scaling.py jobs CLONE                           time and memory of each step of the study that a clone made, and what
                                                                       SLURM added to its jobs, if it ran them in the last hour
-    python benchmarks/scaling.py memory [--tests 5000]                memory of one process over many tests; publishes nothing
+    python benchmarks/scaling.py memory [--tests 5000]                memory and open files of one process over many tests
     python benchmarks/scaling.py show                                 the tables of the page
 
 The first two need an idle machine.
@@ -67,7 +67,7 @@ def main() -> None:
         publish("steps", steps(options.clone))
         publish("slurm", slurm_jobs(options.clone))
     elif options.command == "memory":
-        watch(options.tests)
+        publish("memory", memory(options.tests))
     else:
         print(page(published()))
 
@@ -104,6 +104,22 @@ def shards(tests: int, rounds: int) -> Figures:
             study.python("-m", "snakemake", "--cores", "1", target)
             after = resource.getrusage(resource.RUSAGE_CHILDREN)
             found[str(count), f"round {place}"] = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return found
+
+
+def memory(tests: int) -> Figures:
+    """Resident memory in MiB and open files of this process after each tenth of its executions."""
+    scenario, study = functional_scenario(SCENARIO), compose("default", [])
+    space, simulator, found = scenario.logical_space(), MujocoSimulator(scenario, study.car), Figures()
+    with tempfile.TemporaryDirectory() as folder:
+        detector = OnnxDetector(onnx_of(Path("models/uniform"), Path(folder)), threshold=study.detector["threshold"])
+    for i, point in enumerate(space.sample(tests, np.random.default_rng(1)), 1):
+        simulator.execute(space.decode(point), detector)
+        if i % max(1, tests // 10) == 0:
+            pages = int(Path("/proc/self/statm").read_text().split()[1])
+            found[str(i), "mib"] = pages * resource.getpagesize() / 2**20
+            found[str(i), "files"] = len(list(Path("/proc/self/fd").iterdir()))
+            print(f"{i} executions: {found[str(i), 'mib']:.0f} MiB, {found[str(i), 'files']} open files", flush=True)
     return found
 
 
@@ -176,7 +192,7 @@ def published() -> dict[str, Figures]:
 
 def page(figures: Mapping[str, Figures]) -> str:
     """The tables of the page, for the measurements that are published."""
-    parts = {"workers": by_workers, "shards": by_shards, "slurm": by_slurm, "steps": by_steps}
+    parts = {"workers": by_workers, "shards": by_shards, "memory": by_memory, "slurm": by_slurm, "steps": by_steps}
     return "\n\n".join(show(figures[name]) for name, show in parts.items() if name in figures)
 
 
@@ -202,6 +218,13 @@ def by_shards(figures: Figures) -> str:
     return "\n".join(lines)
 
 
+def by_memory(figures: Figures) -> str:
+    lines = header("executions in one process", "memory, MiB", "open files")
+    return "\n".join(
+        [*lines, *(f"| {case} | {figures[case, 'mib']:.0f} | {figures[case, 'files']:.0f} |" for case, name in figures if name == "mib")]
+    )
+
+
 def by_slurm(figures: Figures) -> str:
     jobs, middle, largest = (figures["all", name] for name in ("jobs", "median", "largest"))
     return f"Of {jobs:.0f} jobs, SLURM's job takes {middle:.0f} s more than the step in it (median), {largest:.0f} s at most."
@@ -220,19 +243,6 @@ def by_steps(figures: Figures) -> str:
 
 def rounds(figures: Figures, case: int) -> Sequence[float]:
     return [value for (name, _), value in figures.items() if name == str(case)]
-
-
-def watch(tests: int) -> None:
-    """Print the resident memory of this process after each tenth of its executions."""
-    scenario, study = functional_scenario(SCENARIO), compose("default", [])
-    space, simulator = scenario.logical_space(), MujocoSimulator(scenario, study.car)
-    with tempfile.TemporaryDirectory() as folder:
-        detector = OnnxDetector(onnx_of(Path("models/uniform"), Path(folder)), threshold=study.detector["threshold"])
-    for i, point in enumerate(space.sample(tests, np.random.default_rng(1)), 1):
-        simulator.execute(space.decode(point), detector)
-        if i % max(1, tests // 10) == 0:
-            pages = int(Path("/proc/self/statm").read_text().split()[1])
-            print(f"{i} executions: {pages * resource.getpagesize() / 2**20:.0f} MiB", flush=True)
 
 
 if __name__ == "__main__":
