@@ -183,6 +183,8 @@ def _ablation(options: argparse.Namespace) -> None:
 
 def _bayesian(options: argparse.Namespace) -> None:
     print(bayesian.markdown(_finished(options), runs.read(RESULTS / f"{options.split}.jsonl")))
+    print("\nIn the development worlds, as recorded, after as many tests:\n")
+    print(bayesian.of_kinds(runs.read(RESULTS / "kinds.jsonl")))
 
 
 def _confirmed(options: argparse.Namespace) -> None:

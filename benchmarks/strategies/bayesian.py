@@ -1,4 +1,7 @@
-"""VerifAI's Bayesian sampler, too slow for the whole benchmark, against the first tests of other campaigns in the same worlds and seeds."""
+"""VerifAI's Bayesian sampler, too slow for the whole benchmark, against the first tests of other campaigns in the same worlds and seeds.
+
+And why it finds many kinds: against forests with more slots for new kinds, in the development worlds.
+"""
 
 from __future__ import annotations
 
@@ -26,6 +29,19 @@ def markdown(rows: Sequence[dict[str, Any]], published: Sequence[dict[str, Any]]
             lines.append(f"| {kind} | {strategy} | {len(own)} | {' | '.join(cells)} |")
     spent_ms = 1000 * sum(row["cpu_s"] for row in rows) / sum(row["tests"] for row in rows)
     return "\n".join([f"`{BAYESIAN}` itself takes {spent_ms:.0f} CPU-ms a test. After {BUDGET} tests:", "", *lines])
+
+
+def of_kinds(rows: Sequence[dict[str, Any]]) -> str:
+    """Means over the campaigns of each strategy: whether new kinds are bought with failures."""
+    lines = ["| strategy | campaigns | failures | kinds | kinds a failure | γ_f |", "|---|---|---|---|---|---|"]
+    for strategy, own in pd.DataFrame(rows).groupby("strategy", sort=False):
+        failures, kinds = (own[f"{name}_{BUDGET}"].mean() for name in ("failures", "kinds"))
+        lines.append(f"| {strategy} | {len(own)} | {failures:.1f} | {kinds:.1f} | {kinds / failures:.2f} | {_share(own)} |")
+    return "\n".join(lines)
+
+
+def _share(rows: pd.DataFrame) -> str:
+    return f"{100 * rows[f'gamma_f_{BUDGET}'].mean():.1f} %"
 
 
 def _mean(rows: pd.DataFrame, measure: str) -> str:

@@ -331,6 +331,11 @@ def test_the_slow_peer_is_compared_where_it_was_run() -> None:
     assert table[4].startswith("| as recorded | forest | 2 | 12.0 | 4.00 (4.00–4.00) |")
 
 
+def test_new_kinds_are_counted_for_each_failure() -> None:
+    *_, row = bayesian.of_kinds(rows("forest kinds=1", [8, 12])).split("\n")
+    assert row.startswith("| forest kinds=1 | 2 | 10.0 | 2.0 | 0.20 | ")
+
+
 def test_a_campaign_without_failure_is_censored() -> None:
     (block,) = blocks([*rows("random", [3, 3]), *rows("forest", [0, 0])])
     forest = standings(block, "random").set_index("strategy").loc["forest"]
