@@ -183,8 +183,9 @@ def _ablation(options: argparse.Namespace) -> None:
 
 def _bayesian(options: argparse.Namespace) -> None:
     print(bayesian.markdown(_finished(options), runs.read(RESULTS / f"{options.split}.jsonl")))
-    print("\nIn the development worlds, as recorded, after as many tests:\n")
-    print(bayesian.of_kinds(runs.read(RESULTS / "kinds.jsonl")))
+    for budget, name in ((bayesian.BUDGET, "kinds"), (bayesian.LATER, "longer")):
+        print(f"\nIn the development worlds, as recorded, after {budget} tests:\n")
+        print(bayesian.of_kinds(runs.read(RESULTS / f"{name}.jsonl"), budget))
 
 
 def _confirmed(options: argparse.Namespace) -> None:

@@ -13,7 +13,7 @@ from duels import SYMBOLS, Duel, kinds, ratio
 
 BAYESIAN, REFERENCE = "verifai-bayesian", "random"
 STRATEGIES = (REFERENCE, "verifai-ce", "verifai-mab", BAYESIAN, "forest")
-BUDGET = 120
+BUDGET, LATER = 120, 300
 
 
 def markdown(rows: Sequence[dict[str, Any]], published: Sequence[dict[str, Any]]) -> str:
@@ -31,17 +31,13 @@ def markdown(rows: Sequence[dict[str, Any]], published: Sequence[dict[str, Any]]
     return "\n".join([f"`{BAYESIAN}` itself takes {spent_ms:.0f} CPU-ms a test. After {BUDGET} tests:", "", *lines])
 
 
-def of_kinds(rows: Sequence[dict[str, Any]]) -> str:
+def of_kinds(rows: Sequence[dict[str, Any]], budget: int) -> str:
     """Means over the campaigns of each strategy: whether new kinds are bought with failures."""
     lines = ["| strategy | campaigns | failures | kinds | kinds a failure | γ_f |", "|---|---|---|---|---|---|"]
     for strategy, own in pd.DataFrame(rows).groupby("strategy", sort=False):
-        failures, kinds = (own[f"{name}_{BUDGET}"].mean() for name in ("failures", "kinds"))
-        lines.append(f"| {strategy} | {len(own)} | {failures:.1f} | {kinds:.1f} | {kinds / failures:.2f} | {_share(own)} |")
+        failures, kinds, pairs = (own[f"{measure}_{budget}"].mean() for measure in SYMBOLS)
+        lines.append(f"| {strategy} | {len(own)} | {failures:.1f} | {kinds:.1f} | {kinds / failures:.2f} | {100 * pairs:.1f} % |")
     return "\n".join(lines)
-
-
-def _share(rows: pd.DataFrame) -> str:
-    return f"{100 * rows[f'gamma_f_{BUDGET}'].mean():.1f} %"
 
 
 def _mean(rows: pd.DataFrame, measure: str) -> str:

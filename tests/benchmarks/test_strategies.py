@@ -332,8 +332,8 @@ def test_the_slow_peer_is_compared_where_it_was_run() -> None:
 
 
 def test_new_kinds_are_counted_for_each_failure() -> None:
-    *_, row = bayesian.of_kinds(rows("forest kinds=1", [8, 12])).split("\n")
-    assert row.startswith("| forest kinds=1 | 2 | 10.0 | 2.0 | 0.20 | ")
+    *_, row = bayesian.of_kinds(rows("forest kinds=1", [8, 12]), 120).split("\n")
+    assert row == "| forest kinds=1 | 2 | 10.0 | 2.0 | 0.20 | 10.0 % |"
 
 
 def test_a_campaign_without_failure_is_censored() -> None:
