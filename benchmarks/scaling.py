@@ -5,6 +5,7 @@
     python benchmarks/scaling.py jobs CLONE                           time and memory of each step of the study that a clone made, and what
                                                                       SLURM added to its jobs, if it ran them in the last hour
     python benchmarks/scaling.py memory [--tests 5000]                memory and open files of one process over many tests
+    python benchmarks/scaling.py scheduler                              time to plan and to submit many jobs, with a SLURM that runs
     python benchmarks/scaling.py show                                 the tables of the page
 
 The first two need an idle machine.
@@ -43,6 +44,15 @@ SCENARIO = "F1"
 WORKERS = (1, 2)
 SHARDS = (1, 8)
 CLONE = Path(".cache/faults/scaling")
+CAMPAIGN = 10_000
+"""Tests of the campaign that is planned and simulated in shards."""
+ONE_CAMPAIGN = ("study=thesis", "search=[F1]", "strategies=[random]", "arms.adaptive=random", f"campaign.tests={CAMPAIGN}")
+PLANNED, SUBMITTED = (100, 1000, 10_000), 200
+SIMULATED = (1, 2, 16, 100, 1000, 10_000)
+GRID, GRID_TESTS, GRID_CORES, BATCH = 56, 1000, (2, 16, 56, 1120), 20
+"""The thesis' grid: campaigns, tests of each, cores that are simulated, and tests that a learning strategy executes side by side."""
+PRICE = 0.05
+"""An assumption: price of a core for an hour."""
 Figures = dict[tuple[str, str], float]
 """Values by case and figure."""
 
@@ -57,6 +67,7 @@ def main() -> None:
         if name != "memory":
             command.add_argument("--rounds", type=int, default=3)
     commands.add_parser("jobs").add_argument("clone", type=Path)
+    commands.add_parser("scheduler")
     commands.add_parser("show")
     options = parser.parse_args()
     if options.command == "workers":
@@ -66,6 +77,8 @@ def main() -> None:
     elif options.command == "jobs":
         publish("steps", steps(options.clone))
         publish("slurm", slurm_jobs(options.clone))
+    elif options.command == "scheduler":
+        publish("scheduler", scheduler())
     elif options.command == "memory":
         publish("memory", memory(options.tests))
     else:
@@ -169,6 +182,21 @@ def slurm_jobs(clone: Path) -> Figures:
     return {("all", "jobs"): len(over), ("all", "median"): median(over), ("all", "largest"): max(over)} if over else {}
 
 
+def scheduler() -> Figures:
+    """Seconds until Snakemake has planned one campaign in shards, by their number, and those to hand SLURM one job."""
+    study, found = FaultStudy(CLONE, ONE_CAMPAIGN), Figures()
+    for count in PLANNED:
+        study.python("-m", "pipeline", "compose", *ONE_CAMPAIGN, f"campaign.shards={count}")
+        begin = time.perf_counter()
+        study.python("-m", "snakemake", "--dry-run", "search")
+        found[str(count), "plan"] = time.perf_counter() - begin
+    begin = time.perf_counter()
+    for _ in range(SUBMITTED):
+        subprocess.run(["sbatch", "--output=/dev/null", "--wrap=true"], capture_output=True, check=True)
+    found["all", "submit"] = (time.perf_counter() - begin) / SUBMITTED
+    return found
+
+
 def publish(measurement: str, figures: Figures) -> None:
     """Replace the published figures of a measurement, if there are new ones."""
     if not figures:
@@ -193,7 +221,8 @@ def published() -> dict[str, Figures]:
 def page(figures: Mapping[str, Figures]) -> str:
     """The tables of the page, for the measurements that are published."""
     parts = {"workers": by_workers, "shards": by_shards, "memory": by_memory, "slurm": by_slurm, "steps": by_steps}
-    return "\n\n".join(show(figures[name]) for name, show in parts.items() if name in figures)
+    shown = [show(figures[name]) for name, show in parts.items() if name in figures]
+    return "\n\n".join([*shown, *([by_cluster(figures)] if {"slurm", "scheduler"} <= set(figures) else [])])
 
 
 def by_workers(figures: Figures) -> str:
@@ -228,6 +257,35 @@ def by_memory(figures: Figures) -> str:
 def by_slurm(figures: Figures) -> str:
     jobs, middle, largest = (figures["all", name] for name in ("jobs", "median", "largest"))
     return f"Of {jobs:.0f} jobs, SLURM's job takes {middle:.0f} s more than the step in it (median), {largest:.0f} s at most."
+
+
+def by_cluster(figures: Mapping[str, Figures]) -> str:
+    """Simulated from the published figures: one campaign in shards, a core each, and the thesis' grid.
+
+    Snakemake plans, then hands SLURM one job after the other. Every job costs what SLURM and the start of the step cost. The last job
+    joins the shards' tables.
+    """
+    test = median(rounds(figures["workers"], WORKERS[0]))
+    few, many = (median(rounds(figures["shards"], count)) for count in SHARDS)
+    job = figures["slurm"]["all", "median"] + (many - few) / SHARDS[-1]
+    per_job, planning = np.polyfit(PLANNED, [figures["scheduler"][str(count), "plan"] for count in PLANNED], 1)
+    start = figures["scheduler"]["all", "submit"] + per_job
+    lines = header("campaign of 10,000 tests, shards", "minutes", "core hours", f"cost at {PRICE} an hour")
+    for count in SIMULATED:
+        joining = job if count > 1 else 0.0
+        wall = planning + count * start + job + -(-CAMPAIGN // count) * test + joining
+        lines.append(_cost(f"{count:,}", wall, count * job + CAMPAIGN * test + joining))
+    lines += ["", *header("thesis' grid of 56,000 tests, cores", "minutes", "core hours", f"cost at {PRICE} an hour")]
+    for cores in GRID_CORES:
+        threads = min(BATCH, max(1, cores // GRID))
+        alone = job + GRID_TESTS * test / threads
+        wall = planning + GRID * start + -(-GRID // min(cores, GRID)) * alone
+        lines.append(_cost(f"{cores:,}", wall, GRID * alone * threads))
+    return "\n".join(lines)
+
+
+def _cost(case: str, wall_s: float, core_s: float) -> str:
+    return f"| {case} | {wall_s / 60:,.1f} | {core_s / 3600:.1f} | {core_s / 3600 * PRICE:.2f} |"
 
 
 def by_steps(figures: Figures) -> str:

@@ -7,5 +7,5 @@ import pytest
 
 with pytest.MonkeyPatch.context() as patch:
     patch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "benchmarks"))
-    for script in ("outcomes", "retraining", "default_study", "confirmed_rules", "teaching", "what_is_left", "completion"):
+    for script in ("outcomes", "retraining", "default_study", "confirmed_rules", "teaching", "what_is_left", "completion", "scaling"):
         importlib.import_module(script)
