@@ -50,7 +50,7 @@ def postgresql(folder: Path) -> Iterator[str]:
     try:
         yield f"postgresql+pg8000://blindspot@127.0.0.1:{port}/postgres"
     finally:
-        call("pg_ctl", "-D", str(data), "-m", "immediate", "stop")
+        call("pg_ctl", "-D", str(data), "-m", "immediate", "-t", "300", "stop")
 
 
 def has_postgresql() -> bool:
