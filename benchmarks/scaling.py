@@ -5,7 +5,7 @@
     python benchmarks/scaling.py jobs CLONE                           time and memory of each step of the study that a clone made, and what
                                                                       SLURM added to its jobs, if it ran them in the last hour
     python benchmarks/scaling.py memory [--tests 5000]                memory and open files of one process over many tests
-    python benchmarks/scaling.py scheduler                              time to plan and to submit many jobs, with a SLURM that runs
+    python benchmarks/scaling.py scheduler                            time to plan and to submit many jobs, with a SLURM that runs
     python benchmarks/scaling.py show                                 the tables of the page
 
 The first two need an idle machine.

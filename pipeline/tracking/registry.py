@@ -105,18 +105,16 @@ class Registry:
 
         content, digest = registration.content, registration.digest
         known = self._logged_models(digest)
-        logged = next((found for found in known if found.status == LoggedModelStatus.READY), known[0] if known else None)
-        if logged is not None and logged.status == LoggedModelStatus.READY:
-            return logged
-        if logged is None:
-            logged = self._client.create_logged_model(
-                self._tracker.experiment,
-                name=content.name.replace("/", "-"),
-                source_run_id=run_id,
-                params=dict(content.params),
-                tags={DIGEST: digest},
-                model_type="detector",
-            )
+        if ready := [found for found in known if found.status == LoggedModelStatus.READY]:
+            return ready[0]
+        logged = next(iter(known), None) or self._client.create_logged_model(
+            self._tracker.experiment,
+            name=content.name.replace("/", "-"),
+            source_run_id=run_id,
+            params=dict(content.params),
+            tags={DIGEST: digest},
+            model_type="detector",
+        )
         with tempfile.TemporaryDirectory() as folder:
             for path in registration.files:
                 if path.suffix == ".onnx":

@@ -79,7 +79,6 @@ class Tracker:
         from mlflow.exceptions import MlflowException
 
         if server() is None:
-            store.parent.mkdir(parents=True, exist_ok=True)
             artifacts.mkdir(parents=True, exist_ok=True)
         self._lineage = dict(lineage)
         place = None if server() else (artifacts.resolve() / experiment).as_uri()
