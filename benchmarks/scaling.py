@@ -6,15 +6,17 @@
                                                                       SLURM added to its jobs, if it ran them in the last hour
     python benchmarks/scaling.py memory [--tests 5000]                memory and open files of one process over many tests
     python benchmarks/scaling.py scheduler                            time to plan and to submit many jobs, with a SLURM that runs
+    python benchmarks/scaling.py cluster [--tests 160] [--rounds 2]   time of a campaign by jobs at a time, with a SLURM that runs
     python benchmarks/scaling.py show                                 the tables of the page
 
-The first two need an idle machine.
+The first two and `cluster` need an idle machine.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
+import os
 import re
 import resource
 import shutil
@@ -23,12 +25,14 @@ import tempfile
 import time
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from statistics import median
 
 import numpy as np
 import yaml
+from cluster_faults import SLURM
 from fault_study import TINY, FaultStudy
 from published import header
 
@@ -49,6 +53,8 @@ CAMPAIGN = 10_000
 ONE_CAMPAIGN = ("study=thesis", "search=[F1]", "strategies=[random]", "arms.adaptive=random", f"campaign.tests={CAMPAIGN}")
 PLANNED, SUBMITTED = (100, 1000, 10_000), 200
 SIMULATED = (1, 2, 16, 100, 1000, 10_000)
+AT_A_TIME, SHARDED = (1, 2, 4, 8, 16), 16
+"""Jobs that SLURM may run at a time, and the shards of the campaign that they share."""
 GRID, GRID_TESTS, GRID_CORES, BATCH = 56, 1000, (2, 16, 56, 1120), 20
 """The thesis' grid: campaigns, tests of each, cores that are simulated, and tests that a learning strategy executes side by side."""
 PRICE = 0.05
@@ -61,11 +67,11 @@ def main() -> None:
     """Measure and publish, or print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
-    for name, tests in (("workers", 60), ("shards", 40), ("memory", 5000)):
+    for name, tests, rounds in (("workers", 60, 3), ("shards", 40, 3), ("cluster", 160, 2), ("memory", 5000, None)):
         command = commands.add_parser(name)
         command.add_argument("--tests", type=int, default=tests)
-        if name != "memory":
-            command.add_argument("--rounds", type=int, default=3)
+        if rounds is not None:
+            command.add_argument("--rounds", type=int, default=rounds)
     commands.add_parser("jobs").add_argument("clone", type=Path)
     commands.add_parser("scheduler")
     commands.add_parser("show")
@@ -74,6 +80,8 @@ def main() -> None:
         publish("workers", workers(options.tests, options.rounds))
     elif options.command == "shards":
         publish("shards", shards(options.tests, options.rounds))
+    elif options.command == "cluster":
+        publish("cluster", cluster(options.tests, options.rounds))
     elif options.command == "jobs":
         publish("steps", steps(options.clone))
         publish("slurm", slurm_jobs(options.clone))
@@ -118,6 +126,38 @@ def shards(tests: int, rounds: int) -> Figures:
             after = resource.getrusage(resource.RUSAGE_CHILDREN)
             found[str(count), f"round {place}"] = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     return found
+
+
+def cluster(tests: int, rounds: int) -> Figures:
+    """Wall and processor seconds of a random campaign of the default study in shards, by the jobs that SLURM may run at a time.
+
+    From the command to its end; the processor seconds are all that this machine spends meanwhile.
+    """
+    random = ("study=default", "search=[F1]", "strategies=[random]", "arms.adaptive=random")
+    study = FaultStudy(CLONE.resolve(), [*random, f"campaign.tests={tests}", f"campaign.shards={SHARDED}"])
+    study.python("-m", "snakemake", "train", "spaces")
+    campaign, found = "data/default/campaigns/F1/random/base/0", Figures()
+    needs = [f"{step}:{need}" for step in ("shard", "campaign") for need in ("mem_mb=1200", "runtime=60")]
+    for place in range(rounds):
+        for count in AT_A_TIME:
+            shutil.rmtree(study.folder / campaign, ignore_errors=True)
+            begin, before = time.perf_counter(), _processor_s()
+            threads = ("--set-threads", "shard=1", "campaign=1", "--set-resources", *needs, "--jobs", str(count))
+            process = study.start(*SLURM, *threads, f"{campaign}/tests.parquet")
+            said = process.communicate()[0]
+            if process.returncode:
+                raise SystemExit(f"the campaign with {count} jobs at a time failed: {said[-300:]}")
+            found[str(count), f"round {place}"] = time.perf_counter() - begin
+            found[str(count), f"processor {place}"] = _processor_s() - before
+            print(f"{count} jobs at a time: {found[str(count), f'round {place}']:.0f} s", flush=True)
+    found["all", "tests"] = tests
+    return found
+
+
+def _processor_s() -> float:
+    """Seconds for which the processors of this machine have worked since its start."""
+    user, nice, system, *_ = (int(ticks) for ticks in Path("/proc/stat").read_text().split("\n")[0].split()[1:])
+    return (user + nice + system) / os.sysconf("SC_CLK_TCK")
 
 
 def memory(tests: int) -> Figures:
@@ -222,7 +262,10 @@ def page(figures: Mapping[str, Figures]) -> str:
     """The tables of the page, for the measurements that are published."""
     parts = {"workers": by_workers, "shards": by_shards, "memory": by_memory, "slurm": by_slurm, "steps": by_steps}
     shown = [show(figures[name]) for name, show in parts.items() if name in figures]
-    return "\n\n".join([*shown, *([by_cluster(figures)] if {"slurm", "scheduler"} <= set(figures) else [])])
+    if {"slurm", "scheduler"} <= set(figures):
+        shown += [by_jobs(figures)] if "cluster" in figures else []
+        shown.append(by_cluster(figures))
+    return "\n\n".join(shown)
 
 
 def by_workers(figures: Figures) -> str:
@@ -259,27 +302,71 @@ def by_slurm(figures: Figures) -> str:
     return f"Of {jobs:.0f} jobs, SLURM's job takes {middle:.0f} s more than the step in it (median), {largest:.0f} s at most."
 
 
-def by_cluster(figures: Mapping[str, Figures]) -> str:
-    """Simulated from the published figures: one campaign in shards, a core each, and the thesis' grid.
+@dataclass(frozen=True)
+class Costs:
+    """Seconds that were measured: of a test, of a job (by SLURM and by its start), of planning, and to hand SLURM one more job."""
 
-    Snakemake plans, then hands SLURM one job after the other. Every job costs what SLURM and the start of the step cost. The last job
-    joins the shards' tables.
-    """
-    test = median(rounds(figures["workers"], WORKERS[0]))
-    few, many = (median(rounds(figures["shards"], count)) for count in SHARDS)
-    job = figures["slurm"]["all", "median"] + (many - few) / SHARDS[-1]
-    per_job, planning = np.polyfit(PLANNED, [figures["scheduler"][str(count), "plan"] for count in PLANNED], 1)
-    start = figures["scheduler"]["all", "submit"] + per_job
+    test: float
+    job: float
+    planning: float
+    start: float
+
+    @classmethod
+    def of(cls, figures: Mapping[str, Figures]) -> Costs:
+        """The costs by the published figures."""
+        few, many = (median(rounds(figures["shards"], count)) for count in SHARDS)
+        per_job, planning = np.polyfit(PLANNED, [figures["scheduler"][str(count), "plan"] for count in PLANNED], 1)
+        return cls(
+            median(rounds(figures["workers"], WORKERS[0])),
+            figures["slurm"]["all", "median"] + (many - few) / SHARDS[-1],
+            planning,
+            figures["scheduler"]["all", "submit"] + per_job,
+        )
+
+    def campaign(self, tests: int, shards: int, cores: int) -> float:
+        """Simulated seconds of a campaign.
+
+        Snakemake plans, then hands SLURM one job after the other. Each core has one job at a time. The last job joins the shards' tables.
+        """
+        turns = -(-shards // cores)
+        return (
+            self.planning + shards * self.start + turns * (self.job + -(-tests // shards) * self.test) + (self.job if shards > 1 else 0.0)
+        )
+
+
+def by_jobs(figures: Mapping[str, Figures]) -> str:
+    """The campaign that was measured on SLURM, beside its simulation."""
+    measured, costs = figures["cluster"], Costs.of(figures)
+    tests = int(measured["all", "tests"])
+    lines = header(
+        "jobs at a time on two cores",
+        "seconds: median (smallest to largest)",
+        "times as fast",
+        "processor seconds",
+        "simulated with a core for each job, s",
+    )
+    alone = median(rounds(measured, AT_A_TIME[0]))
+    for count in AT_A_TIME:
+        seconds = rounds(measured, count)
+        spent = median(value for (case, figure), value in measured.items() if case == str(count) and figure.startswith("processor"))
+        simulated = costs.campaign(tests, SHARDED, count)
+        span = f"{median(seconds):.0f} ({min(seconds):.0f} to {max(seconds):.0f})"
+        lines.append(f"| {count} | {span} | {alone / median(seconds):.2f} | {spent:.0f} | {simulated:.0f} |")
+    return "\n".join(lines)
+
+
+def by_cluster(figures: Mapping[str, Figures]) -> str:
+    """Simulated from the published figures: one campaign in shards, a core each, and the thesis' grid, in which each campaign is a job."""
+    costs = Costs.of(figures)
     lines = header("campaign of 10,000 tests, shards", "minutes", "core hours", f"cost at {PRICE} an hour")
     for count in SIMULATED:
-        joining = job if count > 1 else 0.0
-        wall = planning + count * start + job + -(-CAMPAIGN // count) * test + joining
-        lines.append(_cost(f"{count:,}", wall, count * job + CAMPAIGN * test + joining))
+        jobs = count + (count > 1)
+        lines.append(_cost(f"{count:,}", costs.campaign(CAMPAIGN, count, count), jobs * costs.job + CAMPAIGN * costs.test))
     lines += ["", *header("thesis' grid of 56,000 tests, cores", "minutes", "core hours", f"cost at {PRICE} an hour")]
     for cores in GRID_CORES:
         threads = min(BATCH, max(1, cores // GRID))
-        alone = job + GRID_TESTS * test / threads
-        wall = planning + GRID * start + -(-GRID // min(cores, GRID)) * alone
+        alone = costs.job + GRID_TESTS * costs.test / threads
+        wall = costs.planning + GRID * costs.start + -(-GRID // min(cores, GRID)) * alone
         lines.append(_cost(f"{cores:,}", wall, GRID * alone * threads))
     return "\n".join(lines)
 
@@ -300,7 +387,7 @@ def by_steps(figures: Figures) -> str:
 
 
 def rounds(figures: Figures, case: int) -> Sequence[float]:
-    return [value for (name, _), value in figures.items() if name == str(case)]
+    return [value for (name, figure), value in figures.items() if name == str(case) and figure.startswith("round")]
 
 
 if __name__ == "__main__":

@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
-# A real SLURM of one node on this machine, to try docs/howto/cluster.md: slurm_node.sh start|stop FOLDER
+# A real SLURM of one node on this machine, to try docs/howto/cluster.md: slurm_node.sh start|stop FOLDER [CPUS]
+# CPUS: jobs of one core at a time, by default as many as there are cores.
 # Needs root and Debian's packages: apt-get install -y --no-install-recommends slurmctld slurmd slurm-client munge
 # It replaces /etc/slurm/slurm.conf. No systemd, no cgroups, no accounting database.
 set -euo pipefail
-action=${1:?start or stop} folder=$(realpath -m "${2:?a folder for state and logs}") host=$(hostname -s)
+action=${1:?start or stop} folder=$(realpath -m "${2:?a folder for state and logs}") cpus=${3:-$(nproc)} host=$(hostname -s)
 
 stop() {
   local name
@@ -32,11 +33,12 @@ ProctrackType=proctrack/linuxproc
 TaskPlugin=task/none
 ReturnToService=2
 SchedulerParameters=sched_interval=1,batch_sched_delay=0
+SlurmdParameters=config_overrides
 SelectType=select/cons_tres
 SelectTypeParameters=CR_Core_Memory
 AccountingStorageType=accounting_storage/none
 MinJobAge=3600
-NodeName=$host NodeAddr=127.0.0.1 CPUs=$(nproc) RealMemory=$(awk '/MemTotal/ {print int($2 / 1024 * 0.9)}' /proc/meminfo)
+NodeName=$host NodeAddr=127.0.0.1 CPUs=$cpus RealMemory=$(awk '/MemTotal/ {print int($2 / 1024 * 0.9)}' /proc/meminfo)
 PartitionName=debug Nodes=$host Default=YES MaxTime=INFINITE State=UP
 CONF
   # The plugin clears SLURM_* for its jobs, so SLURM_CONF is not enough.
