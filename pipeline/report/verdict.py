@@ -91,7 +91,8 @@ def base_sentences(comparison: Comparison) -> list[str]:
     if comparison.base_set is None:
         return found
     trained = "an unknown base set: its card does not say" if comparison.trained_on is None else _base_set(comparison.trained_on)
-    return [*found, f"{comparison.versions[0].version} was trained on {trained}; this study's base set: {_base_set(comparison.base_set)}."]
+    own = "of the same kind" if comparison.trained_on == comparison.base_set else _base_set(comparison.base_set)
+    return [*found, f"{comparison.versions[0].version} was trained on {trained}; this study's base set is {own}."]
 
 
 def _base_set(shown: Frequencies) -> str:

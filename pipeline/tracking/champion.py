@@ -52,7 +52,7 @@ def point_champion(registry: Registry, model: str, compared: Comparison, numbers
     number = registry.aliases(model).get(CHAMPION)
     if number is None:
         registry.set_alias(model, CHAMPION, numbers[compared.champion])
-        return f"the first champion is {compared.champion}"
+        return f"the first champion is the version {compared.champion}"
     own = registry.run_tags(model, number).get(WEIGHTS)
     same = [version for version in weights if numbers[version] == number] or [v for v, digest in weights.items() if digest == own]
     version, why = successor(compared, same[0] if same else None)

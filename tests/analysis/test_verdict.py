@@ -228,8 +228,10 @@ def test_the_verdict_says_the_base_failure_rate_and_which_base_it_stands_on() ->
     assert verdict_sentences(told)[:2] == [
         "Base failure rate (base, random tests): F1 2.5 % (1.8 to 3.4) of 1,600.",
         "base was trained on a long-tailed base set (children 0.15 and crouching people 0.15 times as frequent as others); "
-        "this study's base set: a uniform base set (all people and poses equally frequent).",
+        "this study's base set is a uniform base set (all people and poses equally frequent).",
     ]
+    alike = verdict_sentences(told.model_copy(update={"base_set": RARE}))[1]
+    assert alike.endswith("times as frequent as others); this study's base set is of the same kind.")
     assert verdict_rows(told)[0][-1] == "baseline, long-tailed base set"
     assert verdict_rows(told.model_copy(update={"trained_on": EVEN}))[0][-1] == "baseline, uniform base set"
     unknown = told.model_copy(update={"trained_on": None})
