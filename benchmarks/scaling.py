@@ -6,7 +6,7 @@
                                                                       SLURM added to its jobs, if it ran them in the last hour
     python benchmarks/scaling.py memory [--tests 5000]                memory and open files of one process over many tests
     python benchmarks/scaling.py scheduler                            time to plan and to submit many jobs, with a SLURM that runs
-    python benchmarks/scaling.py cluster [--tests 160] [--rounds 2]   time of a campaign by jobs at a time, with a SLURM that runs
+    python benchmarks/scaling.py cluster [--tests 160] [--rounds 1]   time of a campaign by jobs at a time, with a SLURM that runs
     python benchmarks/scaling.py show                                 the tables of the page
 
 The first two and `cluster` need an idle machine.
@@ -67,7 +67,7 @@ def main() -> None:
     """Measure and publish, or print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
-    for name, tests, rounds in (("workers", 60, 3), ("shards", 40, 3), ("cluster", 160, 2), ("memory", 5000, None)):
+    for name, tests, rounds in (("workers", 60, 3), ("shards", 40, 3), ("cluster", 160, 1), ("memory", 5000, None)):
         command = commands.add_parser(name)
         command.add_argument("--tests", type=int, default=tests)
         if rounds is not None:
@@ -149,7 +149,7 @@ def cluster(tests: int, rounds: int) -> Figures:
                 raise SystemExit(f"the campaign with {count} jobs at a time failed: {said[-300:]}")
             found[str(count), f"round {place}"] = time.perf_counter() - begin
             found[str(count), f"processor {place}"] = _processor_s() - before
-            print(f"{count} jobs at a time: {found[str(count), f'round {place}']:.0f} s", flush=True)
+            print(f"{count} at a time: {found[str(count), f'round {place}']:.0f} s", flush=True)
     found["all", "tests"] = tests
     return found
 
@@ -340,18 +340,16 @@ def by_jobs(figures: Mapping[str, Figures]) -> str:
     tests = int(measured["all", "tests"])
     lines = header(
         "jobs at a time on two cores",
-        "seconds: median (smallest to largest)",
+        "seconds",
         "times as fast",
         "processor seconds",
         "simulated with a core for each job, s",
     )
     alone = median(rounds(measured, AT_A_TIME[0]))
     for count in AT_A_TIME:
-        seconds = rounds(measured, count)
-        spent = median(value for (case, figure), value in measured.items() if case == str(count) and figure.startswith("processor"))
+        seconds, spent = median(rounds(measured, count)), median(rounds(measured, count, "processor"))
         simulated = costs.campaign(tests, SHARDED, count)
-        span = f"{median(seconds):.0f} ({min(seconds):.0f} to {max(seconds):.0f})"
-        lines.append(f"| {count} | {span} | {alone / median(seconds):.2f} | {spent:.0f} | {simulated:.0f} |")
+        lines.append(f"| {count} | {seconds:.0f} | {alone / seconds:.2f} | {spent:.0f} | {simulated:.0f} |")
     return "\n".join(lines)
 
 
@@ -386,8 +384,9 @@ def by_steps(figures: Figures) -> str:
     return "\n".join(lines)
 
 
-def rounds(figures: Figures, case: int) -> Sequence[float]:
-    return [value for (name, figure), value in figures.items() if name == str(case) and figure.startswith("round")]
+def rounds(figures: Figures, case: int, figure: str = "round") -> Sequence[float]:
+    """The values of a figure in each round of a case."""
+    return [value for (name, found), value in figures.items() if name == str(case) and found.startswith(figure)]
 
 
 if __name__ == "__main__":
