@@ -6,8 +6,13 @@ import signal
 from collections.abc import Iterator
 
 import pytest
+from hypothesis import settings
 
 from pipeline.core.coverage import arrays
+
+# A busy machine takes longer than Hypothesis' deadline of 200 ms now and then.
+settings.register_profile("no-deadline", deadline=None)
+settings.load_profile("no-deadline")
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # A shell's background job ignores Ctrl-C, and so would every program that a test starts and interrupts.

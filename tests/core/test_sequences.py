@@ -65,7 +65,7 @@ def named(rule: Rule, rows: Sequence[Sequence[int]], times: list[float]) -> str:
 FRAMES = st.lists(st.tuples(st.integers(-1, 1), st.integers(-1, 2)), min_size=1, max_size=4)
 
 
-@settings(deadline=None, max_examples=150)
+@settings(max_examples=150)
 @given(st.lists(FRAMES, min_size=1, max_size=3), st.sampled_from(sorted(RULES)), st.integers(0, 99))
 def test_a_category_is_what_every_completion_of_the_unknown_frames_has(
     sequences: list[list[tuple[int, int]]], name: str, seed: int

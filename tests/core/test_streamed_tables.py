@@ -61,7 +61,7 @@ def compared(folder: Path, points: str, block: int) -> None:
             assert said(folder, points, *words) == whole
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(rows=ROWS, end=ENDS, block=st.integers(1, 90), last=st.booleans())
 def test_a_csv_in_blocks_is_the_whole_csv(folder: Path, rows: list[tuple[str, ...]], end: str, block: int, last: bool) -> None:
     text = end.join(["sky,fog,lanes,note", *(",".join((*row, "x")) for row in rows)]) + (end if last else "")
@@ -69,7 +69,7 @@ def test_a_csv_in_blocks_is_the_whole_csv(folder: Path, rows: list[tuple[str, ..
     compared(folder, "points.csv", block)
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(rows=ROWS, block=st.integers(1, 9), groups=st.integers(1, 50))
 def test_a_parquet_table_in_batches_is_the_whole_table(folder: Path, rows: list[tuple[str, ...]], block: int, groups: int) -> None:
     columns: dict[str, Any] = {name: [row[i] or None for row in rows] for i, name in enumerate(("sky", "fog", "lanes"))}
@@ -108,7 +108,7 @@ def test_many_different_values_are_kept_up_to_a_limit(folder: Path, monkeypatch:
     assert cause["rows"] == 200 and "got 1000 and at least 49 other values" in cause["cause"]
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.data())
 def test_raising_points_stand_for_all_points(data: st.DataObject) -> None:
     sizes = tuple(data.draw(st.lists(st.integers(1, 4), min_size=2, max_size=4)))

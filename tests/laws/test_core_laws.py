@@ -87,7 +87,7 @@ def test_a_representative_lies_in_its_category(seed: int) -> None:
 
 
 @given(SEEDS, SIZES)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_coverage_grows_with_points_and_never_passes_one(seed: int, sizes: list[int]) -> None:
     rng = np.random.default_rng(seed)
     points = rng.integers(0, sizes, (30, len(sizes)))
@@ -109,7 +109,7 @@ def constrained(draw: st.DrawFn) -> Constraints:
 
 
 @given(constrained(), st.integers(1, 3))
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 def test_feasible_cells_and_contradictions_agree_with_brute_force(constraints: Constraints, k: int) -> None:
     every = np.array(list(product(*map(range, constraints.sizes))))
     feasible = every[constraints.holds(every)]
@@ -125,7 +125,7 @@ def test_feasible_cells_and_contradictions_agree_with_brute_force(constraints: C
 
 
 @given(constrained(), st.integers(1, 3), st.integers(0, 99))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_constrained_arrays_pass_the_verifier(constraints: Constraints, strength: int, seed: int) -> None:
     strength = min(strength, len(constraints.sizes))
     if constraints.contradiction():
@@ -136,7 +136,7 @@ def test_constrained_arrays_pass_the_verifier(constraints: Constraints, strength
 
 
 @given(SEEDS, SIZES)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_covering_arrays_cover(seed: int, sizes: list[int]) -> None:
     rows = covering_array(Constraints(tuple(sizes)), seed=seed).rows
     assert projection_coverage(rows, Demand(Constraints(tuple(sizes)), 2)).ratio == 1

@@ -197,7 +197,7 @@ def test_undamaged_files_are_counted(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["space", "table"])
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(changes=CHANGES)
 def test_damaged_files_are_refused_by_name_or_counted_rightly(folder: Path, kind: str, changes: list[tuple[int, int, str]]) -> None:
     check(folder, *((mutated(SPACE, changes), TABLE) if kind == "space" else (SPACE, mutated(TABLE, changes))))

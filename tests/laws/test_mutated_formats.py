@@ -55,14 +55,14 @@ def test_the_models_allow_as_many_rows_as_counted_by_hand(name: str, rows: int) 
 
 
 @pytest.mark.parametrize("name", SPACES)
-@settings(deadline=None, max_examples=80)
+@settings(max_examples=80)
 @given(changes=CHANGES)
 def test_damaged_spaces_are_refused_by_name_or_read(folder: Path, name: str, changes: list[tuple[int, int, str]]) -> None:
     assert_named_or_read(folder, name, changes, lambda: len(read_space_of_any_format(folder / name)) > 0)
 
 
 @pytest.mark.parametrize("name", SETS)
-@settings(deadline=None, max_examples=80)
+@settings(max_examples=80)
 @given(changes=CHANGES)
 def test_damaged_sets_are_refused_by_name_or_counted(folder: Path, name: str, changes: list[tuple[int, int, str]]) -> None:
     space, points = SETS[name]

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from pipeline.__main__ import main
@@ -58,7 +58,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("names")
 
 
-@settings(deadline=None)
 @given(NAMES, NAMES, st.sampled_from(["csv", "parquet"]))
 @example(list(LIKE_VALUES), list(LIKE_VALUES), "csv")
 @example(list(LIKE_VALUES), list(LIKE_VALUES), "parquet")
