@@ -10,11 +10,13 @@ A page of the documentation holds what a command prints, between two marks:
 from __future__ import annotations
 
 import argparse
+import os
 import re
 import shlex
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from difflib import ndiff
 from pathlib import Path
@@ -39,7 +41,10 @@ def run(options: argparse.Namespace) -> int:
         for page in pages:
             write_bytes(page, BLOCK.sub(_filled, page.read_text()).encode())
         return 0
-    wrong = [line for page in pages for line in differences(page)]
+    found = [block for page in pages for block in blocks(page)]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:  # Each command is a process of its own.
+        texts = pool.map(printed, (block.command for block in found))
+        wrong = [told for block, text in zip(found, texts, strict=True) if (told := block.difference(text))]
     print("\n".join(wrong) or f"{len(pages)} pages follow from their outcomes")
     return 1 if wrong else 0
 
@@ -48,31 +53,31 @@ def run(options: argparse.Namespace) -> int:
 class Block:
     """A part of a page, the command that prints it, and the line of its first mark."""
 
+    page: Path
     command: str
     text: str
     line: int
+
+    def difference(self, text: str) -> str:
+        """Where the block is and the first line on each side that differs from what its command prints; empty if none does."""
+        changed = [line for line in ndiff(self.text.splitlines(), text.splitlines()) if line[0] in "+-"]
+        if not changed:
+            return ""
+        old, new = (next((line[2:] for line in changed if line[0] == sign), "nothing more") for sign in "-+")
+        where = f"{self.page}, line {self.line}: expected what `{self.command}` prints, got another text"
+        return f"{where}\n  page    {old}\n  command {new}"
 
 
 def blocks(page: Path) -> Iterator[Block]:
     """The blocks of a page."""
     text = page.read_text()
     for found in BLOCK.finditer(text):
-        yield Block(found["command"], found["text"], text[: found.start()].count("\n") + 1)
+        yield Block(page, found["command"], found["text"], text[: found.start()].count("\n") + 1)
 
 
 def published(root: Path) -> list[Path]:
     """The pages with blocks."""
     return [page for page in (root / "README.md", *sorted(root.glob("docs/**/*.md"))) if BLOCK.search(page.read_text())]
-
-
-def differences(page: Path) -> Iterator[str]:
-    """One text for each block that differs from what its command prints: where, and the first line on each side."""
-    for block in blocks(page):
-        changed = [line for line in ndiff(block.text.splitlines(), printed(block.command).splitlines()) if line[0] in "+-"]
-        if changed:
-            old, new = (next((line[2:] for line in changed if line[0] == sign), "nothing more") for sign in "-+")
-            where = f"{page}, line {block.line}: expected what `{block.command}` prints, got another text"
-            yield f"{where}\n  page    {old}\n  command {new}"
 
 
 def printed(command: str) -> str:
