@@ -7,5 +7,15 @@ import pytest
 
 with pytest.MonkeyPatch.context() as patch:
     patch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "benchmarks"))
-    for script in ("outcomes", "retraining", "default_study", "confirmed_rules", "teaching", "what_is_left", "completion", "scaling"):
+    for script in (
+        "outcomes",
+        "retraining",
+        "default_study",
+        "confirmed_rules",
+        "teaching",
+        "what_is_left",
+        "rounds",
+        "completion",
+        "scaling",
+    ):
         importlib.import_module(script)
