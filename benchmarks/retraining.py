@@ -10,24 +10,22 @@ are published as a row for each held-out test and a column for each version: 0 p
 
 from __future__ import annotations
 
-import argparse
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from outcomes import failures, of_study, write
+from outcomes import failures
+from pieces import Experiment, Piece
 from scipy.stats import ttest_1samp
 
 from pipeline.core.statistics import mean_interval
 
-PUBLISHED = Path("docs/results/retraining")
-STUDY = Path("data/retraining")
 SEEDS = range(5)
 BASES = {
     "long_tailed": "",
     "uniform": (
-        " base.weights=models/uniform base_set.rare.children=1 base_set.rare.crouching=1 strategies=[random,mixed,untold]"
+        "base.weights=models/uniform base_set.rare.children=1 base_set.rare.crouching=1 strategies=[random,mixed,untold]"
         " ~arms.fresh ~arms.pairwise ~arms.coverage"
     ),
 }
@@ -36,49 +34,10 @@ VERSIONS = ["base", "control", "fresh", "balanced", "random", "pairwise", "cover
 PRIMARY = ("long_tailed", "random")
 """The primary question: does `adaptive` fail less than this version of this base?"""
 ALPHA = 0.05
+EXPERIMENT = Experiment("retraining", "retraining", {(base, seed): arguments for seed in SEEDS for base, arguments in BASES.items()})
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    commands = parser.add_subparsers(dest="command", required=True)
-    commands.add_parser("plan")
-    keep = commands.add_parser("keep")
-    keep.add_argument("base", choices=list(BASES))
-    keep.add_argument("seed", type=int, choices=list(SEEDS))
-    commands.add_parser("answer")
-    options = parser.parse_args()
-    if options.command == "plan":
-        print(plan())
-    elif options.command == "answer":
-        print(answer(published()))
-    else:
-        path = piece_path(options.base, options.seed)
-        write(of_study(STUDY, options.seed), path)
-        print(path)
-
-
-def plan() -> str:
-    lines = []
-    for seed in SEEDS:
-        for base, overrides in BASES.items():
-            state = "published" if piece_path(base, seed).exists() else "missing"
-            lines += [f"# {base}, seed {seed}: {state}"]
-            lines += [f"python -m pipeline compose study=retraining seeds=[{seed}] retraining.seeds=[{seed}]{overrides}"]
-            lines += [f"./run && python benchmarks/retraining.py keep {base} {seed}"]
-    return "\n".join(lines)
-
-
-def piece_path(base: str, seed: int, folder: Path = PUBLISHED) -> Path:
-    return folder / f"{base}-{seed}.csv.gz"
-
-
-def published(folder: Path = PUBLISHED) -> dict[tuple[str, int], pd.DataFrame]:
-    """The tables of all published pieces, by base and seed."""
-    pieces = {(base, seed): piece_path(base, seed, folder) for base in BASES for seed in SEEDS}
-    return {piece: pd.read_csv(path) for piece, path in pieces.items() if path.exists()}
-
-
-def answer(pieces: dict[tuple[str, int], pd.DataFrame]) -> str:
+def answer(pieces: Mapping[Piece, pd.DataFrame]) -> str:
     """Failures of every version, and what `adaptive` fails less than each of them, over the seeds of a base."""
     failed = {base: _failures([pieces[base, seed] for seed in SEEDS if (base, seed) in pieces]) for base in BASES}
     found = {(base, name): _contrast(failed[base], name) for base in BASES for name in failed[base] if name != "adaptive"}
@@ -157,4 +116,4 @@ def _mean(mean: float, low: float, high: float) -> str:
 
 
 if __name__ == "__main__":
-    main()
+    EXPERIMENT.main(__doc__, answer)

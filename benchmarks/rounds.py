@@ -1,8 +1,8 @@
 """Do more rounds of search and retraining help, and why does a version still fail after three? The pieces of docs/results/rounds.md.
 
-    python benchmarks/rounds.py plan         the commands of every piece, and which are published
-    python benchmarks/rounds.py keep 0       publish the piece of seed 0, which data/default holds
-    python benchmarks/rounds.py answer       the page's tables
+    python benchmarks/rounds.py plan             the commands of every piece, and which are published
+    python benchmarks/rounds.py keep three 0     publish the piece of seed 0, which data/default holds
+    python benchmarks/rounds.py answer           the page's tables
 
 A piece is the default study with three rounds, another seed and two held-out scenarios. Beside the outcomes of every version, it publishes
 how many failures of the last `adaptive` version each changed part of the loop repairs.
@@ -10,19 +10,18 @@ how many failures of the last `adaptive` version each changed part of the loop r
 
 from __future__ import annotations
 
-import argparse
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from outcomes import failures, of_study, write
+from outcomes import failures
+from pieces import Experiment, Piece
 from what_is_left import what_is_left
 
 from pipeline.config.composing import PARAMS, load
 from pipeline.core.statistics import mean_interval
 
-PUBLISHED = Path("docs/results/rounds")
-STUDY = Path("data/default")
 SEEDS = range(3)
 ROUNDS = range(1, 4)
 ARMS = ("control", "random", "adaptive")
@@ -33,35 +32,20 @@ OVERRIDES = (
 """People and towns that no earlier result was made with."""
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    commands = parser.add_subparsers(dest="command", required=True)
-    commands.add_parser("plan")
-    commands.add_parser("keep").add_argument("seed", type=int, choices=list(SEEDS))
-    commands.add_parser("answer")
-    options = parser.parse_args()
-    if options.command == "plan":
-        print(plan())
-    elif options.command == "answer":
-        print(answer(*published()))
-    else:
-        keep(options.seed)
-
-
-def plan() -> str:
-    lines = []
-    for seed in SEEDS:
-        of_seed = f"seeds=[{seed}] retraining.seeds=[{seed}] comparison.seed={60 + seed}"
-        lines += [f"# seed {seed}: {'published' if _outcomes(seed).exists() else 'missing'}"]
-        lines += [f"python -m pipeline compose study=default {of_seed} {OVERRIDES}", f"./run && python benchmarks/rounds.py keep {seed}"]
-    return "\n".join(lines)
-
-
-def keep(seed: int) -> None:
-    """Publish the finished study; SystemExit if it is of another seed. Executes the last version's failures again, for a minute."""
-    write(of_study(STUDY, seed), _outcomes(seed))
+def publish_left(outcomes: Path) -> None:
+    """Executes the last version's failures again, for a minute."""
     config = load(PARAMS)
-    what_is_left(config, version("adaptive", ROUNDS[-1]), list(config.held_out)).to_csv(_left(seed))
+    what_is_left(config, version("adaptive", ROUNDS[-1]), list(config.held_out)).to_csv(left_path(outcomes))
+
+
+def left_path(outcomes: Path) -> Path:
+    """Where a piece publishes what repairs the failures that are left."""
+    return outcomes.with_name(f"left-{outcomes.name.removesuffix('.gz')}")
+
+
+EXPERIMENT = Experiment(
+    "rounds", "default", {("three", seed): f"comparison.seed={60 + seed} {OVERRIDES}" for seed in SEEDS}, more=publish_left
+)
 
 
 def version(arm: str, after: int) -> str:
@@ -69,15 +53,14 @@ def version(arm: str, after: int) -> str:
     return arm if after == 1 else f"{arm}-r{after}"
 
 
-def published(folder: Path = PUBLISHED) -> tuple[list[dict[str, int]], list[pd.DataFrame]]:
-    """For each published seed, the failures of every version, and what repairs those of the last: parts by scenarios."""
-    seeds = [seed for seed in SEEDS if _outcomes(seed, folder).exists()]
-    tables = [pd.read_csv(_outcomes(seed, folder)) for seed in seeds]
-    return [failures(table) for table in tables], [pd.read_csv(_left(seed, folder), index_col="part") for seed in seeds]
+def answer(pieces: Mapping[Piece, pd.DataFrame]) -> str:
+    """The page's tables, with what is left as it is published beside the outcomes."""
+    left = [pd.read_csv(left_path(EXPERIMENT.path(piece)), index_col="part") for piece in pieces]
+    return tables([failures(table) for table in pieces.values()], left)
 
 
-def answer(failed: list[dict[str, int]], left: list[pd.DataFrame]) -> str:
-    """Failures by arm and round, the change since the first round, and what repairs the failures that are left."""
+def tables(failed: list[dict[str, int]], left: list[pd.DataFrame]) -> str:
+    """Failures by arm and round, the change since the first round, and what repairs the failures that are left: parts by scenarios."""
     if not failed:
         return "No piece is published."
     lines = [f"{len(failed)} of {len(SEEDS)} searches.", ""]
@@ -94,14 +77,6 @@ def answer(failed: list[dict[str, int]], left: list[pd.DataFrame]) -> str:
     return "\n".join(lines)
 
 
-def _outcomes(seed: int, folder: Path = PUBLISHED) -> Path:
-    return folder / f"{seed}.csv.gz"
-
-
-def _left(seed: int, folder: Path = PUBLISHED) -> Path:
-    return folder / f"left-{seed}.csv"
-
-
 def _counts(failed: list[dict[str, int]], name: str) -> str:
     return ", ".join(str(counts[name]) for counts in failed)
 
@@ -114,4 +89,4 @@ def _change(failed: list[dict[str, int]], first: str, last: str) -> str:
 
 
 if __name__ == "__main__":
-    main()
+    EXPERIMENT.main(__doc__, answer)

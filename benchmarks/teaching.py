@@ -10,17 +10,15 @@ The other pieces retrain on the same searches, but choose other frames of them.
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
-from outcomes import TEST, failures, of_study, write
+from outcomes import failures
+from pieces import Experiment, Piece
 
 from pipeline.core.statistics import mean_interval
 
-PUBLISHED = Path("docs/results/teaching")
-STUDY = Path("data/teaching")
 SEEDS = range(3)
 SHARES = {"random": "100 %", "share75": "75 %", "adaptive": "50 %", "share25": "25 %", "forest": "0 %"}
 """Version -> share of random tests in the search that it learns from."""
@@ -35,48 +33,22 @@ KINDS = ("shares", *SELECTIONS)
 VERSIONS = ["base", "control", "random", "adaptive"]
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    commands = parser.add_subparsers(dest="command", required=True)
-    commands.add_parser("plan")
-    keep = commands.add_parser("keep")
-    keep.add_argument("kind", choices=list(KINDS))
-    keep.add_argument("seed", type=int, choices=list(SEEDS))
-    commands.add_parser("answer")
-    options = parser.parse_args()
-    if options.command == "plan":
-        print(plan())
-    elif options.command == "answer":
-        print(answer(published()))
-    else:
-        outcomes = of_study(STUDY, options.seed)
-        versions = [*VERSIONS, *(name for name in SHARES if options.kind == "shares" and name not in VERSIONS)]
-        write(outcomes[[*TEST, *versions]], piece_path(options.kind, options.seed))
+def versions(kind: str) -> Sequence[str]:
+    """The versions that a kind of piece publishes."""
+    return [*VERSIONS, *(name for name in SHARES if kind == "shares" and name not in VERSIONS)]
 
 
-def plan() -> str:
-    lines = []
-    for seed in SEEDS:
-        for kind in KINDS:
-            state = "published" if piece_path(kind, seed).exists() else "missing"
-            choice = "" if kind == "shares" else f" retraining.selection={kind} ~arms.share75 ~arms.share25 ~arms.forest"
-            of_seed = f"seeds=[{seed}] retraining.seeds=[{seed}] comparison.seed={50 + seed}"
-            lines += [f"# {kind}, seed {seed}: {state}", f"python -m pipeline compose study=teaching {of_seed}{choice}"]
-            lines += [f"./run && python benchmarks/teaching.py keep {kind} {seed}"]
-    return "\n".join(lines)
+def choice(kind: str) -> str:
+    """The overrides of a kind of piece."""
+    return "" if kind == "shares" else f" retraining.selection={kind} ~arms.share75 ~arms.share25 ~arms.forest"
 
 
-def piece_path(kind: str, seed: int, folder: Path = PUBLISHED) -> Path:
-    return folder / f"{kind}-{seed}.csv.gz"
+EXPERIMENT = Experiment(
+    "teaching", "teaching", {(kind, seed): f"comparison.seed={50 + seed}{choice(kind)}" for seed in SEEDS for kind in KINDS}, versions
+)
 
 
-def published(folder: Path = PUBLISHED) -> dict[tuple[str, int], pd.DataFrame]:
-    """The tables of all published pieces, by kind and seed."""
-    pieces = {(kind, seed): piece_path(kind, seed, folder) for kind in KINDS for seed in SEEDS}
-    return {piece: pd.read_csv(path) for piece, path in pieces.items() if path.exists()}
-
-
-def answer(pieces: dict[tuple[str, int], pd.DataFrame]) -> str:
+def answer(pieces: Mapping[Piece, pd.DataFrame]) -> str:
     """Failures after learning from each mixture, and from each choice of frames, with the difference from random tests' frames."""
     counts = {piece: failures(table) for piece, table in pieces.items()}
     seeds = [seed for seed in SEEDS if ("shares", seed) in counts]
@@ -105,4 +77,4 @@ def _row(words: str, failed: np.ndarray, random: np.ndarray) -> str:
 
 
 if __name__ == "__main__":
-    main()
+    EXPERIMENT.main(__doc__, answer)

@@ -9,6 +9,7 @@ with pytest.MonkeyPatch.context() as patch:
     patch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "benchmarks"))
     for script in (
         "outcomes",
+        "pieces",
         "retraining",
         "default_study",
         "confirmed_rules",

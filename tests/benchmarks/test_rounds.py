@@ -19,7 +19,7 @@ def left(f1: int, f2: int) -> pd.DataFrame:
 def test_rounds_by_hand() -> None:
     first = counts(30, control=[30, 31, 29], random=[20, 15, 11], adaptive=[20, 14, 10])
     second = counts(40, control=[40, 40, 41], random=[20, 15, 12], adaptive=[20, 10, 8])
-    answer = rounds.answer([first, second], [left(2, 8), left(3, 5)]).splitlines()
+    answer = rounds.tables([first, second], [left(2, 8), left(3, 5)]).splitlines()
     assert answer[0] == "2 of 3 searches."
     assert "| `base` | 30, 40 | | | |" in answer
     # Differences -10 and -12: mean -11, standard error 1, t quantile 12.706 with one degree of freedom.
@@ -30,5 +30,5 @@ def test_rounds_by_hand() -> None:
 
 def test_one_search_has_no_interval() -> None:
     only = counts(30, control=[30, 31, 29], random=[20, 15, 11], adaptive=[20, 14, 10])
-    assert "| `adaptive` | 20 | 14 | 10 | -10.0 |" in rounds.answer([only], [left(2, 8)])
-    assert rounds.answer([], []) == "No piece is published."
+    assert "| `adaptive` | 20 | 14 | 10 | -10.0 |" in rounds.tables([only], [left(2, 8)])
+    assert rounds.answer({}) == "No piece is published."

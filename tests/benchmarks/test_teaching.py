@@ -27,6 +27,6 @@ def test_mixtures_and_choices_are_compared_with_random_tests() -> None:
 
 
 def test_every_piece_has_a_command() -> None:
-    plan = teaching.plan()
+    plan = teaching.EXPERIMENT.plan()
     assert plan.count("python -m pipeline compose study=teaching") == len(teaching.KINDS) * len(teaching.SEEDS) == 15
     assert "retraining.selection=missed" in plan and "retraining.selection=shares" not in plan
