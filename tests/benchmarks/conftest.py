@@ -16,6 +16,7 @@ with pytest.MonkeyPatch.context() as patch:
         "teaching",
         "what_is_left",
         "rounds",
+        "where_it_pays",
         "completion",
         "scaling",
     ):

@@ -1,0 +1,116 @@
+"""When is a search worth it? The benefit of adaptive data for weak and strong bases, and for few and many executions.
+
+    python benchmarks/where_it_pays.py plan                       the commands of every piece, and which are published
+    python benchmarks/where_it_pays.py keep long_tailed-30 0      publish the piece that data/default holds, and draw the figure anew
+    python benchmarks/where_it_pays.py answer                     the page's table
+
+A piece is the default study with another base detector or another number of tests. The ten default studies, published already, are the
+pieces in the middle: base `long_tailed`, 100 tests a scenario.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from default_study import PUBLISHED as DEFAULT
+from default_study import SEEDS as DEFAULT_SEEDS
+from matplotlib.figure import Figure
+from outcomes import valid
+from pieces import RESULTS, Experiment, Piece
+
+from pipeline.core.statistics import mean_interval
+from pipeline.report.style import legend_below, panels, save_png, series_colours, styled
+
+BASES = {
+    "uniform": "base.weights=models/uniform base_set.rare.children=1 base_set.rare.crouching=1",
+    "long_tailed": "",
+    "weak": "base.source=trained training.crop_iterations=800 training.frame_iterations=500",
+}
+"""The overrides of each base, from the strongest to the weakest."""
+PIECES = {("uniform", 100): 3, ("long_tailed", 30): 3, ("long_tailed", 300): 3, ("long_tailed", 1000): 2, ("weak", 100): 3}
+"""The number of searches by base and tests a scenario."""
+DEFAULT_KIND = ("long_tailed", 100)
+
+
+def redraw(_: Path) -> None:
+    """Draw the page's figure of all published pieces."""
+    save_png(figure(rates(EXPERIMENT.published())), RESULTS / "where-it-pays.png")
+
+
+EXPERIMENT = Experiment(
+    "where_it_pays",
+    "default",
+    {
+        (f"{base}-{tests}", seed): f"comparison.seed={seed} campaign.tests={tests} {BASES[base]}"
+        for (base, tests), searches in PIECES.items()
+        for seed in range(searches)
+    },
+    more=redraw,
+)
+
+
+def answer(pieces: Mapping[Piece, pd.DataFrame]) -> str:
+    """A row for each base and number of tests."""
+    heading = ["base", "tests a scenario", "searches", "base fails, %", "`random` fails, %", "`adaptive` fails, %"]
+    heading += ["`adaptive` minus `random`, points (95 %)"]
+    lines = [
+        f"{len(pieces)} of {len(EXPERIMENT.compose)} pieces are published, and the ten default studies.",
+        "",
+        f"| {' | '.join(heading)} |",
+        "|---" * len(heading) + "|",
+    ]
+    for (base, tests), failed in rates(pieces).items():
+        ahead = failed["adaptive"] - failed["random"]
+        low, high = mean_interval(ahead)
+        interval = f" ({low:+.1f} to {high:+.1f})" if len(ahead) > 1 else ""
+        means = " | ".join(f"{failed[name].mean():.1f}" for name in ("base", "random", "adaptive"))
+        lines.append(f"| `{base}` | {tests:,} | {len(failed)} | {means} | {ahead.mean():+.1f}{interval} |")
+    return "\n".join(lines)
+
+
+def rates(pieces: Mapping[Piece, pd.DataFrame]) -> dict[tuple[str, int], pd.DataFrame]:
+    """For each base and number of tests, the percentage of held-out tests that each version fails: (searches, versions)."""
+    default = [pd.read_csv(DEFAULT / f"{seed}.csv.gz") for seed in DEFAULT_SEEDS]
+    found = {}
+    for base, tests in sorted([*PIECES, DEFAULT_KIND], key=lambda kind: (list(BASES).index(kind[0]), kind[1])):
+        kind = f"{base}-{tests}"
+        tables = default if (base, tests) == DEFAULT_KIND else [table for (of, _), table in pieces.items() if of == kind]
+        if tables:
+            found[base, tests] = pd.DataFrame([100 * valid(table).mean() for table in tables])
+    return found
+
+
+def left(failed: pd.DataFrame, version: str) -> tuple[float, float, float]:
+    """The failures that a version leaves, in percent of the base's: mean over the searches and ends of Student's interval."""
+    share = 100 * failed[version] / failed["base"]
+    return (float(share.mean()), *mean_interval(share, limits=(0, np.inf)))
+
+
+def figure(found: Mapping[tuple[str, int], pd.DataFrame]) -> Figure:
+    """The share of the base's failures that each version leaves: against the executions, and against how often the base fails."""
+    with styled():
+        drawn, [[executions, strength]] = panels(1, 2, width=4.6, height=3.4)
+        axes = {
+            executions: [(tests, failed) for (base, tests), failed in found.items() if base == DEFAULT_KIND[0]],
+            strength: [(failed["base"].mean(), failed) for (_, tests), failed in found.items() if tests == DEFAULT_KIND[1]],
+        }
+        for axis, points in axes.items():
+            for name, colour in series_colours(["random", "adaptive"]).items():
+                means, low, high = np.array([left(failed, name) for _, failed in points]).T
+                shift = 0.97 if name == "random" else 1.03  # Side by side, so that neither interval hides the other.
+                at = [shift * x for x, _ in points]
+                axis.errorbar(at, means, yerr=[means - low, high - means], color=colour, marker="o", capsize=3, label=name)
+            axis.set(ylim=(0, None), xscale="log")
+            axis.set_xticks([round(x, 1) for x, _ in points], labels=[f"{x:,d}" if axis is executions else f"{x:.1f}" for x, _ in points])
+            axis.minorticks_off()
+        executions.set(xlabel="tests a scenario, base long_tailed", ylabel="failures left, % of the base's")
+        strength.set(xlabel=f"held-out tests that the base fails, %; {DEFAULT_KIND[1]} tests a scenario")
+        legend_below(drawn, [executions, strength])
+    return drawn
+
+
+if __name__ == "__main__":
+    EXPERIMENT.main(__doc__, answer)

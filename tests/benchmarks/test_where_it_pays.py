@@ -1,0 +1,37 @@
+"""When a search pays: rates and differences by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import where_it_pays
+
+
+def piece(**failed: int) -> pd.DataFrame:
+    """Of each version, the first of 50 tests fail."""
+    keys = {"scenario": "F1star", "index": range(50), "animation": "walking", "blueprint": "W 01"}
+    return pd.DataFrame({**keys, **{version: (np.arange(50) < count).astype(int) for version, count in failed.items()}})
+
+
+def test_rates_by_hand() -> None:
+    pieces = {("uniform-100", 0): piece(base=5, random=4, adaptive=2), ("uniform-100", 1): piece(base=6, random=4, adaptive=4)}
+    pieces["weak-100", 2] = piece(base=20, random=10, adaptive=9)
+    rows = where_it_pays.answer(pieces).splitlines()
+    assert rows[0] == "3 of 14 pieces are published, and the ten default studies."
+    # Differences of -4 and 0 points: mean -2, standard error 2, t quantile 12.706 with one degree of freedom.
+    assert rows[4] == "| `uniform` | 100 | 2 | 11.0 | 8.0 | 6.0 | -2.0 (-27.4 to +23.4) |"
+    assert rows[5].startswith("| `long_tailed` | 100 | 10 |") and rows[6] == "| `weak` | 100 | 1 | 40.0 | 20.0 | 18.0 | -2.0 |"
+
+
+def test_what_is_left_of_the_bases_failures_by_hand() -> None:
+    found = where_it_pays.rates({("weak-100", seed): piece(base=20, random=10, adaptive=count) for seed, count in enumerate((6, 7, 8))})
+    assert where_it_pays.left(found["weak", 100], "random") == (50, 50, 50)
+    # 30, 35 and 40 %: standard error 5 / sqrt(3), t quantile 4.303 with two degrees of freedom.
+    assert np.allclose(where_it_pays.left(found["weak", 100], "adaptive"), (35, 22.58, 47.42), atol=0.01)
+    tests, strength = where_it_pays.figure(found).axes
+    assert list(tests.get_xticks()) == [100] and [text.get_text() for text in strength.get_xticklabels()] == ["18.5", "40.0"]
+
+
+def test_every_piece_has_a_command() -> None:
+    plan = where_it_pays.EXPERIMENT.plan()
+    assert plan.count("compose study=default") == 14 and "campaign.tests=1000" in plan
