@@ -150,7 +150,7 @@ class State:
 
     def exhausted(self, patience: int) -> bool:
         """Whether the last `patience` evaluations gave no new best."""
-        scores = [look.ap50 for look in self.curve]
+        scores = [point.ap50 for point in self.curve]
         return bool(scores) and len(scores) - 1 - int(np.argmax(scores)) >= patience
 
 
@@ -186,7 +186,7 @@ def fit(model: Yolo, lesson: Lesson, run: Run) -> Fitted:
             progress(state.iteration, schedule.iterations, schedule.phase(state.iteration) + _text(losses, state.curve))
         if validation is not None and (state.iteration % validation.every == 0 or state.iteration == schedule.iterations):
             _check_finite(losses, state.iteration, schedule)
-            _look(state, schedule, validation)
+            _evaluate(state, schedule, validation)
             if state.exhausted(validation.patience):
                 break
         if checkpoint is not None and time.monotonic() - saved > CHECKPOINT_SECONDS:  # Save after the evaluation: a kill must not lose it.
@@ -200,11 +200,11 @@ def fit(model: Yolo, lesson: Lesson, run: Run) -> Fitted:
     return Fitted(state.average.cpu().eval(), tuple(state.curve))
 
 
-def _look(state: State, schedule: Schedule, validation: Validation) -> None:
+def _evaluate(state: State, schedule: Schedule, validation: Validation) -> None:
     since = state.iteration - (state.curve[-1].iteration if state.curve else 0)
     scores, boxes = (float(total) / since for total in state.sums)
     ap50 = validation.ap50(state.average)
-    if all(ap50 > look.ap50 for look in state.curve):
+    if all(ap50 > point.ap50 for point in state.curve):
         state.best = {name: value.detach().clone() for name, value in state.average.state_dict().items()}
     state.curve.append(CurvePoint(state.iteration, schedule.rate(state.iteration - 1), scores, boxes, ap50))
     state.sums.zero_()
@@ -284,8 +284,8 @@ def _code() -> str:
 def _save(path: Path, identity: str, state: State) -> None:
     buffer = io.BytesIO()
     parts = {"model": state.model.state_dict(), "average": state.average.state_dict(), "optimiser": state.optimiser.state_dict()}
-    looks = {"best": state.best, "sums": state.sums, "curve": [asdict(point) for point in state.curve]}
-    torch.save({"identity": identity, "iteration": state.iteration, **parts, **looks}, buffer)
+    evaluations = {"best": state.best, "sums": state.sums, "curve": [asdict(point) for point in state.curve]}
+    torch.save({"identity": identity, "iteration": state.iteration, **parts, **evaluations}, buffer)
     write_sealed(path, buffer.getvalue())
 
 

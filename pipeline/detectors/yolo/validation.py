@@ -12,7 +12,7 @@ from pipeline.detectors.suppression import reported
 from pipeline.detectors.yolo.network import Yolo, cells, decode
 from pipeline.detectors.yolo.training import Validation
 
-LOOKED_AT = 500
+EVALUATED = 500
 """Number of validation images, spread over the set."""
 BATCH = 50
 LOWEST_SCORE, NMS_IOU = 0.005, 0.45
@@ -20,8 +20,8 @@ LOWEST_SCORE, NMS_IOU = 0.005, 0.45
 
 def watching(images: ImageSet, every: int, patience: int) -> Validation:
     """Average precision on some validation images, at intervals."""
-    looked_at = images.take(np.linspace(0, len(images) - 1, min(LOOKED_AT, len(images))).astype(np.int64))
-    return Validation(lambda model: average_precision(model, looked_at), every, patience)
+    chosen = images.take(np.linspace(0, len(images) - 1, min(EVALUATED, len(images))).astype(np.int64))
+    return Validation(lambda model: average_precision(model, chosen), every, patience)
 
 
 def average_precision(model: Yolo, images: ImageSet) -> float:
