@@ -86,8 +86,9 @@ def _adjust(contrasts: list[Contrast]) -> None:
 
 
 def _table(base: str, tests: int, failed: dict[str, np.ndarray], contrasts: dict[str, Contrast]) -> str:
+    searches = len(failed["base"])
     lines = [
-        f"**Base `{base}`**, {len(failed['base'])} searches, {tests} held-out tests each:",
+        f"**Base `{base}`**, {searches} {'search' if searches == 1 else 'searches'}, {tests} held-out tests each:",
         "",
         "| version | failures, by search | mean (95 %) | `adaptive` minus it, mean (95 %) | p | `adaptive` fails |",
         "|---|---|---|---|---|---|",
