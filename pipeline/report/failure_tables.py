@@ -23,6 +23,8 @@ MIXED = "several causes"
 BRAKING = ("tests", "with a false activation", "false activations", "mean duration", "mean speed loss")
 """Headers of `braking_cells`."""
 NONE = "–"
+MOST_RATES = 3
+"""Number of base failure rates that a sentence tells one by one."""
 
 
 def cause_cells(causes: Causes) -> tuple[str, ...]:
@@ -63,8 +65,11 @@ def rate_text(rate: BaseRate) -> str:
 
 
 def base_rate_sentence(rates: Sequence[BaseRate], labels: Mapping[str, str] | None = None) -> str:
-    """The base failure rate of each search scenario; empty without rates. labels: of scenarios."""
+    """The base failure rate of each search scenario, or of many the lowest and the highest; empty without rates. labels: of scenarios."""
     if not rates:
         return ""
-    each = ", ".join(f"{(labels or {}).get(rate.scenario, rate.scenario)} {rate_text(rate)}" for rate in rates)
-    return f"Base failure rate ({rates[0].version}, {rates[0].strategy} tests): {each}."
+    by_rate = sorted(rates, key=lambda rate: rate.rate.value)
+    told = rates if len(rates) <= MOST_RATES else (by_rate[0], by_rate[-1])
+    each = [f"{(labels or {}).get(rate.scenario, rate.scenario)} {rate_text(rate)}" for rate in told]
+    text = ", ".join(each) if told is rates else f"from {' to '.join(each)}, in {len(rates)} scenarios"
+    return f"Base failure rate ({rates[0].version}, {rates[0].strategy} tests): {text}."

@@ -23,6 +23,7 @@ from pipeline.artefacts.results import Estimate
 from pipeline.artefacts.search_results import BaseRate
 from pipeline.core.comparison import SequenceTest, Verdict
 from pipeline.core.gate import Judgement, Measure
+from pipeline.report.failure_tables import base_rate_sentence
 from pipeline.report.page import Table
 from pipeline.report.verdict import HEADERS, group_headers, group_rows, verdict_rows, verdict_sentences, verdict_table
 from pipeline.report.verdict_section import headline, verdict_section
@@ -218,6 +219,16 @@ def test_errors_are_reported_only_if_there_are_some() -> None:
 
 RARE = Frequencies(children=0.15, crouching=0.15)
 EVEN = Frequencies(children=1, crouching=1)
+
+
+def test_of_many_base_failure_rates_the_lowest_and_the_highest_are_told() -> None:
+    rates = [
+        BaseRate(scenario=f"F{n}", version="base", strategy="random", tests=60, failures=n, rate=Estimate(value=n / 60, low=0.01, high=0.2))
+        for n in (2, 3, 1, 6)
+    ]
+    text = "Base failure rate (base, random tests): from F1 1.7 % (1.0 to 20.0) of 60 to F6 10.0 % (1.0 to 20.0) of 60, in 4 scenarios."
+    assert base_rate_sentence(rates) == text
+    assert "F2 3.3 %" in base_rate_sentence(rates[:3]) and "scenarios" not in base_rate_sentence(rates[:3])
 
 
 def test_the_verdict_says_the_base_failure_rate_and_which_base_it_stands_on() -> None:
