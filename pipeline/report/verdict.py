@@ -72,10 +72,15 @@ def second_sentences(comparison: Comparison) -> list[str]:
         return []
     counts = ", ".join(f"{group.group} {counted(group.failures)}" for group in second.groups)
     sentences = [f"Failures at an IoU of {second.iou:g} instead of {second.first:g}: {counts}."]
-    for first, again in zip(comparison.group_pairs, second.group_pairs, strict=True):
-        if first.shown(comparison.alpha):
-            found = "is shown, too" if holds(first, again, comparison.alpha) else "is not shown"
-            sentences.append(f"At {second.iou:g}, the difference of {first.group} from {first.against} {found} (p = {again.p_value:.2g}).")
+    pairs = zip(comparison.group_pairs, second.group_pairs, strict=True)
+    shown = [(first, again) for first, again in pairs if first.shown(comparison.alpha)]
+    lost = [again for first, again in shown if not holds(first, again, comparison.alpha)]
+    if shown:
+        kept = len(shown) - len(lost)
+        sentences.append(f"Differences shown at {second.first:g} that are shown at {second.iou:g}, too: {kept} of {len(shown)}.")
+    if lost:
+        listed = ", ".join(f"{pair.group} from {pair.against} (p = {pair.p_value:.2g})" for pair in lost)
+        sentences.append(f"Not shown at {second.iou:g}: {listed}.")
     return sentences
 
 
@@ -170,19 +175,19 @@ def _averaged(comparison: Comparison) -> str:
 
 
 def planted_rows(comparison: Comparison) -> list[tuple[str, ...]]:
-    """A row for each group that the base was trained on rarely, under a header: what the searches found in it, and the failures of each
-    version among its held-out tests, as failures / tests. Empty without such a group."""
+    """A column for each group that the base was trained on rarely: what the searches found in it, and the failures of each version among
+    its held-out tests, as failures / tests. Empty without such a group."""
     if not comparison.planted:
         return []
     strategies = list(dict.fromkeys(name for group in comparison.planted for name in group.searched))
     versions = [result.version for result in comparison.versions]
-    header = ("group", "frequency", *(f"search, {name}" for name in strategies), "named by", *(f"held out, {name}" for name in versions))
-    rows = []
+    first = ("group", "frequency", *(f"search, {name}" for name in strategies), "named by", *(f"held out, {name}" for name in versions))
+    columns = []
     for group in comparison.planted:
         searched = (_share(group.searched.get(name)) for name in strategies)
         held_out = (_share(group.held_out.get(name)) for name in versions)
-        rows.append((group.group, f"{group.frequency:g}", *searched, ", ".join(group.regions) or "no rule", *held_out))
-    return [header, *rows]
+        columns.append((group.group, f"{group.frequency:g}", *searched, ", ".join(group.regions) or "no rule", *held_out))
+    return list(zip(first, *columns, strict=True))
 
 
 def _share(count: Count | None) -> str:
