@@ -42,8 +42,8 @@ TABLE = _prose("""
 """)
 PLANTED = _prose("""
     People and poses that the base set shows rarely, so we know what a search ought to find. Frequency: relative to others. Search: failures
-    / tests of the group in the campaigns. Named by: failure regions with a rule that holds for this group alone. Held out: failures / tests
-    of the group on the held-out sequence.
+    / tests of the group in the campaigns. Named by: failure regions, by scenario, with a rule that holds for this group alone. Held out:
+    failures / tests of the group on the held-out sequence.
 """)
 LIMITS = _prose("""
     How far a version's failure rate may be above that of {base}: one-sided upper {confidence:g} % limit of the rise (Tango's score

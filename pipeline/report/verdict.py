@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from pipeline.artefacts.comparison_results import Comparison, Count, GroupPair, VersionPair, VersionResult
@@ -181,13 +182,28 @@ def planted_rows(comparison: Comparison) -> list[tuple[str, ...]]:
         return []
     strategies = list(dict.fromkeys(name for group in comparison.planted for name in group.searched))
     versions = [result.version for result in comparison.versions]
-    first = ("group", "frequency", *(f"search, {name}" for name in strategies), "named by", *(f"held out, {name}" for name in versions))
+    first = (
+        "group",
+        "frequency",
+        *(f"search, {name}" for name in strategies),
+        "named by regions",
+        *(f"held out, {name}" for name in versions),
+    )
     columns = []
     for group in comparison.planted:
         searched = (_share(group.searched.get(name)) for name in strategies)
         held_out = (_share(group.held_out.get(name)) for name in versions)
-        columns.append((group.group, f"{group.frequency:g}", *searched, ", ".join(group.regions) or "no rule", *held_out))
+        columns.append((group.group, f"{group.frequency:g}", *searched, _by_scenario(group.regions) or "no rule", *held_out))
     return list(zip(first, *columns, strict=True))
+
+
+def _by_scenario(regions: Sequence[str]) -> str:
+    """`F1: 1, 3; F2: 1` of `F1 region 1`, `F1 region 3` and `F2 region 1`."""
+    numbers: dict[str, list[str]] = {}
+    for region in regions:
+        scenario, _, number = region.partition(" region ")
+        numbers.setdefault(scenario, []).append(number)
+    return "; ".join(f"{scenario}: {', '.join(of_scenario)}" for scenario, of_scenario in numbers.items())
 
 
 def _share(count: Count | None) -> str:

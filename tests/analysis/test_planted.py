@@ -37,8 +37,10 @@ def test_the_group_that_was_rare_is_counted_in_the_searches_and_in_the_held_out_
         assert planted.held_out[path.parts[-3]] == Count(tests=len(rows), failures=int(rows["failure"].sum()))
     rows = planted_rows(comparison)
     assert rows[:2] == [("group", "children"), ("frequency", "0.15")] and len(rows) == 9
-    assert [name for name, _ in rows[2:5]] == ["search, random", "search, mixed", "named by"]
+    assert [name for name, _ in rows[2:5]] == ["search, random", "search, mixed", "named by regions"]
     assert "Planted blind spots" in verdict_table(comparison)
+    named = planted.model_copy(update={"regions": ("F1 region 1", "F1 region 3", "F2 region 1")})
+    assert ("named by regions", "F1: 1, 3; F2: 1") in planted_rows(comparison.model_copy(update={"planted": (named,)}))
 
 
 def test_a_base_of_a_uniform_set_has_no_planted_group(tmp_path: Path) -> None:
