@@ -17,7 +17,7 @@ from pipeline.detectors.yolo.validation import watching
 BASE_STREAM, ADDED_STREAM = 10, 11
 CROP_SHARE = 0.82
 """Of an image's sides, shown by a crop: 256x160 of 320x192. A step takes 0.6 of the time of full frames."""
-LOOKS = 2
+EVALUATIONS = 2
 """Number of evaluations, for the curve only: with early stopping, versions would take different numbers of steps."""
 
 
@@ -66,7 +66,7 @@ def retrain(model: Yolo, images: ImageSets, plan: Refinement, run: Run) -> Fitte
     schedule = Schedule(0, steps, plan.learning_rate, warm_up=steps // 10, averaging=0.97, frozen_statistics=True)
     feed = mixed_feed(images.base, images.added, plan.batch_size, plan.added_share, plan.seed)
     identity = hashlib.sha256(json.dumps([asdict(plan), images.digests]).encode() + _weights(model)).hexdigest()
-    return fit(model, Lesson(schedule, feed, identity, watching(images.validation, -(-steps // LOOKS), patience=LOOKS)), run)
+    return fit(model, Lesson(schedule, feed, identity, watching(images.validation, -(-steps // EVALUATIONS), patience=EVALUATIONS)), run)
 
 
 def _weights(model: Yolo) -> bytes:
