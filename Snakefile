@@ -1,6 +1,6 @@
 # Finds, explains and fixes the blind spots of a camera detector: the study in params.yaml.
 from pipeline.workflow.guards import checked, fail
-from pipeline.workflow.plan import plan
+from pipeline.workflow.plan import lift_default_limit, plan
 
 if not workflow.configfiles:
 
@@ -46,6 +46,10 @@ rule all:
 
 include: "pipeline/rules/targets.smk"
 include: "pipeline/rules/steps.smk"
+
+
+onstart:
+    lift_default_limit(workflow)
 
 
 onsuccess:

@@ -26,6 +26,9 @@ from pipeline.workflow.stamping import Stamps
 if TYPE_CHECKING:
     from snakemake.workflow import Workflow
 
+DEFAULT_LIMIT = (100, 1)
+"""Jobs and seconds of Snakemake's own `--max-jobs-per-timespan`."""
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -96,6 +99,17 @@ def plan(config: Mapping[str, Any], workflow: Workflow, steps: Sequence[str]) ->
         return Plan(Jobs(checked, tuple(steps)), stored, cache(lambda: alone(workflow)))
     except InputError as error:
         end(error)
+
+
+def lift_default_limit(workflow: Workflow) -> None:
+    """Lift Snakemake's default limit of 100 jobs a second, but no other, before the first job.
+
+    While there is a limit, Snakemake 9.27 starts a timer each time it looks for jobs, and looks again when the timer ends. So each finished
+    job leaves one more chain of timers, each of which reads the sizes of all input files every second: after 80 jobs, a quarter of a core.
+    """
+    limit = workflow.scheduling_settings.max_jobs_per_timespan
+    if limit is not None and (limit.max_jobs, limit.timespan) == DEFAULT_LIMIT:
+        workflow.scheduler.job_rate_limiter = None
 
 
 def _flagged(path: str) -> Any:

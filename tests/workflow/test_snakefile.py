@@ -118,6 +118,17 @@ def test_snakemake_runs_by_its_path_from_anywhere(tmp_path: Path) -> None:
     assert len(list((folder / "data/smoke/space").glob("*.json"))) == 3
 
 
+@pytest.mark.parametrize(("limit", "left"), [([], False), (["--max-jobs-per-timespan", "50/1s"], True)])
+def test_jobs_leave_no_timers_behind_unless_the_user_limits_them(limit: list[str], left: bool, tmp_path: Path) -> None:
+    folder = copy(tmp_path, compose("smoke", []))
+    timers = "sum(isinstance(thread, threading.Timer) for thread in threading.enumerate())"
+    with open(folder / "Snakefile", "a") as stream:
+        stream.write(f"\n\nonsuccess:\n    import threading\n    print(f'timers: {{{timers}}}')\n")
+    done = snakemake(folder, "spaces", *limit)
+    (count,) = re.findall(r"timers: (\d+)", done.stdout)
+    assert (int(count) > 0) == left
+
+
 def test_the_graph_is_drawn(tmp_path: Path) -> None:
     assert "digraph" in snakemake(copy(tmp_path, compose("smoke", [])), "--dag").stdout
 
