@@ -23,6 +23,8 @@ class Progress:
     def __init__(self, label: str, log: Path | None = None) -> None:
         self._label, self._started = label, time.monotonic()
         self._logged = self._piped = float("-inf")
+        self._first: tuple[int, float] | None = None
+        self._done = 0
         self._bar: tqdm[None] | None = None
         self._log = None
         if log is not None:
@@ -42,7 +44,10 @@ class Progress:
         """Report `done` of `total`; the last call, with done = total, is always shown."""
         now = time.monotonic()
         last = done >= total
-        line = self._line(done, total, text, now - self._started)
+        if self._first is None or done < self._done:  # Start-up and what a killed run had done say nothing about the time left.
+            self._first = done, now
+        self._done = done
+        line = self._line(done, total, text, now - self._started, _left(done, total, now, *self._first))
         if self._log is not None and (last or now - self._logged >= LOG_EVERY_S):
             self._logged = now
             self._log.write(line + "\n")
@@ -64,13 +69,21 @@ class Progress:
 
     def _draw(self, done: int, total: int, text: str) -> None:
         if self._bar is None:
-            self._bar = tqdm(total=total, desc=self._label, file=sys.stderr, dynamic_ncols=True)
+            self._bar = tqdm(total=total, initial=done, desc=self._label, file=sys.stderr, dynamic_ncols=True)
         self._bar.total = total
         self._bar.set_postfix_str(text, refresh=False)
         self._bar.update(done - self._bar.n)
 
-    def _line(self, done: int, total: int, text: str, elapsed: float) -> str:
+    def _line(self, done: int, total: int, text: str, elapsed: float, left: str) -> str:
         share = done / total if total else 1.0
-        left = elapsed / share - elapsed if share else float("nan")
-        rest = f"{int(left) // 60:02d}:{int(left) % 60:02d}" if share else "--:--"
-        return f"{self._label} {done}/{total} {share:4.0%} {elapsed:.0f} s, {rest} left{', ' + text if text else ''}"
+        return f"{self._label} {done}/{total} {share:4.0%} {elapsed:.0f} s, {left} left{', ' + text if text else ''}"
+
+
+def _left(done: int, total: int, now: float, first: int, since: float) -> str:
+    """The time left at the speed since the first report, as `02:05`."""
+    if done >= total:
+        return "00:00"
+    if done == first:
+        return "--:--"
+    seconds = int((now - since) / (done - first) * (total - done))
+    return f"{seconds // 60:02d}:{seconds % 60:02d}"
