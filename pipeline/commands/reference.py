@@ -33,19 +33,19 @@ Made by `python -m pipeline reference` from `pipeline/config/` and `conf/`. Each
 """
 COLUMNS_HEAD = """# Columns of the tables of campaigns and regions
 
-Made by `python -m pipeline reference`. The metadata of a Parquet field has the column's unit, too. Only floats can be without a value.
+Made by `python -m pipeline reference`. The metadata of each Parquet field holds the unit, too. Only floats can have no value.
 
 """
 TABLE_TEXTS = {
-    "tests": "One row for each test. A column for each variable of the scenario follows. A test with status `error` has no KPI: false, 0, "
-    "`none` or no value.",
+    "tests": "One row for each test. A column for each variable of the scenario follows. A test with status `error` has no KPIs: they are "
+    "false, 0, `none` or have no value.",
     "signals": "One row for each time step, in the world frame. The last row of a test is its end, without a frame. "
     "All KPIs are computed from these columns.",
     "detections": "One row for each detection in each frame, best first, so that matching and braking can be computed again.",
     "frames": "One row for every n-th frame; n is `campaign.keep_every`.",
-    "timings": "One row for each test, with times by the wall clock. No other table has times of the computer.",
+    "timings": "One row for each test, with wall-clock times. No other table has any.",
 }
-WHY_TEXT = """One row for each failure of a region as its campaign executed it, and one for each execution of it with a single change; see
+WHY_TEXT = """One row for each failure of a region as its campaign executed it, and one for each rerun with a single change; see
 [regions](../howto/regions.md). Distances are from the ego's front to the conflict point."""
 CHOICES = """## Strategies, detectors, simulators and cameras
 

@@ -22,7 +22,7 @@ Title = Annotated[str, AfterValidator(partial(check_name, joints="-"))]
 def _in_project(path: str) -> str:
     # A link in the project may lead elsewhere: whoever made it meant it.
     if not path or Path(os.path.relpath(path)).parts[:1] == ("..",):
-        raise ValueError(f"expected a path inside the project; link what lies elsewhere into it, got {shown(path)}")
+        raise ValueError(f"expected a path inside the project (link outside files into it), got {shown(path)}")
     return path
 
 
@@ -53,23 +53,23 @@ class Campaign(Section):
     match_iou: float = Field(ge=0.1, lt=1)
     """A detection matches the pedestrian if it overlaps the visible box by more than this IoU."""
     transfer: tuple[str, ...]
-    """Strategies with campaigns that learn from those on earlier scenarios in `search`; these campaigns run one after another."""
+    """Strategies that learn from their campaigns on earlier scenarios in `search`; these campaigns run one after another."""
     audit: int = Field(ge=0, le=100_000)
-    """Random tests beside the searches of a scenario, for a failure rate without bias, if no strategy of the search is random; 0 for none.
-    No search sees them, and they count in no search."""
+    """Random tests of each scenario in addition to its searches, for an unbiased failure rate, if no strategy of the search is random; 0
+    for none. No search sees or counts them."""
     shards: int = Field(ge=1, le=10_000)
-    """Number of jobs that share a campaign, on a cluster; they change no result. Strategies that learn from results use one job."""
+    """Number of cluster jobs that share a campaign; it changes no result. Strategies that learn from results use one job."""
 
 
 class Limits(Section):
-    """What a process that executes tests may take; a test over a limit is an error, without a KPI."""
+    """Limits of a process that executes tests; a test over a limit is an error, without a KPI."""
 
     test_s: float = Field(gt=0, le=86_400)
-    """Longest time of a test, in seconds: many times the usual, so that a slow machine changes no result."""
+    """Time limit of a test, in seconds: many times the usual, so that a slow machine changes no result."""
     frame_s: float = Field(gt=0, le=86_400)
-    """Longest time that the detector takes for one frame of a test, in seconds."""
+    """Time limit of the detector for one frame of a test, in seconds."""
     memory_mb: int = Field(ge=100, le=10_000_000)
-    """Largest resident memory of a process."""
+    """Limit of a process's resident memory."""
 
 
 class VehicleSection(Section):
@@ -78,11 +78,11 @@ class VehicleSection(Section):
     dry_friction: float = Field(gt=0, le=1.5)
     """Peak friction between tyre and dry road."""
     wet_friction: float = Field(gt=0, le=1.5)
-    """The same on a fully wet road, from 60 % rain; between, it falls evenly."""
+    """The same on a fully wet road, from 60 % rain; in between, it falls linearly."""
     build_up_s: float = Field(ge=0, le=2)
-    """Time constant of the lag between demand and deceleration; 90 % are reached after 2.3 of them."""
+    """Time constant of the lag between demand and deceleration; 90 % is reached after 2.3 time constants."""
     latency_s: float = Field(ge=0, le=2)
-    """From the exposure of a frame to the brake demand that it causes."""
+    """Time from a frame's exposure to the brake demand that it causes."""
 
 
 class AebSection(Section):
@@ -93,7 +93,7 @@ class AebSection(Section):
     law: LawKind
     """`confidence` brakes in proportion to the best score, as the thesis does; `threshold` brakes fully."""
     brakes_from: float | None = Field(ge=0, le=1)
-    """Lowest score that brakes; null is the detector's own threshold, 0.05 is the whole range."""
+    """Lowest score that brakes; null means the detector's own threshold, 0.05 every stored detection."""
     votes: int = Field(ge=1, le=20)
     """The brake acts if at least this many of the last `window` frames ask for it."""
     window: int = Field(ge=1, le=20)
@@ -118,23 +118,23 @@ class HeldOutSequence(Section):
     seed: Seed
     """Seed of the sequences; each held-out scenario has its own sequence."""
     alpha: Share
-    """Significance level of each paired test, without correction for several tests."""
+    """Significance level of each paired test, without correction for multiple testing."""
     confidence: Share
     """Confidence level of all intervals and limits."""
     margin: Share
-    """Highest rise of the failure rate over the base's, as a share of tests, that a champion may have in a held-out scenario or a named
+    """Largest rise of the failure rate above the base's, as a share of tests, that a champion may have in a held-out scenario or a named
     group, such as children or night. The rise's upper confidence limit must not exceed it."""
     second_iou: float | None = Field(ge=0.1, lt=1)
     """Another IoU at which held-out tests are judged again, to show whether a verdict depends on `campaign.match_iou`; null: none."""
 
 
 class Rarity(Section):
-    """Frequencies of people and poses that a base set may show rarely, relative to the others; 1 shows all equally often."""
+    """How often a base set shows certain people and poses, relative to others; 1 is equally often."""
 
     children: float = Field(gt=0, le=1)
     """Frequency of a child relative to an adult."""
     crouching: float = Field(gt=0, le=1)
-    """Frequency of the pose `crouching` relative to another."""
+    """Frequency of the pose `crouching` relative to any other."""
 
 
 class BaseSet(Section):
@@ -168,45 +168,45 @@ class Training(Section):
     batch_size: int = Field(ge=1, le=4096)
     """Images per step."""
     crop_iterations: int = Field(ge=0, le=MOST)
-    """Batches of crops, with a quarter of a frame's pixels."""
+    """Batches of crops, each with a quarter of a frame's pixels."""
     frame_iterations: int = Field(ge=0, le=MOST)
     """Batches of full frames after the crops: only full frames show near pedestrians whole."""
     learning_rate: float = Field(gt=0, lt=1)
-    """The highest of the schedule."""
+    """Peak learning rate of the schedule."""
     oversampling: int = Field(ge=1, le=20)
-    """Number of times an epoch shows an image with a pedestrian that is hard to find."""
+    """How often an epoch shows an image with a hard-to-find pedestrian."""
     validate_every: int = Field(ge=1, le=MOST)
     """Iterations between evaluations on 500 validation images."""
     patience: int = Field(ge=1, le=MOST)
-    """Evaluations without a better AP50 after which training stops with the best weights."""
+    """Training stops with the best weights after this many evaluations without a better AP50."""
 
 
 class Retraining(Section):
-    """Retraining of the versions of all arms, with the same number of steps."""
+    """Retraining of the versions of all arms, each with the same number of steps."""
 
     seeds: tuple[Seed, ...] = Field(min_length=1)
-    """Seeds of the choice of frames, of order and augmentation; each makes a version of each arm."""
+    """Seeds of frame selection, order and augmentation; each gives one version of each arm."""
     searches: Literal["all", "own"]
     """`all`: each version learns from the campaigns of all `seeds` of the study; `own`: only from those of its own seed, so that versions
     of an arm differ by their search, too."""
     rounds: int = Field(ge=1, le=20)
     """Number of rounds; each repeats search, filter and retraining on the newest versions."""
     start: Literal["parent", "scratch"]
-    """`parent` continues from the version before, `scratch` trains anew with section `training` on the base set and the added frames."""
+    """`parent` continues from the version before, `scratch` trains a new network as in `training`, on the base set and the added frames."""
     selection: Literal["all", "failures", "regions", "causes", "unsure", "missed"]
-    """Kept frames to add. `all`: of all tests. `failures`: of failures. `regions`: of failures, as many of every failure region.
-    `causes`: of all tests, as many of every cause and of passing tests. `unsure`, `missed`: of all tests, more often where the detector was
-    unsure of the pedestrian or missed it."""
+    """Kept frames to add. `all`: from all tests. `failures`: from failures. `regions`: from failures, equally many from each region.
+    `causes`: from all tests, equally many from each cause and from passing tests. `unsure`, `missed`: from all tests, more often where the
+    detector was unsure of the pedestrian or missed it."""
     batch_size: int = Field(ge=2, le=4096)
     """Images per step."""
     iterations: int = Field(ge=1, le=MOST)
     """Steps."""
     learning_rate: float = Field(gt=0, lt=1)
-    """The highest of the schedule."""
+    """Peak learning rate of the schedule."""
     added_share: Share
-    """Share of a batch that comes from the added frames; the rest, and all of a control's, comes from the base set."""
+    """Share of a batch that comes from the added frames; the rest, and all of a control's batch, comes from the base set."""
     added_frames: int = Field(ge=1, le=MOST)
-    """Largest number of added frames per round; it never exceeds the number of frames of the smallest source."""
+    """Maximum number of added frames per round; never more than the smallest source has."""
     empty_share: Share
     """Share of the added frames without a visible pedestrian; the same for all sources."""
 
@@ -217,10 +217,10 @@ class Filter(Section):
     min_visible_pixels: int = Field(ge=0, le=MOST)
     """A pedestrian with fewer visible pixels is not a fair label."""
     min_detectability: float = Field(ge=0, le=MOST)
-    """Contrast to the surroundings in grey levels times the square root of the visible pixels; below it a person hardly sees the
+    """Contrast to the surroundings in grey levels times the square root of the visible pixels; below it, a person can hardly see the
     pedestrian."""
     overrules: InProject | None
-    """A person's CSV with test_id, step, keep."""
+    """CSV of a person's decisions: test_id, step, keep."""
 
 
 class Regions(Section):
@@ -230,11 +230,11 @@ class Regions(Section):
     """Sets the radius of the density clusters: if failures were spread evenly over the space, each would have this many neighbours
     within it."""
     min_failures: int = Field(ge=2, le=MOST)
-    """Smallest number of failures within the radius to form a region."""
+    """Minimum number of failures within the radius to form a region."""
     confirm: int = Field(ge=0, le=1000)
-    """Fresh random tests inside each rule, and as many just outside, that confirm it; 0 for none. They count in no campaign."""
+    """Number of fresh random tests inside each rule, and as many just outside, to confirm it; 0 for none. They count in no campaign."""
     explain: int = Field(ge=0, le=1000)
-    """Largest number of a region's failures that are executed again with each single change, such as no rain or another person, to see
+    """Maximum number of a region's failures to execute again with each single change, such as no rain or another person, to see
     which change repairs them; 0 for none. They count in no campaign."""
 
 
@@ -242,7 +242,7 @@ class Report(Section):
     """The report."""
 
     replays: int = Field(ge=0, le=100)
-    """Largest number of replay videos."""
+    """Maximum number of replay videos."""
 
 
 class Tracking(Section):

@@ -15,7 +15,7 @@ GRAVITY_MPS2 = 9.81
 WET_FROM_RAIN = 60.0
 """Rain, in %, from which the road is fully wet."""
 EMERGENCY_MPS2 = 5.0
-"""Demanded deceleration from which a braking is an emergency braking: the least that UN Regulation No. 152, 5.2.1.2, asks for."""
+"""Demanded deceleration from which braking is emergency braking: the least that UN Regulation No. 152, 5.2.1.2, asks for."""
 GateKind = Literal["truth", "detections"]
 LawKind = Literal["confidence", "threshold"]
 
@@ -24,7 +24,7 @@ LawKind = Literal["confidence", "threshold"]
 class Vehicle:
     """The ego's brakes. dry_friction, wet_friction: peak friction of tyre and road, in (0, 1.5].
 
-    build_up_s: time constant of the first-order lag between demand and deceleration, seconds; 90 % are reached after 2.3 of them.
+    build_up_s: time constant of the first-order lag between demand and deceleration, seconds; 90 % is reached after 2.3 time constants.
     latency_s: from the exposure of a frame to the demand that it causes.
     """
 
@@ -42,7 +42,7 @@ class Vehicle:
                 raise ValueError(f"{name} must be in [0, 2] s, got {getattr(self, name)}")
 
     def full_brake_mps2(self, rain: float) -> float:
-        """Deceleration under full demand at a rain of 0 to 100 %: friction falls evenly until the road is fully wet."""
+        """Deceleration under full demand at a rain of 0 to 100 %: friction falls linearly until the road is fully wet."""
         wetness = min(1.0, rain / WET_FROM_RAIN)
         return GRAVITY_MPS2 * (self.dry_friction + wetness * (self.wet_friction - self.dry_friction))
 

@@ -26,26 +26,26 @@ class Kpi:
     adj_ttc_s: float = column("adjusted time-to-collision (Eq. 5.3): the smallest TTC over one plus the false positives", "s")
     ttc_s: float = column("smallest time-to-collision (Eq. 5.2)", "s")
     adj_ttc_per_frame_s: float = column("smallest TTC over one plus the false positives of an average frame", "s")
-    failure: bool = column("whether the adjusted TTC is at or below the threshold (Def. 4.10), or an emergency braking without need")
-    failure_mode: FailureMode = column("how it failed; `false_positives` means by these alone")
+    failure: bool = column("whether the adjusted TTC is at or below the threshold (Def. 4.10), or there is a false activation")
+    failure_mode: FailureMode = column("how it failed; `false_positives` means by false positives alone")
     cause: Cause = column("why it failed; see `pipeline.core.causes`")
     contact: bool = column("whether the ego touched the pedestrian")
-    impact_speed_mps: float = column("speed of the ego at the contact, 0 without one", "m/s")
+    impact_speed_mps: float = column("speed of the ego at contact, 0 without contact", "m/s")
     smallest_gap_m: float = column("smallest distance between the footprints of ego and pedestrian", "m")
     post_encroachment_s: float = column(
-        "from the pedestrian leaving the corridor to the ego reaching the conflict point; no value unless in this order", "s"
+        "time from the pedestrian leaving the corridor to the ego reaching the conflict point; no value in any other order", "s"
     )
     first_detection_s: float = column("time of the first detection of the pedestrian; no value if never", "s")
     first_detection_m: float = column("distance from the ego's front to the conflict point at the first detection; no value if never", "m")
-    false_activations: int = column("emergency brakings without need: runs of frames that demand at least 5 m/s² off any collision path")
-    false_activation_s: float = column("their duration in all", "s")
-    speed_loss_mps: float = column("speed lost by braking without need", "m/s")
+    false_activations: int = column("unnecessary emergency braking: runs of frames that demand at least 5 m/s² without a collision path")
+    false_activation_s: float = column("total duration of the false activations", "s")
+    speed_loss_mps: float = column("speed lost by unnecessary braking", "m/s")
     missed_frames: int = column("frames in which a person could see the pedestrian but no detection matches it")
     false_positives: int = column("false positives of all kinds in all frames")
-    false_positives_per_frame: float = column("the same over the number of frames: independent of duration and frame rate")
+    false_positives_per_frame: float = column("the same, divided by the number of frames: independent of duration and frame rate")
     false_positives_far: int = column("false positives away from the pedestrian, IoU at most 0.1")
-    false_positives_localisation: int = column("false positives that fit the pedestrian badly, IoU above 0.1 but too small to match")
-    false_positives_duplicate: int = column("false positives on the pedestrian beside a better detection")
+    false_positives_localisation: int = column("false positives that fit the pedestrian poorly, IoU above 0.1 but too small to match")
+    false_positives_duplicate: int = column("false positives on the pedestrian in addition to a better detection")
 
 
 KPIS = columns(Kpi)
@@ -131,7 +131,7 @@ def _mode(signals: Mapping[str, NDArray[Any]], contact: bool, shortest: float, a
 
 
 def _false_activations(signals: Mapping[str, NDArray[Any]]) -> list[float]:
-    """Seconds of each run of rows that demand an emergency braking although no collision path exists."""
+    """Seconds of each run of rows that demand emergency braking although no collision path exists."""
     wrong = (np.asarray(signals["demand_mps2"]) >= EMERGENCY_MPS2) & ~np.asarray(signals["on_collision_path"], dtype=bool)
     edges = np.diff(np.concatenate([[0], wrong.astype(int), [0]]))
     times = np.append(signals["time_s"], signals["time_s"][-1])

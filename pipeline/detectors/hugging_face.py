@@ -19,7 +19,7 @@ class HuggingFaceDetector:
     """Finds pedestrians with a model that `save_pretrained` wrote, together with its image processor.
 
     model: the folder. threshold, iou: as for `OnnxDetector`. person: name or number of the pedestrian class, if the model's
-    class names do not tell. Only safetensors are read, and code of the model is never run.
+    class names do not say. Only safetensors are read, and the model's own code is never run.
 
     InputError if the folder is not such a model, or its only weights need pickle.
     """

@@ -39,7 +39,7 @@ class OnnxDetector:
 
     model: the file. threshold: smallest score reported, in (0, 1). iou: overlap above which the worse of two boxes is removed, in (0, 1).
     threads: of ONNX Runtime. layout: boxes_scores, yolov5, yolov8 or end_to_end, if the shape is ambiguous. person: name or number of the
-    pedestrian class, if the file's own names do not tell.
+    pedestrian class, if the file's own names do not say.
 
     InputError if the file is missing or is not such a detector.
     """

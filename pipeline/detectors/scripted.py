@@ -32,7 +32,7 @@ class VisiblePixelOracle:
 class EverywhereDetector:
     """Always says "person": with score 1, in every image, as large as a person who stands 10 m ahead of a camera of 60 degrees.
 
-    It shows that a detector does not pass by braking always. model: ignored.
+    It shows that a detector does not pass by always braking. model: ignored.
     """
 
     def __init__(self, model: str | None = None) -> None:

@@ -29,9 +29,9 @@ class SnapshotSpace(Part):
     """The operating conditions of a study: values of each, and clauses."""
 
     variables: dict[str, tuple[str, ...]]
-    """Values of each operating condition, at least one of those that can be rendered."""
+    """Values of each operating condition: one or more of those that can be rendered."""
     constraints: tuple[Written, ...]
-    """Each a text such as `current_lane <= lanes`, or a clause, of which one literal `name = value` or `name != value` must hold."""
+    """Each is a text such as `current_lane <= lanes`, or a clause: one of its literals `name = value` or `name != value` must hold."""
 
     @field_validator("variables", mode="before")
     @classmethod
@@ -88,4 +88,4 @@ class FrontCar(Part):
     iterations: int = Field(ge=1, le=MOST)
     """Number of training steps of each detector, from the shipped detector's weights."""
     learning_rate: float = Field(gt=0, lt=1)
-    """The highest of the schedule."""
+    """Peak learning rate of the schedule."""

@@ -118,7 +118,7 @@ def test_a_camera_is_chosen_by_its_name() -> None:
         (f"tracking.model_name={'x' * 5000}", f"at most 60, as a path is named after it, got '{'x' * 79}…"),
         (
             "base.weights=../elsewhere",
-            "base.weights: expected a path inside the project; link what lies elsewhere into it",
+            "base.weights: expected a path inside the project (link outside files into it)",
         ),
         ("filter.overrules=/etc/passwd", "filter.overrules: expected a path inside the project"),
         ("simulator.camera.width=abc", "simulator.camera.width: Input should be a valid integer, got 'abc'"),

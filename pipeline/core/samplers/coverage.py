@@ -21,7 +21,7 @@ MOST_CELLS = 10_000_000
 class CoverageSampler(BatchSampler):
     """Proposes categories that raise k-projection coverage most, and draws a value inside each; ignores test results.
 
-    Once every feasible k-tuple has been tested as often as its weight says, each is wanted that often once more, and so on.
+    Once every feasible k-tuple has been tested as often as its weight says, each is wanted as often again, and so on.
 
     k: number of categories in a combination, 1 to 6; a space with fewer variables combines all of them.
     """

@@ -20,7 +20,7 @@ ATTEMPTS = 20
 class EvolutionarySampler(BatchSampler):
     """Mutates the tests with the lowest KPI; each batch is a generation.
 
-    After `initial` random tests, the parents are the tests with the lowest finite KPI of all so far (among equals the newest first) and,
+    After `initial` random tests, the parents are the tests with the lowest finite KPI of all so far (ties: the newest first) and,
     as the section's exploratory extension, some other tests at random. Parents are mutated in turn until the batch is full. A mutation
     changes one variable: a number by a normally distributed step (at least 1 for an integer; cyclic variables wrap around, others stay
     at their bounds), a category to any other. It must be valid and untested; if none is found, the test is random.
@@ -28,7 +28,7 @@ class EvolutionarySampler(BatchSampler):
     The section also lets variables with more impact change more often. Impact is the mean deviation of the KPI among tests that agree in
     all other variables; a variable without such tests has the mean impact of the others.
 
-    The thesis gives no values, and leaves open the step, the tie and how impact is estimated.
+    The thesis gives no values, and does not specify the step, the order of ties or how impact is estimated.
 
     initial: n_e, rounded up to whole batches, at least 1. parents: l, 1 to 1000; k is the batch size divided by all parents. explore:
     random parents per parent, in [0, 1]. step: standard deviation of a number's step as a share of its range, in (0, 1]. impact: share of

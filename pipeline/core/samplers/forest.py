@@ -28,15 +28,15 @@ CURIOSITY = 0.2
 
 @dataclass(eq=False, repr=False, kw_only=True)
 class ForestSampler(BatchSampler):
-    """Chooses each batch greedily for expected failures that show pairs of categories which have not failed yet.
+    """Chooses each batch greedily for expected failures in pairs of categories that have not failed yet.
 
     The first batch covers as many pairs of categories as it can. From then on, candidates are random points and mutations of all failures,
     and the value of a candidate is P(failure) x gain.
 
     P comes from two models. Extremely randomised trees (Geurts et al., 2006) learn which tests failed, and know how variables act
     together. A Bayesian linear regression of the KPI (Tipping, 2001) learns from near misses, too, so it leads while failures are few. They
-    are joined as a noisy-or: what the trees know to fail cannot gain from the linear model, which would prefer tests in which all causes
-    meet. For each pick, some trees are drawn anew (Thompson sampling): where the trees disagree, picks differ.
+    are combined as a noisy-or: tests that the trees know to fail gain nothing from the linear model, which would prefer tests that combine
+    all causes. For each pick, a new sample of trees is drawn (Thompson sampling): where the trees disagree, picks differ.
 
     The gain is the mean of 1 / (1 + n)^2 over the candidate's pairs of categories, n being the number of failures that show the pair,
     expected failures of the batch included. So a known failure mode loses value, but never all of it.

@@ -18,8 +18,8 @@ from pipeline.core.space import Floats, Space
 class MixedSampler(BatchSampler):
     """Fills a share of each batch with random tests and leaves the rest to forest-guided testing, which learns from both.
 
-    A detector that learns from failures alone forgets what it could do: failures crowd in darkness, rain and fog. Random tests show it the
-    rest of the space, as a defensive mixture does in importance sampling (Owen and Zhou, 2000).
+    A detector trained on failures alone forgets what it knew, because failures crowd in darkness, rain and fog. Random tests show it the
+    rest of the space, like a defensive mixture in importance sampling (Owen and Zhou, 2000).
 
     uniform: share of random tests, in [0, 1]; they come first in each batch. attributes: whether the forest knows the attributes of
     categories, such as a person's height. failure_threshold_s, earlier: as in `ForestSampler`.

@@ -22,7 +22,7 @@ class NetworkSampler(MetaModelSampler):
 
     The search and its other parameters are those of `pipeline.core.samplers.meta_model.MetaModelSampler`.
 
-    Trained by L-BFGS on the mean squared error and an L2 penalty of the weights. scikit-learn's regressor has no sigmoid output.
+    Trained by L-BFGS on the mean squared error plus an L2 penalty on the weights. scikit-learn's regressor has no sigmoid output.
     """
 
     grid: ClassVar[tuple[Hyperparameters, ...]] = tuple(

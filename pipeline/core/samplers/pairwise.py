@@ -13,7 +13,7 @@ from pipeline.core.space import Floats
 class PairwiseSampler(BatchSampler):
     """Executes a covering array in the order that covers new pairs soonest, then draws at random; ignores test results.
 
-    The sequence depends only on space and seed: versions under comparison execute the same tests.
+    The sequence depends only on space and seed, so versions under comparison execute the same tests.
     """
 
     learns = False

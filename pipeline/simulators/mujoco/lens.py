@@ -19,8 +19,8 @@ from .weather import Weather
 class CameraSettings(BaseModel):
     """The camera: image size in pixels, horizontal field of view in degrees, frames per second, and its image effects.
 
-    exposure: gain that follows the image's brightness. noise: grain of the sensor. vignetting: darker corners. rain_on_lens: drops.
-    distortion: radial coefficient k1 of Brown's model (x_d = x (1 + k1 r^2), normalised image plane); negative is a barrel, 0 none. A
+    exposure: gain that follows the image's brightness. noise: sensor noise. vignetting: darker corners. rain_on_lens: drops.
+    distortion: radial coefficient k1 of Brown's model (x_d = x (1 + k1 r^2), normalised image plane); negative is barrel, 0 none. A
     barrel shows more than the rendered image: its border repeats the outermost pixels.
     jpeg_quality: of the image's compression; null for none.
     """
