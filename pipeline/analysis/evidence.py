@@ -1,6 +1,6 @@
 """The areas of the thesis' Figure 8.1, known or unknown and safe or unsafe (ISO 21448), estimated from a study's tests.
 
-What is known comes from all tests. What is a rate comes from random tests alone, which are judged by rules that never saw them.
+Known areas come from all tests. Rates come from random tests alone, judged by rules that were fitted without them.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ DRAWS = 100_000
 """Conditions drawn from the exposure to measure a share; no test is executed for them."""
 NORMAL = 1.959964
 """Half the width of a 95 % interval, in standard errors."""
-NO_RANDOM = "no random test was executed, and the tests of other strategies tell no rate"
+NO_RANDOM = "no random test was executed, and the tests of other strategies give no rate"
 UNCONFIRMED = "no rule was tested by fresh random tests; regions.confirm says how many to execute"
 ONLY_RANDOM = "every test is random: rules that are fitted to these tests cannot be judged by them; add a search to the strategies"
 SAMPLED = f"{DRAWS:,} conditions drawn from the exposure; "
@@ -52,12 +52,12 @@ CONFIRMED = Area(
 )
 KNOWN_SAFE = Area(
     share=None,
-    definition=f"{OUTSIDE} that a passed test shows.",
+    definition=f"{OUTSIDE} that a passed test covers.",
     source=SAMPLED + "passed tests of all strategies.",
 )
 UNKNOWN = Area(
     share=None,
-    definition=f"{OUTSIDE} that no passed test shows.",
+    definition=f"{OUTSIDE} that no passed test covers.",
     source=SAMPLED + "passed tests of all strategies.",
 )
 UNKNOWN_UNSAFE = Risk(
@@ -91,7 +91,7 @@ class Searched:
 
 @dataclass(frozen=True)
 class Judged:
-    """The shares of one scenario as rates, which can be combined with those of others; what has no estimate is None or left out."""
+    """The shares of one scenario as rates, which can be combined with those of others; a share without an estimate is None or left out."""
 
     tested: Searched
     sampled: Mapping[str, Rate]

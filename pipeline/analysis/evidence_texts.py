@@ -17,14 +17,14 @@ ASSUMPTIONS = (
     "Tests that ended in an error would have failed as often as the others.",
 )
 LIMITS = (
-    "A rate is one per encounter with a pedestrian in that scenario, not per hour or kilometre.",
+    "A rate is per encounter with a pedestrian in that scenario, not per hour or kilometre.",
     "The tests of searches look where failures are. They find regions and count for coverage, but enter no rate.",
-    "Known safe means that a passed test shows each combination once. Other tests of the same combination may fail: that risk is part of "
-    "the unknown unsafe area.",
-    "The rule of a region that is not confirmed comes from the very tests that made it.",
-    "The intervals hold for each number alone, not for all of them together.",
+    "Known safe means that a passed test covers each combination. Other tests of the same combination may fail: that risk is part of the "
+    "unknown unsafe area.",
+    "A rule that is not confirmed is judged by the very tests to which it was fitted.",
+    "Each interval holds for its own number, not for all numbers together.",
 )
-WEIGHED = "Random tests are uniform. They are weighted by the exposure, so that few of them may have most of the weight."
+WEIGHED = "Random tests are uniform. They are weighted by the exposure, so a few of them may carry most of the weight."
 SEVERAL = "The exposure does not say how often each scenario occurs, so there are no numbers for all scenarios together."
 RETRAINED = (
     "Retrained versions of this study have no random tests on these scenarios, so they have no evidence file here. To get one, test the "

@@ -80,7 +80,7 @@ def _counts(tests: pd.DataFrame, column: str, model: type[Result]) -> dict[str, 
 
 
 def count_false_activations(tests: pd.DataFrame) -> FalseActivations:
-    """Emergency brakings without need in the valid tests of a table."""
+    """Unnecessary emergency braking in the valid tests of a table."""
     valid = tests[tests["status"] == "ok"]
     braking = valid[valid["false_activations"] > 0]
     return FalseActivations(

@@ -1,4 +1,4 @@
-"""Counts that the results of a search and of a comparison share: failures by mode and by cause, and braking without need."""
+"""Counts that the results of a search and of a comparison share: failures by mode and by cause, and unnecessary braking."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pipeline.artefacts.results import Result
 
 class Modes(Result):
     """Failures by failure mode; `contact + late` fail by TTC alone, `false_positives` only because Eq. 5.3 divides by them, and
-    `false_activation` by braking without need."""
+    `false_activation` by unnecessary braking."""
 
     contact: int = 0
     late: int = 0
@@ -41,9 +41,9 @@ class Causes(Result):
 
 
 class FalseActivations(Result):
-    """Emergency brakings without need: `number` in `braking` of `tests` valid tests.
+    """Unnecessary emergency braking: `number` times in `braking` of `tests` valid tests.
 
-    duration_s: of all together. speed_loss_mps: speed lost by braking without need in these `braking` tests together.
+    duration_s: of all together. speed_loss_mps: speed lost by unnecessary braking in these `braking` tests together.
     """
 
     tests: int = 0

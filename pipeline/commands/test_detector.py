@@ -29,11 +29,11 @@ if TYPE_CHECKING:
     from pipeline.artefacts.calibration_results import DetectorCalibration
     from pipeline.execution.worker import Calls
 
-WORDS = """ONNX files (ours, YOLOv5, YOLOv8/11 or end to end), or what the study's detector takes; and Hydra overrides, such as
+WORDS = """ONNX files (ours, YOLOv5, YOLOv8/11 or end-to-end), or what the study's detector takes; and Hydra overrides, such as
 campaign.tests=40 search=[F1,F5] detector=mine"""
 LONGEST_STEM = 40
 """Characters of a file's name that a detector's name keeps."""
-HELP = "Search for the failures of any detectors, and compare several; trains nothing."
+HELP = "Find the failures of any detector, and compare several; trains nothing."
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -127,7 +127,7 @@ def _checker(config: Config, calls: Calls) -> Callable[[Path], None]:
 
 
 def table(config: Config) -> str:
-    """Failures by detector, scenario and strategy, braking without need, the regions and, for several detectors, the verdict. Errors are in
+    """Failures by detector, scenario and strategy, unnecessary braking, the regions and, for several detectors, the verdict. Errors are in
     no rate."""
     from pipeline.artefacts.calibration_results import DetectorCalibration
     from pipeline.artefacts.comparison_results import Comparison
@@ -139,21 +139,21 @@ def table(config: Config) -> str:
     from pipeline.report.verdict import verdict_table
 
     folders = Folders(config)
-    counted = f"{'tests':>6}{'errors':>8}{'fail':>6}{'contact':>9}{'late':>6}{'false positives':>17}{'without need':>14}"
+    counted = f"{'tests':>6}{'errors':>8}{'fail':>6}{'contact':>9}{'late':>6}{'false positives':>17}{'unnecessary':>13}"
     width = 2 + max(8, *map(len, config.tested))
     lines = [f"{'detector':{width}}{'scenario':10}{'strategy':12}{counted}   failure rate"]
     measures = read(Path(folders.root, "measures.json"), Measures)
     for row in measures.strategies:
         modes = row.modes
         counts = f"{row.tests:>6}{row.errors:>8}{row.failures:>6}{modes.contact:>9}{modes.late:>6}{modes.false_positives:>17}"
-        counts += f"{modes.false_activation:>14}"
+        counts += f"{modes.false_activation:>13}"
         lines.append(f"{row.version:{width}}{row.scenario:10}{row.strategy:12}{counts}   {percent(row.rate)}")
     if config.audited:
         lines += [base_rate_sentence(measures.of(version).base_rates) for version in config.tested]
     for path in folders.calibrations(config.tested):
         lines.append(_calibrated(read(Path(path), DetectorCalibration)))
     if braking := braking_in_search(measures):
-        lines += ["", "Braking without need\n", *aligned(braking), ""]
+        lines += ["", "Unnecessary braking\n", *aligned(braking), ""]
     for version in config.tested:
         for scenario in config.search:
             for region in read(Path(folders.regions(version, scenario)), FailureRegions).regions:
@@ -168,6 +168,6 @@ def table(config: Config) -> str:
 
 def _calibrated(found: DetectorCalibration) -> str:
     if not found.fitted:
-        return f"{found.version} could not be calibrated: {found.right} of {found.detections} detections are right"
+        return f"{found.version} could not be calibrated: {found.right} of {found.detections} detections are correct"
     before, after = found.errors["uncalibrated"], found.errors["calibrated"]
     return f"{found.version} is calibrated on {found.images} images: expected calibration error {before:.3f} before, {after:.3f} after"

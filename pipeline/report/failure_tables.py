@@ -1,4 +1,4 @@
-"""Tables of failures by cause and of braking without need, and the base failure rate in words: for the report and the terminal."""
+"""Tables of failures by cause and of unnecessary braking, and the base failure rate in words: for the report and the terminal."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ CAUSES = {
     "confidence": "confidence too low",
     "false_positives": "false positives",
     "not_solvable": "not solvable by the camera",
-    "false_activation": "braking without need",
+    "false_activation": "unnecessary braking",
 }
 """Cause of a failure -> its name in tables."""
 MIXED = "several causes"
@@ -33,7 +33,7 @@ def cause_cells(causes: Causes) -> tuple[str, ...]:
 
 
 def braking_cells(found: FalseActivations) -> tuple[str, ...]:
-    """Braking without need, in the order of `BRAKING`; a mean of nothing is a dash."""
+    """Unnecessary braking, in the order of `BRAKING`; a mean of nothing is a dash."""
     duration, loss = found.mean_duration_s, found.mean_speed_loss_mps
     means = NONE if duration is None else f"{duration:.2f} s", NONE if loss is None else f"{loss:.1f} m/s ({3.6 * loss:.0f} km/h)"
     return str(found.tests), str(found.braking), str(found.number), *means

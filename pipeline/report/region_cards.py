@@ -135,7 +135,7 @@ def _fewer(pictures: int, members: int) -> str:
     """Why a card has fewer pictures than usual; empty if it has all."""
     if pictures == min(PICTURES, members):
         return ""
-    return f"Frames were kept of {pictures} of its {members} failures." if pictures else "No frame of its failures was kept."
+    return f"Frames were kept for {pictures} of its {members} failures." if pictures else "No frames of its failures were kept."
 
 
 def _picture(test: str, shown: Shown) -> Picture:

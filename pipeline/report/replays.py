@@ -116,7 +116,7 @@ def outcome_text(kpi: Kpi) -> str:
         "contact": f"contact at {kpi.impact_speed_mps:.1f} m/s",
         "late": "too late",
         "false_positives": "false positives alone",
-        "false_activation": "braking without need",
+        "false_activation": "unnecessary braking",
     }[kpi.failure_mode]
 
 

@@ -53,7 +53,7 @@ def served(page: Path) -> bytes:
     text = read_bytes(page).decode()
     for stored, instead in SERVED.items():
         if text.count(stored) != 1:
-            raise InputError(f"{page}: expected a page of this version of the program, got another; make it again with ./run")
+            raise InputError(f"{page}: expected a page made by this version of the program; make it again with ./run")
         text = text.replace(stored, instead)
     return text.encode()
 

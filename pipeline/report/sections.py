@@ -85,7 +85,7 @@ def _causes(measures: Measures, labels: Mapping[str, str]) -> Passage:
 def _braking(measures: Measures, labels: Mapping[str, str]) -> list[Passage]:
     """Nothing if all scenarios ask to brake."""
     found = braking_in_search(measures, labels)
-    return [Passage("Braking without need", texts.BRAKING, Table(found[0], tuple(found[1:]), numbers=(6, 7)))] if found else []
+    return [Passage("Unnecessary braking", texts.BRAKING, Table(found[0], tuple(found[1:]), numbers=(6, 7)))] if found else []
 
 
 def _coverage(measures: Measures, labels: Mapping[str, str], plots: Sequence[Drawing]) -> Passage:
@@ -177,7 +177,7 @@ def _kept(table: pd.DataFrame, reason: str) -> str:
 
 def calibration_section(calibrations: Sequence[DetectorCalibration], plots: Sequence[Drawing]) -> Section:
     """How the confidences of detectors under test are calibrated."""
-    headers = ("detector", "slope", "offset", "error before", "error after", "detections", "right")
+    headers = ("detector", "slope", "offset", "error before", "error after", "detections", "correct")
     table = Table(headers, tuple(map(_calibration_row, calibrations)))
     notes = tuple(texts.NOT_CALIBRATED.format(version=found.version) for found in calibrations if not found.fitted)
     how = texts.CALIBRATION.format(images=calibrations[0].images)

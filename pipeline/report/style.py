@@ -29,7 +29,7 @@ MODE_NAMES: Mapping[str, str] = {
     "contact": "contact",
     "late": "too late (TTC alone)",
     "false_positives": "false positives alone",
-    "false_activation": "braking without need",
+    "false_activation": "unnecessary braking",
     "none": "no failure",
 }
 SERIES = ("#3b7dd8", "#e0682e", "#2a9d78", "#8f6bc9", "#b9912b", "#c9497c", "#5a8f3c", "#4aa3b5", "#a0624a", "#7f93ab")

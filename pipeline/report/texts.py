@@ -24,19 +24,19 @@ CAUSES = _prose("""
     see the pedestrian and braking would still have helped. Seen too late: most of them have no detection, or the brake follows too late or
     too weakly. Box disagrees: most have a box on the pedestrian that does not fit. Confidence too low: most have a fitting box
     that is not reported. False positives: Eq. 5.3 alone makes the failure. Not solvable by the camera: no such frame comes in time.
-    Braking without need: an emergency braking off any collision path.
+    Unnecessary braking: emergency braking without a collision path.
 """)
 BRAKING = _prose("""
-    In these scenarios the right answer is not to brake. A false activation is an emergency braking: frames in a row
-    that demand at least 5 m/s². A test with one is a failure. Mean duration: of a false activation. Mean speed loss: of a test with one.
+    In these scenarios the right answer is not to brake. A false activation is emergency braking: consecutive frames that demand at least
+    5 m/s². A test with one is a failure. Mean duration: per false activation. Mean speed loss: per test with one.
 """)
 SECOND_IOU = _prose("""
-    Detections match the pedestrian above an IoU of {first:g}. Does the verdict hang on it? Here, the same tests are judged at {second:g}
-    from their stored detections. Those in which the car would have braked otherwise are driven again.
+    Detections match the pedestrian above an IoU of {first:g}. Does the verdict depend on it? Here, the same tests are judged at
+    {second:g} from their stored detections. Those in which the car would have braked differently are executed again.
 """)
 TABLE = _prose("""
     Failures on each held-out scenario. Versions retrained with several seeds: mean over the seeds with Student's interval. Single versions,
-    such as base: count. The count has no interval, because the held-out tests are a designed list and no random sample. The p-values
+    such as base: count. The count has no interval, because the held-out tests are a designed list, not a random sample. The p-values
     compare versions test by test. For orientation, thesis Table 7.2 counts D_o (base) 21, 69, 40, 25; D_r (random) 11, 5, 44,
     6; D_a (adaptive) 6, 4, 25, 3 on F1* to F4*. The thesis uses another simulator, detector and number of tests.
 """)
@@ -66,7 +66,7 @@ ROUNDS = _prose("""
     data. The table lists the failures that each search found in all search scenarios together.
 """)
 HELD_OUT_REGIONS = _prose("""
-    Regions in which {base} fails on the held-out sequence, and how many tests inside each rule every version fails (mean over seeds).
+    Regions in which {base} fails on the held-out sequence, and how many tests inside each rule each version fails (mean over seeds).
     The rules are fitted to the failures of {base}. This alone makes every other version look better inside them.
 """)
 CHANGES = _prose("""
@@ -93,7 +93,7 @@ SEARCH = _prose("""
     other. Their rates, and all other values, have Student's interval over seeds, and none with one seed.
 """)
 MEASURES = _prose("""
-    Base failure rate: failures of the searched version in random tests of the same scenario, which no search chose, and their number.
+    Base failure rate: how often the searched version fails random tests of the scenario, which no search chose, and their number.
     F: tests until the first failure. C: share of tests saved compared with {baseline}, for as many failures as {baseline} found. 1
     is best; below 0 is slower than {baseline}. If {baseline} found none, the test after its last one counts as its first failure.
     Censored: a campaign that ended before it found so many failures. It counts as needing more tests than it had (Kaplan-Meier, mean
@@ -120,8 +120,8 @@ REGIONS = _prose("""
     this camera. Covered by the rule: share of the region's failures. Fresh tests: failures / tests with exact intervals. Pictures: a
     decisive moment of up to four failures, as the campaign saw it. Blue: the true pedestrian. Red: detections with their score; dashed
     ones are below the detector's threshold. Bars: failures of the region that pass with this one change, all else being equal, the
-    noise of the camera included; with exact intervals. Other noise changes nothing else: a change that repairs no more than it is no
-    cause. A click on a card shows its failures in the table of every test.
+    noise of the camera included; with exact intervals. "Other noise" changes only the noise: a change that repairs no more than that is
+    not a cause. Click a card to see its failures in the table of every test.
 """)
 NO_FAILURES = _prose("""
     No test failed, so there are no regions. Run more tests, or look at the smallest adj. TTC in the figures of the search.
@@ -136,12 +136,12 @@ DETECTION = _prose("""
 """)
 CALIBRATION = _prose("""
     The confidences are calibrated on {images} validation images of the base set, before any test: calibrated logit = slope · logit +
-    offset (Platt). Error: expected calibration error, the mean distance between confidence and share of right detections. The detector's
+    offset (Platt). Error: expected calibration error, the mean distance between confidence and share of correct detections. The detector's
     threshold applies to the calibrated confidence.
 """)
 NOT_CALIBRATED = _prose("""
-    {version} could not be calibrated and keeps its confidences: all or none of its detections are right, or more confident ones are not
-    right more often.
+    {version} could not be calibrated and keeps its confidences: all or none of its detections are correct, or more confident ones are not
+    correct more often.
 """)
 SEEDS = _prose("""
     The same seeds, settings and files give the same tests. A test that ended in an error counts in no rate.
@@ -150,9 +150,9 @@ NOT_SHOWN = (
     "The simulator and its camera stand for the road. Nothing here was recorded on a real road.",
     "Each test has one pedestrian, and the ego brakes as the settings say. Other road users follow fixed plans.",
     "A search looks where failures are. Only random tests give a failure rate, and it holds for the conditions that they were drawn from.",
-    "The rule of a region that is not confirmed is judged by the tests that made it.",
-    "A heat map that is full says that each pair of categories occurred, and not that the detector is safe there.",
-    "How likely failures are on the road, and what may be claimed, is on the evidence page of the version.",
+    "A rule that is not confirmed is judged by the tests to which it was fitted.",
+    "A full heat map says that each pair of categories occurred, not that the detector is safe there.",
+    "The version's evidence page says how likely failures are on the road and what may be claimed.",
 )
 EXPLORER = _prose("""
     Click a column's title to sort by it. The field below it filters: text, "a | b", "< 0.1", ">= 40", "5 .. 10" or "= M 03".
@@ -176,8 +176,8 @@ FIGURES = {
         seeds.
     """),
     "pairs": _prose("""
-        For each two variables, the share of their feasible pairs of categories that the search covers, all strategies together. Left: in at
-        least one test. Right: in at least one failure. Low numbers on the left show where nobody has looked yet.
+        For each pair of variables, the share of their feasible pairs of categories that the search covers, all strategies together.
+        Left: in at least one test. Right: in at least one failure. Low numbers on the left show where nobody has looked yet.
     """),
     "rounds": _prose("""
         Failures on the held-out sequence after each round; round 0 is base. Bars: Student's intervals over the seeds of
@@ -191,8 +191,8 @@ FIGURES = {
         Higher is better. A detector can be better on single images and still brake too late. The verdict above decides.
     """),
     "reliability": _prose("""
-        How well the confidence matches the share of right detections, on the validation images used for calibration. On the
-        diagonal, eight in ten detections with confidence 0.8 are right. The AEB brakes as hard as the detector is confident, so
+        How well the confidence matches the share of correct detections, on the validation images used for calibration. On the
+        diagonal, eight in ten detections with confidence 0.8 are correct. The AEB brakes as hard as the detector is confident, so
         above the diagonal the car brakes too softly. Larger points stand for more detections; bins with fewer than ten are left
         out.
     """),

@@ -62,7 +62,7 @@ def reliability_diagrams(diagrams: Mapping[str, Mapping[str, Diagram]]) -> Figur
             axis.plot([0, 1], [0, 1], color=INK, linewidth=0.8, zorder=1)
             axis.set(title=title, xlabel="confidence", xlim=(0, 1), ylim=(0, 1))
             axis.legend(loc="upper left", fontsize=8)
-        axes[0][0].set_ylabel("share of right detections")
+        axes[0][0].set_ylabel("share of correct detections")
     return figure
 
 

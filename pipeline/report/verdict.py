@@ -28,7 +28,7 @@ def verdict_table(comparison: Comparison, report: Path | None = None) -> str:
     if planted := planted_rows(comparison):
         lines += ["", "Planted blind spots: people and poses that the base set shows rarely\n", *aligned(planted)]
     if braking := braking_held_out(comparison):
-        lines += ["", "Braking without need\n", *aligned(braking)]
+        lines += ["", "Unnecessary braking\n", *aligned(braking)]
     lines += ["", *verdict_sentences(comparison)]
     if report is not None:
         lines += ["", f"Next: open {report} in a browser; ./run ui compares the versions in MLflow"]

@@ -56,7 +56,7 @@ def _at_second_iou(comparison: Comparison) -> list[str]:
         return []
     lost = [first.group for first, again in shown if not holds(first, again, comparison.alpha)]
     found = f"not shown at {second.iou:g} for {', '.join(lost)}" if lost else f"shown at {second.iou:g}, too"
-    return [f"What is shown at an IoU of {second.first:g} is {found}."]
+    return [f"The differences shown at an IoU of {second.first:g} are {found}."]
 
 
 def verdict_section(
@@ -120,7 +120,7 @@ def _modes(versions: Sequence[VersionResult], plots: Sequence[Drawing]) -> Passa
         "too late",
         "by TTC alone",
         "false positives alone",
-        "without need",
+        "unnecessary braking",
         "failure rate",
         "errors",
     )
@@ -141,7 +141,7 @@ def _causes(versions: Sequence[VersionResult]) -> Passage:
 def _braking(comparison: Comparison) -> list[Passage]:
     """Nothing if all held-out scenarios ask to brake."""
     found = braking_held_out(comparison)
-    return [Passage("Braking without need", texts.BRAKING, Table(found[0], tuple(found[1:]), numbers=(5, 6)))] if found else []
+    return [Passage("Unnecessary braking", texts.BRAKING, Table(found[0], tuple(found[1:]), numbers=(5, 6)))] if found else []
 
 
 def _second_iou(comparison: Comparison) -> list[Passage]:

@@ -32,7 +32,7 @@ POLICY = Policy(alpha=0.05, confidence=0.95, margin=0.1)
 
 
 def table(outcomes: Mapping[str, str]) -> pd.DataFrame:
-    """Tests from strings: '.' passes, 'c' contact, 'l' late, 'f' by false positives alone, 'n' braking without need, 'e' error."""
+    """Tests from strings: '.' passes, 'c' contact, 'l' late, 'f' by false positives alone, 'n' unnecessary braking, 'e' error."""
     modes = {".": "none", "c": "contact", "l": "late", "f": "false_positives", "n": "false_activation", "e": "none"}
     causes = {".": "none", "c": "never_seen", "l": "box", "f": "false_positives", "n": "false_activation", "e": "none"}
     return pd.DataFrame(
@@ -105,7 +105,7 @@ def test_failures_are_counted_by_cause() -> None:
     assert (result.versions[0].modes.by_ttc, result.versions[0].modes.total, result.versions[1].causes.total) == (3, 5, 0)
 
 
-def test_braking_without_need_is_listed_by_version_and_scenario() -> None:
+def test_unnecessary_braking_is_listed_by_version_and_scenario() -> None:
     sequence = replace(held_out(table({"base": "nn.e", "adaptive": "...."})), no_braking=("F1star",))
     result = compared_on(sequence)
     headers, base, adaptive = braking_held_out(result)
@@ -119,7 +119,7 @@ def test_braking_without_need_is_listed_by_version_and_scenario() -> None:
         "mean speed loss": "4.0 m/s (14 km/h)",
     }
     assert adaptive[2:] == ("4", "0", "0", "–", "–")
-    assert "Braking without need" in verdict_table(result) and "Braking without need" not in verdict_table(compared(base="c"))
+    assert "Unnecessary braking" in verdict_table(result) and "Unnecessary braking" not in verdict_table(compared(base="c"))
 
 
 def test_verdicts() -> None:
@@ -346,7 +346,7 @@ def test_a_fix_that_names_no_test_is_refused_on_reading(tmp_path: Path) -> None:
     write(path, result)
     assert read(path, Comparison) == result and "F1star-00002" in path.read_text()
     path.write_text(path.read_text().replace("F1star-00002", "F1star"))
-    wrong = "versions.1.scenarios.F1star.paired.fixes.2: Value error, expected the name of a test, as F1star-00042, got 'F1star'"
+    wrong = "versions.1.scenarios.F1star.paired.fixes.2: Value error, expected the name of a test, such as F1star-00042, got 'F1star'"
     with pytest.raises(InputError) as caught:
         read(path, Comparison)
     assert str(caught.value) == f"{path} is not a Comparison file: {wrong}; make it again"

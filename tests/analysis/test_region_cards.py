@@ -135,7 +135,7 @@ def test_pictures_are_kept_frames_of_its_failures(
 def test_a_card_without_frames_says_so(found: FailureRegions) -> None:
     nothing = KeptFrames([])
     card = cards(found, pictured(found, nothing), Shown({}, {}, {}, 0.5))[0]
-    assert card.pictures == () and card.fewer == "No frame of its failures was kept."
+    assert card.pictures == () and card.fewer == "No frames of its failures were kept."
     assert card.test in found.regions[0].members
 
 

@@ -112,7 +112,7 @@ def test_page_says_causes_base_failure_rate_and_base_set(study: FabricatedStudy,
     for rate in measures.base_rates:
         assert page.count(rate_text(rate)) >= 4, "headline, verdict, regions and search"
     assert "baseline, unknown base set" in page and "its card does not say" in page
-    assert "Braking without need</h3>" not in page
+    assert "Unnecessary braking</h3>" not in page
 
 
 def test_page_shows_the_limits_of_the_gate(study: FabricatedStudy, page: str) -> None:
@@ -124,10 +124,10 @@ def test_page_shows_the_limits_of_the_gate(study: FabricatedStudy, page: str) ->
         assert f">{limit.name}</td>" in re.sub(r">\s+", ">", page)
 
 
-def test_braking_without_need_has_a_table_where_it_is_asked_for(study: FabricatedStudy) -> None:
+def test_unnecessary_braking_has_a_table_where_it_is_asked_for(study: FabricatedStudy) -> None:
     measures = read(study.root / "measures.json", Measures).model_copy(update={"no_braking": ("F2",)})
     parts = sections.search_section(measures, None, {"F1": "F1", "F2": "F2"}, [], [], {}).parts
-    table = next(part.table for part in parts if part.title == "Braking without need")
+    table = next(part.table for part in parts if part.title == "Unnecessary braking")
     assert table is not None and [row[:3] for row in table.rows] == [("base", "F2", name) for name in study.config.strategies]
 
 

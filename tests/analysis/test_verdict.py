@@ -115,8 +115,8 @@ def test_a_difference_holds_at_the_second_iou_if_it_is_shown_there_with_the_same
     assert "Failures at an IoU of 0.3 instead of 0.5: base 12, adaptive 5." in text
     assert f"Differences shown at 0.5 that are shown at 0.3, too: {int(found)} of 1." in text
     assert (f"Not shown at 0.3: adaptive from base (p = {p_value})." in text) != found
-    assert ("What is shown at an IoU of 0.5 is shown at 0.3, too." in headline(compared)) == found
-    assert ("What is shown at an IoU of 0.5 is not shown at 0.3 for adaptive." in headline(compared)) != found
+    assert ("The differences shown at an IoU of 0.5 are shown at 0.3, too." in headline(compared)) == found
+    assert ("The differences shown at an IoU of 0.5 are not shown at 0.3 for adaptive." in headline(compared)) != found
 
 
 def test_rows_show_failures_change_and_verdict() -> None:

@@ -103,8 +103,8 @@ def test_a_test_without_kpi_has_no_failure_no_count_and_no_number() -> None:
     assert all(np.isnan(getattr(NO_KPI, column.name)) for column in KPIS if column.kind is float)
 
 
-def test_braking_without_need_is_a_failure() -> None:
-    # Two emergency brakings of two and one frames, and a soft one; the ego loses 4 m/s.
+def test_unnecessary_braking_is_a_failure() -> None:
+    # Emergency braking twice, for two and one frames, and once softly; the ego loses 4 m/s.
     columns: dict[str, list[float]] = {
         "time_s": [0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6],
         "ego_speed_mps": [10, 10, 9, 8, 8, 7, 6],

@@ -75,7 +75,7 @@ def test_a_click_makes_a_film_that_plays_and_is_kept(page: Page, study: Fabricat
     assert page.locator(f"#film-{test}").count() == 0 and films(study) == []
     choose(page, test)
     status = page.locator("#explorer-view [role=status]")
-    expect(status).to_have_text("The film of this test is being made; this takes some seconds.")
+    expect(status).to_have_text("The film of this test is being made; this takes a few seconds.")
     video = page.locator("#explorer-view video")
     expect(video).to_be_visible(timeout=SLOW_MS)
     expect(video).not_to_have_js_property("currentTime", 0, timeout=SLOW_MS)  # It plays.

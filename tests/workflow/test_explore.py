@@ -247,7 +247,7 @@ def test_an_unfinished_study_and_a_page_of_another_version_are_named(study: Stud
     page = study / "report.html"
     text = page.read_text()
     page.write_text(text.replace("media-src", "object-src"))
-    assert refused([], capsys).startswith("data/smoke/report.html: expected a page of this version of the program, got another")
+    assert refused([], capsys).startswith("data/smoke/report.html: expected a page made by this version of the program")
     page.unlink()
     assert refused([], capsys).startswith("data/smoke/report.html: no such file, so study smoke is not finished; finish it first")
     page.write_text(text)

@@ -129,7 +129,7 @@ def test_two_detectors_are_tested_compared_and_shown(model: Path, folder: Path, 
     assert table.stat().st_mtime_ns == made and "failure rate" in capsys.readouterr().out
 
 
-def test_braking_without_need_is_printed_for_the_scenarios_that_ask_for_it(tmp_path: Path) -> None:
+def test_unnecessary_braking_is_printed_for_the_scenarios_that_ask_for_it(tmp_path: Path) -> None:
     config = compose("default", [*OVERRIDES, "search=[F1,N1]", "aeb.gate=detections"])
     study = FabricatedStudy(tmp_path, config).make()
     study.run("measure")
@@ -137,9 +137,9 @@ def test_braking_without_need_is_printed_for_the_scenarios_that_ask_for_it(tmp_p
         study.run("cluster", version="base", scenario=name)
     with chdir(tmp_path):
         lines = test_detector.table(config.model_copy(update={"tested": {"base": "base.onnx"}})).splitlines()
-    start = lines.index("Braking without need")
+    start = lines.index("Unnecessary braking")
     assert [line.split()[:3] for line in lines[start + 4 : start + 6]] == [["base", "N1", name] for name in config.strategies]
-    assert "without need" in lines[0] and lines[start + 6] == ""
+    assert "unnecessary" in lines[0] and lines[start + 6] == ""
 
 
 def test_detectors_of_one_name_are_told_apart_by_content(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@
   const parallel = chart("explorer-parallel"), scatter = chart("explorer-scatter");
 
   const table = new Tabulator("#explorer-table", {
-    data: rows, columns: fields.map(column), height: "420px", rowFormatter: reachable, placeholder: "No test is left.",
+    data: rows, columns: fields.map(column), height: "420px", rowFormatter: reachable, placeholder: "No tests match.",
     initialSort: [{ column: "adj_ttc_s", dir: "asc" }],
   });
   table.on("rowClick", (_, row) => choose(row.getData()));
@@ -253,7 +253,7 @@
   // A page that goes on to another test hangs up, so that its film is not made in vain.
   async function ask(row, said) {
     asking = new AbortController();
-    said.textContent = "The film of this test is being made; this takes some seconds.";
+    said.textContent = "The film of this test is being made; this takes a few seconds.";
     try {
       const answer = await fetch(`/films/${row.test}.mp4`, { signal: asking.signal });
       const body = await (answer.ok ? answer.blob() : answer.text());
@@ -263,7 +263,7 @@
       said.textContent = answer.headers.get("X-Changed") ?? "";
       at("explorer-view").replaceChildren(playing(row, fetched), said);
     } catch (error) {
-      if (error.name !== "AbortError") said.textContent = "The server does not answer. Start it again: ./run explore";
+      if (error.name !== "AbortError") said.textContent = "The server does not answer. Start it again with ./run explore";
     }
   }
 
