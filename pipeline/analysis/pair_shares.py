@@ -1,4 +1,4 @@
-"""Which pairs of categories tests and failures show, for each two variables of a scenario space."""
+"""Which pairs of categories tests and failures cover, for each pair of variables of a scenario space."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pipeline.core.space import Floats, Space
 
 @dataclass(frozen=True)
 class PairShare:
-    """Two variables. feasible: number of their pairs of categories; tests, failures: of these, how many a test or a failure shows."""
+    """Two variables. feasible: number of their pairs of categories; tests, failures: of these, how many a test or a failure covers."""
 
     first: str
     second: str

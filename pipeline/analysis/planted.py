@@ -1,4 +1,4 @@
-"""The planted truth: people and poses that the base set shows rarely, and what became of them."""
+"""The planted truth: people and poses that the base set shows rarely, how often their tests failed, and which regions name them."""
 
 from __future__ import annotations
 

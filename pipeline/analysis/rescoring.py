@@ -1,6 +1,6 @@
 """Judges stored tests again, from their detections and signals, at any IoU, threshold and brake law.
 
-Shares no code with the closed loop, so that it checks the loop: what is written for one frame there is written for whole tables here.
+Shares no code with the closed loop, so that it checks the loop: the loop's code handles one frame, this one whole tables.
 """
 
 from __future__ import annotations

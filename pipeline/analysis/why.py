@@ -1,4 +1,4 @@
-"""Why the failures of a region fail: from the rows of its failures, as executed and with single changes."""
+"""Why the tests of a region fail: from the rows of its failures, as executed and with single changes."""
 
 from __future__ import annotations
 

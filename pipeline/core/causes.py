@@ -1,4 +1,4 @@
-"""Why a test failed: what the detector made of the frames in which braking would still have helped."""
+"""Why a test failed: what the detector reported in the frames in which braking would still have helped."""
 
 from __future__ import annotations
 

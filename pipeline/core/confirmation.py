@@ -79,7 +79,7 @@ def _values(variable: Variable, filters: Sequence[Filter], count: int, rng: np.r
         values = np.concatenate([values, drawn])
         if len(values) >= count:
             return values[:count]
-    raise ValueError(f"{variable.name}: hardly any value is wanted")
+    raise ValueError(f"{variable.name}: the rule admits hardly any value")
 
 
 def more_inside(inside: Counted, outside: Counted) -> float:

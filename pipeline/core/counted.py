@@ -12,7 +12,7 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Counted:
-    """Independent tests. failures: of `tests` that ended well. errors: tests whose simulation broke, in neither number."""
+    """Independent tests. failures: among `tests` without an error. errors: tests that ended in an error, in neither number."""
 
     tests: int
     failures: int

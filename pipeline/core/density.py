@@ -1,4 +1,4 @@
-"""Density clusters of failures over the variables and the attributes of their values: similar people count as near each other."""
+"""Density clusters of failures over the variables and the attributes of their values: similar people count as close."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Groups failures into regions with a rule each: what is dense proposes, a rule that pays for its words disposes."""
+"""Groups failures into regions: density proposes them, and a rule that is worth its description length decides."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""KPIs of a test execution: adjusted time-to-collision (thesis Eq. 5.2, 5.3) and the measures beside it."""
+"""KPIs of a test execution: adjusted time-to-collision (thesis Eq. 5.2, 5.3) and further measures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Finds the rule that sets failures apart from passing tests: a beam search for a subgroup whose words pay for themselves."""
+"""Finds the rule that sets failures apart from passing tests: a beam search in which each condition pays for its description."""
 
 from __future__ import annotations
 

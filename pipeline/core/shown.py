@@ -1,4 +1,4 @@
-"""How much of a scenario's categories some tests have shown."""
+"""How many of a scenario's combinations of categories some tests have covered."""
 
 from __future__ import annotations
 

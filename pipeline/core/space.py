@@ -25,7 +25,7 @@ must hold."""
 class Space:
     """Variables, and constraints that every point must satisfy. Points are (n, d) float64 arrays, columns in the order of `variables`.
 
-    clauses: the constraints as they are written. extras: what coverage wants beside every combination of any k variables.
+    clauses: the constraints as they are written. extras: what coverage wants in addition to every combination of any k variables.
 
     Raises ValueError for a duplicate name, a wrong constraint, constraints that contradict each other, and a wanted combination that breaks
     them.

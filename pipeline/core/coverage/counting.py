@@ -1,7 +1,7 @@
 """Counts the points in each cell of every plane: bit sets and popcounts for small planes, histograms for others.
 
 A category's bit set has one bit per point. The number of points in a cell is the popcount of an AND. The last category of a condition is
-never counted: its cells are the rest of the plane below.
+never counted: its counts follow by subtraction from the plane with one condition fewer.
 """
 
 from __future__ import annotations

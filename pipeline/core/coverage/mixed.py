@@ -1,4 +1,4 @@
-"""Mixed strength: what coverage combines beside every k variables, named planes and single combinations."""
+"""Mixed strength: what coverage combines in addition to every k variables: named planes and single combinations."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Combination:
 
 @dataclass(frozen=True)
 class Extras:
-    """Wanted beside the planes of every k variables."""
+    """Wanted in addition to the planes of every k variables."""
 
     planes: tuple[NamedPlanes, ...] = ()
     combinations: tuple[Combination, ...] = ()

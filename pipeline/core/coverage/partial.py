@@ -1,4 +1,4 @@
-"""Points that do not say everything: category -1 stands for unknown."""
+"""Points with unknown categories, encoded as -1."""
 
 from __future__ import annotations
 

@@ -21,8 +21,8 @@ INFEASIBLE = np.int32(1 << 30)
 class Problem:
     """What must be covered. grid: the cells of all planes. required: (cells,) those that some row reaches and that are wanted.
 
-    If planes have different sizes, the last column has one category. It fills up the smaller planes, and the last plane is its own; that
-    is never required.
+    If planes have different sizes, the last column has one category. It fills up the smaller planes, and the last plane is its own,
+    which is never required.
     """
 
     grid: Grid

@@ -1,6 +1,6 @@
-"""The points of a stream that raise its coverage: of each cell the first, as many as it wants.
+"""The points of a stream that raise its coverage: in each cell the first ones, as many as it wants.
 
-With them alone, every cell has as many of the points that it wants as with all. So they stand for a table that is too large to keep.
+They alone fill every cell as far as all points do, up to what it wants. So they stand for a table that is too large to keep.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The kernels that put a row into a cell and mend the clauses that this breaks."""
+"""The kernels that put a row into a cell and repair the clauses that this breaks."""
 
 from __future__ import annotations
 

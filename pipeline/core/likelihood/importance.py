@@ -28,11 +28,11 @@ class ImportanceSampling(Estimator):
     First, random tests of the exposure, until 20 fail or half of the budget is spent; they train the meta-model and enter no rate. Then
     each batch comes from a pool of random points of the exposure. A point is chosen with a probability of 0.2 / n + 0.8 s / Σ s, where s is
     its failure probability by the meta-model: a defensive mixture (Hesterberg 1995). Its weight is the uniform probability 1 / n over that,
-    at most 5. The pool is itself a random sample of the exposure, so no density is needed, and categories and constraints need no care.
+    at most 5. The pool is itself a random sample of the exposure, so no density is needed, and categories and constraints are no problem.
 
     The interval has the variance of the weights and that of the pools. If the weights of the failures are worth fewer than 20 equal ones,
-    it is the one that holds for any failures not seen. If half of the budget shows fewer failures, all tests are random and the interval is
-    exact.
+    it is one that holds whatever weights unseen failures have. If half of the budget shows fewer failures, all tests are random and the
+    interval is exact.
 
     pool: points of a pool. trees: of the meta-model.
     """

@@ -15,8 +15,8 @@ from pipeline.core.space import Floats
 class MonteCarlo(Estimator):
     """Draws independent tests of the exposure; their failures are binomial, so the interval is exact.
 
-    below: a limit of the rate, in (0, 1). With it, the tests stop as soon as the rate is known to be below or above it, and the interval is
-    one that holds although a person looks after every batch.
+    below: a limit of the rate, in (0, 1). With it, the tests stop as soon as the rate is known to be below or above it, and the interval
+    allows for the check after every batch.
     """
 
     below: float | None = None

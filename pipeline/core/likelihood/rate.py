@@ -93,7 +93,7 @@ def spread(value: float, effective: float) -> Limits:
 
 
 def bounded(weights: Floats, largest: float, tests: int) -> Limits:
-    """Limits of a mean of weighted failures that hold whatever the weights are of failures not seen, as far as these are bounded.
+    """Limits of a mean of weighted failures that hold whatever bounded weights the unseen failures have.
 
     weights: (f,) of the failures among `tests`. largest: bound of any weight. A gamma distribution with the weighted sum's variance,
     shifted by one failure of the largest weight; with equal weights, exact for a Poisson count. Source: Fay & Feuer 1997, Statistics in
