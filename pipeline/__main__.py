@@ -26,7 +26,7 @@ PROGRAM = "blindspot" if Path(sys.argv[0]).name == "blindspot" else "python -m p
 PARAMS = Path("params.yaml")
 ANYWHERE = ("coverage",)
 """The commands that need no project."""
-RESUMES = "finished tests are kept, and the same command goes on from there"
+RESUMES = "finished tests are kept, and the same command resumes"
 BY_HAND = "by hand"
 """The stamp of a step that a person ran: Snakemake makes its files again, because it cannot know their inputs."""
 

@@ -25,7 +25,7 @@ Files = str | Sequence[str]
 """One path, or several of a kind; a path that ends with a slash is a folder."""
 Sections = tuple[str, ...] | Callable[[Config, Wildcards], tuple[str, ...]]
 STAMP = "stamp"
-WAITING = "the same job is at work already, perhaps on another machine; waiting for it to end"
+WAITING = "the same job is already running, perhaps on another machine; waiting for it to finish"
 VERDICT_FOLLOWS = "BLINDSPOT_VERDICT_FOLLOWS"
 """Set by a caller of Snakemake that prints the verdict itself."""
 REFUSED = Path(".snakemake/refused")

@@ -26,7 +26,7 @@ def _parameters(space: Space) -> list[tuple[str, str, tuple[str, ...]]]:
     """Name, type and values of each parameter; InputError for what ACTS cannot write."""
     for variable in space.variables:
         if not NAME.fullmatch(variable.name) or variable.name.lower() in TRUTH:
-            raise InputError(f"{variable.name}: a parameter of ACTS has a name of letters, digits and _")
+            raise InputError(f"{variable.name}: the name of an ACTS parameter consists of letters, digits and _")
         for value in category_names(variable):
             if not value or value != value.strip() or re.search(r'[,;"\n\r]', value) or not value.isprintable():
                 raise InputError(f"{variable.name}: ACTS cannot write the value {value!r}")

@@ -80,7 +80,7 @@ def check_output(path: Path, folder: bool = False) -> None:
         raise InputError(f"{path}: expected {wanted} to write to, got {'a folder' if path.is_dir() else 'something else'}")
     existing = path if folder and path.is_dir() else path.parent
     if not existing.is_dir():
-        raise InputError(f"{path}: expected {wanted} to write to, got one in {existing}, which is no folder")
+        raise InputError(f"{path}: expected {wanted} to write to, got one in {existing}, which is not a folder")
     try:
         tempfile.TemporaryFile(dir=existing).close()
     except OSError as error:

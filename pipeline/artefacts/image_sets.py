@@ -48,8 +48,7 @@ def read_images(path: Path, metadata: Path | None, space: Space) -> Images:
     if metadata is None:
         if missing := [name for name in space.names if name not in own.conditions]:
             raise InputError(
-                f"{path}: the set itself has no {', '.join(missing)}; the conditions of images are in a table with a column {KEY}; "
-                "name it by --metadata"
+                f"{path}: the set itself has no {', '.join(missing)}; name a table of image conditions, with a column {KEY}, by --metadata"
             )
         return Images(Table(tuple(own.conditions), columns, len(own.names)), own.names, 0)
     table = read_table(metadata, [KEY, *(name for name in space.names if name != KEY)])

@@ -29,7 +29,7 @@ def categories_meant(concept: Concept, counted: Concept, variable: Variable, tex
     ends = ends_of(concept, own)
     low, high = (ends[0] if own.low > -inf else -inf), (ends[-1] if own.high < inf else inf)
     if low == high:
-        raise ValueError(f"{text} is a single number, which is no category; use a range")
+        raise ValueError(f"{text} is a single number, which is not a category; use a range")
     starts = [variable.low, *(variable.cuts or ())]
     return {part for part, (start, end) in enumerate(zip(starts, [*starts[1:], inf], strict=True)) if low <= start and end <= high}
 
@@ -51,4 +51,4 @@ def _literals(concept: Concept, variable: Variable, text: str) -> set[int]:
             place, last = concept.literals.index(literal), len(concept.literals)
             including = 1 if text[1:2] == "=" else 0
             return set(range(place + including)) if sign == "<" else set(range(place + 1 - including, last))
-    raise ValueError(f"{text!r} is no literal of {variable.name}{nearest(text, variable.values)}")
+    raise ValueError(f"{text!r} is not a literal of {variable.name}{nearest(text, variable.values)}")

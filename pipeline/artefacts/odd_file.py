@@ -69,4 +69,4 @@ def _merge(path: Path, where: str, whole: dict[str, Any], part: Mapping[str, Any
         elif where.startswith("TAXONOMY") and isinstance(whole[key], dict) and isinstance(value, dict):
             _merge(path, place, whole[key], value)
         else:
-            raise InputError(f"{path}: {place}: an imported file has this too")
+            raise InputError(f"{path}: {place}: an imported file has this, too")

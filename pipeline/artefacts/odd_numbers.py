@@ -88,7 +88,7 @@ def converted(number: float, unit: str, wanted: str, unit_type: str) -> float:
     for one in (unit, wanted):
         if one not in known:
             expected = nearest(one, known) if known else f"; {unit_type} has one unit, {wanted}"
-            raise ValueError(f"{one!r} is no unit of {unit_type}{expected}")
+            raise ValueError(f"{one!r} is not a unit of {unit_type}{expected}")
     if unit == wanted:
         return number
     (scale, offset), (to, shift) = known[unit], known[wanted]

@@ -38,7 +38,7 @@ def _constraint(space: Space, clause: Clause) -> str:
         own = space.variables[variable]
         compared = comparable(category_names(own))
         if len(set(compared)) < len(compared):
-            raise InputError(f"{own.name}: PICT takes some of the values {', '.join(own.labels)} for one and the same")
+            raise InputError(f"{own.name}: PICT treats some of the values {', '.join(own.labels)} as the same")
         several = [category_names(own)[literal.category] for literal in literals]
         texts = several if is_numeric(category_names(own)) else ['"' + re.sub(r'(["\]\\])', r"\\\1", text) + '"' for text in several]
         name = "[" + re.sub(r'(["\]\\])', r"\\\1", own.name) + "]"

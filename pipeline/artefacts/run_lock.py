@@ -23,7 +23,7 @@ def hold(name: str) -> None:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         other = LOCK.read_text().strip() or "another run"
-        print(f"blindspot: {other} is at work in this folder; waiting for it to end", file=sys.stderr, flush=True)
+        print(f"blindspot: {other} is running in this folder; waiting for it to finish", file=sys.stderr, flush=True)
         fcntl.flock(handle, fcntl.LOCK_EX)
     LOCK.write_text(f"{name} (process {os.getpid()})\n")
     os.environ[HELD] = os.getcwd()

@@ -46,7 +46,9 @@ def literal_text(variables: Sequence[Variable], literal: Literal) -> str:
     except ValueError:
         meant = None
     if meant != Literal(0, literal.category, literal.equal):
-        raise ValueError(f"names in constraints have no '=', '!=' or space at their ends, got {variable.name!r} and {label!r}")
+        raise ValueError(
+            f"names in constraints must not contain '=' or '!=', or have spaces at their ends, got {variable.name!r} and {label!r}"
+        )
     return text
 
 

@@ -138,7 +138,7 @@ def _different(variable: Variable, column: Column) -> tuple[Any, Ints]:
     """
     kind = column.type
     if pa.types.is_nested(kind) or pa.types.is_binary(kind) or pa.types.is_large_binary(kind):
-        raise ValueError(f"{variable.name}: expected texts, numbers, truth values or times, got values of type {kind}")
+        raise ValueError(f"{variable.name}: expected texts, numbers, booleans or times, got values of type {kind}")
     if pa.types.is_null(kind) or pa.types.is_float16(kind):
         column = column.cast(pa.string() if pa.types.is_null(kind) else pa.float32())
     elif pa.types.is_dictionary(kind) and not pa.types.is_string(kind.value_type):

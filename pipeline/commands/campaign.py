@@ -23,8 +23,8 @@ from pipeline.progress import Progress
 if TYPE_CHECKING:
     from pipeline.execution.campaign import CampaignPlan, Executed
 
-WORDS = """scenario=F1 strategy=forest budget=300 seed=0 model=models/uniform out=FOLDER, each with a default; and overrides of the
-default study, such as campaign.match_iou=0.3 samplers.forest.explore=0.2"""
+WORDS = """scenario=F1 strategy=forest budget=300 seed=0 model=models/uniform out=FOLDER, all optional; and overrides of the default
+study, such as campaign.match_iou=0.3 samplers.forest.explore=0.2"""
 STOPPED = 130
 """Exit code after Ctrl-C, as in a shell."""
 HELP = "Search a scenario for failures with one strategy. Ctrl-C stops it; the same command resumes it."
@@ -160,5 +160,5 @@ def summary(plan: CampaignPlan, done: Sequence[Executed]) -> str:
         points = np.array([test.point for test in failed])
         causes = ", ".join(f"{cause} {count}" for cause, count in Counter(test.kpi.cause for test in failed).most_common())
         lines.append(f"{kinds_of(plan.space, points)} kinds (combinations of person and pose); causes: {causes}")
-        lines.append(f"the failures show {pair_coverage(plan.space, points):.1%} of all pairs of categories")
+        lines.append(f"the failures cover {pair_coverage(plan.space, points):.1%} of all pairs of categories")
     return "\n".join(lines)

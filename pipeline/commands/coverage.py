@@ -25,9 +25,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     propose = _verb(verbs, "propose", "The next points that raise coverage most.")
     _add_projection(propose, points_required=False)
     propose.add_argument("--count", type=int, help="how many (default: 1)")
-    propose.add_argument("--complete", action="store_true", help="as many as complete the coverage: the fewest, or a bound")
+    propose.add_argument("--complete", action="store_true", help="as many as full coverage needs: the fewest, or a bound")
     propose.add_argument("--exact", action="store_true", help="use 0-1 programming: the optimum, or the best found in time and a bound")
-    propose.add_argument("--heavy-first", action="store_true", help="prefer cells with a large weight to many cells")
+    propose.add_argument("--heavy-first", action="store_true", help="prefer heavy cells to many cells")
     propose.add_argument("--output", type=Path, help="CSV or parquet file for the points")
     plan = _verb(verbs, "plan", "A covering array: few points with every combination of categories of any conditions.")
     plan.add_argument("--strength", type=int, default=2, help="number of conditions to combine, 1 to 6 (default: %(default)s)")
@@ -43,7 +43,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     verify.add_argument("--strength", type=int, default=2, help="number of conditions to combine (default: %(default)s)")
     export = _verb(verbs, "export", "Write a space as a PICT or ACTS model, or as a space file.")
     export.add_argument("--output", type=Path, required=True, help="file to write; .txt is PICT, .xml ACTS, .yaml a space file")
-    export.add_argument("--format", choices=("pict", "acts", "acts-xml", "space"), help="the format, if the name does not say it")
+    export.add_argument("--format", choices=("pict", "acts", "acts-xml", "space"), help="the format, if the file's name does not say it")
 
 
 def _verb(verbs: argparse._SubParsersAction[argparse.ArgumentParser], name: str, text: str) -> argparse.ArgumentParser:
@@ -88,9 +88,9 @@ def _check(options: argparse.Namespace) -> None:
     if getattr(options, "complete", False):
         for option in ("count", "exact", "seconds"):
             if (given := getattr(options, option)) is not None and given is not False:
-                raise InputError(f"--complete gives as many points as are needed; it has no use for --{option}")
+                raise InputError(f"--complete proposes as many points as are needed; leave out --{option}")
     if getattr(options, "metadata", None) and options.points is None:
-        raise InputError("--metadata gives the conditions of images; name these by --points")
+        raise InputError("--metadata gives the conditions of images; name the images by --points")
     if getattr(options, "cpu_seconds", None) is not None and options.seconds is not None:
         raise InputError("--seconds and --cpu-seconds both limit polish; give one of them")
     options.count = 1 if getattr(options, "count", None) is None else options.count

@@ -12,7 +12,7 @@ from pipeline.config.composing import PARAMS, load
 from pipeline.config.schema import Config
 from pipeline.errors import InputError
 
-HELP = "Serve the report of a finished study to this machine alone; a click on a test makes its film."
+HELP = "Serve the report of a finished study to this machine alone; clicking a test makes its film."
 PORT = 8765
 
 

@@ -43,7 +43,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         dest="folders",
         type=typed,
         nargs="+",
-        help="execute nothing: weigh the tests of these campaigns of `random` by the exposure",
+        help="execute nothing; weight the tests of these `random` campaigns by the exposure",
     )
 
 
@@ -121,7 +121,7 @@ def scenarios_of(question: Question, exposure: ExposureFile) -> list[str]:
     """The scenarios of a question, `all` being those that the exposure names; InputError for none and for one twice."""
     named = list(exposure.scenarios.shares) if question.scenario == "all" and exposure.scenarios else question.scenario.split(",")
     if len(set(named)) < len(named):
-        raise InputError(f"scenario: expected different scenarios, got {question.scenario}")
+        raise InputError(f"scenario: expected distinct scenarios, got {question.scenario}")
     return named
 
 
@@ -150,9 +150,7 @@ def plan_of(question: Question, scenario: str, exposure: ExposureFile) -> Campai
     from pipeline.execution.campaign import sampler_seed
 
     if not functional_scenario(scenario).asks_to_brake:
-        raise InputError(
-            f"scenario: {scenario} asks the ego not to brake, and its false activations are no KPI that an estimator learns from"
-        )
+        raise InputError(f"scenario: {scenario} asks the ego not to brake, and an estimator cannot learn from false activations")
     overrides = ("campaign.keep_every=0", *question.overrides)
     search = Search(scenario, INDEPENDENT, question.budget, question.seed, question.model, question.folder / scenario, overrides)
     base = planned(search)
@@ -199,8 +197,8 @@ def weighed(folders: Sequence[Path], question: Question, exposure: ExposureFile)
     for path, table in tables.items():
         for strategy in set(table["strategy"]) - {INDEPENDENT}:
             raise InputError(
-                f"{path}: expected tests of strategy '{INDEPENDENT}', got '{strategy}', whose tests are no even, independent samples of "
-                "the space: they give no rate"
+                f"{path}: expected tests of strategy '{INDEPENDENT}', got '{strategy}': its tests are not uniform, independent "
+                "samples of the space, so they give no rate"
             )
     tests = pd.concat(tables.values())
     if len(versions := sorted(set(tests["version"]))) > 1:
@@ -244,4 +242,4 @@ def settled(rate: Rate, below: float) -> str:
         return f"settled: the rate is below {below:g}"
     if rate.limits.low > below:
         return f"settled: the rate is above {below:g}"
-    return f"not settled: whether the rate is below {below:g} needs more tests"
+    return f"not settled: more tests must show whether the rate is below {below:g}"

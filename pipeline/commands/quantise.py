@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.config.project import typed
 
-HELP = "Write the int8 form of our detector and print its loss."
+HELP = "Write the int8 form of our detector and print its loss of average precision."
 CALIBRATION_IMAGES = 100
 
 
@@ -40,7 +40,7 @@ def run(options: argparse.Namespace) -> int:
     calibration = Calibration(**read_card(options.model / "model.json").calibration)
     training, validation = (read_dataset(options.base_set.parent, split) for split in ("train", "val"))
     shown = np.linspace(0, len(training) - 1, min(CALIBRATION_IMAGES, len(training))).astype(int)
-    print("form     AP50   AP50-95  false positives an image")
+    print("form     AP50   AP50-95  false positives per image")
     with tempfile.TemporaryDirectory() as folder:
         whole = onnx_of(options.model, Path(folder))
         quantise(whole, training.images[shown], options.out)

@@ -19,7 +19,7 @@ from pipeline.core.columns import columns
 from pipeline.core.kpi import Kpi
 from pipeline.errors import InputError
 
-HELP = "Execute a test of the study again, write its replay and compare it with its row."
+HELP = "Execute a test of the study again, write its replay and compare the result with its row."
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

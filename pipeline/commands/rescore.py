@@ -27,7 +27,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folders", type=typed, nargs="+", help="folders with campaigns, such as data/default/campaigns")
     parser.add_argument("--iou", type=float, nargs="+", default=[0.1, 0.2, 0.3, 0.4, 0.5], help="IoU above which a detection matches")
     parser.add_argument("--threshold", type=float, nargs="+", help="score from which a detection is reported (default: the study's)")
-    parser.add_argument("--drive", action="store_true", help="execute the tests again in which the car would have braked otherwise")
+    parser.add_argument("--drive", action="store_true", help="execute again the tests in which the car would have braked differently")
     parser.add_argument("--workers", type=int, default=2, help="processes for --drive (default: %(default)s)")
     parser.add_argument("--params", type=typed, default=PARAMS, help="params.yaml of the study (default: %(default)s)")
     parser.add_argument("--out", type=typed, help="write the table as CSV")
@@ -48,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
         raise InputError(f"{', '.join(map(str, options.folders))}: expected campaigns, found no tests.parquet")
     thresholds = options.threshold or [config.threshold]
     if min(thresholds) < STORED_FROM:
-        raise InputError(f"--threshold: tests store detections from a score of {STORED_FROM}, got {min(thresholds)}")
+        raise InputError(f"--threshold must be at least {STORED_FROM}, the lowest score that tests store; got {min(thresholds)}")
     wrong = [problem for folder in campaigns for problem in disagreements(folder, config)]
     print("\n".join(wrong) or f"all {len(campaigns)} campaigns: every KPI follows from detections.parquet and signals.parquet")
     rows = [

@@ -30,7 +30,7 @@ BLOCK = re.compile(r"^<!-- made by: (?P<command>.+?) -->\n(?P<text>.*?)^<!-- end
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("action", choices=["verify", "write"], help="`verify` ends with 1 if a page differs; `write` fills the pages in")
+    parser.add_argument("action", choices=["verify", "write"], help="`verify` exits with 1 if a page differs; `write` fills in the pages")
     parser.add_argument("page", nargs="*", type=typed, help="default: README.md and every page in docs/ that has such numbers")
 
 
@@ -84,7 +84,7 @@ def printed(command: str) -> str:
     """What a command prints; InputError if it fails or is no Python command."""
     words: Sequence[str] = shlex.split(command)
     if words[0] != "python":
-        raise InputError(f"a block is made by a command that begins with 'python', got '{command}'")
+        raise InputError(f"a block's command must begin with 'python', got '{command}'")
     done = subprocess.run([sys.executable, *words[1:]], capture_output=True, text=True, check=False)
     if done.returncode:
         raise InputError(f"`{command}` ended with {done.returncode}: {done.stderr.strip().splitlines()[-1:]}")

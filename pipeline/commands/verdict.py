@@ -9,7 +9,7 @@ from pipeline.artefacts.folders import Folders
 from pipeline.config.composing import PARAMS, load
 from pipeline.config.project import typed
 
-HELP = "Print the table of the comparison."
+HELP = "Print the verdict of a study."
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

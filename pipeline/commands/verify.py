@@ -10,7 +10,7 @@ from pipeline.artefacts.folders import Folders
 from pipeline.config.composing import PARAMS, load
 from pipeline.config.project import typed
 
-HELP = "Compare the study's files with their digests. The jobs of damaged files lose their stamps, so the next run makes the files again."
+HELP = "Check the study's files against their digests. The stamps of damaged files are removed, so the next run makes the files again."
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

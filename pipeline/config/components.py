@@ -120,7 +120,7 @@ def _check_noise(config: Config) -> None:
     target = config.simulator["_target_"]
     parameters = inspect.signature(_class("simulator._target_", SIMULATOR, target).execute).parameters  # type: ignore[attr-defined]
     if config.regions.explain and "noise" not in parameters:
-        raise InputError(f"regions.explain: {target}.execute must take the parameter 'noise', so expected 0, got {config.regions.explain}")
+        raise InputError(f"regions.explain: expected 0, because {target}.execute has no parameter 'noise', got {config.regions.explain}")
 
 
 def _inside(variable: Variable, admitted: Admitted) -> bool:
@@ -153,7 +153,7 @@ def _class(key: str, kind: Kind, target: str) -> type:
     if not isinstance(found, type) or not all(callable(getattr(found, method, None)) for method in kind.methods):
         raise InputError(f"{wanted}, got {shown(target)}")
     if inspect.isabstract(found) or getattr(found, "_is_protocol", False):
-        raise InputError(f"{wanted} that can be made; {shown(target)} is only the base of others")
+        raise InputError(f"{wanted} that can be instantiated; {shown(target)} is abstract")
     parameters = inspect.signature(found).parameters
     for given in kind.given:
         if given not in parameters and not any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
@@ -165,7 +165,7 @@ def _settings(key: str, kind: Kind, found: type, values: Mapping[str, Any]) -> d
     """The values of a section as the annotations of its class want them."""
     for name in (*kind.given, *kind.offered):
         if name in values:
-            raise InputError(f"{key}.{name} is given by the study; leave it out{TESTED if name == 'model' else ''}")
+            raise InputError(f"{key}.{name} is set by the study; leave it out{TESTED if name == 'model' else ''}")
     parameters = {name: p for name, p in inspect.signature(found).parameters.items() if name not in (*kind.given, *kind.offered)}
     if open_ended := any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
         parameters = {name: p for name, p in parameters.items() if p.kind is not p.VAR_KEYWORD}

@@ -34,7 +34,7 @@ def entered() -> Iterator[None]:
         yield
         return
     if folder not in here.parents:
-        print(f"blindspot: no project in {here} or above, so this one is used: {folder}", file=sys.stderr)
+        print(f"blindspot: no project in {here} or above; using {folder}", file=sys.stderr)
     _typed_in = here
     try:
         with chdir(folder):

@@ -146,18 +146,18 @@ class Config(Section):
         for other in self.search[1:] if self.campaign.transfer else ():
             if self.space(other) != self.space(self.search[0]):
                 raise ValueError(
-                    f"campaign.transfer: {other} has another space than {self.search[0]}, but earlier campaigns need the same space"
+                    f"campaign.transfer: {other} and {self.search[0]} have different spaces; campaigns that transfer must share one"
                 )
         for unseen in self.held_out[1:]:
             first = self.held_out[0]
             if self.space(unseen) != self.space(first):
-                raise ValueError(f"held_out: {unseen} has another space than {first}; scenarios of one comparison must share a space")
+                raise ValueError(f"held_out: {unseen} and {first} have different spaces; scenarios of one comparison must share one")
         return self
 
     @model_validator(mode="after")
     def _held_out_is_unseen(self) -> Config:
         if both := set(self.search) & set(self.held_out):
-            raise ValueError(f"held_out must not be searched: {', '.join(sorted(both))} is in both lists")
+            raise ValueError(f"held_out must not be searched, but both lists have {', '.join(sorted(both))}")
         for unseen, searched in product(self.held_out, self.search):
             if self.scenarios[unseen].town.fingerprint == self.scenarios[searched].town.fingerprint:
                 raise ValueError(

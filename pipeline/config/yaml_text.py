@@ -22,7 +22,7 @@ class _Loader(yaml.SafeLoader):  # type: ignore[misc]
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
         if self.check_event(yaml.AliasEvent):
             event = self.peek_event()
-            raise _wrong(f"the alias *{event.anchor} is not allowed: write the value again", event)
+            raise _wrong(f"the alias *{event.anchor} is not allowed: write out the value", event)
         node: yaml.Node | None = super().compose_node(parent, index)
         return node
 

@@ -31,7 +31,7 @@ class SequenceTest:
         """The test of a name; ValueError if the text names no test."""
         scenario, _, index = name.rpartition("-")
         if not scenario or not index.isdecimal():
-            raise ValueError(f"expected the name of a test, as F1star-00042, got '{name}'")
+            raise ValueError(f"expected the name of a test, such as F1star-00042, got '{name}'")
         return SequenceTest(scenario, int(index))
 
 

@@ -34,7 +34,7 @@ class Version:
         """The version of a name, retrained unless it is `base`; InputError for any other text."""
         found = NAME.fullmatch(name)
         if found is None or (found[1] == BASE and name != BASE):
-            raise InputError(f"expected the name of a version, as base or adaptive-r2-s1, got '{name}'")
+            raise InputError(f"expected the name of a version, such as base or adaptive-r2-s1, got '{name}'")
         arm, number, seed = found.groups()
         return Version() if arm == BASE else Version(arm, int(number or 1), None if seed is None else int(seed))
 

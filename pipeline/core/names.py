@@ -1,5 +1,4 @@
-"""The one pattern of all names that become a path, a wildcard or an entry of a registry, hints for unknown names, and any name in one
-line."""
+"""Names: the one pattern of all that become a path, a wildcard or a registry entry, hints for unknown ones, and any name in one line."""
 
 from __future__ import annotations
 
@@ -22,7 +21,7 @@ def check_name(name: str, joints: str = "") -> str:
     """
     if len(name) > LONGEST_NAME or not re.fullmatch(f"{WORD}(?:[{joints}]{WORD})*" if joints else WORD, name):
         joined = f", joined by {' or '.join(joints)}" if joints else ""
-        raise ValueError(f"expected letters, digits and _{joined}, at most {LONGEST_NAME}, as a path is named after it, got {shown(name)}")
+        raise ValueError(f"expected letters, digits and _{joined}, at most {LONGEST_NAME}, for use in paths, got {shown(name)}")
     return name
 
 

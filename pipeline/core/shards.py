@@ -23,7 +23,7 @@ class Shard:
     def named(name: str) -> Shard:
         """The shard of a name; ValueError for any other text."""
         if not re.fullmatch(Shard.PATTERN, name):
-            raise ValueError(f"a shard is named as in 3of16, got '{name}'")
+            raise ValueError(f"expected a shard such as 3of16, got '{name}'")
         number, count = map(int, name.split("of"))
         return Shard(number - 1, count)
 

@@ -58,7 +58,7 @@ class Campaigns:
         rows = pd.concat([read_frames(path).merge(chosen[FRAME], on=FRAME) for path in self.frames], ignore_index=True)
         if len(rows) != len(chosen):
             raise InputError(
-                f"the filter names {len(chosen)} frames, {len(rows)} of them are in {', '.join(map(str, self.frames))}; run filter again"
+                f"the filter lists {len(chosen)} frames, only {len(rows)} are in {', '.join(map(str, self.frames))}; run filter again"
             )
         rows = rows.sort_values(FRAME, ignore_index=True)
         labels = rows.drop(columns="image").to_csv(index=False).encode()

@@ -27,7 +27,7 @@ def refuse_worlds(config: Config, image_sets: Sequence[Path], spaces: Sequence[P
     found = {f"{path} shows": read_worlds(path.parent) for path in image_sets}
     found |= {f"{path} describes": read_space(path)[0].worlds for path in spaces}
     if parent is not None:
-        found[f"{parent} has learnt"] = read_card(parent).worlds
+        found[f"{parent} was trained on"] = read_card(parent).worlds
     unseen = config.unseen
     for where, worlds in found.items():
         for kind, one in worlds:
@@ -44,7 +44,7 @@ def refuse_learnt(cards: Sequence[ModelCard], held_out: Sequence[ScenarioInfo]) 
         for info in held_out:
             for kind, _ in card.worlds & info.worlds:
                 raise InputError(
-                    f"version '{card.version}' has learnt the {kind} of held-out {info.name}, so its failures there prove nothing"
+                    f"version '{card.version}' was trained on the {kind} of held-out {info.name}, so its failures there prove nothing"
                 )
 
 

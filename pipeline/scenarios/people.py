@@ -120,7 +120,7 @@ def person(name: str) -> Blueprint:
     if (matched := re.fullmatch(r"[WM] (\d{2,})", name)) and int(matched[1]):
         known = population((int(matched[1]) - 1) // OF_EACH_SEX + 1)
     if name not in known:
-        raise ValueError(f"a person is named as in 'W 01' or 'M 38', got '{name}'")
+        raise ValueError(f"expected a person such as 'W 01' or 'M 38', got '{name}'")
     return known[name]
 
 

@@ -44,7 +44,7 @@ def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
 
 
 STEP = Step(
-    "Group the failures of a scenario into regions, confirm their rules, and say why the failures fail.",
+    "Group the failures of a scenario into regions, confirm their rules, and say why these tests fail.",
     reads=_reads,
     writes=lambda folders: {"regions": folders.regions("{version}", "{scenario}"), "why": folders.why("{version}", "{scenario}")},
     sections=_sections,

@@ -12,7 +12,7 @@ from pipeline.steps import campaign
 FOLDER = "held_out/{scenario}/{strategy}/{version}/{seed}"
 
 STEP = Step(
-    "Judge held-out tests at a second IoU; those in which the car would have braked otherwise are driven again.",
+    "Judge held-out tests at a second IoU; those in which the car would have braked differently are executed again.",
     reads=lambda folders, wildcards: {
         "space": folders.space(wildcards["scenario"]),
         **campaign.detector_files(folders, wildcards["version"]),

@@ -73,7 +73,7 @@ def _check(store: Path) -> None:
         with closing(sqlite3.connect(store)) as database:
             found = str(database.execute("PRAGMA integrity_check(1)").fetchone()[0])
             if half := database.execute("SELECT name FROM sqlite_master WHERE name LIKE '\\_alembic\\_tmp%' ESCAPE '\\'").fetchone():
-                found = f"a migration was broken off at {half[0]}"
+                found = f"a migration was interrupted at {half[0]}"
     except sqlite3.Error as error:
         found = str(error)
     if found != "ok":
@@ -91,7 +91,7 @@ def check_answer(address: str) -> None:
     except (OSError, ValueError, HTTPException) as error:
         reason = error.reason if isinstance(error, URLError) else error
         if isinstance(reason, TimeoutError):
-            raise InputError(f"MLflow at {address} does not answer within {ANSWER_S:g} s; the same command goes on once it does") from error
+            raise InputError(f"MLflow at {address} does not answer within {ANSWER_S:g} s; the same command resumes once it does") from error
 
 
 def unusable(store: Path, error: MlflowException) -> InputError:

@@ -103,7 +103,7 @@ def test_held_out_worlds_are_refused_by_name_under_any_config(tmp_path: Path, ki
         refuse_worlds(config, *files("a random one", unseen))
     found = refuse_worlds(config, *files("a random one", own), learnt("a learnt one"))
     assert [one for what, one in found if what == kind] == sorted({"a random one", own, "a learnt one"})
-    with pytest.raises(InputError, match=rf"model\.json has learnt the {kind} of held-out F1star, so it must not be used for training"):
+    with pytest.raises(InputError, match=rf"model\.json was trained on the {kind} of held-out F1star, so it must not be used for training"):
         refuse_worlds(config, *files("a random one", own), learnt("a learnt one", unseen))
 
 
@@ -118,7 +118,8 @@ def test_images_must_list_their_towns_and_people(tmp_path: Path, attributes: dic
 def test_a_version_that_has_learnt_a_held_out_world_is_not_compared(kind: str, update: dict[str, tuple[str, ...]]) -> None:
     held_out = [ScenarioInfo("F2star", "F2*", "", 1, "U", "Q"), ScenarioInfo("F1star", "F1*", "", 1, "T", "P")]
     refuse_learnt([CARD], held_out)
-    with pytest.raises(InputError, match=f"version 'random' has learnt the {kind} of held-out F1star, so its failures there prove nothing"):
+    message = f"version 'random' was trained on the {kind} of held-out F1star, so its failures there prove nothing"
+    with pytest.raises(InputError, match=message):
         refuse_learnt([CARD, CARD.model_copy(update=update)], held_out)
 
 

@@ -31,7 +31,7 @@ def test_the_name_of_a_test_is_read_back() -> None:
 
 @pytest.mark.parametrize("name", ["", "F1star", "F1star-", "-00001", "F1star-1.5", "F1star-x"])
 def test_a_text_that_names_no_test_is_refused(name: str) -> None:
-    message = f"expected the name of a test, as F1star-00042, got '{name}'"
+    message = f"expected the name of a test, such as F1star-00042, got '{name}'"
     with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
         SequenceTest.named(name)
 

@@ -215,13 +215,13 @@ def test_planes_with_too_many_cells_are_refused(folder: Path, capsys: pytest.Cap
         (["plan", "--cpu-seconds", "nan"], "--cpu-seconds must be at least 0 and finite, got nan"),
         (["plan", "--cpu-seconds", "1", "--seconds", "1"], "--seconds and --cpu-seconds both limit polish; give one of them"),
         (["plan", "--strength", "7"], "--strength must be in [1, 4]"),
-        (["propose", "--complete", "--count", "3"], "--complete gives as many points as are needed; it has no use for --count"),
-        (["propose", "--complete", "--exact"], "it has no use for --exact"),
-        (["propose", "--complete", "--seconds", "0"], "it has no use for --seconds"),
-        (["propose", "--metadata", "points.csv"], "--metadata gives the conditions of images; name these by --points"),
+        (["propose", "--complete", "--count", "3"], "--complete proposes as many points as are needed; leave out --count"),
+        (["propose", "--complete", "--exact"], "leave out --exact"),
+        (["propose", "--complete", "--seconds", "0"], "leave out --seconds"),
+        (["propose", "--metadata", "points.csv"], "--metadata gives the conditions of images; name the images by --points"),
         (["score", "--points", "points.csv", "--metadata", "points.csv"], "--metadata goes with COCO's JSON and folders of YOLO labels"),
         (["score", "--points", "broken.csv"], "row 1 breaks the constraint 'lanes = 2 or current_lane != 2'"),
-        (["score", "--points", "empty.json"], "name it by --metadata"),
+        (["score", "--points", "empty.json"], "by --metadata"),
     ],
 )
 def test_bad_input_is_named(words: list[str], message: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -236,13 +236,13 @@ def test_bad_input_is_named(words: list[str], message: str, folder: Path, capsys
     ("words", "message"),
     [
         (["plan", "--output", "."], "expected a file to write to, got a folder"),
-        (["plan", "--output", "nowhere/plan.csv"], "nowhere, which is no folder"),
-        (["propose", "--output", "points.csv/next.csv"], "points.csv, which is no folder"),
+        (["plan", "--output", "nowhere/plan.csv"], "nowhere, which is not a folder"),
+        (["propose", "--output", "points.csv/next.csv"], "points.csv, which is not a folder"),
         (["plan", "--output", "/dev/null"], "/dev/null: expected a file to write to, got something else"),
         (["plan", "--output", "/proc/plan.csv"], "/proc/plan.csv: expected a file to write to, got"),
         (["plan", "--output", "plan.xlsx"], "plan.xlsx: expected a name that ends in .csv or .parquet, got .xlsx"),
         (["score", "--points", "points.csv", "--figures", "points.csv"], "points.csv: expected a folder to write to, got something else"),
-        (["score", "--points", "points.csv", "--figures", "nowhere/figures"], "nowhere, which is no folder"),
+        (["score", "--points", "points.csv", "--figures", "nowhere/figures"], "nowhere, which is not a folder"),
     ],
 )
 def test_outputs_are_checked_before_the_work(

@@ -83,7 +83,7 @@ def test_kitti_takes_further_conditions_from_a_table(tmp_path: Path) -> None:
     rows = "".join(f"00000{i}.png,{road}\n" for i, road in enumerate(["city", "road", "city", "campus"]))
     table = points(tmp_path, "road: {values: [city, road]}, objects: {interval: [0, 9], cuts: [1]}", "set", f"file_name,road\n{rows}")
     assert rows_of(table) == [[0, 1], [1, 0], [0, 1], [-1, 0]]
-    with pytest.raises(InputError, match=r"the set itself has no road; .* name it by --metadata"):
+    with pytest.raises(InputError, match=r"the set itself has no road; .* by --metadata"):
         points(tmp_path, "road: {values: [city, road]}", "set")
 
 

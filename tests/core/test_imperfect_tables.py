@@ -145,7 +145,7 @@ def test_parquet_keeps_whole_numbers_times_and_missing_values_apart(folder: Path
     pq.write_table(pa.Table.from_arrays([pa.array([1])] * 4, ["id", "t", "day", "t"]), folder / "points.parquet")
     assert "the column 't' appears twice" in said(capsys, folder, "score", "points.parquet", code=2)
     pq.write_table(pa.table({"id": [[1]], "t": [1], "day": [1]}), folder / "points.parquet")
-    assert "id: expected texts, numbers, truth values or times" in said(capsys, folder, "score", "points.parquet", code=2)
+    assert "id: expected texts, numbers, booleans or times" in said(capsys, folder, "score", "points.parquet", code=2)
 
 
 def test_a_spelling_that_means_two_names_means_none() -> None:

@@ -28,5 +28,5 @@ def test_a_plain_word_names_a_version_of_the_first_round() -> None:
 
 @pytest.mark.parametrize("name", ["base-r2", "adaptive-r", "adaptive-r0", "adaptive-r1", ""])
 def test_other_names_are_refused(name: str) -> None:
-    with pytest.raises(InputError, match=rf"^expected the name of a version, as base or adaptive-r2-s1, got '{name}'$"):
+    with pytest.raises(InputError, match=rf"^expected the name of a version, such as base or adaptive-r2-s1, got '{name}'$"):
         Version.named(name)

@@ -223,14 +223,14 @@ SMALL = {"TAXONOMY": {"road": ["city", "rural"], "speed": "float velocity"}, "MO
         ),
         (
             {"MODULES": {"m": {"INCLUDE_AND": {"speed": "< 5 kg"}}}, "COVERAGE": {"CUTS": {"speed": ["3 m/s"]}}},
-            "'kg' is no unit of velocity",
+            "'kg' is not a unit of velocity",
         ),
         (
             {"MODULES": {"m": {"INCLUDE_AND": {"speed": "fast"}}}},
             "INCLUDE_AND.speed: expected a number with a unit, '< x', '> x' or '[x .. y]'",
         ),
-        ({"MODULES": {"m": {"INCLUDE_AND": {"speed": "50 km/h"}}}}, "50 km/h is a single number, which is no category; use a range"),
-        ({"MODULES": {"m": {"INCLUDE_AND": {"road": "sity", "speed": "< 5 m/s"}}}}, "'sity' is no literal of road; did you mean 'city'?"),
+        ({"MODULES": {"m": {"INCLUDE_AND": {"speed": "50 km/h"}}}}, "50 km/h is a single number, which is not a category; use a range"),
+        ({"MODULES": {"m": {"INCLUDE_AND": {"road": "sity", "speed": "< 5 m/s"}}}}, "is not a literal of road; did you mean 'city'?"),
         ({"MODULES": {"m": {"INCLUDE_AND": {"road": [], "speed": "< 5 m/s"}}}}, "MODULES.m: no combination satisfies it"),
         ({"MODULES": {"m": {"INCLUDE_AND": []}}}, "MODULES.m.INCLUDE_AND: expected conditions such as"),
         ({"MODULES": {"m": {"INCLUDED": {}}}}, "MODULES.m: unknown key 'INCLUDED'; did you mean 'INCLUDE_AND'?"),
@@ -277,5 +277,5 @@ def test_imports_are_read_once_and_may_not_contradict(tmp_path: Path) -> None:
     (tmp_path / "taxonomy.yaml").write_text("IMPORT: [odd.yaml]\nTAXONOMY: {scenery: {road: [city, rural]}}")
     space = read(tmp_path, "IMPORT: [taxonomy.yaml]\nTAXONOMY: {scenery: {lit: boolean}}\nMODULES: {m: {EXCLUDE_OR: {road: rural}}}")
     assert space.names == ("road", "lit") and space.clauses == (("road != rural",),)
-    with pytest.raises(InputError, match=r"odd.yaml: TAXONOMY.scenery.road: an imported file has this too"):
+    with pytest.raises(InputError, match=r"odd.yaml: TAXONOMY.scenery.road: an imported file has this, too"):
         read(tmp_path, "IMPORT: [taxonomy.yaml]\nTAXONOMY: {scenery: {road: [city]}}")

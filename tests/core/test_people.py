@@ -53,7 +53,7 @@ def test_everybody_is_found_by_name(number: int) -> None:
 
 @pytest.mark.parametrize("name", ["W 00", "W 001", "X 01", "W01", "W 1", ""])
 def test_other_names_are_refused(name: str) -> None:
-    with pytest.raises(ValueError, match=f"a person is named as in 'W 01' or 'M 38', got '{name}'"):
+    with pytest.raises(ValueError, match=f"expected a person such as 'W 01' or 'M 38', got '{name}'"):
         person(name)
 
 

@@ -258,5 +258,5 @@ def test_a_database_whose_migration_was_broken_off_names_the_way_to_a_new_one(tm
     store = tmp_path / "mlflow.db"
     with closing(sqlite3.connect(store)) as database:
         database.execute("CREATE TABLE _alembic_tmp_metrics (key TEXT)")
-    with pytest.raises(InputError, match=rf"damaged \(a migration was broken off at _alembic_tmp_metrics\); .* type: mv {store} "):
+    with pytest.raises(InputError, match=rf"damaged \(a migration was interrupted at _alembic_tmp_metrics\); .* type: mv {store} "):
         connect(store)

@@ -31,7 +31,7 @@ def test_the_second_says_who_is_at_work_and_goes_on_when_the_first_is_killed(tmp
     assert first.stdout is not None and first.stdout.readline() == "held\n"
     second = run(tmp_path, "test-detector")
     assert second.stderr is not None and second.stdout is not None
-    said = f"blindspot: snakemake (process {first.pid}) is at work in this folder; waiting for it to end\n"
+    said = f"blindspot: snakemake (process {first.pid}) is running in this folder; waiting for it to finish\n"
     assert second.stderr.readline() == said
     first.kill()
     assert second.stdout.readline() == "held\n"

@@ -49,13 +49,13 @@ def test_a_camera_is_chosen_by_its_name() -> None:
         ("strategies=[random,forst]", "strategies: there is no 'forst'; did you mean 'forest'?"),
         ("arms.adaptive=pairwise", "arms.adaptive: there is no 'pairwise'"),
         ("+arms.base=random", "arms: 'base' is the version before retraining; choose another name"),
-        ("+arms.new-one=random", "arms.new-one: expected letters, digits and _, at most 60, as a path is named after it, got 'new-one'"),
+        ("+arms.new-one=random", "arms.new-one: expected letters, digits and _, at most 60, for use in paths, got 'new-one'"),
         (
             "retraining={searches:own,seeds:[1]}",
             "retraining.seeds must be [0], the seeds of the search, because retraining.searches is 'own', got [1]",
         ),
         ("search=[F1,F22]", "search: there is no conf/scenario/F22.yaml; did you mean 'F2'?"),
-        ("held_out=[F1]", "held_out must not be searched: F1 is in both lists"),
+        ("held_out=[F1]", "held_out must not be searched, but both lists have F1"),
         (
             "scenarios.F1star.town=${scenarios.F1.town}",
             "held_out: F1star has the town of F1 (style and seed), which is searched, so training would use it",
@@ -73,7 +73,7 @@ def test_a_camera_is_chosen_by_its_name() -> None:
         ("base_set.rare.crouching=1.5", "base_set.rare.crouching: Input should be less than or equal to 1, got 1.5"),
         ("seeds=[3,3]", "seeds must differ, got [3, 3]"),
         ("+sampler@samplers.my-forest=forest", "samplers.my-forest: expected letters, digits and _, at most 60"),
-        ("+detector.model=my.onnx", "detector.model is given by the study; leave it out: `python -m pipeline test-detector FILE` tests"),
+        ("+detector.model=my.onnx", "detector.model is set by the study; leave it out: `python -m pipeline test-detector FILE` tests"),
         ("scenarios.F1.space.fog.low=200", "scenarios.F1.space: variable 'fog': low must be below high, got 200"),
         (
             "+scenarios.F1.constraints=[['animation != crouchin']]",
@@ -115,7 +115,7 @@ def test_a_camera_is_chosen_by_its_name() -> None:
         ("tracking.experiment=../../../../x", "tracking.experiment: expected letters, digits and _, joined by - or /, at most 60"),
         ("tracking.experiment=a//b", "tracking.experiment: expected letters,"),
         ("tracking.model_name=a/b", "tracking.model_name: expected letters, digits and _, joined by -, at most 60"),
-        (f"tracking.model_name={'x' * 5000}", f"at most 60, as a path is named after it, got '{'x' * 79}…"),
+        (f"tracking.model_name={'x' * 5000}", f"at most 60, for use in paths, got '{'x' * 79}…"),
         (
             "base.weights=../elsewhere",
             "base.weights: expected a path inside the project (link outside files into it)",
@@ -126,7 +126,7 @@ def test_a_camera_is_chosen_by_its_name() -> None:
         ("simulator.camera.hfov_deg=200", "simulator.camera.hfov_deg: Input should be less than or equal to 120, got 200"),
         ("simulator.camera.rate_hz=0", "simulator.camera.rate_hz: Input should be greater than or equal to 2, got 0"),
         ("+simulator.camera.widht=64", "unknown key 'simulator.camera.widht'; did you mean 'width'?"),
-        ("+simulator.car=1", "simulator.car is given by the study; leave it out"),
+        ("+simulator.car=1", "simulator.car is set by the study; leave it out"),
         ("detector.threshold=2", "detector.threshold: Input should be less than 1, got 2"),
         ("detector=function", "overrides: Missing mandatory value: function"),
         ("samplers.forest.batch_size=-3", "samplers.forest: batch_size must be in [1, 1000], got -3"),
@@ -137,7 +137,10 @@ def test_a_camera_is_chosen_by_its_name() -> None:
             "samplers.forest._target_=builtins.type",
             "expected a class with ask and tell, a Sampler, got 'builtins.type'",
         ),
-        ("detector._target_=pipeline.protocols.Detector", "detector._target_: expected a class with detect, a Detector that can be made"),
+        (
+            "detector._target_=pipeline.protocols.Detector",
+            "detector._target_: expected a class with detect, a Detector that can be instantiated",
+        ),
         ("detector._target_=os.system", "detector._target_: expected a class with detect, a Detector, got 'os.system'"),
         ("scenarios.F1.space.rain.kind=continous", "rain.kind: expected one of continuous, integer, categorical, got 'continous'"),
         ("scenarios.F1.space.rain.low=x", "conf/scenario/F1.yaml: scenarios.F1.space: rain.low: expected a number, got 'x'"),
@@ -158,12 +161,12 @@ def test_a_town_with_other_streets_is_the_same_town() -> None:
 
 
 def test_scenarios_of_a_comparison_share_a_space() -> None:
-    with pytest.raises(InputError, match="held_out: F2star has another space than F1star"):
+    with pytest.raises(InputError, match="held_out: F2star and F1star have different spaces"):
         compose("default", ["held_out=[F1star,F2star]", "scenarios.F2star.space.fog.high=50"])
 
 
 def test_scenarios_of_a_comparison_share_their_constraints() -> None:
-    with pytest.raises(InputError, match="held_out: F2star has another space than F1star"):
+    with pytest.raises(InputError, match="held_out: F2star and F1star have different spaces"):
         compose("default", ["held_out=[F1star,F2star]", "+scenarios.F2star.constraints=[['rain = 0','fog = 0']]"])
 
 
@@ -183,7 +186,7 @@ def test_a_missing_params_file_names_the_command_that_makes_it(tmp_path: Path, c
     [
         (b"study: a\nstudy: b\n", "line 2: not valid YAML (the key 'study' appears twice)"),
         (b"study: caf\xe9\n", "expected UTF-8 text, got the byte 0xe9 at 10"),
-        (b"a: &x [1]\nb: [*x, *x]\n", "line 2: not valid YAML (the alias *x is not allowed: write the value again)"),
+        (b"a: &x [1]\nb: [*x, *x]\n", "line 2: not valid YAML (the alias *x is not allowed: write out the value)"),
         (b"true: 1\n", "line 1: not valid YAML (expected text as a key, got 'true')"),
         (b"a: 2024-02-30\n", "not valid YAML (day is out of range for month)"),
         (b"a: 2024-02-28\n", "expected text, numbers, lists and mappings alone"),

@@ -224,7 +224,7 @@ def test_the_profile_gives_threads_to_the_steps_that_take_them() -> None:
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["measure"], "stopped; finished tests are kept, and the same command goes on from there"),
+        (["measure"], "stopped; finished tests are kept, and the same command resumes"),
         (["versions"], "stopped"),
     ],
 )

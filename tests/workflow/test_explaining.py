@@ -168,5 +168,5 @@ def test_a_simulator_without_noise_is_refused_by_name(tmp_path: Path, capsys: py
             f"simulator._target_={target}",
         ]
         assert main([*words, "regions.explain=2"]) == 2
-        assert f"regions.explain: {target}.execute must take the parameter 'noise', so expected 0, got 2" in capsys.readouterr().err
+        assert f"regions.explain: expected 0, because {target}.execute has no parameter 'noise', got 2" in capsys.readouterr().err
         assert main([*words, "regions.explain=0"]) == 0

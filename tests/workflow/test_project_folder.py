@@ -46,7 +46,7 @@ def test_elsewhere_an_editable_installation_uses_its_checkout(tmp_path: Path, ca
     assert project_of(tmp_path) == CHECKOUT
     with chdir(tmp_path), entered():
         assert Path.cwd() == CHECKOUT and typed("film.mp4") == tmp_path / "film.mp4"
-    assert capsys.readouterr().err == f"blindspot: no project in {tmp_path} or above, so this one is used: {CHECKOUT}\n"
+    assert capsys.readouterr().err == f"blindspot: no project in {tmp_path} or above; using {CHECKOUT}\n"
 
 
 def test_typed_paths_belong_to_the_folder_of_the_person(study: StudyFolder) -> None:

@@ -48,7 +48,7 @@ def test_a_changed_outcome_is_found(page: Path, capsys: pytest.CaptureFixture[st
     assert "page    | 2 |\n  command | 3 |" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(("command", "told"), [("rm -r docs", "begins with 'python'"), ("python none.py", "ended with 2")])
+@pytest.mark.parametrize(("command", "told"), [("rm -r docs", "begin with 'python'"), ("python none.py", "ended with 2")])
 def test_a_command_that_does_not_work_is_named(page: Path, command: str, told: str, capsys: pytest.CaptureFixture[str]) -> None:
     page.write_text(f"<!-- made by: {command} -->\n<!-- end -->\n")
     assert main(["results", "verify"]) == 2

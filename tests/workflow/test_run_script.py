@@ -86,7 +86,7 @@ def test_a_machine_without_room_rights_or_handles_is_named_before_any_work(check
     (checkout / ".cache").write_text("in the way")
     done = limited(checkout, "-n 1024")
     assert done.returncode == 2
-    assert done.stderr == f"blindspot: cannot write in {checkout}: File exists; the same command goes on once it can\n"
+    assert done.stderr == f"blindspot: cannot write in {checkout}: File exists; the same command resumes once it can\n"
 
 
 def test_the_pages_need_tracked_runs(checkout: Path) -> None:
@@ -177,7 +177,7 @@ def test_ctrl_c_ends_with_one_sentence_that_says_what_goes_on(ready: Path) -> No
         assert run.poll() is None
     os.killpg(run.pid, signal.SIGINT)
     told = run.communicate(timeout=30)[1]
-    assert told == "blindspot: stopped; finished jobs and tests are kept, and the same command goes on from there\n"
+    assert told == "blindspot: stopped; finished jobs and tests are kept, and the same command resumes\n"
     assert run.returncode == 130
 
 
@@ -193,7 +193,7 @@ def test_a_second_run_waits_for_the_first(ready: Path) -> None:
         assert first.poll() is None
     second = subprocess.Popen([ready / "run"], env=environment, stderr=subprocess.PIPE, text=True)
     assert second.stderr is not None
-    assert second.stderr.readline() == f"blindspot: ./run (process {first.pid}) is at work in this folder; waiting for it to end\n"
+    assert second.stderr.readline() == f"blindspot: ./run (process {first.pid}) is running in this folder; waiting for it to finish\n"
     (ready / "go").write_text("")
     assert (first.wait(), second.wait()) == (0, 0)
     assert (ready / "calls").read_text().split() == ["begin", "end", "begin", "end"]

@@ -84,7 +84,7 @@ def covering_array(
         raise ValueError(f"clauses {', '.join(map(str, limits.contradiction()))} contradict each other: no row is feasible")
     given = np.zeros((0, len(sizes)), np.int32) if seeds is None else np.asarray(seeds, np.int32)
     if (given < 0).any():
-        raise ValueError("seed rows need a category of each variable")
+        raise ValueError("seed rows need a category for each variable")
     given = np.pad(given, ((0, 0), (0, len(limits.sizes) - len(sizes))))
     if broken := limits.first_broken(given.astype(np.int64)):
         raise ValueError(f"seed row {broken[0]} breaks clause {broken[1]}")
