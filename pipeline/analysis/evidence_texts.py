@@ -11,7 +11,7 @@ from pipeline.core.likelihood.rate import one_in
 ASSUMPTIONS = (
     "The simulator and its camera stand for the road. Nothing here was recorded on a real road.",
     "Each test has one pedestrian, and the ego brakes as the settings say; other road users follow fixed plans.",
-    "A test fails if its adjusted time to collision is at most {threshold:g} s.",
+    "A test fails if its adjusted time-to-collision is at most {threshold:g} s.",
     "The conditions of the road are distributed as the exposure says.",
     "Random tests are independent, and their number was fixed before the first.",
     "Tests that ended in an error would have failed as often as the others.",

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pipeline.execution.campaign import CampaignPlan, Executed
 
 WORDS = """scenario=F1 strategy=forest budget=300 seed=0 model=models/uniform out=FOLDER, all optional; and overrides of the default
-study, such as campaign.match_iou=0.3 samplers.forest.explore=0.2"""
+study, such as campaign.match_iou=0.3 +samplers.forest.explore=0.2"""
 STOPPED = 130
 """Exit code after Ctrl-C, as in a shell."""
 HELP = "Search a scenario for failures with one strategy. Ctrl-C stops it; the same command resumes it."
