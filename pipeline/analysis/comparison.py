@@ -31,7 +31,7 @@ from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.artefacts.search_results import Measures
 from pipeline.config.sections import Regions
 from pipeline.core import comparison as core
-from pipeline.core.comparison import Bools, Interval, SequenceOutcomes
+from pipeline.core.comparison import Bools, Interval, SequenceOutcomes, Verdict, judge
 from pipeline.core.gate import Gate, Part, Policy, champion, gate
 from pipeline.core.lineage import Version
 from pipeline.core.space import Space
@@ -90,6 +90,11 @@ class _Results:
     def outcomes(self) -> dict[str, SequenceOutcomes]:
         return {version: self.held_out.outcomes(version) for version in self.held_out.versions}
 
+    @cached_property
+    def valid(self) -> Bools:
+        """Whether each test is valid for every version, (n,)."""
+        return np.asarray(np.all([outcomes.valid for outcomes in self.outcomes.values()], axis=0))
+
     @property
     def base(self) -> str:
         return self.held_out.versions[0]
@@ -107,6 +112,9 @@ class _Results:
             regressions=tuple(tests[rows][found.regressed]),
             p_value=found.p_value,
         )
+
+    def judge(self, paired: VersionPair) -> Verdict:
+        return judge(len(paired.fixes), len(paired.regressions), paired.p_value, self.policy.alpha)
 
     def version(self, version: str, found: Gate | None) -> VersionResult:
         """found: by the gate; None for the base."""
@@ -127,7 +135,7 @@ class _Results:
             rate=outcomes.rate,
             change=0 if paired is None else len(paired.regressions) - len(paired.fixes),
             paired=paired,
-            verdict="baseline" if paired is None else core.pair(self.outcomes[self.base], outcomes).verdict(self.policy.alpha),
+            verdict="baseline" if paired is None else self.judge(paired),
             limits=() if found is None else tuple(LimitResult(**asdict(limit)) for limit in found.limits),
         )
 
@@ -149,9 +157,10 @@ class _Results:
         return tuple(self.group(name, versions) for name, versions in members.items())
 
     def group(self, name: str, versions: Sequence[str]) -> GroupResult:
-        members, base = [self.outcomes[version] for version in versions], self.outcomes[self.base].failures
-        failures = _estimate(core.group_failures(members, self.policy.confidence))
-        parts = {scenario: [member.at(rows) for member in members] for scenario, rows in self.held_out.scenarios.items()}
+        members = [self.outcomes[version] for version in versions]
+        base = self.outcomes[self.base].at(self.valid).failures
+        failures = _estimate(core.group_failures([member.at(self.valid) for member in members], self.policy.confidence))
+        parts = {name: [member.at(rows & self.valid) for member in members] for name, rows in self.held_out.scenarios.items()}
         return GroupResult(
             group=name,
             round=Version.named(versions[0]).round,
@@ -192,8 +201,9 @@ def _regions_of(held_out: HeldOut, info: ScenarioInfo, space: Space, section: Re
     base = tests[held_out.versions[0]]
     valid = base[base["status"] == "ok"].reset_index(drop=True)
     points, results = encode_tests(base, space), []
+    counted = np.all([rows["status"] == "ok" for rows in tests.values()], axis=0)
     for found in find_regions(info, space, valid, section):
-        inside, region = found.group.rule.holds(points), found.region
+        inside, region = counted & found.group.rule.holds(points), found.region
         failures = {version: int((rows["failure"].to_numpy(bool) & inside).sum()) for version, rows in tests.items()}
         results.append(RegionResult(scenario=info.name, name=region.name, rule=region.rule, tests=int(inside.sum()), failures=failures))
     return results

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from pipeline.analysis.failure_regions import outcomes_of
 from pipeline.analysis.measures import PROJECTION_K
 from pipeline.analysis.stored_rules import stored_rule
 from pipeline.artefacts.evidence import Area, Areas, Coverage, Domain, OpenRegion, Risk, ScenarioEvidence, Whole
@@ -22,14 +23,13 @@ from pipeline.config.exposure import ExposureFile
 from pipeline.config.sections import Regions
 from pipeline.core.coverage.projection import Demand, projection_coverage
 from pipeline.core.exposure import Exposure
-from pipeline.core.grouping import Outcomes, group_failures
+from pipeline.core.grouping import group_failures
 from pipeline.core.likelihood.rate import Limits, Rate, combined, exact
 from pipeline.core.likelihood.reweighted import reweighted
 from pipeline.core.rules import Bools, Rule
 from pipeline.core.shown import shown_share
 from pipeline.core.space import Floats, Space
 from pipeline.errors import InputError
-from pipeline.scenarios.people import WORDS
 
 DRAWS = 100_000
 """Conditions drawn from the exposure to measure a share; no test is executed for them."""
@@ -154,8 +154,7 @@ def _risks(tested: Searched, section: Regions, road: Exposure | None) -> tuple[R
 
 def _searched_rules(space: Space, tests: pd.DataFrame, section: Regions) -> list[Rule]:
     """The rules of the failure regions of some tests."""
-    outcomes = Outcomes(space, encode_tests(tests, space), tests["failure"].to_numpy(bool), WORDS)
-    groups = group_failures(outcomes, tests["cause"].to_numpy(str), section.chance_neighbours, section.min_failures)
+    groups = group_failures(outcomes_of(space, tests), tests["cause"].to_numpy(str), section.chance_neighbours, section.min_failures)
     return [group.rule for group in groups]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import pandas as pd
 
 from pipeline.analysis.held_out import HeldOut
@@ -29,10 +30,10 @@ class Searched:
     regions: Sequence[FailureRegions]
 
     def of_group(self, group: str) -> pd.DataFrame:
-        """The tests of a named group."""
+        """The tests of a named group; none of a scenario without it."""
         parts = [self.tests[self.tests["scenario"] == name] for name in self.spaces]
-        inside = [named_groups(space, encode_tests(rows, space))[group] for rows, space in zip(parts, self.spaces.values(), strict=True)]
-        return pd.concat([rows[members] for rows, members in zip(parts, inside, strict=True)])
+        groups = [named_groups(space, encode_tests(rows, space)) for rows, space in zip(parts, self.spaces.values(), strict=True)]
+        return pd.concat([rows[found.get(group, np.zeros(len(rows), bool))] for rows, found in zip(parts, groups, strict=True)])
 
     def named(self, group: str) -> tuple[str, ...]:
         """The regions whose rules name a group."""

@@ -79,7 +79,8 @@ def _seen(seen: Seen) -> str:
     if not seen.in_sight:
         return f"are never in sight ({seen.failures} failures)."
     if seen.delay_s is None or seen.first_detection_m is None:
-        sight = f"come into sight {_metres(seen.first_sight_m)} before the conflict point and are never detected"
+        unseen = f", except for {seen.detected} never in sight" if seen.detected else ""
+        sight = f"come into sight {_metres(seen.first_sight_m)} before the conflict point and are never detected{unseen}"
         return f"{sight} (median of {seen.failures} failures)."
     delay = f"{seen.delay_s:.1f} s after they come into sight" if seen.delay_s >= 0.05 else "as soon as they come into sight"
     never = f"; {missed} {'is' if missed == 1 else 'are'} never detected" if (missed := seen.failures - seen.detected) else ""

@@ -90,7 +90,8 @@ class VersionResult(Result):
 
 class GroupResult(Result):
     """Versions that differ only by the seed of retraining: mean failures, in total and by scenario, with Student's intervals over the
-    seeds. A single version has no interval (low = high), see `pipeline.core.comparison.SequenceOutcomes.rate`.
+    seeds, on the tests that are valid for every version. A single version has no interval (low = high), see
+    `pipeline.core.comparison.SequenceOutcomes.rate`.
 
     against_base: ratio of its mean to the base's failures; null if the base never fails.
     """
@@ -107,8 +108,7 @@ class GroupPair(Result):
     """Two groups on the `tests` that all of their versions executed.
 
     difference: mean failures of `group` minus those of `against`, with Student's interval over the seeds, paired by seed. p_value: exact
-    sign-flip test of the tests' differences, summed over seeds: whether these versions differ on tests like these. With one seed it equals
-    the exact McNemar test.
+    randomisation test over the tests: whether these versions differ on tests like these. With one seed it equals the exact McNemar test.
     """
 
     group: str

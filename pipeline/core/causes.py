@@ -13,12 +13,16 @@ from pipeline.core.visibility import visible
 
 Cause = Literal["none", "not_solvable", "never_seen", "too_late", "box", "confidence", "false_positives", "false_activation"]
 """none: no failure. not_solvable: no frame in which a person could see the pedestrian came in time, see `solvable`. false_positives,
-false_activation: as the failure mode. Otherwise, by the frames that came in time and in which a person could see the pedestrian:
+false_activation: as the failure mode. Otherwise:
 
-- never_seen: neither in these frames nor later does any detection touch the pedestrian;
-- confidence: in most of those without a match, a detection fits, but its score is too low to be reported;
-- box: in most of them, a reported detection touches the pedestrian, but its box does not fit;
-- too_late: in most of them there is nothing, or the brake followed too late or too weakly.
+- never_seen: in no frame does a reported detection touch the pedestrian, or one with a lower score fit it.
+
+The others judge the frames that came in time, in which a person could see the pedestrian and none of the reported detections matched. The
+most frequent one counts, in equal numbers the first:
+
+- too_late: there is nothing; or every frame had a match, and the brake followed too late or too weakly;
+- box: a reported detection touches the pedestrian, but its box does not fit;
+- confidence: a detection fits, but its score is too low to be reported.
 """
 
 

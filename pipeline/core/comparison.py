@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.core.statistics import mcnemar, mean_interval, sign_flip
+from pipeline.core.statistics import mcnemar, mean_interval, one_against_several, sign_flip
 
 Bools = NDArray[np.bool_]
 Verdict = Literal["baseline", "better", "worse", "no difference shown"]
@@ -104,8 +104,8 @@ class VersionDifference:
 class GroupDifference:
     """Two groups on the tests that are valid for all of their versions.
 
-    difference: failures of the second minus those of the first, the mean over seeds. p_value: of the exact sign-flip test over the tests,
-    seeds summed.
+    difference: failures of the second minus those of the first, the mean over seeds. p_value: of an exact randomisation test over the
+    tests, see `pair_groups`.
     """
 
     tests: int
@@ -132,16 +132,23 @@ def pair(before: SequenceOutcomes, after: SequenceOutcomes) -> VersionDifference
 
 
 def pair_groups(before: Sequence[SequenceOutcomes], after: Sequence[SequenceOutcomes], confidence: float) -> GroupDifference:
-    """Compare two groups of versions, one version per seed, paired by seed; a single version, such as the base, is paired with each
-    seed."""
+    """Compare two groups of versions, one version per seed, in the same order of seeds; a single version, such as the base, is compared
+    with each seed.
+
+    The p-value is that of `sign_flip`, seeds summed, or of `one_against_several` for a single version: the base's outcome would count once
+    for each seed, so its differences are not symmetric.
+    """
+    if len(before) != len(after) and 1 not in (len(before), len(after)):
+        raise ValueError(f"expected groups of equally many versions or a single one, got {len(before)} and {len(after)}")
     valid = np.all([outcomes.valid for outcomes in (*before, *after)], axis=0)
     first, second = (np.array([outcomes.failed[valid] for outcomes in group], dtype=np.int64) for group in (before, after))
     differences = second.sum(axis=1) - first.sum(axis=1)
-    return GroupDifference(
-        tests=int(valid.sum()),
-        difference=_mean(differences.tolist(), confidence, least=-np.inf),
-        p_value=sign_flip((second - first).sum(axis=0)),
-    )
+    if len(first) == len(second):
+        p_value = sign_flip((second - first).sum(axis=0))
+    else:
+        one, several = (first, second) if len(first) == 1 else (second, first)
+        p_value = one_against_several(one[0], several.sum(axis=0), len(several))
+    return GroupDifference(int(valid.sum()), _mean(differences.tolist(), confidence, least=-np.inf), p_value)
 
 
 def group_failures(versions: Sequence[SequenceOutcomes], confidence: float) -> Interval:

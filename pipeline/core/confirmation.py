@@ -25,7 +25,8 @@ def draw_inside(space: Space, rule: Rule, count: int, rng: np.random.Generator) 
 def draw_just_outside(space: Space, rule: Rule, count: int, rng: np.random.Generator) -> Floats:
     """(count, d) feasible points just outside a rule: each breaks one condition and keeps the others.
 
-    The condition is drawn with equal chances. A number lies beyond its bound by at most `MARGIN` of the range; of a category, any other
+    The condition is drawn with equal chances. A number lies beyond its bound by at most `MARGIN` of the range, an integer by at
+    least 1; of a category, any other
     value may stand. Empty, (0, d), if no condition can be broken alone.
     """
     nearby = []
@@ -49,7 +50,8 @@ def _beyond(condition: Condition, variable: Variable) -> Filter:
         gaps = [np.abs(column - bound) for bound in (condition.low, condition.high)]
         if variable.cyclic:
             gaps = [np.minimum(gap, period - gap) for gap in gaps]
-        return np.asarray(outside & (np.minimum(*gaps) <= MARGIN * period))
+        reach = max(MARGIN * period, 1.0 if variable.kind == "integer" else 0.0)
+        return np.asarray(outside & (np.minimum(*gaps) <= reach))
 
     return just_outside
 
@@ -83,7 +85,10 @@ def _values(variable: Variable, filters: Sequence[Filter], count: int, rng: np.r
 
 
 def more_inside(inside: Counted, outside: Counted) -> float:
-    """Fisher's exact test, one-sided: the chance of so many failures inside if the failure rate inside and outside were one. In [0, 1]."""
+    """Fisher's exact test, one-sided: the chance of so many failures inside if the failure rate inside and outside were one. In [0, 1]; 1
+    without tests on either side."""
+    if not inside.tests or not outside.tests:
+        return 1.0
     from scipy.stats import hypergeom
 
     tests, failures = inside.tests + outside.tests, inside.failures + outside.failures

@@ -88,14 +88,7 @@ class Constraints:
 
     def contradiction(self) -> tuple[int, ...]:
         """Indices of a minimal set of clauses that no point satisfies together; empty if a feasible point exists."""
-        if self.satisfiable({}):
-            return ()
-        core = list(range(len(self.clauses)))
-        for index in list(core):
-            fewer = [i for i in core if i != index]
-            if not Constraints(self.sizes, tuple(self.clauses[i] for i in fewer)).satisfiable({}):
-                core = fewer
-        return tuple(core)
+        return () if self.satisfiable({}) else contradiction(self.sizes, [(clause,) for clause in self.clauses])
 
     @cached_property
     def _encoding(self) -> _Encoding:
@@ -106,6 +99,16 @@ class Constraints:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
+
+
+def contradiction(sizes: tuple[int, ...], constraints: Sequence[Sequence[Clause]]) -> tuple[int, ...]:
+    """Indices of a minimal set of contradicting constraints, which no point satisfies together; each is a list of clauses."""
+    core = tuple(range(len(constraints)))
+    for index in core:
+        fewer = tuple(i for i in core if i != index)
+        if not Constraints(sizes, tuple(clause for i in fewer for clause in constraints[i])).satisfiable({}):
+            core = fewer
+    return core
 
 
 def satisfied(clause: Clause, categories: Ints) -> Bools:

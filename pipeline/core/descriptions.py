@@ -165,7 +165,9 @@ class _Interval:
             return None
         # Intervals that admit the same tests are equally good: the middle one errs least.
         tied = np.argwhere(gains >= best - 1e-9)
-        first, last = _middle(tied[:, 0], 0), _middle(tied[:, 1], len(self.bounds) - 1)
+        middle = _middle(tied[:, 0], 0), _middle(tied[:, 1], len(self.bounds) - 1)
+        # The middle of the ends need not be one of these intervals, so the nearest one counts.
+        first, last = map(int, tied[np.abs(tied - middle).sum(axis=1).argmin()])
         return _Ends(first, last, float(prices[first, last]), best)
 
 

@@ -65,14 +65,3 @@ def feasible_pairs(space: Space) -> int:
 def pair_coverage(space: Space, points: Floats) -> float:
     """Share of the feasible pairs of categories that the points (n, d) cover, in [0, 1] (thesis section 6.1)."""
     return projection_coverage(space.categorise(points), Demand(space.constraints, 2)).ratio
-
-
-def coverage_curve(space: Space, points: Floats) -> Ints:
-    """Number of pairs of categories that the first 1, 2, ... n points (n, d) cover, as (n,)."""
-    categories = space.categorise(points)
-    new = np.zeros(len(points), dtype=np.int64)
-    for first in range(len(space)):
-        for second in range(first + 1, len(space)):
-            cells = categories[:, first] * space.sizes[second] + categories[:, second]
-            new[np.unique(cells, return_index=True)[1]] += 1
-    return np.cumsum(new)

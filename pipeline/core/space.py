@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.core.constraint_language import read_constraint
-from pipeline.core.constraints import Clause, Constraints, parse_literal
+from pipeline.core.constraints import Clause, Constraints, contradiction, parse_literal
 from pipeline.core.coverage.mixed import NOTHING, Extras
 from pipeline.core.variable import Floats, Ints, Kind, Value, Variable
 
@@ -39,7 +39,8 @@ class Space:
         if not self.variables or len(set(self.names)) != len(self.names):
             raise ValueError(f"a space needs variables with distinct names, got {self.names}")
         if self.clauses and not self.constraints.satisfiable({}):
-            listed = "; ".join(one if isinstance(one, str) else f"[{', '.join(one)}]" for one in self._contradiction())
+            core = [self.clauses[i] for i in contradiction(self.sizes, self._compiled)]
+            listed = "; ".join(one if isinstance(one, str) else f"[{', '.join(one)}]" for one in core)
             raise ValueError(f"constraints: these contradict each other, so no point is left: {listed}")
         for one in self.extras.combinations:
             if not self.constraints.satisfiable(dict(zip(one.variables, one.categories, strict=True))):
@@ -72,15 +73,6 @@ class Space:
             read_constraint(one, self.variables) if isinstance(one, str) else (tuple(parse_literal(text, labels) for text in one),)
             for one in self.clauses
         )
-
-    def _contradiction(self) -> list[Written]:
-        """As few constraints as contradict each other."""
-        core = list(range(len(self.clauses)))
-        for index in list(core):
-            fewer = [i for i in core if i != index]
-            if not Constraints(self.sizes, tuple(clause for i in fewer for clause in self._compiled[i])).satisfiable({}):
-                core = fewer
-        return [self.clauses[i] for i in core]
 
     def __len__(self) -> int:
         return len(self.variables)

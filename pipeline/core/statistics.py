@@ -8,6 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+TOLERANCE = 1e-9
+"""Rounding errors of sums that count as equal."""
+
 
 def _distributions() -> Any:
     """SciPy's, imported late: that takes most of a second, and planning a study needs none of them."""
@@ -111,8 +114,8 @@ def vargha_delaney(first: ArrayLike, second: ArrayLike) -> float:
     0.5 means no difference. Source: Vargha & Delaney 2000, Eq. 13.
     """
     a, b = np.asarray(first, dtype=float), np.asarray(second, dtype=float)
-    if a.ndim != 1 or b.ndim != 1 or not len(a) or not len(b):
-        raise ValueError(f"first and second must be lists of one or more numbers, got shapes {a.shape} and {b.shape}")
+    if a.ndim != 1 or b.ndim != 1 or not len(a) or not len(b) or np.isnan(a).any() or np.isnan(b).any():
+        raise ValueError(f"first and second must be lists of one or more numbers, got {a} and {b}")
     return float(np.mean((a[:, None] > b) + 0.5 * (a[:, None] == b)))
 
 
@@ -132,7 +135,8 @@ def censored_mean(values: ArrayLike, reached: ArrayLike, confidence: float = 0.9
     reached: (n,) whether a value is exact; if not, it is right-censored: the true one is larger. Dropping censored values would favour a
     strategy that fails to find anything in its bad campaigns. The interval is Student's over the jackknife's pseudo-values (Andersen, Klein
     & Rosthøj 2003); without censoring they are the values, and the result is the plain mean with `mean_interval`. least: lower limit of the
-    mean. If all values are censored, the estimate is the largest of them, as a lower bound, without an interval.
+    mean; with a censored value, the largest one is its upper limit. If all values are censored, the estimate is the largest of them, as a
+    lower bound, without an interval.
 
     The estimate assumes that a censored value is no different from the others that got as far.
     """
@@ -142,7 +146,8 @@ def censored_mean(values: ArrayLike, reached: ArrayLike, confidence: float = 0.9
     count, limit = len(sample), float(sample.max())
     mean = _area(sample, exact, limit)
     without = np.array([_area(np.delete(sample, i), np.delete(exact, i), limit) for i in range(count)]) if count > 1 else np.zeros(1)
-    low, high = mean_interval(count * mean - (count - 1) * without, confidence, (least, np.inf)) if exact.any() else (mean, mean)
+    highest = np.inf if exact.all() else limit
+    low, high = mean_interval(count * mean - (count - 1) * without, confidence, (least, highest)) if exact.any() else (mean, mean)
     return CensoredMean(mean, low, high, int((~exact).sum()))
 
 
@@ -215,6 +220,24 @@ def sign_flip(differences: ArrayLike) -> float:
         chance = (np.roll(chance, size) + np.roll(chance, -size)) / 2
     far = np.abs(np.arange(-reach, reach + 1)) >= abs(int(values.sum()))
     return min(1.0, float(chance[far].sum()))
+
+
+def one_against_several(failed: ArrayLike, others: ArrayLike, size: int) -> float:
+    """Exact two-sided p-value of one version against `size` others on the same tests, if all of them are alike.
+
+    failed: (n,) bool, of the one. others: (n,) number of the others that fail. Whichever versions fail a test, the one is then any of the
+    size + 1 with equal chances (Fisher's randomisation test). The statistic is how far its number of failures is from the expected one. For
+    one other version, it equals the exact McNemar test.
+    """
+    first, counts = np.asarray(failed, dtype=bool), np.asarray(others)
+    if first.shape != counts.shape or first.ndim != 1 or ((counts < 0) | (counts > size)).any():
+        raise ValueError(f"failed and others must be lists of equal length, with counts in [0, {size}], got {first} and {counts}")
+    shares = (first + counts) / (size + 1)
+    chance = np.ones(1)  # The probability of each number of failures, from 0 on.
+    for share in shares:
+        chance = np.convolve(chance, [1 - share, share])
+    away = np.abs(np.arange(len(chance)) - shares.sum())
+    return min(1.0, float(chance[away >= abs(first.sum() - shares.sum()) - TOLERANCE].sum()))
 
 
 def _check_confidence(confidence: float) -> None:

@@ -105,6 +105,8 @@ class Variable:
             return f"low must be below high, got {self.low} to {self.high}"
         if self.cuts is not None:
             return self._wrong_cuts()
+        if self.kind == "integer" and any(number != int(number) for number in (self.low, self.high, self.step)):
+            return f"low, high and step of an integer must be whole, got {self.low:g}, {self.high:g} and {self.step:g}"
         if not 0 < self.step <= self.high - self.low:
             return f"step must be in (0, {self.high - self.low}], got {self.step}"
         if self.cyclic and abs((self.high - self.low) / self.step - self.size) > TOLERANCE:
@@ -220,6 +222,8 @@ class Variable:
             return values
         if self.kind == "integer":
             first, last = np.ceil(values - self.step / 2), np.ceil(values + self.step / 2) - 1
+            if self.cyclic:
+                return np.asarray(self.low + (first + np.floor(unit * (last - first + 1)) - self.low) % (self.high - self.low))
             first, last = np.maximum(first, self.low), self._ends(categories, last)
             return np.asarray(np.minimum(first + np.floor(unit * (last - first + 1)), last))
         first, last = values - self.step / 2, values + self.step / 2

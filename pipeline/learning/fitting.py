@@ -17,8 +17,8 @@ from pipeline.detectors.yolo.weights import load_weights
 
 
 def fit_version(config: Config, weights: Path, images: ImageSets, seed: tuple[int, ...], run: Run) -> Fitted:
-    """The trained network of a version. weights: its predecessor's. seed: the version's, combined with the round from the second round
-    on."""
+    """The trained network of a version. weights: its predecessor's. seed: the version's, combined with the round from the second round on;
+    training from scratch takes the first of them."""
     settings = config.retraining
     if settings.start == "scratch":
         base, added = images.base, images.added

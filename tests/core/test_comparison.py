@@ -59,9 +59,24 @@ def test_rate_and_group_failures() -> None:
     assert (mean.value, mean.low, mean.high) == pytest.approx((3, 0, 15.706), abs=1e-3)
 
 
-def test_groups_are_paired_by_seed_and_a_single_version_with_each_seed() -> None:
-    found = pair_groups([outcomes("cccc.e")], [outcomes("....cc"), outcomes("c....c")], 0.95)
+def test_groups_are_paired_by_seed() -> None:
+    found = pair_groups([outcomes("cccc.e"), outcomes("cccc.e")], [outcomes("....cc"), outcomes("c....c")], 0.95)
     # The last test is an error with one version. Differences by seed: -3 and -3; by test, summed: -1, -2, -2, -2, 1.
     assert (found.tests, found.difference.value) == (5, -3)
     # Sums of the 32 sign patterns at least as far as 6: +-8 twice; +-6, by flipping one of the two ones, four times.
     assert found.p_value == 6 / 32
+
+
+def test_a_single_version_is_compared_with_each_seed() -> None:
+    base, versions = [outcomes("cccc.e")], [outcomes("....cc"), outcomes("c....c")]
+    found = pair_groups(base, versions, 0.95)
+    assert (found.tests, found.difference.value) == (5, -3)
+    # The base fails each test with a chance of 2, 1, 1, 1 and 1 in 3: 4 of 5 failures are 2 more than expected. As far away are 0 and 5.
+    none, four, five = 2**4, 2 * 4 * 2 + 1, 2
+    assert found.p_value == pytest.approx((none + four + five) / 3**5)
+    assert pair_groups(versions, base, 0.95).p_value == found.p_value
+
+
+def test_groups_of_different_sizes_cannot_be_paired() -> None:
+    with pytest.raises(ValueError, match="expected groups of equally many versions or a single one, got 2 and 3"):
+        pair_groups([outcomes("c")] * 2, [outcomes("c")] * 3, 0.95)

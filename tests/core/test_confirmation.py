@@ -10,6 +10,7 @@ from pipeline.core.confirmation import MARGIN, confirmed, draw_inside, draw_just
 from pipeline.core.counted import Counted
 from pipeline.core.grouping import Outcomes, group_failures
 from pipeline.core.rules import Condition, Rule
+from pipeline.core.space import Space, Variable
 from pipeline.scenarios.people import WORDS
 from tests.planted import CHILDREN, CROUCHING, FOG, PERSON, POSE, RAIN, SPACE, UMBRELLAS, WORLDS
 from tests.spaces import CONSTRAINED, SMALL
@@ -110,3 +111,15 @@ def test_words_do_not_change_what_a_rule_admits() -> None:
     tests = WORLDS["an attribute"].outcomes(1)
     (group,) = group_failures(Outcomes(SPACE, tests.points, tests.failed, WORDS), np.where(tests.failed, "box", "none"), 0.5, 4)
     assert group.rule.holds(draw_inside(SPACE, group.rule, 100, np.random.default_rng(0))).all()
+
+
+def test_a_rule_without_a_fresh_test_is_not_confirmed() -> None:
+    only_errors = Counted(0, 0, 40)
+    assert more_inside(only_errors, Counted(20, 0)) == more_inside(Counted(20, 20), only_errors) == 1
+    assert confirmed([(only_errors, only_errors)], 0.05) == [False]
+
+
+def test_just_outside_a_bound_of_an_integer_is_the_next_one() -> None:
+    space = Space((Variable("lanes", "integer", low=1, high=4, step=1), Variable("rain", "continuous", low=0, high=100, step=10)))
+    points = draw_just_outside(space, Rule((Condition(0, 1, 2),)), 50, np.random.default_rng(0))
+    assert (points[:, 0] == 3).all() and len(points) == 50

@@ -7,7 +7,6 @@ import pytest
 
 from pipeline.core.measures import (
     c_measure,
-    coverage_curve,
     f_measure,
     failure_sequence,
     feasible_pairs,
@@ -75,12 +74,3 @@ def test_infeasible_pairs_are_not_required() -> None:
     assert pair_coverage(space, np.array([[0.0, 0], [0, 1], [1, 0]])) == 1
     with pytest.raises(ValueError, match="1 points break a constraint, the first is point 1, which breaks clause 0"):
         pair_coverage(space, np.array([[0.0, 0], [1, 1]]))
-
-
-def test_the_coverage_curve_ends_at_the_pair_coverage() -> None:
-    points = SMALL.sample(40, np.random.default_rng(0))
-    curve = coverage_curve(SMALL, points)
-    sizes = np.array(SMALL.sizes)
-    pairs = (sizes.sum() ** 2 - (sizes**2).sum()) / 2
-    assert curve[0] == 6 and (np.diff(curve) >= 0).all()
-    assert curve[-1] / pairs == pytest.approx(pair_coverage(SMALL, points))

@@ -9,6 +9,7 @@ from scipy.stats import binom
 from pipeline.core.descriptions import likelihood_gain
 from pipeline.core.rule_search import find_rule
 from pipeline.core.rules import Condition, Rule
+from pipeline.core.space import Space, Variable
 from pipeline.core.words import Word, meanings
 from pipeline.scenarios.people import WORDS, person
 from tests.planted import CHILDREN, FOG, PERSON, POSE, RAIN, SPACE, SPEED
@@ -70,3 +71,13 @@ def test_no_rule_pays_for_labels_at_random_or_without_two_outcomes() -> None:
     points = SPACE.sample(60, rng)
     for failed in (rng.random(60) < 0.2, np.ones(60, bool), np.zeros(60, bool)):
         assert find_rule(SPACE, points, failed, WORDS).rule == Rule(())
+
+
+def test_of_equally_good_intervals_one_of_them_is_chosen() -> None:
+    space = Space((Variable("fog", "continuous", "%", 0, 100, 10),))
+    fog = np.concatenate(
+        [np.linspace(21, 29, 9), np.linspace(71, 79, 9), np.linspace(0, 19, 20), np.linspace(31, 69, 40), np.linspace(81, 100, 20)]
+    )
+    failed = np.arange(len(fog)) < 18
+    found = find_rule(space, fog[:, None], failed)
+    assert failed[found.rule.holds(fog[:, None])].sum() == 9 and found.rule.text(space) in ("fog in [20, 30] %", "fog in [70, 80] %")

@@ -7,6 +7,7 @@ from math import comb
 
 import numpy as np
 import pytest
+from scipy.stats import binom
 
 from pipeline.core.statistics import (
     bootstrap_mean,
@@ -14,6 +15,7 @@ from pipeline.core.statistics import (
     censored_mean,
     mcnemar,
     mean_interval,
+    one_against_several,
     paired_rise_limit,
     sign_flip,
     vargha_delaney,
@@ -125,6 +127,31 @@ def test_sign_flip_is_mcnemar_for_two_versions_and_counts_all_signs_for_more() -
         sign_flip(np.array([0.5]))
 
 
+def test_one_against_several_is_mcnemar_for_one_other_version() -> None:
+    before, after = [1, 1, 1, 1, 0, 0, 1], [0, 0, 0, 0, 0, 1, 1]
+    assert one_against_several(before, after, 1) == pytest.approx(mcnemar(before, after).p_value)
+
+
+def test_one_against_several_counts_each_place_of_the_one() -> None:
+    # One failure among three versions: the one has it with a chance of 1/3. Expected: 2/3, so 2 is the only sum as far away.
+    assert one_against_several([1, 1], [0, 0], 2) == pytest.approx(1 / 9)
+    assert one_against_several([0, 0], [1, 1], 2) == pytest.approx(1 / 9 + 4 / 9 + 4 / 9 - 4 / 9)
+    assert one_against_several([1, 0], [2, 0], 2) == 1
+
+
+def test_one_against_several_is_no_more_often_significant_than_it_says() -> None:
+    rng, alpha = np.random.default_rng(0), 0.05
+    failed = rng.random((400, 4, 60)) < 0.9
+    p_values = np.array([one_against_several(versions[0], versions[1:].sum(axis=0), 3) for versions in failed])
+    assert binom.sf((p_values <= alpha).sum() - 1, 400, alpha) > 0.01
+
+
+@pytest.mark.parametrize("others", [[1], [3, 0], [-1, 0]])
+def test_one_against_several_refuses_impossible_counts(others: list[int]) -> None:
+    with pytest.raises(ValueError, match="lists of equal length, with counts in"):
+        one_against_several([1, 0], others, 2)
+
+
 def test_the_censored_mean_by_hand() -> None:
     # Kaplan-Meier: 1 until 1, 3/4 until 3 (2 is censored), 3/8 until 5, the largest: 1 + 2 * 3/4 + 2 * 3/8.
     found = censored_mean([1, 2, 3, 5], [True, False, True, False])
@@ -142,7 +169,7 @@ def test_without_censoring_it_is_the_plain_mean() -> None:
 
 def test_censoring_at_one_budget_gives_the_mean_of_what_was_spent() -> None:
     found, spent = censored_mean([3, 80, 80, 17], [True, False, False, True]), [3, 80, 80, 17]
-    assert (found.value, found.low, found.high) == pytest.approx((45, *mean_interval(spent, limits=(0, np.inf))))
+    assert (found.value, found.low, found.high) == pytest.approx((45, *mean_interval(spent, limits=(0, 80))))
 
 
 def test_if_all_are_censored_the_mean_is_a_bound() -> None:
@@ -186,5 +213,15 @@ def test_the_bootstrap_refuses_what_is_not_paired(reference: list[float]) -> Non
 def test_vargha_delaney_counts_wins_and_half_the_ties() -> None:
     assert vargha_delaney([1, 2, 3], [2]) == 0.5  # One win, one tie, one loss.
     assert vargha_delaney([5, 6], [1, 2, 3]) == 1 and vargha_delaney([1, 2], [2, 3]) == 0.125
-    with pytest.raises(ValueError, match=r"got shapes \(0,\) and \(1,\)"):
+    with pytest.raises(ValueError, match=r"lists of one or more numbers, got \[\] and \[1.\]"):
         vargha_delaney([], [1])
+
+
+def test_vargha_delaney_refuses_a_missing_value() -> None:
+    with pytest.raises(ValueError, match="must be lists of one or more numbers"):
+        vargha_delaney([np.nan, 1], [1])
+
+
+def test_the_limits_of_a_restricted_mean_do_not_exceed_its_largest_value() -> None:
+    found = censored_mean([10, 100, 100], [True, False, False])
+    assert (found.value, found.high) == (70, 100)

@@ -18,7 +18,7 @@ DEFENSIVE = 0.2
 """Share of the later tests drawn from the exposure itself, so that no weight exceeds 1 / DEFENSIVE."""
 GROWTH = 1.25
 """The meta-model is fitted again after this many times as many tests."""
-FEW = "too few failures for a meta-model, so all tests were random"
+FEW = "too few failures in the first half of the budget for a meta-model, so all tests were random"
 
 
 @dataclass(eq=False, repr=False, kw_only=True)
@@ -32,7 +32,7 @@ class ImportanceSampling(Estimator):
 
     The interval has the variance of the weights and that of the pools. If the weights of the failures are worth fewer than 20 equal ones,
     it is one that holds whatever weights unseen failures have. If half of the budget shows fewer failures, all tests are random and the
-    interval is exact.
+    interval is that of `exact`.
 
     pool: points of a pool. trees: of the meta-model.
     """
@@ -78,8 +78,8 @@ class ImportanceSampling(Estimator):
         valid = ~np.isnan(self._kpi) & (np.arange(len(self._kpi)) >= self._random)
         failed, tests = self._weights[valid & (self._kpi <= self.failure_threshold_s)], int(valid.sum())
         if not len(failed) or failed.sum() ** 2 < ENOUGH_FAILURES * (failed @ failed):
-            return self._rate(float(failed.sum()) / max(tests, 1), bounded(failed, 1 / DEFENSIVE, max(tests, 1)))
-        value = float(failed.sum()) / tests
+            return self._rate(min(1.0, float(failed.sum()) / max(tests, 1)), bounded(failed, 1 / DEFENSIVE, max(tests, 1)))
+        value = min(1.0, float(failed.sum()) / tests)
         # Each pool is itself a sample, whose error all tests from it share.
         shares = np.bincount(self._pool_of[valid]) / tests
         pools = value * max(1 - value, 1 / tests) / self.pool * float(shares @ shares)

@@ -9,6 +9,7 @@ from math import floor, log10
 import numpy as np
 from scipy import optimize, special, stats
 
+from pipeline.core.counted import Counted
 from pipeline.core.space import Floats
 
 CONFIDENCE = 0.95
@@ -37,21 +38,18 @@ class Rate:
     errors: int = 0
     note: str = ""
 
+    def __post_init__(self) -> None:
+        if not 0 <= self.value <= 1:
+            raise ValueError(f"a failure rate must be in [0, 1], got {self.value}")
+
 
 def exact(failures: int, tests: int) -> Limits:
     """Exact limits of a binomial proportion (Clopper & Pearson 1934); 0 and 1 without tests.
 
     They hold for a number of independent tests that was fixed before. With no failure in n tests, `below` is 1 - 0.05^(1/n).
     """
-    if not 0 <= failures <= tests:
-        raise ValueError(f"failures must be in [0, {tests}], got {failures}")
-    if tests == 0:
-        return Limits(0.0, 1.0, 1.0)
-    low = 0.0 if failures == 0 else float(stats.beta.ppf(TAIL, failures, tests - failures + 1))
-    high, below = (
-        1.0 if failures == tests else float(stats.beta.ppf(1 - tail, failures + 1, tests - failures)) for tail in (TAIL, 2 * TAIL)
-    )
-    return Limits(low, high, below)
+    counted = Counted(tests, failures)
+    return Limits(*counted.interval(CONFIDENCE), below=counted.interval(1 - 4 * TAIL)[1])
 
 
 def evidence(failures: int, tests: int, rate: float, above: bool) -> float:

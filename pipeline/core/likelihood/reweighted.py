@@ -22,4 +22,5 @@ def reweighted(exposure: Exposure, points: Floats, failed: NDArray[np.bool_], er
     worth = weights.sum() ** 2 / max(float(weights @ weights), 1e-300)
     limits = bounded(weights[failed], exposure.largest_ratio, len(points))
     note = f"under this exposure, {len(points):,} uniform tests are worth {worth:,.0f}"
-    return Rate(float(weights[failed].sum()) / len(points), limits, len(points), int(failed.sum()), errors, note)
+    value = min(1.0, float(weights[failed].sum()) / len(points))
+    return Rate(value, limits, len(points), int(failed.sum()), errors, note)

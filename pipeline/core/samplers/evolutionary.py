@@ -37,9 +37,9 @@ class EvolutionarySampler(BatchSampler):
 
     initial: int = 20
     parents: int = 4
-    explore: float = 0.25
+    explore: float = 0.0
     step: float = 0.1
-    impact: float = 0.5
+    impact: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
