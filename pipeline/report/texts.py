@@ -57,7 +57,7 @@ PAIRS = _prose("""
 """)
 GROUP_PAIRS = _prose("""
     Difference: mean over the seeds of retraining with Student's interval, paired by seed. It covers the variation between
-    trainings. p: exact sign-flip test over the tests, seeds summed. It covers the variation between tests. A difference is shown
+    trainings. p: exact randomisation test over the tests, seeds summed. It covers the variation between tests. A difference is shown
     only if p is at most {alpha:g} and the interval excludes 0. All seeds share one search, so neither covers the variation between
     searches.
 """)

@@ -120,7 +120,7 @@ def _group_sentence(comparison: Comparison, pair: GroupPair) -> str:
         return f"{pair.group} against {pair.against}: {_outcomes(paired)} (p = {pair.p_value:.2g}, exact McNemar test)."
     mean = pair.difference
     outcome = f"{mean.value:+.1f} failures, mean of {seeds} seeds ({mean.low:+.1f} to {mean.high:+.1f})"
-    p_value = f"p = {pair.p_value:.2g}, exact sign-flip test over the tests, seeds summed"
+    p_value = f"p = {pair.p_value:.2g}, exact randomisation test over the tests, seeds summed"
     by_tests_alone = pair.p_value <= comparison.alpha and not pair.shown(comparison.alpha)
     seeds_differ = "; no difference is shown, because the interval over the seeds includes 0" if by_tests_alone else ""
     return f"{pair.group} against {pair.against}: {outcome}; {p_value}{seeds_differ}."

@@ -229,7 +229,7 @@ def test_a_version_whose_other_seeds_are_no_better_is_held_back() -> None:
     assert result.versions[1].verdict == "better" and result.champion == "base"
     # Differences of -30 and -1: Student's interval of two seeds is -15.5 ± 12.706 * 14.5.
     assert result.gate["adaptive"] == (
-        "held back: over all its seeds, adaptive does not show fewer failures than base (-15.5, -199.7 to +168.7; p = 1.9e-09)"
+        "held back: over all its seeds, adaptive does not show fewer failures than base (-15.5, -199.7 to +168.7; p = 7.2e-05)"
     )
     alike = compared(**seeds | {"adaptive-s1": "." * 60})
     assert alike.passes("adaptive") and alike.passes("adaptive-s1")
@@ -267,6 +267,12 @@ def test_groups_average_over_the_seeds_of_retraining() -> None:
     assert none.groups[1].against_base is None
 
 
+def test_a_test_that_ends_in_an_error_counts_for_no_group() -> None:
+    base, adaptive = compared(base="cccc....", adaptive="eecc....").groups
+    assert (base.failures.value, adaptive.failures.value, adaptive.against_base) == (2, 2, 1)
+    assert adaptive.scenarios["F1star"].value == 2
+
+
 def test_groups_are_compared_over_all_seeds() -> None:
     result = compared(
         **{"base": "cccccc..", "random": "ccc...e.", "random-s1": "cc......", "adaptive": "c.......", "adaptive-s1": "......c."}
@@ -276,10 +282,12 @@ def test_groups_are_compared_over_all_seeds() -> None:
     assert (pair.tests, pair.difference.value, pair.p_value) == (7, -2, 0.25)
     assert (pair.difference.low, pair.difference.high) == (-2, -2)
     base = next(pair for pair in result.group_pairs if (pair.group, pair.against) == ("adaptive", "base"))
-    # 5 failures fewer with each seed; -1, five times -2 and 1: 6 of the 128 sign patterns reach as far.
-    assert (base.tests, base.difference.value, base.p_value) == (8, -5, 6 / 128)
+    # 5 failures fewer with each seed. The base fails each test with a chance of 2, five times 1 and 1 in 3: 7/3 failures are expected,
+    # and only 6 and 7 are as far from it as 6.
+    assert (base.tests, base.difference.value) == (8, -5)
+    assert base.p_value == pytest.approx((2 * 6 * 2 + 1 + 2) / 3**7)
     sentence = next(line for line in verdict_table(result, Path("report.html")).splitlines() if line.startswith("adaptive against random"))
-    assert "-2.0 failures, mean of 2 seeds (-2.0 to -2.0); p = 0.25, exact sign-flip test" in sentence
+    assert "-2.0 failures, mean of 2 seeds (-2.0 to -2.0); p = 0.25, exact randomisation test" in sentence
 
 
 def test_one_seed_leaves_mcnemar() -> None:
@@ -315,6 +323,9 @@ def test_failures_are_counted_in_the_regions_of_the_base() -> None:
     (region,) = base_regions(sequence, spaces, compose("default", []).regions)
     assert (region.scenario, region.name) == ("F1star", "F1* region 1")
     assert region.failures == {"base": 30, "adaptive": 2} and 30 <= region.tests < 60
+    tests["base"].loc[:9, ["status", "failure"]] = ["error", False]
+    (fewer,) = base_regions(sequence, spaces, compose("default", []).regions)
+    assert fewer.failures == {"base": 20, "adaptive": 0} and fewer.tests == region.tests - 10, "errors of the base count for no version"
 
 
 def test_step_on_files(tmp_path: Path) -> None:

@@ -8,12 +8,14 @@ import numpy as np
 import pandas as pd
 
 from pipeline.analysis.failure_regions import cluster
+from pipeline.analysis.planted import Searched
 from pipeline.artefacts.comparison_results import Comparison, Count
 from pipeline.artefacts.model_card import read_card, write_card
 from pipeline.artefacts.results import read
 from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.artefacts.tables import read_tests
 from pipeline.config.composing import compose
+from pipeline.core.space import Space
 from pipeline.report.verdict import planted_rows, verdict_table
 from pipeline.scenarios.people import person
 from tests.analysis.fabricated import FabricatedStudy, make_tests
@@ -41,6 +43,17 @@ def test_the_group_that_was_rare_is_counted_in_the_searches_and_in_the_held_out_
     assert "Planted blind spots" in verdict_table(comparison)
     named = planted.model_copy(update={"regions": ("F1 region 1", "F1 region 3", "F2 region 1")})
     assert ("named by regions", "F1: 1, 3; F2: 1") in planted_rows(comparison.model_copy(update={"planted": (named,)}))
+
+
+def test_a_searched_scenario_without_the_group_has_no_tests_of_it() -> None:
+    space, rng = compose("default", []).space("F1"), np.random.default_rng(0)
+    still = Space(tuple(v for v in space.variables if v.name not in ("animation", "blueprint")))
+    tests = [
+        make_tests(of, {"scenario": name, "strategy": "random", "version": "base", "seed": 0}, of.sample(60, rng))
+        for name, of in (("F1", space), ("X", still))
+    ]
+    searched = Searched(pd.concat(tests), {"F1": space, "X": still}, ())
+    assert set(searched.of_group("children")["scenario"]) == {"F1"}
 
 
 def test_a_base_of_a_uniform_set_has_no_planted_group(tmp_path: Path) -> None:

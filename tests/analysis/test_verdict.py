@@ -189,7 +189,7 @@ def test_several_seeds_are_judged_together() -> None:
     _, against, *_ = verdict_sentences(comparison())
     assert against == (
         "adaptive against random: -15.0 failures, mean of 2 seeds (-18.0 to -12.0); "
-        "p = 6.1e-05, exact sign-flip test over the tests, seeds summed."
+        "p = 6.1e-05, exact randomisation test over the tests, seeds summed."
     )
 
 
