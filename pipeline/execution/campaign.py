@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
-from pipeline.artefacts import tables
+from pipeline.artefacts import stamps, tables
 from pipeline.artefacts.files import sha256
 from pipeline.artefacts.points import encode_tests
 from pipeline.config.components import make_sampler
@@ -27,7 +27,7 @@ from pipeline.core.measures import kinds_of
 from pipeline.core.shards import Shard
 from pipeline.core.signals import SIGNALS
 from pipeline.core.space import Floats, Space
-from pipeline.errors import NoResultError
+from pipeline.errors import InputError, NoResultError
 from pipeline.execution.journal import Journal, Outcome
 from pipeline.execution.workers import Execution, Setup, Workers
 from pipeline.progress import Progress
@@ -92,7 +92,8 @@ def run_campaign(plan: CampaignPlan, out: Path, journal: Path, threads: int, pro
     tests.
 
     journal: folder of the finished tests of an unfinished campaign; the same plan resumes from it. threads: worker processes; they change
-    no table but the timings. NoResultError if every test ended in an error.
+    no table but the timings. InputError if the strategy asks for no test, NoResultError if every test ended in an error; neither for a shard,
+    because its campaign may have a result.
     """
     log = Journal(journal, plan.identity, progress)
     sampler, workers = plan.sampler(), Workers(threads, plan.setup)
@@ -100,19 +101,22 @@ def run_campaign(plan: CampaignPlan, out: Path, journal: Path, threads: int, pro
         done = search(plan, sampler, log, workers, progress)
     finally:
         workers.close()
-    if all(test.outcome.is_error for test in done):
+    errors = [test.outcome.reason for test in done if test.outcome.is_error]
+    if plan.shard is None and len(errors) == len(done):
         log.remove()  # Errors that a person has to mend first are not resumed.
-        raise NoResultError(no_result(plan.campaign, done))
+        raise no_result(plan.campaign, errors)
     write(plan, done, out)
     log.remove()
     return done
 
 
-def no_result(campaign: CampaignId, done: Sequence[Executed]) -> str:
-    """Says that all tests of a campaign ended in an error, and its most frequent reason."""
-    (reason, count), *_ = Counter(test.outcome.reason for test in done).most_common()
+def no_result(campaign: CampaignId, reasons: Sequence[str]) -> InputError | NoResultError:
+    """The error of a campaign without a valid test. reasons: of the errors of its tests, none if it has no tests."""
     named = f"{campaign.scenario}, {campaign.strategy}, {campaign.version}, seed {campaign.seed}"
-    return f"{named}: all {len(done)} tests ended in an error, so there is no result; {count} times: {reason}"
+    if not reasons:
+        return InputError(f"{named}: expected at least one test, the strategy asks for none")
+    (reason, count), *_ = Counter(reasons).most_common()
+    return NoResultError(f"{named}: all {len(reasons)} tests ended in an error, so there is no result; {count} times: {reason}")
 
 
 def search(plan: CampaignPlan, sampler: Sampler, log: Journal, workers: Workers, progress: Progress) -> list[Executed]:
@@ -157,22 +161,29 @@ def write(plan: CampaignPlan, done: Sequence[Executed], out: Path) -> None:
     found = [_detection_rows(name, test.outcome) for name, test in named if len(test.outcome.detections["step"])]
     tables.write_detections(out.with_name("detections.parquet"), pd.concat(found) if found else _empty(tables.DETECTIONS))
     tables.write_frames(out.with_name("frames.parquet"), pd.DataFrame(frames) if frames else _empty(tables.FRAMES))
-    tables.write_timings(out.with_name("timings.parquet"), pd.DataFrame(timings))
-    tables.write_tests(out, pd.DataFrame(tests), plan.space)
+    tables.write_timings(out.with_name("timings.parquet"), pd.DataFrame(timings) if timings else _empty(tables.TIMINGS))
+    tables.write_tests(out, pd.DataFrame(tests) if tests else _empty(tables.TESTS, plan.space.names), plan.space)
 
 
-def join(shards: Sequence[Path], space: Space, out: Path) -> None:
-    """Write the five tables of a campaign from those of its shards, in their order, equal to the unsharded campaign's; arguments are
-    paths of tests.parquet."""
+def join(campaign: CampaignId, shards: Sequence[Path], space: Space, out: Path) -> None:
+    """Write the five tables of a campaign from those of its shards, in their order, equal to the unsharded campaign's.
+
+    shards, out: paths of tests.parquet. Without a valid test, raises what `run_campaign` does and withdraws the stamps of the shards.
+    """
 
     def rows(read: Callable[[Path], pd.DataFrame], name: str) -> pd.DataFrame:
         return pd.concat([read(shard.with_name(f"{name}.parquet")) for shard in shards], ignore_index=True)
 
+    tests = rows(tables.read_tests, "tests")
+    if (tests["status"] == "error").all():
+        for shard in shards:  # Errors that a person has to mend first are executed again.
+            stamps.withdraw(shard.with_name(shard.name + stamps.SUFFIX))
+        raise no_result(campaign, list(tests["reason"]))
     tables.write_signals(out.with_name("signals.parquet"), rows(tables.read_signals, "signals"))
     tables.write_detections(out.with_name("detections.parquet"), rows(tables.read_detections, "detections"))
     tables.write_frames(out.with_name("frames.parquet"), rows(tables.read_frames, "frames"))
     tables.write_timings(out.with_name("timings.parquet"), rows(tables.read_timings, "timings"))
-    tables.write_tests(out, rows(tables.read_tests, "tests"), space)
+    tables.write_tests(out, tests, space)
 
 
 def _history(path: Path, space: Space) -> tuple[Floats, Floats]:
@@ -192,8 +203,8 @@ def _found(space: Space, done: Sequence[Executed]) -> str:
     return f"{len(failed)} failures ({len(failed) / len(done):.0%}), {kinds_of(space, np.array(failed)) if failed else 0} kinds"
 
 
-def _empty(expected: Sequence[Column]) -> pd.DataFrame:
-    return pd.DataFrame(columns=[column.name for column in expected])
+def _empty(expected: Sequence[Column], variables: Sequence[str] = ()) -> pd.DataFrame:
+    return pd.DataFrame(columns=[*(column.name for column in expected), *variables])
 
 
 def _test_row(plan: CampaignPlan, test: Executed) -> dict[str, Any]:

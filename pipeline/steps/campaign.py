@@ -89,9 +89,13 @@ def run(job: Job) -> None:
     from pipeline.execution.campaign import join, run_campaign
 
     if shards := job.inputs("shard_tests"):
-        join(shards, read_space(job.input("space"))[1], job.output("tests"))
+        join(_named(job.wildcards), shards, read_space(job.input("space"))[1], job.output("tests"))
     else:
         run_campaign(planned(job, job.inputs("earlier")), job.output("tests"), job.scratch, job.threads, job.progress)
+
+
+def _named(wildcards: Wildcards) -> CampaignId:
+    return CampaignId(wildcards["scenario"], wildcards["strategy"], wildcards["version"], int(wildcards["seed"]))
 
 
 def planned(job: Job, earlier: Sequence[Path] = (), shard: Shard | None = None) -> CampaignPlan:
@@ -100,7 +104,7 @@ def planned(job: Job, earlier: Sequence[Path] = (), shard: Shard | None = None) 
     from pipeline.execution.workers import Setup
 
     config, model, wildcards = job.config, job.input("model"), job.wildcards
-    campaign = CampaignId(wildcards["scenario"], wildcards["strategy"], wildcards["version"], int(wildcards["seed"]))
+    campaign = _named(wildcards)
     if not model.exists():
         raise InputError(f"{model}: expected the detector of version '{campaign.version}', found none; train it first")
     held_out = wildcards["kind"] == HELD_OUT

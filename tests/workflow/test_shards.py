@@ -2,44 +2,96 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from pipeline.artefacts import tables
 from pipeline.config.composing import compose
 from pipeline.core.samplers.forest import ForestSampler
+from pipeline.core.samplers.random import RandomSampler
 from pipeline.core.shards import Shard
+from pipeline.core.space import Floats
 from pipeline.testing import check_sampler
 from pipeline.workflow.jobs import Jobs, Target, step_names
 from pipeline.workflow.stamping import Stamps
 from tests.spaces import SMALL
-from tests.studies import StudyFolder
+from tests.studies import ROOT, StudyFolder
 from tests.workflow.test_campaign import analytic_study, folder, key
 
 COUNT = 3
 """The shards begin and end inside batches."""
 
 
-def sharded(root: Path, strategy: str) -> StudyFolder:
-    """A study whose campaign of a strategy was executed in shards, last shard first."""
-    study = analytic_study(root, f"campaign.shards={COUNT}")
+def sharded(root: Path, strategy: str, *overrides: str) -> tuple[StudyFolder, int]:
+    """A study whose campaign of a strategy was executed in shards, last shard first, and the exit code of joining them."""
+    study = analytic_study(root, f"campaign.shards={COUNT}", *overrides)
     for number in reversed(range(COUNT)):
         assert study.run("shard", shard=Shard(number, COUNT), **key(strategy)) == 0
-    assert study.run("campaign", **key(strategy)) == 0
-    return study
+    return study, study.run("campaign", **key(strategy))
+
+
+def joined(root: Path, strategy: str, *overrides: str) -> pd.DataFrame:
+    """The tests of a campaign that was executed in shards; its tables are those of the whole campaign."""
+    whole = analytic_study(root / "whole", *overrides)
+    assert whole.run("campaign", **key(strategy)) == 0
+    parts, code = sharded(root / "parts", strategy, *overrides)
+    assert code == 0
+    for name in ("tests", "signals", "detections", "frames"):
+        one, other = (folder(study, strategy) / f"{name}.parquet" for study in (whole, parts))
+        assert one.read_bytes() == other.read_bytes(), name
+    tests = tables.read_tests(folder(parts, strategy) / "tests.parquet")
+    assert list(tables.read_timings(folder(parts, strategy) / "timings.parquet")["test_id"]) == list(tests["test_id"])
+    return tests
 
 
 @pytest.mark.parametrize("strategy", ["random", "pairwise", "coverage"])
 def test_shards_give_the_bytes_of_the_whole_campaign(tmp_path: Path, strategy: str) -> None:
-    whole = analytic_study(tmp_path / "whole")
-    assert whole.run("campaign", **key(strategy)) == 0
-    parts = sharded(tmp_path / "parts", strategy)
-    for name in ("tests", "signals", "detections", "frames"):
-        one, other = (folder(study, strategy) / f"{name}.parquet" for study in (whole, parts))
-        assert one.read_bytes() == other.read_bytes(), name
-    named = tables.read_tests(folder(parts, strategy) / "tests.parquet")["test_id"]
-    assert list(tables.read_timings(folder(parts, strategy) / "timings.parquet")["test_id"]) == list(named) and len(named) == 24
+    assert len(joined(tmp_path, strategy)) == 24
+
+
+def test_a_shard_may_end_in_errors_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    fragile = "simulator._target_=tests.workflow.test_campaign.Fragile"
+    assert list(joined(tmp_path, "random", fragile, f"campaign.tests={COUNT}")["status"]) == ["ok", "ok", "error"]
+
+
+@dataclass
+class Finite(RandomSampler):
+    """Asks for `total` tests."""
+
+    total: int
+
+    def ask(self) -> Floats:
+        return super().ask()[: self.total - len(self._points)]
+
+
+FINITE = ["campaign.tests=9", "samplers.random.batch_size=2", "samplers.random._target_=tests.workflow.test_shards.Finite"]
+
+
+def test_a_shard_may_lie_beyond_the_last_test_of_its_strategy(tmp_path: Path) -> None:
+    assert len(joined(tmp_path, "random", *FINITE, "+samplers.random.total=4")) == 4
+
+
+FRUITLESS = {
+    "errors": (["campaign.tests=3", "detector._target_=tests.faults.hostile.Fails"], 1, "all 3 tests ended in an error"),
+    "no tests": ([*FINITE, "+samplers.random.total=0"], 2, "expected at least one test, the strategy asks for none"),
+}
+
+
+@pytest.mark.parametrize(("overrides", "code", "said"), FRUITLESS.values(), ids=FRUITLESS.keys())
+def test_shards_without_a_valid_test_are_no_campaign_and_are_executed_again(
+    overrides: list[str], code: int, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    parts, ended = sharded(tmp_path / "parts", "random", *overrides)
+    assert ended == code and f"blindspot campaign: F1, random, base, seed 3: {said}" in capsys.readouterr().err
+    assert list((parts / "shards").rglob("*.parquet")) and not list((parts / "shards").rglob("*.stamp"))
+    whole = analytic_study(tmp_path / "whole", *overrides)
+    assert whole.run("campaign", **key("random")) == code
+    assert said in capsys.readouterr().err
 
 
 def test_a_missing_shard_is_an_error_that_names_its_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
