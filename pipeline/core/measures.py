@@ -52,9 +52,14 @@ def theta_area(theta: Ints) -> float:
 
 
 def kinds_of(space: Space, failures: Floats) -> int:
-    """Number of kinds of failures (n, d): distinct combinations of the categorical variables, such as person and pose."""
+    """Number of kinds of failures (n, d)."""
+    return len(kinds(space, failures))
+
+
+def kinds(space: Space, failures: Floats) -> set[tuple[float, ...]]:
+    """The kinds of failures (n, d): distinct combinations of the categorical variables, such as person and pose."""
     columns = [j for j, variable in enumerate(space.variables) if variable.kind == "categorical"]
-    return len({tuple(row) for row in failures[:, columns].tolist()})
+    return {tuple(row) for row in failures[:, columns].tolist()}
 
 
 def feasible_pairs(space: Space) -> int:

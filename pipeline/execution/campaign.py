@@ -7,7 +7,7 @@ import json
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ from pipeline.config.components import make_sampler
 from pipeline.core.columns import Column
 from pipeline.core.identity import CampaignId, TestId
 from pipeline.core.kpi import NO_KPI, Kpi, evaluate
-from pipeline.core.measures import kinds_of
+from pipeline.core.measures import kinds
 from pipeline.core.shards import Shard
 from pipeline.core.signals import SIGNALS
 from pipeline.core.space import Floats, Space
@@ -77,6 +77,25 @@ class Executed:
     sampler_s: float
 
 
+@dataclass
+class _Found:
+    """What a search has found so far, counted test by test for its progress."""
+
+    space: Space
+    tests: int = 0
+    failures: int = 0
+    kinds: set[tuple[float, ...]] = field(default_factory=set)
+
+    def add(self, test: Executed) -> None:
+        self.tests += 1
+        if test.kpi.failure:
+            self.failures += 1
+            self.kinds |= kinds(self.space, test.point[None])
+
+    def __str__(self) -> str:
+        return f"{self.failures} failures ({self.failures / self.tests:.0%}), {len(self.kinds)} kinds"
+
+
 def sampler_seed(campaign: CampaignId, frozen: bool = False) -> int:
     """The seed of a campaign's sampler, in [0, 2³¹), derived from scenario, strategy, version and seed.
 
@@ -122,7 +141,7 @@ def no_result(campaign: CampaignId, reasons: Sequence[str]) -> InputError | NoRe
 def search(plan: CampaignPlan, sampler: Sampler, log: Journal, workers: Workers, progress: Progress) -> list[Executed]:
     """Ask, execute the tests missing from the journal, tell, until the budget is spent or the sampler asks for no more."""
     done: list[Executed] = []
-    told = 0
+    found, told = _Found(plan.space), 0
     while told < plan.indices.stop:
         started = time.perf_counter()
         with threadpool_limits(1):  # With several threads, sums depend on their number.
@@ -134,7 +153,8 @@ def search(plan: CampaignPlan, sampler: Sampler, log: Journal, workers: Workers,
         judged: dict[int, Executed] = {}
         for index in _finished(plan, asked, log, workers):
             judged[index] = _judged(index, asked[index], log.read(index), seconds, plan.failure_threshold_s)
-            progress(len(done) + len(judged), len(plan.indices), _found(plan.space, [*done, *judged.values()]))
+            found.add(judged[index])
+            progress(found.tests, len(plan.indices), str(found))
         # The tests of other shards have no result here.
         kpi = [judged[index].kpi.adj_ttc_s if index in judged else np.nan for index in range(told, told + len(points))]
         sampler.tell(points, np.array(kpi))
@@ -195,12 +215,6 @@ def _history(path: Path, space: Space) -> tuple[Floats, Floats]:
 def _judged(index: int, point: Floats, outcome: Outcome, sampler_s: float, threshold_s: float) -> Executed:
     judged = NO_KPI if outcome.is_error else evaluate(outcome.signals, threshold_s)
     return Executed(index, point, outcome, judged, sampler_s)
-
-
-def _found(space: Space, done: Sequence[Executed]) -> str:
-    """What a search has found so far, for its progress."""
-    failed = [test.point for test in done if test.kpi.failure]
-    return f"{len(failed)} failures ({len(failed) / len(done):.0%}), {kinds_of(space, np.array(failed)) if failed else 0} kinds"
 
 
 def _empty(expected: Sequence[Column], variables: Sequence[str] = ()) -> pd.DataFrame:

@@ -10,6 +10,7 @@ from pipeline.core.measures import (
     f_measure,
     failure_sequence,
     feasible_pairs,
+    kinds,
     kinds_of,
     pair_coverage,
     theta_area,
@@ -57,6 +58,7 @@ def test_kinds_are_combinations_of_categories() -> None:
     """SMALL has one categorical variable, its fourth; THESIS has two, its last."""
     failures = np.array([[0.0, 0, 1, 2], [9, 90, 5, 2], [0, 0, 1, 0]])
     assert kinds_of(SMALL, failures) == 2 and kinds_of(SMALL, failures[:0]) == 0
+    assert kinds(SMALL, failures) == set.union(*(kinds(SMALL, row[None]) for row in failures))
     points = np.zeros((4, 8))
     points[:, 6], points[:, 7] = [0, 0, 1, 1], [5, 5, 5, 6]
     assert kinds_of(THESIS, points) == 3

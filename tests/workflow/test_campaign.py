@@ -17,11 +17,13 @@ import pytest
 
 from pipeline.artefacts import tables
 from pipeline.artefacts.files import write_sealed
+from pipeline.artefacts.points import encode_tests
 from pipeline.artefacts.scenario_space import read_space
 from pipeline.core import kpi
 from pipeline.core.detections import Detections
 from pipeline.core.episode import Episode, Frame
 from pipeline.core.identity import CampaignId
+from pipeline.core.measures import kinds_of
 from pipeline.core.space import Value
 from pipeline.errors import SimulationError
 from pipeline.execution.campaign import sampler_seed
@@ -121,8 +123,10 @@ def test_progress_counts_every_failure_as_it_comes(tmp_path: Path, monkeypatch: 
     study = analytic_study(tmp_path, "detector._target_=pipeline.detectors.scripted.BlindDetector")
     shown.clear()
     assert study.run("campaign", **key()) == 0
-    failed = tables.read_tests(folder(study) / "tests.parquet").sort_values("index")["failure"].cumsum()
+    tests = tables.read_tests(folder(study) / "tests.parquet").sort_values("index")
+    failed, space = tests["failure"].cumsum(), read_space(study / "space/F1.json")[1]
     assert failed.iloc[-1] > 0
+    assert shown[-1][1].endswith(f", {kinds_of(space, encode_tests(tests[tests['failure']], space))} kinds")
     # One worker executes the tests in order.
     assert [(done, text.split(" (")[0]) for done, text in shown] == [(done, f"{count} failures") for done, count in enumerate(failed, 1)]
 
