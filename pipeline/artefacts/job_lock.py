@@ -17,7 +17,7 @@ def held(path: Path, wait: Callable[[], None]) -> Iterator[bool]:
     """
     file, waited = _opened(path), False
     try:
-        while not _locked(file, path, block=waited):
+        while not (locked(file, block=waited) and _same(file, path)):
             if not waited:
                 wait()
             waited = True
@@ -36,15 +36,15 @@ def _opened(path: Path) -> int:
     return os.open(path, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o644)
 
 
-def _locked(file: int, path: Path, block: bool) -> bool:
-    """Whether the process holds the file's lock and the path still leads to this file."""
+def locked(file: int, block: bool) -> bool:
+    """Lock an open file; false if another process holds its lock and `block` is false. A disk without locks does not lock."""
     try:
         fcntl.flock(file, fcntl.LOCK_EX | (0 if block else fcntl.LOCK_NB))
     except BlockingIOError:
         return False
     except OSError:  # No locks on this disk.
-        return True
-    return _same(file, path)
+        pass
+    return True
 
 
 def _same(file: int, path: Path) -> bool:

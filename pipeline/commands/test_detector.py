@@ -52,7 +52,7 @@ def run(options: argparse.Namespace) -> int:
     chosen = compose(options.study, ["goal=base", *overrides])  # Nothing is retrained, so the strategies need not feed the study's arms.
     files = files or _function_file(chosen)
     check(chosen, files)
-    hold("test-detector")
+    lock = hold("test-detector")
     config = study_of(files, chosen, options.calibrate)
     folders = Folders(config)
     params = Path(folders.root, "params.yaml")
@@ -62,7 +62,8 @@ def run(options: argparse.Namespace) -> int:
     withdraw_damaged(Path(folders.root))
     cores = "all" if options.cores is None else str(options.cores)
     environment = {**os.environ, VERDICT_FOLLOWS: "1"}
-    done = subprocess.run([sys.executable, "-m", "snakemake", "--configfile", str(params), "--cores", cores], env=environment, check=False)
+    command = [sys.executable, "-m", "snakemake", "--configfile", str(params), "--cores", cores]
+    done = subprocess.run(command, env=environment, pass_fds=lock, check=False)  # If this process is killed, Snakemake lives on.
     if done.returncode:
         return done.returncode
     print(table(config))

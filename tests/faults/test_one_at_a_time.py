@@ -2,25 +2,43 @@
 
 from __future__ import annotations
 
+import errno
+import fcntl
 import os
 import subprocess
 import sys
 from pathlib import Path
+from select import select
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from pipeline.artefacts.run_lock import HELD
+from pipeline.artefacts.run_lock import HELD, hold
 from pipeline.workflow.guards import alone
 from tests.studies import ROOT
 
 HOLD = "import sys; from pipeline.artefacts.run_lock import hold; hold(sys.argv[1]); print('held', flush=True); sys.stdin.read()"
 
 
-def run(folder: Path, name: str) -> subprocess.Popen[str]:
+STARTS = """
+import subprocess, sys
+from pathlib import Path
+from types import SimpleNamespace
+from pipeline.commands import test_detector as command
+run = subprocess.run
+waits = [sys.executable, "-c", "import sys; print('started', flush=True); sys.stdin.read()"]
+subprocess.run = lambda words, **options: run(waits, **options)
+command.check = lambda *_: None
+Path("a.onnx").touch()
+command.run(SimpleNamespace(words=["a.onnx"], study="default", calibrate=False, cores=1))
+"""
+"""`test-detector` with a process in Snakemake's place."""
+
+
+def run(folder: Path, name: str, script: str = HOLD) -> subprocess.Popen[str]:
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    return subprocess.Popen([sys.executable, "-c", HOLD, name], cwd=folder, env=environment, text=True, **PIPES)
+    return subprocess.Popen([sys.executable, "-c", script, name], cwd=folder, env=environment, text=True, **PIPES)
 
 
 PIPES: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
@@ -36,6 +54,33 @@ def test_the_second_says_who_is_at_work_and_goes_on_when_the_first_is_killed(tmp
     first.kill()
     assert second.stdout.readline() == "held\n"
     second.communicate("")
+
+
+def test_the_snakemake_of_a_killed_test_detector_keeps_others_out(tmp_path: Path) -> None:
+    (tmp_path / "models").symlink_to(ROOT / "models")
+    first = run(tmp_path, "", STARTS)
+    assert first.stdout is not None and first.stdin is not None and first.stdout.readline() == "started\n"
+    second = run(tmp_path, "snakemake")
+    assert second.stderr is not None and second.stdout is not None
+    assert second.stderr.readline().startswith(f"blindspot: test-detector (process {first.pid}) is running in this folder; waiting")
+    first.kill()
+    first.wait()
+    assert not select([second.stdout], [], [], 1)[0], "Snakemake is at work"
+    first.stdin.close()
+    assert second.stdout.readline() == "held\n"
+    second.communicate("")
+
+
+def test_a_disk_without_locks_does_not_lock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(file: int, operation: int) -> None:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv(HELD, "")
+    monkeypatch.setattr(fcntl, "flock", refuse)
+    (handle,) = hold("test-detector")
+    os.close(handle)
+    assert (tmp_path / ".cache/run.lock").read_text() == f"test-detector (process {os.getpid()})\n"
 
 
 def snakemake(**changes: Any) -> Any:
