@@ -5,6 +5,7 @@ Snakemake's rules, DVC's stages and the command line are made from it. `perform`
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -76,7 +77,8 @@ class Step:
 
 @dataclass(frozen=True)
 class Job:
-    """The arguments of a step. config: the declared sections alone. scratch: a folder that survives a kill and is not an output."""
+    """The arguments of a step. config: the declared sections alone. scratch: a folder that survives a kill and is not an output; `perform`
+    removes it once the job is done."""
 
     config: Config
     wildcards: Wildcards
@@ -135,26 +137,30 @@ def perform(order: Order, config: Config) -> None:
 
     A cluster's jobs live on when Snakemake is killed: if such a job is at work on the same files, wait for it and keep what it made.
     """
-    step = step_of(order.step)
-    part = declared(config, step.depends(config, order.wildcards))
     scratch = Path(Folders(config).root, "journal", order.step, *order.wildcards.values())
+    with Progress(order.step, order.log) as progress, held(_lock(scratch), lambda: progress.note(WAITING)) as waited:
+        if not (waited and _made(order)):
+            _make(order, config, scratch, progress)
+        # Not before the stamp is written, so that a kill until then loses no work.
+        shutil.rmtree(scratch, ignore_errors=True)
+
+
+def _make(order: Order, config: Config, scratch: Path, progress: Progress) -> None:
+    part = declared(config, step_of(order.step).depends(config, order.wildcards))
     outputs = {name: files for name, files in order.writes.items() if name != STAMP}
     stamp = _one(order.writes[STAMP])
-    with Progress(order.step, order.log) as progress, held(_lock(scratch), lambda: progress.note(WAITING)) as waited:
-        if waited and _made(order):
-            return
-        stamps.withdraw(stamp)
-        made = [path for files in outputs.values() for path in _several(files)]
-        remove_unfinished([*made, stamp])
-        job = Job(part, order.wildcards, order.reads, outputs, order.threads, progress, scratch)
-        try:
-            import_module(f"pipeline.steps.{order.step}").run(job)
-        except Exception as error:
-            if (told := explained(error)) is None:
-                raise
-            progress.record(str(told))
-            raise told from error
-        write_bytes(stamp, stamps.made(stamp, order.stamp, made).text().encode())
+    stamps.withdraw(stamp)
+    made = [path for files in outputs.values() for path in _several(files)]
+    remove_unfinished([*made, stamp])
+    job = Job(part, order.wildcards, order.reads, outputs, order.threads, progress, scratch)
+    try:
+        import_module(f"pipeline.steps.{order.step}").run(job)
+    except Exception as error:
+        if (told := explained(error)) is None:
+            raise
+        progress.record(str(told))
+        raise told from error
+    write_bytes(stamp, stamps.made(stamp, order.stamp, made).text().encode())
 
 
 def _made(order: Order) -> bool:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import hashlib
 import io
-import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from pipeline.artefacts.files import read_bytes, read_json, write_bytes, write_json
+from pipeline.artefacts import stamps
+from pipeline.artefacts.files import flush_all, read_bytes, read_json, write_bytes, write_json
 from pipeline.core.boxes import Box
 from pipeline.core.space import Value
 from pipeline.core.truth import Truth
@@ -161,20 +161,34 @@ def write_classes(root: Path, split: Split, index: int, classes: NDArray[np.uint
 def remove_leftovers(root: Path, records: Iterable[Record]) -> None:
     """Delete the images, labels and segmentations that these records do not name, of an earlier data set or of a killed writer."""
     wanted = {f"{record.split}/{record.index:06d}" for record in records}
-    for path in [*root.glob("images/*/*"), *root.glob("labels/*/*"), *root.glob("segments/*/*")]:
+    for path in [*root.glob("images/*/*"), *root.glob("labels/*/*"), *root.glob("segments/*/*"), *root.glob("segments/.*")]:
         if f"{path.parent.name}/{path.stem}" not in wanted:
             path.unlink()
 
 
-def move_dataset(source: Path, root: Path) -> None:
-    """Move a finished data set to its final place and replace any older one there."""
-    root.mkdir(parents=True, exist_ok=True)
-    for name in ("images", "labels", "segments", "dataset.yaml", TRUTH_FILE):
-        if (source / name).is_dir():
-            shutil.rmtree(root / name, ignore_errors=True)
-        if (source / name).exists():
-            shutil.move(source / name, root / name)
-    shutil.rmtree(source)
+def place_dataset(source: Path, root: Path) -> None:
+    """Put a finished data set in its final place, instead of any older one there; `source` keeps its files, so that a kill loses none."""
+    for made in (source / name for name in ("images", "labels", "segments", "dataset.yaml", TRUTH_FILE)):
+        if made.exists():
+            stamps.remove(root / made.name)
+        for file in (path for path in (made, *made.rglob("*")) if path.is_file()):
+            _link(file, root / file.relative_to(source))
+    flush_all()
+
+
+def _link(source: Path, path: Path) -> None:
+    """Give a file a second name; a copy of it where the disk has no second names."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        path.hardlink_to(source)
+    except OSError:
+        write_bytes(path, source.read_bytes(), flush=False)
+
+
+def images_sha256(root: Path, records: Iterable[Record]) -> str:
+    """Hexadecimal SHA-256 of the images and labels of some records; OSError if one is missing."""
+    paths = (path_of(root, record.split, record.index) for record in records for path_of in (image_path, _label_path))
+    return hashlib.sha256("".join(map(stamps.digest, paths)).encode()).hexdigest()
 
 
 def write_truth(root: Path, records: Iterable[Record], category: str = "pedestrian") -> None:

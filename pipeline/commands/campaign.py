@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shutil
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -85,16 +86,17 @@ def run(options: argparse.Namespace) -> int:
         raise InputError(f"--threads must be at least 1, got {options.threads}")
     search = asked(options.words)
     plan = planned(search)
-    tests = search.folder / "tests.parquet"
+    tests, journal = search.folder / "tests.parquet", search.folder / "journal"
     stamp = search.folder / f"{tests.name}{stamps.SUFFIX}"
     stamps.withdraw(stamp)
     try:
         with Progress(f"{search.scenario}, {search.strategy}") as progress:
-            done = run_campaign(plan, tests, search.folder / "journal", options.threads, progress)
+            done = run_campaign(plan, tests, journal, options.threads, progress)
     except KeyboardInterrupt:
-        print(f"\nstopped; finished tests are in {search.folder}/journal, and the same command resumes")
+        print(f"\nstopped; finished tests are in {journal}, and the same command resumes")
         return STOPPED
     write_bytes(stamp, stamps.made(stamp, "by hand", [tests.with_name(f"{name}.parquet") for name in TABLES]).text().encode())
+    shutil.rmtree(journal)
     print(summary(plan, done))
     print(f"tables: {search.folder}/tests.parquet, signals, detections, frames and timings")
     return 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -135,12 +136,13 @@ def executed(question: Question, exposure: ExposureFile, threads: int) -> dict[s
     plans = {name: plan_of(question, name, exposure) for name in names}
     rates: dict[str, Rate] = {}
     for name, plan in plans.items():
-        folder = question.folder / name
+        folder, journal = question.folder / name, question.folder / name / "journal"
         if (known := read_rate(folder / "rate.json", plan.identity)) is None:
             with Progress(f"{name}, {question.method}") as progress:
-                done = run_campaign(plan, folder / "tests.parquet", folder / "journal", threads, progress)
+                done = run_campaign(plan, folder / "tests.parquet", journal, threads, progress)
             known = rate_of(plan, done)
             write_rate(folder / "rate.json", plan.identity, known)
+        shutil.rmtree(journal, ignore_errors=True)
         rates[name] = known
     return rates
 

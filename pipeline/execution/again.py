@@ -38,7 +38,8 @@ def judged_again(folder: Path, car: Car, failure_threshold_s: float) -> Again:
 def driven_again(
     again: Again, space: Space, setup: Setup, failure_threshold_s: float, journal: Path, threads: int, progress: Progress
 ) -> pd.DataFrame:
-    """The tests, with those that the car drives otherwise executed again. journal: folder from which a killed call resumes."""
+    """The tests, with those that the car drives otherwise executed again. journal: folder from which a killed call resumes; the caller
+    removes it."""
     rows = again.tests.set_index("test_id")
     points = [concrete(rows.loc[test], space) for test in again.others]
     log = executed(points, setup, journal, threads, progress)
@@ -47,5 +48,4 @@ def driven_again(
         judged = NO_KPI if outcome.is_error else evaluate(outcome.signals, failure_threshold_s)
         now = {"status": "error" if outcome.is_error else "ok", "reason": outcome.reason, **asdict(judged)}
         rows.loc[test, list(now)] = list(now.values())
-    log.remove()
     return rows.reset_index()[list(again.tests)]

@@ -110,9 +110,9 @@ def run_campaign(plan: CampaignPlan, out: Path, journal: Path, threads: int, pro
     """Execute a campaign, write tests, signals, detections, frames and timings.parquet beside `out`, which is tests.parquet, and return its
     tests.
 
-    journal: folder of the finished tests of an unfinished campaign; the same plan resumes from it. threads: worker processes; they change
-    no table but the timings. InputError if the strategy asks for no test, NoResultError if every test ended in an error; neither for a shard,
-    because its campaign may have a result.
+    journal: folder of the finished tests of an unfinished campaign; the same plan resumes from it, and the caller removes it. threads:
+    worker processes; they change no table but the timings. InputError if the strategy asks for no test, NoResultError if every test ended
+    in an error; neither for a shard, because its campaign may have a result.
     """
     log = Journal(journal, plan.identity, progress)
     sampler, workers = plan.sampler(), Workers(threads, plan.setup)
@@ -125,7 +125,6 @@ def run_campaign(plan: CampaignPlan, out: Path, journal: Path, threads: int, pro
         log.remove()  # Errors that a person has to mend first are not resumed.
         raise no_result(plan.campaign, errors)
     write(plan, done, out)
-    log.remove()
     return done
 
 

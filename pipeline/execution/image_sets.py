@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pipeline.artefacts.dataset import Record, Split, move_dataset, remove_leftovers, write_image, write_truth
+from pipeline.artefacts.dataset import Record, Split, images_sha256, place_dataset, remove_leftovers, write_image, write_truth
 from pipeline.artefacts.files import flush_all, program_sha256, read_sealed, write_sealed
 from pipeline.config.sections import BaseSet
 from pipeline.core.truth import Truth
@@ -30,7 +30,8 @@ class Drawing:
 
 
 def render_images(drawing: Drawing, scratch: Path, out: Path, threads: int, progress: OnProgress) -> None:
-    """Render `section.images` random scenes into a YOLO and COCO data set; a killed run resumes from the shards in `scratch`.
+    """Render `section.images` random scenes into a YOLO and COCO data set; a killed run resumes from the shards in `scratch`, which the
+    caller removes.
 
     The last `validation_share` of each town's images are validation images. The images depend on `drawing` alone, not on the threads.
     """
@@ -43,11 +44,11 @@ def render_images(drawing: Drawing, scratch: Path, out: Path, threads: int, prog
         progress(len(records), images, f"town {done} of {len(jobs)}")
     remove_leftovers(scratch, records)
     write_truth(scratch, records)
-    move_dataset(scratch, out)
+    place_dataset(scratch, out)
 
 
 def _render_shard(job: tuple[int, int, Drawing, Path, str]) -> list[Record]:
-    """Render one town's images, unless its shard file records the same settings and the same code."""
+    """Render one town's images, unless they are there and its shard file records the same settings and the same code."""
     from pipeline.simulators.mujoco.lens import CameraSettings
     from pipeline.simulators.mujoco.random_scenes import scenes  # Needs a GL library, unlike the parent process.
 
@@ -55,8 +56,8 @@ def _render_shard(job: tuple[int, int, Drawing, Path, str]) -> list[Record]:
     section = drawing.section
     key = {**section.model_dump(exclude={"images"}), "count": count, "camera": dict(drawing.camera), "program": program}
     path = out / "shards" / f"{shard:04d}.json"
-    if (done := _finished(path)) is not None and done["key"] == key:
-        return [_record(plain) for plain in done["records"]]
+    if (finished := _finished(path, key, out)) is not None:
+        return finished
     settings = CameraSettings.model_validate(drawing.camera)
     records = []
     first_validation = count - round(count * section.validation_share)
@@ -66,17 +67,21 @@ def _render_shard(job: tuple[int, int, Drawing, Path, str]) -> list[Record]:
         write_image(out, split, index, scene.image, scene.truth)
         records.append(Record(split, index, settings.width, settings.height, scene.truth, scene.attributes))
     flush_all()
-    write_sealed(path, json.dumps({"key": key, "records": [_plain(record) for record in records]}).encode())
+    found = {"key": key, "sha256": images_sha256(out, records), "records": [_plain(record) for record in records]}
+    write_sealed(path, json.dumps(found).encode())
     return records
 
 
-def _finished(path: Path) -> dict[str, Any] | None:
-    """What a shard's file records; None if there is none or it is damaged: then the shard is rendered again."""
+def _finished(path: Path, key: Mapping[str, Any], out: Path) -> list[Record] | None:
+    """The records in a shard's file; None if it is missing, damaged or of another key, or if its images are not those that it describes."""
     try:
-        done: dict[str, Any] = json.loads(read_sealed(path))
-    except InputError:
+        done = json.loads(read_sealed(path))
+        if done["key"] != key:
+            return None
+        records = [_record(plain) for plain in done["records"]]
+        return records if images_sha256(out, records) == done["sha256"] else None
+    except (InputError, OSError):
         return None
-    return done
 
 
 def _plain(record: Record) -> dict[str, Any]:

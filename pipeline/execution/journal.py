@@ -95,7 +95,7 @@ class Journal:
         return Outcome(signals, detections, frames, about["simulate_s"], about["reason"])
 
     def remove(self) -> None:
-        """Delete the journal once the campaign's files are written."""
+        """Delete the journal of a campaign that is not to be resumed."""
         shutil.rmtree(self._folder)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -69,7 +68,6 @@ def run(job: Job) -> None:
     explained, rows = _explained(job, logical, table, found, confirmed)
     write_why(job.output("why"), rows)
     write(job.output("regions"), regions.model_copy(update={"regions": explained}))
-    shutil.rmtree(job.scratch, ignore_errors=True)
     job.progress(1, 1, f"{len(regions.regions)} regions of {regions.failures} failures in {regions.tests} tests")
 
 

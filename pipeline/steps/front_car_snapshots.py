@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.artefacts.dataset import Record, Split, move_dataset, remove_leftovers, write_classes, write_image, write_truth
+from pipeline.artefacts.dataset import Record, Split, place_dataset, remove_leftovers, write_classes, write_image, write_truth
 from pipeline.artefacts.files import flush_all, write_json
 from pipeline.artefacts.front_car_results import Points
 from pipeline.artefacts.results import read
@@ -64,7 +64,7 @@ def run(job: Job) -> None:
         job.progress(len(records), total, f"town {done} of {len(jobs)}")
     remove_leftovers(root, records)
     write_truth(root, records, category="forward vehicle")
-    move_dataset(root, job.output("truth").parent)
+    place_dataset(root, job.output("truth").parent)
 
 
 def _jobs(config: Config, shown: list[Any], counts: list[int], share: float, stream: int, root: Path) -> list[TownJob]:

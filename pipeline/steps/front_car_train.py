@@ -45,4 +45,3 @@ def run(job: Job) -> None:
     worlds = read_card(job.input("card")).worlds
     origin = Origin(job.wildcards["version"], "base", data, training | {"images": len(images)}, settings.seed, worlds)
     write_version(job.config, fitted, validation, origin, job.output("card"))
-    checkpoint.unlink(missing_ok=True)

@@ -90,4 +90,3 @@ def run(job: Job) -> None:
     training |= {"added_frames": 0 if added is None else len(added)}
     origin = Origin(str(described), str(described.parent), data, training, seed, worlds)
     write_version(config, fitted, validation, origin, job.output("card"))
-    checkpoint.unlink(missing_ok=True)

@@ -52,5 +52,4 @@ def run(job: Job) -> None:
         taken = {"images": len(images), **rare, **settings}
         origin = Origin("base", None, {"base_set": images.digest}, taken, config.training.seed, worlds)
     write_version(config, fitted, validation, origin, job.output("card"))
-    checkpoint.unlink(missing_ok=True)
     job.progress(1, 1, "evaluated")

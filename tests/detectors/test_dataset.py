@@ -66,7 +66,9 @@ def test_the_digest_depends_on_the_content_alone(tmp_path: Path) -> None:
 
 def test_images_of_an_earlier_set_and_of_a_killed_writer_are_removed(tmp_path: Path) -> None:
     write(tmp_path)
-    (tmp_path / "images/train/.000001.jpg.12345.tmp").write_bytes(b"half")
+    (tmp_path / "segments").mkdir()
+    for name in ("images/train/.000001.jpg.12345.tmp", "segments/.classes.json.12345.tmp"):
+        (tmp_path / name).write_bytes(b"half")
     remove_leftovers(tmp_path, [Record("train", 1, WIDTH, HEIGHT, SHOWN, {})])
     left = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file() and path.parent != tmp_path}
     assert left == {"images/train/000001.jpg", "labels/train/000001.txt"}
