@@ -71,8 +71,7 @@ def run(rules: pd.DataFrame, workers: int) -> Iterator[dict[str, object]]:
         setup = Setup(config.simulator, described, config.detector, MODEL, config.car, config.limits)
         folder = JOURNALS / f"{rule.seed}-{rule.number}"
         with Progress(f"seed {rule.seed}, rule {rule.number}") as progress:
-            log = executed(points, setup, folder, workers, progress)
-            outcomes = [log.read(i) for i in range(len(points))]
+            outcomes = executed(points, setup, folder, workers, progress)
         stated, checks = (counted(part, config.campaign.failure_threshold_s) for part in (outcomes[:STATED], outcomes[STATED:]))
         shutil.rmtree(folder)
         counts = {"stated_tests": stated.tests, "stated_failures": stated.failures}

@@ -42,9 +42,7 @@ def driven_again(
     removes it."""
     rows = again.tests.set_index("test_id")
     points = [concrete(rows.loc[test], space) for test in again.others]
-    log = executed(points, setup, journal, threads, progress)
-    for i, test in enumerate(again.others):
-        outcome = log.read(i)
+    for test, outcome in zip(again.others, executed(points, setup, journal, threads, progress), strict=True):
         judged = NO_KPI if outcome.is_error else evaluate(outcome.signals, failure_threshold_s)
         now = {"status": "error" if outcome.is_error else "ok", "reason": outcome.reason, **asdict(judged)}
         rows.loc[test, list(now)] = list(now.values())

@@ -57,9 +57,7 @@ class FreshTests:
         return draw_inside(self.space, rule, self.tests, rng), draw_just_outside(self.space, rule, self.tests, rng)
 
     def _outcomes(self, points: Floats, threads: int, progress: Progress) -> list[Outcome]:
-        concrete = [self.space.decode(point) for point in points]
-        log = executed(concrete, self.setup, self.journal, threads, progress)
-        return [log.read(i) for i in range(len(points))]
+        return executed([self.space.decode(point) for point in points], self.setup, self.journal, threads, progress)
 
     def _with(self, region: FailureRegion, inside: Counted, outside: Counted, holds: bool) -> FailureRegion:
         found = Confirmation(

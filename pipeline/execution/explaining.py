@@ -100,8 +100,9 @@ class Counterfactuals:
         kept = {name: actor for name, actor in scenario.actors.items() if name not in actors}
         setup = replace(self.setup, scenario=scenario.model_copy(update={"actors": kept}))
         noises = [one.noise for one in wanted]
-        log = executed([one.concrete for one in wanted], setup, self.journal / "-".join(["without", *actors]), threads, progress, noises)
-        return [self._row(one, log.read(i)) for i, one in enumerate(wanted)]
+        journal = self.journal / "-".join(["without", *actors])
+        outcomes = executed([one.concrete for one in wanted], setup, journal, threads, progress, noises)
+        return [self._row(one, outcome) for one, outcome in zip(wanted, outcomes, strict=True)]
 
     def _row(self, one: _Changed, outcome: Outcome) -> dict[str, Any]:
         row = {"region": one.failure.region, "test_id": one.failure.test_id, "change": one.change.text}

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from pipeline.core.space import Value
-from pipeline.execution.journal import Journal
+from pipeline.execution.journal import Journal, Outcome
 from pipeline.execution.workers import Execution, Setup, Workers
 from pipeline.progress import Progress
 
@@ -17,10 +17,11 @@ Concrete = Mapping[str, Value]
 
 def executed(
     points: Sequence[Concrete], setup: Setup, folder: Path, threads: int, progress: Progress, noises: Sequence[Concrete] = ()
-) -> Journal:
-    """The journal with the outcome of each concrete scenario, by its position; the caller removes it.
+) -> list[Outcome]:
+    """The outcome of each concrete scenario.
 
-    folder: of the journal, from which a killed call resumes. noises: the concrete scenarios whose noise they have, their own by default.
+    folder: of the journal, from which a killed call resumes; the caller removes it. noises: the concrete scenarios whose noise they have,
+    their own by default.
     """
     log, workers = Journal(folder, _identity(setup, points, noises), progress), Workers(threads, setup)
     given: Sequence[Concrete | None] = noises or [None] * len(points)
@@ -30,7 +31,7 @@ def executed(
             progress(done, len(points))
     finally:
         workers.close()
-    return log
+    return [log.read(i) for i in range(len(points))]
 
 
 def _identity(setup: Setup, points: Sequence[Concrete], noises: Sequence[Concrete]) -> str:
