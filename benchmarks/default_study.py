@@ -26,6 +26,7 @@ from pipeline.analysis.region_sentence import subject
 from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.region_results import FailureRegions, RuleCondition
 from pipeline.artefacts.results import read
+from pipeline.config.composing import PARAMS, load
 from pipeline.core.statistics import mcnemar, mean_interval
 
 PUBLISHED = Path("docs/results/default")
@@ -63,7 +64,7 @@ def run(seed: int, timed: bool) -> None:
     study = f"python -m pipeline compose study=default seeds=[{seed}] retraining.seeds=[{seed}] comparison.seed={seed}"
     subprocess.run(["bash", "-c", f"./run setup && .venv/bin/{study} && ./run"], cwd=clone, check=True)
     minutes = (time.monotonic() - begin) / 60 if timed else np.nan
-    write(of_study(clone / "data/default", seed), PUBLISHED / f"{seed}.csv.gz")
+    write(of_study(load(clone / PARAMS), clone), PUBLISHED / f"{seed}.csv.gz")
     champion = read(clone / "data/default/comparison.json", Comparison).champion
     verdicts = PUBLISHED / "verdicts.csv"
     rows = pd.read_csv(verdicts) if verdicts.exists() else pd.DataFrame(columns=["seed"])

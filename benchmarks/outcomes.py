@@ -7,24 +7,31 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.tables import read_tests
+from pipeline.config.schema import Config
 
 TEST = ["scenario", "index", "animation", "blueprint"]
 PASSED, FAILED, ERROR = 0, 1, 2
 
 
-def of_study(study: Path, seed: int) -> pd.DataFrame:
-    """The outcomes of a finished study. SystemExit if its searches have another seed."""
-    parts = [read_tests(path) for path in sorted(study.glob("held_out/*/*/*/*/tests.parquet"))]
-    searched = {path.parent.name for path in study.glob("campaigns/*/*/base/*/tests.parquet")}
-    if not parts or searched != {str(seed)}:
-        raise SystemExit(f"{study}: expected a finished study whose searches have seed {seed}, found {sorted(searched) or 'none'}")
-    tests = pd.concat(parts, ignore_index=True)
+def of_study(config: Config, root: Path = Path()) -> pd.DataFrame:
+    """The outcomes of a finished study. root: the folder that it was executed in. SystemExit if it is unfinished."""
+    tests = held_out_tests(config, root)
     tests["outcome"] = np.where(tests["status"] != "ok", ERROR, tests["failure"].astype(int))
     table = tests.pivot(index=TEST, columns="version", values="outcome")
     if table.isna().to_numpy().any():
-        raise SystemExit(f"{study}: the versions were not tested on the same tests; finish the study with ./run")
+        raise SystemExit(f"{Folders(config).root}: expected the same tests of every version, got others; finish the study with ./run")
     return table.astype(int).reset_index()
+
+
+def held_out_tests(config: Config, root: Path = Path()) -> pd.DataFrame:
+    """The held-out tests of all versions that a config names: its folder may also hold those of earlier configs."""
+    paths = [root / path for path in Folders(config).held_out("tests.parquet")]
+    for path in paths:
+        if not path.exists():
+            raise SystemExit(f"{path}: expected the tests of a finished study, got no file; finish the study with ./run")
+    return pd.concat([read_tests(path) for path in paths], ignore_index=True)
 
 
 def write(outcomes: pd.DataFrame, path: Path) -> None:

@@ -6,9 +6,14 @@ import argparse
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 from outcomes import TEST, of_study, write
+
+from pipeline.config.composing import PARAMS, compose, load
+from pipeline.config.schema import Config
+from pipeline.errors import shown
 
 RESULTS = Path("docs/results")
 
@@ -20,14 +25,14 @@ Piece = tuple[str, int]
 class Experiment:
     """A script `benchmarks/<name>.py` and its page. compose: the arguments of `compose` by piece.
 
-    versions: those that a kind publishes; None for all. more: publishes what else the page shows, once the outcomes are written.
+    versions: those that a kind publishes; None for all. more: publishes what else the page shows of a piece with these outcomes.
     """
 
     name: str
     study: str
     compose: Mapping[Piece, str]
     versions: Callable[[str], Sequence[str] | None] = lambda kind: None
-    more: Callable[[Path], None] = lambda path: None
+    more: Callable[[Piece, pd.DataFrame], None] = lambda piece, outcomes: None
 
     @property
     def folder(self) -> Path:
@@ -40,22 +45,40 @@ class Experiment:
         """The outcomes of all published pieces."""
         return {piece: pd.read_csv(self.path(piece)) for piece in self.compose if self.path(piece).exists()}
 
+    def overrides(self, piece: Piece) -> list[str]:
+        """The arguments of `compose` after the study."""
+        return [f"seeds=[{piece[1]}]", f"retraining.seeds=[{piece[1]}]", *self.compose[piece].split()]
+
     def plan(self) -> str:
         """The commands of every piece, and which are published."""
         lines = []
-        for (kind, seed), arguments in self.compose.items():
+        for kind, seed in self.compose:
             lines += [f"# {kind}, seed {seed}: {'published' if self.path((kind, seed)).exists() else 'missing'}"]
-            lines += [f"python -m pipeline compose study={self.study} seeds=[{seed}] retraining.seeds=[{seed}] {arguments}".rstrip()]
+            lines += [" ".join(["python -m pipeline compose", f"study={self.study}", *self.overrides((kind, seed))])]
             lines += [f"./run && python benchmarks/{self.name}.py keep {kind} {seed}"]
         return "\n".join(lines)
 
     def keep(self, piece: Piece) -> Path:
-        """Publish the piece that data/<study> holds; SystemExit if that is unfinished or of another seed."""
-        outcomes = of_study(Path("data") / self.study, piece[1])
-        versions = self.versions(piece[0])
-        write(outcomes if versions is None else outcomes[[*TEST, *versions]], self.path(piece))
-        self.more(self.path(piece))
+        """Publish the piece that data/<study> holds; SystemExit if that is unfinished or if params.yaml describes another piece."""
+        config = load(PARAMS)
+        self._check(piece, config)
+        outcomes, versions = of_study(config), self.versions(piece[0])
+        if versions is not None:
+            outcomes = outcomes[[*TEST, *versions]]
+        self.folder.mkdir(parents=True, exist_ok=True)
+        # The outcomes come last, so that a published piece is complete even after a kill.
+        self.more(piece, outcomes)
+        write(outcomes, self.path(piece))
         return self.path(piece)
+
+    def _check(self, piece: Piece, config: Config) -> None:
+        """SystemExit that names the first other key unless a config is the one that the piece's command composes."""
+        name = f"{piece[0]} {piece[1]}"
+        if piece not in self.compose:
+            raise SystemExit(f"keep: expected a piece that `plan` lists, got {name}")
+        expected = compose(self.study, self.overrides(piece))
+        if wrong := difference(expected.model_dump(mode="json"), config.model_dump(mode="json")):
+            raise SystemExit(f"{PARAMS}, piece {name}: {wrong}; compose and execute the piece as `plan` says")
 
     def main(self, description: str | None, answer: Callable[[Mapping[Piece, pd.DataFrame]], str]) -> None:
         """The script's command line: plan, keep, answer."""
@@ -73,3 +96,20 @@ class Experiment:
             print(self.keep((options.kind, options.seed)))
         else:
             print(answer(self.published()))
+
+
+def difference(expected: Mapping[str, Any], got: Mapping[str, Any]) -> str:
+    """The first dotted key of plain data with another value than expected, and both values; empty if there is none."""
+    wanted, found = _leaves(expected), _leaves(got)
+    for key in [*wanted, *found]:
+        if key not in wanted or key not in found or wanted[key] != found[key]:
+            values = [shown(leaves[key]) if key in leaves else "nothing" for leaves in (wanted, found)]
+            return f"{key}: expected {values[0]}, got {values[1]}"
+    return ""
+
+
+def _leaves(plain: Any, key: str = "") -> dict[str, Any]:
+    """The values of nested tables by dotted key; an empty table is a value."""
+    if not isinstance(plain, dict) or not plain:
+        return {key: plain}
+    return {leaf: value for name, part in plain.items() for leaf, value in _leaves(part, f"{key}.{name}" if key else name).items()}

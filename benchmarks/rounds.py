@@ -32,15 +32,15 @@ OVERRIDES = (
 """People and towns that no earlier result was made with."""
 
 
-def publish_left(outcomes: Path) -> None:
+def publish_left(piece: Piece, _: pd.DataFrame) -> None:
     """Executes the last version's failures again, for a minute."""
     config = load(PARAMS)
-    what_is_left(config, version("adaptive", ROUNDS[-1]), list(config.held_out)).to_csv(left_path(outcomes))
+    what_is_left(config, version("adaptive", ROUNDS[-1]), list(config.held_out)).to_csv(left_path(piece))
 
 
-def left_path(outcomes: Path) -> Path:
+def left_path(piece: Piece) -> Path:
     """Where a piece publishes what repairs the failures that are left."""
-    return outcomes.with_name(f"left-{outcomes.name.removesuffix('.gz')}")
+    return EXPERIMENT.folder / f"left-{piece[0]}-{piece[1]}.csv"
 
 
 EXPERIMENT = Experiment(
@@ -55,7 +55,7 @@ def version(arm: str, after: int) -> str:
 
 def answer(pieces: Mapping[Piece, pd.DataFrame]) -> str:
     """The page's tables, with what is left as it is published beside the outcomes."""
-    left = [pd.read_csv(left_path(EXPERIMENT.path(piece)), index_col="part") for piece in pieces]
+    left = [pd.read_csv(left_path(piece), index_col="part") for piece in pieces]
     return tables([failures(table) for table in pieces.values()], left)
 
 

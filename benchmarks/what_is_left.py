@@ -23,10 +23,10 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from outcomes import held_out_tests
 
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.points import concrete
-from pipeline.artefacts.tables import read_tests
 from pipeline.config.components import make_detector, make_simulator
 from pipeline.config.composing import PARAMS, load
 from pipeline.config.schema import Config
@@ -97,13 +97,11 @@ def main() -> None:
 
 def what_is_left(config: Config, version: str, scenarios: list[str]) -> pd.DataFrame:
     """The failures of a version that each part repairs: a row for each part, a column for each scenario."""
-    folders = Folders(config)
-    detector = make_detector(config.detector, Path(folders.detector(version)))
+    tests, detector = held_out_tests(config), make_detector(config.detector, Path(Folders(config).detector(version)))
     columns = {}
     with Progress("what is left") as progress:
         for scenario in scenarios:
-            (path,) = (name for name in folders.held_out("tests.parquet") if f"/{scenario}/" in name and f"/{version}/" in name)
-            failed = read_tests(Path(path)).query("failure")
+            failed = tests.query("scenario == @scenario and version == @version and failure")
             repaired = {"failures": len(failed)}
             for done, (name, part) in enumerate(parts(config.campaign.match_iou).items(), 1):
                 repaired[name] = len(failed) - _failures(config, scenario, failed, part, detector)

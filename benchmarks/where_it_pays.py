@@ -11,7 +11,6 @@ pieces in the middle: base `long_tailed`, 100 tests a scenario.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -35,9 +34,9 @@ PIECES = {("uniform", 100): 3, ("long_tailed", 30): 3, ("long_tailed", 300): 3, 
 DEFAULT_KIND = ("long_tailed", 100)
 
 
-def redraw(_: Path) -> None:
-    """Draw the page's figure of all published pieces."""
-    save_png(figure(rates(EXPERIMENT.published())), RESULTS / "where-it-pays.png")
+def redraw(piece: Piece, outcomes: pd.DataFrame) -> None:
+    """Draw the page's figure of all published pieces and of one more."""
+    save_png(figure(rates({**EXPERIMENT.published(), piece: outcomes})), RESULTS / "where-it-pays.png")
 
 
 EXPERIMENT = Experiment(

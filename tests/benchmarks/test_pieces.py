@@ -1,0 +1,134 @@
+"""A piece of an experiment is published from exactly the study that its plan describes."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pandas as pd
+import pieces
+import pytest
+import retraining
+import rounds
+import teaching
+import what_is_left
+import where_it_pays
+from outcomes import TEST
+
+from pipeline.__main__ import main
+from pipeline.artefacts.folders import Folders
+from pipeline.artefacts.tables import write_tests
+from pipeline.config.composing import PARAMS, load
+from pipeline.config.schema import Config
+from tests.analysis.fabricated import make_tests
+from tests.studies import ROOT
+
+TESTS = 40
+SETTINGS = f"comparison.tests={TESTS} comparison.seed=60"
+TINY = pieces.Experiment("tiny", "default", {("all", 1): SETTINGS, ("fewer", 1): f"{SETTINGS} ~arms.random"})
+
+
+@pytest.fixture(autouse=True)
+def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A project of its own, with the shipped detectors."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "models").symlink_to(ROOT / "models")
+    PARAMS.touch()
+
+
+def composed(experiment: pieces.Experiment, piece: pieces.Piece, *more: str) -> Config:
+    """Execute the plan's command that composes a piece. more: what a person added to it."""
+    lines = experiment.plan().splitlines()
+    (at,) = (number for number, line in enumerate(lines) if line.startswith(f"# {piece[0]}, seed {piece[1]}:"))
+    assert main([*shlex.split(lines[at + 1])[3:], *more]) == 0
+    return load()
+
+
+def execute(config: Config, versions: list[str] | None = None, seed: int = 60) -> None:
+    """Fabricate the held-out tests of a study: each version fails in another fog."""
+    for rank, version in enumerate(versions or map(str, config.versions)):
+        for scenario in config.held_out:
+            space = config.space(scenario)
+            keys = {"scenario": scenario, "strategy": config.comparison.strategy, "version": version, "seed": seed}
+            rows = make_tests(space, keys, space.sample(TESTS, np.random.default_rng(seed)), 5.0 * rank)
+            path = Path(Folders(config).root) / "held_out" / scenario / config.comparison.strategy / version / str(seed)
+            write_tests(path / "tests.parquet", rows, space)
+
+
+def test_only_what_the_piece_made_is_published() -> None:
+    config = composed(TINY, ("fewer", 1))
+    execute(config)
+    # An earlier piece in the same folder had another arm and other held-out tests.
+    execute(config, versions=["random"])
+    execute(config, seed=0)
+    table = pd.read_csv(TINY.keep(("fewer", 1)))
+    assert list(table) == [*TEST, *sorted(map(str, config.versions))] and "random" not in table
+    assert len(table) == TESTS * len(config.held_out)
+    assert TINY.published().keys() == {("fewer", 1)}
+
+
+def test_a_study_of_another_piece_is_refused_by_the_first_key() -> None:
+    execute(composed(TINY, ("all", 1)))
+    with pytest.raises(SystemExit, match=r"params\.yaml, piece fewer 1: arms\.random: expected nothing, got 'random'; compose"):
+        TINY.keep(("fewer", 1))
+    composed(TINY, ("all", 1), "campaign.tests=7")
+    with pytest.raises(SystemExit, match=r"piece all 1: campaign\.tests: expected 100, got 7;"):
+        TINY.keep(("all", 1))
+    with pytest.raises(SystemExit, match="expected a piece that `plan` lists, got all 2"):
+        TINY.keep(("all", 2))
+    assert not TINY.folder.exists()
+
+
+def test_an_unfinished_study_is_refused() -> None:
+    config = composed(TINY, ("all", 1))
+    execute(config, versions=["base"])
+    with pytest.raises(SystemExit, match=r"held_out/.*/tests\.parquet: expected the tests of a finished study, got no file"):
+        TINY.keep(("all", 1))
+
+
+@pytest.mark.parametrize("script", [retraining, rounds, teaching, where_it_pays])
+def test_what_the_plan_composes_is_the_piece(script: ModuleType) -> None:
+    experiment = script.EXPERIMENT
+    piece = list(experiment.compose)[-1]
+    composed(experiment, piece)
+    with pytest.raises(SystemExit, match="expected the tests of a finished study"):
+        experiment.keep(piece)
+
+
+def test_a_kill_leaves_no_piece_without_what_its_page_shows() -> None:
+    def killed(piece: pieces.Piece, outcomes: pd.DataFrame) -> None:
+        assert len(outcomes) and TINY.folder.is_dir()
+        raise KeyboardInterrupt
+
+    execute(composed(TINY, ("all", 1)))
+    with pytest.raises(KeyboardInterrupt):
+        pieces.Experiment("tiny", "default", TINY.compose, more=killed).keep(("all", 1))
+    assert not TINY.published()
+
+
+def test_the_figure_shows_the_piece_that_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[object] = []
+    monkeypatch.setattr(where_it_pays, "rates", lambda found: drawn.extend(found))
+    monkeypatch.setattr(where_it_pays, "figure", lambda found: None)
+    monkeypatch.setattr(where_it_pays, "save_png", lambda figure, path: None)
+    where_it_pays.redraw(("weak-100", 0), pd.DataFrame())
+    assert drawn == [("weak-100", 0)]
+
+
+def test_what_is_left_counts_the_failures_of_the_version_and_scenario(monkeypatch: pytest.MonkeyPatch) -> None:
+    config = composed(TINY, ("all", 1))
+    execute(config)
+    executed: list[pd.DataFrame] = []
+
+    def failures(config: Config, scenario: str, tests: pd.DataFrame, *_: object) -> int:
+        executed.append(tests)
+        return 0
+
+    monkeypatch.setattr(what_is_left, "make_detector", lambda section, path: None)
+    monkeypatch.setattr(what_is_left, "_failures", failures)
+    scenario = config.held_out[0]
+    counts = what_is_left.what_is_left(config, "adaptive", [scenario])
+    assert {(*row,) for table in executed for row in table[["scenario", "version"]].to_numpy()} == {(scenario, "adaptive")}
+    assert counts.loc["failures", scenario] == len(executed[0]) > 0
