@@ -4,8 +4,12 @@
     python benchmarks/retraining.py keep long_tailed 0            publish the piece that data/retraining holds
     python benchmarks/retraining.py answer                        the page's tables
 
-A piece is one base detector and one seed: `study=retraining` with searches, retrained versions and held-out tests of its own. Its outcomes
-are published as a row for each held-out test and a column for each version: 0 passed, 1 failed, 2 ended in an error.
+A piece is one base detector and one seed: `study=retraining` with searches and retrained versions of its own. All pieces share the same
+held-out tests. A piece is published as a row for each held-out test and a column for each version: 0 passed, 1 failed, 2 ended in an error.
+
+`fewer` and `more` are judged by p-values, those of the secondary questions together by Holm's method. `equivalent` is judged for each
+contrast alone, by its unadjusted 95 % interval: a difference as large as the margin is called equivalent with a probability of at most
+2.5 %. Over several contrasts, that some equivalence is wrong is more likely.
 """
 
 from __future__ import annotations
@@ -60,20 +64,21 @@ class Contrast:
     margin: float
     """Smallest effect of interest: a tenth of the base's failures."""
     p_value: float
-    """Student's t-test of the mean; 1 for a single search. Adjusted by Holm's method if the question is not the primary one."""
+    """Student's t-test of the mean; 1 if all differences are equal. Adjusted by Holm's method if the question is not the primary one."""
 
     @property
     def verdict(self) -> str:
         if self.p_value <= ALPHA:
             return "fewer" if self.mean < 0 else "more"
+        # The interval is not adjusted: each equivalence stands for itself.
         return "equivalent" if -self.margin < self.low and self.high < self.margin else "not shown"
 
 
 def _contrast(failed: dict[str, np.ndarray], name: str) -> Contrast:
     differences = failed["adaptive"] - failed[name]
-    if len(differences) == 1:
+    if not np.ptp(differences):  # One search, or several that differ equally: nothing tells their spread.
         return Contrast(differences.mean(), -np.inf, np.inf, 0.0, 1.0)
-    p_value = 1.0 if not differences.any() else float(ttest_1samp(differences, 0).pvalue)
+    p_value = float(ttest_1samp(differences, 0).pvalue)
     return Contrast(differences.mean(), *mean_interval(differences), failed["base"].mean() / 10, p_value)
 
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import outcomes
 import pandas as pd
+import pytest
 import retraining
 
 
@@ -45,6 +48,23 @@ def test_equal_within_a_tenth_of_the_base_is_equivalent() -> None:
 
 def test_one_search_shows_nothing() -> None:
     assert row(retraining.answer(long_tailed(adaptive=[0], random=[50])), "random")[-2:] == ["1.000", "not shown"]
+
+
+@pytest.mark.parametrize("ahead", [-5, 0, 1])
+def test_equal_differences_have_no_spread_and_show_nothing(ahead: int) -> None:
+    with warnings.catch_warnings(action="error"):  # SciPy warns of a test without spread.
+        answer = retraining.answer(long_tailed(adaptive=[10 + ahead, 20 + ahead], random=[10, 20]))
+    assert row(answer, "random")[-3:] == [f"{ahead:.1f}", "1.000", "not shown"]
+
+
+def test_an_equivalence_is_judged_alone() -> None:
+    """As the docstring says: Holm's method leaves the interval as it is."""
+    pieces = long_tailed(adaptive=[10, 11, 10, 9], random=[50, 51, 50, 50])
+    for table, count in zip(pieces.values(), [11, 10, 10, 9], strict=True):
+        table["control"] = (np.arange(100) < count).astype(int)
+    alone = row(retraining.answer(pieces), "control")
+    pieces |= {("uniform", seed): table for (_, seed), table in pieces.items()}
+    assert rows(retraining.answer(pieces), "control") == [alone, alone] and alone[-1] == "equivalent"
 
 
 def test_a_test_with_an_error_counts_for_no_version() -> None:
