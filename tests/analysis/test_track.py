@@ -18,7 +18,7 @@ from pipeline.artefacts.model_card import read_card, write_card
 from pipeline.artefacts.results import read, write
 from pipeline.artefacts.tracking_results import TrackedStudy
 from pipeline.errors import InputError
-from pipeline.tracking.registry import Registration, Registry
+from pipeline.tracking.registry import Registration, Registry, registered
 from pipeline.tracking.runs import Content, DataSet, Tracker
 from tests.analysis.fabricated import VERSIONS, FabricatedStudy
 
@@ -307,6 +307,12 @@ def test_an_interrupted_registration_leaves_one_model_and_one_version(tmp_path: 
     assert len(store.search_model_versions("name='detector'")) == 1
     assert len(store.search_logged_models([tracker.experiment])) == 1
     assert len(store.search_runs([tracker.experiment])) == 1
+
+
+def test_an_empty_address_names_no_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", "")
+    with pytest.raises(InputError, match=r"m\.db: expected MLflow's database, found no file"):
+        registered(tmp_path / "m.db")
 
 
 def test_a_missing_server_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
