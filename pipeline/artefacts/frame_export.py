@@ -10,10 +10,9 @@ import pandas as pd
 from pipeline.artefacts.dataset import Record, decode_jpeg, image_path, remove_leftovers, write_image, write_truth
 from pipeline.artefacts.files import write_bytes, write_json
 from pipeline.artefacts.frame_tags import NOTHING, splits_of, tags_of_tests
-from pipeline.artefacts.openlabel import Camera, box_of, openlabel
-from pipeline.artefacts.tables import read_frames
+from pipeline.artefacts.openlabel import Camera, openlabel
+from pipeline.artefacts.tables import frame_truth, read_frames
 from pipeline.core.space import Value
-from pipeline.core.truth import Truth
 from pipeline.errors import InputError
 
 TABLE = "frames.csv"
@@ -41,7 +40,7 @@ def export_frames(frames: Path, out: Path, hfov_deg: float, distortion: float) -
     for index, row in table.iterrows():
         number, image, test = int(str(index)), decode_jpeg(row["image"]), str(row["test_id"])
         shown: dict[str, Value] = {"test_id": test, "step": float(row["step"])}
-        records.append(Record(splits[test], number, image.shape[1], image.shape[0], truth_of(row), shown, tags.get(test, NOTHING)))
+        records.append(Record(splits[test], number, image.shape[1], image.shape[0], frame_truth(row), shown, tags.get(test, NOTHING)))
         write_image(out, records[-1].split, number, image, records[-1].truth)
     remove_leftovers(out, records)
     write_truth(out, records)
@@ -66,9 +65,3 @@ def _write_openlabel(out: Path, table: pd.DataFrame, records: list[Record], came
     for test, rows in table.groupby("test_id"):
         images = {int(str(index)): image_path(Path(), records[int(str(index))].split, int(str(index))).as_posix() for index in rows.index}
         write_json(out / "openlabel" / f"{test}.json", openlabel(rows, images, camera))
-
-
-def truth_of(row: pd.Series) -> Truth:
-    """The ground truth of a frame."""
-    visible, whole = box_of(row, "visible"), box_of(row, "whole")
-    return Truth(visible, whole, int(row["visible_pixels"]), int(row["whole_pixels"]), float(row["contrast"]))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from pipeline.artefacts.tables import frame_box
 from pipeline.core.boxes import Box
 
 STREAM = "camera"
@@ -36,7 +37,7 @@ def openlabel(rows: pd.DataFrame, images: Mapping[int, str], camera: Camera) -> 
     frames: dict[str, Any] = {}
     for index, row in rows.iterrows():
         frame: dict[str, Any] = {"frame_properties": {"streams": {STREAM: {"uri": images[int(str(index))]}}}}
-        boxes = [_bbox(name, box) for name in ("visible", "whole") if (box := box_of(row, name)) is not None]
+        boxes = [_bbox(name, box) for name in ("visible", "whole") if (box := frame_box(row, name)) is not None]
         if boxes:
             numbers = [{"name": name, "val": float(row[name])} for name in ("visible_pixels", "whole_pixels", "contrast")]
             frame["objects"] = {"0": {"object_data": {"bbox": boxes, "num": numbers}}}
@@ -59,9 +60,3 @@ def _bbox(name: str, box: Box) -> dict[str, Any]:
     """OpenLABEL boxes: centre x and y, width and height, pixels."""
     left, top, right, bottom = box
     return {"name": name, "stream": STREAM, "val": [(left + right) / 2, (top + bottom) / 2, right - left, bottom - top]}
-
-
-def box_of(row: Mapping[Any, Any] | pd.Series, name: str) -> Box | None:
-    """The box `visible` or `whole` of a frame; None if there is none."""
-    left, top, right, bottom = (float(row[f"{name}_{side}"]) for side in ("left", "top", "right", "bottom"))
-    return None if np.isnan(left) else (left, top, right, bottom)

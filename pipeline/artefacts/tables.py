@@ -169,10 +169,12 @@ def frame_row(kept: KeptFrame) -> dict[str, Any]:
 
 def frame_truth(row: pd.Series) -> Truth:
     """The ground truth in a row of frames.parquet."""
-    return Truth(_box(row, "visible"), _box(row, "whole"), int(row["visible_pixels"]), int(row["whole_pixels"]), float(row["contrast"]))
+    visible, whole = frame_box(row, "visible"), frame_box(row, "whole")
+    return Truth(visible, whole, int(row["visible_pixels"]), int(row["whole_pixels"]), float(row["contrast"]))
 
 
-def _box(row: pd.Series, kind: str) -> Box | None:
+def frame_box(row: pd.Series, kind: str) -> Box | None:
+    """The box `visible` or `whole` in a row of frames.parquet, pixels; None if there is none."""
     left, top, right, bottom = (float(row[f"{kind}_{side}"]) for side in SIDES)
     return None if np.isnan(left) else (left, top, right, bottom)
 
