@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from pipeline.artefacts.files import read_bytes, read_json, write_bytes, write_json
 from pipeline.artefacts.results import Result
+from pipeline.config.messages import message
 from pipeline.core.worlds import Worlds
 from pipeline.errors import InputError
 
@@ -107,5 +108,4 @@ def read_card(path: Path) -> ModelCard:
     try:
         return ModelCard.model_validate(read_json(path))
     except ValidationError as error:
-        first = error.errors()[0]
-        raise InputError(f"{path}: {'.'.join(map(str, first['loc'])) or 'the file'}: {first['msg']}; train the version again") from error
+        raise InputError(f"{path}: {message(error, ModelCard)}; train the version again") from error

@@ -12,6 +12,7 @@ from typing import TypeVar
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from pipeline.artefacts.files import read_json, write_json
+from pipeline.config.messages import message
 from pipeline.errors import InputError
 
 ModelT = TypeVar("ModelT", bound="Result")
@@ -45,6 +46,4 @@ def read(path: Path, model: type[ModelT]) -> ModelT:
     try:
         return model.model_validate(plain)
     except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"]) or "the file"
-        raise InputError(f"{path} is not a {model.__name__} file: {key}: {first['msg']}; make it again") from error
+        raise InputError(f"{path} is not a {model.__name__} file: {message(error, model)}; make it again") from error

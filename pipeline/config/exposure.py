@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import yaml
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
+from pipeline.config.messages import message
 from pipeline.config.sections import Section
 from pipeline.core.names import nearest
 from pipeline.errors import InputError
@@ -91,9 +92,7 @@ def read_exposure(name: str) -> ExposureFile:
     except yaml.YAMLError as error:
         raise InputError(f"{path}: not valid YAML ({str(error).splitlines()[0]})") from error
     except ValidationError as error:
-        first = error.errors()[0]
-        key, text = ".".join(map(str, first["loc"])), first["msg"].removeprefix("Value error, ")
-        raise InputError(f"{path}: {f'{key}: ' if key else ''}{text}") from error
+        raise InputError(f"{path}: {message(error, ExposureFile)}") from error
 
 
 def _numbers(variables: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:

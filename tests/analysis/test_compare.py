@@ -357,10 +357,21 @@ def test_a_fix_that_names_no_test_is_refused_on_reading(tmp_path: Path) -> None:
     write(path, result)
     assert read(path, Comparison) == result and "F1star-00002" in path.read_text()
     path.write_text(path.read_text().replace("F1star-00002", "F1star"))
-    wrong = "versions.1.scenarios.F1star.paired.fixes.2: Value error, expected the name of a test, such as F1star-00042, got 'F1star'"
+    wrong = "versions.1.scenarios.F1star.paired.fixes.2: expected the name of a test, such as F1star-00042, got 'F1star'"
     with pytest.raises(InputError) as caught:
         read(path, Comparison)
     assert str(caught.value) == f"{path} is not a Comparison file: {wrong}; make it again"
+
+
+def test_an_unknown_key_of_a_result_is_told_with_the_nearest(tmp_path: Path) -> None:
+    path = tmp_path / "comparison.json"
+    write(path, compared(base="ccc", adaptive="..."))
+    path.write_text(path.read_text().replace('"regressions"', '"regression"', 1))
+    with pytest.raises(InputError, match=r"Comparison file: unknown key '.*\.regression'; did you mean 'regressions'\?; make it again"):
+        read(path, Comparison)
+    path.write_text("[]")
+    with pytest.raises(InputError, match=r"Comparison file: Input should be .*, got \[\]; make it again"):
+        read(path, Comparison)
 
 
 def test_another_sequence_is_refused_with_the_first_difference(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from pipeline.core.exposure import Exposure
 from pipeline.core.marginals import marginal
 from pipeline.core.space import Space, Variable
 from pipeline.core.sun import altitudes
+from pipeline.errors import InputError
 from pipeline.scenarios.people import variable as people
 from tests.spaces import CONSTRAINED, SMALL, THESIS
 
@@ -129,6 +131,22 @@ def test_an_unknown_variable_and_wrong_regimes_are_told() -> None:
         Exposure.from_dict(SMALL, {"variables": {"y": {"kind": "uniform"}}})
     with pytest.raises(ValueError, match="regimes: shares must be above 0 and sum to 1, got \\[0.5\\]"):
         Exposure.from_dict(SMALL, {"regimes": {"a": {"share": 0.5, "variables": {}}}})
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("{description: d, regime: {}}", "unknown key 'regime'; did you mean 'regimes'?"),
+        ("{description: d, variables: {fog: {kind: uniform}}}", "variables.fog: needs 'source', the public source"),
+        ("{description: 3}", "description: Input should be a valid string, got 3"),
+        ("[]", "or instance of ExposureFile, got []"),
+    ],
+)
+def test_a_wrong_file_is_told_by_its_key(text: str, told: str, tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=f"{re.escape(str(path))}: .*{re.escape(told)}"):
+        read_exposure(str(path))
 
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in FOLDER.glob("*.yaml")))
