@@ -82,10 +82,10 @@ def _counts(failed: list[dict[str, int]], name: str) -> str:
 
 
 def _change(failed: list[dict[str, int]], first: str, last: str) -> str:
-    """Mean difference in failures over the searches, with Student's interval if there are several."""
+    """Mean difference in failures over the searches, with Student's interval if they differ."""
     differences = np.array([counts[last] - counts[first] for counts in failed])
     low, high = mean_interval(differences)
-    return f"{differences.mean():+.1f}" + (f" ({low:+.1f} to {high:+.1f})" if len(differences) > 1 else "")
+    return f"{differences.mean():+.1f}" + (f" ({low:+.1f} to {high:+.1f})" if np.ptp(differences) else "")
 
 
 if __name__ == "__main__":
