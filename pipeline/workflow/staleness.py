@@ -17,6 +17,8 @@ REASONS = Path(".snakemake/reasons")
 """Inputs of jobs that are out of date, named after what changed: always newer than the outputs."""
 SHOWN = 3
 """Largest number of such inputs of a job."""
+LONGEST = 200
+"""Characters of such a file's name; file systems take 255."""
 
 
 @dataclass(frozen=True)
@@ -61,8 +63,14 @@ class Staleness:
             return {}
         names = self.reasons(target)
         more = [f"and_{len(names) - SHOWN}_more"] if len(names) > SHOWN else []
-        named = [REASONS / re.sub(r"[^\w./-]", "_", name) for name in (*names[:SHOWN], *more)]
+        named = [_mark(name) for name in (*names[:SHOWN], *more)]
+        REASONS.mkdir(parents=True, exist_ok=True)
         for mark in named:
-            mark.parent.mkdir(parents=True, exist_ok=True)
             mark.write_text(str(time.time_ns()))  # A newer file with the same content would not count.
         return {"changed": list(map(str, named))}
+
+
+def _mark(name: str) -> Path:
+    """The file that stands for a reason, directly in `REASONS`: a reason may be the path of a person's file, which must not be written."""
+    flat = re.sub(r"[^\w.-]+", "_", name, flags=re.ASCII).lstrip("._")
+    return REASONS / (flat[-LONGEST:] or "an_input")

@@ -18,6 +18,7 @@ from pipeline.config.composing import CONF, compose, dump
 from pipeline.config.schema import Config
 from pipeline.errors import InputError
 from pipeline.report.catalogue import CATEGORIES, COMPARISON, DETECTOR, PAGES, SEARCH, entry
+from pipeline.workflow import staleness
 from pipeline.workflow.jobs import Jobs, Target, flat, step_names
 from pipeline.workflow.plan import Plan
 from pipeline.workflow.staleness import Staleness
@@ -206,7 +207,7 @@ def test_the_reason_of_a_job_names_what_changed(tmp_path: Path) -> None:
     (folder / "params.yaml").write_text(dump(compose("smoke", []), "test"))
     source = folder / "pipeline" / "steps" / "define_space.py"
     source.write_text(source.read_text() + "\n# changed\n")
-    assert told() == "Updated input files: .snakemake/reasons/pipeline/steps/define_space.py"
+    assert told() == "Updated input files: .snakemake/reasons/pipeline_steps_define_space.py"
     (folder / "data/smoke/space/F1.json.stamp").unlink()
     assert ".snakemake/reasons/no_stamp" in told()
     # The cache of parts is lost.
@@ -222,6 +223,27 @@ def test_the_reason_of_a_later_job_is_the_key_that_changed_first(tmp_path: Path,
     changed = Staleness(Stamps(jobs_of("smoke", "campaign.tests=13", "retraining.iterations=9")))
     assert changed.reasons(Target("measure", ())) == ("campaign.tests",)
     assert set(changed.reasons(Target("report", ()))) == {"campaign.tests", "retraining.iterations"}
+
+
+@pytest.mark.parametrize("named", ["{}/mine.onnx", "../mine.onnx", "{}/" + 60 * "deep/" + "mine.onnx"])
+def test_a_reason_never_replaces_the_file_that_it_names(named: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    project = tmp_path / "project"
+    project.mkdir()
+    monkeypatch.chdir(project)
+    (project / "models").symlink_to(ROOT / "models")
+    mine = Path(named.format(tmp_path))
+    mine.parent.mkdir(parents=True, exist_ok=True)
+    mine.write_text("before")
+    study = made(project, compose("smoke", ["goal=detectors", f"+tested.mine={mine}"]))
+    mine.write_text("after")
+    marks = Staleness(Stamps(study)).marks(Target.of("campaign", {**CAMPAIGN, "version": "mine"}))["changed"]
+    assert mine.read_text() == "after"
+    assert [Path(mark).parent for mark in marks] == [Path(".snakemake/reasons")] and marks[0].endswith("mine.onnx")
+
+
+@pytest.mark.parametrize("name", ["", ".", "..", "/", "../.."])
+def test_a_reason_without_a_readable_name_is_a_file_too(name: str) -> None:
+    assert staleness._mark(name) == Path(".snakemake/reasons/an_input")
 
 
 def test_every_page_and_plot_has_a_category_and_a_caption() -> None:
