@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from importlib import import_module
 from itertools import product
+from operator import attrgetter
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, model_validator
@@ -36,6 +37,7 @@ from pipeline.core.lineage import BASE, Version, versions
 from pipeline.core.matching import Criterion
 from pipeline.core.names import nearest
 from pipeline.core.space import Space
+from pipeline.errors import shown
 from pipeline.scenarios.front_car import FrontCar
 from pipeline.scenarios.functional import FunctionalScenario
 from pipeline.scenarios.parts import Name, Seed
@@ -130,10 +132,17 @@ class Config(Section):
         return self
 
     @model_validator(mode="after")
-    def _seeds_differ(self) -> Config:
-        for key, seeds in {"seeds": self.seeds, "retraining.seeds": self.retraining.seeds}.items():
-            if len(set(seeds)) < len(seeds):
-                raise ValueError(f"{key} must differ, got {list(seeds)}")
+    def _entries_differ(self) -> Config:
+        # Tests would count twice, as if they were independent.
+        for key in ("search", "held_out", "strategies", "seeds", "retraining.seeds", "campaign.transfer"):
+            entries = attrgetter(key)(self)
+            for entry in entries:
+                if entries.count(entry) > 1:
+                    raise ValueError(f"{key}: expected different entries, got {shown(entry)} twice")
+        return self
+
+    @model_validator(mode="after")
+    def _seeds_agree(self) -> Config:
         if self.retraining.searches == "own" and self.retraining.seeds != self.seeds:
             raise ValueError(
                 f"retraining.seeds must be {list(self.seeds)}, the seeds of the search, because retraining.searches is 'own', got "
