@@ -152,10 +152,12 @@ def test_a_part_of_the_locks_of_dvc_is_removed(finished: Path, text: str, stays:
 
 
 def test_damaged_files_are_found_before_the_run_that_makes_them_again(finished: Path) -> None:
-    for code, begins in {1: ["python", "snakemake"], 2: ["python"]}.items():
+    for code, begins, ends in ((1, ["python", "snakemake"], 0), (2, ["python"], 2)):
         script(finished / ".venv/bin/python", f'echo "python $*"; case "$3" in verify) exit {code};; esac')
-        lines = call(finished).stdout.splitlines()
+        done = call(finished)
+        lines = done.stdout.splitlines()
         assert lines[0] == "python -m pipeline verify" and [line.split()[0] for line in lines[:2]] == begins
+        assert done.returncode == ends
 
 
 def test_a_partial_run_prints_no_verdict(ready: Path) -> None:
