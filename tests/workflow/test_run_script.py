@@ -12,6 +12,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
 SETUP = ("run", "pyproject.toml", "requirements.lock")
@@ -131,6 +132,15 @@ def test_a_whole_run_ends_with_the_verdict_and_is_recorded_once(finished: Path) 
     assert call(finished).stdout.splitlines()[-1] == COMMIT
     (finished / "params.yaml").write_text("study: tiny\ngoal: base\n")
     assert call(finished).stdout.splitlines()[-1] == VERDICT
+
+
+@pytest.mark.parametrize("name", ["123", "on", "null"])
+def test_a_study_may_have_a_name_that_yaml_quotes(name: str, finished: Path) -> None:
+    (finished / "data/tiny").rename(finished / "data" / name)
+    (finished / "params.yaml").write_text(yaml.safe_dump({"study": name, "goal": "report"}))
+    done = call(finished)
+    assert (done.returncode, done.stderr, done.stdout.splitlines()[3:]) == (0, "", [VERDICT, COMMIT])
+    assert call(finished).stdout.splitlines()[3:] == [VERDICT]
 
 
 @pytest.mark.parametrize(("program", "text"), [("python", 'case "$3" in verdict) kill -9 $PPID;; esac'), ("dvc", "kill -9 $PPID")])
