@@ -16,27 +16,33 @@ from pipeline.artefacts.files import write_bytes
 
 ROOT = Path(__file__).resolve().parents[1]
 STORED = Path(".cache/code.json")
+BESIDE = ("*.jinja", "assets/*.js", "assets/*.css")
 
 
 @cache
 def _graph() -> grimp.ImportGraph:
-    return grimp.build_graph("pipeline", cache_dir=".cache/grimp")
+    graph = grimp.build_graph("pipeline", cache_dir=".cache/grimp")
+    for name in graph.modules - {"pipeline"}:  # Importing a module runs the packages above it.
+        graph.add_import(importer=name, imported=name.rpartition(".")[0])
+    return graph
 
 
 @cache
 def sources(module: str) -> tuple[str, ...]:
     """Source files of a module and of everything that it imports from this package, directly or not, relative to the root; sorted.
 
-    Templates count as source of the modules beside them.
+    Templates, and the scripts and styles in a folder `assets`, count as source of the modules beside them.
     """
-    graph = _graph()
-    found = set()
-    for name in {module} | graph.find_upstream_modules(module):
-        stem = ROOT.joinpath(*name.split("."))
-        path = stem.with_suffix(".py") if stem.with_suffix(".py").exists() else stem / "__init__.py"
-        if path.stat().st_size:
-            found |= {file.relative_to(ROOT).as_posix() for file in (path, *path.parent.glob("*.jinja"))}
-    return tuple(sorted(found))
+    return tuple(sorted(set().union(*map(_files, {module} | _graph().find_upstream_modules(module)))))
+
+
+@cache
+def _files(module: str) -> frozenset[str]:
+    """The source files of one module; none if it is empty."""
+    stem = ROOT.joinpath(*module.split("."))
+    path = stem.with_suffix(".py") if stem.with_suffix(".py").exists() else stem / "__init__.py"
+    beside = (file for pattern in BESIDE for file in path.parent.glob(pattern))
+    return frozenset(file.relative_to(ROOT).as_posix() for file in (path, *beside)) if path.stat().st_size else frozenset()
 
 
 @cache

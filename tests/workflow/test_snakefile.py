@@ -299,7 +299,11 @@ def test_sources_follow_the_imports() -> None:
     cluster = sources.sources("pipeline.steps.cluster")
     assert "pipeline/core/regions.py" in cluster and "pipeline/steps/cluster.py" in cluster
     assert "pipeline/detectors/yolo/loss.py" not in cluster
-    assert "pipeline/report/page.html.jinja" in sources.sources("pipeline.steps.report")
+    page = {"page.html.jinja", "assets/explorer.js", "assets/explorer.css", "assets/libraries.min.js", "assets/libraries.css"}
+    assert {f"pipeline/report/{name}" for name in page} <= set(sources.sources("pipeline.steps.report"))
+    # Importing a module runs the packages above it, which import others.
+    drawn = {"pipeline/__init__.py", "pipeline/simulators/mujoco/__init__.py", "pipeline/simulators/gl.py"}
+    assert drawn <= set(sources.sources("pipeline.simulators.mujoco.vehicles"))
     assert "pipeline/detectors/yolo/loss.py" in sources.sources("pipeline.steps.retrain")
 
 
