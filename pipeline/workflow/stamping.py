@@ -11,9 +11,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from pipeline.artefacts.files import sha256
 from pipeline.artefacts.stamp_parts import remember
 from pipeline.config.declared import value_at
 from pipeline.contract import Wildcards
+from pipeline.errors import InputError
 from pipeline.sources import code_digest, source_digests
 from pipeline.workflow.jobs import Jobs, Target, flat
 
@@ -24,6 +26,7 @@ class Stamps:
 
     jobs: Jobs
     _known: dict[Target, str] = field(default_factory=dict)
+    _contents: dict[str, str] = field(default_factory=dict)
 
     def stamp(self, name: str, wildcards: Wildcards) -> str:
         """Digest of everything that determines a job's outputs: code, declared config, environment, and the stamps of its inputs."""
@@ -64,11 +67,20 @@ class Stamps:
         return self.jobs.config.model_dump(mode="json")
 
     def _origin(self, path: str) -> str:
-        """The stamp of the job that makes a file, else the digest of its content."""
+        """The stamp of the job that makes a file, else the digest of its content, which may be a folder's."""
         made = self.jobs.maker(path)
         if made is not None:
             return self.stamp(made.step, dict(made.wildcards))
-        return hashlib.sha256(Path(path).read_bytes()).hexdigest() if Path(path).is_file() else "missing"
+        if path not in self._contents:  # Many jobs read the same detector.
+            self._contents[path] = _content(Path(path))
+        return self._contents[path]
+
+
+def _content(path: Path) -> str:
+    try:
+        return sha256(path)
+    except InputError:  # The job that reads it says what is wrong.
+        return "missing"
 
 
 def _leaves(plain: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:

@@ -13,12 +13,13 @@ import pytest
 from snakemake.settings.types import DAGSettings
 
 from pipeline import sources
+from pipeline.artefacts.files import sha256
 from pipeline.artefacts.stamps import Stamp
 from pipeline.config.composing import CONF, compose, dump
 from pipeline.config.schema import Config
 from pipeline.errors import InputError
 from pipeline.report.catalogue import CATEGORIES, COMPARISON, DETECTOR, PAGES, SEARCH, entry
-from pipeline.workflow import staleness
+from pipeline.workflow import staleness, stamping
 from pipeline.workflow.jobs import Jobs, Target, flat, step_names
 from pipeline.workflow.plan import Plan
 from pipeline.workflow.staleness import Staleness
@@ -342,6 +343,22 @@ def test_a_step_depends_on_the_stamps_of_its_inputs() -> None:
     assert first.stamp("train", {}) != other.stamp("train", {})
     assert first.stamp("measure", {}) != other.stamp("measure", {})
     assert first.stamp("define_space", {"scenario": "F1"}) == other.stamp("define_space", {"scenario": "F1"})
+
+
+def test_a_changed_file_in_a_detectors_folder_makes_its_campaigns_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    read: list[Path] = []
+    monkeypatch.setattr(stamping, "sha256", lambda path: (read.append(path), sha256(path))[1])
+
+    def stamps(weights: str) -> set[str]:
+        (mine / "model.safetensors").write_text(weights)
+        made = today("goal=detectors", f"+tested.mine={mine}")
+        return {made.stamp("campaign", {**CAMPAIGN, "version": "mine", "seed": seed}) for seed in ("0", "1")}
+
+    first = stamps("first")
+    assert read == [mine], "two jobs read the folder"
+    assert first.isdisjoint(stamps("second")) and stamps("first") == first
 
 
 def test_only_a_whole_run_prints_its_verdict(monkeypatch: pytest.MonkeyPatch) -> None:
