@@ -14,6 +14,7 @@ from typing import Any, get_type_hints
 from pydantic import BaseModel, ConfigDict, ValidationError, create_model
 from pydantic.errors import PydanticUserError
 
+from pipeline.artefacts.folders import VERSION
 from pipeline.config.messages import message
 from pipeline.config.schema import AUDIT, Config
 from pipeline.core.car import Car
@@ -91,13 +92,22 @@ def check_components(config: Config) -> None:
                 made(space=config.space(scenario), seed=0)
             except ValueError as error:
                 raise InputError(f"samplers.{name}: {error}") from error
-    if config.filter.overrules is not None and not Path(config.filter.overrules).is_file():
-        raise InputError(f"filter.overrules: expected a CSV, found no file {config.filter.overrules}")
-    if config.base.source == "shipped" and not (weights := Path(config.base.weights) / "weights.safetensors").is_file():
-        raise InputError(f"base.weights: expected the folder of a detector, found no file {weights}")
+    _check_files(config)
     _check_learning(config)
     if config.audited and not config.independent(AUDIT):
         raise InputError(f"samplers.{AUDIT}: the audit needs a class whose tests are independent; or set campaign.audit=0")
+
+
+def _check_files(config: Config) -> None:
+    """The files that a person names are there."""
+    if config.filter.overrules is not None and not Path(config.filter.overrules).is_file():
+        raise InputError(f"filter.overrules: expected a CSV, found no file {config.filter.overrules}")
+    for kind in ("weights", "card", "curve") if config.base.source == "shipped" or config.goal == "front_car" else ():
+        if not (file := Path(config.base.weights, VERSION[kind])).is_file():
+            raise InputError(f"base.weights: expected the folder of a detector, found no file {file}")
+    for name, path in config.tested.items() if config.goal == "detectors" else ():
+        if not Path(path).exists():
+            raise InputError(f"tested.{name}: expected the file or folder of a detector, found no {path}")
 
 
 def _check_needs(config: Config) -> None:

@@ -125,6 +125,7 @@ def test_a_camera_is_chosen_by_its_name() -> None:
             "base.weights=../elsewhere",
             "base.weights: expected a path inside the project (link outside files into it)",
         ),
+        ("filter.overrules=no.csv", "filter.overrules: expected a CSV, found no file no.csv"),
         ("filter.overrules=/etc/passwd", "filter.overrules: expected a path inside the project"),
         ("simulator.camera.width=abc", "simulator.camera.width: Input should be a valid integer, got 'abc'"),
         ("simulator.camera.width=0", "simulator.camera.width: Input should be greater than or equal to 64, got 0"),
@@ -158,6 +159,19 @@ def test_a_camera_is_chosen_by_its_name() -> None:
 def test_wrong_input_is_named(override: str, message: str) -> None:
     with pytest.raises(InputError, match=re.escape(message)):
         compose("default", [override])
+
+
+def test_a_missing_file_is_named_before_any_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine").mkdir()
+    trained = ["front_car", "base.source=trained"]
+    for missing, (study, *overrides) in {"weights.safetensors": trained, "model.json": trained, "curve.csv": ["default"]}.items():
+        with pytest.raises(InputError, match=rf"^base\.weights: expected the folder of a detector, found no file mine/{missing}$"):
+            compose(study, ["base.weights=mine", *overrides])
+        (tmp_path / "mine" / missing).write_text("content")
+    compose("default", ["base.weights=mine", "goal=detectors", "+tested.mine=mine"])
+    with pytest.raises(InputError, match=r"^tested\.new: expected the file or folder of a detector, found no new\.onnx$"):
+        compose("default", ["base.weights=mine", "goal=detectors", "+tested.mine=mine", "+tested.new=new.onnx"])
 
 
 def test_a_town_with_other_streets_is_the_same_town() -> None:
