@@ -13,7 +13,8 @@ HELP = "Print the verdict of a study."
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--comparison", type=typed, help="comparison.json (default: that of the study in params.yaml)")
+    parser.add_argument("--params", type=typed, default=PARAMS, help="resolved configuration of the study (default: %(default)s)")
+    parser.add_argument("--comparison", type=typed, help="comparison.json (default: that of the study)")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -24,7 +25,7 @@ def run(options: argparse.Namespace) -> int:
 
     comparison: Path | None = options.comparison
     if comparison is None:
-        folders = Folders(load(PARAMS))
+        folders = Folders(load(options.params))
         if folders.config.goal != "report":
             print(f"Next: open {', '.join(folders.goals)}")
             return 0

@@ -127,11 +127,14 @@ def load(path: Path = PARAMS) -> Config:
     return validate(plain, str(path))
 
 
-def of_snakemake(config: Mapping[str, Any]) -> Config:
-    """The config that Snakemake hands over; its command line leaves the numbers of a list, as in `seeds=[0,1]`, as text."""
+def of_snakemake(config: Mapping[str, Any], source: Path = PARAMS) -> Config:
+    """The config that Snakemake hands over; its command line leaves the numbers of a list, as in `seeds=[0,1]`, as text.
+
+    source: the file that Snakemake read, for messages.
+    """
     seeds = config.get("seeds")
     typed = [int(seed) if isinstance(seed, str) and seed.isdecimal() else seed for seed in seeds] if isinstance(seeds, list) else seeds
-    return validate({**config, "seeds": typed} if "seeds" in config else dict(config), str(PARAMS))
+    return validate({**config, "seeds": typed} if "seeds" in config else dict(config), str(source))
 
 
 def validate(plain: Any, source: str) -> Config:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.run_lock import hold
-from pipeline.config.composing import load
+from pipeline.config.composing import PARAMS, load
 from pipeline.config.schema import Config
 from pipeline.contract import REFUSED
 from pipeline.errors import InputError, one_line
@@ -27,6 +27,15 @@ def checked(params: str) -> str:
     except InputError as error:
         end(error)
     return params
+
+
+def params_of(workflow: Workflow) -> Path:
+    """The file of Snakemake's config. One that `--configfile` names is read here too: Snakemake takes a key that stands twice."""
+    given = workflow.config_settings.configfiles
+    path = Path(given[-1]) if given else PARAMS
+    if given and workflow.is_main_process:
+        load(path)
+    return path
 
 
 def check_source(config: Config, workflow: Workflow) -> None:

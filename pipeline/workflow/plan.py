@@ -8,17 +8,18 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from snakemake.io import ancient, directory, report, temp
 from snakemake.settings.types import DAGSettings
 
 from pipeline.config.components import check_components
-from pipeline.config.composing import of_snakemake
+from pipeline.config.composing import PARAMS, of_snakemake
 from pipeline.contract import VERDICT_FOLLOWS
 from pipeline.errors import InputError
 from pipeline.report.catalogue import entry
-from pipeline.workflow.guards import alone, check_source, end
+from pipeline.workflow.guards import alone, check_source, end, params_of
 from pipeline.workflow.jobs import Jobs, Target
 from pipeline.workflow.staleness import Staleness
 from pipeline.workflow.stamping import Stamps
@@ -34,10 +35,12 @@ DEFAULT_LIMIT = (100, 1)
 class Plan:
     """What Snakemake's rules are made from.
 
-    stored: whether the files are in one of Snakemake's storages. begin: called before any file is looked at.
+    params: the file of the config. stored: whether the files are in one of Snakemake's storages. begin: called before any file is looked
+    at.
     """
 
     jobs: Jobs
+    params: Path = PARAMS
     stored: bool = False
     begin: Callable[[], None] = lambda: None
 
@@ -86,17 +89,18 @@ class Plan:
         part = self.stored or (targets and not targets & {"all", "track"} and not targets >= set(self.jobs.folders.goals))
         if part or asked.until or asked.omit_from or asked.allowed_rules or asked.batch or VERDICT_FOLLOWS in os.environ:
             return
-        subprocess.run([sys.executable, "-m", "pipeline", "verdict"], check=False)
+        subprocess.run([sys.executable, "-m", "pipeline", "verdict", "--params", str(self.params)], check=False)
 
 
 def plan(config: Mapping[str, Any], workflow: Workflow, steps: Sequence[str]) -> Plan:
-    """The plan of Snakemake's config: params.yaml with the changes from the command line."""
+    """The plan of Snakemake's config."""
     stored = workflow.storage_settings.default_storage_provider is not None
     try:
-        checked = of_snakemake(config)
+        params = params_of(workflow)
+        checked = of_snakemake(config, params)
         check_source(checked, workflow)
         check_components(checked)
-        return Plan(Jobs(checked, tuple(steps)), stored, cache(lambda: alone(workflow)))
+        return Plan(Jobs(checked, tuple(steps)), params, stored, cache(lambda: alone(workflow)))
     except InputError as error:
         end(error)
 

@@ -11,7 +11,7 @@ import config_faults
 import pytest
 from config_faults import Mutation, counted, fits, hint_at, outcome
 from pydantic import Field
-from snakemake.settings.types import StorageSettings
+from snakemake.settings.types import ConfigSettings, StorageSettings
 
 from pipeline.config.components import check_components
 from pipeline.config.composing import compose, validate
@@ -71,7 +71,7 @@ def test_the_judge_finds_a_keys_range() -> None:
 def test_snakemake_refuses_an_edited_file_before_any_job(capsys: pytest.CaptureFixture[str]) -> None:
     plain = json.loads(compose("smoke", []).model_dump_json())
     plain["detector"]["threshold"] = 2
-    workflow: Any = SimpleNamespace(is_main_process=False, storage_settings=StorageSettings())
+    workflow: Any = SimpleNamespace(is_main_process=False, storage_settings=StorageSettings(), config_settings=ConfigSettings())
     with pytest.raises(SystemExit, match="2"):
         plan(plain, workflow, step_names())
     assert capsys.readouterr().err == "error: detector.threshold: Input should be less than 1, got 2\n"
@@ -79,6 +79,10 @@ def test_snakemake_refuses_an_edited_file_before_any_job(capsys: pytest.CaptureF
         plan({**plain, "study": "a`id`\n" + "x" * 10_000}, workflow, step_names())
     said = capsys.readouterr().err
     assert said.startswith("error: params.yaml: study: expected letters, digits and _") and said.count("\n") == 1 and len(said) < 300
+    workflow.config_settings = SimpleNamespace(configfiles=[Path("data/mine/params.yaml")])
+    with pytest.raises(SystemExit, match="2"):
+        plan({**plain, "goal": "win"}, workflow, step_names())
+    assert capsys.readouterr().err.startswith("error: data/mine/params.yaml: goal: Input should be 'report', 'base', ")
 
 
 def test_a_scenario_has_the_variables_that_its_simulator_needs() -> None:

@@ -125,7 +125,6 @@ def test_a_camera_is_chosen_by_its_name() -> None:
             "base.weights=../elsewhere",
             "base.weights: expected a path inside the project (link outside files into it)",
         ),
-        ("filter.overrules=no.csv", "filter.overrules: expected a CSV, found no file no.csv"),
         ("filter.overrules=/etc/passwd", "filter.overrules: expected a path inside the project"),
         ("simulator.camera.width=abc", "simulator.camera.width: Input should be a valid integer, got 'abc'"),
         ("simulator.camera.width=0", "simulator.camera.width: Input should be greater than or equal to 64, got 0"),

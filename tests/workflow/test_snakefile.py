@@ -109,6 +109,11 @@ def test_the_command_line_of_snakemake_does_not_change_the_study(tmp_path: Path)
     own = other.with_name("params.yaml")
     other.rename(own)
     assert planned(folder, "search", "--configfile", str(own))["campaign"] == 12
+    own.write_text(own.read_text() + "study: smoke\n")
+    done = snakemake(folder, "-n", "--configfile", str(own))
+    (line,) = [line for line in done.stderr.splitlines() if "profile" not in line]
+    assert done.returncode == 2
+    assert re.match(r"error: .*data/smoke/params\.yaml, line \d+: not valid YAML \(the key 'study' appears twice", line)
 
 
 def test_snakemake_runs_by_its_path_from_anywhere(tmp_path: Path) -> None:
@@ -349,7 +354,12 @@ def test_a_changed_file_in_a_detectors_folder_makes_its_campaigns_again(tmp_path
     mine = tmp_path / "mine"
     mine.mkdir()
     read: list[Path] = []
-    monkeypatch.setattr(stamping, "sha256", lambda path: (read.append(path), sha256(path))[1])
+
+    def noted(path: Path) -> str:
+        read.append(path)
+        return sha256(path)
+
+    monkeypatch.setattr(stamping, "sha256", noted)
 
     def stamps(weights: str) -> set[str]:
         (mine / "model.safetensors").write_text(weights)
@@ -362,7 +372,7 @@ def test_a_changed_file_in_a_detectors_folder_makes_its_campaigns_again(tmp_path
 
 
 def test_only_a_whole_run_prints_its_verdict(monkeypatch: pytest.MonkeyPatch) -> None:
-    study = Plan(jobs_of("default"))
+    study = Plan(jobs_of("default"), Path("data/mine/params.yaml"))
     told: list[list[str]] = []
     monkeypatch.setattr(subprocess, "run", lambda command, **_: told.append(command))
     for part in ({"targets": {"search"}}, {"targets": {study.jobs.folders.goals[0]}}, {"until": {"compare"}}, {"omit_from": {"report"}}):
@@ -370,7 +380,7 @@ def test_only_a_whole_run_prints_its_verdict(monkeypatch: pytest.MonkeyPatch) ->
     assert not told
     for whole in ((), ("all",), study.jobs.folders.goals, ("track",)):
         study.finish(DAGSettings(targets=list(whole)))  # As Snakemake's command line passes them.
-    assert [command[3] for command in told] == ["verdict"] * 4
+    assert [command[3:] for command in told] == [["verdict", "--params", "data/mine/params.yaml"]] * 4
     monkeypatch.setenv("BLINDSPOT_VERDICT_FOLLOWS", "1")
     study.finish(DAGSettings())
     assert len(told) == 4
