@@ -99,10 +99,12 @@ def functional_scenario(name: str) -> FunctionalScenario:
 def _override_message(plain: Any, overrides: Sequence[str]) -> str:
     """Message for an override with an unknown key or file; empty if there is none."""
     for override in overrides:
+        if override.startswith("+"):  # Its key may be new.
+            continue
         key, _, value = override.partition("=")
         if (CONF / key).is_dir() and value not in (files := _choices(key)):
             return f"there is no conf/{key}/{value}.yaml{nearest(value, files)}"
-        section, path = plain, [] if (CONF / key).is_dir() else key.lstrip("+~").split(".")
+        section, path = plain, [] if (CONF / key).is_dir() else key.lstrip("~").split(".")
         for part in path:
             if not isinstance(section, dict) or part not in section:
                 known = section if isinstance(section, dict) else []

@@ -173,6 +173,11 @@ def test_a_missing_file_is_named_before_any_work(tmp_path: Path, monkeypatch: py
         compose("default", ["base.weights=mine", "goal=detectors", "+tested.mine=mine", "+tested.new=new.onnx"])
 
 
+def test_a_wrong_key_is_named_beside_a_new_one() -> None:
+    with pytest.raises(InputError, match=r"^unknown key 'campaign\.tset'; did you mean"):
+        compose("default", ["goal=detectors", "+tested.mine=a.onnx", "campaign.tset=3"])
+
+
 def test_a_town_with_other_streets_is_the_same_town() -> None:
     with pytest.raises(InputError, match=r"held_out: F1star has the town of F1 \(style and seed\)"):
         compose("default", ["scenarios.F1star.town.style=urban", "scenarios.F1star.town.seed=11"])
