@@ -26,7 +26,10 @@ FILE = Path("dvc.yaml")
 HEADER = """# The parts of a study that DVC versions. Made by `python -m pipeline stages`; change the steps' contracts, not this file.
 # Outputs persist: the stamps beside them tell Snakemake which jobs are out of date. params.yaml fills ${study}.
 """
-VARIANTS = (["retraining.rounds=2"], ["base.source=trained", "retraining.start=scratch"])
+VARIANTS = (
+    ["retraining.rounds=2"],
+    ["base.source=trained", "retraining.start=scratch", "comparison.second_iou=0.3", "+arms.fresh=new_scenes"],
+)
 """Overrides that together use every file and section of a study."""
 METRICS, PLOTS = ("metrics",), {"theta.csv": {"x": "tests", "title": "Failures found"}, "plots": {}}
 

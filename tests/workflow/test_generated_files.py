@@ -28,6 +28,13 @@ def test_dvc_yaml_matches_the_contracts() -> None:
     assert (ROOT / "dvc.yaml").read_text() == stages.text(), "make dvc.yaml again: python -m pipeline stages"
 
 
+def test_every_step_of_the_loop_is_in_a_stage_of_dvc() -> None:
+    stages_ = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"].values()
+    listed = {Path(path).stem for stage in stages_ for path in stage["deps"] if path.startswith("pipeline/steps/")}
+    loop = {name for name in step_names() if not name.startswith("front_car")} - {"calibrate", "detector_report"}
+    assert loop <= listed
+
+
 def test_dvc_records_every_file_of_a_study_with_its_stamp() -> None:
     stages_ = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"].values()
     recorded = {path for stage in stages_ for kind in ("outs", "metrics", "plots") for out in stage.get(kind, ()) for path in out}
