@@ -13,6 +13,7 @@ from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any
 
 from pipeline import commands, steps
+from pipeline.config.arguments import whole
 from pipeline.config.project import entered, typed
 from pipeline.core.names import check_name, nearest
 from pipeline.errors import InputError, NoResultError, explained, missing_extra, one_line, shown
@@ -86,7 +87,7 @@ def run_step(name: str, arguments: Sequence[str]) -> int:
     config = load(options.parse_known_args(arguments)[0].params)
     wildcards = step.names(Folders(config))
     options.add_argument("--help", "-h", action="help", help="show this message and exit")
-    options.add_argument("--threads", type=int, default=1, help="default: %(default)s")
+    options.add_argument("--threads", type=whole(1), default=1, help="default: %(default)s")
     for wildcard in wildcards:
         options.add_argument(f"--{wildcard}", required=True, help=step.wildcards.get(wildcard))
     given = vars(options.parse_args(arguments))

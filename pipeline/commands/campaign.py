@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.artefacts.tables import TABLES
+from pipeline.config.arguments import whole
 from pipeline.config.composing import compose, functional_scenario
 from pipeline.config.project import typed
 from pipeline.core.identity import CampaignId
@@ -33,7 +34,7 @@ HELP = "Search a scenario for failures with one strategy. Ctrl-C stops it; the s
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("words", nargs="*", metavar="key=value", help=WORDS)
-    parser.add_argument("--threads", type=int, default=2, help="worker processes (default: %(default)s)")
+    parser.add_argument("--threads", type=whole(1), default=2, help="worker processes (default: %(default)s)")
     parser.epilog = "With --kind, --scenario, --strategy, --version and --seed, the step of a study's workflow runs instead."
 
 
@@ -54,13 +55,14 @@ class Search:
         return self.out or Path("data/by_hand", self.scenario, self.strategy, self.model.name, str(self.seed))
 
 
-def whole(least: int) -> Callable[[str, str], int]:
-    """Reads a whole number from `least`; InputError for another text."""
+def number(least: int) -> Callable[[str, str], int]:
+    """Reads a word's whole number from `least`; InputError that names the key for another text."""
 
     def read(key: str, text: str) -> int:
-        if not text.isdecimal() or int(text) < least:
-            raise InputError(f"{key} must be a whole number from {least}, got '{text}'")
-        return int(text)
+        try:
+            return whole(least)(text)
+        except argparse.ArgumentTypeError as error:
+            raise InputError(f"{key}: {error}") from error
 
     return read
 
@@ -68,8 +70,8 @@ def whole(least: int) -> Callable[[str, str], int]:
 READ: dict[str, Callable[[str, str], Any]] = {
     "scenario": lambda _, text: text,
     "strategy": lambda _, text: text,
-    "budget": whole(1),
-    "seed": whole(0),
+    "budget": number(1),
+    "seed": number(0),
     "model": lambda _, text: typed(text),
     "out": lambda _, text: typed(text),
 }
@@ -82,8 +84,6 @@ def run(options: argparse.Namespace) -> int:
     from pipeline.artefacts.files import write_bytes
     from pipeline.execution.campaign import run_campaign
 
-    if options.threads < 1:
-        raise InputError(f"--threads must be at least 1, got {options.threads}")
     search = asked(options.words)
     plan = planned(search)
     tests, journal = search.folder / "tests.parquet", search.folder / "journal"

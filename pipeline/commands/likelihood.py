@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.commands.campaign import STOPPED, Search, planned, read_words, whole
+from pipeline.commands.campaign import STOPPED, Search, number, planned, read_words
+from pipeline.config.arguments import whole
 from pipeline.config.composing import functional_scenario
 from pipeline.config.exposure import ExposureFile, read_exposure
 from pipeline.config.project import typed
@@ -38,7 +39,7 @@ HELP = "Estimate how likely a failure is under an exposure. Ctrl-C stops it; the
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("words", nargs="*", metavar="key=value", help=WORDS)
-    parser.add_argument("--threads", type=int, default=2, help="worker processes (default: %(default)s)")
+    parser.add_argument("--threads", type=whole(1), default=2, help="worker processes (default: %(default)s)")
     parser.add_argument(
         "--from",
         dest="folders",
@@ -88,8 +89,8 @@ READ: dict[str, Callable[[str, str], Any]] = {
     "exposure": lambda _, text: str(typed(text)) if text.endswith((".yaml", ".yml")) else text,
     **dict.fromkeys(("model", "out"), lambda _, text: typed(text)),
     "method": _method,
-    "budget": whole(100),
-    "seed": whole(0),
+    "budget": number(100),
+    "seed": number(0),
     "below": _share,
 }
 """How each word of our own is read, from its key and text; all others are overrides."""
@@ -97,8 +98,6 @@ READ: dict[str, Callable[[str, str], Any]] = {
 
 def run(options: argparse.Namespace) -> int:
     """Estimate the rate of every scenario, print each and that of the system."""
-    if options.threads < 1:
-        raise InputError(f"--threads must be at least 1, got {options.threads}")
     question = asked(options.words)
     exposure = read_exposure(question.exposure)
     try:

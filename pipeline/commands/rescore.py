@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pipeline.config.arguments import whole
 from pipeline.config.components import STORED_FROM
 from pipeline.config.composing import PARAMS, load
 from pipeline.config.project import typed
@@ -28,7 +29,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--iou", type=float, nargs="+", default=[0.1, 0.2, 0.3, 0.4, 0.5], help="IoU above which a detection matches")
     parser.add_argument("--threshold", type=float, nargs="+", help="score from which a detection is reported (default: the study's)")
     parser.add_argument("--drive", action="store_true", help="execute again the tests in which the car would have braked differently")
-    parser.add_argument("--workers", type=int, default=2, help="processes for --drive (default: %(default)s)")
+    parser.add_argument("--workers", type=whole(1), default=2, help="processes for --drive (default: %(default)s)")
     parser.add_argument("--params", type=typed, default=PARAMS, help="params.yaml of the study (default: %(default)s)")
     parser.add_argument("--out", type=typed, help="write the table as CSV")
 

@@ -17,6 +17,7 @@ from pipeline.artefacts.files import sha256, write_bytes
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.run_lock import hold
 from pipeline.commands.verify import withdraw_damaged
+from pipeline.config.arguments import whole
 from pipeline.config.components import make_detector
 from pipeline.config.composing import compose, dump, validate
 from pipeline.config.project import typed
@@ -40,15 +41,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("words", nargs="+", metavar="FILE|key=value", help=WORDS)
     parser.add_argument("--study", default="default", help="study with the scenarios, strategies and budgets (default: %(default)s)")
     parser.add_argument("--calibrate", action="store_true", help="calibrate each detector's confidences on rendered images first")
-    parser.add_argument("--cores", type=int, help="cores to use (default: all)")
+    parser.add_argument("--cores", type=whole(1), help="cores to use (default: all)")
 
 
 def run(options: argparse.Namespace) -> int:
     """Compose the study, check every detector on three images, and let Snakemake run it; the same call resumes it."""
     files = [typed(word) for word in options.words if "=" not in word]
     overrides = [word for word in options.words if "=" in word]
-    if options.cores is not None and options.cores < 1:
-        raise InputError(f"--cores must be at least 1, got {options.cores}")
     chosen = compose(options.study, ["goal=base", *overrides])  # Nothing is retrained, so the strategies need not feed the study's arms.
     files = files or _function_file(chosen)
     check(chosen, files)

@@ -21,10 +21,12 @@ TICK_S, LONGEST_TICK_S = 0.2, 1.0
 class Pool(Generic[Task, Result]):
     """Processes that execute tasks, started when they are needed.
 
-    make: makes in each process what executes its tasks. limits: of each process, None for none.
+    make: makes in each process what executes its tasks. limits: of each process, None for none. Raises ValueError for no process.
     """
 
     def __init__(self, count: int, make: Make[Task, Result], limits: Limits | None = None) -> None:
+        if count < 1:
+            raise ValueError(f"count must be at least 1 process, got {count}")
         self._count, self._make, self._limits = count, make, limits
         self._idle: list[Worker[Task, Result]] = []
         self._busy: dict[Worker[Task, Result], int] = {}
@@ -96,7 +98,7 @@ def in_order(function: Callable[[Task], Result], tasks: Sequence[Task], processe
     """The results of a function, computed in processes, in the order of the tasks; InputError if a process dies twice on one task."""
     done: dict[int, Result] = {}
     following = 0
-    with Pool(min(processes, len(tasks)), partial(_plain, function)) as pool:
+    with Pool(min(processes, max(1, len(tasks))), partial(_plain, function)) as pool:
         for index, outcome in pool.run(tasks):
             if isinstance(outcome, Broken):
                 raise InputError(f"part {index + 1} of {len(tasks)}: {outcome.reason}, twice; the same command resumes")

@@ -103,6 +103,12 @@ def test_a_task_whose_process_dies_is_computed_again_once(tmp_path: Path) -> Non
         list(in_order(hostile.dies, range(1), 1))
 
 
+def test_work_without_processes_is_refused_unless_there_is_none() -> None:
+    assert list(in_order(hostile.dies, [], 2)) == []
+    with pytest.raises(ValueError, match="^count must be at least 1 process, got 0$"):
+        list(in_order(hostile.dies, range(1), 0))
+
+
 def test_a_process_that_cannot_start_ends_the_work() -> None:
     said = r"^a worker process cannot start: process died \(exit code 3\)$"
     with Pool(1, hostile.unmakeable) as pool, pytest.raises(InputError, match=said):

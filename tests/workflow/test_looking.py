@@ -72,6 +72,23 @@ def test_wrong_arguments_are_named(words: list[str], message: str, capsys: pytes
     assert message in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["define-space", "--scenario", "F1", "--threads"],
+        ["campaign", "--threads"],
+        ["likelihood", "--threads"],
+        ["test-detector", "mine.onnx", "--cores"],
+        ["rescore", "data", "--workers"],
+    ],
+)
+def test_work_needs_at_least_one_process(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    for wrong in ("0", "-1", "two"):
+        with pytest.raises(SystemExit, match="2"):
+            main([*words, wrong])
+        assert f"argument {words[-1]}: expected a whole number from 1, got '{wrong}'" in capsys.readouterr().err
+
+
 def test_an_omitted_value_equals_its_default() -> None:
     space = functional_scenario("F1").logical_space()
     said = [repr(concrete_scenario(space, words)) for words in ([], ["fog=0"], ["fog=0.0", "rain=0"])]

@@ -187,7 +187,6 @@ def test_a_model_that_gives_no_numbers_is_refused_before_any_test(folder: Path, 
         (["nowhere.onnx"], "nowhere.onnx: expected the ONNX file of a detector, found no file"),
         (["model.pt"], "a .pt file can run code when read, so it is not opened"),
         (["mine.onnx", "campaign.testss=3"], "unknown key 'campaign.testss'"),
-        (["mine.onnx", "--cores", "0"], "--cores must be at least 1, got 0"),
         (["campaign.tests=3"], "name the file of a detector, as in `test-detector best.onnx`"),
         (
             ["mine.onnx", "detector.layout=yolov3"],
