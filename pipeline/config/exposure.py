@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-import yaml
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from pipeline.config.messages import message
 from pipeline.config.sections import Section
+from pipeline.config.yaml_text import read_yaml
 from pipeline.core.names import nearest
 from pipeline.errors import InputError
 
@@ -88,9 +88,7 @@ def read_exposure(name: str) -> ExposureFile:
         known = [one.stem for one in FOLDER.glob("*.yaml")]
         raise InputError(f"exposure: there is no '{name}'{nearest(name, known)}, or name a .yaml file")
     try:
-        return ExposureFile.model_validate(yaml.safe_load(path.read_text()))
-    except yaml.YAMLError as error:
-        raise InputError(f"{path}: not valid YAML ({str(error).splitlines()[0]})") from error
+        return ExposureFile.model_validate(read_yaml(path))
     except ValidationError as error:
         raise InputError(f"{path}: {message(error, ExposureFile)}") from error
 

@@ -81,6 +81,8 @@ def test_wrong_words_are_told_before_any_work(words: list[str], told: str, capsy
         ("description: x\nvariables: {rain: {kind: uniform}}", "variables.rain: needs 'source'"),
         ("description: x\nscenarios: {source: 0123456789, shares: {F1: 0.5}}", "scenarios: shares must sum to 1, got 0.5"),
         ("description: [", "not valid YAML"),
+        ("description: café", "mine.yaml: expected UTF-8 text, got the byte 0xe9 at 16"),
+        ("description: x\ndescription: y", "mine.yaml, line 2: not valid YAML (the key 'description' appears twice)"),
         (
             "description: x\nvariables: {rian: {kind: uniform, source: none is known}}",
             "the space has no variable 'rian'; did you mean 'rain'?",
@@ -89,6 +91,6 @@ def test_wrong_words_are_told_before_any_work(words: list[str], told: str, capsy
 )
 def test_wrong_exposure_files_are_told(text: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "mine.yaml"
-    path.write_text(text)
+    path.write_text(text, encoding="latin-1")
     assert main(["likelihood", f"exposure={path}", f"out={tmp_path}", *ANALYTIC]) == 2
     assert told in capsys.readouterr().err
