@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from pipeline.artefacts.files import check_output, write_bytes
 from pipeline.config.composing import PARAMS, compose, dump
 from pipeline.config.project import typed
 from pipeline.errors import InputError
@@ -22,7 +23,8 @@ def run(options: argparse.Namespace) -> int:
     study = [word.removeprefix("study=") for word in words if word.startswith("study=")]
     if len(study) != 1:
         raise InputError(f"name one study, as in `compose study=default`; got {' '.join(words)}")
+    check_output(options.out)
     config = compose(study[0], [word for word in words if not word.startswith("study=")])
-    options.out.write_text(dump(config, f"python -m pipeline compose {' '.join(words)}"))
+    write_bytes(options.out, dump(config, f"python -m pipeline compose {' '.join(words)}").encode())
     print(f"{options.out}: study {config.study}")
     return 0

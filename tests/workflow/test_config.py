@@ -198,6 +198,11 @@ def test_an_unknown_study_names_the_nearest(capsys: pytest.CaptureFixture[str]) 
     assert "there is no study 'defualt'; did you mean 'default'?" in capsys.readouterr().err
 
 
+def test_an_output_that_cannot_be_written_is_told_before_the_work(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["compose", "study=defualt", "--out", str(tmp_path / "nodir/x.yaml")]) == 2
+    assert f"nodir/x.yaml: expected a file to write to, got one in {tmp_path / 'nodir'}, which is not a folder" in capsys.readouterr().err
+
+
 def test_a_missing_params_file_names_the_command_that_makes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     missing = tmp_path / "params.yaml"
     assert main(["define-space", "--scenario", "F1", "--out", str(tmp_path / "x.json"), "--params", str(missing)]) == 2
