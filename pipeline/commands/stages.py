@@ -14,6 +14,7 @@ from typing import Any
 import yaml
 
 from pipeline.config.composing import compose
+from pipeline.config.declared import least
 from pipeline.config.project import typed
 from pipeline.config.schema import FAN_OUT
 from pipeline.contract import STAMP
@@ -68,7 +69,11 @@ def _stage(name: str, studies: Iterable[Jobs]) -> dict[str, Any]:
             code |= {path for module in modules for path in sources(module)}
     below = [f"data/${{study}}/{root}" for root in STAGES[name]]
     shown = {root: {f"data/${{study}}/{root}": {"persist": True, **PLOTS.get(root, {})}} for root in STAGES[name]}
-    stage: dict[str, Any] = {"cmd": f"snakemake {name}", "deps": [*sorted(deps - set(below)), *sorted(code)], "params": _least(params)}
+    stage: dict[str, Any] = {
+        "cmd": f"snakemake {name}",
+        "deps": [*sorted(deps - set(below)), *sorted(code)],
+        "params": sorted(least(params)),
+    }
     # The stamps of single files lie beside them; without these, Snakemake would make pulled files again.
     stage["outs"] = [shown[root] for root in STAGES[name] if root not in (*METRICS, *PLOTS)]
     stage["outs"] += [{stamp: {"persist": True}} for stamp in sorted(stamps)]
@@ -87,9 +92,3 @@ def _root(jobs: Jobs, path: str) -> str:
     """The path that DVC tracks for a file: the top file or folder of the study, or the folder of an external file."""
     below = path.removeprefix(f"{jobs.folders.root}/")
     return str(Path(path).parent) if below == path else f"data/${{study}}/{below.split('/')[0]}"
-
-
-def _least(keys: Iterable[str]) -> list[str]:
-    """The keys without those inside a section that is also listed."""
-    known = set(keys)
-    return sorted(key for key in known if not any(key.startswith(f"{other}.") for other in known))

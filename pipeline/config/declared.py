@@ -19,14 +19,19 @@ def value_at(plain: Any, key: str) -> Any:
     return plain
 
 
+def least(keys: Iterable[str]) -> list[str]:
+    """The keys, each once, without those inside a section that is also listed."""
+    known = dict.fromkeys(keys)
+    return [key for key in known if not any(key.startswith(f"{other}.") for other in known)]
+
+
 def declared(config: Config, keys: Iterable[str]) -> Config:
     """A config with only the values at the dotted keys; reading another key raises AttributeError (KeyError in a table by name)."""
     tree: Tree = {}
-    for key in keys:
+    for key in least(keys):
         branch = tree
         for part in key.split("."):
             branch = branch.setdefault(part, {})
-        branch.clear()
     only: Config = _part(config, tree)
     return only
 

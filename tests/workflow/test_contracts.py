@@ -212,6 +212,11 @@ def test_an_undeclared_key_cannot_be_read() -> None:
         schema_part("scenarios.F1").scenarios["F2"]
 
 
+def test_a_section_is_whole_even_if_a_key_in_it_is_declared_too() -> None:
+    for keys in (("campaign", "campaign.tests"), ("campaign.tests", "campaign")):
+        assert schema_part(*keys).campaign == compose("default", []).campaign
+
+
 def schema_part(*keys: str) -> schema.Config:
     return declared(compose("default", []), keys)
 
