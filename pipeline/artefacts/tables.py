@@ -143,11 +143,6 @@ def write_why(path: Path, rows: pd.DataFrame) -> None:
     _write(path, rows, WHY)
 
 
-def read_why(path: Path) -> pd.DataFrame:
-    """Read the table beside a scenario's regions; InputError that names the file if it is truncated or not such a table."""
-    return _read(path, "why", None)
-
-
 def campaign_of(tests: pd.DataFrame, path: Path) -> CampaignId:
     """The campaign of the rows of tests.parquet; InputError that names the file if they belong to none or to several."""
     found = tests[[column.name for column in columns(CampaignId)]].drop_duplicates()
@@ -204,7 +199,7 @@ def _write(path: Path, frame: pd.DataFrame, expected: Sequence[Column], variable
 
 
 def _read(path: Path, name: str, columns: Sequence[str] | None) -> pd.DataFrame:
-    expected = WHY if name == "why" else TABLES[name]
+    expected = TABLES[name]
     wanted = {column.name: TYPES[column.kind] for column in expected}
     file = _opened(path)
     found = {field.name: field.type for field in file.schema_arrow}

@@ -81,9 +81,6 @@ class Journal:
     def __contains__(self, index: int) -> bool:
         return self.path(index).exists()
 
-    def __len__(self) -> int:
-        return sum(1 for _ in self._folder.glob("*.npz"))
-
     def read(self, index: int) -> Outcome:
         """The outcome of a finished test."""
         with np.load(io.BytesIO(read_sealed(self.path(index))), allow_pickle=False) as stored:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pipeline.__main__ import main
 from pipeline.artefacts.region_results import FailureRegion, FailureRegions, Repair
 from pipeline.artefacts.results import read
-from pipeline.artefacts.tables import UNCHANGED, read_why
+from pipeline.artefacts.tables import UNCHANGED
 from pipeline.config.composing import load
 from pipeline.core.episode import Episode
 from pipeline.core.space import Value
@@ -74,7 +74,7 @@ def found(study: StudyFolder) -> FailureRegions:
 
 @pytest.fixture(scope="module")
 def rows(study: StudyFolder) -> pd.DataFrame:
-    return read_why(study / "regions/base/F1.parquet")
+    return pd.read_parquet(study / "regions/base/F1.parquet")
 
 
 def test_the_planted_cause_is_the_first_repair(found: FailureRegions) -> None:
