@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 PROGRAM = "blindspot" if Path(sys.argv[0]).name == "blindspot" else "python -m pipeline"
 """As the user called it: the installed command, or this module."""
-PARAMS = Path("params.yaml")
 ANYWHERE = ("coverage",)
 """The commands that need no project."""
 RESUMES = "finished tests are kept, and the same command resumes"
@@ -78,7 +77,7 @@ def run_step(name: str, arguments: Sequence[str]) -> int:
     """Run one step by hand on the files of the study; its wildcards become options."""
     from pipeline.artefacts.folders import Folders
     from pipeline.config.components import check_components
-    from pipeline.config.composing import load
+    from pipeline.config.composing import PARAMS, load
     from pipeline.contract import order_of, perform, step_of
 
     step = step_of(name)

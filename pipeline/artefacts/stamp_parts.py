@@ -14,6 +14,8 @@ from pathlib import Path
 from pipeline.artefacts.files import write_bytes
 
 PARTS = Path(".cache/stamps")
+MARKS = "changed"
+"""The input of a job that stands for its reasons: it only makes Snakemake run the job again, and no step reads it."""
 
 
 def remember(digest: str, parts: Mapping[str, str]) -> None:

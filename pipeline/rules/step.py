@@ -4,12 +4,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from pipeline.artefacts.stamp_parts import MARKS
 from pipeline.config.composing import of_snakemake
 from pipeline.contract import REFUSED, Order, perform
 from pipeline.errors import InputError, explained, one_line
-
-MARKS = "changed"
-"""The input that only makes Snakemake run a job again; no step reads it."""
 
 
 def main(job: Any) -> None:

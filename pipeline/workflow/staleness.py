@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pipeline.artefacts import stamps
-from pipeline.artefacts.stamp_parts import differences
+from pipeline.artefacts.stamp_parts import MARKS, differences
 from pipeline.workflow.jobs import Jobs, Target
 from pipeline.workflow.stamping import Stamps
 
@@ -67,7 +67,7 @@ class Staleness:
         REASONS.mkdir(parents=True, exist_ok=True)
         for mark in named:
             mark.write_text(str(time.time_ns()))  # A newer file with the same content would not count.
-        return {"changed": list(map(str, named))}
+        return {MARKS: list(map(str, named))}
 
 
 def _mark(name: str) -> Path:
