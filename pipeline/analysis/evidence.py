@@ -173,7 +173,7 @@ def mean_of(shares: Floats) -> Rate:
 def scenario_evidence(found: Judged) -> ScenarioEvidence:
     """The artefact of one scenario."""
     tested = found.tested
-    clauses = tuple(tuple(clause) for clause in tested.space.clauses)
+    clauses = tuple((one,) if isinstance(one, str) else one for one in tested.space.clauses)
     info = tested.info
     return ScenarioEvidence(
         domain=Domain(

@@ -101,6 +101,14 @@ def test_tests_of_a_search_enter_no_rate() -> None:
     assert look(replace(tested, tests=changed)).failure == before
 
 
+def test_each_constraint_stays_as_it_was_written() -> None:
+    tested = world(random=60, searched=20)
+    clauses = ("if x <= 2 then y >= 6", ("x = 0", "y != 2"))
+    outside = (tested.tests["x"] > 3) & (tested.tests["y"] > 5)
+    found = scenario_evidence(look(replace(tested, space=Space(SPACE.variables, clauses), tests=tested.tests[outside])))
+    assert found.domain.constraints == ((clauses[0],), clauses[1])
+
+
 def test_where_no_estimate_is_possible_the_file_says_why() -> None:
     searched = scenario_evidence(look(world(random=0, searched=100)))
     assert (searched.failure.share, searched.failure.missing) == (None, NO_RANDOM)
