@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from pipeline.artefacts.results import Result
+from collections.abc import Iterable
+from pathlib import Path
+
+from pipeline.artefacts.results import Result, read
 from pipeline.core.reliability import Calibration
 
 Diagram = tuple[tuple[float, float, int], ...]
@@ -38,3 +41,8 @@ class DetectorCalibration(Result):
         """False if the scores could not be calibrated: all or none of the detections are right, or higher scores are not right more
         often."""
         return self.scaling != Calibration()
+
+
+def read_calibration(paths: Iterable[str | Path]) -> DetectorCalibration | None:
+    """The calibration of one detector; None unless the study calibrates it. paths: the file, or nothing."""
+    return next((read(Path(path), DetectorCalibration) for path in paths), None)

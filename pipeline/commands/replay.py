@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline.artefacts.calibration_results import DetectorCalibration
+from pipeline.artefacts.calibration_results import read_calibration
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.points import concrete
 from pipeline.artefacts.recorded_tests import recorded
-from pipeline.artefacts.results import read
+from pipeline.config.components import make_detector
 from pipeline.config.composing import PARAMS, load
 from pipeline.config.project import typed
 from pipeline.core import kpi
@@ -30,9 +30,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Print whether the test ends as recorded; exit code 1 if it does not."""
+    from pipeline.detectors.calibrated import as_tested
     from pipeline.report.examples import Chosen
     from pipeline.report.replays import Replay, render_replay
-    from pipeline.report.reruns import Reruns, calibrated_detector
+    from pipeline.report.reruns import Reruns
 
     if options.out.suffix not in (".mp4", ".gif"):
         raise InputError(f"--out: a replay must be an .mp4 or a .gif, got {options.out.name}")
@@ -40,9 +41,9 @@ def run(options: argparse.Namespace) -> int:
     folders = Folders(config)
     row = recorded(folders, options.test)
     version, space = str(row["version"]), config.space(str(row["scenario"]))
-    known = [read(Path(path), DetectorCalibration) for path in folders.calibrations([version])]
     test = Chosen(options.test, str(row["scenario"]), version, options.test, "", concrete(row, space))
-    detector = calibrated_detector(config, Path(folders.detector(version)), known[0] if known else None)
+    section = as_tested(config.detector, read_calibration(folders.calibrations([version])))
+    detector = make_detector(section, Path(folders.detector(version)))
     episode = Reruns(config, lambda _: detector, 1, lambda *_: None).execute(test)
     units = {variable.name: variable.unit for variable in space.variables}
     threshold_s = config.campaign.failure_threshold_s

@@ -104,8 +104,10 @@ def valid_tests(folder: Path) -> pd.DataFrame:
 
 def judged(folder: Path, config: Config, car: Car, options: argparse.Namespace) -> dict[str, int]:
     """Failures of a campaign with another car, by cause: as driven, and with --drive as the car would have driven."""
+    from pipeline.artefacts.calibration_results import read_calibration
     from pipeline.artefacts.folders import Folders
     from pipeline.artefacts.tables import campaign_of, read_tests
+    from pipeline.detectors.calibrated import as_tested
     from pipeline.execution.again import driven_again, judged_again
     from pipeline.execution.workers import Setup
 
@@ -114,8 +116,10 @@ def judged(folder: Path, config: Config, car: Car, options: argparse.Namespace) 
     again = judged_again(folder, car, threshold)
     tests, left = again.tests, len(again.others)
     if options.drive and again.others:
-        model = Path(Folders(config).detector(campaign.version))
-        setup = Setup(config.simulator, config.scenarios[campaign.scenario], config.detector, model, car, config.limits)
+        folders = Folders(config)
+        detector = as_tested(config.detector, read_calibration(folders.calibrations([campaign.version])))
+        model = Path(folders.detector(campaign.version))
+        setup = Setup(config.simulator, config.scenarios[campaign.scenario], detector, model, car, config.limits)
         label = f"{campaign.scenario}, IoU {car.criterion.iou:g}, threshold {car.criterion.threshold:g}"
         with tempfile.TemporaryDirectory() as scratch, Progress(label) as progress:
             journal, space = Path(scratch) / "journal", config.space(campaign.scenario)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.artefacts.calibration_results import DetectorCalibration
 from pipeline.config.components import DETECTOR, component
 from pipeline.core.detections import Detections
 from pipeline.core.episode import Frame
@@ -38,3 +39,8 @@ def calibrated(section: Mapping[str, Any], calibration: Calibration) -> dict[str
     threshold = {"threshold": section["threshold"]} if "threshold" in section else {}
     scaling = {"slope": calibration.slope, "offset": calibration.offset}
     return {"_target_": target, "detector": dict(section), **scaling, **threshold}
+
+
+def as_tested(section: Mapping[str, Any], calibration: DetectorCalibration | None) -> dict[str, Any]:
+    """The section of a version's detector as its tests have it. calibration: of the version, if the study calibrates it."""
+    return dict(section) if calibration is None else calibrated(section, calibration.scaling)

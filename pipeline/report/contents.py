@@ -12,9 +12,11 @@ from matplotlib.figure import Figure
 
 from pipeline.analysis.pair_shares import PairShare, pair_shares
 from pipeline.artefacts.points import encode_tests
+from pipeline.config.components import make_detector
 from pipeline.config.schema import Config
 from pipeline.core.episode import Episode
 from pipeline.core.space import Space
+from pipeline.detectors.calibrated import as_tested
 from pipeline.progress import OnProgress
 from pipeline.protocols import Detector
 from pipeline.report import comparison_plots, coverage_plots, search_plots, sections, texts, training_plots, verdict_section
@@ -29,7 +31,7 @@ from pipeline.report.kept_frames import KeptFrames
 from pipeline.report.page import BeforeAfter, Card, Drawing, Film, FirstScreen, Page, Section
 from pipeline.report.region_cards import Shown, cards, ends, pictured
 from pipeline.report.replays import Replay, draw_replay, jpeg_uri, most_telling_frame, render_replay
-from pipeline.report.reruns import Reruns, calibrated_detector
+from pipeline.report.reruns import Reruns
 from pipeline.report.style import data_uri
 
 BORDER_CASES = 32
@@ -155,7 +157,7 @@ def _settings(config: Config) -> list[tuple[str, str]]:
 
 def _detector(config: Config, data: ReportData, version: str) -> Detector:
     """A version's detector, calibrated as in its tests."""
-    return calibrated_detector(config, data.detectors[version], data.calibrations.get(version))
+    return make_detector(as_tested(config.detector, data.calibrations.get(version)), data.detectors[version])
 
 
 def _changes(compared: ComparedVersions | None, spaces: Mapping[str, Space]) -> tuple[list[Fix], list[Chosen]]:

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
-from pipeline.artefacts.calibration_results import DetectorCalibration
-from pipeline.config.components import make_detector, make_simulator
+from pipeline.config.components import make_simulator
 from pipeline.config.schema import Config
 from pipeline.core.episode import Episode
-from pipeline.detectors.calibrated import calibrated
 from pipeline.progress import OnProgress
 from pipeline.protocols import Detector, Simulator
 from pipeline.report.examples import Chosen
@@ -38,9 +35,3 @@ class Reruns:
         self._done += 1
         self._progress(self._done, self._total, test.heading)
         return episode
-
-
-def calibrated_detector(config: Config, model: Path, calibration: DetectorCalibration | None) -> Detector:
-    """A version's detector as in its tests. calibration: of a detector that the study only tests, if it calibrates it."""
-    section = config.detector if calibration is None else calibrated(config.detector, calibration.scaling)
-    return make_detector(section, model)

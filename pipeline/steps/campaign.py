@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.artefacts.calibration_results import DetectorCalibration
+from pipeline.artefacts.calibration_results import read_calibration
 from pipeline.artefacts.folders import AUDITS, Folders
-from pipeline.artefacts.results import read
 from pipeline.artefacts.scenario_space import read_space
 from pipeline.config.schema import JUDGED, Config, Target
 from pipeline.contract import Files, Job, Step, Wildcards
@@ -55,12 +54,9 @@ def detector_files(folders: Folders, version: str) -> dict[str, Files]:
 
 def detector(job: Job) -> Target:
     """The detector's section of the config, calibrated if the study calibrates it."""
-    from pipeline.detectors.calibrated import calibrated
+    from pipeline.detectors.calibrated import as_tested
 
-    section = job.config.detector
-    for path in job.inputs("calibration"):
-        section = calibrated(section, read(path, DetectorCalibration).scaling)
-    return section
+    return as_tested(job.config.detector, read_calibration(job.inputs("calibration")))
 
 
 def sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:

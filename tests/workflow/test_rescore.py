@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import shutil
 from collections.abc import Mapping
 from contextlib import chdir
@@ -13,9 +14,20 @@ import pandas as pd
 import pytest
 
 from pipeline.__main__ import main
+from pipeline.analysis.rescoring import with_criterion
+from pipeline.artefacts.calibration_results import DetectorCalibration
+from pipeline.artefacts.folders import Folders
+from pipeline.artefacts.results import write
 from pipeline.artefacts.tables import read_detections, read_tests, write_detections
+from pipeline.commands.rescore import judged
+from pipeline.config.composing import compose
 from pipeline.core.detections import Detections
 from pipeline.core.episode import Frame
+from pipeline.core.space import Space
+from pipeline.detectors.calibrated import calibrated
+from pipeline.execution import again
+from pipeline.execution.again import Again
+from pipeline.execution.workers import Setup
 from tests.studies import StudyFolder
 
 CAMPAIGN: dict[str, Any] = {"kind": "campaigns", "scenario": "F1", "strategy": "random", "version": "base", "seed": 3}
@@ -96,8 +108,28 @@ def test_tests_are_driven_again_with_another_criterion(study: StudyFolder, law: 
     table = tmp_path / "table.csv"
     assert rescore(study, "--iou", "0.2", "--threshold", "0.3", "--drive", "--workers", "1", "--out", str(table)) == 0
     (row,) = pd.read_csv(table).to_dict("records")
-    again = executed(tmp_path / "again", [*law, "campaign.match_iou=0.2", "detector.threshold=0.3"])
-    assert row["failures"] == read_tests(folder(again) / "tests.parquet")["failure"].sum()
+    other = executed(tmp_path / "again", [*law, "campaign.match_iou=0.2", "detector.threshold=0.3"])
+    assert row["failures"] == read_tests(folder(other) / "tests.parquet")["failure"].sum()
+
+
+def test_tests_of_a_calibrated_detector_are_driven_again_calibrated(
+    study: StudyFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    used: list[Setup] = []
+
+    def driven_again(tests: Again, space: Space, setup: Setup, *_: object) -> pd.DataFrame:
+        used.append(setup)
+        return tests.tests
+
+    monkeypatch.setattr(again, "driven_again", driven_again)
+    made = DetectorCalibration(
+        version="base", slope=2, offset=1, detector_sha256="", images_sha256="", images=1, detections=2, right=1, reliability={}, errors={}
+    )
+    config = compose("smoke", ["search=[F1]", "goal=detectors", "+tested.base=base.onnx", "calibrate=true"])
+    write(tmp_path / Folders(config).calibration("base"), made)
+    monkeypatch.chdir(tmp_path)
+    judged(folder(study), config, with_criterion(config.car, 0.9, 0.3), argparse.Namespace(drive=True, workers=1))
+    assert [setup.detector for setup in used] == [calibrated(config.detector, made.scaling)]
 
 
 def test_held_out_tests_at_a_second_iou_equal_a_study_with_that_iou(law: list[str], tmp_path: Path) -> None:
