@@ -21,6 +21,7 @@ from pipeline.core.measures import kinds_of, pair_coverage
 from pipeline.core.names import nearest
 from pipeline.errors import InputError
 from pipeline.progress import Progress
+from pipeline.scenarios.parts import MOST, SEEDS
 
 if TYPE_CHECKING:
     from pipeline.execution.campaign import CampaignPlan, Executed
@@ -55,12 +56,12 @@ class Search:
         return self.out or Path("data/by_hand", self.scenario, self.strategy, self.model.name, str(self.seed))
 
 
-def number(least: int) -> Callable[[str, str], int]:
-    """Reads a word's whole number from `least`; InputError that names the key for another text."""
+def number(least: int, most: int = MOST) -> Callable[[str, str], int]:
+    """Reads a word's whole number from `least` to `most`; InputError that names the key for another text."""
 
     def read(key: str, text: str) -> int:
         try:
-            return whole(least)(text)
+            return whole(least, most)(text)
         except argparse.ArgumentTypeError as error:
             raise InputError(f"{key}: {error}") from error
 
@@ -71,7 +72,7 @@ READ: dict[str, Callable[[str, str], Any]] = {
     "scenario": lambda _, text: text,
     "strategy": lambda _, text: text,
     "budget": number(1),
-    "seed": number(0),
+    "seed": number(0, SEEDS - 1),
     "model": lambda _, text: typed(text),
     "out": lambda _, text: typed(text),
 }

@@ -20,6 +20,7 @@ from pipeline.core.names import nearest
 from pipeline.core.space import Space
 from pipeline.errors import InputError
 from pipeline.progress import Progress
+from pipeline.scenarios.parts import SEEDS
 
 if TYPE_CHECKING:
     from pipeline.core.likelihood.rate import Rate
@@ -90,7 +91,7 @@ READ: dict[str, Callable[[str, str], Any]] = {
     **dict.fromkeys(("model", "out"), lambda _, text: typed(text)),
     "method": _method,
     "budget": number(100),
-    "seed": number(0),
+    "seed": number(0, SEEDS - 1),
     "below": _share,
 }
 """How each word of our own is read, from its key and text; all others are overrides."""

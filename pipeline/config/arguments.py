@@ -6,14 +6,16 @@ import argparse
 from collections.abc import Callable
 
 from pipeline.errors import shown
+from pipeline.scenarios.parts import MOST
 
 
-def whole(least: int) -> Callable[[str], int]:
-    """Reads a whole number from `least`; ArgumentTypeError for another text."""
+def whole(least: int, most: int = MOST) -> Callable[[str], int]:
+    """Reads a whole number from `least` to `most`; ArgumentTypeError for another text."""
 
     def read(text: str) -> int:
-        if not text.isdecimal() or int(text) < least:
-            raise argparse.ArgumentTypeError(f"expected a whole number from {least}, got {shown(text)}")
+        # Python refuses to read thousands of digits.
+        if not text.isdecimal() or len(text) > len(str(most)) or not least <= int(text) <= most:
+            raise argparse.ArgumentTypeError(f"expected a whole number from {least} to {most}, got {shown(text)}")
         return int(text)
 
     return read

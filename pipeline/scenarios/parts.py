@@ -13,7 +13,9 @@ STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=Fals
 MOST = 10_000_000
 """The largest number of anything that has no limit of its own."""
 Name = Annotated[str, AfterValidator(check_name)]
-Seed = Annotated[int, Field(ge=0, lt=2**31)]
+SEEDS = 2**31
+"""Number of seeds: every seed is below it."""
+Seed = Annotated[int, Field(ge=0, lt=SEEDS)]
 
 
 class Part(BaseModel):

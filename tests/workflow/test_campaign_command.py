@@ -44,8 +44,10 @@ def test_a_stopped_campaign_resumes_and_ends_like_an_uninterrupted_one(
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["budget=none"], "budget: expected a whole number from 1, got 'none'"),
-        (["seed=-1"], "seed: expected a whole number from 0, got '-1'"),
+        (["budget=none"], "budget: expected a whole number from 1 to 10000000, got 'none'"),
+        (["seed=-1"], "seed: expected a whole number from 0 to 2147483647, got '-1'"),
+        (["seed=2147483648"], "seed: expected a whole number from 0 to 2147483647, got '2147483648'"),
+        ([f"seed={'9' * 5000}"], "seed: expected a whole number from 0 to 2147483647, got '999"),
         (["strategy=forst"], "strategy: there is no 'forst'; did you mean 'forest'?"),
         (["scenario=F99"], "F99"),
         (["budget"], "expected key=value, got 'budget'"),

@@ -61,7 +61,8 @@ def test_random_campaigns_are_weighed_and_searches_refused(tmp_path: Path, capsy
     [
         (["exposure=twon"], "exposure: there is no 'twon'; did you mean 'town'?"),
         (["method=subsets"], "method: there is no 'subsets'; did you mean 'subset'?"),
-        (["budget=99"], "budget: expected a whole number from 100, got '99'"),
+        (["budget=99"], "budget: expected a whole number from 100 to 10000000, got '99'"),
+        (["seed=2147483648"], "seed: expected a whole number from 0 to 2147483647, got '2147483648'"),
         (["below=2"], "below must be a number between 0 and 1, got '2'"),
         (["below=0.1", "method=subset"], "below: only monte_carlo stops once a limit is settled, got method=subset"),
         (["scenario=F1,F1"], "scenario: expected distinct scenarios, got F1,F1"),

@@ -86,7 +86,7 @@ def test_work_needs_at_least_one_process(words: list[str], capsys: pytest.Captur
     for wrong in ("0", "-1", "two"):
         with pytest.raises(SystemExit, match="2"):
             main([*words, wrong])
-        assert f"argument {words[-1]}: expected a whole number from 1, got '{wrong}'" in capsys.readouterr().err
+        assert f"argument {words[-1]}: expected a whole number from 1 to 10000000, got '{wrong}'" in capsys.readouterr().err
 
 
 def test_an_omitted_value_equals_its_default() -> None:
