@@ -70,7 +70,9 @@ class Domain(Result):
     label: str
     description: str
     variables: dict[str, Any] = Field(description="Each variable with unit, bounds and categories, as in space/<scenario>.json.")
-    constraints: tuple[tuple[str, ...], ...] = Field(description="Each is a clause, of which a test satisfies one literal, or a single text.")
+    constraints: tuple[tuple[str, ...], ...] = Field(
+        description="Each is a clause, of which a test satisfies one literal, or a single text."
+    )
 
 
 class ScenarioEvidence(Result):
