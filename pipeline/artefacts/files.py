@@ -27,7 +27,7 @@ def write_bytes(path: Path, data: bytes, *, flush: bool = True) -> None:
 
     flush: whether the file is on the disk when this returns. A caller that writes many files flushes them together, with `flush_all`.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
+    _make_folder(path.parent)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         with temporary.open("wb") as file:
@@ -42,6 +42,14 @@ def write_bytes(path: Path, data: bytes, *, flush: bool = True) -> None:
         temporary.unlink(missing_ok=True)
     if flush:
         _flush_folder(path.parent)
+
+
+def _make_folder(folder: Path) -> None:
+    """Make a folder and those above it; InputError if a file is in the way."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError) as error:
+        raise InputError(f"{folder}: expected a folder to write in, got a file; move it away") from error
 
 
 def remove_unfinished(paths: Iterable[Path]) -> None:

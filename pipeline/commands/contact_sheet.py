@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.artefacts.files import write_bytes
 from pipeline.config.composing import compose, functional_scenario
 from pipeline.config.project import typed
 from pipeline.errors import InputError
@@ -18,13 +23,18 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Write the picture."""
-    import cv2
-
     from pipeline.simulators.mujoco.contact_sheet import scenario_sheet
 
     if options.out.suffix not in (".png", ".jpg"):
         raise InputError(f"--out: a contact sheet must be a .png or a .jpg, got {options.out.name}")
     camera = compose("default", []).simulator.get("camera", {})
-    cv2.imwrite(str(options.out), scenario_sheet(functional_scenario(options.scenario), camera)[..., ::-1])
+    write_picture(options.out, scenario_sheet(functional_scenario(options.scenario), camera))
     print(options.out)
     return 0
+
+
+def write_picture(path: Path, image: NDArray[np.uint8], quality: int = 95) -> None:
+    """Write an image, (h, w, 3) RGB, as .png or .jpg. quality: of a JPEG. OpenCV's own writer says nothing if it cannot write."""
+    import cv2
+
+    write_bytes(path, bytes(cv2.imencode(path.suffix, image[..., ::-1], (cv2.IMWRITE_JPEG_QUALITY, quality))[1]))

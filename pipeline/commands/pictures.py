@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.commands.contact_sheet import write_picture
 from pipeline.commands.top_view import SPEEDS_MPS, top_view
 from pipeline.config.composing import CONF, functional_scenario
 from pipeline.config.project import typed
@@ -36,7 +37,6 @@ def run(options: argparse.Namespace) -> int:
     from pipeline.report.style import save_png
     from pipeline.simulators.mujoco.contact_sheet import WEATHERS, crew_sheet, scenario_sheet
 
-    options.out.mkdir(parents=True, exist_ok=True)
     rows = [
         scenario_sheet(functional_scenario(name), {}, {weather: WEATHERS[weather] for weather in weathers})
         for name, weathers in README_ROWS.items()
@@ -54,8 +54,6 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _write(path: Path, image: NDArray[np.uint8], quality: int) -> None:
-    """Write one picture, RGB, as JPEG."""
-    import cv2
-
-    cv2.imwrite(str(path), image[..., ::-1], (cv2.IMWRITE_JPEG_QUALITY, quality))
+    """Write one picture, RGB, as JPEG, and print its size."""
+    write_picture(path, image, quality)
     print(f"{path} {path.stat().st_size // 1024} KB")

@@ -14,6 +14,7 @@ import yaml
 from pydantic import BaseModel
 
 from pipeline.artefacts.evidence import Evidence
+from pipeline.artefacts.files import write_bytes
 from pipeline.artefacts.tables import TABLES, WHY
 from pipeline.config.composing import CONF, compose
 from pipeline.config.project import typed
@@ -68,8 +69,7 @@ def run(options: argparse.Namespace) -> int:
         if options.check:
             print(f"{path}: out of date; run python -m pipeline reference", file=sys.stderr)
         else:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(made[path])
+            write_bytes(path, made[path].encode())
     return 1 if stale and options.check else 0
 
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pipeline.artefacts.files import check_output
 from pipeline.config.arguments import whole
 from pipeline.config.components import STORED_FROM
 from pipeline.config.composing import PARAMS, load
@@ -41,22 +42,23 @@ def run(options: argparse.Namespace) -> int:
     """
     import pandas as pd
 
-    from pipeline.analysis.rescoring import with_criterion
-
     config = load(options.params)
+    if options.out:
+        check_output(options.out)
+    cars = asked(config, options)
     campaigns = sorted({path.parent for folder in options.folders for path in folder.rglob("tests.parquet")})
     if not campaigns:
         raise InputError(f"{', '.join(map(str, options.folders))}: expected campaigns, found no tests.parquet")
-    thresholds = options.threshold or [config.threshold]
-    if min(thresholds) < STORED_FROM:
-        raise InputError(f"--threshold must be at least {STORED_FROM}, the lowest score that tests store; got {min(thresholds)}")
+    if options.drive:
+        check_campaigns(campaigns, config)
     wrong = [problem for folder in campaigns for problem in disagreements(folder, config)]
     print("\n".join(wrong) or f"all {len(campaigns)} campaigns: every KPI follows from detections.parquet and signals.parquet")
     rows = [
-        {"version": version, "threshold": threshold, "iou": iou, **summed([judged(folder, config, car, options) for folder in folders])}
-        for threshold in thresholds
-        for iou in options.iou
-        for car in [with_criterion(config.car, iou, threshold)]
+        {
+            **{"version": version, "threshold": car.criterion.threshold, "iou": car.criterion.iou},
+            **summed([judged(folder, config, car, options) for folder in folders]),
+        }
+        for car in cars
         for version, folders in by_version(campaigns).items()
     ]
     table = pd.DataFrame(rows).fillna(0)
@@ -65,6 +67,31 @@ def run(options: argparse.Namespace) -> int:
     if options.out:
         table.to_csv(options.out, index=False)
     return 1 if wrong else 0
+
+
+def asked(config: Config, options: argparse.Namespace) -> list[Car]:
+    """The study's car at each threshold and IoU; InputError for one out of range."""
+    from pipeline.analysis.rescoring import with_criterion
+
+    thresholds = options.threshold or [config.threshold]
+    if min(thresholds) < STORED_FROM:
+        raise InputError(f"--threshold must be at least {STORED_FROM}, the lowest score that tests store; got {min(thresholds)}")
+    try:
+        return [with_criterion(config.car, iou, threshold) for threshold in thresholds for iou in options.iou]
+    except ValueError as error:
+        raise InputError(f"--iou and --threshold: {error}") from error
+
+
+def check_campaigns(folders: Sequence[Path], config: Config) -> None:
+    """InputError for a campaign that the study cannot execute, because it lacks the scenario or the version."""
+    from pipeline.artefacts.tables import campaign_of, read_tests
+
+    for path in (folder / "tests.parquet" for folder in folders):
+        campaign = campaign_of(read_tests(path), path)
+        known = {"scenario": config.scenarios, "version": [str(version) for version in config.versions]}
+        for kind, names in known.items():
+            if (name := getattr(campaign, kind)) not in names:
+                raise InputError(f"{path}: expected a {kind} of study {config.study} ({', '.join(names)}), got '{name}'")
 
 
 def by_version(campaigns: Sequence[Path]) -> dict[str, list[Path]]:

@@ -39,7 +39,7 @@ def run(options: argparse.Namespace) -> int:
     pages = options.page or published(Path())
     if options.action == "write":
         for page in pages:
-            write_bytes(page, BLOCK.sub(_filled, page.read_text()).encode())
+            write_bytes(page, BLOCK.sub(_filled, text_of(page)).encode())
         return 0
     found = [block for page in pages for block in blocks(page)]
     with ThreadPoolExecutor(os.cpu_count()) as pool:  # Each command is a process of its own.
@@ -70,9 +70,17 @@ class Block:
 
 def blocks(page: Path) -> Iterator[Block]:
     """The blocks of a page."""
-    text = page.read_text()
+    text = text_of(page)
     for found in BLOCK.finditer(text):
         yield Block(page, found["command"], found["text"], text[: found.start()].count("\n") + 1)
+
+
+def text_of(page: Path) -> str:
+    """The text of a page; InputError if there is none."""
+    try:
+        return page.read_text()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{page}: expected a readable page, got {getattr(error, 'strerror', None) or error}") from error
 
 
 def published(root: Path) -> list[Path]:
@@ -87,7 +95,8 @@ def printed(command: str) -> str:
         raise InputError(f"a block's command must begin with 'python', got '{command}'")
     done = subprocess.run([sys.executable, *words[1:]], capture_output=True, text=True, check=False)
     if done.returncode:
-        raise InputError(f"`{command}` ended with {done.returncode}: {done.stderr.strip().splitlines()[-1:]}")
+        said = done.stderr.strip().splitlines()
+        raise InputError(": ".join([f"`{command}` ended with {done.returncode}", *said[-1:]]))
     return f"\n{done.stdout.strip()}\n\n"
 
 

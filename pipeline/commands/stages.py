@@ -13,6 +13,7 @@ from typing import Any
 
 import yaml
 
+from pipeline.artefacts.files import write_bytes
 from pipeline.config.composing import compose
 from pipeline.config.declared import least
 from pipeline.config.project import typed
@@ -41,7 +42,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Write the file."""
-    options.out.write_text(text())
+    write_bytes(options.out, text().encode())
     print(options.out)
     return 0
 

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 HELP = "Draw an unbraked run from above, for several speeds of the pedestrian."
 SPEEDS_MPS = (0.0, 1.5, 3.0)
+FASTEST_MPS = 20
+"""Beyond any runner's; a faster pedestrian would leave the street out of the picture."""
 EVERY_S = 0.5
 MARGIN_M = 6.0
 """Of the picture beyond everything that moves in it."""
@@ -45,6 +47,9 @@ def run(options: argparse.Namespace) -> int:
 
     if options.out.suffix != ".png":
         raise InputError(f"--out: a view from above must be a .png, got {options.out.name}")
+    for speed in options.speeds:
+        if not 0 <= speed <= FASTEST_MPS:
+            raise InputError(f"--speeds: expected speeds from 0 to {FASTEST_MPS} m/s, got {speed:g}")
     save_png(top_view(functional_scenario(options.scenario), options.speeds), options.out)
     print(options.out)
     return 0

@@ -9,6 +9,7 @@ from pipeline.artefacts import stamps
 from pipeline.artefacts.folders import Folders
 from pipeline.config.composing import PARAMS, load
 from pipeline.config.project import typed
+from pipeline.errors import InputError
 
 HELP = "Check the study's files against their digests. The stamps of damaged files are removed, so the next run makes the files again."
 
@@ -19,6 +20,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Verify the study; returns 1 if a file is damaged."""
+    if options.folder and not options.folder.is_dir():
+        raise InputError(f"--folder: expected the folder of a study, found no folder {options.folder}")
     return 1 if withdraw_damaged(options.folder or Path(Folders(load(PARAMS)).root)) else 0
 
 

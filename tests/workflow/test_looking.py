@@ -60,6 +60,12 @@ def test_simulate_films_one_test(tmp_path: Path, capsys: pytest.CaptureFixture[s
         ),
         (["contact-sheet", "F1", "--out", "sheet.tiff"], "a contact sheet must be a .png or a .jpg, got sheet.tiff"),
         (["top-view", "F1", "--out", "view.jpg"], "a view from above must be a .png, got view.jpg"),
+        (["top-view", "F1", "--speeds", "1", "nan"], "--speeds: expected speeds from 0 to 20 m/s, got nan"),
+        (["top-view", "F1", "--speeds", "inf"], "--speeds: expected speeds from 0 to 20 m/s, got inf"),
+        (["stages", "--out", "README.md/dvc.yaml"], "README.md: expected a folder to write in, got a file"),
+        (["stages", "--out", "docs"], "docs: expected a file or nothing, got a folder"),
+        (["reference", "--out", "README.md"], "README.md: expected a folder to write in, got a file"),
+        (["verify", "--folder", "nowhere"], "--folder: expected the folder of a study, found no folder nowhere"),
         (["export-scenario", "F1", "fog=-1"], "fog must be in [0, 100] %, got -1.0"),
         (
             ["export-frames", "nowhere.parquet"],
@@ -96,7 +102,7 @@ def test_an_omitted_value_equals_its_default() -> None:
 
 
 def test_a_contact_sheet_has_a_row_per_weather(tmp_path: Path) -> None:
-    path = tmp_path / "sheet.png"
+    path = tmp_path / "a new folder" / "sheet.png"
     assert main(["contact-sheet", "F5", "--out", str(path)]) == 0
     sheet = cv2.imread(str(path))
     assert sheet is not None and sheet.shape == (7 * 192, 4 * 320, 3)

@@ -112,6 +112,29 @@ def test_tests_are_driven_again_with_another_criterion(study: StudyFolder, law: 
     assert row["failures"] == read_tests(folder(other) / "tests.parquet")["failure"].sum()
 
 
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["--iou", "0.05"], "iou must be in [0.1, 1), got 0.05"),
+        (["--iou", "0.3", "1"], "iou must be in [0.1, 1), got 1.0"),
+        (["--iou", "nan"], "iou must be in [0.1, 1), got nan"),
+        (["--threshold", "2"], "got 2.0"),
+        (["--threshold", "nan"], "got nan"),
+        (["--threshold", "0.01"], "--threshold must be at least 0.05"),
+        (["--out", "nowhere/table.csv"], "table.csv: expected a file to write to"),
+    ],
+)
+def test_wrong_options_are_told_before_any_work(options: list[str], told: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["rescore", "nowhere", *options]) == 2
+    assert told in capsys.readouterr().err
+
+
+def test_a_campaign_of_another_study_is_not_driven(study: StudyFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    other = StudyFolder.composed(tmp_path, "smoke", ["search=[F2]"])
+    assert main(["rescore", str(folder(study)), "--drive", "--params", str(other.root / "params.yaml")]) == 2
+    assert "tests.parquet: expected a scenario of study smoke (F2" in capsys.readouterr().err
+
+
 def test_tests_of_a_calibrated_detector_are_driven_again_calibrated(
     study: StudyFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

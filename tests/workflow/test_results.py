@@ -48,11 +48,26 @@ def test_a_changed_outcome_is_found(page: Path, capsys: pytest.CaptureFixture[st
     assert "page    | 2 |\n  command | 3 |" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(("command", "told"), [("rm -r docs", "begin with 'python'"), ("python none.py", "ended with 2")])
+@pytest.mark.parametrize(
+    ("command", "told"),
+    [
+        ("rm -r docs", "begin with 'python'"),
+        ("python none.py", "`python none.py` ended with 2: "),
+        ("python silent.py", "`python silent.py` ended with 3\n"),
+    ],
+)
 def test_a_command_that_does_not_work_is_named(page: Path, command: str, told: str, capsys: pytest.CaptureFixture[str]) -> None:
     page.write_text(f"<!-- made by: {command} -->\n<!-- end -->\n")
+    Path("silent.py").write_text("raise SystemExit(3)")
     assert main(["results", "verify"]) == 2
     assert told in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("action", ["verify", "write"])
+@pytest.mark.parametrize(("name", "told"), [("nope.md", "No such file"), (".", "Is a directory")])
+def test_a_page_that_cannot_be_read_is_named(page: Path, action: str, name: str, told: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["results", action, name]) == 2
+    assert f"{name}: expected a readable page, got {told}" in capsys.readouterr().err
 
 
 def test_the_pages_of_the_repository_have_blocks() -> None:
