@@ -33,9 +33,10 @@ def comparison_bars(comparison: Comparison) -> Figure:
 
 
 def kpi_histogram(table: pd.DataFrame, comparison: Comparison, threshold_s: float) -> Figure:
-    """Distribution of adj. TTC (thesis Fig. 7.4, 7.5), one row of panels per held-out scenario; the first bin holds the failures.
+    """Distribution of adj. TTC (thesis Fig. 7.4, 7.5), one row of panels per held-out scenario.
 
-    One column for base and one for each group of the last round, mean over its seeds. table: rows of comparison.parquet.
+    The first bin holds the failures, but for unnecessary braking, which fails at any adj. TTC. One column for base and one for each group
+    of the last round, mean over its seeds. table: rows of comparison.parquet.
     """
     base, *others = comparison.groups
     groups = [base, *(group for group in others if group.round == others[-1].round)]

@@ -45,8 +45,10 @@ def kpi_panels(campaigns: Mapping[str, pd.DataFrame], threshold_s: float, column
 
 
 def _scatter_modes(axis: Axes, tests: pd.DataFrame) -> None:
+    # Only scenarios that ask not to brake know unnecessary braking. Passed tests come first, below the failures.
+    modes = [mode for mode in reversed(MODE_COLOURS) if mode != "false_activation" or (tests["failure_mode"] == mode).any()]
     for seed_rank, seed in enumerate(sorted(tests["seed"].unique())):
-        for mode in ("none", "false_positives", "late", "contact"):
+        for mode in modes:
             rows = tests[(tests["seed"] == seed) & (tests["failure_mode"] == mode)]
             name = MODE_NAMES[mode] if seed_rank == 0 or mode != "none" else None
             axis.scatter(

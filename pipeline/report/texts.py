@@ -197,8 +197,8 @@ FIGURES = {
         out.
     """),
     "kpi": _prose("""
-        One point per test, in order of execution. Tests at or below the dashed line fail. Marker shapes: seeds. Solid line:
-        mean of each batch; it should fall for an adaptive strategy.
+        One point per test, in order of execution. Tests at or below the dashed line fail; unnecessary braking fails above it, too.
+        Marker shapes: seeds. Solid line: mean of each batch; it should fall for an adaptive strategy.
     """),
     "failures": _prose("""
         One line per failure, through its value of each variable. Lines of one colour form one region. Where they run close
