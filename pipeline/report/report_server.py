@@ -16,7 +16,7 @@ from select import select
 from socket import MSG_PEEK
 from socketserver import ThreadingTCPServer
 from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import quote, urlsplit
 
 from pipeline.artefacts.files import read_bytes
 from pipeline.errors import InputError
@@ -58,11 +58,19 @@ def served(page: Path) -> bytes:
     return text.encode()
 
 
+def _path(target: str) -> str:
+    """The path that a request asks for; empty if it is no address."""
+    try:
+        return urlsplit(target).path
+    except ValueError:
+        return ""
+
+
 class _Request(BaseHTTPRequestHandler):
     server: ReportServer
 
     def do_GET(self) -> None:
-        path = urlsplit(self.path).path
+        path = _path(self.path)
         if self.headers.get("Host") not in [f"{name}:{self.server.port}" for name in (ADDRESS, "localhost")]:
             return self._say(HTTPStatus.FORBIDDEN, f"This server answers only at http://{ADDRESS}:{self.server.port}.")
         try:
@@ -82,7 +90,8 @@ class _Request(BaseHTTPRequestHandler):
             return self._say(HTTPStatus.FORBIDDEN, "Films are made only for the report.")
         film = self.server.films.film(test, self._waits)
         if film is not None:
-            self._answer(HTTPStatus.OK, "video/mp4", film.video, **({"X-Changed": film.changed} if film.changed else {}))
+            # A header holds Latin letters only.
+            self._answer(HTTPStatus.OK, "video/mp4", film.video, **({"X-Changed": quote(film.changed)} if film.changed else {}))
 
     def _waits(self) -> bool:
         """Whether the other end still waits: a page that goes on to another test hangs up."""

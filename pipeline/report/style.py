@@ -41,6 +41,7 @@ _RC = {
     "font.family": "DejaVu Sans",
     "font.size": 9.5,
     "text.color": INK,
+    "text.parse_math": False,  # A dollar in a label is a dollar.
     "axes.labelcolor": INK,
     "axes.edgecolor": GRID,
     "axes.titlesize": 10.5,

@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 from html import unescape
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -33,6 +34,8 @@ from pipeline.report.failure_tables import CAUSES, rate_text
 from pipeline.report.first_screen import STRIP_HEIGHT, draw_drive
 from pipeline.report.page import Drawing, FirstScreen, Page, render
 from pipeline.report.replays import draw_view
+from pipeline.report.search_plots import kpi_scatter
+from pipeline.report.style import MODE_NAMES, panels, save_png, styled, svg
 from pipeline.report.verdict_section import headline, rounds_part, verdict_section
 from pipeline.simulators.analytic import AnalyticSimulator
 from pipeline.testing import CAR
@@ -309,6 +312,24 @@ def test_histogram_counts_each_test_once_however_many_seeds(study: FabricatedStu
     assert [axis.get_title(loc="left") or axis.get_title() for axis in figure.axes] == ["base", "random", "adaptive"]
     heights = [sum(patch.get_height() for bars in axis.containers for patch in bars) for axis in figure.axes]
     assert heights == pytest.approx([comparison.versions[0].tests] * 3)
+
+
+def test_every_kind_of_failure_is_a_point(study: FabricatedStudy) -> None:
+    tests = read_tests(study.search_tests[0]).query("status == 'ok'")
+    shown = {}
+    for mode in MODE_NAMES:
+        (axis,) = kpi_scatter(tests.assign(failure_mode=mode), [tests["strategy"].iloc[0]], "F1", 0.1).axes
+        shown[mode] = {str(points.get_label()): len(np.asarray(points.get_offsets())) for points in axis.collections}
+        assert shown[mode][MODE_NAMES[mode]] == len(tests)
+    assert MODE_NAMES["false_activation"] not in shown["contact"]
+
+
+def test_a_dollar_in_a_label_is_a_dollar(tmp_path: Path) -> None:
+    with styled():
+        figure, axes = panels(1, 1, width=2, height=2)
+        axes[0][0].set_title("between $5 and $6_{")
+        save_png(figure, tmp_path / "figure.png")
+        assert "<!-- between $5 and $6_{ -->" in svg(figure, "two prices")
 
 
 def test_regressions_shown_are_the_champions(study: FabricatedStudy, page: str) -> None:

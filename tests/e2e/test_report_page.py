@@ -3,6 +3,9 @@ shows a test."""
 
 from __future__ import annotations
 
+import base64
+import gzip
+import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -82,6 +85,22 @@ def test_filters_count_as_the_tables_do(page: Page, rows: pd.DataFrame) -> None:
     expect(count).to_have_text(counted(rows, both))
     page.get_by_role("button", name="Show all tests").click()
     expect(count).to_have_text(counted(rows))
+
+
+def test_texts_of_a_study_are_no_html(study: FabricatedStudy, tmp_path: Path) -> None:
+    page = (study.root / "report.html").read_text()
+    data = re.findall(r'id="explorer-data"[^>]*>([^<]+)<', page)[0]
+    content = json.loads(gzip.decompress(base64.b64decode(data)))
+    person, fog = (next(field for field in content["fields"] if field["name"] == name) for name in ("blueprint", "fog"))
+    person["known"], fog["unit"] = [f"<i>{name}</i>" for name in person["known"]], "<i>%</i>"
+    named = base64.b64encode(gzip.compress(json.dumps(content).encode())).decode()
+    (tmp_path / "report.html").write_text(page.replace(data, named))
+    with browser_page(1600, 1000) as opened:
+        opened.goto(f"file://{tmp_path / 'report.html'}")
+        opened.wait_for_selector("#explorer[data-ready]")
+        assert opened.locator("#explorer-table i").count() == 0
+        expect(opened.locator(".tabulator-col[tabulator-field=fog] .tabulator-col-title")).to_have_text("fog (<i>%</i>)")
+        expect(opened.locator(".tabulator-cell[tabulator-field=blueprint]").first).to_have_text(re.compile("^<i>.+</i>$"))
 
 
 def test_a_click_on_a_title_sorts(page: Page, rows: pd.DataFrame) -> None:

@@ -13,6 +13,7 @@ from http.client import HTTPConnection, HTTPResponse
 from pathlib import Path
 from threading import Event, Thread
 from typing import Any
+from urllib.parse import unquote
 
 import pytest
 
@@ -20,7 +21,7 @@ from pipeline.__main__ import main
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.tables import read_tests, write_tests
 from pipeline.config.composing import functional_scenario, load
-from pipeline.report.films_on_demand import FilmsOnDemand
+from pipeline.report.films_on_demand import FilmsOnDemand, MadeFilm
 from pipeline.report.page import Page, render
 from pipeline.report.report_server import ReportServer
 from tests.studies import StudyFolder
@@ -95,12 +96,18 @@ def test_a_film_that_ends_otherwise_says_so_and_is_not_kept(server: ReportServer
     write_tests(study / TABLE, rows.assign(false_positives=7), space)
     answer, body = ask(server, f"/films/{TESTS[2]}.mp4")
     assert answer.status == 200 and body[4:8] == b"ftyp"
-    assert str(answer.getheader("X-Changed")).endswith("s, false_positives 0 instead of 7")
+    assert unquote(str(answer.getheader("X-Changed"))).endswith("s, false_positives 0 instead of 7")
     assert not list((study / "films").glob(f"*{TESTS[2]}*"))
     write_tests(study / TABLE, rows.assign(status="error", reason="planted"), space)
     answer, body = ask(server, f"/films/{TESTS[2]}.mp4")
     assert (answer.status, body) == (404, f"{TESTS[2]} ended in an error, so there is nothing to replay: planted".encode())
     write_tests(study / TABLE, rows, space)
+
+
+def test_what_changed_may_be_in_any_script(server: ReportServer, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(FilmsOnDemand, "film", lambda *_: MadeFilm(b"film", "0 instead of 7 …, 100 % 行人"))
+    answer, body = ask(server, f"/films/{TESTS[1]}.mp4")
+    assert (answer.status, body, unquote(str(answer.getheader("X-Changed")))) == (200, b"film", "0 instead of 7 …, 100 % 行人")
 
 
 def test_a_new_film_replaces_the_one_of_another_study(films: FilmsOnDemand, study: StudyFolder, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -146,6 +153,7 @@ def test_only_get_is_answered(server: ReportServer, method: str) -> None:
         f"/films/{TESTS[0]}/../{TESTS[0]}.mp4",
         "/campaigns/F1/random/base/0/tests.parquet",
         "report.html",
+        "HTTP://[/",
     ],
 )
 def test_no_path_leaves_the_report(server: ReportServer, path: str) -> None:

@@ -69,11 +69,16 @@
   function column(field) {
     const isNumber = Boolean(field.numbers);
     return {
-      title: words(field), field: field.name, frozen: field.name === "test", sorter: isNumber ? "number" : "string",
-      sorterParams: { alignEmptyValues: "bottom" }, hozAlign: isNumber ? "right" : "left", formatter: cell => shown(cell.getValue()),
+      title: words(field), titleFormatter: plain, field: field.name, frozen: field.name === "test", sorter: isNumber ? "number" : "string",
+      sorterParams: { alignEmptyValues: "bottom" }, hozAlign: isNumber ? "right" : "left", formatter: plain,
       headerFilter: "input", headerFilterFunc: matches, headerFilterPlaceholder: isNumber ? "< 0.1" : "text",
       minWidth: isNumber ? 84 : 110,
     };
+  }
+
+  // Tabulator reads a string as HTML.
+  function plain(cell) {
+    return document.createTextNode(shown(cell.getValue()));
   }
 
   function words(field) {
@@ -260,7 +265,7 @@
       if (!answer.ok) { said.textContent = body; return; }
       URL.revokeObjectURL(fetched);
       fetched = URL.createObjectURL(body);
-      said.textContent = answer.headers.get("X-Changed") ?? "";
+      said.textContent = decodeURIComponent(answer.headers.get("X-Changed") ?? "");
       at("explorer-view").replaceChildren(playing(row, fetched), said);
     } catch (error) {
       if (error.name !== "AbortError") said.textContent = "The server does not answer. Start it again with ./run explore";
