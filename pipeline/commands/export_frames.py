@@ -27,5 +27,6 @@ def run(options: argparse.Namespace) -> int:
     if options.films:
         from pipeline.report.films import write_films
 
-        print(f"{options.out / 'films'}: {write_films(options.frames, options.out / 'films')} films")
+        films = options.out / "films"
+        print(f"{films}: {write_films(options.frames, films, float(camera.get('rate_hz', 10)))} films")
     return 0

@@ -47,7 +47,8 @@ def run(options: argparse.Namespace) -> int:
     episode = Reruns(config, lambda _: detector, 1, lambda *_: None).execute(test)
     units = {variable.name: variable.unit for variable in space.variables}
     threshold_s = config.campaign.failure_threshold_s
-    render_replay(Replay(episode, options.test, test.concrete, threshold_s, units), options.out, frames_per_second=10)
+    replay = Replay(episode, options.test, test.concrete, threshold_s, units)
+    render_replay(replay, options.out, replay.frames_per_second)
     found = kpi.evaluate(episode.signals, threshold_s)
     changed = differences(row, found)
     ended = found.failure_mode if found.failure else "no failure"

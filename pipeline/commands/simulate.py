@@ -56,7 +56,8 @@ def run(options: argparse.Namespace) -> int:
     threshold = study.campaign.failure_threshold_s
     units = {variable.name: variable.unit for variable in space.variables}
     title = f"{described.label}, detector {options.model}"
-    render_replay(Replay(episode, title, concrete, threshold, units), options.out, frames_per_second=10)
+    replay = Replay(episode, title, concrete, threshold, units)
+    render_replay(replay, options.out, replay.frames_per_second)
     result = kpi.evaluate(episode.signals, threshold)
     print(f"{options.out}: {result.failure_mode if result.failure else 'no failure'}, adj. TTC {result.adj_ttc_s:.2f} s")
     return 0

@@ -130,6 +130,10 @@ def test_a_camera_is_chosen_by_its_name() -> None:
         ("simulator.camera.width=0", "simulator.camera.width: Input should be greater than or equal to 64, got 0"),
         ("simulator.camera.hfov_deg=200", "simulator.camera.hfov_deg: Input should be less than or equal to 120, got 200"),
         ("simulator.camera.rate_hz=0", "simulator.camera.rate_hz: Input should be greater than or equal to 2, got 0"),
+        (
+            "simulator.camera.rate_hz=45",
+            "simulator.camera.rate_hz: expected a whole number of 5 ms steps between two images, as at 40 or 50 Hz, got 45",
+        ),
         ("+simulator.camera.widht=64", "unknown key 'simulator.camera.widht'; did you mean 'width'?"),
         ("+simulator.car=1", "simulator.car is set by the study; leave it out"),
         ("detector.threshold=2", "detector.threshold: Input should be less than 1, got 2"),

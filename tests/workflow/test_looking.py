@@ -272,7 +272,7 @@ def test_a_test_is_in_one_split_and_the_names_fit_the_folders(frames: Path, tmp_
 
 
 def test_a_film_of_each_failure_names_its_region(frames: Path, tmp_path: Path) -> None:
-    assert write_films(frames, tmp_path) > 0
+    assert write_films(frames, tmp_path, rate_hz=20) > 0
     labels, tests = pd.read_csv(tmp_path / "labels.csv", keep_default_na=False), read_tests(frames.with_name("tests.parquet"))
     kept = read_frames(frames)
     failed = set(tests[tests["failure"] & (tests["status"] == "ok")]["test_id"]) & set(kept["test_id"])
@@ -280,7 +280,7 @@ def test_a_film_of_each_failure_names_its_region(frames: Path, tmp_path: Path) -
     assert {path.name for path in (tmp_path / "data").iterdir()} == set(labels["filepath"])
     film = cv2.VideoCapture(str(tmp_path / "data" / labels["filepath"][0]))
     assert film.get(cv2.CAP_PROP_FRAME_COUNT) == (kept["test_id"] == labels["test_id"][0]).sum()
-    assert film.get(cv2.CAP_PROP_FPS) == 10  # These frames are those of every step.
+    assert film.get(cv2.CAP_PROP_FPS) == 20  # These frames are those of every step.
     read, image = film.read()
     assert read and abs(image.mean() - 90) < 3
 

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import ceil, floor
 from statistics import NormalDist
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field, model_validator
+from pydantic import BaseModel, Field, field_validator, model_validator
 
 from pipeline.scenarios.parts import STRICT
 
 from .backscatter import Backscatter
 from .weather import Weather
+from .world import TIMESTEP_S
+
+ROUNDED = 1e-3
+"""A rate may be rounded by this share, such as 28.57 for every seventh step."""
 
 
 class CameraSettings(BaseModel):
@@ -21,7 +26,8 @@ class CameraSettings(BaseModel):
 
     exposure: gain that follows the image's brightness. noise: sensor noise. vignetting: darker corners. rain_on_lens: drops.
     distortion: radial coefficient k1 of Brown's model (x_d = x (1 + k1 r^2), normalised image plane); negative is barrel, 0 none. A
-    barrel shows more than the rendered image: its border repeats the outermost pixels.
+    barrel shows more than the rendered image: its border repeats the outermost pixels. The car, which places detections on the road, takes
+    the image to be without distortion.
     jpeg_quality: of the image's compression; null for none.
     """
 
@@ -37,6 +43,17 @@ class CameraSettings(BaseModel):
     rain_on_lens: bool = True
     distortion: float = Field(default=0, ge=-0.3, le=0.3)
     jpeg_quality: int | None = Field(default=None, ge=10, le=100)
+
+    @field_validator("rate_hz")
+    @classmethod
+    def _whole_steps(cls, rate_hz: float) -> float:
+        """An image is taken after a whole number of the simulator's steps."""
+        steps = 1 / rate_hz / TIMESTEP_S
+        if abs(steps - round(steps)) > ROUNDED * steps:
+            nearest = " or ".join(f"{1 / TIMESTEP_S / count:.5g}" for count in (ceil(steps), floor(steps)))
+            wanted = f"expected a whole number of {1000 * TIMESTEP_S:g} ms steps between two images, as at {nearest} Hz"
+            raise ValueError(f"{wanted}, got {rate_hz:g}")
+        return rate_hz
 
     @model_validator(mode="after")
     def _barrel_can_be_inverted(self) -> CameraSettings:
