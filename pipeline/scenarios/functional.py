@@ -25,6 +25,8 @@ HALF_WIDTHS_M: dict[VehicleKind, float] = {"hatchback": 0.88, "saloon": 0.89, "v
 EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M = 2.5, 0.95
 ON_PATH_M = 0.25
 CLEAR_M = 2.2
+TIME_LIMIT_S = 12.0
+"""A test ends after this time at the latest: when the ego has braked and waits."""
 """Lateral distance from the middle of the ego's path at which a pedestrian gives no reason to brake: beyond the lane's edge and a step."""
 
 RESERVED = {"test_id", "index", "batch", "status", "reason", *(each.name for each in (*columns(CampaignId), *KPIS))}
@@ -193,7 +195,7 @@ class FunctionalScenario(Part):
         speeds, shifts = [(v.low, v.high) if v else (0.0, 0.0) for v in (speed, shift)]
         poses = [
             self.pedestrian_pose(float(time_s), one, moved)
-            for time_s in np.arange(0, self.ego.horizon_s + 0.5, 0.25)
+            for time_s in np.arange(0, TIME_LIMIT_S + 0.25, 0.25)
             for one in np.linspace(*speeds, 5)
             for moved in shifts
         ]

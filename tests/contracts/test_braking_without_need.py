@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from pipeline.core import kpi
 from pipeline.core.kpi import Kpi
 from pipeline.detectors.scripted import BlindDetector, EverywhereDetector, VisiblePixelOracle
 from pipeline.protocols import Detector
+from pipeline.scenarios.functional import FunctionalScenario
 
 SMALL = ["simulator.camera.width=96", "simulator.camera.height=64", "aeb.gate=detections", "detector=oracle"]
 NO_BRAKING = ("N1", "N2", "N3", "N4")
@@ -38,3 +41,10 @@ def test_only_the_detector_that_sees_people_everywhere_brakes(scenario: str) -> 
 def test_the_blind_detector_fails_where_braking_is_right() -> None:
     for test in judged("F1", {"blind": BlindDetector()})["blind"]:
         assert test.failure and test.cause in ("never_seen", "not_solvable")
+
+
+def test_a_pedestrian_stays_clear_until_the_longest_test_ends() -> None:
+    plain = functional_scenario("N2").model_dump(mode="json")
+    plain["pedestrian"]["heading_deg"] = 3  # On the path seconds after the unbraked ego has passed.
+    with pytest.raises(ValueError, match="must stay 2.2 m beside the middle of the ego's path, but it comes as near as"):
+        FunctionalScenario.model_validate_json(json.dumps(plain))

@@ -26,7 +26,7 @@ from pipeline.core.space import Value
 from pipeline.core.truth import Truth
 from pipeline.errors import SimulationError
 from pipeline.protocols import Admitted, Detector
-from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M, FunctionalScenario
+from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M, TIME_LIMIT_S, FunctionalScenario
 
 from . import gait
 from .lens import CameraSettings
@@ -34,7 +34,6 @@ from .stage import Stage, weather_of
 from .world import CAMERA_X_M, CAMERA_Z_M, TIMESTEP_S
 
 PEDESTRIAN_RADIUS_M = 0.25
-TIME_LIMIT_S = 12.0
 ALONG = np.sin(np.radians(15))
 """Sine of the angle to the ego's path below which a pedestrian counts as walking along it."""
 
