@@ -10,7 +10,7 @@ from pipeline.core.detections import Detections
 from pipeline.core.episode import Frame
 from pipeline.detectors.layouts import person_class
 from pipeline.detectors.suppression import Share, inside, reported
-from pipeline.errors import InputError, SimulationError
+from pipeline.errors import InputError, SimulationError, one_line
 
 PICKLES = ("*.bin", "*.pt", "*.pth", "*.ckpt")
 
@@ -41,7 +41,7 @@ class HuggingFaceDetector:
             self._processor = AutoImageProcessor.from_pretrained(self._model, **safe)
             self._network = AutoModelForObjectDetection.from_pretrained(self._model, use_safetensors=True, **safe)
         except Exception as error:  # A foreign folder can make the library raise any exception.
-            raise InputError(f"Transformers cannot load {model} as an object detector: {str(error).strip().splitlines()[0]}") from error
+            raise InputError(f"Transformers cannot load {model} as an object detector: {one_line(error)}") from error
         self._network.eval().requires_grad_(False)
         names = {int(number): str(name) for number, name in self._network.config.id2label.items()}
         self._person = person_class(self._model, names, len(names), person)

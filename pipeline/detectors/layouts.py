@@ -75,7 +75,7 @@ def class_names(metadata: Mapping[str, str]) -> dict[int, str]:
         plain = ast.literal_eval(metadata["names"])
         items = plain.items() if isinstance(plain, dict) else enumerate(plain) if isinstance(plain, list) else ()
         return {int(number): str(name) for number, name in items}
-    except (KeyError, TypeError, ValueError, SyntaxError):
+    except (KeyError, TypeError, ValueError, SyntaxError, MemoryError, RecursionError):
         return {}
 
 

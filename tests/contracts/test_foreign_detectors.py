@@ -72,6 +72,16 @@ def test_wrong_hugging_face_folders_are_named(tmp_path: Path) -> None:
         HuggingFaceDetector(truncated)
 
 
+def test_an_error_of_hugging_face_may_have_no_text(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: object, **__: object) -> None:
+        raise AssertionError
+
+    folder = save(tmp_path / "model")
+    monkeypatch.setattr("transformers.AutoImageProcessor.from_pretrained", fails)
+    with pytest.raises(InputError, match="Transformers cannot load .* as an object detector"):
+        HuggingFaceDetector(folder)
+
+
 def test_an_ultralytics_checkpoint_is_not_read_unless_trusted(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"a \.pt file can run code when read"):
         UltralyticsDetector(tmp_path / "best.pt")

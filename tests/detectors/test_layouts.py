@@ -12,7 +12,7 @@ from onnx import TensorProto, helper, numpy_helper
 
 from pipeline.core.episode import Frame
 from pipeline.core.truth import Truth
-from pipeline.detectors.layouts import Letterbox, recognise
+from pipeline.detectors.layouts import Letterbox, class_names, recognise
 from pipeline.detectors.onnx import OnnxDetector
 from pipeline.errors import InputError, SimulationError
 from pipeline.testing import check_detector
@@ -198,6 +198,10 @@ def test_class_names_are_never_executed(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="got names none"):
         OnnxDetector(path)
     assert not (tmp_path / "ran").exists()
+
+
+def test_class_names_that_nest_too_deeply_are_none() -> None:
+    assert class_names({"names": "-" * 20_000 + "1"}) == {}
 
 
 def final() -> np.ndarray:
