@@ -93,11 +93,17 @@ def _check(options: argparse.Namespace) -> None:
         raise InputError("--metadata gives the conditions of images; name the images by --points")
     if getattr(options, "cpu_seconds", None) is not None and options.seconds is not None:
         raise InputError("--seconds and --cpu-seconds both limit polish; give one of them")
-    options.count = 1 if getattr(options, "count", None) is None else options.count
-    options.seconds = SECONDS.get(options.verb, 0.0) if getattr(options, "seconds", None) is None else options.seconds
     for option in ("seconds", "cpu-seconds", "seed"):
         if not 0 <= (given := getattr(options, option.replace("-", "_"), None) or 0) < inf:
             raise InputError(f"--{option} must be at least 0 and finite, got {given}")
+    polishes = getattr(options, "effort", "polish") == "polish"
+    for option in ("seconds", "cpu-seconds"):
+        if not polishes and getattr(options, option.replace("-", "_")) is not None:
+            raise InputError(f"--{option} limits polish; give --effort polish, too")
+    if not getattr(options, "exact", True) and options.seconds is not None:
+        raise InputError("--seconds limits --exact; give it, too")
+    options.count = 1 if getattr(options, "count", None) is None else options.count
+    options.seconds = SECONDS.get(options.verb, 0.0) if getattr(options, "seconds", None) is None else options.seconds
 
 
 def _check_outputs(options: argparse.Namespace) -> None:
