@@ -99,10 +99,11 @@ def gallery(names: Sequence[str], images: Sequence[Pixels], classes: Sequence[Pi
 
 
 def by_condition(evaluation: Evaluation, space: Space) -> Figure:
-    """Share of test snapshots on which each detector is right, for every value of every condition.
+    """Share of test snapshots on which each detector is right, for every value of every condition that a feasible point has.
 
     Without intervals: the snapshots share a few towns and are spread evenly over the points, so they are no independent samples."""
-    rows = [(variable.name, label) for variable in space.variables for label in variable.labels]
+    tested = {value for detector in evaluation.detectors for point in detector.points for value in point.values.items()}
+    rows = [(variable.name, label) for variable in space.variables for label in variable.labels if (variable.name, label) in tested]
     with styled():
         figure, axes = panels(1, 1, width=7.6, height=0.3 * len(rows) + 0.9)
         axis = axes[0][0]
@@ -126,7 +127,7 @@ def page(study: str, points: Points, evaluation: Evaluation, figures: Mapping[st
 
 def _headline(points: Points, evaluation: Evaluation, confidence: float) -> str:
     fewer, more = (np.mean(_right(detector)) for detector in evaluation.detectors)
-    shown = "a difference is shown" if evaluation.p_value < 1 - confidence else "no difference is shown"
+    shown = "a difference is shown" if evaluation.p_value <= 1 - confidence else "no difference is shown"
     covered = 100 * points.points[-1].covered / points.required
     return (
         f"{len(points.points) - points.existing} proposed points bring {points.existing} random points to {covered:.0f} % "

@@ -11,14 +11,14 @@ import pytest
 from PIL import Image
 
 from pipeline.artefacts.dataset import image_path, read_dataset, segments_path
-from pipeline.artefacts.front_car_results import Evaluation, Points
+from pipeline.artefacts.front_car_results import DetectorResult, Evaluation, Judged, Points
 from pipeline.artefacts.model_card import read_card
 from pipeline.artefacts.results import read
 from pipeline.config.composing import compose
 from pipeline.config.schema import Config
 from pipeline.core.coverage.projection import Demand
 from pipeline.core.coverage.proposals import Proposer
-from pipeline.report.front_car_page import first_covering
+from pipeline.report.front_car_page import by_condition, first_covering
 from tests.studies import StudyFolder
 
 SMALL = [
@@ -105,6 +105,14 @@ def test_the_page_shows_the_table_the_growth_and_the_images(study: Path) -> None
         assert text in page
     for name in ("table", "growth", "gallery", "by_condition"):
         assert np.asarray(Image.open(study / "plots" / f"{name}.png")).std() > 5
+
+
+def test_a_value_that_no_point_has_is_no_row(config: Config) -> None:
+    space = config.front_car.space.space()
+    values = {variable.name: str(variable.labels[0]) for variable in space.variables}
+    tested = DetectorResult(version="a", learnt_points=1, images=2, metrics={}, points=(Judged(values=values, right=(True, False)),))
+    (axis,) = by_condition(Evaluation(threshold=0.5, p_value=1, detectors=(tested, tested)), space).axes
+    assert [label.get_text() for label in axis.get_yticklabels()] == [f"{k.replace('_', ' ')}: {v}" for k, v in values.items()]
 
 
 def test_the_same_seed_renders_the_same_snapshots(study: Path, config: Config, tmp_path: Path) -> None:
