@@ -44,8 +44,8 @@ def assign(boxes: Tensor, logits: Tensor, truth: Tensor, centres: Tensor, stride
     """Target score (n, cells) in [0, 1] of every cell; 0 for background.
 
     boxes (n, cells, 4), logits (n, cells), truth (n, 4) with zeros without a pedestrian. The candidates are the cells with their centre in
-    the true box or near its middle; the five best aligned ones (score and IoU) take the box. The best one's target is its IoU, the others'
-    targets are proportionally smaller (Feng et al., TOOD, 2021, Eq. 1 and 5).
+    the true box or near its middle; the five best aligned ones (score and IoU) take the box. The best aligned one's target is the
+    largest IoU among the five, the others' targets are proportionally smaller (Feng et al., TOOD, 2021, Eq. 1 and 5).
     """
     iou, _ = pairwise_iou(boxes, truth[:, None])
     present = (truth[:, 2] > truth[:, 0]) & (truth[:, 3] > truth[:, 1])

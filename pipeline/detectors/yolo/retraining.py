@@ -38,7 +38,8 @@ class ImageSets:
 class Refinement:
     """The steps of a retraining.
 
-    learning_rate: its peak, in (0, 1). added_share: of the added frames in a batch, in [0, 1]. seed: of order and augmentation.
+    learning_rate: its peak, in (0, 1). added_share: of the added frames in a batch, in [0, 1]; if there are any, a batch has at
+    least one. seed: of order and augmentation.
     """
 
     iterations: int

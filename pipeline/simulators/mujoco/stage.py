@@ -63,7 +63,10 @@ class Stage:
         return float(self.data.qvel[self._travelled.dofadr[0]])
 
     def step(self, brake: float) -> None:
-        """Advance the ego by one timestep under a brake demand in [0, 1]; it stops and does not roll back."""
+        """Advance the ego by one timestep under a brake demand in [0, 1].
+
+        It stops, but creeps back while the brake is held, 18 mm in 120 steps of full demand: only after a step is its speed set to zero.
+        """
         self.data.ctrl[0] = brake
         mujoco.mj_step(self.model, self.data)
         dof = self._travelled.dofadr[0]
