@@ -10,8 +10,6 @@ from pathlib import Path
 import pandas as pd
 from matplotlib.figure import Figure
 
-from pipeline.analysis.pair_shares import PairShare, pair_shares
-from pipeline.artefacts.points import encode_tests
 from pipeline.config.components import make_detector
 from pipeline.config.schema import Config
 from pipeline.core.episode import Episode
@@ -53,11 +51,10 @@ def draw_figures(data: ReportData, strategies: Sequence[str], threshold_s: float
         "theta": search_plots.theta_curves(data.measures, data.labels),
         "coverage": search_plots.coverage_bars(data.measures, data.labels),
     }
-    covered = _pairs(data)
     for regions in data.regions:
         name, tests = regions.scenario, data.tests[regions.scenario]
         figures[f"kpi_{name}"] = search_plots.kpi_scatter(tests, strategies, regions.label, threshold_s)
-        figures[f"pairs_{name}"] = coverage_plots.pair_matrix(covered[name], regions.label)
+        figures[f"pairs_{name}"] = coverage_plots.pair_matrix(data.pairs[name], regions.label)
         figures[f"failures_{name}"] = search_plots.parallel_coordinates(tests, data.spaces[name], regions)
     if data.compared is not None:
         figures |= _comparison_figures(data.compared, threshold_s)
@@ -71,15 +68,6 @@ def draw_figures(data: ReportData, strategies: Sequence[str], threshold_s: float
         diagrams = {version: found.reliability for version, found in data.calibrations.items()}
         figures["reliability"] = training_plots.reliability_diagrams(diagrams)
     return figures
-
-
-def _pairs(data: ReportData) -> dict[str, tuple[PairShare, ...]]:
-    """What the valid tests of all strategies cover, by scenario."""
-    valid = {name: tests[tests["status"] == "ok"] for name, tests in data.tests.items()}
-    return {
-        name: pair_shares(data.spaces[name], encode_tests(rows, data.spaces[name]), rows["failure"].to_numpy())
-        for name, rows in valid.items()
-    }
 
 
 def _comparison_figures(compared: ComparedVersions, threshold_s: float) -> dict[str, Figure]:
@@ -199,7 +187,7 @@ def _regions(data: ReportData, drawings: Mapping[str, Drawing], found: Mapping[s
 def _search(data: ReportData, drawings: Mapping[str, Drawing]) -> Section:
     plots = _named(drawings, "theta", *(f"kpi_{name}" for name in data.labels))
     covered = _named(drawings, "coverage", *(f"pairs_{name}" for name in data.labels))
-    return sections.search_section(data.measures, data.white_box, data.labels, plots, covered, _pairs(data))
+    return sections.search_section(data.measures, data.white_box, data.labels, plots, covered, data.pairs)
 
 
 def _drawing(figure: Figure, name: str) -> Drawing:

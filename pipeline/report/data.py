@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import pandas as pd
 
+from pipeline.analysis.pair_shares import PairShare, pair_shares
 from pipeline.artefacts.calibration_results import DetectorCalibration
 from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.model_card import ModelCard
+from pipeline.artefacts.points import encode_tests
 from pipeline.artefacts.region_results import FailureRegions
 from pipeline.artefacts.search_results import Measures
 from pipeline.artefacts.white_box_results import WhiteBoxMeasures
@@ -52,6 +55,15 @@ class ReportData:
     border: tuple[Case, ...]
     files: Mapping[str, str]
     calibrations: Mapping[str, DetectorCalibration] = field(default_factory=dict)
+
+    @cached_property
+    def pairs(self) -> Mapping[str, tuple[PairShare, ...]]:
+        """What the valid tests of all strategies cover, by scenario."""
+        valid = {name: tests[tests["status"] == "ok"] for name, tests in self.tests.items()}
+        return {
+            name: pair_shares(self.spaces[name], encode_tests(rows, self.spaces[name]), rows["failure"].to_numpy())
+            for name, rows in valid.items()
+        }
 
     @property
     def every_test(self) -> pd.DataFrame:

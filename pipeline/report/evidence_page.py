@@ -7,8 +7,8 @@ from html import escape
 from math import ceil
 
 from pipeline.artefacts.evidence import Area, Areas, Coverage, Domain, Evidence, OpenRegion, Risk, ScenarioEvidence
-from pipeline.artefacts.region_results import Fresh
 from pipeline.report.formats import percent
+from pipeline.report.fresh_counts import fresh_counts
 from pipeline.report.page import Drawing, Page, Passage, Section, Table
 
 NAMES = {
@@ -126,13 +126,9 @@ def _regions(found: ScenarioEvidence) -> Passage:
 
 def _region(region: OpenRegion) -> tuple[str, ...]:
     tested = region.confirmation
-    fresh = (_fresh(tested.inside), _fresh(tested.outside)) if tested else ("none executed", "none executed")
+    fresh = (fresh_counts(tested.inside), fresh_counts(tested.outside)) if tested else ("none executed", "none executed")
     cause = region.cause.replace("_", " ")
     return region.name, region.rule, cause, str(region.failures), percent(region.share), region.status, *fresh
-
-
-def _fresh(fresh: Fresh) -> str:
-    return f"{fresh.failures} / {fresh.tests}" + (f" = {percent(fresh.rate)}" if fresh.rate else "")
 
 
 def _identity(evidence: Evidence) -> Table:

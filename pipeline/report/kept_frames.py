@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -51,15 +51,21 @@ class KeptFrames:
     def _chosen(self, wanted: Collection[str]) -> Iterator[tuple[Path, pd.DataFrame, list[bytes]]]:
         """For each table with wanted tests: its path, the row of each test's moment, and the images."""
         for path, every in self._tables.items():
-            chosen = [most_telling(own) for _, own in every[every["test_id"].isin(wanted)].groupby("test_id", sort=False)]
+            chosen = [
+                own.index[most_telling(own["visible_pixels"] > 0)]
+                for _, own in every[every["test_id"].isin(wanted)].groupby("test_id", sort=False)
+            ]
             if chosen:
                 yield path, every.loc[chosen], read_frames(path, ["image"])["image"].loc[chosen].tolist()
 
 
-def most_telling(frames: pd.DataFrame) -> int:
-    """Which of a test's rows is its decisive moment: three quarters through those that show the pedestrian; the first if none does."""
-    shown = frames.index[frames["visible_pixels"] > 0]
-    return int(shown[max(0, len(shown) * 3 // 4 - 1)] if len(shown) else frames.index[0])
+def most_telling(visible: Iterable[bool]) -> int:
+    """Which frame is a test's decisive moment: three quarters through those that show the pedestrian; the first if none does.
+
+    visible: whether each frame shows the pedestrian.
+    """
+    shown = [index for index, one in enumerate(visible) if one]
+    return shown[max(0, len(shown) * 3 // 4 - 1)] if shown else 0
 
 
 def _with_boxes(path: Path, rows: pd.DataFrame, images: Sequence[bytes]) -> Iterator[tuple[str, Moment]]:

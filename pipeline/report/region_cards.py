@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import pandas as pd
 
 from pipeline.artefacts.dataset import decode_jpeg
-from pipeline.artefacts.region_results import Confirmation, FailureRegion, FailureRegions, Fresh, Repair
+from pipeline.artefacts.region_results import Confirmation, FailureRegion, FailureRegions, Repair
 from pipeline.report.explorer import groups
 from pipeline.report.failure_tables import CAUSES, MIXED, NONE
 from pipeline.report.formats import percent, share
+from pipeline.report.fresh_counts import fresh_counts
 from pipeline.report.kept_frames import KeptFrames, Moment
 from pipeline.report.page import Bar, Box, Card, Film, Picture
 from pipeline.report.replays import jpeg_uri
@@ -114,15 +115,10 @@ def _confirmation(found: Confirmation | None) -> list[tuple[str, str]]:
     if found is None:
         return [("fresh tests", NOT_EXECUTED)]
     return [
-        ("fresh tests inside", _fresh(found.inside)),
-        ("fresh tests just outside", _fresh(found.outside)),
+        ("fresh tests inside", fresh_counts(found.inside)),
+        ("fresh tests just outside", fresh_counts(found.outside)),
         ("p, Fisher's exact test", f"{found.p_value:.2g}"),
     ]
-
-
-def _fresh(found: Fresh) -> str:
-    rate = f" = {percent(found.rate)}" if found.rate else ""
-    return f"{found.failures} / {found.tests}{rate}" + (f"; errors: {found.errors}" if found.errors else "")
 
 
 def _bar(repair: Repair) -> Bar:

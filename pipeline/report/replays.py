@@ -24,6 +24,7 @@ from PIL import Image
 from pipeline.core.episode import Episode, KeptFrame
 from pipeline.core.kpi import Kpi, evaluate, ttc
 from pipeline.core.space import Value
+from pipeline.report.kept_frames import most_telling
 from pipeline.report.style import GRID, INK, data_uri, styled
 
 Pixels = NDArray[np.uint8]
@@ -35,6 +36,8 @@ BELOW_SIGNALS = 132
 SIDE_CHARACTERS = 36
 DPI = 100
 LABEL_SCALE = 0.6
+FARTHEST = 2.0**15
+"""Pixels from a view's corner at which a box may be drawn."""
 TTC_SHOWN_S = 4.0
 
 
@@ -55,6 +58,12 @@ class Replay:
     def __post_init__(self) -> None:
         if not self.episode.frames:
             raise ValueError("a replay needs the frames of the episode; execute it with keep_every=1")
+
+    @property
+    def frames_per_second(self) -> int:
+        """As fast as it happened."""
+        times = [kept.frame.time_s for kept in self.episode.frames]
+        return max(1, round((len(times) - 1) / (times[-1] - times[0]))) if len(times) > 1 else 1
 
 
 @dataclass(frozen=True)
@@ -127,9 +136,8 @@ def jpeg_uri(image: Pixels) -> str:
 
 
 def most_telling_frame(episode: Episode) -> int:
-    """Index of a kept frame three quarters through those that show the pedestrian; 0 if none does."""
-    shown = [index for index, kept in enumerate(episode.frames) if kept.frame.truth.visible_box is not None]
-    return shown[max(0, len(shown) * 3 // 4 - 1)] if shown else 0
+    """Index of the kept frame that is the decisive moment."""
+    return most_telling(kept.frame.truth.visible_box is not None for kept in episode.frames)
 
 
 def _side_text(replay: Replay, kpi: Kpi) -> str:
@@ -205,7 +213,8 @@ def _compose(layout: Layout, kept: KeptFrame) -> Pixels:
 
 
 def _rectangle(view: Pixels, box: tuple[float, ...], scale: float, aside: int, colour: tuple[int, int, int]) -> tuple[int, int]:
-    left, top, right, bottom = (round(value * scale) for value in box)
+    # OpenCV refuses places far beyond the image, which a detector may report.
+    left, top, right, bottom = (round(min(max(value * scale, -FARTHEST), FARTHEST)) for value in box)
     # Drawn outside, so that a small pedestrian stays visible, and the true box does not vanish under a good detection.
     cv2.rectangle(view, (left - aside, top - aside), (right + aside - 1, bottom + aside - 1), colour, 2)
     return left, top

@@ -46,7 +46,7 @@ def kpi_panels(campaigns: Mapping[str, pd.DataFrame], threshold_s: float, column
 
 def _scatter_modes(axis: Axes, tests: pd.DataFrame) -> None:
     # Only scenarios that ask not to brake know unnecessary braking. Passed tests come first, below the failures.
-    modes = [mode for mode in reversed(MODE_COLOURS) if mode != "false_activation" or (tests["failure_mode"] == mode).any()]
+    modes = [mode for mode in reversed([*MODE_COLOURS]) if mode != "false_activation" or (tests["failure_mode"] == mode).any()]
     for seed_rank, seed in enumerate(sorted(tests["seed"].unique())):
         for mode in modes:
             rows = tests[(tests["seed"] == seed) & (tests["failure_mode"] == mode)]

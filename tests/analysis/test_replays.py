@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import imageio_ffmpeg
@@ -10,10 +11,12 @@ import pytest
 from PIL import Image, ImageSequence
 
 from pipeline.config.composing import compose
+from pipeline.core.detections import Detections
 from pipeline.core.episode import Episode
+from pipeline.core.matching import Matching
 from pipeline.core.space import Space, Value
 from pipeline.detectors.scripted import VisiblePixelOracle
-from pipeline.report.replays import Replay, draw_replay, most_telling_frame, render_replay
+from pipeline.report.replays import Replay, draw_replay, draw_view, most_telling_frame, render_replay
 from pipeline.simulators.analytic import AnalyticSimulator
 from pipeline.testing import CAR
 
@@ -43,6 +46,19 @@ def test_a_film_has_every_frame_in_a_portable_format(tmp_path: Path, episode: Ep
     assert meta["size"][0] % 2 == meta["size"][1] % 2 == 0
     assert sum(1 for _ in reader) == len(episode.frames)
     assert [p.name for p in path.parent.iterdir()] == ["replay.mp4"]
+
+
+@pytest.mark.parametrize("rate_hz", [5, 10, 28.57])
+def test_a_replay_plays_as_fast_as_it_happened(episode: Episode, rate_hz: float) -> None:
+    frames = tuple(replace(kept, frame=replace(kept.frame, time_s=i / rate_hz)) for i, kept in enumerate(episode.frames))
+    assert Replay(replace(episode, frames=frames), "title", CONCRETE, 0.1).frames_per_second == round(rate_hz)
+
+
+def test_a_box_far_beyond_the_image_is_drawn(episode: Episode) -> None:
+    kept = episode.frames[0]
+    far = Detections(np.array([[-1e30, 10, 1e30, 60]], np.float32), np.array([0.9], np.float32))
+    view = draw_view(replace(kept, detections=far, matching=Matching(("far",))))
+    assert view.shape == draw_view(kept).shape
 
 
 def test_same_episode_gives_the_same_file(tmp_path: Path, episode: Episode) -> None:

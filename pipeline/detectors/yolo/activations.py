@@ -23,7 +23,7 @@ def activations(model: Yolo, images: NDArray[np.uint8]) -> Iterator[list[NDArray
     seen: list[NDArray[np.float32]] = []
 
     def look(_module: Any, _inputs: Any, output: Tensor) -> None:
-        seen.append(output.mean(dim=(2, 3)).numpy().astype(np.float32))
+        seen.append(output.mean(dim=(2, 3)).numpy())
 
     model.eval()
     hooks = [module.register_forward_hook(look) for module in model.modules() if isinstance(module, ConvUnit)]

@@ -51,7 +51,7 @@ class Camera:
         self._weather_control = WeatherControl(model, lamps)
         self._lens = Lens(settings, float(self.focal_px), float(model.cam_pos[self._view.fixedcamid, 2]))
         self._weather = Weather()
-        self._ego_geoms = np.flatnonzero(model.geom_group == GROUP)
+        self._pedestrian_geoms = np.flatnonzero(model.geom_group == GROUP)
 
     def set_weather(self, weather: Weather) -> None:
         """Prepare the scene for an episode in this weather."""
@@ -137,9 +137,9 @@ class Camera:
         width, height = self._size
         camera = self._view.fixedcamid
         axes = self._data.cam_xmat[camera].reshape(3, 3)
-        centres = (self._data.geom_xpos[self._ego_geoms] - self._data.cam_xpos[camera]) @ axes
+        centres = (self._data.geom_xpos[self._pedestrian_geoms] - self._data.cam_xpos[camera]) @ axes
         # rbound is for the reference height; blueprints reach 1.3 times that.
-        radius = 1.4 * self._model.geom_rbound[self._ego_geoms]
+        radius = 1.4 * self._model.geom_rbound[self._pedestrian_geoms]
         depth = -centres[:, 2]
         if depth.max() < 0.2:
             return None
