@@ -148,7 +148,8 @@ def test_tests_of_a_calibrated_detector_are_driven_again_calibrated(
     made = DetectorCalibration(
         version="base", slope=2, offset=1, detector_sha256="", images_sha256="", images=1, detections=2, right=1, reliability={}, errors={}
     )
-    config = compose("smoke", ["search=[F1]", "goal=detectors", "+tested.base=base.onnx", "calibrate=true"])
+    (tmp_path / "base.onnx").touch()
+    config = compose("smoke", ["search=[F1]", "goal=detectors", f"+tested.base={tmp_path / 'base.onnx'}", "calibrate=true"])
     write(tmp_path / Folders(config).calibration("base"), made)
     monkeypatch.chdir(tmp_path)
     judged(folder(study), config, with_criterion(config.car, 0.9, 0.3), argparse.Namespace(drive=True, workers=1))
