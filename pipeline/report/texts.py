@@ -21,9 +21,9 @@ MODES = _prose("""
 """)
 CAUSES = _prose("""
     Every failure has one cause. Never seen: no detection touches the pedestrian. The next three judge the frames in which a person could
-    see the pedestrian and braking would still have helped. Seen too late: most of them have no detection, or the brake follows too late or
-    too weakly. Box disagrees: most have a box on the pedestrian that does not fit. Confidence too low: most have a fitting box
-    that is not reported. False positives: Eq. 5.3 alone makes the failure. Not solvable by the camera: no such frame comes in time.
+    see the pedestrian and braking would still have helped; the most frequent one counts. Seen too late: no detection, or the brake follows
+    too late or too weakly. Box disagrees: a box on the pedestrian that does not fit. Confidence too low: a fitting box that is not
+    reported. False positives: Eq. 5.3 alone makes the failure. Not solvable by the camera: no such frame comes in time.
     Unnecessary braking: emergency braking without a collision path.
 """)
 BRAKING = _prose("""
