@@ -15,8 +15,10 @@ import grimp
 from pipeline.artefacts.files import write_bytes
 
 ROOT = Path(__file__).resolve().parents[1]
-STORED = Path(".cache/code.json")
+STORED = Path(".cache/digests.json")
 BESIDE = ("*.jinja", "assets/*.js", "assets/*.css")
+BEGINS = (tokenize.ENCODING, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT)
+"""The tokens after which a statement begins."""
 
 
 @cache
@@ -47,13 +49,13 @@ def _files(module: str) -> frozenset[str]:
 
 @cache
 def code_digest(module: str) -> str:
-    """SHA-256 over `sources` of a module, without their comments."""
+    """SHA-256 over `sources` of a module, without their comments and docstrings."""
     return hashlib.sha256("".join(path + digest for path, digest in source_digests(module).items()).encode()).hexdigest()
 
 
 @cache
 def source_digests(module: str) -> dict[str, str]:
-    """SHA-256 of each file of `sources` of a module, without its comments."""
+    """SHA-256 of each file of `sources` of a module, without its comments and docstrings."""
     known = _known()
     texts = {path: (ROOT / path).read_bytes() for path in sources(module)}
     raw = {path: hashlib.sha256(text).hexdigest() for path, text in texts.items()}
@@ -66,7 +68,7 @@ def source_digests(module: str) -> dict[str, str]:
 
 @cache
 def _known() -> dict[str, str]:
-    """Digests without comments by those of the whole files: to find the comments of all files takes half a second."""
+    """Digests of the code alone by those of the whole files: to find the comments and docstrings of all files takes a second."""
     try:
         return dict(json.loads(STORED.read_bytes()))
     except (OSError, ValueError):
@@ -74,12 +76,19 @@ def _known() -> dict[str, str]:
 
 
 def _code(path: str, text: bytes) -> bytes:
-    """A file without Python's comments, nor the lines that hold nothing else."""
-    if not path.endswith(".py") or b"#" not in text:
+    """A file without Python's comments and docstrings, nor the lines that hold nothing else."""
+    if not path.endswith(".py"):
         return text
     lines: list[str | None] = list(text.decode().splitlines(keepends=True))
-    for token in tokenize.tokenize(io.BytesIO(text).readline):
+    tokens = [token for token in tokenize.tokenize(io.BytesIO(text).readline) if token.type != tokenize.NL]
+    for token in tokens:
         if token.type == tokenize.COMMENT:
             row, column = token.start
             lines[row - 1] = f"{before}\n" if (before := token.line[:column].rstrip()) else None
+    code = [token for token in tokens if token.type != tokenize.COMMENT]
+    for previous, token, following in zip(code, code[1:], code[2:], strict=False):
+        # A string that is a statement of its own.
+        if token.type == tokenize.STRING and previous.type in BEGINS and following.type == tokenize.NEWLINE:
+            first, last = token.start[0] - 1, token.end[0]
+            lines[first:last] = [None] * (last - first)
     return "".join(line for line in lines if line is not None).encode()

@@ -211,6 +211,12 @@ def test_a_second_run_waits_for_the_first(ready: Path) -> None:
     assert (ready / "calls").read_text().split() == ["begin", "end", "begin", "end"]
 
 
+def test_a_disk_without_locks_does_not_lock(ready: Path, tmp_path: Path) -> None:
+    script(tmp_path / "bin/flock", "echo 'No locks available' >&2; exit 69")
+    done = call(ready, PATH=f"{tmp_path}/bin:/usr/bin:/bin")
+    assert done.returncode == 0 and "snakemake" in done.stdout and not done.stderr
+
+
 def test_without_root_a_missing_library_gives_one_command_to_type(ready: Path) -> None:
     shutil.rmtree(ready / ".cache/gl")
     script(ready / ".venv/bin/python", "echo 'blindspot: no OpenGL library works here' >&2; exit 2")

@@ -391,7 +391,7 @@ def test_a_search_without_kept_frames_is_refused_at_the_start() -> None:
         jobs_of("default", "campaign.keep_every=0")
 
 
-def test_a_changed_line_makes_exactly_its_steps_stale_and_a_comment_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_changed_line_makes_exactly_its_steps_stale_but_no_comment_or_docstring(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = copy(tmp_path, compose("smoke", []))
 
     def digests() -> dict[str, str]:
@@ -406,10 +406,12 @@ def test_a_changed_line_makes_exactly_its_steps_stale_and_a_comment_none(tmp_pat
     text = source.read_text()
     source.write_text(text.replace("as np\n", "as np  # Why.\n# More.\n", 1) + "    # changed\n")
     commented = digests()
+    source.write_text(text.replace('"""', '"""Another\n', 1))
+    documented = digests()
     source.write_text(text + "\nCHANGED = '# no comment'\n")
     after = digests()
     digests()
-    assert commented == before
+    assert commented == documented == before
     assert [step for step in before if before[step] != after[step]] == ["cluster", "compare", "evidence", "retrain"]
 
 
