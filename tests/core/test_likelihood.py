@@ -83,6 +83,9 @@ def test_the_system_rate_weighs_the_scenarios() -> None:
     assert system.limits.low == pytest.approx(0.025 - 0.25 * 0.05)
     with pytest.raises(ValueError, match="a share for each of 2 scenarios, together 1, got \\[0.5, 0.4\\]"):
         combined(rates, [0.5, 0.4])
+    # These shares sum to a little more than 1.
+    every = combined([Rate(1.0, exact(5, 5), 5, 5)] * 3, [share / 0.3 for share in (0.05, 0.2, 0.05)])
+    assert (every.value, every.limits.high) == (1, 1)
 
 
 @pytest.mark.parametrize(

@@ -120,7 +120,7 @@ def combined(rates: Sequence[Rate], shares: Sequence[float]) -> Rate:
         float(np.sqrt(np.sum((weights * (np.array([getattr(rate.limits, name) for rate in rates]) - values)) ** 2)))
         for name in ("low", "high", "below")
     ]
-    value = float(weights @ values)
+    value = min(1.0, float(weights @ values))  # Rounded shares may sum to a little more than 1.
     limits = Limits(max(0.0, value - reach[0]), min(1.0, value + reach[1]), min(1.0, value + reach[2]))
     notes = "; ".join(dict.fromkeys(rate.note for rate in rates if rate.note))
     tests, failures, errors = (sum(counts) for counts in zip(*((one.tests, one.failures, one.errors) for one in rates), strict=True))
