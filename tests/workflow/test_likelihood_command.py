@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import re
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from pipeline.__main__ import main
+from pipeline.artefacts.files import write_json
+from pipeline.artefacts.likelihood import read_rate, write_rate
 from pipeline.commands.campaign import STOPPED
+from pipeline.core.likelihood.rate import Limits, Rate
+from pipeline.errors import InputError
 from pipeline.progress import Progress
 
 ANALYTIC = ["simulator=analytic", "detector=oracle"]
@@ -42,6 +48,16 @@ def test_a_stopped_estimate_resumes_and_a_finished_one_executes_nothing(
     assert again.out == first and "120/120" not in again.err
     assert main(["likelihood", *words]) == 2
     assert "exposure: it has no share of scenario 'F1'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("wrong", [{"value": 1.2}, {"value": "0.1"}, {"limits": {}}, {"more": 1}])
+def test_a_stored_rate_that_is_none_is_named(wrong: dict[str, Any], tmp_path: Path) -> None:
+    path, rate = tmp_path / "rate.json", Rate(0.1, Limits(0.05, 0.2, 0.15), 100, 10)
+    write_rate(path, "ours", rate)
+    assert read_rate(path, "ours") == rate and read_rate(path, "another's") is None
+    write_json(path, {"identity": "ours", **asdict(rate), **wrong})
+    with pytest.raises(InputError, match=r"rate\.json: expected a failure rate, got another file; delete it and start again"):
+        read_rate(path, "ours")
 
 
 def test_random_campaigns_are_weighed_and_searches_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
