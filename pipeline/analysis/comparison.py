@@ -165,6 +165,7 @@ class _Results:
             group=name,
             round=Version.named(versions[0]).round,
             versions=tuple(versions),
+            tests=int(self.valid.sum()),
             failures=failures,
             scenarios={scenario: _estimate(core.group_failures(part, self.policy.confidence)) for scenario, part in parts.items()},
             against_base=failures.value / base if base else None,

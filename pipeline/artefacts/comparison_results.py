@@ -90,7 +90,7 @@ class VersionResult(Result):
 
 class GroupResult(Result):
     """Versions that differ only by the seed of retraining: mean failures, in total and by scenario, with Student's intervals over the
-    seeds, on the tests that are valid for every version. A single version has no interval (low = high), see
+    seeds, on the `tests` that are valid for every version of the study. A single version has no interval (low = high), see
     `pipeline.core.comparison.SequenceOutcomes.rate`.
 
     against_base: ratio of its mean to the base's failures; null if the base never fails.
@@ -99,6 +99,7 @@ class GroupResult(Result):
     group: str
     round: int
     versions: tuple[str, ...]
+    tests: int
     failures: Estimate
     scenarios: dict[str, Estimate]
     against_base: float | None

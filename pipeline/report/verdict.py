@@ -62,7 +62,7 @@ def verdict_sentences(comparison: Comparison) -> list[str]:
     sentences += [f"{version} {reason}." for version, reason in comparison.gate.items() if version != comparison.versions[0].version]
     errors = ", ".join(f"{result.errors} of {result.version}" for result in comparison.versions if result.errors)
     if errors:
-        sentences.append(f"Tests that ended in an error do not count: {errors}.")
+        sentences.append(f"Tests that ended in an error do not count: {errors}. Failures by scenario leave them out for every version.")
     return sentences
 
 

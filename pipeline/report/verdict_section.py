@@ -22,8 +22,7 @@ def headline(comparison: Comparison) -> str:
     base = comparison.groups[0]
     *most, last = comparison.scenarios.values()
     where = f"scenarios {', '.join(most)} and {last}" if most else f"scenario {last}"
-    tests = comparison.versions[0].tests
-    parts = [f"On the held-out {where}, {base.group} fails {mean_text(base.failures.value)} of {tests} tests."]
+    parts = [f"On the held-out {where}, {base.group} fails {mean_text(base.failures.value)} of {base.tests} tests."]
     parts += [base_rate_sentence(comparison.base_rates), *_against_base(comparison)]
     parts += _at_second_iou(comparison)
     seeds = max(len(group.versions) for group in comparison.groups)

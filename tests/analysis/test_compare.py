@@ -24,6 +24,7 @@ from pipeline.core.gate import Policy
 from pipeline.errors import InputError
 from pipeline.report.failure_tables import braking_held_out
 from pipeline.report.verdict import verdict_table
+from pipeline.report.verdict_section import headline
 from tests.analysis.fabricated import FabricatedStudy
 from tests.spaces import SMALL
 
@@ -268,9 +269,11 @@ def test_groups_average_over_the_seeds_of_retraining() -> None:
 
 
 def test_a_test_that_ends_in_an_error_counts_for_no_group() -> None:
-    base, adaptive = compared(base="cccc....", adaptive="eecc....").groups
+    result = compared(base="cccc....", adaptive="eecc....")
+    base, adaptive = result.groups
     assert (base.failures.value, adaptive.failures.value, adaptive.against_base) == (2, 2, 1)
     assert adaptive.scenarios["F1star"].value == 2
+    assert headline(result).startswith("On the held-out scenario F1*, base fails 2 of 6 tests.")
 
 
 def test_groups_are_compared_over_all_seeds() -> None:

@@ -67,7 +67,7 @@ def result(
 def group(name: str, low: float, high: float, ratio: float) -> GroupResult:
     mean = Estimate(value=(low + high) / 2, low=low, high=high)
     versions = (name,) if low == high else (name, f"{name}-s1")
-    return GroupResult(group=name, round=1, versions=versions, failures=mean, scenarios={"F1star": mean}, against_base=ratio)
+    return GroupResult(group=name, round=1, versions=versions, tests=150, failures=mean, scenarios={"F1star": mean}, against_base=ratio)
 
 
 def group_pair(name: str, against: str, p_value: float) -> GroupPair:
@@ -214,7 +214,9 @@ def test_the_best_of_several_is_reported_as_chosen_on_these_tests() -> None:
 
 def test_errors_are_reported_only_if_there_are_some() -> None:
     assert len(verdict_sentences(comparison(against_random=False))) == 4
-    assert verdict_sentences(comparison(errors=3))[-1] == "Tests that ended in an error do not count: 3 of random."
+    assert verdict_sentences(comparison(errors=3))[-1] == (
+        "Tests that ended in an error do not count: 3 of random. Failures by scenario leave them out for every version."
+    )
 
 
 RARE = Frequencies(children=0.15, crouching=0.15)
