@@ -20,14 +20,14 @@ from textwrap import fill
 
 import numpy as np
 import pandas as pd
-from outcomes import failures, of_study, valid, write
+from outcomes import failures, mean_difference, of_study, valid, write
 
 from pipeline.analysis.region_sentence import subject
 from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.region_results import FailureRegions, RuleCondition
 from pipeline.artefacts.results import read
 from pipeline.config.composing import PARAMS, load
-from pipeline.core.statistics import mcnemar, mean_interval
+from pipeline.core.statistics import mcnemar
 
 PUBLISHED = Path("docs/results/default")
 CLONES = Path(".cache/default_study")
@@ -110,13 +110,11 @@ def answer(pieces: dict[int, pd.DataFrame], verdicts: pd.DataFrame, regions: pd.
         return "No study is published."
     better = {name: sum(_p_value(piece, name) <= ALPHA for piece in pieces.values()) for name in ("base", "control")}
     counts = [failures(piece) for piece in pieces.values()]
-    ahead = np.array([count["adaptive"] - count["random"] for count in counts])
-    low, high = mean_interval(ahead)
-    interval = f" ({low:+.1f} to {high:+.1f})" if len(ahead) > 1 else ""
+    ahead = mean_difference([count["adaptive"] - count["random"] for count in counts])
     head = (
         f"{len(pieces)} of {len(SEEDS)} studies are published. Version `adaptive` fails significantly less than the base "
-        f"in {better['base']} of them, and less than `control` in {better['control']}. It leaves {ahead.mean():+.1f} failures"
-        f"{interval} compared with `random`. A study takes {verdicts['minutes'].median():.0f} minutes (median of those timed)."
+        f"in {better['base']} of them, and less than `control` in {better['control']}. It leaves {ahead} failures "
+        f"compared with `random`. A study takes {verdicts['minutes'].median():.0f} minutes (median of those timed)."
     )
     lines = [
         fill(head, LINE),

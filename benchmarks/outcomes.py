@@ -6,10 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from numpy.typing import ArrayLike
 
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.tables import read_tests
 from pipeline.config.schema import Config
+from pipeline.core.statistics import TOLERANCE, mean_interval
 
 TEST = ["scenario", "index", "animation", "blueprint"]
 PASSED, FAILED, ERROR = 0, 1, 2
@@ -48,3 +50,12 @@ def valid(outcomes: pd.DataFrame) -> pd.DataFrame:
 def failures(outcomes: pd.DataFrame) -> dict[str, int]:
     """Failures of each version."""
     return {str(name): int(count) for name, count in valid(outcomes).sum().items()}
+
+
+def mean_difference(differences: ArrayLike) -> str:
+    """`-2.0 (-27.4 to +23.4)`: the mean of (n,) differences, one per search, with Student's interval.
+
+    One search, or several that differ equally, tell nothing of the spread, so they have no interval.
+    """
+    low, high = mean_interval(differences)
+    return f"{np.mean(differences):+.1f}" + (f" ({low:+.1f} to {high:+.1f})" if np.ptp(differences) > TOLERANCE else "")

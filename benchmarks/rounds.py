@@ -13,14 +13,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
-from outcomes import failures
+from outcomes import failures, mean_difference
 from pieces import Experiment, Piece
 from what_is_left import what_is_left
 
 from pipeline.config.composing import PARAMS, load
-from pipeline.core.statistics import mean_interval
 
 SEEDS = range(3)
 ROUNDS = range(1, 4)
@@ -82,10 +80,7 @@ def _counts(failed: list[dict[str, int]], name: str) -> str:
 
 
 def _change(failed: list[dict[str, int]], first: str, last: str) -> str:
-    """Mean difference in failures over the searches, with Student's interval if they differ."""
-    differences = np.array([counts[last] - counts[first] for counts in failed])
-    low, high = mean_interval(differences)
-    return f"{differences.mean():+.1f}" + (f" ({low:+.1f} to {high:+.1f})" if np.ptp(differences) else "")
+    return mean_difference([counts[last] - counts[first] for counts in failed])
 
 
 if __name__ == "__main__":

@@ -14,10 +14,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
-from outcomes import failures
+from outcomes import failures, mean_difference
 from pieces import Experiment, Piece
-
-from pipeline.core.statistics import mean_interval
 
 SEEDS = range(3)
 SHARES = {"random": "100 %", "share75": "75 %", "adaptive": "50 %", "share25": "25 %", "forest": "0 %"}
@@ -71,9 +69,7 @@ def _header(first: str) -> list[str]:
 
 
 def _row(words: str, failed: np.ndarray, random: np.ndarray) -> str:
-    low, high = mean_interval(failed - random)
-    interval = f" ({low:+.1f} to {high:+.1f})" if len(failed) > 1 else ""
-    return f"| {words} | {', '.join(map(str, failed))} | {failed.mean():.1f} | {(failed - random).mean():+.1f}{interval} |"
+    return f"| {words} | {', '.join(map(str, failed))} | {failed.mean():.1f} | {mean_difference(failed - random)} |"
 
 
 if __name__ == "__main__":

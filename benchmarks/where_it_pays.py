@@ -17,7 +17,7 @@ import pandas as pd
 from default_study import PUBLISHED as DEFAULT
 from default_study import SEEDS as DEFAULT_SEEDS
 from matplotlib.figure import Figure
-from outcomes import valid
+from outcomes import mean_difference, valid
 from pieces import RESULTS, Experiment, Piece
 
 from pipeline.core.statistics import mean_interval
@@ -62,11 +62,9 @@ def answer(pieces: Mapping[Piece, pd.DataFrame]) -> str:
         "|---" * len(heading) + "|",
     ]
     for (base, tests), failed in rates(pieces).items():
-        ahead = failed["adaptive"] - failed["random"]
-        low, high = mean_interval(ahead)
-        interval = f" ({low:+.1f} to {high:+.1f})" if len(ahead) > 1 else ""
+        ahead = mean_difference(failed["adaptive"] - failed["random"])
         means = " | ".join(f"{failed[name].mean():.1f}" for name in ("base", "random", "adaptive"))
-        lines.append(f"| `{base}` | {tests:,} | {len(failed)} | {means} | {ahead.mean():+.1f}{interval} |")
+        lines.append(f"| `{base}` | {tests:,} | {len(failed)} | {means} | {ahead} |")
     return "\n".join(lines)
 
 

@@ -17,13 +17,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from outcomes import mean_difference
 
 from pipeline.artefacts.points import encode_tests
 from pipeline.artefacts.scenario_space import read_space
 from pipeline.artefacts.tables import read_tests
 from pipeline.core.lineage import Version
 from pipeline.core.space import Floats, Space
-from pipeline.core.statistics import mean_interval, sign_flip
+from pipeline.core.statistics import sign_flip
 
 CHILD_M = 1.45
 GROUPS = ("children", "crouching under an umbrella", "crouching", "others")
@@ -115,10 +116,7 @@ def difference(versions: dict[str, dict[int, NDArray[np.int64]]], other: str, ch
     if not (common := adaptive.keys() & rival.keys()):
         return ""
     each = np.stack([adaptive[seed][chosen] - rival[seed][chosen] for seed in sorted(common)])
-    totals = each.sum(axis=1)
-    low, high = mean_interval(totals)
-    interval = f" ({low:.1f} to {high:.1f})" if len(common) > 1 else ""
-    return f"{totals.mean():.1f}{interval}, p = {sign_flip(each.sum(axis=0)):.2g}"
+    return f"{mean_difference(each.sum(axis=1))}, p = {sign_flip(each.sum(axis=0)):.2g}"
 
 
 if __name__ == "__main__":

@@ -22,6 +22,7 @@ def test_mixtures_and_choices_are_compared_with_random_tests() -> None:
     assert text.startswith("2 of 3 searches.")
     # Differences -2 and -6: mean -4, standard error 2, t quantile 12.706 with one degree of freedom.
     assert "| 50 % | 8, 6 | 7.0 | -4.0 (-29.4 to +21.4) |" in text and "| all alike | 8, 6 | 7.0 | -4.0 (-29.4 to +21.4) |" in text
+    assert "| 100 % | 10, 12 | 11.0 | +0.0 |" in text
     # Against the random version of the same search, as it learnt from all frames alike.
     assert "| more where unsure | 13 | 13.0 | +1.0 |" in text and "more where missed" not in text
 

@@ -15,12 +15,15 @@ def piece(**failed: int) -> pd.DataFrame:
 
 def test_rates_by_hand() -> None:
     pieces = {("uniform-100", 0): piece(base=5, random=4, adaptive=2), ("uniform-100", 1): piece(base=6, random=4, adaptive=4)}
+    pieces |= {("long_tailed-30", seed): piece(base=20, random=3 + 7 * seed, adaptive=7 * seed) for seed in range(2)}
     pieces["weak-100", 2] = piece(base=20, random=10, adaptive=9)
     rows = where_it_pays.answer(pieces).splitlines()
-    assert rows[0] == "3 of 14 pieces are published, and the ten default studies."
+    assert rows[0] == "5 of 14 pieces are published, and the ten default studies."
     # Differences of -4 and 0 points: mean -2, standard error 2, t quantile 12.706 with one degree of freedom.
     assert rows[4] == "| `uniform` | 100 | 2 | 11.0 | 8.0 | 6.0 | -2.0 (-27.4 to +23.4) |"
-    assert rows[5].startswith("| `long_tailed` | 100 | 10 |") and rows[6] == "| `weak` | 100 | 1 | 40.0 | 20.0 | 18.0 | -2.0 |"
+    # Twice -6 points, but for rounding: nothing tells their spread.
+    assert rows[5] == "| `long_tailed` | 30 | 2 | 40.0 | 13.0 | 7.0 | -6.0 |"
+    assert rows[6].startswith("| `long_tailed` | 100 | 10 |") and rows[7] == "| `weak` | 100 | 1 | 40.0 | 20.0 | 18.0 | -2.0 |"
 
 
 def test_what_is_left_of_the_bases_failures_by_hand() -> None:
