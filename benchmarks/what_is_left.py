@@ -25,6 +25,7 @@ import numpy as np
 import pandas as pd
 from outcomes import held_out_tests
 
+from pipeline.artefacts.calibration_results import read_calibration
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.points import concrete
 from pipeline.config.components import make_detector, make_simulator
@@ -36,6 +37,7 @@ from pipeline.core.detections import Detections
 from pipeline.core.episode import Frame
 from pipeline.core.kpi import evaluate
 from pipeline.core.matching import TOUCH_IOU
+from pipeline.detectors.calibrated import as_tested
 from pipeline.detectors.scripted import VisiblePixelOracle
 from pipeline.progress import Progress
 from pipeline.protocols import Detector
@@ -97,8 +99,9 @@ def main() -> None:
 
 def what_is_left(config: Config, version: str, scenarios: list[str]) -> pd.DataFrame:
     """The failures of a version that each part repairs: a row for each part, a column for each scenario."""
-    tests, detector = held_out_tests(config), make_detector(config.detector, Path(Folders(config).detector(version)))
-    columns = {}
+    tests, folders = held_out_tests(config), Folders(config)
+    section = as_tested(config.detector, read_calibration(folders.calibrations([version])))
+    detector, columns = make_detector(section, Path(folders.detector(version))), {}
     with Progress("what is left") as progress:
         for scenario in scenarios:
             failed = tests.query("scenario == @scenario and version == @version and failure")

@@ -18,10 +18,13 @@ import where_it_pays
 from outcomes import TEST
 
 from pipeline.__main__ import main
+from pipeline.artefacts.calibration_results import DetectorCalibration
 from pipeline.artefacts.folders import Folders
+from pipeline.artefacts.results import write
 from pipeline.artefacts.tables import write_tests
-from pipeline.config.composing import PARAMS, load
+from pipeline.config.composing import PARAMS, compose, load
 from pipeline.config.schema import Config
+from pipeline.detectors.calibrated import calibrated
 from tests.analysis.fabricated import make_tests
 from tests.studies import ROOT
 
@@ -132,3 +135,18 @@ def test_what_is_left_counts_the_failures_of_the_version_and_scenario(monkeypatc
     counts = what_is_left.what_is_left(config, "adaptive", [scenario])
     assert {(*row,) for table in executed for row in table[["scenario", "version"]].to_numpy()} == {(scenario, "adaptive")}
     assert counts.loc["failures", scenario] == len(executed[0]) > 0
+
+
+def test_what_is_left_drives_a_calibrated_study_calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
+    Path("base.onnx").touch()
+    config = compose("smoke", ["goal=detectors", "+tested.base=base.onnx", "calibrate=true"])
+    made = DetectorCalibration(
+        version="base", slope=2, offset=1, detector_sha256="", images_sha256="", images=1, detections=2, right=1, reliability={}, errors={}
+    )
+    write(Path(Folders(config).calibration("base")), made)
+    execute(config, seed=config.comparison.seed)
+    used: list[object] = []
+    monkeypatch.setattr(what_is_left, "make_detector", lambda section, path: used.append(section))
+    monkeypatch.setattr(what_is_left, "_failures", lambda *_: 0)
+    what_is_left.what_is_left(config, "base", [config.held_out[0]])
+    assert used == [calibrated(config.detector, made.scaling)]
