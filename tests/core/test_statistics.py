@@ -135,15 +135,18 @@ def test_one_against_several_is_mcnemar_for_one_other_version() -> None:
 def test_one_against_several_counts_each_place_of_the_one() -> None:
     # One failure among three versions: the one has it with a chance of 1/3. Expected: 2/3, so 2 is the only sum as far away.
     assert one_against_several([1, 1], [0, 0], 2) == pytest.approx(1 / 9)
-    assert one_against_several([0, 0], [1, 1], 2) == pytest.approx(1 / 9 + 4 / 9 + 4 / 9 - 4 / 9)
+    # 0 is 2/3 away, and only 2 is as far or farther.
+    assert one_against_several([0, 0], [1, 1], 2) == pytest.approx(4 / 9 + 1 / 9)
     assert one_against_several([1, 0], [2, 0], 2) == 1
 
 
 def test_one_against_several_is_no_more_often_significant_than_it_says() -> None:
     rng, alpha = np.random.default_rng(0), 0.05
-    failed = rng.random((400, 4, 60)) < 0.9
-    p_values = np.array([one_against_several(versions[0], versions[1:].sum(axis=0), 3) for versions in failed])
-    assert binom.sf((p_values <= alpha).sum() - 1, 400, alpha) > 0.01
+    failed = rng.random((400, 6, 20)) < 0.9
+    own = [one_against_several(versions[0], versions[1:].sum(axis=0), 5) for versions in failed]
+    flips = [sign_flip((versions[1:].astype(int) - versions[0]).sum(axis=0)) for versions in failed]
+    exact, too_often = (binom.sf(sum(p_value <= alpha for p_value in p_values) - 1, 400, alpha) for p_values in (own, flips))
+    assert exact > 0.01 > too_often, "the differences from one version are not symmetric, so their signs must not be flipped"
 
 
 @pytest.mark.parametrize("others", [[1], [3, 0], [-1, 0]])
