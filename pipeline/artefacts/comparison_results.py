@@ -106,7 +106,7 @@ class GroupResult(Result):
 
 
 class GroupPair(Result):
-    """Two groups on the `tests` that all of their versions executed.
+    """Two groups on the `tests` that are valid for all of their versions.
 
     difference: mean failures of `group` minus those of `against`, with Student's interval over the seeds, paired by seed. p_value: exact
     randomisation test over the tests: whether these versions differ on tests like these. With one seed it equals the exact McNemar test.
@@ -142,7 +142,8 @@ class SecondIou(Result):
 
 
 class RegionResult(Result):
-    """A failure region of the base on the held-out sequence, and each version's failures among the tests inside its rule."""
+    """A failure region of the base on the held-out sequence, and each version's failures among the `tests` inside its rule that are valid
+    for every version."""
 
     scenario: str
     name: str
@@ -175,7 +176,7 @@ class PlantedGroup(Result):
 class Comparison(Result):
     """All versions on one frozen sequence. The file names a fix or a regression `<scenario>-<index>`, with five digits.
 
-    pairs: exact McNemar test of every pair of versions, `against` is the earlier one; group_pairs: the same for groups. no_braking:
+    pairs: exact McNemar test of every pair of versions, `against` is the earlier one; group_pairs: every pair of groups. no_braking:
     held-out scenarios in which the right answer is not to brake. base_rates: of the search scenarios. trained_on: the base set that the
     base was trained on; null if its card does not say. base_set: the base set of this study; null for one that only tests detectors.
     second: null if the study asks for no second IoU. margin: highest rise of a failure rate over the base's that the gate tolerates, as a

@@ -25,9 +25,8 @@ def draw_inside(space: Space, rule: Rule, count: int, rng: np.random.Generator) 
 def draw_just_outside(space: Space, rule: Rule, count: int, rng: np.random.Generator) -> Floats:
     """(count, d) feasible points just outside a rule: each breaks one condition and keeps the others.
 
-    The condition is drawn with equal chances. A number lies beyond its bound by at most `MARGIN` of the range, an integer by at
-    least 1; of a category, any other
-    value may stand. Empty, (0, d), if no condition can be broken alone.
+    The condition is drawn with equal chances. A number lies beyond its bound by at most `MARGIN` of the range, and an integer by at most 1
+    where that is more; of a category, any other value may stand. Empty, (0, d), if no condition can be broken alone.
     """
     nearby = []
     for broken in rule.conditions:
@@ -86,7 +85,7 @@ def _values(variable: Variable, filters: Sequence[Filter], count: int, rng: np.r
 
 def more_inside(inside: Counted, outside: Counted) -> float:
     """Fisher's exact test, one-sided: the chance of so many failures inside if the failure rate inside and outside were one. In [0, 1]; 1
-    without tests on either side."""
+    if one side has no tests."""
     if not inside.tests or not outside.tests:
         return 1.0
     from scipy.stats import hypergeom

@@ -14,7 +14,7 @@ def reweighted(exposure: Exposure, points: Floats, failed: NDArray[np.bool_], er
     """The failure rate under an exposure from independent tests that were drawn uniformly from its space.
 
     points, failed: (n, d) and (n,), of tests without an error. Each test has the weight exposure / uniform: a test that the road shows
-    often counts for many. The interval holds for any failures not seen, so it is wide where few tests have most of the weight.
+    often counts for many. The interval holds whatever weights unseen failures have, so it is wide where few tests have most of the weight.
     """
     if not len(points):
         raise ValueError("expected at least one test without an error")
