@@ -81,7 +81,7 @@ def _seen(seen: Seen) -> str:
     if seen.delay_s is None or seen.first_detection_m is None:
         unseen = f", except for {seen.detected} never in sight" if seen.detected else ""
         sight = f"come into sight {_metres(seen.first_sight_m)} before the conflict point and are never detected{unseen}"
-        return f"{sight} (median of {seen.failures} failures)."
+        return f"{sight} (median of {seen.in_sight} failures)."
     delay = f"{seen.delay_s:.1f} s after they come into sight" if seen.delay_s >= 0.05 else "as soon as they come into sight"
     never = f"; {missed} {'is' if missed == 1 else 'are'} never detected" if (missed := seen.failures - seen.detected) else ""
     medians = f"Medians of {seen.failures} failures{never}."

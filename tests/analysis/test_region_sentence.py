@@ -100,7 +100,7 @@ def test_nothing_repairs() -> None:
     [
         ({"in_sight": 0}, "are never in sight (20 failures)."),
         ({"delay_s": None, "detected": 0}, "come into sight 21 m before the conflict point and are never detected (median"),
-        ({"delay_s": None, "detected": 1}, "conflict point and are never detected, except for 1 never in sight (median"),
+        ({"delay_s": None, "detected": 1, "in_sight": 19}, "never detected, except for 1 never in sight (median of 19 failures)."),
         ({"delay_s": -0.1}, "are first detected as soon as they come into sight, 9 m before"),
         ({"detected": 19}, ". Medians of 20 failures; 1 is never detected."),
         ({"detected": 20}, ". Medians of 20 failures."),
