@@ -30,8 +30,13 @@ def counted(estimate: Estimate) -> str:
 
 
 def signed(mean: Estimate) -> str:
-    """`-15.0 (-18.0 to -12.0)`."""
-    return f"{mean.value:+.1f} ({mean.low:+.1f} to {mean.high:+.1f})"
+    """`-15.0 (-18.0 to -12.0)`; `-15.0` without a spread: one seed, or several that differ equally."""
+    return f"{mean.value:+.1f}{interval(mean)}"
+
+
+def interval(mean: Estimate) -> str:
+    """` (-18.0 to -12.0)`, of a difference; empty without a spread."""
+    return "" if mean.low == mean.high else f" ({mean.low:+.1f} to {mean.high:+.1f})"
 
 
 def censored(estimate: Estimate, count: int, seeds: int, form: str, beyond: str) -> str:

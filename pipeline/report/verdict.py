@@ -9,7 +9,7 @@ from pipeline.artefacts.comparison_results import Comparison, Count, GroupPair, 
 from pipeline.artefacts.model_card import Frequencies
 from pipeline.core.lineage import Version
 from pipeline.report.failure_tables import base_rate_sentence, braking_held_out
-from pipeline.report.formats import aligned, counted
+from pipeline.report.formats import aligned, counted, interval
 
 HEADERS = ("version", "failures / tests", "change", "p", "verdict")
 
@@ -119,7 +119,7 @@ def _group_sentence(comparison: Comparison, pair: GroupPair) -> str:
     if seeds == 1 and paired is not None:
         return f"{pair.group} against {pair.against}: {_outcomes(paired)} (p = {pair.p_value:.2g}, exact McNemar test)."
     mean = pair.difference
-    outcome = f"{mean.value:+.1f} failures, mean of {seeds} seeds ({mean.low:+.1f} to {mean.high:+.1f})"
+    outcome = f"{mean.value:+.1f} failures, mean of {seeds} seeds{interval(mean)}"
     p_value = f"p = {pair.p_value:.2g}, exact randomisation test over the tests, seeds summed"
     by_tests_alone = pair.p_value <= comparison.alpha and not pair.shown(comparison.alpha)
     seeds_differ = "; no difference is shown, because the interval over the seeds includes 0" if by_tests_alone else ""

@@ -24,6 +24,7 @@ from pipeline.artefacts.search_results import BaseRate
 from pipeline.core.comparison import SequenceTest, Verdict
 from pipeline.core.gate import Judgement, Measure
 from pipeline.report.failure_tables import base_rate_sentence
+from pipeline.report.formats import signed
 from pipeline.report.page import Table
 from pipeline.report.verdict import HEADERS, group_headers, group_rows, verdict_rows, verdict_sentences, verdict_table
 from pipeline.report.verdict_section import headline, verdict_section
@@ -117,6 +118,11 @@ def test_a_difference_holds_at_the_second_iou_if_it_is_shown_there_with_the_same
     assert (f"Not shown at 0.3: adaptive from base (p = {p_value})." in text) != found
     assert ("The differences shown at an IoU of 0.5 are shown at 0.3, too." in headline(compared)) == found
     assert ("The differences shown at an IoU of 0.5 are not shown at 0.3 for adaptive." in headline(compared)) != found
+
+
+def test_a_difference_without_a_spread_has_no_interval() -> None:
+    assert signed(Estimate(value=-15, low=-18, high=-12)) == "-15.0 (-18.0 to -12.0)"
+    assert signed(Estimate(value=-15, low=-15, high=-15)) == "-15.0"
 
 
 def test_rows_show_failures_change_and_verdict() -> None:
