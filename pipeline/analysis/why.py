@@ -7,7 +7,6 @@ from dataclasses import asdict
 from typing import Any
 
 import pandas as pd
-from numpy.typing import NDArray
 
 from pipeline.analysis.region_sentence import sentence
 from pipeline.artefacts.region_results import FailureRegion, Repair, Seen, Why
@@ -15,9 +14,8 @@ from pipeline.artefacts.results import Estimate
 from pipeline.artefacts.tables import UNCHANGED
 from pipeline.core.counted import Counted
 from pipeline.core.sight import sight
+from pipeline.core.signals import Signals
 from pipeline.scenarios.changes import CONTROL, Change, ranked
-
-Signals = Mapping[str, NDArray[Any]]
 
 
 def recorded(region: FailureRegion, tests: pd.DataFrame, signals: Mapping[str, Signals]) -> list[dict[str, Any]]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.core.matching import TOUCH_IOU
+from pipeline.core.signals import Signals
 from pipeline.core.visibility import visible
 
 Cause = Literal["none", "not_solvable", "never_seen", "too_late", "box", "confidence", "false_positives", "false_activation"]
@@ -26,18 +26,18 @@ most frequent one counts, in equal numbers the first:
 """
 
 
-def solvable(signals: Mapping[str, NDArray[Any]]) -> bool:
+def solvable(signals: Signals) -> bool:
     """Whether full braking from some frame in which a person could see the pedestrian would have stopped the ego in time.
 
-    signals: columns of a test execution, (t,) each. A person sees what is `visible`. If the answer is no, no detector that judges single
+    A person sees what is `visible`. If the answer is no, no detector that judges single
     images as well as a person could pass the test with this camera: sensor and sight line are the limit. The pedestrian's own motion out of
     the way does not count.
     """
     return bool(_in_time(signals).any())
 
 
-def cause(signals: Mapping[str, NDArray[Any]], failure_mode: str) -> Cause:
-    """The cause of a failure from its signals, (t,) each; failure_mode: as in tests.parquet."""
+def cause(signals: Signals, failure_mode: str) -> Cause:
+    """The cause of a failure from its signals; failure_mode: as in tests.parquet."""
     if failure_mode == "none":
         return "none"
     if failure_mode == "false_activation":
@@ -55,6 +55,6 @@ def cause(signals: Mapping[str, NDArray[Any]], failure_mode: str) -> Cause:
     return max(counts, key=lambda one: counts[one])
 
 
-def _in_time(signals: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
+def _in_time(signals: Signals) -> NDArray[np.bool_]:
     seen = visible(signals["visible_pixels"], signals["contrast"])
     return np.asarray(seen & (np.asarray(signals["conflict_distance_m"]) > np.asarray(signals["stopping_distance_m"])))

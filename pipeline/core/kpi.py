@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from pipeline.core.braking import EMERGENCY_MPS2
 from pipeline.core.causes import Cause, cause
 from pipeline.core.columns import column, columns
+from pipeline.core.signals import Signals
 from pipeline.core.visibility import visible
 
 Floats = NDArray[np.float64]
@@ -53,7 +53,7 @@ NO_KPI = Kpi(**{described.name: described.nothing for described in KPIS})
 """The KPIs of an error."""
 
 
-def ttc(signals: Mapping[str, NDArray[Any]]) -> Floats:
+def ttc(signals: Signals) -> Floats:
     """Time-to-collision of each row, (t,) seconds (Eq. 5.2).
 
     0 at contact; otherwise conflict distance over ego speed while a collision path exists and the ego moves faster than
@@ -67,8 +67,8 @@ def ttc(signals: Mapping[str, NDArray[Any]]) -> Floats:
     return result
 
 
-def evaluate(signals: Mapping[str, NDArray[Any]], failure_threshold_s: float) -> Kpi:
-    """Compute every KPI of one test execution from its signals (`pipeline.core.signals.SIGNALS`, (t,) each).
+def evaluate(signals: Signals, failure_threshold_s: float) -> Kpi:
+    """Compute every KPI of one test execution from its signals.
 
     failure_threshold_s: a test is a failure if its adjusted TTC (Eq. 5.3) is at or below it (Def. 4.10). A test in which no collision path
     ever exists asks the ego not to brake: it is a failure if there is a false activation.
@@ -108,19 +108,19 @@ def evaluate(signals: Mapping[str, NDArray[Any]], failure_threshold_s: float) ->
     )
 
 
-def asks_to_brake(signals: Mapping[str, NDArray[Any]]) -> bool:
+def asks_to_brake(signals: Signals) -> bool:
     """Whether a collision path exists at any time, so that braking is right."""
     return bool(np.any(signals["on_collision_path"]))
 
 
-def _shortest_ttc(signals: Mapping[str, NDArray[Any]]) -> float:
+def _shortest_ttc(signals: Signals) -> float:
     rows = ttc(signals)
     if np.isnan(rows).all():
         return float(signals["conflict_distance_m"][0] / max(float(signals["ego_speed_mps"][0]), MIN_SPEED_MPS))
     return float(np.nanmin(rows))
 
 
-def _mode(signals: Mapping[str, NDArray[Any]], contact: bool, shortest: float, adjusted: float, threshold: float) -> FailureMode:
+def _mode(signals: Signals, contact: bool, shortest: float, adjusted: float, threshold: float) -> FailureMode:
     if not asks_to_brake(signals) and not contact:
         return "false_activation" if _false_activations(signals) else "none"
     if adjusted > threshold:
@@ -130,7 +130,7 @@ def _mode(signals: Mapping[str, NDArray[Any]], contact: bool, shortest: float, a
     return "late" if shortest <= threshold else "false_positives"
 
 
-def _false_activations(signals: Mapping[str, NDArray[Any]]) -> list[float]:
+def _false_activations(signals: Signals) -> list[float]:
     """Seconds of each run of rows that demand emergency braking although no collision path exists."""
     wrong = (np.asarray(signals["demand_mps2"]) >= EMERGENCY_MPS2) & ~np.asarray(signals["on_collision_path"], dtype=bool)
     edges = np.diff(np.concatenate([[0], wrong.astype(int), [0]]))
@@ -138,13 +138,13 @@ def _false_activations(signals: Mapping[str, NDArray[Any]]) -> list[float]:
     return [float(times[end] - times[start]) for start, end in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True)]
 
 
-def _speed_loss(signals: Mapping[str, NDArray[Any]]) -> float:
+def _speed_loss(signals: Signals) -> float:
     """Speed lost between rows without a collision path."""
     speed, off = np.asarray(signals["ego_speed_mps"], dtype=float), ~np.asarray(signals["on_collision_path"], dtype=bool)
     return float(np.sum(np.maximum(0, -np.diff(speed)), where=off[:-1] & off[1:]))
 
 
-def _post_encroachment(signals: Mapping[str, NDArray[Any]]) -> float:
+def _post_encroachment(signals: Signals) -> float:
     """Seconds from the pedestrian leaving the swept corridor to the ego's front reaching the conflict point.
 
     NaN unless both happened in this order, which excludes a contact. Resolution: one row.
@@ -158,13 +158,13 @@ def _post_encroachment(signals: Mapping[str, NDArray[Any]]) -> float:
     return waited if waited >= 0 else float("nan")
 
 
-def _first_detection(signals: Mapping[str, NDArray[Any]]) -> tuple[float, float]:
+def _first_detection(signals: Signals) -> tuple[float, float]:
     detected = np.flatnonzero(np.asarray(signals["confidence"]) > 0)
     if not len(detected):
         return float("nan"), float("nan")
     return float(signals["time_s"][detected[0]]), float(signals["conflict_distance_m"][detected[0]])
 
 
-def _missed_frames(signals: Mapping[str, NDArray[Any]]) -> int:
+def _missed_frames(signals: Signals) -> int:
     undetected = np.asarray(signals["confidence"]) == 0
     return int(np.sum(visible(signals["visible_pixels"], signals["contrast"]) & undetected))

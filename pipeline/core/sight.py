@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.core.columns import column, columns
+from pipeline.core.signals import Signals
 from pipeline.core.visibility import visible
 
 NAN = float("nan")
@@ -38,8 +37,8 @@ class Sight:
 SIGHT = columns(Sight)
 
 
-def sight(signals: Mapping[str, NDArray[Any]]) -> Sight:
-    """What the camera saw in a test execution. signals: columns of `pipeline.core.signals.SIGNALS`, (t,) each."""
+def sight(signals: Signals) -> Sight:
+    """What the camera saw in a test execution."""
     seen = _first(visible(signals["visible_pixels"], signals["contrast"]))
     in_time = np.flatnonzero(np.asarray(signals["conflict_distance_m"]) > np.asarray(signals["stopping_distance_m"]))
     found = _first(np.asarray(signals["confidence"]) > 0)
@@ -61,5 +60,5 @@ def _first(holds: NDArray[np.bool_]) -> int | None:
     return int(np.argmax(holds)) if holds.any() else None
 
 
-def _at(signals: Mapping[str, NDArray[Any]], name: str, step: int | None) -> float:
+def _at(signals: Signals, name: str, step: int | None) -> float:
     return NAN if step is None else float(signals[name][step])

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +54,8 @@ class TimeStep:
     whole_bottom: float = column("box around the part that would be visible without occluders; no value if there is none", "px")
 
 
+Signals = Mapping[str, NDArray[Any]]
+"""Columns of `SIGNALS` of one test execution by name, (t,) each."""
 SIGNALS = columns(TimeStep)
 SIDES = ("left", "top", "right", "bottom")
 

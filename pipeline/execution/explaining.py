@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from pipeline.analysis.failure_regions import Found
 from pipeline.artefacts.points import concrete
@@ -19,6 +18,7 @@ from pipeline.artefacts.tables import WHY
 from pipeline.core.grouping import Outcomes
 from pipeline.core.kpi import evaluate
 from pipeline.core.sight import Sight, sight
+from pipeline.core.signals import Signals
 from pipeline.core.space import Value
 from pipeline.execution.journal import Outcome
 from pipeline.execution.points import executed
@@ -26,8 +26,6 @@ from pipeline.execution.workers import Setup
 from pipeline.progress import Progress
 from pipeline.scenarios.changes import CONTROL, Change, changes, without
 from pipeline.scenarios.occluders import occluders
-
-Signals = Mapping[str, NDArray[Any]]
 
 
 @dataclass(frozen=True)

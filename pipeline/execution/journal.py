@@ -18,10 +18,10 @@ from pipeline.artefacts.files import read_sealed, write_sealed
 from pipeline.artefacts.stamps import remove
 from pipeline.artefacts.tables import detection_columns, frame_row
 from pipeline.core.episode import Episode
+from pipeline.core.signals import Signals
 from pipeline.errors import InputError
 from pipeline.progress import Progress
 
-Signals = Mapping[str, NDArray[Any]]
 SIGNAL, DETECTION = "signal_", "detection_"
 """Prefixes of the arrays in an outcome's file."""
 
@@ -34,7 +34,7 @@ class Outcome:
     """
 
     signals: Signals
-    detections: Signals
+    detections: Mapping[str, NDArray[Any]]
     frames: tuple[Mapping[str, Any], ...]
     simulate_s: float
     reason: str = ""

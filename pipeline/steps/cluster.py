@@ -19,7 +19,7 @@ from pipeline.steps import campaign
 
 if TYPE_CHECKING:
     from pipeline.analysis.failure_regions import Found
-    from pipeline.analysis.why import Signals
+    from pipeline.core.signals import Signals
     from pipeline.execution.workers import Setup
     from pipeline.scenarios.changes import Change
 
@@ -106,7 +106,7 @@ def _explained(
 
 
 def _signals(job: Job, wanted: set[str]) -> Mapping[str, Signals]:
-    """The signals of some tests by test_id, (t,) each."""
+    """The signals of some tests by test_id."""
     found: dict[str, Signals] = {}
     for path in job.inputs("signals"):
         rows = read_signals(path)
