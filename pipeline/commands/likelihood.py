@@ -102,7 +102,7 @@ def run(options: argparse.Namespace) -> int:
     question = asked(options.words)
     exposure = read_exposure(question.exposure)
     try:
-        rates = weighed(options.folders, question, exposure) if options.folders else executed(question, exposure, options.threads)
+        rates = weighed(options.folders, exposure) if options.folders else executed(question, exposure, options.threads)
     except KeyboardInterrupt:
         print(f"\nstopped; finished tests are in {question.folder}, and the same command resumes")
         return STOPPED
@@ -184,7 +184,7 @@ def rate_of(plan: CampaignPlan, done: Sequence[Executed]) -> Rate:
     return rate
 
 
-def weighed(folders: Sequence[Path], question: Question, exposure: ExposureFile) -> dict[str, Rate]:
+def weighed(folders: Sequence[Path], exposure: ExposureFile) -> dict[str, Rate]:
     """The rates by scenario of campaigns of random tests, weighted by the exposure."""
     import pandas as pd
 

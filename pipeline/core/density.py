@@ -8,8 +8,8 @@ import numpy as np
 from sklearn.cluster import DBSCAN
 
 from pipeline.core.distance import mixed_distance
-from pipeline.core.regions import Ints, largest_first
-from pipeline.core.space import Floats, Space
+from pipeline.core.regions import largest_first
+from pipeline.core.space import Floats, Ints, Space
 
 PROBES = 1200
 """Number of random points from which the distances in a space are estimated."""

@@ -94,7 +94,7 @@ def match(detections: Detections, truth: Truth, criterion: Criterion = COCO) -> 
     )
 
 
-def on_pedestrian(detections: Detections, truth: Truth, criterion: Criterion = COCO) -> NDArray[np.bool_]:
+def on_pedestrian(detections: Detections, truth: Truth, criterion: Criterion) -> NDArray[np.bool_]:
     """Whether each detection, reported or not, matches the pedestrian, (n,)."""
     return np.asarray(_overlap(detections, truth.visible_box) > criterion.iou)
 

@@ -7,14 +7,12 @@ a sparse search leaves most failures alone; `pipeline.core.density` therefore pr
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from pipeline.core.distance import mixed_distance
-from pipeline.core.space import Floats, Space
+from pipeline.core.space import Floats, Ints, Space
 
-Ints = NDArray[np.int64]
 NOISE = -1
 
 
@@ -45,10 +43,9 @@ def medoid(space: Space, points: Floats) -> int:
     return int(np.argmin(mixed_distance(space, points, points).sum(axis=1)))
 
 
-def largest_first(labels: Ints, min_failures: int = 1) -> Ints:
-    """Renumber the labels (n,), larger regions first; regions with fewer than `min_failures` become noise."""
+def largest_first(labels: Ints) -> Ints:
+    """Renumber the labels (n,), larger regions first; noise stays noise."""
     known, counts = np.unique(labels[labels != NOISE], return_counts=True)
-    known, counts = known[counts >= min_failures], counts[counts >= min_failures]
     result = np.full(len(labels), NOISE, np.int64)
     for rank, label in enumerate(known[np.argsort(-counts, kind="stable")]):
         result[labels == label] = rank

@@ -81,9 +81,9 @@ def mean_interval(values: ArrayLike, confidence: float = 0.95, limits: tuple[flo
     return max(mean - half, limits[0]), min(mean + half, limits[1])
 
 
-def bootstrap_mean(values: ArrayLike, rng: np.random.Generator, confidence: float = 0.95, draws: int = 10_000) -> tuple[float, float]:
+def bootstrap_mean(values: ArrayLike, rng: np.random.Generator, confidence: float) -> tuple[float, float]:
     """Percentile bootstrap interval of the mean of (n,) values, one per seed (Efron & Tibshirani 1993, section 13.3)."""
-    return bootstrap_ratio(values, np.ones(np.shape(values)), rng, confidence, draws)
+    return bootstrap_ratio(values, np.ones(np.shape(values)), rng, confidence)
 
 
 def bootstrap_ratio(
