@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from pipeline.artefacts.calibration_results import read_calibration
 from pipeline.artefacts.folders import AUDITS, Folders
 from pipeline.artefacts.scenario_space import read_space
-from pipeline.config.schema import JUDGED, Config, Target
+from pipeline.config.schema import JUDGED, Config
 from pipeline.contract import Files, Job, Step, Wildcards
 from pipeline.core.identity import CampaignId
 from pipeline.core.shards import Shard
@@ -17,6 +17,7 @@ from pipeline.errors import InputError
 
 if TYPE_CHECKING:
     from pipeline.execution.campaign import CampaignPlan
+    from pipeline.execution.workers import Setup
 
 TABLES = ("tests", "signals", "detections", "frames", "timings")
 HELD_OUT = "held_out"
@@ -48,15 +49,18 @@ def _tests(config: Config, wildcards: Wildcards) -> int:
 
 
 def detector_files(folders: Folders, version: str) -> dict[str, Files]:
-    """What `detector` reads, and the detector's file."""
+    """The files of `setup`: the detector's, and its calibration."""
     return {"model": folders.detector(version), "calibration": folders.calibrations([version])}
 
 
-def detector(job: Job) -> Target:
-    """The detector's section of the config, calibrated if the study calibrates it."""
+def setup(job: Job, keep_every: int = 0) -> Setup:
+    """What the tests of a job are executed with: its scenario and its model, calibrated if the study calibrates it."""
     from pipeline.detectors.calibrated import as_tested
+    from pipeline.execution.workers import Setup
 
-    return as_tested(job.config.detector, read_calibration(job.inputs("calibration")))
+    config, scenario = job.config, job.config.scenarios[job.wildcards["scenario"]]
+    detector = as_tested(config.detector, read_calibration(job.inputs("calibration")))
+    return Setup(config.simulator, scenario, detector, job.input("model"), config.car, config.limits, keep_every)
 
 
 def sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
@@ -97,7 +101,6 @@ def _named(wildcards: Wildcards) -> CampaignId:
 def planned(job: Job, earlier: Sequence[Path] = (), shard: Shard | None = None) -> CampaignPlan:
     """The plan of a job's campaign; InputError if its model is missing."""
     from pipeline.execution.campaign import CampaignPlan, sampler_seed
-    from pipeline.execution.workers import Setup
 
     config, model, wildcards = job.config, job.input("model"), job.wildcards
     campaign = _named(wildcards)
@@ -113,13 +116,5 @@ def planned(job: Job, earlier: Sequence[Path] = (), shard: Shard | None = None) 
         strategy_seed=sampler_seed(campaign, frozen=held_out),
         earlier=earlier,
         shard=shard,
-        setup=Setup(
-            simulator=config.simulator,
-            scenario=config.scenarios[campaign.scenario],
-            detector=detector(job),
-            model=model,
-            car=config.car,
-            limits=config.limits,
-            keep_every=0 if wildcards["kind"] in (HELD_OUT, AUDITS) else config.campaign.keep_every,
-        ),
+        setup=setup(job, 0 if wildcards["kind"] in (HELD_OUT, AUDITS) else config.campaign.keep_every),
     )

@@ -20,7 +20,6 @@ from pipeline.steps import campaign
 if TYPE_CHECKING:
     from pipeline.analysis.failure_regions import Found
     from pipeline.core.signals import Signals
-    from pipeline.execution.workers import Setup
     from pipeline.scenarios.changes import Change
 
 
@@ -79,7 +78,7 @@ def _confirmed(job: Job, space: Space, found: Sequence[Found]) -> tuple[FailureR
     if not config.regions.confirm:
         return tuple(one.region for one in found)
     threshold_s, confidence = config.campaign.failure_threshold_s, config.comparison.confidence
-    tests = FreshTests(space, _setup(job), threshold_s, config.regions.confirm, confidence, job.scratch / "confirm")
+    tests = FreshTests(space, campaign.setup(job), threshold_s, config.regions.confirm, confidence, job.scratch / "confirm")
     return tests.confirm(found, job.threads, job.progress)
 
 
@@ -96,7 +95,8 @@ def _explained(
     rows = [row for region in regions for row in recorded(region, named, signals)]
     changes: list[tuple[Change, ...]] = [() for _ in regions]
     if config.regions.explain and found:
-        executing = Counterfactuals(_setup(job), config.campaign.failure_threshold_s, config.regions.explain, job.scratch / "explain")
+        threshold_s = config.campaign.failure_threshold_s
+        executing = Counterfactuals(campaign.setup(job), threshold_s, config.regions.explain, job.scratch / "explain")
         chosen = [executing.chosen(one, named, outcomes) for one in found]
         changes = [executing.planned(one, failures, outcomes, signals) for one, failures in zip(found, chosen, strict=True)]
         rows += executing.rows(list(zip(chosen, changes, strict=True)), outcomes, job.threads, job.progress)
@@ -113,11 +113,3 @@ def _signals(job: Job, wanted: set[str]) -> Mapping[str, Signals]:
         for test, own in rows[rows["test_id"].isin(wanted)].groupby("test_id", sort=False):
             found[str(test)] = {name: own[name].to_numpy() for name in own}
     return found
-
-
-def _setup(job: Job) -> Setup:
-    """What the tests of a job are executed with."""
-    from pipeline.execution.workers import Setup
-
-    config, scenario = job.config, job.config.scenarios[job.wildcards["scenario"]]
-    return Setup(config.simulator, scenario, campaign.detector(job), job.input("model"), config.car, config.limits)

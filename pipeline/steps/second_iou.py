@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from pipeline.artefacts.scenario_space import read_space
 from pipeline.artefacts.tables import write_tests
 from pipeline.config.schema import JUDGED
@@ -28,7 +30,6 @@ def run(job: Job) -> None:
     """Write the tests as tests.parquet has them, in its order; InputError if the study asks for no second IoU."""
     from pipeline.analysis.rescoring import with_criterion
     from pipeline.execution.again import driven_again, judged_again
-    from pipeline.execution.workers import Setup
 
     config, iou = job.config, job.config.comparison.second_iou
     if iou is None:
@@ -36,7 +37,5 @@ def run(job: Job) -> None:
     space, threshold_s = read_space(job.input("space"))[1], config.campaign.failure_threshold_s
     car = with_criterion(config.car, iou, config.threshold)
     again = judged_again(job.input("tests").parent, car, threshold_s)
-    scenario = config.scenarios[job.wildcards["scenario"]]
-    setup = Setup(config.simulator, scenario, campaign.detector(job), job.input("model"), car, config.limits)
-    tests = driven_again(again, space, setup, threshold_s, job.scratch, job.threads, job.progress)
+    tests = driven_again(again, space, replace(campaign.setup(job), car=car), threshold_s, job.scratch, job.threads, job.progress)
     write_tests(job.output("tests"), tests, space)
