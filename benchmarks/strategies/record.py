@@ -145,9 +145,8 @@ def _table(plan: CampaignPlan, done: Sequence[Executed]) -> pd.DataFrame:
     rows: list[dict[str, Any]] = []
     for test in done:
         kpi = float(f"{test.kpi.adj_ttc_s:.{DIGITS}g}")
-        status = "error" if test.outcome.is_error else "ok"
         judged = {"adj_ttc_s": kpi, **{name: getattr(test.kpi, name) for name in recorded.JUDGED}}
-        rows.append({"status": status, **judged, **plan.space.decode(test.point)})
+        rows.append({"status": test.outcome.status, **judged, **plan.space.decode(test.point)})
     return pd.DataFrame(rows)
 
 

@@ -11,7 +11,6 @@ from pipeline.analysis.rescoring import driven_otherwise, kpis, rescored
 from pipeline.artefacts.points import concrete
 from pipeline.artefacts.tables import read_detections, read_signals, read_tests
 from pipeline.core.car import Car
-from pipeline.core.kpi import NO_KPI, evaluate
 from pipeline.core.space import Space
 from pipeline.execution.points import executed
 from pipeline.execution.workers import Setup
@@ -43,7 +42,6 @@ def driven_again(
     rows = again.tests.set_index("test_id")
     points = [concrete(rows.loc[test], space) for test in again.others]
     for test, outcome in zip(again.others, executed(points, setup, journal, threads, progress), strict=True):
-        judged = NO_KPI if outcome.is_error else evaluate(outcome.signals, failure_threshold_s)
-        now = {"status": "error" if outcome.is_error else "ok", "reason": outcome.reason, **asdict(judged)}
+        now = {"status": outcome.status, "reason": outcome.reason, **asdict(outcome.kpi(failure_threshold_s))}
         rows.loc[test, list(now)] = list(now.values())
     return rows.reset_index()[list(again.tests)]

@@ -22,7 +22,7 @@ from pipeline.artefacts.points import encode_tests
 from pipeline.config.components import make_sampler
 from pipeline.core.columns import Column
 from pipeline.core.identity import CampaignId, TestId
-from pipeline.core.kpi import NO_KPI, Kpi, evaluate
+from pipeline.core.kpi import Kpi
 from pipeline.core.measures import kinds
 from pipeline.core.shards import Shard
 from pipeline.core.signals import SIGNALS
@@ -151,7 +151,8 @@ def search(plan: CampaignPlan, sampler: Sampler, log: Journal, workers: Workers,
         asked = {index: point for index, point in enumerate(points, told) if index in plan.indices}
         judged: dict[int, Executed] = {}
         for index in _finished(plan, asked, log, workers):
-            judged[index] = _judged(index, asked[index], log.read(index), seconds, plan.failure_threshold_s)
+            outcome = log.read(index)
+            judged[index] = Executed(index, asked[index], outcome, outcome.kpi(plan.failure_threshold_s), seconds)
             found.add(judged[index])
             progress(found.tests, len(plan.indices), str(found))
         # The tests of other shards have no result here.
@@ -211,18 +212,13 @@ def _history(path: Path, space: Space) -> tuple[Floats, Floats]:
     return encode_tests(tests, space), tests["adj_ttc_s"].to_numpy(float)
 
 
-def _judged(index: int, point: Floats, outcome: Outcome, sampler_s: float, threshold_s: float) -> Executed:
-    judged = NO_KPI if outcome.is_error else evaluate(outcome.signals, threshold_s)
-    return Executed(index, point, outcome, judged, sampler_s)
-
-
 def _empty(expected: Sequence[Column], variables: Sequence[str] = ()) -> pd.DataFrame:
     return pd.DataFrame(columns=[*(column.name for column in expected), *variables])
 
 
 def _test_row(plan: CampaignPlan, test: Executed) -> dict[str, Any]:
     place = {"index": test.index, "batch": test.index // int(plan.strategy.get("batch_size", 20))}
-    status = {"status": "error" if test.outcome.is_error else "ok", "reason": test.outcome.reason}
+    status = {"status": test.outcome.status, "reason": test.outcome.reason}
     return {**asdict(plan.campaign), **place, **status, **asdict(test.kpi), **plan.space.decode(test.point)}
 
 

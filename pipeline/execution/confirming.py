@@ -14,7 +14,6 @@ from pipeline.artefacts.region_results import Confirmation, FailureRegion, Fresh
 from pipeline.artefacts.results import Estimate
 from pipeline.core.confirmation import confirmed, draw_inside, draw_just_outside, more_inside
 from pipeline.core.counted import Counted
-from pipeline.core.kpi import evaluate
 from pipeline.core.space import Floats, Space
 from pipeline.execution.journal import Outcome
 from pipeline.execution.points import executed
@@ -25,7 +24,7 @@ from pipeline.progress import Progress
 def counted(outcomes: Sequence[Outcome], failure_threshold_s: float) -> Counted:
     """Tests and failures of some outcomes; errors are in neither number."""
     error = np.array([outcome.is_error for outcome in outcomes], bool)
-    failed = [not outcome.is_error and evaluate(outcome.signals, failure_threshold_s).failure for outcome in outcomes]
+    failed = [outcome.kpi(failure_threshold_s).failure for outcome in outcomes]
     return Counted.of(np.array(failed, bool), error)
 
 

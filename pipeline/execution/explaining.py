@@ -16,7 +16,6 @@ from pipeline.analysis.failure_regions import Found
 from pipeline.artefacts.points import concrete
 from pipeline.artefacts.tables import WHY
 from pipeline.core.grouping import Outcomes
-from pipeline.core.kpi import evaluate
 from pipeline.core.sight import Sight, sight
 from pipeline.core.signals import Signals
 from pipeline.core.space import Value
@@ -104,11 +103,9 @@ class Counterfactuals:
 
     def _row(self, one: _Changed, outcome: Outcome) -> dict[str, Any]:
         row = {"region": one.failure.region, "test_id": one.failure.test_id, "change": one.change.text}
-        if outcome.is_error:
-            return {**row, "status": "error", "reason": outcome.reason, "failure": False, "adj_ttc_s": np.nan, **asdict(Sight())}
-        kpi = evaluate(outcome.signals, self.failure_threshold_s)
-        judged = {"status": "ok", "reason": "", "failure": kpi.failure, "adj_ttc_s": kpi.adj_ttc_s}
-        return {**row, **judged, **asdict(sight(outcome.signals))}
+        kpi = outcome.kpi(self.failure_threshold_s)
+        judged = {"status": outcome.status, "reason": outcome.reason, "failure": kpi.failure, "adj_ttc_s": kpi.adj_ttc_s}
+        return {**row, **judged, **asdict(Sight() if outcome.is_error else sight(outcome.signals))}
 
 
 def table(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:

@@ -18,6 +18,7 @@ from pipeline.artefacts.files import read_sealed, write_sealed
 from pipeline.artefacts.stamps import remove
 from pipeline.artefacts.tables import detection_columns, frame_row
 from pipeline.core.episode import Episode
+from pipeline.core.kpi import NO_KPI, Kpi, evaluate
 from pipeline.core.signals import Signals
 from pipeline.errors import InputError
 from pipeline.progress import Progress
@@ -53,6 +54,15 @@ class Outcome:
     @property
     def is_error(self) -> bool:
         return not self.signals
+
+    @property
+    def status(self) -> str:
+        """As in tests.parquet."""
+        return "error" if self.is_error else "ok"
+
+    def kpi(self, failure_threshold_s: float) -> Kpi:
+        """Its KPIs; `NO_KPI` for an error."""
+        return NO_KPI if self.is_error else evaluate(self.signals, failure_threshold_s)
 
 
 class Journal:
