@@ -9,7 +9,7 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from pipeline.artefacts.folders import Folders
-from pipeline.artefacts.tables import read_tests
+from pipeline.artefacts.tables import read_all_tests
 from pipeline.config.schema import Config
 from pipeline.core.statistics import TOLERANCE, mean_interval
 
@@ -33,7 +33,7 @@ def held_out_tests(config: Config, root: Path = Path()) -> pd.DataFrame:
     for path in paths:
         if not path.exists():
             raise SystemExit(f"{path}: expected the tests of a finished study, got no file; finish the study with ./run")
-    return pd.concat([read_tests(path) for path in paths], ignore_index=True)
+    return read_all_tests(paths)
 
 
 def write(outcomes: pd.DataFrame, path: Path) -> None:

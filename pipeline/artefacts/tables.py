@@ -6,7 +6,7 @@ Every write and every read checks the schema. Equal rows give equal bytes; wall-
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -96,6 +96,11 @@ def write_tests(path: Path, tests: pd.DataFrame, space: Space) -> None:
 def read_tests(path: Path, columns: Sequence[str] | None = None) -> pd.DataFrame:
     """Read tests.parquet, or some of its columns; InputError that names the file if it is truncated or not such a table."""
     return _read(path, "tests", columns)
+
+
+def read_all_tests(paths: Iterable[Path]) -> pd.DataFrame:
+    """The rows of several tests.parquet as one table, file by file; ValueError for no file."""
+    return pd.concat([read_tests(path) for path in paths], ignore_index=True)
 
 
 def write_signals(path: Path, signals: pd.DataFrame) -> None:

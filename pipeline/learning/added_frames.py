@@ -14,7 +14,7 @@ import pandas as pd
 from pipeline.artefacts.dataset import ImageSet, decode_jpeg, image_set, read_dataset
 from pipeline.artefacts.filter_table import read_filter
 from pipeline.artefacts.scenario_space import read_space
-from pipeline.artefacts.tables import frame_truth, read_frames, read_tests
+from pipeline.artefacts.tables import frame_truth, read_all_tests, read_frames
 from pipeline.config.schema import Config
 from pipeline.core.lineage import Version
 from pipeline.errors import InputError
@@ -46,7 +46,7 @@ class Campaigns:
     def pool(self) -> pd.DataFrame:
         """The frames that the filter keeps, of the tests that `retraining.selection` takes; a filter table has other campaigns', too."""
         judged = pd.concat([read_filter(path) for path in self.filters], ignore_index=True)
-        tests = pd.concat([read_tests(path) for path in self.tests], ignore_index=True)
+        tests = read_all_tests(self.tests)
         known = {info.name: (info, space) for info, space in map(read_space, self.spaces)}
         taken = self.config.retraining.selection
         groups = selection.groups(taken, tests, known, self.config.regions)

@@ -13,7 +13,7 @@ from pipeline.artefacts.results import read, write
 from pipeline.artefacts.scenario_space import read_space
 from pipeline.artefacts.search_results import Measures
 from pipeline.artefacts.stamps import remove
-from pipeline.artefacts.tables import read_tests, write_tests
+from pipeline.artefacts.tables import read_all_tests, write_tests
 from pipeline.config.schema import Config
 from pipeline.contract import Files, Job, Step, Wildcards
 
@@ -104,10 +104,8 @@ def run(job: Job) -> None:
 
 def _searched(job: Job) -> Searched:
     """The searches of the base."""
-    import pandas as pd
-
     from pipeline.analysis.planted import Searched
 
-    rows = pd.concat([read_tests(path) for path in job.inputs("searched")], ignore_index=True)
+    rows = read_all_tests(job.inputs("searched"))
     spaces = {info.name: space for info, space in map(read_space, job.inputs("searched_spaces"))}
     return Searched(rows[rows["status"] == "ok"], spaces, [read(path, FailureRegions) for path in job.inputs("regions")])

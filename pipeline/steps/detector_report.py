@@ -3,8 +3,6 @@ comparison."""
 
 from __future__ import annotations
 
-import pandas as pd
-
 from pipeline.artefacts.calibration_results import DetectorCalibration
 from pipeline.artefacts.comparison_results import Comparison, read_changes
 from pipeline.artefacts.files import sha256, write_bytes
@@ -13,7 +11,7 @@ from pipeline.artefacts.region_results import FailureRegions
 from pipeline.artefacts.results import read
 from pipeline.artefacts.scenario_space import read_space
 from pipeline.artefacts.search_results import Measures
-from pipeline.artefacts.tables import read_tests
+from pipeline.artefacts.tables import read_all_tests, read_tests
 from pipeline.config.schema import JUDGED, Config
 from pipeline.contract import Files, Job, Step, Wildcards
 
@@ -61,7 +59,7 @@ def run(job: Job) -> None:
 
     config, version = job.config, job.wildcards["version"]
     infos = {info.name: (info.label, space) for info, space in map(read_space, job.inputs("spaces"))}
-    rows = pd.concat([read_tests(path) for path in job.inputs("tests")], ignore_index=True)
+    rows = read_all_tests(job.inputs("tests"))
     calibrations = [read(path, DetectorCalibration) for path in job.inputs("calibrations")]
     calibrations.sort(key=lambda found: found.version != version)  # The page's own detector comes first.
     files = dict(zip(config.tested, job.inputs("detectors"), strict=True))

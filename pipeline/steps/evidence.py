@@ -7,14 +7,12 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import pandas as pd
-
 from pipeline.artefacts.files import sha256, write_bytes
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.region_results import FailureRegions
 from pipeline.artefacts.results import read, write
 from pipeline.artefacts.scenario_space import read_space
-from pipeline.artefacts.tables import read_tests
+from pipeline.artefacts.tables import read_all_tests
 from pipeline.config.schema import AUDIT, Config
 from pipeline.contract import Files, Job, Step, Wildcards
 
@@ -81,7 +79,7 @@ def run(job: Job) -> None:
 def _judged(job: Job) -> list[Judged]:
     from pipeline.analysis.evidence import Searched, judged
 
-    rows = pd.concat(map(read_tests, job.inputs("tests")), ignore_index=True)
+    rows = read_all_tests(job.inputs("tests"))
     independent = frozenset(filter(job.config.independent, job.config.samplers))
     found = []
     for done, (space_file, regions) in enumerate(zip(job.inputs("spaces"), job.inputs("regions"), strict=True), 1):

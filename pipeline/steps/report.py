@@ -13,7 +13,7 @@ from pipeline.artefacts.region_results import FailureRegions
 from pipeline.artefacts.results import read
 from pipeline.artefacts.scenario_space import read_space
 from pipeline.artefacts.search_results import Measures
-from pipeline.artefacts.tables import read_tests
+from pipeline.artefacts.tables import read_all_tests, read_tests
 from pipeline.artefacts.white_box_results import WhiteBoxMeasures
 from pipeline.config.schema import JUDGED, Config
 from pipeline.contract import Files, Job, Step, Wildcards
@@ -63,7 +63,7 @@ def run(job: Job) -> None:
 
     config = job.config
     infos = {info.name: (info.label, space) for info, space in map(read_space, job.inputs("spaces"))}
-    rows = pd.concat([read_tests(path) for path in job.inputs("tests")], ignore_index=True)
+    rows = read_all_tests(job.inputs("tests"))
     cards = tuple(read_card(path) for path in job.inputs("models"))
     sources = list(dict.fromkeys(config.sources.values()))
     learnt = rows[rows["strategy"].isin(sources)]
