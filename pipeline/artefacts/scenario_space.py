@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -66,3 +67,8 @@ def read_space(path: Path) -> tuple[ScenarioInfo, Space]:
         return info, Space.from_dict(plain["variables"], plain.get("constraints", ()))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(f"{path}: expected a scenario space, got {error!r}; make it again with define-space") from error
+
+
+def read_spaces(paths: Iterable[Path]) -> dict[str, tuple[ScenarioInfo, Space]]:
+    """Read several spaces, by the name of the scenario, in the given order."""
+    return {info.name: (info, space) for info, space in map(read_space, paths)}

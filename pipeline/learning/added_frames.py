@@ -13,7 +13,7 @@ import pandas as pd
 
 from pipeline.artefacts.dataset import ImageSet, decode_jpeg, image_set, read_dataset
 from pipeline.artefacts.filter_table import read_filter
-from pipeline.artefacts.scenario_space import read_space
+from pipeline.artefacts.scenario_space import read_spaces
 from pipeline.artefacts.tables import frame_truth, read_all_tests, read_frames
 from pipeline.config.schema import Config
 from pipeline.core.lineage import Version
@@ -47,9 +47,8 @@ class Campaigns:
         """The frames that the filter keeps, of the tests that `retraining.selection` takes; a filter table has other campaigns', too."""
         judged = pd.concat([read_filter(path) for path in self.filters], ignore_index=True)
         tests = read_all_tests(self.tests)
-        known = {info.name: (info, space) for info, space in map(read_space, self.spaces)}
         taken = self.config.retraining.selection
-        groups = selection.groups(taken, tests, known, self.config.regions)
+        groups = selection.groups(taken, tests, read_spaces(self.spaces), self.config.regions)
         scenarios = dict(zip(tests["test_id"], tests["scenario"], strict=True))
         return selection.pool(judged[judged["test_id"].isin(list(scenarios))], groups, scenarios, taken)
 

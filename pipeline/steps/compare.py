@@ -10,7 +10,7 @@ from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.model_card import Frequencies, read_card
 from pipeline.artefacts.region_results import FailureRegions
 from pipeline.artefacts.results import read, write
-from pipeline.artefacts.scenario_space import read_space
+from pipeline.artefacts.scenario_space import read_spaces
 from pipeline.artefacts.search_results import Measures
 from pipeline.artefacts.stamps import remove
 from pipeline.artefacts.tables import read_all_tests, write_tests
@@ -73,7 +73,7 @@ def run(job: Job) -> None:
     from pipeline.learning.leakage import refuse_learnt
 
     config, settings = job.config, job.config.comparison
-    known = {info.name: (info, space) for info, space in map(read_space, job.inputs("spaces"))}
+    known = read_spaces(job.inputs("spaces"))
     infos = {name: info for name, (info, _) in known.items()}
     cards = [read_card(path) for path in job.inputs("models")]
     refuse_learnt(cards, [info for info, _ in known.values()])
@@ -107,5 +107,5 @@ def _searched(job: Job) -> Searched:
     from pipeline.analysis.planted import Searched
 
     rows = read_all_tests(job.inputs("searched"))
-    spaces = {info.name: space for info, space in map(read_space, job.inputs("searched_spaces"))}
+    spaces = {name: space for name, (_, space) in read_spaces(job.inputs("searched_spaces")).items()}
     return Searched(rows[rows["status"] == "ok"], spaces, [read(path, FailureRegions) for path in job.inputs("regions")])

@@ -9,7 +9,7 @@ from pipeline.artefacts.files import sha256, write_bytes
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.region_results import FailureRegions
 from pipeline.artefacts.results import read
-from pipeline.artefacts.scenario_space import read_space
+from pipeline.artefacts.scenario_space import read_spaces
 from pipeline.artefacts.search_results import Measures
 from pipeline.artefacts.tables import read_all_tests, read_tests
 from pipeline.config.schema import JUDGED, Config
@@ -58,7 +58,7 @@ def run(job: Job) -> None:
     from pipeline.report.page import render
 
     config, version = job.config, job.wildcards["version"]
-    infos = {info.name: (info.label, space) for info, space in map(read_space, job.inputs("spaces"))}
+    known = read_spaces(job.inputs("spaces"))
     rows = read_all_tests(job.inputs("tests"))
     calibrations = [read(path, DetectorCalibration) for path in job.inputs("calibrations")]
     calibrations.sort(key=lambda found: found.version != version)  # The page's own detector comes first.
@@ -72,10 +72,10 @@ def run(job: Job) -> None:
         white_box=None,
         compared=compared,
         regions=tuple(read(path, FailureRegions) for path in job.inputs("regions")),
-        tests={name: rows[rows["scenario"] == name] for name in infos},
+        tests={name: rows[rows["scenario"] == name] for name in known},
         searched=rows,
-        spaces={name: space for name, (_, space) in infos.items()},
-        labels={name: label for name, (label, _) in infos.items()},
+        spaces={name: space for name, (_, space) in known.items()},
+        labels={name: info.label for name, (info, _) in known.items()},
         calibrations={found.version: found for found in calibrations},
         filters={},
         cards=(),

@@ -9,7 +9,7 @@ import pandas as pd
 
 from pipeline.artefacts.files import write_bytes
 from pipeline.artefacts.results import write
-from pipeline.artefacts.scenario_space import read_space
+from pipeline.artefacts.scenario_space import read_spaces
 from pipeline.artefacts.search_results import Measures
 from pipeline.artefacts.tables import campaign_of, read_tests
 from pipeline.contract import Job, Step
@@ -35,8 +35,8 @@ def run(job: Job) -> None:
     from pipeline.analysis.measures import PROJECTION_K, audited, by_strategy, measure_campaign, summarise, theta_table
 
     baseline, confidence = job.config.strategies[0], job.config.comparison.confidence
-    known = [read_space(path) for path in job.inputs("spaces")]
-    spaces = {info.name: space for info, space in known}
+    known = read_spaces(job.inputs("spaces"))
+    spaces = {name: space for name, (_, space) in known.items()}
     tables, audit = _tables(job.inputs("tests")), _tables(job.inputs("audit"))
     measured = []
     for done, campaign in enumerate(tables, 1):
@@ -52,7 +52,7 @@ def run(job: Job) -> None:
         campaigns=tuple(measured),
         strategies=groups,
         audit=audited(audit, confidence),
-        no_braking=tuple(info.name for info, _ in known if not info.asks_to_brake),
+        no_braking=tuple(name for name, (info, _) in known.items() if not info.asks_to_brake),
     )
     write(job.output("measures"), measures)
     write_bytes(job.output("theta"), theta_table(measured).to_csv(index=False, lineterminator="\n").encode())

@@ -11,7 +11,7 @@ from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.model_card import read_card
 from pipeline.artefacts.region_results import FailureRegions
 from pipeline.artefacts.results import read
-from pipeline.artefacts.scenario_space import read_space
+from pipeline.artefacts.scenario_space import read_spaces
 from pipeline.artefacts.search_results import Measures
 from pipeline.artefacts.tables import read_all_tests, read_tests
 from pipeline.artefacts.white_box_results import WhiteBoxMeasures
@@ -62,7 +62,7 @@ def run(job: Job) -> None:
     from pipeline.report.style import save_png
 
     config = job.config
-    infos = {info.name: (info.label, space) for info, space in map(read_space, job.inputs("spaces"))}
+    known = read_spaces(job.inputs("spaces"))
     rows = read_all_tests(job.inputs("tests"))
     cards = tuple(read_card(path) for path in job.inputs("models"))
     sources = list(dict.fromkeys(config.sources.values()))
@@ -77,10 +77,10 @@ def run(job: Job) -> None:
             changes=read_changes(job.input("changes")),
         ),
         regions=tuple(read(path, FailureRegions) for path in job.inputs("regions")),
-        tests={name: rows[rows["scenario"] == name] for name in infos},
+        tests={name: rows[rows["scenario"] == name] for name in known},
         searched=pd.concat([learnt, *map(read_tests, job.inputs("later_tests"))], ignore_index=True),
-        spaces={name: space for name, (_, space) in infos.items()},
-        labels={name: label for name, (label, _) in infos.items()},
+        spaces={name: space for name, (_, space) in known.items()},
+        labels={name: info.label for name, (info, _) in known.items()},
         filters=filters,
         cards=cards,
         detectors=dict(zip((card.version for card in cards), job.inputs("detectors"), strict=True)),
