@@ -13,7 +13,7 @@ from pathlib import Path
 from string import Formatter
 
 from pipeline.artefacts import stamps
-from pipeline.artefacts.files import remove_unfinished, write_bytes
+from pipeline.artefacts.files import remove_unfinished, sha256, write_bytes
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.job_lock import held
 from pipeline.config.declared import declared
@@ -103,6 +103,10 @@ class Job:
     def outputs(self, name: str) -> tuple[Path, ...]:
         """The files to write."""
         return _several(self.writes[name])
+
+    def digests(self) -> dict[str, str]:
+        """SHA-256 of every file and folder that the job reads, by path."""
+        return {path.as_posix(): sha256(path) for name in self.reads for path in self.inputs(name)}
 
 
 def _one(files: Files) -> Path:

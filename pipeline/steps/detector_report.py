@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from pipeline.artefacts.calibration_results import DetectorCalibration
 from pipeline.artefacts.comparison_results import Comparison, read_changes
-from pipeline.artefacts.files import sha256, write_bytes
+from pipeline.artefacts.files import write_bytes
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.region_results import FailureRegions
 from pipeline.artefacts.results import read
@@ -81,7 +81,7 @@ def run(job: Job) -> None:
         cards=(),
         detectors={version: files[version], **files},
         frames=job.inputs("frames"),
-        files={path.as_posix(): sha256(path) for name in job.reads for path in job.inputs(name)},
+        files=job.digests(),
         border=(),
     )
     figures = draw_figures(data, list(config.strategies), config.campaign.failure_threshold_s)

@@ -58,7 +58,6 @@ def run(job: Job) -> None:
     found = _judged(job)
     scenarios, together = tuple(map(scenario_evidence, found)), whole(found, exposure)
     settings = json.dumps(config.model_dump(mode="json", exclude_unset=True), sort_keys=True)
-    files = [path for name in job.reads for path in job.inputs(name)]
     evidence = Evidence(
         study=config.study,
         claim=claim(version, scenarios, together, exposure),
@@ -68,7 +67,7 @@ def run(job: Job) -> None:
         whole=together,
         model=_identity(job),
         settings_sha256=hashlib.sha256(settings.encode()).hexdigest(),
-        files={path.as_posix(): sha256(path) for path in files},
+        files=job.digests(),
         assumptions=assumptions(config.campaign.failure_threshold_s),
         limits=limits(together, exposure, config.goal == "report"),
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pandas as pd
 
 from pipeline.artefacts.comparison_results import Comparison, read_changes
-from pipeline.artefacts.files import sha256, write_bytes
+from pipeline.artefacts.files import write_bytes
 from pipeline.artefacts.filter_table import read_filter
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.model_card import read_card
@@ -85,7 +85,7 @@ def run(job: Job) -> None:
         cards=cards,
         detectors=dict(zip((card.version for card in cards), job.inputs("detectors"), strict=True)),
         frames=job.inputs("frames"),
-        files={path.as_posix(): sha256(path) for name in job.reads for path in job.inputs(name)},
+        files=job.digests(),
         border=border_cases(config, filters, job.inputs("frames")),
     )
     figures = draw_figures(data, list(config.strategies), config.campaign.failure_threshold_s)
