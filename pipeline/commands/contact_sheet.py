@@ -27,7 +27,7 @@ def run(options: argparse.Namespace) -> int:
 
     if options.out.suffix not in (".png", ".jpg"):
         raise InputError(f"--out: a contact sheet must be a .png or a .jpg, got {options.out.name}")
-    camera = compose("default", []).simulator.get("camera", {})
+    camera = compose("default", []).camera
     write_picture(options.out, scenario_sheet(functional_scenario(options.scenario), camera))
     print(options.out)
     return 0

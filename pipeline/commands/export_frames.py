@@ -21,7 +21,7 @@ def run(options: argparse.Namespace) -> int:
     """Write the folder."""
     from pipeline.artefacts.frame_export import export_frames
 
-    camera = load(options.params).simulator.get("camera", {})
+    camera = load(options.params).camera
     count = export_frames(options.frames, options.out, float(camera.get("hfov_deg", 60)), float(camera.get("distortion", 0)))
     print(f"{options.out}: {count.train} frames to train, {count.val} to validate; tests in a failure region: {count.in_regions}")
     if options.films:

@@ -108,8 +108,7 @@ def _checker(config: Config, calls: Calls) -> Callable[[Path], None]:
     from pipeline.execution.guarded import GuardedDetector
     from pipeline.testing import check_detector
 
-    camera = config.simulator.get("camera", {})
-    width, height = int(camera.get("width", 320)), int(camera.get("height", 192))
+    width, height = int(config.camera.get("width", 320)), int(config.camera.get("height", 192))
 
     def check_one(model: Path) -> None:
         try:

@@ -267,6 +267,12 @@ class Config(Section):
         return Car(Vehicle(**self.vehicle.model_dump()), Aeb(**aeb), Criterion(self.campaign.match_iou, self.threshold))
 
     @property
+    def camera(self) -> dict[str, Any]:
+        """The settings of the simulator's camera; empty if it has none."""
+        found: dict[str, Any] = self.simulator.get("camera", {})
+        return found
+
+    @property
     def unseen(self) -> dict[str, str]:
         """The held-out scenarios by the fingerprints of their towns and people, which no version may be trained on."""
         return {one: name for name in reversed(self.held_out) for _, one in self.scenarios[name].worlds}

@@ -79,9 +79,9 @@ def _jobs(config: Config, shown: list[Any], counts: list[int], share: float, str
             town = (int(values["lanes"]), int(values["lane_orientation"] == "curvy"), n % TOWNS)
             towns.setdefault(town, []).append((values, (seed, stream, code, n), "val" if n >= validation else "train", first + n))
         first += count
-    camera = config.simulator.get("camera", {})
     return [
-        (int(np.random.default_rng([seed, stream, *town]).integers(2**31)), shots, camera, root) for town, shots in sorted(towns.items())
+        (int(np.random.default_rng([seed, stream, *town]).integers(2**31)), shots, config.camera, root)
+        for town, shots in sorted(towns.items())
     ]
 
 

@@ -18,5 +18,5 @@ def run(job: Job) -> None:
     from pipeline.execution.image_sets import Drawing, render_images
 
     config = job.config
-    drawing = Drawing(config.base_set, config.simulator.get("camera", {}), config.unseen)
+    drawing = Drawing(config.base_set, config.camera, config.unseen)
     render_images(drawing, job.scratch, job.output("truth").parent, job.threads, job.progress)

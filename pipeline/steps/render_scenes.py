@@ -29,7 +29,7 @@ def run(job: Job) -> None:
     from pipeline.execution.image_sets import Drawing, render_images
 
     config, source, seed = job.config, job.wildcards["source"], int(job.wildcards["seed"])
-    drawing = Drawing(_section(config, source, seed), config.simulator.get("camera", {}), config.unseen)
+    drawing = Drawing(_section(config, source, seed), config.camera, config.unseen)
     render_images(drawing, job.scratch, job.output("truth").parent, job.threads, job.progress)
 
 
