@@ -107,28 +107,31 @@ class Folders:
         """The folder of what belongs to a version."""
         return f"{self.root}/retrained" if version.round else self.root
 
-    def searches(self, name: str) -> list[str]:
-        """The file `name` of the search campaigns against every version that was not retrained."""
-        return [path for v in self.config.versions if not v.round for path in self.search(name, version=str(v))]
+    @property
+    def searches(self) -> list[str]:
+        """The tests of the search campaigns against every version that was not retrained."""
+        return [path for v in self.config.versions if not v.round for path in self.search("tests.parquet", version=str(v))]
 
-    def audit(self, name: str, version: str) -> list[str]:
-        """The file `name` of the random campaigns beside the searches against a version; none if a search is random itself."""
+    def audit(self, version: str) -> list[str]:
+        """The tests of the random campaigns beside the searches against a version; none if a search is random itself."""
         scenarios, seeds = self.config.search if self.config.audited else (), self.config.seeds
-        return [f"{self.root}/{AUDITS}/{scenario}/{AUDIT}/{version}/{seed}/{name}" for scenario in scenarios for seed in seeds]
+        return [f"{self.root}/{AUDITS}/{scenario}/{AUDIT}/{version}/{seed}/tests.parquet" for scenario in scenarios for seed in seeds]
 
-    def audits(self, name: str) -> list[str]:
-        """The file `name` of the audit of every version that was not retrained."""
-        return [path for v in self.config.versions if not v.round for path in self.audit(name, str(v))]
+    @property
+    def audits(self) -> list[str]:
+        """The tests of the audit of every version that was not retrained."""
+        return [path for v in self.config.versions if not v.round for path in self.audit(str(v))]
 
     def earlier(self, kind: str, scenario: str, strategy: str, version: str, seed: str) -> list[str]:
         """The tests of the earlier campaigns that a campaign learns from: same version and seed, scenarios before its own."""
         return [f"{self.root}/{kind}/{a}/{strategy}/{version}/{seed}/tests.parquet" for a in self.config.earlier(scenario, strategy)]
 
-    def later_search(self, name: str) -> list[str]:
-        """The file `name` of the campaigns that later rounds train on: each arm's strategy against its earlier versions."""
+    @property
+    def later_searches(self) -> list[str]:
+        """The tests of the campaigns that later rounds train on: each arm's strategy against its earlier versions."""
         sources = self.config.sources
         tested = dict.fromkeys(v for version in self.config.versions for v in version.tested if v.arm in sources)
-        return [path for v in tested for path in self.search(name, strategy=sources[v.arm], version=str(v))]
+        return [path for v in tested for path in self.search("tests.parquet", strategy=sources[v.arm], version=str(v))]
 
     def held_out(self, name: str) -> list[str]:
         """The file `name` of the comparison's campaigns."""

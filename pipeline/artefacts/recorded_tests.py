@@ -32,6 +32,6 @@ def recorded(folders: Folders, test: str) -> pd.Series:
 
 def campaigns(folders: Folders) -> Mapping[str, Path]:
     """The table of each executed campaign of a study, by the beginning of its tests' names."""
-    kinds = (folders.searches, folders.audits, folders.later_search, folders.held_out)
-    paths = [Path(path) for files in kinds for path in files("tests.parquet")]
+    tables = [*folders.searches, *folders.audits, *folders.later_searches, *folders.held_out("tests.parquet")]
+    paths = map(Path, tables)
     return {"-".join(path.parts[-5:-1]): path for path in paths if path.is_file()}

@@ -26,7 +26,7 @@ def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
     return {
         "spaces": folders.spaces(config.search),
         "regions": [folders.regions(version, scenario) for scenario in config.search],
-        "tests": [*folders.search("tests.parquet", version=version), *folders.audit("tests.parquet", version)],
+        "tests": [*folders.search("tests.parquet", version=version), *folders.audit(version)],
         "detector": folders.detector(version),
         "card": [folders.model(version, "model.json")] if folders.cards else [],
     }

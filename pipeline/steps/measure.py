@@ -19,8 +19,8 @@ STEP = Step(
     "Measure the search campaigns.",
     reads=lambda folders, wildcards: {
         "spaces": folders.spaces(folders.config.search),
-        "tests": folders.searches("tests.parquet"),
-        "audit": folders.audits("tests.parquet"),
+        "tests": folders.searches,
+        "audit": folders.audits,
     },
     writes=lambda folders: {"measures": f"{folders.root}/measures.json", "theta": f"{folders.root}/theta.csv"},
     sections=lambda config, wildcards: ("strategies", "comparison.confidence", *(f"samplers.{name}" for name in config.strategies)),

@@ -31,7 +31,7 @@ def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
         "tests": folders.search("tests.parquet"),
         "frames": folders.search("frames.parquet"),
         "detections": folders.search("detections.parquet"),
-        "later_tests": folders.later_search("tests.parquet"),
+        "later_tests": folders.later_searches,
         "spaces": folders.spaces(config.search),
         "filters": [folders.filter(strategy) for strategy in dict.fromkeys(config.sources.values())],
         "models": folders.models("model.json"),

@@ -17,7 +17,7 @@ STORE, ARTIFACTS = Path("data/mlflow/mlflow.db"), Path("data/mlflow/artifacts")
 
 
 def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
-    campaigns = [*folders.search("tests.parquet"), *folders.later_search("tests.parquet"), *folders.held_out("tests.parquet")]
+    campaigns = [*folders.search("tests.parquet"), *folders.later_searches, *folders.held_out("tests.parquet")]
     return {
         "measures": f"{folders.root}/measures.json",
         "comparison": f"{folders.root}/comparison.json",

@@ -426,9 +426,9 @@ def test_a_round_learns_from_all_campaigns_before_it(tmp_path: Path) -> None:
     own = jobs_of("smoke", "retraining.rounds=2", "seeds=[0,4]", "retraining.seeds=[0,4]", "retraining.searches=own")
     root, alone = "data/smoke/retrained/campaigns", own.folders.added("adaptive-r2-s4", "adaptive", "frames.parquet")
     assert {path.split("/")[-2] for path in alone} == {"4"} and f"{root}/F2/mixed/adaptive-s4/4/frames.parquet" in alone
-    assert [path.split("/")[-3:-1] for path in own.folders.later_search("tests.parquet")[:2]] == [["random", "0"], ["random", "0"]]
+    assert [path.split("/")[-3:-1] for path in own.folders.later_searches[:2]] == [["random", "0"], ["random", "0"]]
     assert folders.parent("adaptive-r2-s4", "model.json") == "data/smoke/retrained/models/adaptive-s4/model.json"
-    later = folders.later_search("tests.parquet")
+    later = folders.later_searches
     assert "data/smoke/retrained/campaigns/F2/random/random/0/tests.parquet" in later and len(set(later)) == len(later) == 4 * 2
     assert "rounds.png" in " ".join(folders.plots) and len(folders.models("model.json")) == 13
     jobs = planned(copy(tmp_path, config))
