@@ -207,8 +207,7 @@ def extracts(campaign: Campaign, model: Path, count: int = 2) -> Image.Image:
         concrete = campaign.space.decode(point)
         episode = simulator.execute(concrete, detector, keep_every=1)
         title = f"{campaign.scenario}, {campaign.strategy}: failure {place} of {campaign.failures}"
-        units = {variable.name: variable.unit for variable in campaign.space.variables}
-        replay = Replay(episode, title, concrete, study.campaign.failure_threshold_s, units)
+        replay = Replay(episode, title, concrete, study.campaign.failure_threshold_s, campaign.space.units)
         moments.append(draw_replay(replay)[most_telling_frame(episode)])
     return Image.fromarray(np.concatenate(moments))
 

@@ -45,9 +45,8 @@ def run(options: argparse.Namespace) -> int:
     section = as_tested(config.detector, read_calibration(folders.calibrations([version])))
     detector = make_detector(section, Path(folders.detector(version)))
     episode = Reruns(config, lambda _: detector, 1, lambda *_: None).execute(test)
-    units = {variable.name: variable.unit for variable in space.variables}
     threshold_s = config.campaign.failure_threshold_s
-    replay = Replay(episode, options.test, test.concrete, threshold_s, units)
+    replay = Replay(episode, options.test, test.concrete, threshold_s, space.units)
     render_replay(replay, options.out, replay.frames_per_second)
     found = kpi.evaluate(episode.signals, threshold_s)
     changed = differences(row, found)

@@ -54,9 +54,8 @@ def run(options: argparse.Namespace) -> int:
         onnx = onnx_of(options.model, Path(folder))
         episode = executed(Setup(study.simulator, described, study.detector, onnx, study.car, study.limits, keep_every=1), concrete)
     threshold = study.campaign.failure_threshold_s
-    units = {variable.name: variable.unit for variable in space.variables}
     title = f"{described.label}, detector {options.model}"
-    replay = Replay(episode, title, concrete, threshold, units)
+    replay = Replay(episode, title, concrete, threshold, space.units)
     render_replay(replay, options.out, replay.frames_per_second)
     result = kpi.evaluate(episode.signals, threshold)
     print(f"{options.out}: {result.failure_mode if result.failure else 'no failure'}, adj. TTC {result.adj_ttc_s:.2f} s")

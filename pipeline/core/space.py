@@ -51,6 +51,11 @@ class Space:
         return tuple(variable.name for variable in self.variables)
 
     @property
+    def units(self) -> dict[str, str]:
+        """The unit of each variable, by name; empty for none."""
+        return {variable.name: variable.unit for variable in self.variables}
+
+    @property
     def sizes(self) -> tuple[int, ...]:
         """Number of categories of each variable."""
         return tuple(variable.size for variable in self.variables)

@@ -207,8 +207,7 @@ def _stills(fix: Fix, episodes: Both, threshold_s: float) -> BeforeAfter:
 
 def _film(reruns: Reruns, test: Chosen, space: Space, threshold_s: float) -> Film:
     episode = reruns.execute(test)
-    units = {variable.name: variable.unit for variable in space.variables}
-    replay = Replay(episode, test.heading, test.concrete, threshold_s, units)
+    replay = Replay(episode, test.heading, test.concrete, threshold_s, space.units)
     with tempfile.TemporaryDirectory() as folder:
         video = Path(folder) / "replay.mp4"
         render_replay(replay, video)

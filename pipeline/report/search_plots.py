@@ -137,16 +137,12 @@ def _vertical_axes(axis: Axes, space: Space) -> None:
         for height, value, side in ((-0.04, low, "top"), (1.04, high, "bottom")):
             text = value if isinstance(value, str) else f"{value:g}"
             axis.text(position + 0.04, height, text, ha="left", va=side, fontsize=8)
-    titles = [name.replace("_", "\n") + (f"\n({unit})" if unit else "") for name, unit in _titles(space)]
+    titles = [name.replace("_", "\n") + (f"\n({unit})" if unit else "") for name, unit in space.units.items()]
     axis.set_xticks(range(len(space)), titles)
     axis.tick_params(axis="x", length=0, pad=8)
     axis.set(yticks=[], ylim=(-0.16, 1.16), xlim=(-0.4, len(space) - 0.6))
     for spine in axis.spines.values():
         spine.set_visible(False)
-
-
-def _titles(space: Space) -> list[tuple[str, str]]:
-    return [(variable.name, variable.unit) for variable in space.variables]
 
 
 def coverage_bars(measures: Measures, labels: Mapping[str, str]) -> Figure:
