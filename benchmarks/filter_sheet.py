@@ -19,7 +19,7 @@ from pipeline.artefacts.dataset import decode_jpeg
 from pipeline.artefacts.tables import read_frames
 from pipeline.config.composing import compose
 from pipeline.core.visibility import MIN_VISIBLE_PIXELS
-from pipeline.report.border import SIDES
+from pipeline.report.border import VISIBLE
 
 FOLDER = Path(__file__).resolve().parents[1] / "docs" / "filter-sheet"
 CASES, COLUMNS, ROWS = 210, 7, 6
@@ -69,7 +69,7 @@ def _spread(rows: pd.DataFrame, measure: str, count: int, rng: np.random.Generat
 def tile(row: pd.Series, number: int) -> NDArray[np.uint8]:
     """The enlarged surroundings of a pedestrian, who is in the middle and unmarked, with the case number below."""
     image = decode_jpeg(row["image"])
-    box = row[SIDES].to_numpy(float)
+    box = row[VISIBLE].to_numpy(float)
     side = max(CONTEXT, 1.6 * float(np.max(box[2:] - box[:2])))
     left, top = (box[:2] + box[2:]) / 2 - side / 2
     scale = TILE / side

@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 
 from pipeline.artefacts.dataset import decode_jpeg
 from pipeline.artefacts.tables import read_frames
+from pipeline.core.signals import SIDES
 
 JUDGED = ("visible", "few_pixels", "low_contrast")
 """Reasons that the two thresholds decide."""
 CROP = 72
-SIDES = ["visible_left", "visible_top", "visible_right", "visible_bottom"]
+VISIBLE = [f"visible_{side}" for side in SIDES]
+"""Columns of the box around the visible part of the pedestrian."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,7 @@ def cases(rows: pd.DataFrame, frames: Sequence[Path]) -> list[Case]:
         if not len(wanted):
             continue
         for row in read_frames(path).merge(rows[["test_id", "step", "kept"]], on=["test_id", "step"]).to_dict("records"):
-            crop, box = _crop(decode_jpeg(row["image"]), np.array([row[side] for side in SIDES]))
+            crop, box = _crop(decode_jpeg(row["image"]), np.array([row[side] for side in VISIBLE]))
             shown = int(row["visible_pixels"]), float(row["contrast"])
             found[row["test_id"], row["step"]] = Case(row["test_id"], row["step"], bool(row["kept"]), *shown, crop, box)
     keys = zip(rows["test_id"], rows["step"], strict=True)

@@ -7,11 +7,10 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 from PIL import Image
 
-from pipeline.artefacts.tables import read_detections, read_frames
+from pipeline.artefacts.tables import frame_box, read_detections, read_frames
 from pipeline.core.boxes import Box
 from pipeline.core.signals import SIDES
 
@@ -72,13 +71,8 @@ def _with_boxes(path: Path, rows: pd.DataFrame, images: Sequence[bytes]) -> Iter
     stored = read_detections(path.with_name("detections.parquet"))
     stored = stored[stored["test_id"].isin(rows["test_id"])].set_index(["test_id", "step"]).sort_index()
     for (_, row), image in zip(rows.iterrows(), images, strict=True):
-        key, truth = (row["test_id"], row["step"]), _box(row, "visible_")
+        key, truth = (row["test_id"], row["step"]), frame_box(row, "visible")
         own = stored.loc[[key]] if key in stored.index else stored.iloc[:0]
-        boxes = [(_box(one, ""), float(one["score"])) for _, one in own.iterrows()]
-        ranked = sorted(((box, score) for box, score in boxes if box), key=lambda found: -found[1])
+        boxes = [((left, top, right, bottom), score) for left, top, right, bottom, score in own[[*SIDES, "score"]].to_numpy(float).tolist()]
+        ranked = sorted(boxes, key=lambda found: -found[1])
         yield str(row["test_id"]), Moment(image, Image.open(io.BytesIO(image)).size, truth, tuple(ranked))
-
-
-def _box(row: pd.Series, prefix: str) -> Box | None:
-    sides = tuple(float(row[f"{prefix}{side}"]) for side in SIDES)
-    return None if np.isnan(sides).any() else (sides[0], sides[1], sides[2], sides[3])
