@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -28,6 +29,11 @@ class Found:
 
     region: FailureRegion
     group: Group
+
+    def rng(self, purpose: str) -> np.random.Generator:
+        """Random numbers for tests of the region: the same for the same purpose, name and rule."""
+        digest = hashlib.sha256(f"{purpose} {self.region.name} {self.region.rule}".encode()).digest()
+        return np.random.default_rng(int.from_bytes(digest[:8], "big"))
 
 
 @dataclass(frozen=True)

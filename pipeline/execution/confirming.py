@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -51,8 +50,7 @@ class FreshTests:
         return tuple(self._with(one.region, *pair, holds) for one, pair, holds in zip(found, pairs, status, strict=True))
 
     def _drawn(self, found: Found) -> tuple[Floats, Floats]:
-        seed = int.from_bytes(hashlib.sha256(f"confirm {found.region.name} {found.region.rule}".encode()).digest()[:8], "big")
-        rng, rule = np.random.default_rng(seed), found.group.rule
+        rng, rule = found.rng("confirm"), found.group.rule
         return draw_inside(self.space, rule, self.tests, rng), draw_just_outside(self.space, rule, self.tests, rng)
 
     def _outcomes(self, points: Floats, threads: int, progress: Progress) -> list[Outcome]:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import reduce
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from pipeline.analysis.failure_regions import Found
@@ -63,9 +61,8 @@ class Counterfactuals:
     def chosen(self, found: Found, rows: pd.DataFrame, outcomes: Outcomes) -> list[Failure]:
         """Failures of a region, drawn at random without repeats. rows: of tests.parquet, by test_id."""
         region = found.region
-        seed = int.from_bytes(hashlib.sha256(f"explain {region.name} {region.rule}".encode()).digest()[:8], "big")
         count = min(self.tests, len(region.members))
-        drawn = np.random.default_rng(seed).choice(len(region.members), count, replace=False)
+        drawn = found.rng("explain").choice(len(region.members), count, replace=False)
         names = [region.members[i] for i in sorted(drawn)]
         return [Failure(region.name, name, concrete(rows.loc[name], outcomes.space)) for name in names]
 
