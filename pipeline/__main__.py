@@ -107,13 +107,9 @@ def check_wildcard(wildcard: str, value: str, step: Step, config: Config) -> Non
         check_name(value, "-")
     except ValueError as error:
         raise InputError(f"--{wildcard}: {error}") from error
-    known = {
-        "scenario": list(config.scenarios),
-        "strategy": list(config.samplers),
-        "version": list(dict.fromkeys(["base", *map(str, config.versions)])),
-    }
-    if value not in known.get(wildcard, [value]):
-        raise InputError(f"--{wildcard}: there is no {shown(value)}{nearest(value, known[wildcard])}")
+    known = config.wildcards.get(wildcard, [value])
+    if value not in known:
+        raise InputError(f"--{wildcard}: there is no {shown(value)}{nearest(value, known)}")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

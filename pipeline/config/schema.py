@@ -243,6 +243,12 @@ class Config(Section):
             return tuple(map(Version, self.tested))
         return versions(self.arms, self.retraining.rounds, self.retraining.seeds)
 
+    @property
+    def wildcards(self) -> dict[str, list[str]]:
+        """The names that a job may have as its scenario, strategy and version; `base` is one in every study."""
+        versions = dict.fromkeys([BASE, *map(str, self.versions)])
+        return {"scenario": list(self.scenarios), "strategy": list(self.samplers), "version": list(versions)}
+
     def version(self, name: str) -> Version:
         """The version of a name, which may be a detector that the study only tests."""
         return Version(name) if name in self.tested else Version.named(name)

@@ -14,7 +14,6 @@ from pipeline import steps
 from pipeline.artefacts.folders import Folders
 from pipeline.config.schema import Config
 from pipeline.contract import Files, Step, Wildcards, step_of
-from pipeline.core.lineage import BASE
 from pipeline.errors import InputError
 
 STAGES = {
@@ -66,13 +65,7 @@ class Jobs:
     @property
     def constraints(self) -> dict[str, str]:
         """The possible values of wildcards in every rule."""
-        config = self.config
-        return {
-            "scenario": "|".join(config.scenarios),
-            "strategy": "|".join(config.samplers),
-            "version": "|".join(dict.fromkeys([BASE, *map(str, config.versions)])),
-            "seed": r"\d+",
-        }
+        return {name: "|".join(known) for name, known in self.config.wildcards.items()} | {"seed": r"\d+"}
 
     def maker(self, path: str) -> Target | None:
         """The job that makes a file; None if no step does."""
