@@ -47,7 +47,6 @@ def explained(region: FailureRegion, changes: Sequence[Change], rows: pd.DataFra
 
 def _repair(change: Change, rows: pd.DataFrame, confidence: float) -> Repair:
     counted = Counted.of(~rows["failure"].to_numpy(bool), (rows["status"] == "error").to_numpy(bool))
-    low, high = counted.interval(confidence)
     return Repair(
         change=change.text,
         values=dict(change.values),
@@ -55,7 +54,7 @@ def _repair(change: Change, rows: pd.DataFrame, confidence: float) -> Repair:
         tests=counted.tests,
         repaired=counted.failures,
         errors=counted.errors,
-        rate=Estimate(value=counted.failures / counted.tests, low=low, high=high) if counted.tests else None,
+        rate=Estimate.of(counted, confidence),
     )
 
 

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from pipeline.artefacts.files import read_json, write_json
 from pipeline.config.messages import message
+from pipeline.core.counted import Counted
 from pipeline.errors import InputError
 
 ModelT = TypeVar("ModelT", bound="Result")
@@ -30,6 +31,12 @@ class Estimate(Result):
     value: float
     low: float
     high: float
+
+    @staticmethod
+    def of(counted: Counted, confidence: float) -> Estimate | None:
+        """The failure rate of independent tests with its exact interval; None without tests."""
+        low, high = counted.interval(confidence)
+        return Estimate(value=counted.failures / counted.tests, low=low, high=high) if counted.tests else None
 
 
 def write(path: Path, result: Result) -> None:

@@ -63,6 +63,5 @@ class FreshTests:
         return region.model_copy(update={"confirmation": found, "status": "confirmed" if holds else "not confirmed"})
 
     def _fresh(self, counted: Counted) -> Fresh:
-        low, high = counted.interval(self.confidence)
-        rate = Estimate(value=counted.failures / counted.tests, low=low, high=high) if counted.tests else None
+        rate = Estimate.of(counted, self.confidence)
         return Fresh(tests=counted.tests, failures=counted.failures, errors=counted.errors, rate=rate)
