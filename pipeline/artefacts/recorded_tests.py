@@ -1,8 +1,8 @@
-"""The executed tests of a study, by name."""
+"""The executed tests of a study, by name, and those below any folders."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -35,3 +35,11 @@ def campaigns(folders: Folders) -> Mapping[str, Path]:
     tables = [*folders.searches, *folders.audits, *folders.later_searches, *folders.held_out("tests.parquet")]
     paths = map(Path, tables)
     return {"-".join(path.parts[-5:-1]): path for path in paths if path.is_file()}
+
+
+def tables_below(folders: Sequence[Path]) -> list[Path]:
+    """Every tests.parquet below some folders, sorted; InputError if there is none."""
+    paths = sorted({path for folder in folders for path in folder.rglob("tests.parquet")})
+    if not paths:
+        raise InputError(f"{', '.join(map(str, folders))}: expected campaigns, found no tests.parquet")
+    return paths

@@ -189,13 +189,11 @@ def weighed(folders: Sequence[Path], exposure: ExposureFile) -> dict[str, Rate]:
     import pandas as pd
 
     from pipeline.artefacts.points import encode_tests
+    from pipeline.artefacts.recorded_tests import tables_below
     from pipeline.artefacts.tables import read_tests
     from pipeline.core.likelihood.reweighted import reweighted
 
-    paths = sorted({path for folder in folders for path in folder.rglob("tests.parquet")})
-    if not paths:
-        raise InputError(f"{', '.join(map(str, folders))}: expected campaigns, found no tests.parquet")
-    tables = {path: read_tests(path) for path in paths}
+    tables = {path: read_tests(path) for path in tables_below(folders)}
     for path, table in tables.items():
         for strategy in set(table["strategy"]) - {INDEPENDENT}:
             raise InputError(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from pipeline.core.car import Car
+    from pipeline.core.identity import CampaignId
 
 HELP = "Judge stored tests again at other IoUs and thresholds."
 
@@ -42,13 +43,14 @@ def run(options: argparse.Namespace) -> int:
     """
     import pandas as pd
 
+    from pipeline.artefacts.recorded_tests import tables_below
+    from pipeline.artefacts.tables import campaign_of, read_tests
+
     config = load(options.params)
     if options.out:
         check_output(options.out)
     cars = asked(config, options)
-    campaigns = sorted({path.parent for folder in options.folders for path in folder.rglob("tests.parquet")})
-    if not campaigns:
-        raise InputError(f"{', '.join(map(str, options.folders))}: expected campaigns, found no tests.parquet")
+    campaigns = {path.parent: campaign_of(read_tests(path), path) for path in tables_below(options.folders)}
     if options.drive:
         check_campaigns(campaigns, config)
     wrong = [problem for folder in campaigns for problem in disagreements(folder, config)]
@@ -82,26 +84,21 @@ def asked(config: Config, options: argparse.Namespace) -> list[Car]:
         raise InputError(f"--iou and --threshold: {error}") from error
 
 
-def check_campaigns(folders: Sequence[Path], config: Config) -> None:
-    """InputError for a campaign that the study cannot execute, because it lacks the scenario or the version."""
-    from pipeline.artefacts.tables import campaign_of, read_tests
-
-    for path in (folder / "tests.parquet" for folder in folders):
-        campaign = campaign_of(read_tests(path), path)
-        known = {"scenario": config.scenarios, "version": [str(version) for version in config.versions]}
+def check_campaigns(campaigns: Mapping[Path, CampaignId], config: Config) -> None:
+    """InputError for a campaign that the study cannot execute, because it lacks the scenario or the version. campaigns: by folder."""
+    known = {"scenario": config.scenarios, "version": [str(version) for version in config.versions]}
+    for folder, campaign in campaigns.items():
         for kind, names in known.items():
             if (name := getattr(campaign, kind)) not in names:
-                raise InputError(f"{path}: expected a {kind} of study {config.study} ({', '.join(names)}), got '{name}'")
+                path, wanted = folder / "tests.parquet", ", ".join(names)
+                raise InputError(f"{path}: expected a {kind} of study {config.study} ({wanted}), got '{name}'")
 
 
-def by_version(campaigns: Sequence[Path]) -> dict[str, list[Path]]:
+def by_version(campaigns: Mapping[Path, CampaignId]) -> dict[str, list[Path]]:
     """The folders of campaigns by the version that they test."""
-    from pipeline.artefacts.tables import campaign_of, read_tests
-
     found: dict[str, list[Path]] = {}
-    for folder in campaigns:
-        path = folder / "tests.parquet"
-        found.setdefault(campaign_of(read_tests(path), path).version, []).append(folder)
+    for folder, campaign in campaigns.items():
+        found.setdefault(campaign.version, []).append(folder)
     return found
 
 
