@@ -67,6 +67,11 @@ def ttc(signals: Signals) -> Floats:
     return result
 
 
+def running_adj_ttc(signals: Signals) -> Floats:
+    """Adjusted TTC of each row, (t,) seconds: its TTC, divided by one plus the false positives up to it; NaN where TTC is undefined."""
+    return np.asarray(ttc(signals) / (1 + np.cumsum(signals["false_positives"])))
+
+
 def evaluate(signals: Signals, failure_threshold_s: float) -> Kpi:
     """Compute every KPI of one test execution from its signals.
 

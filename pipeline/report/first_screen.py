@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from pipeline.core.episode import Episode, KeptFrame
-from pipeline.core.kpi import evaluate, ttc
+from pipeline.core.kpi import evaluate, running_adj_ttc
 from pipeline.core.space import Space, Value
 from pipeline.core.words import meanings
 from pipeline.report.page import BeforeAfter, Film, FirstScreen
@@ -67,7 +67,7 @@ def drive(test_id: str, version: str, episode: Episode, threshold_s: float) -> F
 
 def draw_drive(episode: Episode) -> list[Pixels]:
     """The frames of `drive`, each (height, width, 3) uint8 RGB with even height and width."""
-    adjusted = ttc(episode.signals) / (1 + np.cumsum(episode.signals["false_positives"]))
+    adjusted = running_adj_ttc(episode.signals)
     views = [(kept, draw_view(kept)) for kept in episode.frames]
     return [np.concatenate([_strip(episode, kept, float(adjusted[kept.step]), view.shape[1]), view]) for kept, view in views]
 

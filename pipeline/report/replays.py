@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from pipeline.core.episode import Episode, KeptFrame
-from pipeline.core.kpi import Kpi, evaluate, ttc
+from pipeline.core.kpi import Kpi, evaluate, running_adj_ttc
 from pipeline.core.space import Value
 from pipeline.report.kept_frames import most_telling
 from pipeline.report.style import GRID, INK, data_uri, styled
@@ -180,7 +180,7 @@ def _draw_signals(axis: Axes, episode: Episode, kpi: Kpi, threshold_s: float) ->
     remaining.spines["right"].set_position(("outward", 62))
     axis.plot(time_s, episode.signals["confidence"], color=CONFIDENCE_COLOUR, linewidth=1.8)
     speed.plot(time_s, episode.signals["ego_speed_mps"], color=SPEED_COLOUR, linewidth=1.8)
-    shown = ttc(episode.signals) / (1 + np.cumsum(episode.signals["false_positives"]))
+    shown = running_adj_ttc(episode.signals)
     remaining.plot(time_s, shown, color=TTC_COLOUR, linewidth=1.8)
     failed = shown <= threshold_s
     remaining.plot(time_s[failed], shown[failed], "o", color="#d62828", markersize=6)
