@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
-from pipeline.config.components import make_detector, make_simulator
 from pipeline.config.composing import compose, functional_scenario
 from pipeline.config.project import typed
 from pipeline.core import kpi
@@ -16,10 +15,9 @@ from pipeline.core.episode import Episode
 from pipeline.core.names import nearest
 from pipeline.core.space import Space, Value
 from pipeline.errors import InputError, SimulationError
-from pipeline.execution.guarded import GuardedDetector, GuardedSimulator
 from pipeline.execution.pool import Pool
 from pipeline.execution.worker import Broken, Calls
-from pipeline.execution.workers import Setup
+from pipeline.execution.workers import Setup, guarded
 
 PLAIN: Mapping[str, Value] = {
     "rain": 0, "fog": 0, "sun_azimuth": 120, "sun_altitude": 45, "pedestrian_shift": 0, "pedestrian_speed": 1.4, "animation": "walking",
@@ -72,8 +70,7 @@ def executed(setup: Setup, concrete: Mapping[str, Value]) -> Episode:
 
 
 def _execution(setup: Setup, calls: Calls) -> Callable[[Mapping[str, Value]], Episode]:
-    simulator = GuardedSimulator(make_simulator(setup.simulator, setup.scenario, setup.car))
-    detector = GuardedDetector(make_detector(setup.detector, setup.model), calls)
+    simulator, detector = guarded(setup, calls)
 
     def execute(concrete: Mapping[str, Value]) -> Episode:
         try:

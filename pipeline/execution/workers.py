@@ -80,9 +80,14 @@ class Workers:
         self._pool.close()
 
 
-def _executor(setup: Setup, calls: Calls) -> Callable[[Execution], None]:
+def guarded(setup: Setup, calls: Calls) -> tuple[GuardedSimulator, GuardedDetector]:
+    """The simulator and the detector of one process."""
     simulator = GuardedSimulator(make_simulator(setup.simulator, setup.scenario, setup.car))
-    detector = GuardedDetector(make_detector(setup.detector, setup.model), calls)
+    return simulator, GuardedDetector(make_detector(setup.detector, setup.model), calls)
+
+
+def _executor(setup: Setup, calls: Calls) -> Callable[[Execution], None]:
+    simulator, detector = guarded(setup, calls)
 
     def execute(job: Execution) -> None:
         started = time.perf_counter()
