@@ -47,7 +47,7 @@ def compare(held_out: HeldOut, named: Mapping[str, Bools], digest: str, regions:
     sequence. regions: of the base."""
     results = _Results(held_out, policy)
     versions, groups = held_out.versions, results.groups()
-    group_pairs = tuple(results.group_pair(against, group) for against, group in combinations(groups, 2))
+    group_pairs = results.group_pairs(groups)
     over_seeds = {pair.group: pair for pair in group_pairs if pair.against == groups[0].group}
     parts = parts_of(held_out, named)
     gates = {version: results.gate(version, over_seeds[Version.named(version).group], parts) for version in versions[1:]}
@@ -75,8 +75,7 @@ def compared_again(held_out: HeldOut, iou: float, first: float, policy: Policy) 
     """The groups of versions once more, on the same tests judged at a second IoU instead of the first."""
     results = _Results(held_out, policy)
     groups = results.groups()
-    pairs = tuple(results.group_pair(against, group) for against, group in combinations(groups, 2))
-    return SecondIou(iou=iou, first=first, groups=groups, group_pairs=pairs)
+    return SecondIou(iou=iou, first=first, groups=groups, group_pairs=results.group_pairs(groups))
 
 
 @dataclass(frozen=True)
@@ -170,6 +169,10 @@ class _Results:
             scenarios={scenario: _estimate(core.group_failures(part, self.policy.confidence)) for scenario, part in parts.items()},
             against_base=failures.value / base if base else None,
         )
+
+    def group_pairs(self, groups: Sequence[GroupResult]) -> tuple[GroupPair, ...]:
+        """Each group against every earlier one."""
+        return tuple(self.group_pair(against, group) for against, group in combinations(groups, 2))
 
     def group_pair(self, against: GroupResult, group: GroupResult) -> GroupPair:
         before, after = ([self.outcomes[version] for version in found.versions] for found in (against, group))

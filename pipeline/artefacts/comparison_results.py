@@ -207,6 +207,11 @@ class Comparison(Result):
         """The comparison of a version with an earlier one; None if either is missing."""
         return next((pair for pair in self.pairs if (pair.version, pair.against) == (version, against)), None)
 
+    @property
+    def seeds(self) -> int:
+        """Number of seeds of retraining."""
+        return max(len(group.versions) for group in self.groups)
+
     def passes(self, version: str) -> bool:
         """Whether a version passed the gate; False for the base, which the gate does not judge."""
         return self.gate[version].startswith("passes")

@@ -171,7 +171,7 @@ def group_rows(comparison: Comparison) -> list[tuple[str, ...]]:
 
 
 def _averaged(comparison: Comparison) -> str:
-    seeds = max(len(group.versions) for group in comparison.groups)
+    seeds = comparison.seeds
     return f"means over {seeds} seeds of retraining with Student's intervals" if seeds > 1 else "one seed of retraining"
 
 

@@ -25,9 +25,8 @@ def headline(comparison: Comparison) -> str:
     parts = [f"On the held-out {where}, {base.group} fails {mean_text(base.failures.value)} of {base.tests} tests."]
     parts += [base_rate_sentence(comparison.base_rates), *_against_base(comparison)]
     parts += _at_second_iou(comparison)
-    seeds = max(len(group.versions) for group in comparison.groups)
-    if seeds > 1:
-        parts.append(f"Numbers in brackets: mean failures over {seeds} seeds of retraining.")
+    if comparison.seeds > 1:
+        parts.append(f"Numbers in brackets: mean failures over {comparison.seeds} seeds of retraining.")
     return " ".join(filter(None, parts))
 
 
