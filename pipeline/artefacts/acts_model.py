@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pipeline.artefacts.acts_constraints import TRUTH, Typed, read_constraint
-from pipeline.artefacts.spelling import NUMBER
 from pipeline.artefacts.statements import Statement, read_text, space_with
+from pipeline.core.comparisons import NUMBER
 from pipeline.core.names import nearest
 from pipeline.core.space import Space, Variable
 from pipeline.errors import InputError

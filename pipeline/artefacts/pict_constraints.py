@@ -11,8 +11,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from pipeline.artefacts.spelling import NUMBER
 from pipeline.artefacts.statements import Statement, rows_where
+from pipeline.core.comparisons import NUMBER
 from pipeline.core.expressions import Every, Expression, Not, Some
 from pipeline.core.names import nearest
 from pipeline.core.space import Variable

@@ -11,7 +11,8 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline.artefacts.space_file import MOST_CATEGORIES
-from pipeline.artefacts.spelling import NUMBER, Spellings
+from pipeline.artefacts.spelling import Spellings
+from pipeline.core.comparisons import NUMBER
 from pipeline.core.space import Floats, Ints, Variable
 from pipeline.core.variable import number_text
 

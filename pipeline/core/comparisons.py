@@ -14,6 +14,7 @@ from pipeline.core.expressions import MOST_ROWS, OneOf
 from pipeline.core.variable import Variable, number_text
 
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,4})?", re.ASCII)
+"""The text of a number in a table, a model or a constraint."""
 SIGNS: dict[str, Callable[[int, int], bool]] = {
     "=": operator.eq,
     "!=": operator.ne,
