@@ -11,7 +11,7 @@ from pipeline.contract import Job, Step
 from pipeline.errors import InputError
 from pipeline.steps import campaign
 
-FOLDER = "held_out/{scenario}/{strategy}/{version}/{seed}"
+FOLDER = campaign.FOLDER.replace("{kind}", campaign.HELD_OUT)
 
 STEP = Step(
     "Judge held-out tests at a second IoU; those in which the car would have braked differently are executed again.",
