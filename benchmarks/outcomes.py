@@ -57,5 +57,6 @@ def mean_difference(differences: ArrayLike) -> str:
 
     One search, or several that differ equally, tell nothing of the spread, so they have no interval.
     """
-    low, high = mean_interval(differences)
-    return f"{np.mean(differences):+.1f}" + (f" ({low:+.1f} to {high:+.1f})" if np.ptp(differences) > TOLERANCE else "")
+    values = np.asarray(differences, float)
+    low, high = mean_interval(values)
+    return f"{values.mean():+.1f}" + (f" ({low:+.1f} to {high:+.1f})" if np.ptp(values) > TOLERANCE else "")
