@@ -20,7 +20,8 @@ def recorded(folders: Folders, test: str) -> pd.Series:
     if not tables:
         raise InputError(f"study {folders.config.study} has no executed campaign here; make it with ./run")
     if campaign not in tables:
-        raise InputError(f"study {folders.config.study} has no campaign '{campaign}'{nearest(campaign, list(tables))}")
+        hint = _elsewhere(campaign, Path(folders.root).parent) or nearest(campaign, list(tables))
+        raise InputError(f"study {folders.config.study} has no campaign '{campaign}'{hint}")
     table = read_tests(tables[campaign]).set_index("test_id", drop=False)
     if test not in table.index:
         raise InputError(f"{tables[campaign]} has the tests {table.index[0]} to {table.index[-1]}, got {test}")
@@ -28,6 +29,14 @@ def recorded(folders: Folders, test: str) -> pd.Series:
     if row["status"] == "error":
         raise InputError(f"{test} ended in an error, so there is nothing to replay: {row['reason']}")
     return row
+
+
+def _elsewhere(campaign: str, data: Path) -> str:
+    """Which study with a params.yaml of its own, as `test-detector` makes them, has executed a campaign; empty if none."""
+    for params in sorted(data.glob("*/params.yaml")):
+        if any("-".join(path.parts[-5:-1]) == campaign for path in params.parent.glob("*/*/*/*/*/tests.parquet")):
+            return f"; study {params.parent.name} has: add --params {params}"
+    return ""
 
 
 def campaigns(folders: Folders) -> Mapping[str, Path]:

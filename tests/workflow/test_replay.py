@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from contextlib import chdir
 from pathlib import Path
 from typing import Any
@@ -51,6 +52,16 @@ def test_another_outcome_is_told(study: StudyFolder, capsys: pytest.CaptureFixtu
     assert replay(study) == 1
     assert "false_positives 0 instead of 7" in capsys.readouterr().out
     write_tests(table(study), rows, space)
+
+
+def test_the_study_that_has_a_test_is_named(study: StudyFolder, capsys: pytest.CaptureFixture[str]) -> None:
+    other = study.root / "data/best-7692c3ad"
+    (other / "campaigns/F1/random/best/0").mkdir(parents=True)
+    shutil.copy(table(study), other / "campaigns/F1/random/best/0")
+    (other / "params.yaml").touch()
+    assert replay(study, "F1-random-best-0-00001") == 2
+    message = "study smoke has no campaign 'F1-random-best-0'; study best-7692c3ad has: add --params data/best-7692c3ad/params.yaml\n"
+    assert capsys.readouterr().err.endswith(message)
 
 
 @pytest.mark.parametrize(
