@@ -334,6 +334,8 @@ def _table(rows: list[list[str]]) -> list[str]:
 
 def _announce_compilation() -> None:
     """Say why the first call on a machine takes longer."""
-    cached = Path(arrays.__file__).parent / "__pycache__"
-    if not any(cached.glob("annealing.*.nbi")) or not any(cached.glob("counting.*.nbi")):
+    from numba import config
+
+    cached = Path(config.CACHE_DIR or Path(arrays.__file__).parent / "__pycache__")
+    if not any(cached.rglob("annealing.*.nbi")) or not any(cached.rglob("counting.*.nbi")):
         print(f"compiling the kernels of {counting.__package__}, once on this machine …", file=sys.stderr, flush=True)

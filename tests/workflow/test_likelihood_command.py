@@ -82,6 +82,7 @@ def test_random_campaigns_are_weighed_and_searches_refused(tmp_path: Path, capsy
         (["below=2"], "below must be a number between 0 and 1, got '2'"),
         (["below=0.1", "method=subset"], "below: only monte_carlo stops once a limit is settled, got method=subset"),
         (["scenario=F1,F1"], "scenario: expected distinct scenarios, got F1,F1"),
+        (["scenario=all", "exposure=uniform"], "scenario=all: exposure 'uniform' has no shares of scenarios, so name them, as in"),
         (["scenario=N1"], "scenario: N1 asks the ego not to brake"),
         (["budget"], "expected key=value, got 'budget'"),
         (["--from", "nowhere"], "nowhere: expected campaigns, found no tests.parquet"),
