@@ -24,10 +24,12 @@ def held(path: Path, wait: Callable[[], None]) -> Iterator[bool]:
             if not _same(file, path):  # The process before removed it.
                 os.close(file)
                 file = _opened(path)
-        yield waited
+        try:
+            yield waited
+        finally:  # Not where Ctrl-C ends the waiting: the file is then that of the process at work.
+            if _same(file, path):
+                path.unlink()
     finally:
-        if _same(file, path):
-            path.unlink()
         os.close(file)
 
 

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import fcntl
+import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
+
+import pytest
 
 from pipeline.artefacts.job_lock import held
 
@@ -46,3 +50,13 @@ def test_a_killed_process_holds_no_lock(tmp_path: Path) -> None:
     assert path.exists()
     with held(path, lambda: None) as waited:
         assert not waited
+
+
+def test_ctrl_c_in_waiting_leaves_the_lock_to_its_holder(tmp_path: Path) -> None:
+    path = tmp_path / "a.lock"
+    with other_holds(path, 60) as process:
+        with pytest.raises(KeyboardInterrupt), held(path, lambda: signal.raise_signal(signal.SIGINT)):
+            pass
+        with path.open("rb") as file, pytest.raises(BlockingIOError):
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        process.kill()
