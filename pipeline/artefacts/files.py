@@ -27,7 +27,7 @@ def write_bytes(path: Path, data: bytes, *, flush: bool = True) -> None:
 
     flush: whether the file is on the disk when this returns. A caller that writes many files flushes them together, with `flush_all`.
     """
-    _make_folder(path.parent)
+    make_folder(path.parent)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         with temporary.open("wb") as file:
@@ -44,12 +44,14 @@ def write_bytes(path: Path, data: bytes, *, flush: bool = True) -> None:
         _flush_folder(path.parent)
 
 
-def _make_folder(folder: Path) -> None:
-    """Make a folder and those above it; InputError if a file is in the way."""
+def make_folder(folder: Path) -> None:
+    """Make a folder and those above it; InputError that names the file, or the link to nothing, that is in the way."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError) as error:
-        raise InputError(f"{folder}: expected a folder to write in, got a file; move it away") from error
+        there = next(path for path in (folder, *folder.parents) if os.path.lexists(path))
+        got = f"a link to {os.readlink(there)}, which is missing" if there.is_symlink() and not there.exists() else "a file; move it away"
+        raise InputError(f"{there}: expected a folder to write in, got {got}") from error
 
 
 def remove_unfinished(paths: Iterable[Path]) -> None:

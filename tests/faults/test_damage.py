@@ -18,7 +18,7 @@ from damage_faults import READERS, artefacts, flipped, stamp
 from pipeline.__main__ import main
 from pipeline.artefacts import files, stamps
 from pipeline.artefacts.dataset import Record, write_image, write_truth
-from pipeline.artefacts.files import read_sealed, sha256, write_sealed
+from pipeline.artefacts.files import read_sealed, sha256, write_json, write_sealed
 from pipeline.artefacts.model_card import CurvePoint, read_card, write_card, write_curve
 from pipeline.artefacts.tables import DETECTIONS, TIMINGS, read_signals, write_detections, write_timings
 from pipeline.config.composing import compose
@@ -260,3 +260,12 @@ def test_a_database_whose_migration_was_broken_off_names_the_way_to_a_new_one(tm
         database.execute("CREATE TABLE _alembic_tmp_metrics (key TEXT)")
     with pytest.raises(InputError, match=rf"damaged \(a migration was interrupted at _alembic_tmp_metrics\); .* type: mv {store} "):
         connect(store)
+
+
+@pytest.mark.parametrize("below", ["", "a/b"])
+def test_what_is_in_the_way_of_a_folder_is_named(below: str, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    (tmp_path / "link").symlink_to("/nowhere/data")
+    for name, got in {"file": "a file; move it away", "link": "a link to /nowhere/data, which is missing"}.items():
+        with pytest.raises(InputError, match=f"^{tmp_path / name}: expected a folder to write in, got {got}$"):
+            write_json(tmp_path / name / below / "made.json", {})
