@@ -17,7 +17,6 @@ from pipeline.config.project import typed
 from pipeline.core import kpi
 from pipeline.core.columns import columns
 from pipeline.core.kpi import Kpi
-from pipeline.errors import InputError
 
 HELP = "Execute a test of the study again, write its replay and compare the result with its row."
 
@@ -32,11 +31,10 @@ def run(options: argparse.Namespace) -> int:
     """Print whether the test ends as recorded; exit code 1 if it does not."""
     from pipeline.detectors.calibrated import as_tested
     from pipeline.report.examples import Chosen
-    from pipeline.report.replays import Replay, render_replay
+    from pipeline.report.replays import Replay, check_replay, render_replay
     from pipeline.report.reruns import Reruns
 
-    if options.out.suffix not in (".mp4", ".gif"):
-        raise InputError(f"--out: a replay must be an .mp4 or a .gif, got {options.out.name}")
+    check_replay(options.out)
     config = load(options.params)
     folders = Folders(config)
     row = recorded(folders, options.test)

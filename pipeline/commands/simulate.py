@@ -40,10 +40,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Execute the scenario with the detector, write the replay and print the result as one line."""
     from pipeline.detectors.yolo.export import onnx_of
-    from pipeline.report.replays import Replay, render_replay
+    from pipeline.report.replays import Replay, check_replay, render_replay
 
-    if options.out.suffix not in (".mp4", ".gif"):
-        raise InputError(f"--out: a replay must be an .mp4 or a .gif, got {options.out.name}")
+    check_replay(options.out)
     described = functional_scenario(options.scenario)
     space = described.logical_space()
     concrete = concrete_scenario(space, options.assignments)

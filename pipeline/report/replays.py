@@ -21,9 +21,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
 
+from pipeline.artefacts.files import check_output, make_folder
 from pipeline.core.episode import Episode, KeptFrame
 from pipeline.core.kpi import Kpi, evaluate, running_adj_ttc
 from pipeline.core.space import Value
+from pipeline.errors import InputError
 from pipeline.report.kept_frames import most_telling
 from pipeline.report.style import GRID, INK, data_uri, styled
 
@@ -77,6 +79,14 @@ class Layout:
     signal_top: int
     signal_bottom: int
     last_s: float
+
+
+def check_replay(path: Path) -> None:
+    """Make the folder of a replay; InputError if the replay cannot be written there: before the work, not after it."""
+    if path.suffix not in (".mp4", ".gif"):
+        raise InputError(f"--out: a replay must be an .mp4 or a .gif, got {path.name}")
+    make_folder(path.parent)
+    check_output(path)
 
 
 def render_replay(replay: Replay, path: Path, frames_per_second: int = 5) -> None:
