@@ -79,7 +79,8 @@ def _code(path: str, text: bytes) -> bytes:
     """A file without Python's comments and docstrings, nor the lines that hold nothing else."""
     if not path.endswith(".py"):
         return text
-    lines: list[str | None] = list(text.decode().splitlines(keepends=True))
+    # As bytes: Python's lines end at line feeds alone, but those of a text also at form feeds and other signs.
+    lines: list[str | None] = [line.decode() for line in text.splitlines(keepends=True)]
     tokens = [token for token in tokenize.tokenize(io.BytesIO(text).readline) if token.type != tokenize.NL]
     for token in tokens:
         if token.type == tokenize.COMMENT:

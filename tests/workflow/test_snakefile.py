@@ -391,6 +391,12 @@ def test_a_search_without_kept_frames_is_refused_at_the_start() -> None:
         jobs_of("default", "campaign.keep_every=0")
 
 
+def test_no_sign_in_a_text_hides_code() -> None:
+    code = "x = 1\ny = '\u2028'\n\x0cz = 2\nw = 3\n"
+    text = "'''A module.'''\n" + code.replace("1", "1  # Why.").replace("z = 2", "z = 2\n'''Of z.'''")
+    assert sources._code("module.py", text.encode()).decode() == code
+
+
 def test_a_changed_line_makes_exactly_its_steps_stale_but_no_comment_or_docstring(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = copy(tmp_path, compose("smoke", []))
 
