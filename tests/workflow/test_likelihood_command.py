@@ -39,7 +39,7 @@ def test_a_stopped_estimate_resumes_and_a_finished_one_executes_nothing(
     assert "the same command resumes" in capsys.readouterr().out
     kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "F1" / "journal").glob("*.npz")}
     assert len(kept) >= 30
-    assert likelihood(tmp_path, "scenario=F1", "exposure=uniform") == 0
+    assert likelihood(tmp_path, "scenario=F1", "exposure=uniform") == 0 and not (tmp_path / "F1" / "journal").exists()
     first = capsys.readouterr().out
     assert re.search(r"^F1: failure probability 0\.\d+, 95 % interval 0\.\d+ to 0\.\d+; \d+ of 120 tests fail$", first, re.MULTILINE)
     assert re.search(r"^95 % sure: below .* under exposure 'uniform', after 120 tests$", first, re.MULTILINE)
