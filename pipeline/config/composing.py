@@ -50,11 +50,13 @@ def compose(study: str, overrides: Sequence[str]) -> Config:
             # The overrides of a study decide which scenarios it needs; the scenarios' overrides come last.
             chosen = [word for word in overrides if not word.lstrip("+~").startswith("scenario")]
             plain = composed(overrides, _scenarios(composed(chosen)))
-        except (HydraException, OmegaConfBaseException) as error:
-            shipped = composed([], _scenarios(composed([])))
-            raise InputError(_override_message(shipped, overrides) or f"overrides: {str(error).splitlines()[0]}") from error
+        except InputError:
+            raise
         except (yaml.YAMLError, UnicodeDecodeError) as error:
             raise InputError(_unreadable() or f"{CONF}: {error}") from error
+        except (HydraException, OmegaConfBaseException, ValueError) as error:  # ValueError: a number for a file, as in `camera=640`.
+            shipped = composed([], _scenarios(composed([])))
+            raise InputError(_override_message(shipped, overrides) or f"overrides: {str(error).splitlines()[0]}") from error
     config = validate(plain, "conf/")
     check_components(config)
     return config
@@ -102,6 +104,8 @@ def _override_message(plain: Any, overrides: Sequence[str]) -> str:
         if override.startswith("+"):  # Its key may be new.
             continue
         key, _, value = override.partition("=")
+        if not key:
+            return f"expected key=value, got {shown(override)}"
         if (CONF / key).is_dir() and value not in (files := _choices(key)):
             return f"there is no conf/{key}/{value}.yaml{nearest(value, files)}"
         section, path = plain, [] if (CONF / key).is_dir() else key.lstrip("~").split(".")
