@@ -13,6 +13,7 @@ from pathlib import Path
 import grimp
 
 from pipeline.artefacts.files import write_bytes
+from pipeline.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[1]
 STORED = Path(".cache/digests.json")
@@ -61,7 +62,7 @@ def source_digests(module: str) -> dict[str, str]:
     raw = {path: hashlib.sha256(text).hexdigest() for path, text in texts.items()}
     if new := {path: raw[path] for path in texts if raw[path] not in known}:
         known |= {digest: hashlib.sha256(_code(path, texts[path])).hexdigest() for path, digest in new.items()}
-        with suppress(OSError):
+        with suppress(OSError, InputError):
             write_bytes(STORED, json.dumps(known).encode(), flush=False)
     return {path: known[digest] for path, digest in raw.items()}
 

@@ -12,6 +12,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from pipeline.artefacts.files import write_bytes
+from pipeline.errors import InputError
 
 PARTS = Path(".cache/stamps")
 MARKS = "changed"
@@ -22,7 +23,7 @@ def remember(digest: str, parts: Mapping[str, str]) -> None:
     """Store the parts of a digest: the name of each with its own digest, which may have parts itself."""
     path = PARTS / f"{digest}.json"
     if not path.exists():
-        with suppress(OSError):
+        with suppress(OSError, InputError):
             write_bytes(path, json.dumps(parts).encode(), flush=False)
 
 

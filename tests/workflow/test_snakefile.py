@@ -14,6 +14,7 @@ from snakemake.settings.types import DAGSettings
 
 from pipeline import sources
 from pipeline.artefacts.files import sha256
+from pipeline.artefacts.stamp_parts import remember
 from pipeline.artefacts.stamps import Stamp
 from pipeline.config.composing import CONF, compose, dump
 from pipeline.config.schema import Config
@@ -389,6 +390,15 @@ def test_only_a_whole_run_prints_its_verdict(monkeypatch: pytest.MonkeyPatch) ->
 def test_a_search_without_kept_frames_is_refused_at_the_start() -> None:
     with pytest.raises(InputError, match=r"^campaign\.keep_every must be at least 1, or no frame is left to train on, got 0$"):
         jobs_of("default", "campaign.keep_every=0")
+
+
+def test_a_cache_that_cannot_be_written_stops_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    paths = sources.sources("pipeline.errors")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / ".cache").symlink_to("/nowhere/cache")
+    monkeypatch.setattr(sources, "_known", dict)
+    assert list(sources.source_digests.__wrapped__("pipeline.errors")) == list(paths)
+    remember("a digest", {"a part": "another"})
 
 
 def test_no_sign_in_a_text_hides_code() -> None:
