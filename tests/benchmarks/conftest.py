@@ -17,6 +17,7 @@ with pytest.MonkeyPatch.context() as patch:
         "what_is_left",
         "rounds",
         "where_it_pays",
+        "front_car",
         "completion",
         "scaling",
     ):
