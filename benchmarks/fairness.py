@@ -112,6 +112,7 @@ def row(planned: CampaignPlan, done: Sequence[tuple[dict[str, float | str], Kpi 
         "low_%": 100 * low,
         "high_%": 100 * high,
         "contacts": sum(kpi.contact for kpi in judged),
+        "false_positives": sum(kpi.failure_mode == "false_positives" for kpi in judged),
         "not_solvable": sum(kpi.cause == "not_solvable" for kpi in judged),
         "false_activations": number,
         "mean_duration_s": sum(kpi.false_activation_s for kpi in braking) / number if number else float("nan"),
