@@ -17,11 +17,11 @@ def recorded(folders: Folders, test: str) -> pd.Series:
     """The row of a test; InputError if the study has no such test, or if it ended in an error."""
     tables = campaigns(folders)
     campaign = test.rpartition("-")[0]
-    if not tables:
-        raise InputError(f"study {folders.config.study} has no executed campaign here; make it with ./run")
     if campaign not in tables:
-        hint = _elsewhere(campaign, Path(folders.root).parent) or nearest(campaign, list(tables))
-        raise InputError(f"study {folders.config.study} has no campaign '{campaign}'{hint}")
+        hint = _elsewhere(campaign, Path(folders.root).parent)
+        if not tables and not hint:
+            raise InputError(f"study {folders.config.study} has no executed campaign here; make it with ./run")
+        raise InputError(f"study {folders.config.study} has no campaign '{campaign}'{hint or nearest(campaign, list(tables))}")
     table = read_tests(tables[campaign]).set_index("test_id", drop=False)
     if test not in table.index:
         raise InputError(f"{tables[campaign]} has the tests {table.index[0]} to {table.index[-1]}, got {test}")

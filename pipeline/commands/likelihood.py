@@ -120,9 +120,11 @@ def asked(words: Sequence[str]) -> Question:
 
 def scenarios_of(question: Question, exposure: ExposureFile) -> list[str]:
     """The scenarios of a question, `all` being those that the exposure names; InputError for none and for one twice."""
-    if question.scenario == "all" and not exposure.scenarios:
-        raise InputError(f"scenario=all: exposure '{question.exposure}' has no shares of scenarios, so name them, as in scenario=F1,F2")
-    named = list(exposure.scenarios.shares) if question.scenario == "all" and exposure.scenarios else question.scenario.split(",")
+    if question.scenario == "all":
+        if exposure.scenarios is None:
+            raise InputError(f"scenario=all: exposure '{question.exposure}' has no shares of scenarios, so name them, as in scenario=F1,F2")
+        return list(exposure.scenarios.shares)
+    named = question.scenario.split(",")
     if len(set(named)) < len(named):
         raise InputError(f"scenario: expected distinct scenarios, got {question.scenario}")
     return named

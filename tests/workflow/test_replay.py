@@ -62,6 +62,13 @@ def test_the_study_that_has_a_test_is_named(study: StudyFolder, capsys: pytest.C
     assert replay(study, "F1-random-best-0-00001") == 2
     message = "study smoke has no campaign 'F1-random-best-0'; study best-7692c3ad has: add --params data/best-7692c3ad/params.yaml\n"
     assert capsys.readouterr().err.endswith(message)
+    # Also where the study in params.yaml has executed nothing.
+    held = table(study).rename(table(study).with_suffix(".held"))
+    assert replay(study, "F1-random-best-0-00001") == 2
+    assert capsys.readouterr().err.endswith(message)
+    assert replay(study, TEST) == 2
+    assert "study smoke has no executed campaign here" in capsys.readouterr().err
+    held.rename(table(study))
 
 
 @pytest.mark.parametrize(
