@@ -11,17 +11,21 @@ import hashlib
 import io
 import math
 import time
+import warnings
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass
+from functools import cache, cached_property
 from pathlib import Path
+from typing import cast
 
 import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
+from torch.optim.swa_utils import get_ema_multi_avg_fn
 
 from pipeline.artefacts.files import read_sealed, write_sealed
 from pipeline.artefacts.model_card import CurvePoint
@@ -148,6 +152,18 @@ class State:
     sums: Tensor
     curve: list[CurvePoint]
 
+    @cached_property
+    def parameters(self) -> list[Tensor]:
+        return list(self.model.parameters())
+
+    @cached_property
+    def averaging(self) -> tuple[list[Tensor], list[Tensor]]:
+        """The averaged weights and those that they follow. They share the networks' memory; listing them takes as long as averaging."""
+        averages, weights = (
+            [value for value in each.state_dict().values() if value.is_floating_point()] for each in (self.average, self.model)
+        )
+        return averages, weights
+
     def exhausted(self, patience: int) -> bool:
         """Whether the last `patience` evaluations gave no new best."""
         scores = [point.ap50 for point in self.curve]
@@ -178,8 +194,9 @@ def fit(model: Yolo, lesson: Lesson, run: Run) -> Fitted:
     saved, resumed = time.monotonic(), state.iteration
     losses: deque[Loss] = deque(maxlen=20)
     stop = schedule.iterations if validation is None or not state.exhausted(validation.patience) else state.iteration
+    forward = _Forward(state.model, device)
     for images, boxes in _batches(lesson.feed, state.iteration, stop, device):
-        losses.append(_step(state, schedule, images, boxes, device))
+        losses.append(_step(state, schedule, forward, images, boxes))
         if state.iteration % FINITE_EVERY == 0 or state.iteration == schedule.iterations:
             _check_finite(losses, state.iteration, schedule)
         if progress is not None and (state.iteration % 10 == 0 or state.iteration == schedule.iterations):
@@ -228,33 +245,58 @@ def _start(model: Yolo, schedule: Schedule, device: torch.device) -> State:
     return State(0, model, copy.deepcopy(model).eval(), optimiser, {}, torch.zeros(2, device=device), [])
 
 
-def _step(state: State, schedule: Schedule, images: Tensor, boxes: Tensor, device: torch.device) -> Loss:
-    centres, strides = (grid.to(device) for grid in cells(images.shape[3], images.shape[2]))
-    with torch.autocast(device.type, torch.bfloat16, enabled=_multiplies_bfloat16(device)):
-        output = state.model(images)
-    loss = detection_loss(*decode(output, centres, strides), boxes, centres, strides)
+class _Forward:
+    """The network in training: (n, 3, h, w) in [0, 1] to its output, in bfloat16 where that is faster.
+
+    On a GPU, all kernels of a forward or backward pass are launched at once, as a CUDA graph: one by one, launching them takes ten times
+    as long as they run.
+    """
+
+    def __init__(self, model: Yolo, device: torch.device) -> None:
+        self._model, self._device = model, device
+        self._captured: dict[torch.Size, Callable[[Tensor], Tensor]] = {}
+
+    def __call__(self, images: Tensor) -> Tensor:
+        with torch.autocast(self._device.type, torch.bfloat16, enabled=_multiplies_bfloat16(self._device), cache_enabled=False):
+            if self._device.type == "cpu":
+                output: Tensor = self._model(images)
+                return output
+            if images.shape not in self._captured:
+                self._captured[images.shape] = self._capture(images)
+            return self._captured[images.shape](images)
+
+    def _capture(self, images: Tensor) -> Callable[[Tensor], Tensor]:
+        before = {name: value.clone() for name, value in self._model.state_dict().items()}
+        # Gradients are made on the stream of the capture; autograd waits for them, but warns that this takes time.
+        warnings.filterwarnings("ignore", "The AccumulateGrad node's stream")
+        captured = torch.cuda.make_graphed_callables(nn.Sequential(self._model), (torch.zeros_like(images),))
+        self._model.load_state_dict(before)  # The capture ran the network, which changed the normalisation's statistics.
+        return cast(Callable[[Tensor], Tensor], captured)
+
+
+def _step(state: State, schedule: Schedule, forward: _Forward, images: Tensor, boxes: Tensor) -> Loss:
+    centres, strides = _grid(images.shape[3], images.shape[2], images.device)
+    loss = detection_loss(*decode(forward(images), centres, strides), boxes, centres, strides)
     loss.total.backward()  # type: ignore[no-untyped-call]
-    nn.utils.clip_grad_norm_(state.model.parameters(), 10.0)
+    nn.utils.clip_grad_norm_(state.parameters, 10.0)
     state.optimiser.step(schedule.rate(state.iteration))
     state.iteration += 1
     state.sums += torch.stack([loss.scores, loss.boxes])
     if state.iteration % 2 == 0:
-        _average(state, schedule)
+        decay = min(schedule.averaging, (1 + state.iteration) / (12 + state.iteration)) ** 2
+        get_ema_multi_avg_fn(decay)(*state.averaging, None)  # type: ignore[no-untyped-call]
     return loss
+
+
+@cache
+def _grid(width: int, height: int, device: torch.device) -> tuple[Tensor, Tensor]:
+    centres, strides = cells(width, height)
+    return centres.to(device), strides.to(device)
 
 
 def _multiplies_bfloat16(device: torch.device) -> bool:
     """Whether bfloat16 saves time. Processors without AVX-512 have no kernels for it: an iteration would take ten times as long."""
     return device.type != "cpu" or torch.backends.cpu.get_cpu_capability() not in ("DEFAULT", "AVX2")
-
-
-@torch.no_grad()
-def _average(state: State, schedule: Schedule) -> None:
-    decay = min(schedule.averaging, (1 + state.iteration) / (12 + state.iteration)) ** 2
-    current = state.model.state_dict()
-    for name, value in state.average.state_dict().items():
-        if value.dtype.is_floating_point:
-            value.lerp_(current[name], 1 - decay)
 
 
 def _batches(feed: Feed, start: int, stop: int, device: torch.device) -> Iterator[tuple[Tensor, Tensor]]:
