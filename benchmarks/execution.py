@@ -16,6 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
 from pipeline.config.components import make_simulator
@@ -67,6 +68,7 @@ def measure(config: Config, name: str, tests: int, detector: OnnxDetector) -> No
     """Time one scenario."""
     described = functional_scenario(name)
     space = described.logical_space()
+    cv2.setNumThreads(1)  # As in worker processes; waiting threads count as CPU time.
     simulator = make_simulator(config.simulator, described, config.car)
     assert isinstance(simulator, MujocoSimulator)
     simulator.execute(space.decode(space.sample(1, np.random.default_rng(0))[0]), detector)  # Warm up.

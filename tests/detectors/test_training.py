@@ -300,7 +300,7 @@ def test_a_training_that_no_longer_improves_ends_early_with_its_best_weights(tmp
     monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
 
     def ap50(model: Yolo) -> float:
-        seen.append(copy.deepcopy(model))
+        seen.append(copy.deepcopy(model).cpu())
         return (0.3, 0.7, 0.6, 0.65, 0.9)[len(seen) - 1]
 
     watch = Validation(ap50, every=2, patience=2)
