@@ -209,7 +209,7 @@ class Variable:
         if self.kind == "categorical":
             return np.minimum(np.floor(unit * self.size), self.size - 1)
         if self.kind == "integer":
-            count = self.high - self.low + 1
+            count = self.high - self.low + (0 if self.cyclic else 1)  # A cyclic variable's ends are one value.
             return np.minimum(self.low + np.floor(unit * count), self.high)
         return self.low + unit * (self.high - self.low)
 

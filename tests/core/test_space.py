@@ -21,6 +21,12 @@ def test_values_belong_to_the_nearest_category_and_cyclic_values_wrap_around() -
     assert rain.categorise(np.array([0.0, 4, 6, 94, 96, 100])).tolist() == [0, 0, 1, 9, 10, 10]
 
 
+def test_integers_are_equally_frequent_also_on_a_circle() -> None:
+    unit = (np.arange(12) + 0.5) / 12
+    assert Variable("day", "integer", "", 1, 5, 1, cyclic=True).scale(unit).tolist() == [1] * 3 + [2] * 3 + [3] * 3 + [4] * 3
+    assert Variable("day", "integer", "", 1, 4, 1).scale(unit).tolist() == [1] * 3 + [2] * 3 + [3] * 3 + [4] * 3
+
+
 @pytest.mark.parametrize(("low", "high", "step"), [(0.0, 0.6, 0.2), (-0.6, 0.6, 0.2), (0.0, 1.4, 0.2), (0.0, 11.0, 4.0)])
 def test_all_values_of_a_range_can_be_tested_and_none_beyond_it(low: float, high: float, step: float) -> None:
     variable = Variable("shift", "continuous", "m", low, high, step)
