@@ -11,14 +11,12 @@ import hashlib
 import io
 import math
 import time
-import warnings
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import cache, cached_property
 from pathlib import Path
-from typing import cast
 
 import cv2
 import numpy as np
@@ -29,6 +27,7 @@ from torch.optim.swa_utils import get_ema_multi_avg_fn
 
 from pipeline.artefacts.files import read_sealed, write_sealed
 from pipeline.artefacts.model_card import CurvePoint
+from pipeline.detectors.yolo.forward import Forward
 from pipeline.detectors.yolo.loss import Loss, detection_loss
 from pipeline.detectors.yolo.network import Yolo, cells, decode
 from pipeline.detectors.yolo.optimiser import Optimiser
@@ -194,7 +193,7 @@ def fit(model: Yolo, lesson: Lesson, run: Run) -> Fitted:
     saved, resumed = time.monotonic(), state.iteration
     losses: deque[Loss] = deque(maxlen=20)
     stop = schedule.iterations if validation is None or not state.exhausted(validation.patience) else state.iteration
-    forward = _Forward(state.model, device)
+    forward = Forward(state.model, device)
     for images, boxes in _batches(lesson.feed, state.iteration, stop, device):
         losses.append(_step(state, schedule, forward, images, boxes))
         if state.iteration % FINITE_EVERY == 0 or state.iteration == schedule.iterations:
@@ -245,36 +244,7 @@ def _start(model: Yolo, schedule: Schedule, device: torch.device) -> State:
     return State(0, model, copy.deepcopy(model).eval(), optimiser, {}, torch.zeros(2, device=device), [])
 
 
-class _Forward:
-    """The network in training: (n, 3, h, w) in [0, 1] to its output, in bfloat16 where that is faster.
-
-    On a GPU, all kernels of a forward or backward pass are launched at once, as a CUDA graph: one by one, launching them takes ten times
-    as long as they run.
-    """
-
-    def __init__(self, model: Yolo, device: torch.device) -> None:
-        self._model, self._device = model, device
-        self._captured: dict[torch.Size, Callable[[Tensor], Tensor]] = {}
-
-    def __call__(self, images: Tensor) -> Tensor:
-        with torch.autocast(self._device.type, torch.bfloat16, enabled=_multiplies_bfloat16(self._device), cache_enabled=False):
-            if self._device.type == "cpu":
-                output: Tensor = self._model(images)
-                return output
-            if images.shape not in self._captured:
-                self._captured[images.shape] = self._capture(images)
-            return self._captured[images.shape](images)
-
-    def _capture(self, images: Tensor) -> Callable[[Tensor], Tensor]:
-        before = {name: value.clone() for name, value in self._model.state_dict().items()}
-        # Gradients are made on the stream of the capture; autograd waits for them, but warns that this takes time.
-        warnings.filterwarnings("ignore", "The AccumulateGrad node's stream")
-        captured = torch.cuda.make_graphed_callables(nn.Sequential(self._model), (torch.zeros_like(images),))
-        self._model.load_state_dict(before)  # The capture ran the network, which changed the normalisation's statistics.
-        return cast(Callable[[Tensor], Tensor], captured)
-
-
-def _step(state: State, schedule: Schedule, forward: _Forward, images: Tensor, boxes: Tensor) -> Loss:
+def _step(state: State, schedule: Schedule, forward: Forward, images: Tensor, boxes: Tensor) -> Loss:
     centres, strides = _grid(images.shape[3], images.shape[2], images.device)
     loss = detection_loss(*decode(forward(images), centres, strides), boxes, centres, strides)
     loss.total.backward()  # type: ignore[no-untyped-call]
@@ -292,11 +262,6 @@ def _step(state: State, schedule: Schedule, forward: _Forward, images: Tensor, b
 def _grid(width: int, height: int, device: torch.device) -> tuple[Tensor, Tensor]:
     centres, strides = cells(width, height)
     return centres.to(device), strides.to(device)
-
-
-def _multiplies_bfloat16(device: torch.device) -> bool:
-    """Whether bfloat16 saves time. Processors without AVX-512 have no kernels for it: an iteration would take ten times as long."""
-    return device.type != "cpu" or torch.backends.cpu.get_cpu_capability() not in ("DEFAULT", "AVX2")
 
 
 def _batches(feed: Feed, start: int, stop: int, device: torch.device) -> Iterator[tuple[Tensor, Tensor]]:
