@@ -42,8 +42,15 @@ def person(concrete: Mapping[str, Value], space: Space) -> str:
     others = [text for variable, text in held if variable != people.POSE]
     noun = next((text for text in others if text in ("child", "adult")), "person")
     worn = [text for text in others if text != noun and not text.startswith("without")][:CLOTHES]
-    phrase = " ".join([*poses, noun, *worn])
+    phrase = " ".join([*poses, noun, *_together(worn)])
     return f"{'An' if phrase[0] in 'aeiou' else 'A'} {phrase}"
+
+
+def _together(worn: Sequence[str]) -> list[str]:
+    """`with a hat`, `with a bag` as `with a hat`, `and a bag`."""
+    prepositions = [text.split()[0] for text in worn]
+    repeated = [i > 0 and word == prepositions[i - 1] for i, word in enumerate(prepositions)]
+    return [text.replace(word, "and", 1) if again else text for text, word, again in zip(worn, prepositions, repeated, strict=True)]
 
 
 def conditions(concrete: Mapping[str, Value], space: Space) -> str:

@@ -23,6 +23,7 @@ from pipeline.artefacts.results import Estimate, read
 from pipeline.artefacts.search_results import Measures
 from pipeline.artefacts.tables import read_tests
 from pipeline.core.measures import pair_coverage
+from pipeline.core.space import Space, Variable
 from pipeline.detectors.scripted import VisiblePixelOracle
 from pipeline.report import sections, texts
 from pipeline.report.border import nearest
@@ -31,7 +32,7 @@ from pipeline.report.contents import draw_figures, make_page
 from pipeline.report.data import ReportData
 from pipeline.report.examples import choose_fixes, choose_regions, choose_regression
 from pipeline.report.failure_tables import CAUSES, rate_text
-from pipeline.report.first_screen import STRIP_HEIGHT, draw_drive
+from pipeline.report.first_screen import STRIP_HEIGHT, draw_drive, person
 from pipeline.report.page import Drawing, FirstScreen, Page, render
 from pipeline.report.replays import draw_view
 from pipeline.report.search_plots import kpi_scatter
@@ -194,6 +195,22 @@ def test_first_screen_shows_a_person_a_place_and_both_films(study: FabricatedStu
     )
     assert f"fog {fix.before.concrete['fog']:.3g} %" in first
     assert page.partition("Planted blind spots")[0].count("<img ") == 4, "two more fixes as stills"
+
+
+@pytest.mark.parametrize(
+    ("worn", "phrase"),
+    [
+        ({"hat": 1.0, "bag": 1.0}, "A crouching person with a hat and a bag"),
+        ({"umbrella": 1.0, "bag": 1.0}, "A crouching person under an umbrella with a bag"),
+        ({"hat": 1.0}, "A crouching person with a hat"),
+        ({}, "A crouching person"),
+    ],
+)
+def test_first_screen_says_what_a_person_wears(worn: dict[str, float], phrase: str) -> None:
+    attributes = tuple((name, (worn.get(name, 0.0), 1.0 - worn.get(name, 0.0))) for name in ("umbrella", "hat", "bag"))
+    someone = Variable("blueprint", "categorical", values=("a", "b"), attributes=attributes)
+    space = Space((someone, Variable("animation", "categorical", values=("crouching", "walking"))))
+    assert person({"blueprint": "a", "animation": "crouching"}, space) == phrase
 
 
 def test_first_screen_falls_back_to_stills_and_to_words(study: FabricatedStudy) -> None:
