@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
-from itertools import combinations
+from itertools import combinations, count
 
 import numpy as np
 import pytest
@@ -108,7 +107,7 @@ def test_lengths_of_searches_follow_the_universal_sequence() -> None:
 class Ticks(Effort):
     """Time passes by one each time it is asked, so what is found does not depend on the machine."""
 
-    passed = itertools.count()
+    passed = count()
 
     def clock(self) -> float:
         return float(next(self.passed))
