@@ -11,9 +11,13 @@ from typing import Any
 import pandas as pd
 from outcomes import TEST, of_study, write
 
+from pipeline.artefacts.folders import Folders
 from pipeline.config.composing import PARAMS, compose, load
 from pipeline.config.schema import Config
 from pipeline.errors import shown
+from pipeline.workflow.jobs import Jobs, step_names
+from pipeline.workflow.staleness import Staleness
+from pipeline.workflow.stamping import Stamps
 
 RESULTS = Path("docs/results")
 
@@ -59,10 +63,11 @@ class Experiment:
         return "\n".join(lines)
 
     def keep(self, piece: Piece) -> Path:
-        """Publish the piece that data/<study> holds; SystemExit if that is unfinished or if params.yaml describes another piece."""
+        """Publish the piece that data/<study> holds; SystemExit if that is unfinished, or if it or params.yaml is of another piece."""
         config = load(PARAMS)
         self._check(piece, config)
         outcomes, versions = of_study(config), self.versions(piece[0])
+        _check_made(config)
         if versions is not None:
             outcomes = outcomes[[*TEST, *versions]]
         self.folder.mkdir(parents=True, exist_ok=True)
@@ -96,6 +101,17 @@ class Experiment:
             print(self.keep((options.kind, options.seed)))
         else:
             print(answer(self.published()))
+
+
+def _check_made(config: Config) -> None:
+    """SystemExit for held-out tests that other settings or other code made: params.yaml may be newer than the data."""
+    jobs = Jobs(config, step_names())
+    staleness = Staleness(Stamps(jobs))
+    for path in Folders(config).held_out("tests.parquet"):
+        job = jobs.maker(path)
+        if job is not None and staleness.out_of_date(job):
+            reasons = ", ".join(staleness.reasons(job))
+            raise SystemExit(f"{path}: expected the tests of {PARAMS}, got those of other settings or code ({reasons}); execute ./run")
 
 
 def difference(expected: Mapping[str, Any], got: Mapping[str, Any]) -> str:

@@ -18,6 +18,7 @@ import where_it_pays
 from outcomes import TEST
 
 from pipeline.__main__ import main
+from pipeline.artefacts import stamps
 from pipeline.artefacts.calibration_results import DetectorCalibration
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.results import write
@@ -25,6 +26,8 @@ from pipeline.artefacts.tables import write_tests
 from pipeline.config.composing import PARAMS, compose, load
 from pipeline.config.schema import Config
 from pipeline.detectors.calibrated import calibrated
+from pipeline.workflow.jobs import Jobs, step_names
+from pipeline.workflow.stamping import Stamps
 from tests.analysis.fabricated import make_tests
 from tests.studies import ROOT
 
@@ -58,6 +61,19 @@ def execute(config: Config, versions: list[str] | None = None, seed: int = 60) -
             rows = make_tests(space, keys, space.sample(TESTS, np.random.default_rng(seed)), 5.0 * rank)
             path = Path(Folders(config).root) / "held_out" / scenario / config.comparison.strategy / version / str(seed)
             write_tests(path / "tests.parquet", rows, space)
+    stamp(config)
+
+
+def stamp(config: Config) -> None:
+    """Mark the files that are there as made by the study."""
+    jobs = Jobs(config, step_names())
+    today = Stamps(jobs)
+    for path in Folders(config).held_out("tests.parquet"):
+        if Path(path).exists():
+            job = jobs.maker(path)
+            assert job is not None
+            name = Path(jobs.outputs(job)[-1])
+            name.write_text(stamps.made(name, today.stamp(job.step, dict(job.wildcards)), [Path(path)]).text())
 
 
 def test_only_what_the_piece_made_is_published() -> None:
@@ -89,6 +105,14 @@ def test_an_unfinished_study_is_refused() -> None:
     execute(config, versions=["base"])
     with pytest.raises(SystemExit, match=r"held_out/.*/tests\.parquet: expected the tests of a finished study, got no file"):
         TINY.keep(("all", 1))
+
+
+def test_tests_of_other_settings_are_refused_although_params_yaml_is_the_piece() -> None:
+    execute(composed(TINY, ("all", 1), "retraining.iterations=7"))
+    composed(TINY, ("all", 1))
+    with pytest.raises(SystemExit, match=r"held_out/.*/control/60/tests\.parquet: expected .* params\.yaml, got .*other settings"):
+        TINY.keep(("all", 1))
+    assert not TINY.folder.exists()
 
 
 @pytest.mark.parametrize("script", [retraining, rounds, teaching, where_it_pays])
