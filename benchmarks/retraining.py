@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from outcomes import failures
+from outcomes import TEST, failures, valid
 from pieces import Experiment, Piece
 from scipy.stats import ttest_1samp
 
@@ -35,6 +35,10 @@ BASES = {
 }
 """The overrides of each base. With a uniform base, new scenes are balanced anyway; three arms are left out to save a third of the time."""
 VERSIONS = ["base", "control", "fresh", "balanced", "random", "pairwise", "coverage", "untold", "adaptive"]
+TAUGHT = ["random", "pairwise", "coverage", "untold", "adaptive"]
+"""The versions that learnt from tests."""
+STAYS = 0.9
+"""A failure stays if this share of the versions in `TAUGHT`, over all searches, has it."""
 PRIMARY = ("long_tailed", "random")
 """The primary question: does `adaptive` fail less than this version of this base?"""
 ALPHA = 0.05
@@ -51,6 +55,7 @@ def answer(pieces: Mapping[Piece, pd.DataFrame]) -> str:
         if counts:
             tests = next(len(table) for (of, _), table in pieces.items() if of == base)
             parts += [_table(base, tests, counts, {name: contrast for (of, name), contrast in found.items() if of == base})]
+            parts += [_stays([table for (of, _), table in pieces.items() if of == base])]
     return "\n\n".join(parts)
 
 
@@ -107,6 +112,23 @@ def _table(base: str, tests: int, failed: dict[str, np.ndarray], contrasts: dict
             found = contrasts[name]
             lines.append(f"{row} {_mean(found.mean, found.low, found.high)} | {found.p_value:.3f} | {found.verdict} |")
     return "\n".join(lines)
+
+
+def _stays(tables: list[pd.DataFrame]) -> str:
+    """Failures by scenario: of the base and of `adaptive` in the mean, and those that stay whatever tests a version learns from."""
+    shares = pd.concat([table[TEST].join(valid(table), how="inner") for table in tables]).groupby(TEST).mean()
+    taught = shares[[name for name in TAUGHT if name in shares]].mean(axis=1)
+    counts = {
+        "mean of `base`": (shares["base"], ".1f"),
+        "mean of `adaptive`": (shares["adaptive"], ".1f"),
+        f"of {STAYS:.0%} of the versions that learnt from tests": (taught >= STAYS, ".0f"),
+    }
+    lines = []
+    for name, (failed, digits) in counts.items():
+        each = failed.groupby("scenario").sum()
+        lines.append(f"| {name} | {' | '.join(f'{count:{digits}}' for count in [*each, each.sum()])} |")
+    scenarios = [name.replace("star", "\\*") for name in shares.index.unique("scenario")]
+    return "\n".join([f"| failures | {' | '.join(scenarios)} | all |", "|---" * (len(scenarios) + 2) + "|", *lines])
 
 
 def _failures(tables: list[pd.DataFrame]) -> dict[str, np.ndarray]:

@@ -84,3 +84,19 @@ def test_secondary_questions_share_their_alpha() -> None:
     both = {**alone, **{("uniform", seed): table for (_, seed), table in alone.items()}}
     assert [cells[-2] for cells in rows(retraining.answer(alone), "base")] == ["0.020"]
     assert [cells[-2] for cells in rows(retraining.answer(both), "base")] == ["0.040", "0.040"]
+
+
+def test_a_failure_stays_if_nearly_all_versions_that_learnt_from_tests_have_it() -> None:
+    pieces = long_tailed(adaptive=[10, 12, 14, 10, 10], random=[9, 20, 20, 20, 20])
+    for table in pieces.values():
+        table["control"] = table["base"]  # Learnt from no tests.
+        table["index"] += 1
+        table.loc[50:, "scenario"] = "F2star"
+        table.loc[50:, "adaptive"] = 1
+    pieces["long_tailed", 0].loc[0, "base"] = outcomes.ERROR  # Counts for no version of this search.
+    cells = {line.split(" | ")[0]: line.split(" | ")[1:] for line in retraining.answer(pieces).splitlines() if line.startswith("| ")}
+    assert cells["| failures"] == ["F1\\*", "F2\\*", "all |"]
+    assert cells["| mean of `base`"] == ["50.0", "0.0", "50.0 |"]
+    # Ten versions: all have the tests 0 to 8, nine of them test 9; the mean of `adaptive` is that of 10, 12, 14, 10 and 10.
+    assert cells["| of 90% of the versions that learnt from tests"] == ["10", "0", "10 |"]
+    assert cells["| mean of `adaptive`"] == ["11.2", "50.0", "61.2 |"]
