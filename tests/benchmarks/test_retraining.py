@@ -98,5 +98,5 @@ def test_a_failure_stays_if_nearly_all_versions_that_learnt_from_tests_have_it()
     assert cells["| failures"] == ["F1\\*", "F2\\*", "all |"]
     assert cells["| mean of `base`"] == ["50.0", "0.0", "50.0 |"]
     # Ten versions: all have the tests 0 to 8, nine of them test 9; the mean of `adaptive` is that of 10, 12, 14, 10 and 10.
-    assert cells["| of 90% of the versions that learnt from tests"] == ["10", "0", "10 |"]
+    assert cells["| of 90 % of the versions that learnt from tests"] == ["10", "0", "10 |"]
     assert cells["| mean of `adaptive`"] == ["11.2", "50.0", "61.2 |"]
