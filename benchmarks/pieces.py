@@ -45,6 +45,10 @@ class Experiment:
     def path(self, piece: Piece) -> Path:
         return self.folder / f"{piece[0]}-{piece[1]}.csv.gz"
 
+    def left(self, piece: Piece) -> Path:
+        """Where a piece publishes what repairs the failures that are left."""
+        return self.folder / f"left-{piece[0]}-{piece[1]}.csv"
+
     def published(self) -> dict[Piece, pd.DataFrame]:
         """The outcomes of all published pieces."""
         return {piece: pd.read_csv(self.path(piece)) for piece in self.compose if self.path(piece).exists()}

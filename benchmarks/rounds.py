@@ -11,12 +11,11 @@ how many failures of the last `adaptive` version each changed part of the loop r
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import pandas as pd
 from outcomes import failures, mean_difference
 from pieces import Experiment, Piece
-from what_is_left import what_is_left
+from what_is_left import as_table, what_is_left
 
 from pipeline.config.composing import PARAMS, load
 
@@ -33,12 +32,7 @@ OVERRIDES = (
 def publish_left(piece: Piece, _: pd.DataFrame) -> None:
     """Executes the last version's failures again, for a minute."""
     config = load(PARAMS)
-    what_is_left(config, version("adaptive", ROUNDS[-1]), list(config.held_out)).to_csv(left_path(piece))
-
-
-def left_path(piece: Piece) -> Path:
-    """Where a piece publishes what repairs the failures that are left."""
-    return EXPERIMENT.folder / f"left-{piece[0]}-{piece[1]}.csv"
+    what_is_left(config, version("adaptive", ROUNDS[-1]), list(config.held_out)).to_csv(EXPERIMENT.left(piece))
 
 
 EXPERIMENT = Experiment(
@@ -53,7 +47,7 @@ def version(arm: str, after: int) -> str:
 
 def answer(pieces: Mapping[Piece, pd.DataFrame]) -> str:
     """The page's tables, with what is left as it is published beside the outcomes."""
-    left = [pd.read_csv(left_path(piece), index_col="part") for piece in pieces]
+    left = [pd.read_csv(EXPERIMENT.left(piece), index_col="part") for piece in pieces]
     return tables([failures(table) for table in pieces.values()], left)
 
 
@@ -69,9 +63,7 @@ def tables(failed: list[dict[str, int]], left: list[pd.DataFrame]) -> str:
         lines.append(f"| `{arm}` | {cells} | {_change(failed, version(arm, ROUNDS[0]), version(arm, ROUNDS[-1]))} |")
     last = version("adaptive", ROUNDS[-1])
     lines += ["", f"`{last}` minus `{version('random', ROUNDS[-1])}`: {_change(failed, version('random', ROUNDS[-1]), last)}.", ""]
-    repaired = sum(left[1:], start=left[0])
-    lines += [f"| failures of `{last}` | {' | '.join(repaired)} |", "|---" * (1 + repaired.shape[1]) + "|"]
-    lines += [f"| {' | '.join(map(str, row))} |" for row in repaired.itertuples()]
+    lines += [as_table(left, last)]
     return "\n".join(lines)
 
 

@@ -16,7 +16,7 @@ Reads params.yaml and the finished study that it describes. A part that repairs 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -111,6 +111,14 @@ def what_is_left(config: Config, version: str, scenarios: list[str]) -> pd.DataF
                 progress(done, len(parts(0.5)), f"{scenario}: {name}")
             columns[scenario] = repaired
     return pd.DataFrame(columns).rename_axis("part").reset_index().set_index("part")
+
+
+def as_table(left: Sequence[pd.DataFrame], version: str) -> str:
+    """What `what_is_left` found in one or more studies, summed, as Markdown."""
+    repaired = sum(left[1:], start=left[0])
+    scenarios = [name.replace("star", "\\*") for name in repaired]
+    lines = [f"| failures of `{version}` | {' | '.join(scenarios)} | all |", "|---" * (2 + len(scenarios)) + "|"]
+    return "\n".join([*lines, *(f"| {part} | {' | '.join(map(str, [*row, row.sum()]))} |" for part, row in repaired.iterrows())])
 
 
 def _failures(config: Config, scenario: str, tests: pd.DataFrame, part: Part, detector: Detector) -> int:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import warnings
+from pathlib import Path
 
 import numpy as np
 import outcomes
 import pandas as pd
+import pieces
 import pytest
 import retraining
 
@@ -59,19 +61,19 @@ def test_equal_differences_have_no_spread_and_show_nothing(ahead: int) -> None:
 
 def test_an_equivalence_is_judged_alone() -> None:
     """As the docstring says: Holm's method leaves the interval as it is."""
-    pieces = long_tailed(adaptive=[10, 11, 10, 9], random=[50, 51, 50, 50])
-    for table, count in zip(pieces.values(), [11, 10, 10, 9], strict=True):
+    searches = long_tailed(adaptive=[10, 11, 10, 9], random=[50, 51, 50, 50])
+    for table, count in zip(searches.values(), [11, 10, 10, 9], strict=True):
         table["control"] = (np.arange(100) < count).astype(int)
-    alone = row(retraining.answer(pieces), "control")
-    pieces |= {("uniform", seed): table for (_, seed), table in pieces.items()}
-    assert rows(retraining.answer(pieces), "control") == [alone, alone] and alone[-1] == "equivalent"
+    alone = row(retraining.answer(searches), "control")
+    searches |= {("uniform", seed): table for (_, seed), table in searches.items()}
+    assert rows(retraining.answer(searches), "control") == [alone, alone] and alone[-1] == "equivalent"
 
 
 def test_a_test_with_an_error_counts_for_no_version() -> None:
-    pieces = long_tailed(adaptive=[10, 12], random=[20, 20])
-    for table in pieces.values():
+    searches = long_tailed(adaptive=[10, 12], random=[20, 20])
+    for table in searches.values():
         table.loc[0, "base"] = outcomes.ERROR
-    assert row(retraining.answer(pieces), "adaptive")[1] == "9, 11"
+    assert row(retraining.answer(searches), "adaptive")[1] == "9, 11"
 
 
 def test_secondary_questions_share_their_alpha() -> None:
@@ -87,16 +89,29 @@ def test_secondary_questions_share_their_alpha() -> None:
 
 
 def test_a_failure_stays_if_nearly_all_versions_that_learnt_from_tests_have_it() -> None:
-    pieces = long_tailed(adaptive=[10, 12, 14, 10, 10], random=[9, 20, 20, 20, 20])
-    for table in pieces.values():
+    searches = long_tailed(adaptive=[10, 12, 14, 10, 10], random=[9, 20, 20, 20, 20])
+    for table in searches.values():
         table["control"] = table["base"]  # Learnt from no tests.
         table["index"] += 1
         table.loc[50:, "scenario"] = "F2star"
         table.loc[50:, "adaptive"] = 1
-    pieces["long_tailed", 0].loc[0, "base"] = outcomes.ERROR  # Counts for no version of this search.
-    cells = {line.split(" | ")[0]: line.split(" | ")[1:] for line in retraining.answer(pieces).splitlines() if line.startswith("| ")}
+    searches["long_tailed", 0].loc[0, "base"] = outcomes.ERROR  # Counts for no version of this search.
+    cells = {line.split(" | ")[0]: line.split(" | ")[1:] for line in retraining.answer(searches).splitlines() if line.startswith("| ")}
     assert cells["| failures"] == ["F1\\*", "F2\\*", "all |"]
     assert cells["| mean of `base`"] == ["50.0", "0.0", "50.0 |"]
     # Ten versions: all have the tests 0 to 8, nine of them test 9; the mean of `adaptive` is that of 10, 12, 14, 10 and 10.
     assert cells["| of 90 % of the versions that learnt from tests"] == ["10", "0", "10 |"]
     assert cells["| mean of `adaptive`"] == ["11.2", "50.0", "61.2 |"]
+
+
+def test_repairs_are_summed_over_the_pieces_that_publish_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pieces, "RESULTS", tmp_path)
+    searches = long_tailed(adaptive=[10, 12, 14], random=[20, 20, 20])
+    assert "Repaired" not in retraining.answer(searches)
+    retraining.EXPERIMENT.folder.mkdir()
+    for seed in (0, 2):
+        repaired = pd.DataFrame({"F1star": [10 + seed, 4], "F2star": [1, 0]}, index=pd.Index(["failures", "true boxes"], name="part"))
+        repaired.to_csv(retraining.EXPERIMENT.left(("long_tailed", seed)))
+    lines = retraining.answer(searches).splitlines()
+    assert "Repaired by a changed part of the loop, seeds 0, 2:" in lines
+    assert lines[-2:] == ["| failures | 22 | 2 | 24 |", "| true boxes | 8 | 0 | 8 |"]

@@ -25,7 +25,7 @@ def test_rounds_by_hand() -> None:
     # Differences -10 and -12: mean -11, standard error 1, t quantile 12.706 with one degree of freedom.
     assert "| `adaptive` | 20, 20 | 14, 10 | 10, 8 | -11.0 (-23.7 to +1.7) |" in answer
     assert "`adaptive-r3` minus `random-r3`: -2.5 (-21.6 to +16.6)." in answer
-    assert answer[-2:] == ["| failures | 5 | 13 |", "| true boxes | 0 | 2 |"]
+    assert answer[-2:] == ["| failures | 5 | 13 | 18 |", "| true boxes | 0 | 2 | 2 |"]
 
 
 def test_one_search_has_no_interval() -> None:
