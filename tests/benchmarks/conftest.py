@@ -16,6 +16,7 @@ with pytest.MonkeyPatch.context() as patch:
         "teaching",
         "what_is_left",
         "rounds",
+        "longer",
         "where_it_pays",
         "front_car",
         "completion",

@@ -6,6 +6,7 @@ import shlex
 from pathlib import Path
 from types import ModuleType
 
+import longer
 import numpy as np
 import pandas as pd
 import pieces
@@ -115,7 +116,7 @@ def test_tests_of_other_settings_are_refused_although_params_yaml_is_the_piece()
     assert not TINY.folder.exists()
 
 
-@pytest.mark.parametrize("script", [retraining, rounds, teaching, where_it_pays])
+@pytest.mark.parametrize("script", [retraining, rounds, longer, teaching, where_it_pays])
 def test_what_the_plan_composes_is_the_piece(script: ModuleType) -> None:
     experiment = script.EXPERIMENT
     piece = list(experiment.compose)[-1]
