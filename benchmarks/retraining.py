@@ -124,7 +124,7 @@ def _table(base: str, tests: int, failed: dict[str, np.ndarray], contrasts: dict
             lines.append(f"{row} – | – | – |")
         else:
             found = contrasts[name]
-            lines.append(f"{row} {_mean(found.mean, found.low, found.high)} | {found.p_value:.3f} | {found.verdict} |")
+            lines.append(f"{row} {_mean(found.mean, found.low, found.high)} | {_p_value(found.p_value)} | {found.verdict} |")
     return "\n".join(lines)
 
 
@@ -160,6 +160,10 @@ def _failures(tables: list[pd.DataFrame]) -> dict[str, np.ndarray]:
         return {}
     counts = [failures(table) for table in tables]
     return {name: np.array([count[name] for count in counts]) for name in VERSIONS if name in counts[0]}
+
+
+def _p_value(value: float) -> str:
+    return "< 0.001" if value < 0.001 else f"{value:.3f}"
 
 
 def _mean(mean: float, low: float, high: float) -> str:

@@ -13,6 +13,12 @@ import pytest
 import retraining
 
 
+@pytest.fixture(autouse=True)
+def no_published_piece(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Repairs are read from where pieces publish them."""
+    monkeypatch.setattr(pieces, "RESULTS", tmp_path / "results")
+
+
 def piece(tests: int = 100, **failed: int) -> pd.DataFrame:
     """A published piece: of each version, the first tests fail."""
     keys = {"scenario": "F1star", "index": range(tests), "animation": "walking", "blueprint": "W 01"}
@@ -104,11 +110,10 @@ def test_a_failure_stays_if_nearly_all_versions_that_learnt_from_tests_have_it()
     assert cells["| mean of `adaptive`"] == ["11.2", "50.0", "61.2 |"]
 
 
-def test_repairs_are_summed_over_the_pieces_that_publish_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pieces, "RESULTS", tmp_path)
+def test_repairs_are_summed_over_the_pieces_that_publish_them() -> None:
     searches = long_tailed(adaptive=[10, 12, 14], random=[20, 20, 20])
     assert "Repaired" not in retraining.answer(searches)
-    retraining.EXPERIMENT.folder.mkdir()
+    retraining.EXPERIMENT.folder.mkdir(parents=True)
     for seed in (0, 2):
         repaired = pd.DataFrame({"F1star": [10 + seed, 4], "F2star": [1, 0]}, index=pd.Index(["failures", "true boxes"], name="part"))
         repaired.to_csv(retraining.EXPERIMENT.left(("long_tailed", seed)))
