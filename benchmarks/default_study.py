@@ -20,7 +20,7 @@ from textwrap import fill
 
 import numpy as np
 import pandas as pd
-from outcomes import failures, mean_difference, of_study, valid, write
+from outcomes import failures, mean_difference, of_study, p_text, valid, write
 
 from pipeline.analysis.region_sentence import subject
 from pipeline.artefacts.comparison_results import Comparison
@@ -126,7 +126,7 @@ def answer(pieces: dict[int, pd.DataFrame], verdicts: pd.DataFrame, regions: pd.
         counted = " | ".join(str(number) for number in (seed, len(valid(piece)), *(count[name] for name in VERSIONS)))
         minutes = verdicts.loc[seed, "minutes"]
         took = "not timed" if np.isnan(minutes) else f"{minutes:.1f}"
-        p_values = f"{_p_value(piece, 'base'):.4f} | {_p_value(piece, 'control'):.4f}"
+        p_values = f"{p_text(_p_value(piece, 'base'))} | {p_text(_p_value(piece, 'control'))}"
         lines.append(f"| {counted} | {p_values} | `{verdicts.loc[seed, 'champion']}` | {took} |")
     return "\n".join([*lines, "", *_largest(pieces, regions)])
 

@@ -60,3 +60,8 @@ def mean_difference(differences: ArrayLike) -> str:
     values = np.asarray(differences, float)
     low, high = mean_interval(values)
     return f"{values.mean():+.1f}" + (f" ({low:+.1f} to {high:+.1f})" if np.ptp(values) > TOLERANCE else "")
+
+
+def p_text(p_value: float) -> str:
+    """A p-value in a table: `0.035`, `< 0.001`."""
+    return "< 0.001" if p_value < 0.001 else f"{p_value:.3f}"

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from outcomes import TEST, failures, valid
+from outcomes import TEST, failures, p_text, valid
 from pieces import Experiment, Piece
 from scipy.stats import ttest_1samp
 from what_is_left import as_table, what_is_left
@@ -124,7 +124,7 @@ def _table(base: str, tests: int, failed: dict[str, np.ndarray], contrasts: dict
             lines.append(f"{row} – | – | – |")
         else:
             found = contrasts[name]
-            lines.append(f"{row} {_mean(found.mean, found.low, found.high)} | {_p_value(found.p_value)} | {found.verdict} |")
+            lines.append(f"{row} {_mean(found.mean, found.low, found.high)} | {p_text(found.p_value)} | {found.verdict} |")
     return "\n".join(lines)
 
 
@@ -160,10 +160,6 @@ def _failures(tables: list[pd.DataFrame]) -> dict[str, np.ndarray]:
         return {}
     counts = [failures(table) for table in tables]
     return {name: np.array([count[name] for count in counts]) for name in VERSIONS if name in counts[0]}
-
-
-def _p_value(value: float) -> str:
-    return "< 0.001" if value < 0.001 else f"{value:.3f}"
 
 
 def _mean(mean: float, low: float, high: float) -> str:

@@ -34,8 +34,8 @@ def test_counts_and_p_values_by_hand() -> None:
     text = answer(better, worse)
     said = " ".join(text.split())
     # Nine fixes without a regression: p = 2 / 2**9; five: 2 / 2**5.
-    assert "| 0 | 20 | 10 | 6 | 3 | 1 | 0.0039 | 0.0625 | `random` | 14.0 |" in text
-    assert "| 1 | 20 | 1 | 1 | 3 | 10 | 1.0000 | 1.0000 | `random` | 16.0 |" in text
+    assert "| 0 | 20 | 10 | 6 | 3 | 1 | 0.004 | 0.062 | `random` | 14.0 |" in text
+    assert "| 1 | 20 | 1 | 1 | 3 | 10 | 1.000 | 1.000 | `random` | 16.0 |" in text
     assert text.startswith("2 of 10 studies are published. ")
     assert "fails significantly less than the base in 1 of them, and less than `control` in 0. " in said
     # Differences -2 and +7: mean 2.5, standard error 4.5, t quantile 12.706 with one degree of freedom.
