@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
 import pandas as pd
 from default_study import PUBLISHED as DEFAULT
 from default_study import SEEDS as DEFAULT_SEEDS
@@ -20,7 +19,6 @@ from matplotlib.figure import Figure
 from outcomes import mean_difference, valid
 from pieces import RESULTS, Experiment, Piece
 
-from pipeline.core.statistics import mean_interval
 from pipeline.report.style import legend_below, panels, save_png, series_colours, styled
 
 BASES = {
@@ -80,14 +78,16 @@ def rates(pieces: Mapping[Piece, pd.DataFrame]) -> dict[tuple[str, int], pd.Data
     return found
 
 
-def left(failed: pd.DataFrame, version: str) -> tuple[float, float, float]:
-    """The failures that a version leaves, in percent of the base's: mean over the searches and ends of Student's interval."""
-    share = 100 * failed[version] / failed["base"]
-    return (float(share.mean()), *mean_interval(share, limits=(0, np.inf)))
+def left(failed: pd.DataFrame, version: str) -> pd.Series:
+    """The failures that a version leaves, in percent of the base's, for each search."""
+    return 100 * failed[version] / failed["base"]
 
 
 def figure(found: Mapping[tuple[str, int], pd.DataFrame]) -> Figure:
-    """The share of the base's failures that each version leaves: against the executions, and against how often the base fails."""
+    """The share of the base's failures that each version leaves: against the executions, and against how often the base fails.
+
+    A dot is a search, the line joins the means. The intervals of two or three searches are in the table: here they would hide the dots.
+    """
     with styled():
         drawn, [[executions, strength]] = panels(1, 2, width=4.6, height=3.4)
         axes = {
@@ -96,14 +96,15 @@ def figure(found: Mapping[tuple[str, int], pd.DataFrame]) -> Figure:
         }
         for axis, points in axes.items():
             for name, colour in series_colours(["random", "adaptive"]).items():
-                means, low, high = np.array([left(failed, name) for _, failed in points]).T
-                shift = 0.97 if name == "random" else 1.03  # Side by side, so that neither interval hides the other.
-                at = [shift * x for x, _ in points]
-                axis.errorbar(at, means, yerr=[means - low, high - means], color=colour, marker="o", capsize=3, label=name)
-            axis.set(ylim=(0, None), xscale="log")
+                shift = 0.97 if name == "random" else 1.03  # Side by side, so that neither hides the other.
+                at, shares = [shift * x for x, _ in points], [left(failed, name) for _, failed in points]
+                axis.plot(at, [each.mean() for each in shares], color=colour, label=name)
+                for x, each in zip(at, shares, strict=True):
+                    axis.scatter([x] * len(each), each, color=colour, s=18, alpha=0.5, linewidths=0)
+            axis.set(xscale="log")
             axis.set_xticks([round(x, 1) for x, _ in points], labels=[f"{x:,d}" if axis is executions else f"{x:.1f}" for x, _ in points])
             axis.minorticks_off()
-        executions.set(xlabel="tests a scenario, base long_tailed", ylabel="failures left, % of the base's")
+        executions.set(xlabel="tests a scenario, base long_tailed", ylabel="failures left, % of the base's", ylim=(0, None))
         strength.set(xlabel=f"held-out tests that the base fails, %; {DEFAULT_KIND[1]} tests a scenario")
         legend_below(drawn, [executions, strength])
     return drawn

@@ -28,9 +28,8 @@ def test_rates_by_hand() -> None:
 
 def test_what_is_left_of_the_bases_failures_by_hand() -> None:
     found = where_it_pays.rates({("weak-100", seed): piece(base=20, random=10, adaptive=count) for seed, count in enumerate((6, 7, 8))})
-    assert where_it_pays.left(found["weak", 100], "random") == (50, 50, 50)
-    # 30, 35 and 40 %: standard error 5 / sqrt(3), t quantile 4.303 with two degrees of freedom.
-    assert np.allclose(where_it_pays.left(found["weak", 100], "adaptive"), (35, 22.58, 47.42), atol=0.01)
+    assert list(where_it_pays.left(found["weak", 100], "random")) == [50, 50, 50]
+    assert np.allclose(where_it_pays.left(found["weak", 100], "adaptive"), [30, 35, 40])
     tests, strength = where_it_pays.figure(found).axes
     assert list(tests.get_xticks()) == [100] and [text.get_text() for text in strength.get_xticklabels()] == ["18.5", "40.0"]
 
