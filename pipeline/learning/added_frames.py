@@ -96,6 +96,14 @@ def choose(config: Config, sources: Mapping[str, Source], version: Version, seed
     capacities = {name: selection.capacity(pool, settings.empty_share) for name, pool in pools.items()}
     count = min(settings.added_frames * version.round, *capacities.values())
     if count == 0:
-        none = ", ".join(name for name, capacity in capacities.items() if not capacity)
-        raise InputError(f"arms: no frame is left to train {none} on; run more tests, or relax `filter` or `retraining.selection`")
+        lacking = ", ".join(_counted(name, pools[name]) for name, capacity in capacities.items() if not capacity)
+        raise InputError(
+            f"arms: too few frames to train {lacking}, and `retraining.empty_share` needs both kinds; run more tests, or relax `filter` or "
+            "`retraining.selection`"
+        )
     return selection.draw(pools[version.arm], count, settings.empty_share, seed)
+
+
+def _counted(arm: str, pool: pd.DataFrame) -> str:
+    empty = int(pool["empty"].sum())
+    return f"{arm} on ({len(pool) - empty} with a pedestrian, {empty} without)"

@@ -23,9 +23,12 @@ from pipeline.core.truth import Truth
 from pipeline.protocols import Admitted, Detector
 from pipeline.scenarios.functional import FunctionalScenario
 
-WIDTH, HEIGHT = 64, 64
+WIDTH, HEIGHT = 320, 192
+"""As the default camera's images, on which the shipped detectors were trained."""
 SPEED_MPS, HORIZON_S, STEP_S, BRAKE_MPS2 = 10.0, 3.0, 0.1, 8.0
 SAFE_DETECTION_M = 24.0
+HIDDEN_FROM_M = 27.0
+"""Distance from which the pedestrian is hidden: retraining needs frames without one, too."""
 MARGIN = 0.25
 """Width of the margin around a region, in its half widths, in which detection is late: it gives the search a gradient."""
 
@@ -51,7 +54,7 @@ PLANTED = (
 
 
 class AnalyticSimulator:
-    """Executes concrete scenarios by formula. The detector gets a small image, but the outcome depends on the point alone."""
+    """Executes concrete scenarios by formula. The detector gets a simple image, but the outcome depends on the point alone."""
 
     needs: ClassVar[Mapping[str, Admitted]] = dict.fromkeys(("rain", "fog", "sun_altitude", "pedestrian_speed", "animation"), ())
     """The variables that a scenario must have."""
@@ -106,8 +109,10 @@ def _depth(region: Planted, concrete: Mapping[str, Value]) -> float:
 
 def _frame(distance: float, time: float) -> Frame:
     """Draw a bright figure that grows as it comes closer."""
-    half = int(np.clip(120 / max(distance, 4.0), 2, 24))
     image = np.full((HEIGHT, WIDTH, 3), 80, np.uint8)
+    if distance >= HIDDEN_FROM_M:
+        return Frame(image, Truth(), time)
+    half = int(np.clip(120 / max(distance, 4.0), 2, 24))
     top, left = HEIGHT // 2 - half, WIDTH // 2 - half // 2
     image[top : top + 2 * half, left : left + half] = 200
     box = (float(left), float(top), float(left + half), float(top + 2 * half))

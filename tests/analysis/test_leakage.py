@@ -65,6 +65,15 @@ def test_added_frames_carry_the_scenario_of_their_campaign(tmp_path: Path) -> No
     assert len(sources["random"].read(chosen)) == len(chosen)
 
 
+def test_an_arm_without_empty_frames_is_named_with_its_counts(tmp_path: Path) -> None:
+    study = FabricatedStudy(tmp_path).make()
+    rows = [[f"F1-random-base-0-{n:05}", 0, True, "visible", 90, 20.0, 0.0] for n in range(2)]
+    write_filter(tmp_path / "random.csv", pd.DataFrame(rows, columns=list(COLUMNS)))
+    sources: dict[str, Source] = {"random": campaigns(study, "random", tmp_path / "random.csv")}
+    with pytest.raises(InputError, match=r"^arms: too few frames to train random on \(2 with a pedestrian, 0 without\), and `retrain"):
+        choose(study.config, sources, Version("random", 1), seed=0)
+
+
 def campaigns(study: FabricatedStudy, strategy: str, table: Path) -> Campaigns:
     tests, frames = (study.paths(study.files.search(f"{name}.parquet", strategy=strategy)) for name in ("tests", "frames"))
     return Campaigns(study.config, [table], tests, study.paths(study.files.spaces(study.config.search)), frames)

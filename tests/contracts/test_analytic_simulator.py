@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from pipeline.config.composing import compose
 from pipeline.core import kpi
 from pipeline.detectors.scripted import BlindDetector, VisiblePixelOracle
 from pipeline.protocols import Detector, Simulator
@@ -44,6 +45,15 @@ def test_frames_are_kept_as_asked() -> None:
     episode = AnalyticSimulator(SCENARIO, CAR).execute(concrete, VisiblePixelOracle(), keep_every=3)
     rows = len(episode.signals["time_s"])
     assert [kept.step for kept in episode.frames] == list(range(0, rows, 3))
+
+
+def test_its_frames_can_teach_a_shipped_detector() -> None:
+    """They have the default camera's size, and some show no pedestrian."""
+    concrete = THESIS.decode(THESIS.sample(1, np.random.default_rng(1))[0])
+    frames = [kept.frame for kept in AnalyticSimulator(SCENARIO, CAR).execute(concrete, BlindDetector(), keep_every=1).frames]
+    camera = compose("default", []).camera
+    assert {frame.image.shape for frame in frames} == {(camera["height"], camera["width"], 3)}
+    assert {frame.truth.visible_pixels == 0 for frame in frames} == {True, False}
 
 
 def test_a_scenario_of_another_space_is_refused() -> None:
