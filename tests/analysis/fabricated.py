@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Mapping, Sequence
 from contextlib import chdir
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -134,12 +137,18 @@ def make_onnx(score: float) -> bytes:
     return bytes(model.SerializeToString())
 
 
+@cache
+def default_config() -> Config:
+    """The config of a fabricated study that chooses none."""
+    return compose("default", OVERRIDES)
+
+
 @dataclass
 class FabricatedStudy:
     """A study in a separate folder with the usual layout, fabricated up to the campaigns and the model versions."""
 
     folder: Path
-    config: Config = field(default_factory=lambda: compose("default", OVERRIDES))
+    config: Config = field(default_factory=default_config)
 
     @property
     def files(self) -> Folders:
@@ -176,6 +185,18 @@ class FabricatedStudy:
 
     def make(self) -> FabricatedStudy:
         """Write spaces, campaigns and model versions."""
+        return self._copy(_made()) if self.config is default_config() else self.write()
+
+    def make_analysed(self) -> FabricatedStudy:
+        """`make` and `analyse`, for the default config."""
+        return self._copy(_analysed())
+
+    def _copy(self, made: TemporaryDirectory[str]) -> FabricatedStudy:
+        shutil.copytree(made.name, self.folder, dirs_exist_ok=True)
+        return self
+
+    def write(self) -> FabricatedStudy:
+        """`make`, without the copy that the process keeps."""
         for name in (*self.config.search, *self.config.held_out):
             scenario = self.config.scenarios[name]
             worlds = (one for _, one in scenario.worlds)
@@ -249,3 +270,18 @@ class FabricatedStudy:
         write_curve(
             path.with_name("curve.csv"), [CurvePoint(10, 3e-4, 1.5, 0.3, 0.8), CurvePoint(20, 1e-5, 1.2, 0.2, 0.85)] if rank else []
         )
+
+
+@cache
+def _made() -> TemporaryDirectory[str]:
+    """The study of the default config, written once in a process: many tests begin with it."""
+    store = TemporaryDirectory()
+    FabricatedStudy(Path(store.name)).write()
+    return store
+
+
+@cache
+def _analysed() -> TemporaryDirectory[str]:
+    store = TemporaryDirectory()
+    FabricatedStudy(Path(store.name)).make().analyse()
+    return store

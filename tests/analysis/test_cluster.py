@@ -106,7 +106,7 @@ def test_a_test_of_two_campaigns_counts_once(tmp_path: Path) -> None:
 
 
 def test_step_on_files(tmp_path: Path) -> None:
-    study = FabricatedStudy(tmp_path).make().analyse()
+    study = FabricatedStudy(tmp_path).make_analysed()
     for path in study.regions:
         result = read(path, FailureRegions)
         members = [test for region in result.regions for test in region.members]

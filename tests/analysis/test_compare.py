@@ -332,7 +332,7 @@ def test_failures_are_counted_in_the_regions_of_the_base() -> None:
 
 
 def test_step_on_files(tmp_path: Path) -> None:
-    study = FabricatedStudy(tmp_path).make().analyse()
+    study = FabricatedStudy(tmp_path).make_analysed()
     result = read(study.root / "comparison.json", Comparison)
     assert [version.version for version in result.versions] == ["base", "control", "random", "adaptive"]
     assert result.champion == "adaptive"
@@ -378,16 +378,16 @@ def test_an_unknown_key_of_a_result_is_told_with_the_nearest(tmp_path: Path) -> 
 
 
 def test_another_sequence_is_refused_with_the_first_difference(tmp_path: Path) -> None:
-    study = FabricatedStudy(tmp_path).make()
+    study = FabricatedStudy(tmp_path).make_analysed()
     path = study.held_out_tests[2]
     tests = read_tests(path)
     tests.loc[7, "fog"] = 41.0
     write_tests(path, tests, study.config.space("F1star"))
     with pytest.raises(InputError, match="version 'random' on scenario 'F1star', test 7: fog must be .* got 41"):
-        study.analyse()
+        study.run("compare")
     write_tests(path, tests.head(59), study.config.space("F1star"))
     with pytest.raises(InputError, match="expected 60 tests as version 'base' has, got 59"):
-        study.analyse()
+        study.run("compare")
 
 
 def test_tests_judged_at_another_threshold_are_refused(tmp_path: Path) -> None:

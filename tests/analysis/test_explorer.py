@@ -20,10 +20,7 @@ from tests.analysis.fabricated import FabricatedStudy
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> FabricatedStudy:
-    made = FabricatedStudy(tmp_path_factory.mktemp("study")).make()
-    for name in made.config.search:
-        made.run("cluster", version="base", scenario=name)
-    return made
+    return FabricatedStudy(tmp_path_factory.mktemp("study")).make_analysed()
 
 
 @pytest.fixture(scope="module")

@@ -57,7 +57,7 @@ def test_a_searched_scenario_without_the_group_has_no_tests_of_it() -> None:
 
 
 def test_a_base_of_a_uniform_set_has_no_planted_group(tmp_path: Path) -> None:
-    comparison = read(FabricatedStudy(tmp_path).make().analyse().root / "comparison.json", Comparison)
+    comparison = read(FabricatedStudy(tmp_path).make_analysed().root / "comparison.json", Comparison)
     assert comparison.planted == () and planted_rows(comparison) == []
 
 

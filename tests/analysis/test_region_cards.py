@@ -33,9 +33,7 @@ SEEN = Seen(
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> FabricatedStudy:
-    made = FabricatedStudy(tmp_path_factory.mktemp("study")).make()
-    made.run("cluster", version="base", scenario="F1")
-    return made
+    return FabricatedStudy(tmp_path_factory.mktemp("study")).make_analysed()
 
 
 @pytest.fixture(scope="module")

@@ -70,7 +70,7 @@ def without_scripts(text: str) -> str:
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> FabricatedStudy:
-    return FabricatedStudy(tmp_path_factory.mktemp("study")).make().analyse()
+    return FabricatedStudy(tmp_path_factory.mktemp("study")).make_analysed()
 
 
 @pytest.fixture(scope="module")

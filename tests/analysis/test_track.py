@@ -31,7 +31,7 @@ def run(study: FabricatedStudy, drawn: bytes = b"a plot") -> None:
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> FabricatedStudy:
-    made = FabricatedStudy(tmp_path_factory.mktemp("study")).make().analyse()
+    made = FabricatedStudy(tmp_path_factory.mktemp("study")).make_analysed()
     run(made)
     return made
 

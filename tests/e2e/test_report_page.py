@@ -27,7 +27,7 @@ SHOTS = Path("data/test-artefacts")
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> FabricatedStudy:
-    made = FabricatedStudy(tmp_path_factory.mktemp("study")).make().analyse()
+    made = FabricatedStudy(tmp_path_factory.mktemp("study")).make_analysed()
     made.run("report")
     return made
 

@@ -37,7 +37,7 @@ SMALL = {
         *("search=[F1]", "campaign.tests=4", "samplers.mixed.batch_size=2", "comparison.tests=4", "base_set.images=40"),
         *("retraining.iterations=1", "retraining.added_frames=8", "retraining.batch_size=4", "regions.min_failures=2", "report.replays=2"),
         *("campaign.transfer=[mixed]", "samplers.random.batch_size=2", "campaign.failure_threshold_s=10"),
-        *("+arms.fresh=new_scenes", "+arms.balanced=balanced_scenes", "retraining.searches=own", "campaign.shards=2"),
+        *("~arms.random", "+arms.fresh=new_scenes", "+arms.balanced=balanced_scenes", "retraining.searches=own", "campaign.shards=2"),
     ],
     "detectors": [
         *("search=[F1]", "campaign.tests=4", "comparison.tests=4", "seeds=[0]", "report.replays=2", "samplers.mixed.batch_size=2"),
@@ -153,7 +153,7 @@ def test_every_step_reads_and_writes_what_it_declares(study: str, tmp_path: Path
         stamps = Stamps(jobs)
         for target, outputs in jobs.in_order():
             wildcards = dict(target.wildcards)
-            order = order_of(target.step, jobs.config, wildcards, stamps.stamp(target.step, wildcards), 2)
+            order = order_of(target.step, jobs.config, wildcards, stamps.stamp(target.step, wildcards))
             with watch.watching():
                 perform(order, jobs.config)
             inputs = relative(flat(order.reads))

@@ -188,8 +188,7 @@ def _after(start: Pose, length: float, curvature: float) -> Pose:
 @pytest.fixture(scope="module")
 def campaign(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A campaign with frames in a study with failure regions."""
-    study = FabricatedStudy(tmp_path_factory.mktemp("study")).make()
-    study.run("cluster", {}, version="base", scenario="F1")
+    study = FabricatedStudy(tmp_path_factory.mktemp("study")).make_analysed()
     return study.search_tests[2].with_name("frames.parquet")
 
 

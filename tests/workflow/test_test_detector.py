@@ -82,22 +82,20 @@ def test_a_job_that_refuses_its_input_ends_the_run_with_2(folder: Path, capfd: p
     assert (folder / REFUSED).exists()
 
 
-def test_detectors_are_calibrated_before_they_are_tested(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for name in ("first", "second"):
-        (folder / f"{name}.bin").write_text(name)
-    named = ["simulator=analytic", f"detector._target_={__name__}.Doubtful", "base_set.images=300"]
-    words = ["test-detector", "first.bin", "second.bin", *SMALL, *named, "--calibrate"]
+def test_a_detector_is_calibrated_before_it_is_tested(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "mine.bin").write_text("mine")
+    named = ["simulator=analytic", f"detector._target_={__name__}.Doubtful", "base_set.images=300", "strategies=[random]"]
+    words = ["test-detector", "mine.bin", *SMALL, *named, "--calibrate"]
     assert main(words) == 0
     text = capsys.readouterr().out
     (root,) = (folder / "data").iterdir()
-    for name in ("first_bin", "second_bin"):
-        found = read(root / f"calibration/{name}.json", DetectorCalibration)
-        assert found.fitted and found.images == 150 and 0 < found.right < found.detections
-        # The share of right boxes is 0.9 among those with score 0.3.
-        assert found.scaling.apply(0.3) > 0.7 and found.errors["calibrated"] < found.errors["uncalibrated"] / 2
-        assert f"{name} is calibrated on 150 images: expected calibration error" in text
-        page = (root / f"reports/{name}.html").read_text()
-        assert ">Calibration<" in page and f"{name}, before and after calibration" in page
+    found = read(root / "calibration/mine_bin.json", DetectorCalibration)
+    assert found.fitted and found.images == 150 and 0 < found.right < found.detections
+    # The share of right boxes is 0.9 among those with score 0.3.
+    assert found.scaling.apply(0.3) > 0.7 and found.errors["calibrated"] < found.errors["uncalibrated"] / 2
+    assert "mine_bin is calibrated on 150 images: expected calibration error" in text
+    page = (root / "reports/mine_bin.html").read_text()
+    assert ">Calibration<" in page and "mine_bin, before and after calibration" in page
     # Called again, nothing is made again.
     made = {path: path.stat().st_mtime_ns for path in root.rglob("*.json")}
     assert main(words) == 0
