@@ -23,7 +23,7 @@ from pipeline.report.border import Case, cases, nearest
 from pipeline.report.data import ComparedVersions, ReportData
 from pipeline.report.examples import Chosen, Fix, choose_fixes, choose_regions, choose_regression
 from pipeline.report.explorer import explorer
-from pipeline.report.first_screen import drive, first_screen
+from pipeline.report.first_screen import drive, first_screen, no_fix
 from pipeline.report.identity_section import identity_section
 from pipeline.report.kept_frames import KeptFrames
 from pipeline.report.page import BeforeAfter, Card, Drawing, Film, FirstScreen, Page, Section
@@ -120,7 +120,7 @@ def _first(config: Config, data: ReportData, executed: Sequence[tuple[Fix, Both]
     if data.compared is None:
         return None
     if not executed:
-        return FirstScreen(texts.NO_FIX.format(base=data.compared.comparison.versions[0].version))
+        return no_fix(data.compared.comparison.versions[0])
     (fix, episodes), threshold_s = executed[0], config.campaign.failure_threshold_s
     scenario, space = config.scenarios[fix.before.scenario], config.space(fix.before.scenario)
     where = f"{scenario.label}: {scenario.description.partition('. ')[0].removesuffix('.')}."

@@ -9,10 +9,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from pipeline.artefacts.comparison_results import VersionResult
 from pipeline.core.episode import Episode, KeptFrame
 from pipeline.core.kpi import evaluate, running_adj_ttc
 from pipeline.core.space import Space, Value
 from pipeline.core.words import meanings
+from pipeline.report import texts
 from pipeline.report.page import BeforeAfter, Film, FirstScreen
 from pipeline.report.replays import Pixels, draw_view, jpeg_uri, most_telling_frame, outcome_text, write_mp4
 from pipeline.report.style import data_uri
@@ -29,6 +31,11 @@ def first_screen(
 ) -> FirstScreen:
     """A fix. place: of its scenario, in words. films: of the earlier and the later version; stills: instead of them."""
     return FirstScreen(f"{person(concrete, space)}. {place}", conditions(concrete, space), tuple(films), stills)
+
+
+def no_fix(base: VersionResult) -> FirstScreen:
+    """Why there is no fix to show. base: the comparison's first version."""
+    return FirstScreen((texts.NO_FIX if base.failures else texts.NO_FAILURE).format(base=base.version))
 
 
 def person(concrete: Mapping[str, Value], space: Space) -> str:

@@ -77,6 +77,9 @@ CHANGES = _prose("""
 NO_FIX = _prose("""
     No fix can be shown: no other version shown here passes a held-out test that {base} fails.
 """)
+NO_FAILURE = _prose("""
+    No fix can be shown: {base} fails no held-out test.
+""")
 STILLS = _prose("""
     More held-out tests that the upper version fails and the lower one passes. Both see the same camera image. Blue: the true pedestrian.
     Red: the detections with their confidence.

@@ -32,8 +32,8 @@ from pipeline.report.contents import draw_figures, make_page
 from pipeline.report.data import ReportData
 from pipeline.report.examples import choose_fixes, choose_regions, choose_regression
 from pipeline.report.failure_tables import CAUSES, rate_text
-from pipeline.report.first_screen import STRIP_HEIGHT, draw_drive, person
-from pipeline.report.page import Drawing, FirstScreen, Page, render
+from pipeline.report.first_screen import STRIP_HEIGHT, draw_drive, no_fix, person
+from pipeline.report.page import Drawing, Page, render
 from pipeline.report.replays import draw_view
 from pipeline.report.search_plots import kpi_scatter
 from pipeline.report.style import MODE_NAMES, panels, save_png, styled, svg
@@ -216,8 +216,10 @@ def test_first_screen_says_what_a_person_wears(worn: dict[str, float], phrase: s
 def test_first_screen_falls_back_to_stills_and_to_words(study: FabricatedStudy) -> None:
     first = without_scripts(make(study, replays=1)).partition("<main>")[0]
     assert "<video" not in first and first.count("<img ") == 2 and "<strong>Before</strong>, base: " in first
-    nothing = render(Page("smoke", "headline", (), first=FirstScreen(texts.NO_FIX.format(base="base"))))
+    base = read(study.root / "comparison.json", Comparison).versions[0]
+    nothing = render(Page("smoke", "headline", (), first=no_fix(base)))
     assert "no other version shown here passes a held-out test that base fails" in nothing and "<video" not in nothing
+    assert no_fix(base.model_copy(update={"failures": 0})).title == "No fix can be shown: base fails no held-out test."
 
 
 def test_a_film_of_the_first_screen_has_a_line_above_each_view(study: FabricatedStudy) -> None:
