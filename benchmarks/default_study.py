@@ -1,7 +1,8 @@
 """Does the default study end in a shown improvement? Ten of them, each from a fresh clone to the verdict, with a seed of its own.
 
-    python benchmarks/default_study.py run 0 1 2     clone, set up, execute and publish these seeds; a quarter of an hour each
-    python benchmarks/default_study.py answer        the tables of docs/results/default.md
+    python benchmarks/default_study.py run 0 1 2        clone, set up, execute and publish these seeds; a quarter of an hour each
+    python benchmarks/default_study.py run 0 --again    publish seed 0 beside its first outcomes, to compare two machines
+    python benchmarks/default_study.py answer           the tables of docs/results/default.md
 
 The seed chooses the search, the retraining and the held-out tests. A killed run is resumed, but no longer timed. On a busy machine, the
 same outcomes take longer: `--busy` leaves the time out.
@@ -14,7 +15,7 @@ import json
 import shutil
 import subprocess
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from textwrap import fill
 
@@ -30,6 +31,7 @@ from pipeline.config.composing import PARAMS, load
 from pipeline.core.statistics import mcnemar
 
 PUBLISHED = Path("docs/results/default")
+AGAIN = PUBLISHED / "again"
 CLONES = Path(".cache/default_study")
 SEEDS = range(10)
 VERSIONS = ["base", "control", "random", "adaptive"]
@@ -45,17 +47,19 @@ def main() -> None:
     execute = commands.add_parser("run")
     execute.add_argument("seed", type=int, nargs="+", choices=list(SEEDS))
     execute.add_argument("--busy", action="store_true", help="other work slows this machine: record no time")
+    execute.add_argument("--again", action="store_true", help="the seeds are published already: publish another machine's outcomes, too")
     commands.add_parser("answer")
     options = parser.parse_args()
     if options.command == "answer":
-        print(answer(*published()))
+        pieces, verdicts, regions = published()
+        print("\n".join([answer(pieces, verdicts, regions), *repeated(pieces, regions, *published(AGAIN))]))
     else:
         for seed in options.seed:
-            run(seed, timed=not options.busy)
+            run(seed, not options.busy, AGAIN if options.again else PUBLISHED)
 
 
-def run(seed: int, timed: bool) -> None:
-    """Execute a default study in a clone of HEAD, publish its outcomes, and delete the clone. A resumed study is not timed."""
+def run(seed: int, timed: bool, folder: Path) -> None:
+    """Execute a default study in a clone of HEAD, publish its outcomes in a folder, and delete the clone. A resumed study is not timed."""
     clone = CLONES / str(seed)
     timed &= not clone.exists()
     begin = time.monotonic()
@@ -64,17 +68,22 @@ def run(seed: int, timed: bool) -> None:
     study = f"python -m pipeline compose study=default seeds=[{seed}] retraining.seeds=[{seed}] comparison.seed={seed}"
     subprocess.run(["bash", "-c", f"./run setup && .venv/bin/{study} && ./run"], cwd=clone, check=True)
     minutes = (time.monotonic() - begin) / 60 if timed else np.nan
-    write(of_study(load(clone / PARAMS), clone), PUBLISHED / f"{seed}.csv.gz")
-    champion = read(clone / "data/default/comparison.json", Comparison).champion
-    verdicts = PUBLISHED / "verdicts.csv"
-    rows = pd.read_csv(verdicts) if verdicts.exists() else pd.DataFrame(columns=["seed"])
-    row = pd.DataFrame([{"seed": seed, "champion": champion, "minutes": round(minutes, 1)}])
-    pd.concat([rows[rows["seed"] != seed], row]).sort_values("seed").to_csv(verdicts, index=False)
-    publish_regions(clone / "data/default", seed)
+    publish(clone, seed, minutes, folder)
     shutil.rmtree(clone)
 
 
-def publish_regions(study: Path, seed: int, path: Path = PUBLISHED / "regions.csv") -> None:
+def publish(clone: Path, seed: int, minutes: float, folder: Path) -> None:
+    """Publish the outcomes, the verdict and the failure regions of a finished study."""
+    write(of_study(load(clone / PARAMS), clone), folder / f"{seed}.csv.gz")
+    champion = read(clone / "data/default/comparison.json", Comparison).champion
+    verdicts = folder / "verdicts.csv"
+    rows = pd.read_csv(verdicts) if verdicts.exists() else pd.DataFrame(columns=["seed"])
+    row = pd.DataFrame([{"seed": seed, "champion": champion, "minutes": round(minutes, 1)}])
+    pd.concat([rows[rows["seed"] != seed], row]).sort_values("seed").to_csv(verdicts, index=False)
+    publish_regions(clone / "data/default", seed, folder / "regions.csv")
+
+
+def publish_regions(study: Path, seed: int, path: Path) -> None:
     """Publish the failure regions that a study found in its base detector."""
     found = [read(each, FailureRegions) for each in sorted((study / "regions/base").glob("*.json"))]
     rows = [
@@ -152,6 +161,34 @@ def _largest(seeds: Iterable[int], regions: pd.DataFrame) -> list[str]:
         "|---|---|---|---|---|---|",
         *rows,
     ]
+
+
+def repeated(
+    pieces: Mapping[int, pd.DataFrame],
+    regions: pd.DataFrame,
+    again: Mapping[int, pd.DataFrame],
+    verdicts: pd.DataFrame,
+    regions_again: pd.DataFrame,
+) -> list[str]:
+    """How the outcomes of a seed differ between two machines."""
+    lines = []
+    for seed, piece in again.items():
+        first, same = pieces[seed], _of(seed, regions).equals(_of(seed, regions_again))
+        counts, different = (failures(first), failures(piece)), first[VERSIONS].ne(piece[VERSIONS]).sum()
+        lines += [
+            "",
+            f"Seed {seed} once more, on another machine, in {verdicts.loc[seed, 'minutes']:.1f} minutes. "
+            f"The searches found {'the same' if same else 'other'} failure regions.",
+            "",
+            f"| version | failures | on the other machine | of {len(piece)} outcomes, different |",
+            "|---|---|---|---|",
+            *(f"| `{name}` | {counts[0][name]} | {counts[1][name]} | {different[name]} |" for name in VERSIONS),
+        ]
+    return lines
+
+
+def _of(seed: int, regions: pd.DataFrame) -> pd.DataFrame:
+    return regions[regions["seed"] == seed].reset_index(drop=True)
 
 
 def stored(conditions: str) -> list[RuleCondition]:

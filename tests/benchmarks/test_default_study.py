@@ -62,3 +62,15 @@ def test_the_largest_region_of_each_seed_is_put_in_words() -> None:
         "| 1 | 1 | People with fog of at most 5 % | 7 | 30 | 25 |",
         "| 2 | 0 | none | – | – | – |",
     ]
+
+
+def test_outcomes_of_another_machine_are_compared_test_by_test() -> None:
+    first = study(base=range(10), control=range(6), random=range(3), adaptive=range(1))
+    again = study(base=range(10), control=range(1, 7), random=range(4), adaptive=range(1))
+    verdicts = pd.DataFrame({"champion": ["adaptive"], "minutes": [18.8]}, index=[0])
+    others = REGIONS.assign(failures=REGIONS["failures"] + 1)
+    text = "\n".join(default_study.repeated({0: first}, REGIONS, {0: again}, verdicts, REGIONS))
+    assert "in 18.8 minutes. The searches found the same failure regions." in text
+    assert "| `base` | 10 | 10 | 0 |" in text and "| `control` | 6 | 6 | 2 |" in text and "| `random` | 3 | 4 | 1 |" in text
+    assert "found other failure regions" in " ".join(default_study.repeated({0: first}, REGIONS, {0: again}, verdicts, others))
+    assert not default_study.repeated({0: first}, REGIONS, {}, pd.DataFrame(), pd.DataFrame())
