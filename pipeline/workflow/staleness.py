@@ -14,7 +14,10 @@ from pipeline.workflow.jobs import Jobs, Target
 from pipeline.workflow.stamping import Stamps
 
 REASONS = Path(".snakemake/reasons")
-"""Inputs of jobs that are out of date, named after what changed: always newer than the outputs."""
+"""Inputs of jobs that are out of date, named after what changed: always newer than the outputs.
+
+Each job has a folder of its own: while it plans, Snakemake lists a folder once, and takes what is written into it later for missing.
+"""
 SHOWN = 3
 """Largest number of such inputs of a job."""
 LONGEST = 200
@@ -63,14 +66,15 @@ class Staleness:
             return {}
         names = self.reasons(target)
         more = [f"and_{len(names) - SHOWN}_more"] if len(names) > SHOWN else []
-        named = [_mark(name) for name in (*names[:SHOWN], *more)]
-        REASONS.mkdir(parents=True, exist_ok=True)
+        folder = REASONS.joinpath(target.step, *dict(target.wildcards).values())
+        named = [folder / _file_name(name) for name in (*names[:SHOWN], *more)]
+        folder.mkdir(parents=True, exist_ok=True)
         for mark in named:
             mark.write_text(str(time.time_ns()))  # A newer file with the same content would not count.
         return {MARKS: list(map(str, named))}
 
 
-def _mark(name: str) -> Path:
-    """The file that stands for a reason, directly in `REASONS`: a reason may be the path of a person's file, which must not be written."""
-    flat = re.sub(r"[^\w.-]+", "_", name, flags=re.ASCII).lstrip("._")
-    return REASONS / (flat[-LONGEST:] or "an_input")
+def _file_name(reason: str) -> str:
+    """The name of the file that stands for a reason, no path: a reason may be the path of a person's file, which must not be written."""
+    flat = re.sub(r"[^\w.-]+", "_", reason, flags=re.ASCII).lstrip("._")
+    return flat[-LONGEST:] or "an_input"

@@ -200,6 +200,15 @@ def test_a_stale_job_takes_all_jobs_after_it_along(tmp_path: Path) -> None:
     assert set(jobs) == {"render_base", "all"} | after and jobs["campaign"] == 8
 
 
+def test_files_asked_for_by_name_may_have_any_reasons(tmp_path: Path) -> None:
+    """While it plans, Snakemake lists a folder once: a reason written into it later would be a missing input."""
+    folder = copy(tmp_path, compose("smoke", []))
+    assert snakemake(folder, "spaces").returncode == 0
+    changed = compose("smoke", ["scenarios.F1.label=one", "scenarios.F2.label=two"])
+    (folder / "params.yaml").write_text(dump(changed, "test"))
+    assert planned(folder, "data/smoke/space/F1.json", "data/smoke/space/F2.json") == {"define_space": 2}
+
+
 def test_the_reason_of_a_job_names_what_changed(tmp_path: Path) -> None:
     folder = copy(tmp_path, compose("smoke", []))
     assert snakemake(folder, "spaces").returncode == 0
@@ -210,16 +219,17 @@ def test_the_reason_of_a_job_names_what_changed(tmp_path: Path) -> None:
         return "\n".join(dict.fromkeys(line for line in found if "reasons" in line))
 
     (folder / "params.yaml").write_text(dump(compose("smoke", ["scenarios.F2.label=another"]), "test"))
-    assert told() == "Updated input files: .snakemake/reasons/scenarios.F2.label"
+    assert told() == "Updated input files: .snakemake/reasons/define_space/F2/scenarios.F2.label"
     (folder / "params.yaml").write_text(dump(compose("smoke", []), "test"))
     source = folder / "pipeline" / "steps" / "define_space.py"
     source.write_text(source.read_text() + "\n# changed\n")
-    assert told() == "Updated input files: .snakemake/reasons/pipeline_steps_define_space.py"
+    of_code = told()
+    assert all(f".snakemake/reasons/define_space/{name}/pipeline_steps_define_space.py" in of_code for name in ("F1", "F1star", "F2"))
     (folder / "data/smoke/space/F1.json.stamp").unlink()
-    assert ".snakemake/reasons/no_stamp" in told()
+    assert ".snakemake/reasons/define_space/F1/no_stamp" in told()
     # The cache of parts is lost.
     shutil.rmtree(folder / ".cache/stamps")
-    assert ".snakemake/reasons/other_settings_or_code" in told()
+    assert ".snakemake/reasons/define_space/F2/other_settings_or_code" in told()
 
 
 def test_the_reason_of_a_later_job_is_the_key_that_changed_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -245,12 +255,13 @@ def test_a_reason_never_replaces_the_file_that_it_names(named: str, tmp_path: Pa
     mine.write_text("after")
     marks = Staleness(Stamps(study)).marks(Target.of("campaign", {**CAMPAIGN, "version": "mine"}))["changed"]
     assert mine.read_text() == "after"
-    assert [Path(mark).parent for mark in marks] == [Path(".snakemake/reasons")] and marks[0].endswith("mine.onnx")
+    folder = Path(".snakemake/reasons/campaign/campaigns/F1/0/random/mine")
+    assert [Path(mark).parent for mark in marks] == [folder] and marks[0].endswith("mine.onnx")
 
 
 @pytest.mark.parametrize("name", ["", ".", "..", "/", "../.."])
 def test_a_reason_without_a_readable_name_is_a_file_too(name: str) -> None:
-    assert staleness._mark(name) == Path(".snakemake/reasons/an_input")
+    assert staleness._file_name(name) == "an_input"
 
 
 def test_every_page_and_plot_has_a_category_and_a_caption() -> None:
