@@ -48,20 +48,20 @@ EXPERIMENT = Experiment(
 
 
 def answer(pieces: Mapping[Piece, pd.DataFrame]) -> str:
-    """Failures after learning from each mixture, and from each choice of frames, with the difference from random tests' frames."""
+    """Failures after learning from each mixture, with the difference from random tests, and from each choice of frames, with those from all
+    frames alike and from random tests."""
     counts = {piece: failures(table) for piece, table in pieces.items()}
     seeds = [seed for seed in SEEDS if ("shares", seed) in counts]
     if not seeds:
         return "No piece is published."
-    lines = [f"{len(seeds)} of {len(SEEDS)} searches.", "", *_header("share of random tests")]
-    failed = {name: np.array([counts["shares", seed][name] for seed in seeds]) for name in ("base", "control", *SHARES)}
+    lines = [f"{len(seeds)} of {len(SEEDS)} searches.", "", *_header("share of random tests", "random tests")]
+    failed = {name: np.array([counts["shares", seed][name] for seed in seeds], float) for name in ("base", "control", *SHARES)}
     lines += [_row(SHARES.get(name, f"`{name}`"), found, failed["random"]) for name, found in failed.items()]
-    lines += ["", _clearest(failed), "", *_header("frames of the search with 50 %")]
+    lines += ["", _clearest(failed), "", *_header("frames of the search with 50 %", "all alike", "random tests")]
     for kind, words in {"shares": "all alike", **SELECTIONS}.items():
-        done = [seed for seed in seeds if (kind, seed) in counts]
-        chosen = np.array([counts[kind, seed]["adaptive"] for seed in done])
-        if len(chosen):
-            lines.append(_row(words, chosen, np.array([counts["shares", seed]["random"] for seed in done])))
+        chosen = np.array([counts.get((kind, seed), {}).get("adaptive", np.nan) for seed in seeds], float)
+        if not np.isnan(chosen).all():
+            lines.append(_row(words, chosen, failed["adaptive"], failed["random"]))
     return "\n".join(lines)
 
 
@@ -76,12 +76,17 @@ def _clearest(failed: Mapping[str, np.ndarray]) -> str:
     return f"Smallest p of a mixture against random tests, by Student's t-test: {p_text(smallest)} ({words}), by Holm {corrected}."
 
 
-def _header(first: str) -> list[str]:
-    return [f"| {first} | failures, by search | mean | minus random tests, mean (95 %) |", "|---|---|---|---|"]
+def _header(first: str, *others: str) -> list[str]:
+    cells = [first, "failures, by search", "mean", *(f"minus {other}, mean (95 %)" for other in others)]
+    return [f"| {' | '.join(cells)} |", "|---" * len(cells) + "|"]
 
 
-def _row(words: str, failed: np.ndarray, random: np.ndarray) -> str:
-    return f"| {words} | {', '.join(map(str, failed))} | {failed.mean():.1f} | {mean_difference(failed - random)} |"
+def _row(words: str, failed: np.ndarray, *others: np.ndarray) -> str:
+    """failed: failures by search, (n,), NaN for one that is not published. others: those of other versions, (n,)."""
+    known = ~np.isnan(failed)
+    listed = ", ".join(f"{count:.0f}" if published else "–" for count, published in zip(failed, known, strict=True))
+    differences = [mean_difference((failed - other)[known]) for other in others]
+    return f"| {' | '.join([words, listed, f'{failed[known].mean():.1f}', *differences])} |"
 
 
 if __name__ == "__main__":
