@@ -13,7 +13,7 @@ from pipeline.artefacts.stamp_parts import MARKS, differences
 from pipeline.workflow.jobs import Jobs, Target
 from pipeline.workflow.stamping import Stamps
 
-REASONS = Path(".snakemake/reasons")
+REASONS = Path(".snakemake/changed")
 """Inputs of jobs that are out of date, named after what changed: always newer than the outputs.
 
 Each job has a folder of its own: while it plans, Snakemake lists a folder once, and takes what is written into it later for missing.

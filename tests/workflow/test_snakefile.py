@@ -216,20 +216,20 @@ def test_the_reason_of_a_job_names_what_changed(tmp_path: Path) -> None:
     def told() -> str:
         done = snakemake(folder, "-n", "spaces")
         found = re.findall(r"reason: (.*)", done.stdout + done.stderr)
-        return "\n".join(dict.fromkeys(line for line in found if "reasons" in line))
+        return "\n".join(dict.fromkeys(line for line in found if ".snakemake/changed" in line))
 
     (folder / "params.yaml").write_text(dump(compose("smoke", ["scenarios.F2.label=another"]), "test"))
-    assert told() == "Updated input files: .snakemake/reasons/define_space/F2/scenarios.F2.label"
+    assert told() == "Updated input files: .snakemake/changed/define_space/F2/scenarios.F2.label"
     (folder / "params.yaml").write_text(dump(compose("smoke", []), "test"))
     source = folder / "pipeline" / "steps" / "define_space.py"
     source.write_text(source.read_text() + "\n# changed\n")
     of_code = told()
-    assert all(f".snakemake/reasons/define_space/{name}/pipeline_steps_define_space.py" in of_code for name in ("F1", "F1star", "F2"))
+    assert all(f".snakemake/changed/define_space/{name}/pipeline_steps_define_space.py" in of_code for name in ("F1", "F1star", "F2"))
     (folder / "data/smoke/space/F1.json.stamp").unlink()
-    assert ".snakemake/reasons/define_space/F1/no_stamp" in told()
+    assert ".snakemake/changed/define_space/F1/no_stamp" in told()
     # The cache of parts is lost.
     shutil.rmtree(folder / ".cache/stamps")
-    assert ".snakemake/reasons/define_space/F2/other_settings_or_code" in told()
+    assert ".snakemake/changed/define_space/F2/other_settings_or_code" in told()
 
 
 def test_the_reason_of_a_later_job_is_the_key_that_changed_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -255,7 +255,7 @@ def test_a_reason_never_replaces_the_file_that_it_names(named: str, tmp_path: Pa
     mine.write_text("after")
     marks = Staleness(Stamps(study)).marks(Target.of("campaign", {**CAMPAIGN, "version": "mine"}))["changed"]
     assert mine.read_text() == "after"
-    folder = Path(".snakemake/reasons/campaign/campaigns/F1/0/random/mine")
+    folder = Path(".snakemake/changed/campaign/campaigns/F1/0/random/mine")
     assert [Path(mark).parent for mark in marks] == [folder] and marks[0].endswith("mine.onnx")
 
 
