@@ -4,8 +4,11 @@
     python benchmarks/rounds.py keep three 0     publish the piece of seed 0, which data/default holds
     python benchmarks/rounds.py answer           the page's tables
 
-A piece is the default study with three rounds, another seed and two held-out scenarios. Beside the outcomes of every version, it publishes
-how many failures of the last `adaptive` version each changed part of the loop repairs.
+A piece is the default study with three rounds, another seed and two held-out scenarios. Beside the outcomes of every version, `three`
+publishes how many failures of the last `adaptive` version each changed part of the loop repairs. The other kinds change the detector and
+have no arm but `adaptive`: `pixels` gives it 480x288 pixels, `small` a larger network, whose base is trained first:
+
+    python -m pipeline compose study=long_tailed training.size=small && ./run
 """
 
 from __future__ import annotations
@@ -13,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import pandas as pd
-from outcomes import failures, mean_difference
+from outcomes import TEST, failures, mean_difference, valid
 from pieces import Experiment, Piece
 from what_is_left import as_table, what_is_left
 
@@ -27,17 +30,26 @@ OVERRIDES = (
     " scenarios.F1star.town.seed=1061 scenarios.F2star.town.seed=1063"
 )
 """People and towns that no earlier result was made with."""
+CHANGES = {"small": "a network of size `small`", "pixels": "480×288 pixels"}
+SETTINGS = {"three": "", "small": " base.weights=data/long_tailed/models/base", "pixels": " camera=480x288"}
+ALONE = " ~arms.random ~arms.control strategies=[mixed]"
 
 
 def publish_left(piece: Piece, _: pd.DataFrame) -> None:
     """Executes the last version's failures again, for a minute."""
+    if piece[0] in CHANGES:
+        return
     config = load(PARAMS)
     what_is_left(config, version("adaptive", ROUNDS[-1]), list(config.held_out)).to_csv(EXPERIMENT.left(piece))
 
 
-EXPERIMENT = Experiment(
-    "rounds", "default", {("three", seed): f"comparison.seed={60 + seed} {OVERRIDES}" for seed in SEEDS}, more=publish_left
-)
+def overrides(kind: str, seed: int) -> str:
+    """The arguments of `compose` after the study and its seeds."""
+    return f"comparison.seed={60 + seed} {OVERRIDES}{SETTINGS[kind]}{ALONE if kind in CHANGES else ''}"
+
+
+PIECES = {(kind, seed): overrides(kind, seed) for kind in SETTINGS for seed in SEEDS}
+EXPERIMENT = Experiment("rounds", "default", PIECES, more=publish_left)
 
 
 def version(arm: str, after: int) -> str:
@@ -47,14 +59,15 @@ def version(arm: str, after: int) -> str:
 
 def answer(pieces: Mapping[Piece, pd.DataFrame]) -> str:
     """The page's tables, with what is left as it is published beside the outcomes."""
-    left = [pd.read_csv(EXPERIMENT.left(piece), index_col="part") for piece in pieces]
-    return tables([failures(table) for table in pieces.values()], left)
+    three = {piece: table for piece, table in pieces.items() if piece[0] == "three"}
+    left = [pd.read_csv(EXPERIMENT.left(piece), index_col="part") for piece in three]
+    if not three:
+        return "No piece is published."
+    return "\n\n".join([tables([failures(table) for table in three.values()], left), changed(pieces)])
 
 
 def tables(failed: list[dict[str, int]], left: list[pd.DataFrame]) -> str:
     """Failures by arm and round, the change since the first round, and what repairs the failures that are left: parts by scenarios."""
-    if not failed:
-        return "No piece is published."
     lines = [f"{len(failed)} of {len(SEEDS)} searches.", ""]
     lines += ["| version | " + " | ".join(f"round {after}" for after in ROUNDS) + " | last minus first, mean (95 %) |", "|---" * 5 + "|"]
     lines += [f"| `base` | {_counts(failed, 'base')} | | | |"]
@@ -65,6 +78,27 @@ def tables(failed: list[dict[str, int]], left: list[pd.DataFrame]) -> str:
     lines += ["", f"`{last}` minus `{version('random', ROUNDS[-1])}`: {_change(failed, version('random', ROUNDS[-1]), last)}.", ""]
     lines += [as_table(left, last)]
     return "\n".join(lines)
+
+
+def changed(pieces: Mapping[Piece, pd.DataFrame]) -> str:
+    """What another detector leaves of the last version's failures in the same tests, beside what other frames alone leave, as Markdown."""
+    last, other = version("adaptive", ROUNDS[-1]), version("random", ROUNDS[-1])
+    lines = [f"| instead of `{last}` | searches | its base fails | it fails | `{last}` fails | of these, it passes |", "|---" * 6 + "|"]
+    for kind, words in {"three": f"`{other}`: other frames alone", **CHANGES}.items():
+        plain, seen = "three", [seed for seed in SEEDS if (kind, seed) in pieces and ("three", seed) in pieces]
+        if not seen:
+            continue
+        both = pd.concat([_beside(pieces[plain, seed], pieces[kind, seed]) for seed in seen])
+        before, after = both[f"{last}, plain"], both[last if kind in CHANGES else f"{other}, plain"]
+        base = both["base" if kind in CHANGES else "base, plain"]
+        lines.append(f"| {words} | {len(seen)} | {base.sum()} | {after.sum()} | {before.sum()} | {(before & ~after).sum()} |")
+    return "\n".join(lines)
+
+
+def _beside(plain: pd.DataFrame, other: pd.DataFrame) -> pd.DataFrame:
+    """Whether each version of two pieces failed, those of the first named `adaptive, plain`, in the tests that are valid in both."""
+    named = plain.rename(columns={name: f"{name}, plain" for name in plain.columns.drop(TEST)})
+    return valid(named.merge(other, on=TEST, validate="one_to_one"))
 
 
 def _counts(failed: list[dict[str, int]], name: str) -> str:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import pandas as pd
+import pytest
 import rounds
+
+from pipeline.config.composing import compose
 
 
 def counts(base: int, control: list[int], random: list[int], adaptive: list[int]) -> dict[str, int]:
@@ -32,3 +35,23 @@ def test_one_search_has_no_interval() -> None:
     only = counts(30, control=[30, 31, 29], random=[20, 15, 11], adaptive=[20, 14, 10])
     assert "| `adaptive` | 20 | 14 | 10 | -10.0 |" in rounds.tables([only], [left(2, 8)])
     assert rounds.answer({}) == "No piece is published."
+
+
+def outcomes(**failed: list[int]) -> pd.DataFrame:
+    tests = {"scenario": "F1star", "index": range(4), "animation": "walk", "blueprint": "a"}
+    return pd.DataFrame({**tests, **failed})
+
+
+def test_another_detector_by_hand() -> None:
+    plain = outcomes(base=[1, 1, 1, 0], **{"adaptive-r3": [1, 1, 0, 0], "random-r3": [1, 0, 0, 1]})
+    # The last test ended in an error, so it counts for neither.
+    finer = outcomes(base=[0, 1, 0, 1], **{"adaptive-r3": [0, 0, 1, 2]})
+    lines = rounds.changed({("three", 1): plain, ("pixels", 1): finer, ("small", 0): finer}).splitlines()
+    assert lines[2:] == ["| `random-r3`: other frames alone | 1 | 3 | 2 | 2 | 1 |", "| 480×288 pixels | 1 | 1 | 1 | 2 | 2 |"]
+
+
+@pytest.mark.parametrize(("kind", "arms", "width"), [("three", {"control", "random", "adaptive"}, 320), ("pixels", {"adaptive"}, 480)])
+def test_a_change_has_the_held_out_tests_of_the_published_setup(kind: str, arms: set[str], width: int) -> None:
+    config = compose("default", rounds.EXPERIMENT.overrides((kind, 2)))
+    assert set(config.arms) == arms and config.simulator["camera"]["width"] == width
+    assert config.comparison.seed == 62 and config.retraining.rounds == len(rounds.ROUNDS)
