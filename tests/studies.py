@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Sequence
 from contextlib import chdir
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from pipeline.__main__ import main
 from pipeline.config.composing import compose, dump
 from pipeline.config.schema import Config
+from pipeline.sources import STORED, source_digests
+from pipeline.workflow.jobs import step_names
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -42,6 +47,18 @@ class StudyFolder:
         """Run a step by hand; returns the exit code."""
         with chdir(self.root):
             return main(arguments(step, threads, **wildcards))
+
+
+def know_sources(folder: Path) -> None:
+    """Spare the programs that run in a new folder a second for the digests of all source files."""
+    (folder / STORED).parent.mkdir()
+    (folder / STORED).write_text(_known_sources())
+
+
+@cache
+def _known_sources() -> str:
+    found = {path: digest for step in step_names() for path, digest in source_digests(f"pipeline.steps.{step}").items()}
+    return json.dumps({hashlib.sha256((ROOT / path).read_bytes()).hexdigest(): digest for path, digest in found.items()})
 
 
 def arguments(step: str, threads: int = 1, **wildcards: object) -> list[str]:

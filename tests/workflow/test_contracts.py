@@ -34,13 +34,13 @@ from tests.studies import ROOT
 # At 10 s every test fails: a region has replays, which read the simulator and the detector.
 SMALL = {
     "smoke": [
-        *("search=[F1]", "campaign.tests=4", "samplers.mixed.batch_size=2", "comparison.tests=4", "base_set.images=40"),
+        *("search=[F1]", "campaign.tests=4", "samplers.mixed.batch_size=2", "comparison.tests=2", "base_set.images=40"),
         *("retraining.iterations=1", "retraining.added_frames=8", "retraining.batch_size=4", "regions.min_failures=2", "report.replays=2"),
         *("campaign.transfer=[mixed]", "samplers.random.batch_size=2", "campaign.failure_threshold_s=10"),
-        *("~arms.random", "+arms.fresh=new_scenes", "+arms.balanced=balanced_scenes", "retraining.searches=own", "campaign.shards=2"),
+        *("~arms.random", "+arms.balanced=balanced_scenes", "retraining.searches=own", "campaign.shards=2"),
     ],
     "detectors": [
-        *("search=[F1]", "campaign.tests=4", "comparison.tests=4", "seeds=[0]", "report.replays=2", "samplers.mixed.batch_size=2"),
+        *("search=[F1]", "campaign.tests=4", "comparison.tests=2", "seeds=[0]", "report.replays=2", "samplers.mixed.batch_size=2"),
         *("campaign.failure_threshold_s=10", "regions.min_failures=2", "calibrate=true", "base_set.images=40"),
         *("goal=detectors", "+tested.one=one.onnx", "+tested.other=other.onnx", "comparison.second_iou=0.3"),
     ],

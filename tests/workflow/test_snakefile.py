@@ -25,8 +25,8 @@ from pipeline.workflow.jobs import Jobs, Target, flat, step_names
 from pipeline.workflow.plan import Plan
 from pipeline.workflow.staleness import Staleness
 from pipeline.workflow.stamping import Stamps
+from tests.studies import ROOT, know_sources
 
-ROOT = Path(__file__).resolve().parents[2]
 STUDIES = sorted(path.stem for path in (CONF / "study").glob("*.yaml"))
 CAMPAIGN = {"kind": "campaigns", "scenario": "F1", "strategy": "random", "version": "base", "seed": "0"}
 
@@ -37,6 +37,7 @@ def copy(folder: Path, config: Config) -> Path:
         shutil.copytree(ROOT / name, folder / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "Snakefile", folder)
     (folder / "params.yaml").write_text(dump(config, "test"))
+    know_sources(folder)
     return folder
 
 

@@ -21,7 +21,7 @@ from pipeline.core.episode import Frame
 from pipeline.errors import InputError
 from tests.analysis.fabricated import OVERRIDES, FabricatedStudy
 from tests.detectors.test_layouts import export, yolov8
-from tests.studies import ROOT
+from tests.studies import ROOT, know_sources
 
 SMALL = ["campaign.tests=6", "search=[F1]", "seeds=[0]", "comparison.tests=6", "samplers.mixed.batch_size=3", "report.replays=2"]
 ANALYTIC = [*SMALL, "simulator=analytic", "detector.threshold=0.5"]
@@ -37,6 +37,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with the workflow's files, as a checkout has them."""
     for name in ("Snakefile", "profiles", "pipeline", "models"):
         (tmp_path / name).symlink_to(ROOT / name)
+    know_sources(tmp_path)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
     return tmp_path
