@@ -15,7 +15,8 @@ import json
 import shutil
 import subprocess
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from textwrap import fill
 
@@ -41,6 +42,15 @@ LINE = 128
 """Length of a line of prose."""
 
 
+@dataclass(frozen=True)
+class Studies:
+    """Published studies. outcomes: by seed. verdicts: champion and minutes by seed. regions: the largest of each seed first."""
+
+    outcomes: Mapping[int, pd.DataFrame]
+    verdicts: pd.DataFrame
+    regions: pd.DataFrame
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
@@ -51,8 +61,8 @@ def main() -> None:
     commands.add_parser("answer")
     options = parser.parse_args()
     if options.command == "answer":
-        pieces, verdicts, regions = published()
-        print("\n".join([answer(pieces, verdicts, regions), *repeated(pieces, regions, *published(AGAIN))]))
+        studies = published()
+        print("\n".join([answer(studies), *repeated(studies, published(AGAIN))]))
     else:
         for seed in options.seed:
             run(seed, not options.busy, AGAIN if options.again else PUBLISHED)
@@ -106,15 +116,16 @@ def publish_regions(study: Path, seed: int, path: Path) -> None:
     table.sort_values(["seed", "failures"], ascending=[True, False], kind="stable").to_csv(path, index=False)
 
 
-def published(folder: Path = PUBLISHED) -> tuple[dict[int, pd.DataFrame], pd.DataFrame, pd.DataFrame]:
-    """The outcomes by seed, champion and minutes by seed, and the failure regions, the largest of each seed first."""
-    pieces = {seed: pd.read_csv(folder / f"{seed}.csv.gz") for seed in SEEDS if (folder / f"{seed}.csv.gz").exists()}
-    if not pieces:
-        return {}, pd.DataFrame(), pd.DataFrame()
-    return pieces, pd.read_csv(folder / "verdicts.csv", index_col="seed"), pd.read_csv(folder / "regions.csv")
+def published(folder: Path = PUBLISHED) -> Studies:
+    """The studies that a folder holds; none before the first."""
+    outcomes = {seed: pd.read_csv(folder / f"{seed}.csv.gz") for seed in SEEDS if (folder / f"{seed}.csv.gz").exists()}
+    if not outcomes:
+        return Studies({}, pd.DataFrame(), pd.DataFrame())
+    return Studies(outcomes, pd.read_csv(folder / "verdicts.csv", index_col="seed"), pd.read_csv(folder / "regions.csv"))
 
 
-def answer(pieces: dict[int, pd.DataFrame], verdicts: pd.DataFrame, regions: pd.DataFrame) -> str:
+def answer(studies: Studies) -> str:
+    pieces, verdicts = studies.outcomes, studies.verdicts
     if not pieces:
         return "No study is published."
     better = {name: sum(_p_value(piece, name) <= ALPHA for piece in pieces.values()) for name in ("base", "control")}
@@ -137,14 +148,14 @@ def answer(pieces: dict[int, pd.DataFrame], verdicts: pd.DataFrame, regions: pd.
         took = "not timed" if np.isnan(minutes) else f"{minutes:.1f}"
         p_values = f"{p_text(_p_value(piece, 'base'))} | {p_text(_p_value(piece, 'control'))}"
         lines.append(f"| {counted} | {p_values} | `{verdicts.loc[seed, 'champion']}` | {took} |")
-    return "\n".join([*lines, "", *_largest(pieces, regions)])
+    return "\n".join([*lines, "", *_largest(studies)])
 
 
-def _largest(seeds: Iterable[int], regions: pd.DataFrame) -> list[str]:
+def _largest(studies: Studies) -> list[str]:
     """What the largest failure region of each seed is about, and whether its sentence names a planted group."""
     rows, named = [], 0
-    for seed in seeds:
-        found = regions[regions["seed"] == seed]
+    for seed in studies.outcomes:
+        found = _regions(studies, seed)
         if found.empty:
             rows.append(f"| {seed} | 0 | none | – | – | – |")
             continue
@@ -163,21 +174,15 @@ def _largest(seeds: Iterable[int], regions: pd.DataFrame) -> list[str]:
     ]
 
 
-def repeated(
-    pieces: Mapping[int, pd.DataFrame],
-    regions: pd.DataFrame,
-    again: Mapping[int, pd.DataFrame],
-    verdicts: pd.DataFrame,
-    regions_again: pd.DataFrame,
-) -> list[str]:
+def repeated(studies: Studies, again: Studies) -> list[str]:
     """How the outcomes of a seed differ between two machines."""
     lines = []
-    for seed, piece in again.items():
-        first, same = pieces[seed], _of(seed, regions).equals(_of(seed, regions_again))
+    for seed, piece in again.outcomes.items():
+        first, same = studies.outcomes[seed], _regions(studies, seed).equals(_regions(again, seed))
         counts, different = (failures(first), failures(piece)), first[VERSIONS].ne(piece[VERSIONS]).sum()
         lines += [
             "",
-            f"Seed {seed} once more, on another machine, in {verdicts.loc[seed, 'minutes']:.1f} minutes. "
+            f"Seed {seed} once more, on another machine, in {again.verdicts.loc[seed, 'minutes']:.1f} minutes. "
             f"The searches found {'the same' if same else 'other'} failure regions.",
             "",
             f"| version | failures | on the other machine | of {len(piece)} outcomes, different |",
@@ -187,8 +192,8 @@ def repeated(
     return lines
 
 
-def _of(seed: int, regions: pd.DataFrame) -> pd.DataFrame:
-    return regions[regions["seed"] == seed].reset_index(drop=True)
+def _regions(studies: Studies, seed: int) -> pd.DataFrame:
+    return studies.regions[studies.regions["seed"] == seed].reset_index(drop=True)
 
 
 def stored(conditions: str) -> list[RuleCondition]:

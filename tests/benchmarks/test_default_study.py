@@ -7,6 +7,7 @@ import json
 import default_study
 import numpy as np
 import pandas as pd
+from default_study import Studies
 
 
 def study(**failed: range) -> pd.DataFrame:
@@ -23,9 +24,12 @@ def region(seed: int, failures: int, *texts: str) -> dict[str, object]:
 REGIONS = pd.DataFrame([region(0, 20, "child", "rain >= 40 %"), region(0, 9, "in a skirt"), region(1, 7, "fog <= 5 %")])
 
 
+NONE = Studies({}, pd.DataFrame(), pd.DataFrame())
+
+
 def answer(*studies: pd.DataFrame) -> str:
     verdicts = pd.DataFrame({"champion": "random", "minutes": [14.0, 16.0, np.nan][: len(studies)]}, index=range(len(studies)))
-    return default_study.answer(dict(enumerate(studies)), verdicts, REGIONS)
+    return default_study.answer(Studies(dict(enumerate(studies)), verdicts, REGIONS))
 
 
 def test_counts_and_p_values_by_hand() -> None:
@@ -50,7 +54,7 @@ def test_a_study_without_a_time_does_not_move_the_median() -> None:
 
 
 def test_nothing_is_said_without_a_study() -> None:
-    assert default_study.answer({}, pd.DataFrame(), pd.DataFrame()) == "No study is published."
+    assert default_study.answer(NONE) == "No study is published."
 
 
 def test_the_largest_region_of_each_seed_is_put_in_words() -> None:
@@ -69,8 +73,9 @@ def test_outcomes_of_another_machine_are_compared_test_by_test() -> None:
     again = study(base=range(10), control=range(1, 7), random=range(4), adaptive=range(1))
     verdicts = pd.DataFrame({"champion": ["adaptive"], "minutes": [18.8]}, index=[0])
     others = REGIONS.assign(failures=REGIONS["failures"] + 1)
-    text = "\n".join(default_study.repeated({0: first}, REGIONS, {0: again}, verdicts, REGIONS))
+    studies = Studies({0: first}, verdicts, REGIONS)
+    text = "\n".join(default_study.repeated(studies, Studies({0: again}, verdicts, REGIONS)))
     assert "in 18.8 minutes. The searches found the same failure regions." in text
     assert "| `base` | 10 | 10 | 0 |" in text and "| `control` | 6 | 6 | 2 |" in text and "| `random` | 3 | 4 | 1 |" in text
-    assert "found other failure regions" in " ".join(default_study.repeated({0: first}, REGIONS, {0: again}, verdicts, others))
-    assert not default_study.repeated({0: first}, REGIONS, {}, pd.DataFrame(), pd.DataFrame())
+    assert "found other failure regions" in " ".join(default_study.repeated(studies, Studies({0: again}, verdicts, others)))
+    assert not default_study.repeated(studies, NONE)
