@@ -30,8 +30,9 @@ OVERRIDES = (
     " scenarios.F1star.town.seed=1061 scenarios.F2star.town.seed=1063"
 )
 """People and towns that no earlier result was made with."""
+PLAIN = "three"
 CHANGES = {"small": "a network of size `small`", "pixels": "480×288 pixels"}
-SETTINGS = {"three": "", "small": " base.weights=data/long_tailed/models/base", "pixels": " camera=480x288"}
+SETTINGS = {PLAIN: "", "small": " base.weights=data/long_tailed/models/base", "pixels": " camera=480x288"}
 ALONE = " ~arms.random ~arms.control strategies=[mixed]"
 
 
@@ -59,7 +60,7 @@ def version(arm: str, after: int) -> str:
 
 def answer(pieces: Mapping[Piece, pd.DataFrame]) -> str:
     """The page's tables, with what is left as it is published beside the outcomes."""
-    three = {piece: table for piece, table in pieces.items() if piece[0] == "three"}
+    three = {piece: table for piece, table in pieces.items() if piece[0] == PLAIN}
     left = [pd.read_csv(EXPERIMENT.left(piece), index_col="part") for piece in three]
     if not three:
         return "No piece is published."
@@ -84,21 +85,21 @@ def changed(pieces: Mapping[Piece, pd.DataFrame]) -> str:
     """What another detector leaves of the last version's failures in the same tests, beside what other frames alone leave, as Markdown."""
     last, other = version("adaptive", ROUNDS[-1]), version("random", ROUNDS[-1])
     lines = [f"| instead of `{last}` | searches | its base fails | it fails | `{last}` fails | of these, it passes |", "|---" * 6 + "|"]
-    for kind, words in {"three": f"`{other}`: other frames alone", **CHANGES}.items():
-        plain, seen = "three", [seed for seed in SEEDS if (kind, seed) in pieces and ("three", seed) in pieces]
-        if not seen:
-            continue
-        both = pd.concat([_beside(pieces[plain, seed], pieces[kind, seed]) for seed in seen])
-        before, after = both[f"{last}, plain"], both[last if kind in CHANGES else f"{other}, plain"]
-        base = both["base" if kind in CHANGES else "base, plain"]
-        lines.append(f"| {words} | {len(seen)} | {base.sum()} | {after.sum()} | {before.sum()} | {(before & ~after).sum()} |")
+    lines += _beside(pieces, PLAIN, other, f"`{other}`: other frames alone")
+    for kind, words in CHANGES.items():
+        lines += _beside(pieces, kind, last, words)
     return "\n".join(lines)
 
 
-def _beside(plain: pd.DataFrame, other: pd.DataFrame) -> pd.DataFrame:
-    """Whether each version of two pieces failed, those of the first named `adaptive, plain`, in the tests that are valid in both."""
-    named = plain.rename(columns={name: f"{name}, plain" for name in plain.columns.drop(TEST)})
-    return valid(named.merge(other, on=TEST, validate="one_to_one"))
+def _beside(pieces: Mapping[Piece, pd.DataFrame], kind: str, name: str, words: str) -> list[str]:
+    """The row of a version of a kind, over the searches that are published of it; none without."""
+    seeds = [seed for seed in SEEDS if {(kind, seed), (PLAIN, seed)} <= set(pieces)]
+    if not seeds:
+        return []
+    pairs = [(pieces[PLAIN, seed], pieces[kind, seed]) for seed in seeds]
+    both = pd.concat([valid(plain.merge(other, on=TEST, suffixes=(", plain", ""), validate="one_to_one")) for plain, other in pairs])
+    before, after = both[f"{version('adaptive', ROUNDS[-1])}, plain"], both[name]
+    return [f"| {words} | {len(seeds)} | {both['base'].sum()} | {after.sum()} | {before.sum()} | {(before & ~after).sum()} |"]
 
 
 def _counts(failed: list[dict[str, int]], name: str) -> str:
