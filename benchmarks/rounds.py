@@ -36,12 +36,20 @@ SETTINGS = {PLAIN: "", "small": " base.weights=data/long_tailed/models/base", "p
 ALONE = " ~arms.random ~arms.control strategies=[mixed]"
 
 
+def version(arm: str, after: int) -> str:
+    """The name of an arm's version after a round."""
+    return arm if after == 1 else f"{arm}-r{after}"
+
+
+LAST = version("adaptive", ROUNDS[-1])
+
+
 def publish_left(piece: Piece, _: pd.DataFrame) -> None:
     """Executes the last version's failures again, for a minute."""
     if piece[0] in CHANGES:
         return
     config = load(PARAMS)
-    what_is_left(config, version("adaptive", ROUNDS[-1]), list(config.held_out)).to_csv(EXPERIMENT.left(piece))
+    what_is_left(config, LAST, list(config.held_out)).to_csv(EXPERIMENT.left(piece))
 
 
 def overrides(kind: str, seed: int) -> str:
@@ -51,11 +59,6 @@ def overrides(kind: str, seed: int) -> str:
 
 PIECES = {(kind, seed): overrides(kind, seed) for kind in SETTINGS for seed in SEEDS}
 EXPERIMENT = Experiment("rounds", "default", PIECES, more=publish_left)
-
-
-def version(arm: str, after: int) -> str:
-    """The name of an arm's version after a round."""
-    return arm if after == 1 else f"{arm}-r{after}"
 
 
 def answer(pieces: Mapping[Piece, pd.DataFrame]) -> str:
@@ -75,31 +78,32 @@ def tables(failed: list[dict[str, int]], left: list[pd.DataFrame]) -> str:
     for arm in ARMS:
         cells = " | ".join(_counts(failed, version(arm, after)) for after in ROUNDS)
         lines.append(f"| `{arm}` | {cells} | {_change(failed, version(arm, ROUNDS[0]), version(arm, ROUNDS[-1]))} |")
-    last = version("adaptive", ROUNDS[-1])
-    lines += ["", f"`{last}` minus `{version('random', ROUNDS[-1])}`: {_change(failed, version('random', ROUNDS[-1]), last)}.", ""]
-    lines += [as_table(left, last)]
+    lines += ["", f"`{LAST}` minus `{version('random', ROUNDS[-1])}`: {_change(failed, version('random', ROUNDS[-1]), LAST)}.", ""]
+    lines += [as_table(left, LAST)]
     return "\n".join(lines)
 
 
 def changed(pieces: Mapping[Piece, pd.DataFrame]) -> str:
-    """What another detector leaves of the last version's failures in the same tests, beside what other frames alone leave, as Markdown."""
-    last, other = version("adaptive", ROUNDS[-1]), version("random", ROUNDS[-1])
-    lines = [f"| instead of `{last}` | searches | its base fails | it fails | `{last}` fails | of these, it passes |", "|---" * 6 + "|"]
-    lines += _beside(pieces, PLAIN, other, f"`{other}`: other frames alone")
+    """What another detector fails in the same tests, beside what other frames alone change, as Markdown."""
+    cells = ["instead of `adaptive`", "base", "round 1", "round 3", f"minus `{LAST}`, mean (95 %)", f"of the failures of `{LAST}`, passed"]
+    lines = [f"| {' | '.join(cells)} |", "|---" * len(cells) + "|", *_beside(pieces, PLAIN, "random", "`random`: other frames alone")]
     for kind, words in CHANGES.items():
-        lines += _beside(pieces, kind, last, words)
+        lines += _beside(pieces, kind, "adaptive", words)
     return "\n".join(lines)
 
 
-def _beside(pieces: Mapping[Piece, pd.DataFrame], kind: str, name: str, words: str) -> list[str]:
-    """The row of a version of a kind, over the searches that are published of it; none without."""
-    seeds = [seed for seed in SEEDS if {(kind, seed), (PLAIN, seed)} <= set(pieces)]
-    if not seeds:
+def _beside(pieces: Mapping[Piece, pd.DataFrame], kind: str, arm: str, words: str) -> list[str]:
+    """The row of an arm of a kind, over the searches that are published of it; none without."""
+    pairs = [(pieces[PLAIN, seed], pieces[kind, seed]) for seed in SEEDS if {(kind, seed), (PLAIN, seed)} <= set(pieces)]
+    if not pairs:
         return []
-    pairs = [(pieces[PLAIN, seed], pieces[kind, seed]) for seed in seeds]
-    both = pd.concat([valid(plain.merge(other, on=TEST, suffixes=(", plain", ""), validate="one_to_one")) for plain, other in pairs])
-    before, after = both[f"{version('adaptive', ROUNDS[-1])}, plain"], both[name]
-    return [f"| {words} | {len(seeds)} | {both['base'].sum()} | {after.sum()} | {before.sum()} | {(before & ~after).sum()} |"]
+    both = [valid(plain.merge(other, on=TEST, suffixes=(", plain", ""), validate="one_to_one")) for plain, other in pairs]
+    versions = ("base", version(arm, ROUNDS[0]), version(arm, ROUNDS[-1]))
+    counts = [", ".join(str(failed[name].sum()) for failed in both) for name in versions]
+    before, after = ([failed[name] for failed in both] for name in (f"{LAST}, plain", versions[-1]))
+    difference = mean_difference([new.sum() - old.sum() for old, new in zip(before, after, strict=True)])
+    passed = sum((old & ~new).sum() for old, new in zip(before, after, strict=True))
+    return [f"| {' | '.join([words, *counts, difference])} | {passed} of {sum(old.sum() for old in before)} |"]
 
 
 def _counts(failed: list[dict[str, int]], name: str) -> str:

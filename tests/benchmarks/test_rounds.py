@@ -43,11 +43,17 @@ def outcomes(**failed: list[int]) -> pd.DataFrame:
 
 
 def test_another_detector_by_hand() -> None:
-    plain = outcomes(base=[1, 1, 1, 0], **{"adaptive-r3": [1, 1, 0, 0], "random-r3": [1, 0, 0, 1]})
+    rest = {"adaptive-r3": [1, 1, 0, 0], "random-r3": [1, 0, 0, 1]}
+    plain = outcomes(base=[1, 1, 1, 0], random=[1, 1, 0, 1], adaptive=[1, 1, 1, 0], **rest)
     # The last test ended in an error, so it counts for neither.
-    finer = outcomes(base=[0, 1, 0, 1], **{"adaptive-r3": [0, 0, 1, 2]})
-    lines = rounds.changed({("three", 1): plain, ("pixels", 1): finer, ("small", 0): finer}).splitlines()
-    assert lines[2:] == ["| `random-r3`: other frames alone | 1 | 3 | 2 | 2 | 1 |", "| 480×288 pixels | 1 | 1 | 1 | 2 | 2 |"]
+    finer = outcomes(base=[0, 1, 0, 1], adaptive=[0, 0, 1, 1], **{"adaptive-r3": [0, 0, 1, 2]})
+    again = outcomes(base=[0, 1, 0, 1], adaptive=[0, 0, 0, 1], **{"adaptive-r3": [1, 1, 1, 1]})
+    lines = rounds.changed({("three", 0): plain, ("three", 1): plain, ("pixels", 0): again, ("pixels", 1): finer, ("small", 2): finer})
+    assert lines.splitlines()[2:] == [
+        "| `random`: other frames alone | 3, 3 | 3, 3 | 2, 2 | +0.0 | 2 of 4 |",
+        # Differences 2 and -1: mean 0.5, standard error 1.5, t quantile 12.706 with one degree of freedom.
+        "| 480×288 pixels | 2, 1 | 1, 1 | 4, 1 | +0.5 (-18.6 to +19.6) | 2 of 4 |",
+    ]
 
 
 @pytest.mark.parametrize(("kind", "arms", "width"), [("three", {"control", "random", "adaptive"}, 320), ("pixels", {"adaptive"}, 480)])
