@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from sklearn.cluster import DBSCAN
 
 from pipeline.core.distance import mixed_distance
 from pipeline.core.regions import largest_first
@@ -62,6 +61,8 @@ def dense_groups(space: Space, failures: Floats, radius: float, min_failures: in
     """
     if not len(failures):
         return np.zeros(0, np.int64)
+    from sklearn.cluster import DBSCAN  # Takes more than a second, and steps that only read regions find none.
+
     # DBSCAN asks for a positive radius; if many points coincide, coinciding points form a cluster.
     found = DBSCAN(eps=max(radius, 1e-9), min_samples=min_failures, metric="precomputed")
     return largest_first(np.asarray(found.fit_predict(np.maximum(described_distance(space, failures, failures), 0)), dtype=np.int64))

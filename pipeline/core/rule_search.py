@@ -74,15 +74,16 @@ class _Search:
         """The best rules with one more condition than those of the beam, best first."""
         found: dict[Rule, tuple[float, Partial]] = {}
         for _, partial in beam:
+            inside = _rule(partial).holds(self.points)
             for index in sorted(set(range(len(self.descriptions))) - set(partial)):
-                gain, longer = self.with_condition(partial, index)
+                gain, longer = self.with_condition(partial, index, inside)
                 if index in longer:
                     found[_rule(longer)] = gain, longer
         return sorted(found.values(), key=lambda one: -one[0])[:BEAM]
 
-    def with_condition(self, partial: Partial, index: int) -> tuple[float, Partial]:
-        """The rule with the best condition of one description; without it if there is none."""
-        offer = self.descriptions[index].best(_rule(partial).holds(self.points), self.failed)
+    def with_condition(self, partial: Partial, index: int, inside: Bools) -> tuple[float, Partial]:
+        """The rule with the best condition of one description; without it if there is none. inside: (n,), what `partial` admits."""
+        offer = self.descriptions[index].best(inside, self.failed)
         if offer is None:
             return -np.inf, partial
         return offer.gain - sum(other.price for other in partial.values()), {**partial, index: offer}
@@ -94,7 +95,8 @@ class _Search:
             before = best[0]
             for index in best[1]:
                 others = {other: offer for other, offer in best[1].items() if other != index}
-                best = max(best, self.with_condition(others, index), key=lambda one: one[0])
+                again = self.with_condition(others, index, _rule(others).holds(self.points))
+                best = max(best, again, key=lambda one: one[0])
             if best[0] <= before:
                 break
         return best

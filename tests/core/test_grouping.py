@@ -22,7 +22,7 @@ def groups_of(tests: Outcomes, causes: np.ndarray | None = None) -> list[Group]:
 
 
 @pytest.mark.parametrize("name", WORLDS)
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_planted_regions_are_found_and_overlap_the_truth(name: str, seed: int) -> None:
     world = WORLDS[name]
     found = groups_of(world.outcomes(seed))
@@ -34,13 +34,13 @@ def test_planted_regions_are_found_and_overlap_the_truth(name: str, seed: int) -
 
 
 def test_labels_at_random_make_hardly_any_region() -> None:
-    """The stated rate is e^-3, 5 %; with 20 worlds, more than three false ones have a chance below 2 %."""
+    """The stated rate is e^-3, 5 %; with ten worlds, more than two false ones have a chance below 2 %."""
     false = 0
-    for seed in range(20):
+    for seed in range(10):
         rng = np.random.default_rng(seed)
         points = SPACE.sample(200, rng)
         false += bool(groups_of(Outcomes(SPACE, points, rng.random(200) < 0.15, WORDS)))
-    assert false <= 3
+    assert false <= 2
 
 
 def test_each_cause_has_regions_of_its_own_and_what_is_left_is_grouped_together() -> None:
