@@ -54,7 +54,7 @@ def page(study: FabricatedStudy) -> Iterator[Page]:
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("width", [400, 900, 1600])
+@pytest.mark.parametrize("width", [400, 1600])
 def test_axe_finds_no_barrier(study: FabricatedStudy, width: int, scheme: Literal["light", "dark"]) -> None:
     with browser_page(width, 1000) as opened:
         opened.emulate_media(color_scheme=scheme, reduced_motion="reduce")
@@ -166,10 +166,10 @@ def test_the_films_of_the_first_screen_play_together(page: Page) -> None:
     expect(after).to_have_js_property("paused", True)
 
 
-@pytest.mark.parametrize("width", [400, 900, 1600])
-def test_nothing_runs_over_the_edge(page: Page, width: int) -> None:
-    page.set_viewport_size({"width": width, "height": 900})
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
+def test_nothing_runs_over_the_edge(page: Page) -> None:
+    for width in (400, 900, 1600):
+        page.set_viewport_size({"width": width, "height": 900})
+        assert page.evaluate("document.documentElement.scrollWidth") <= width, width
 
 
 def test_a_test_shows_its_command_and_its_film(page: Page) -> None:

@@ -135,11 +135,11 @@ def finished(study: StudyFolder) -> int:
     return len(list(journal(study).glob("*.npz")))
 
 
-def test_a_campaign_killed_five_times_gives_the_same_bytes(one_worker: StudyFolder, tmp_path: Path) -> None:
+def test_a_campaign_killed_three_times_gives_the_same_bytes(one_worker: StudyFolder, tmp_path: Path) -> None:
     study = analytic_study(tmp_path, "simulator._target_=tests.workflow.test_campaign.Slow")
     command = [sys.executable, "-m", "pipeline", *arguments("campaign", 2, **key())]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    for _ in range(5):
+    for _ in range(3):
         before = finished(study)
         process = subprocess.Popen(command, cwd=tmp_path, env=environment, stderr=subprocess.DEVNULL)
         while process.poll() is None and finished(study) < before + 3:
