@@ -61,7 +61,7 @@ def likelihood_gain(hits: NDArray[Any], support: NDArray[Any], failed: Bools) ->
     hits, support: failures and tests inside, of any shape. failed: (n,), all tests. -inf if the rate inside is not the higher one.
     """
     tests, failures = len(failed), int(failed.sum())
-    # A search tries thousands of candidates, of which few are better than no rule; the logarithms take most of its time.
+    # A search tries thousands of candidates. Logarithms take most of its time, and those worse than no rule need none.
     better = hits * tests > failures * support
     right, within = hits[better], support[better]
     gain = np.full(np.shape(hits), IMPOSSIBLE)
