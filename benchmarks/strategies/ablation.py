@@ -17,9 +17,11 @@ CHANGES = {
     "forest-no-attributes": "no attributes of categories",
     "forest votes=60": "no drawing of trees",
     "forest mutants=0": "no mutations among the candidates",
+    "forest swaps=0": "no failures with other categories among them",
     "forest explore=0": "no slots for pairs never tested",
     "forest kinds=0": "no slots for kinds",
-    "forest diverse=false": "no gain for new pairs (`exploit`)",
+    "forest exploitation=0": "no exploitation as new pairs run out",
+    "forest diverse=false": "no gain for new pairs",
 }
 """Strategy -> what differs from the default, in words."""
 

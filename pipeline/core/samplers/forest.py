@@ -30,8 +30,9 @@ CURIOSITY = 0.2
 class ForestSampler(BatchSampler):
     """Chooses each batch greedily for expected failures in pairs of categories that have not failed yet.
 
-    The first batch covers as many pairs of categories as it can. From then on, candidates are random points and mutations of all failures,
-    and the value of a candidate is P(failure) x gain.
+    The first batch covers as many pairs of categories as it can. From then on, candidates are random points, mutations of failures, and
+    failures with other categories; the value of a candidate is P(failure) x (gain + exploitation x s^2), where s is the share of pairs of
+    categories that have failed. So the search turns to certain failures as new pairs run out.
 
     P comes from two models. Extremely randomised trees (Geurts et al., 2006) learn which tests failed, and know how variables act
     together. A Bayesian linear regression of the KPI (Tipping, 2001) learns from near misses, too, so it leads while failures are few. They
@@ -41,16 +42,20 @@ class ForestSampler(BatchSampler):
     The gain is the mean of 1 / (1 + n)^2 over the candidate's pairs of categories, n being the number of failures that show the pair,
     expected failures of the batch included. So a known failure mode loses value, but never all of it.
 
-    candidates: size of the candidate set. mutants: its share of mutations, in [0, 1]. kinds: share of a batch whose gain counts pairs of
-    categorical variables alone. explore: share of a batch for pairs never tested. diverse: false counts expected failures alone, so the
-    search stays in the first failure modes. trees: size of the forest. votes: trees of a pick. failure_threshold_s: a KPI at or below it is
-    a failure. earlier: points (m, d) and KPI (m,) of each earlier campaign on another scenario; both models learn from them, too.
+    candidates: number of random points and mutations. mutants: the share of mutations, in [0, 1]. swaps: number of failures whose
+    categorical values are drawn anew, as further candidates. kinds: share of a batch whose gain counts pairs of categorical variables
+    alone, without exploitation. explore: share of a batch for pairs never tested. exploitation: see above. diverse: false counts expected
+    failures alone, so the search stays in the first failure modes. trees: size of the forest. votes: trees of a pick. failure_threshold_s:
+    a KPI at or below it is a failure. earlier: points (m, d) and KPI (m,) of each earlier campaign on another scenario; both models learn
+    from them, too.
     """
 
     candidates: int = 3000
-    mutants: float = 0.75
-    kinds: float = 0.1
-    explore: float = 0.1
+    mutants: float = 0.1
+    swaps: int = 600
+    kinds: float = 0.25
+    explore: float = 0.05
+    exploitation: float = 6.0
     diverse: bool = True
     trees: int = 60
     votes: int = 20
@@ -63,6 +68,8 @@ class ForestSampler(BatchSampler):
             raise ValueError(f"candidates must be at least batch_size, {self.batch_size}, got {self.candidates}")
         self.limit("[1, 100000]", "candidates")
         self.limit("[0, 1]", "mutants", "kinds", "explore")
+        self.limit("[0, 100000]", "swaps")
+        self.limit("[0, 1000]", "exploitation")
         self.limit("[1, 1000]", "trees")
         self.limit("(0, 10]", "failure_threshold_s")
         if not 1 <= self.votes <= self.trees:
@@ -105,14 +112,23 @@ class ForestSampler(BatchSampler):
         return np.hstack([inputs, own])
 
     def _candidate_set(self, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
-        """Random points and mutations, (n, d) with n up to `candidates`; none twice, none tested."""
+        """Random points, mutations and swaps, (n, d) with n up to `candidates` + `swaps`; none twice, none tested."""
         order = np.argsort(np.where(np.isnan(kpi), np.inf, kpi), kind="stable")
         failures = int((kpi <= self.failure_threshold_s).sum())
         parents = points[order[: failures if failures >= ENOUGH_FAILURES else PARENTS]]
         count = round(self.mutants * self.candidates) if len(parents) else 0
         children = mutate(self.space, parents[rng.integers(len(parents), size=count)], rng) if count else points[:0]
-        drawn = np.concatenate([self.space.sample(self.candidates - count, rng), children])
+        drawn = np.concatenate([self.space.sample(self.candidates - count, rng), children, self._swapped(points[order[:failures]], rng)])
         return drawn[untested(drawn, points)]
+
+    def _swapped(self, failures: Floats, rng: np.random.Generator) -> Floats:
+        """Failures drawn from (n, d) with all categorical values drawn anew, (m, d) with m up to `swaps`: does it fail with others, too?"""
+        if not (self.swaps and len(failures)):
+            return failures[:0]
+        categorical = [variable.kind == "categorical" for variable in self.space.variables]
+        drawn = failures[rng.integers(len(failures), size=self.swaps)]
+        swapped = np.where(categorical, self.space.sample(self.swaps, rng), drawn)
+        return swapped[self.space.constraints.holds(self.space.categorise(swapped))]
 
     def _pick(self, candidates: Floats, votes: Floats, points: Floats, failed: NDArray[np.bool_], rng: np.random.Generator) -> Ints:
         """Positions of the `batch_size` candidates to test. votes: (trees, n) failure probability by each tree."""
@@ -122,15 +138,17 @@ class ForestSampler(BatchSampler):
         untested[tested.ravel()] = 0
         free, expected, chosen = np.ones(len(candidates), dtype=bool), votes.mean(axis=0), []
         explored, kinds = round(self.explore * self.batch_size), round(self.kinds * self.batch_size)
+        worth = self.exploitation * float((shown > 0).mean()) ** 2
         for slot in range(self.batch_size):
             chance = votes[rng.integers(len(votes), size=self.votes)].mean(axis=0) if self.diverse else expected
             if slot < explored:
                 value = untested[pairs].mean(axis=1) * (CURIOSITY + chance)
             elif not self.diverse:
                 value = chance
+            elif slot < self.batch_size - kinds:
+                value = chance * ((1 / (1 + shown) ** 2)[pairs].mean(axis=1) + worth)
             else:
-                counted = pairs[:, self._categorical] if slot >= self.batch_size - kinds else pairs
-                value = chance * (1 / (1 + shown) ** 2)[counted].mean(axis=1)
+                value = chance * (1 / (1 + shown) ** 2)[pairs[:, self._categorical]].mean(axis=1)
             best = int(np.argmax(np.where(free, value, -1.0)))
             chosen.append(best)
             free[best] = False

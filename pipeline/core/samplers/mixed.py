@@ -49,8 +49,18 @@ class MixedSampler(BatchSampler):
     @cached_property
     def _guide(self) -> ForestSampler:
         space = self.space if self.attributes else _without_attributes(self.space)
+        # Settings with which the published versions searched. Whether the forest's newer defaults teach more was not measured.
         return ForestSampler(
-            space, self.seed, batch_size=self.batch_size - self._random, failure_threshold_s=self.failure_threshold_s, earlier=self.earlier
+            space,
+            self.seed,
+            batch_size=self.batch_size - self._random,
+            mutants=0.75,
+            swaps=0,
+            kinds=0.1,
+            explore=0.1,
+            exploitation=0,
+            failure_threshold_s=self.failure_threshold_s,
+            earlier=self.earlier,
         )
 
 
