@@ -57,6 +57,20 @@ def test_diversity_finds_more_kinds_of_failures_than_exploitation(adaptive_searc
     assert sum(map(failures_of, exploiting)) > sum(map(failures_of, adaptive_searches))
 
 
+def test_exploitation_prefers_certain_failures() -> None:
+    bold, careful = ([search(ForestSampler(THESIS, seed, exploitation=value), 160) for seed in range(4)] for value in (0, 1000))
+    assert sum(map(failures_of, careful)) > sum(map(failures_of, bold))
+
+
+def test_a_failure_is_tried_with_other_categories() -> None:
+    sampler = ForestSampler(THESIS, 0, batch_size=1, candidates=1, mutants=0, swaps=200, kinds=1, explore=0)
+    failed = sampler.ask()
+    sampler.tell(failed, np.zeros(1))
+    sampler.tell(sampler.ask(), np.ones(1))
+    kept = sampler.ask()[0] == failed[0]
+    assert kept[[variable.kind == "continuous" for variable in THESIS.variables]].all() and not kept.all()
+
+
 def test_earlier_campaigns_reveal_a_rare_cause() -> None:
     """Two of 74 blueprints always fail: four campaigns of 80 tests find few unless they learn from each other."""
 

@@ -44,10 +44,10 @@ class ForestSampler(BatchSampler):
 
     candidates: number of random points and mutations. mutants: the share of mutations, in [0, 1]. swaps: number of failures whose
     categorical values are drawn anew, as further candidates. kinds: share of a batch whose gain counts pairs of categorical variables
-    alone, without exploitation. explore: share of a batch for pairs never tested. exploitation: see above. diverse: false counts expected
-    failures alone, so the search stays in the first failure modes. trees: size of the forest. votes: trees of a pick. failure_threshold_s:
-    a KPI at or below it is a failure. earlier: points (m, d) and KPI (m,) of each earlier campaign on another scenario; both models learn
-    from them, too.
+    alone, without exploitation. explore: share of a batch for pairs never tested. explore_until: share of all pairs that, once tested, ends
+    this. exploitation: see above. diverse: false counts expected failures alone, so the search stays in the first failure modes. trees:
+    size of the forest. votes: trees of a pick. failure_threshold_s: a KPI at or below it is a failure. earlier: points (m, d) and KPI (m,)
+    of each earlier campaign on another scenario; both models learn from them, too.
     """
 
     candidates: int = 3000
@@ -55,6 +55,7 @@ class ForestSampler(BatchSampler):
     swaps: int = 600
     kinds: float = 0.25
     explore: float = 0.05
+    explore_until: float = 0.5
     exploitation: float = 6.0
     diverse: bool = True
     trees: int = 60
@@ -67,7 +68,7 @@ class ForestSampler(BatchSampler):
         if self.candidates < self.batch_size:
             raise ValueError(f"candidates must be at least batch_size, {self.batch_size}, got {self.candidates}")
         self.limit("[1, 100000]", "candidates")
-        self.limit("[0, 1]", "mutants", "kinds", "explore")
+        self.limit("[0, 1]", "mutants", "kinds", "explore", "explore_until")
         self.limit("[0, 100000]", "swaps")
         self.limit("[0, 1000]", "exploitation")
         self.limit("[1, 1000]", "trees")
@@ -137,7 +138,8 @@ class ForestSampler(BatchSampler):
         np.add.at(shown, tested[failed].ravel(), 1.0)
         untested[tested.ravel()] = 0
         free, expected, chosen = np.ones(len(candidates), dtype=bool), votes.mean(axis=0), []
-        explored, kinds = round(self.explore * self.batch_size), round(self.kinds * self.batch_size)
+        explored = round(self.explore * self.batch_size) if untested.mean() > 1 - self.explore_until else 0
+        kinds = round(self.kinds * self.batch_size)
         worth = self.exploitation * float((shown > 0).mean()) ** 2
         for slot in range(self.batch_size):
             chance = votes[rng.integers(len(votes), size=self.votes)].mean(axis=0) if self.diverse else expected

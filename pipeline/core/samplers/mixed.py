@@ -58,6 +58,7 @@ class MixedSampler(BatchSampler):
             swaps=0,
             kinds=0.1,
             explore=0.1,
+            explore_until=1,
             exploitation=0,
             failure_threshold_s=self.failure_threshold_s,
             earlier=self.earlier,
