@@ -88,6 +88,7 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--scenario", nargs="+", help="default: all of the split")
     run.add_argument("--strategy", nargs="+", help="default: all of conf/sampler and the ceiling")
     run.add_argument("--seeds", type=int, default=20)
+    run.add_argument("--first", type=int, help="first seed; default: of the split")
     run.add_argument("--tests", type=int, default=1000)
     run.add_argument("--workers", type=int, default=2)
     show = commands.add_parser("show", help="tables and figure")
@@ -123,11 +124,16 @@ def _run(options: argparse.Namespace) -> None:
         Run(str(world), strategy, seed, options.tests)
         for world in worlds.names(options.split, options.group)
         if world.scenario in (options.scenario or [world.scenario])
-        for seed in worlds.SPLITS[options.split].seeds(options.seeds)
+        for seed in _seeds(options)
         for strategy in strategies
     ]
     with Progress("strategies") as progress:
         runs.run_all(wanted, _results(options), options.workers, progress)
+
+
+def _seeds(options: argparse.Namespace) -> range:
+    first = worlds.SPLITS[options.split].first_seed if options.first is None else options.first
+    return range(first, first + options.seeds)
 
 
 def _keep(options: argparse.Namespace) -> None:
