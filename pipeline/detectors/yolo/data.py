@@ -120,7 +120,7 @@ def show(image: Images, view: View, size: tuple[int, int]) -> tuple[Images, NDAr
     matrix = np.array([[sign, 0, width / 2 - sign * view.centre[0]], [0, view.scale, height / 2 - view.scale * view.centre[1]]])
     if view.scale == 1.0 and 0 <= left <= image.shape[1] - width and 0 <= top <= image.shape[0] - height:
         part = image[top : top + height, left : left + width]
-        return (np.ascontiguousarray(part[:, ::-1]) if view.flipped else part), matrix
+        return (np.asarray(cv2.flip(part, 1), np.uint8) if view.flipped else part), matrix
     centred = matrix.copy()
     centred[:, 2] += matrix[:, :2] @ (0.5, 0.5) - 0.5  # OpenCV puts (0, 0) at a pixel's middle, boxes at its corner.
     # Grey beyond the image: a reflection would show unlabelled people.
@@ -155,10 +155,10 @@ def recolour(image: Images, rng: np.random.Generator) -> Images:
 def relight(image: Images, rng: np.random.Generator) -> Images:
     """Change the exposure (gain, offset), in half of the cases the tint and, in 30 %, add haze that reduces contrast."""
     gain, offset = rng.uniform(0.6, 1.45), rng.uniform(-20, 20)
-    tint = rng.uniform(0.85, 1.15, 3) if rng.random() < 0.5 else np.ones(3)
+    tint = rng.uniform(0.85, 1.15, 3) if rng.random() < 0.5 else np.ones(1)
     clear, haze = (rng.uniform(0.4, 1), rng.uniform(20, 220)) if rng.random() < 0.3 else (1.0, 0.0)
     exposed = np.clip((np.arange(256)[:, None] * gain + offset) * tint, 0, 255)
-    curve = (clear * exposed + (1 - clear) * haze).astype(np.uint8)
+    curve = (clear * exposed + (1 - clear) * haze).astype(np.uint8)  # One for each channel, or for all: twice as fast.
     return np.asarray(cv2.LUT(image, curve[None]), np.uint8)
 
 
