@@ -128,7 +128,7 @@ def answer(studies: Studies) -> str:
     pieces, verdicts = studies.outcomes, studies.verdicts
     if not pieces:
         return "No study is published."
-    better = {name: sum(_p_value(piece, name) <= ALPHA for piece in pieces.values()) for name in ("base", "control")}
+    better = {name: sum(p_value(piece, name) <= ALPHA for piece in pieces.values()) for name in ("base", "control")}
     counts = [failures(piece) for piece in pieces.values()]
     ahead = mean_difference([count["adaptive"] - count["random"] for count in counts])
     head = (
@@ -146,7 +146,7 @@ def answer(studies: Studies) -> str:
         counted = " | ".join(str(number) for number in (seed, len(valid(piece)), *(count[name] for name in VERSIONS)))
         minutes = verdicts.loc[seed, "minutes"]
         took = "not timed" if np.isnan(minutes) else f"{minutes:.1f}"
-        p_values = f"{p_text(_p_value(piece, 'base'))} | {p_text(_p_value(piece, 'control'))}"
+        p_values = f"{p_text(p_value(piece, 'base'))} | {p_text(p_value(piece, 'control'))}"
         lines.append(f"| {counted} | {p_values} | `{verdicts.loc[seed, 'champion']}` | {took} |")
     return "\n".join([*lines, "", *_largest(studies)])
 
@@ -201,7 +201,7 @@ def stored(conditions: str) -> list[RuleCondition]:
     return [RuleCondition.model_validate(condition) for condition in json.loads(conditions)]
 
 
-def _p_value(piece: pd.DataFrame, against: str) -> float:
+def p_value(piece: pd.DataFrame, against: str) -> float:
     """Exact McNemar test that `adaptive` fails less than another version; 1 if it fails as often or more."""
     failed = valid(piece)
     pair = mcnemar(failed[against], failed["adaptive"])

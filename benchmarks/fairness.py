@@ -1,7 +1,7 @@
 """Is the world fair? How often the oracle, or another detector, fails in random tests.
 
 `python benchmarks/fairness.py [--tests 300] [--scenario F1 N1] [--detector oracle|blind|everywhere|models/uniform] [--study thesis]
-[--out fairness.csv] [key=value ...]`
+[--out fairness.csv] [--outcomes fairness.csv.gz] [key=value ...]`
 
 Runs all twelve F scenarios with the car, camera and brake law of a study, and N1 to N4, in which the right answer is not to brake, with
 `aeb.gate=detections`. Finished tests stay in the folder `--journal`, so the same command resumes a killed run.
@@ -13,12 +13,15 @@ import argparse
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
+from outcomes import ERROR, write
+from who_fails import groups
 
 from pipeline.artefacts.files import write_bytes
 from pipeline.config.composing import compose, functional_scenario
 from pipeline.core.identity import CampaignId
-from pipeline.core.kpi import Kpi
+from pipeline.core.kpi import NO_KPI, Kpi
 from pipeline.core.statistics import wilson_interval
 from pipeline.detectors.yolo.export import onnx_of
 from pipeline.execution.campaign import CampaignPlan, sampler_seed, search
@@ -29,6 +32,7 @@ from pipeline.progress import Progress
 FAIR = [f"F{number}" for number in range(1, 9)] + [f"F{number}star" for number in range(1, 5)]
 NO_BRAKING = [f"N{number}" for number in range(1, 5)]
 SCRIPTED = ("oracle", "blind", "everywhere")
+HOW = ("failure_mode", "cause", "false_positives_far", "false_positives_localisation", "false_positives_duplicate")
 SHOWN = 3
 """Failures of a scenario that are printed as commands."""
 
@@ -44,18 +48,23 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--journal", type=Path, default=Path("data/fairness"))
     parser.add_argument("--out", type=Path, help="CSV of the table")
+    parser.add_argument("--outcomes", type=Path, help="CSV of every test")
     options = parser.parse_args()
     folder = options.journal / options.detector.replace("/", "_")
     model = model_of(options.detector, folder)
-    rows = []
+    rows, tests = [], []
     for name in options.scenario:
         planned = plan(name, options.detector, model, options.tests, options.overrides, options.study)
         with Progress(name) as progress:
-            rows.append(row(planned, executed(planned, folder / name, options.workers, progress), progress))
+            done = executed(planned, folder / name, options.workers, progress)
+            rows.append(row(planned, done, progress))
+            tests.append(outcomes(planned, done))
     table = pd.DataFrame(rows)
     print(table.to_string(index=False, na_rep="–", float_format="{:.4g}".format))
     if options.out is not None:
         write_bytes(options.out, table.to_csv(index=False, lineterminator="\n", float_format="%.6g").encode())
+    if options.outcomes is not None:
+        write(pd.concat(tests), options.outcomes)
 
 
 def model_of(detector: str, folder: Path) -> Path:
@@ -118,6 +127,23 @@ def row(planned: CampaignPlan, done: Sequence[tuple[dict[str, float | str], Kpi 
         "mean_duration_s": sum(kpi.false_activation_s for kpi in braking) / number if number else float("nan"),
         "mean_speed_loss_mps": sum(kpi.speed_loss_mps for kpi in braking) / len(braking) if braking else float("nan"),
     }
+
+
+def outcomes(planned: CampaignPlan, done: Sequence[tuple[dict[str, float | str], Kpi | None]]) -> pd.DataFrame:
+    """Every test: who walks how, 0 passed, 1 failed, 2 ended in an error, and how it failed."""
+    points = np.array([planned.space.encode(concrete) for concrete, _ in done])
+    judged = [NO_KPI if kpi is None else kpi for _, kpi in done]
+    table = pd.DataFrame(
+        {
+            "scenario": planned.campaign.scenario,
+            "index": np.arange(len(done)),
+            **{name: [concrete[name] for concrete, _ in done] for name in ("animation", "blueprint")},
+            "group": groups(planned.space, points),
+            "outcome": [ERROR if kpi is None else int(kpi.failure) for _, kpi in done],
+            **{name: [getattr(kpi, name) for kpi in judged] for name in HOW},
+        }
+    )
+    return table
 
 
 def commands(scenario: str, done: Sequence[tuple[dict[str, float | str], Kpi | None]]) -> Iterator[str]:

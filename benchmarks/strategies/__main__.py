@@ -6,7 +6,7 @@
     python benchmarks/strategies show [--split judging] [--figure strategies.png]
     python benchmarks/strategies truth
     python benchmarks/strategies models
-    python benchmarks/strategies ablation
+    python benchmarks/strategies ablation | further
     python benchmarks/strategies bayesian
     python benchmarks/strategies confirmed
     python benchmarks/strategies grid [--figures FOLDER]
@@ -15,9 +15,9 @@
 run: every strategy, seed and world; a rerun does only what is missing or was made by other code. keep: publish the finished runs in
 benchmarks/strategies/results. answer: which expectations hold. choose: what each strategy finds in 300 tests. show: tables and figure of
 the finished runs. truth: how true the emulators are. models: how well the models of the forest and of its variants predict rendered
-tests. ablation: what each part of the forest is worth, in the development worlds. bayesian: VerifAI's Bayesian sampler in 120 tests.
-confirmed: what the strategies found in
-rendered campaigns. grid: tables and figures of thesis chapter 6 from the recorded campaigns. list: strategies, groups and worlds.
+tests. ablation: what each part of the forest is worth, in the development worlds. further: fresh seeds, transfer, rare failures, options of
+evolutionary testing. bayesian: VerifAI's Bayesian sampler in 120 tests. confirmed: what the strategies found in rendered campaigns. grid:
+tables and figures of thesis chapter 6 from the recorded campaigns. list: strategies, groups and worlds.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ import contestants
 import duels
 import expected
 import former
+import further
 import grid
 import peers
 import recorded
@@ -67,6 +68,7 @@ def main() -> None:
         "truth": _truth,
         "models": _models,
         "ablation": _ablation,
+        "further": _further,
         "bayesian": _bayesian,
         "confirmed": _confirmed,
         "grid": _grid,
@@ -107,6 +109,7 @@ def _parser() -> argparse.ArgumentParser:
     check = commands.add_parser("truth", help="cross-validation of the emulators")
     check.add_argument("--scenario", nargs="+", default=[name for split in worlds.SPLITS.values() for name in split.scenarios])
     commands.add_parser("models", help="how well the forest's models and their variants predict rendered tests")
+    commands.add_parser("further", help="fresh seeds, transfer between scenarios, options of evolutionary testing")
     commands.add_parser("confirmed", help="what the strategies found in rendered campaigns")
     grid_ = commands.add_parser("grid", help="tables and figures of thesis chapter 6")
     grid_.add_argument("--figures", type=Path, help="folder for the figures")
@@ -185,6 +188,10 @@ def _models(options: argparse.Namespace) -> None:
 
 def _ablation(options: argparse.Namespace) -> None:
     print(ablation.markdown(_finished(options)))
+
+
+def _further(options: argparse.Namespace) -> None:
+    print(further.markdown(*(runs.read(RESULTS / f"{name}.jsonl") for name in further.FILES)))
 
 
 def _bayesian(options: argparse.Namespace) -> None:

@@ -1,11 +1,12 @@
-"""What each part of the default strategy is worth: campaigns in the development worlds with one part changed."""
+"""What each part of a strategy is worth: campaigns in the development worlds with one part changed."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from duels import DEFAULT, SYMBOLS, Duel, kinds, ratio
+from picture import BUDGETS
 
 CHANGES = {
     "forest-trees-alone": "no linear model",
@@ -26,15 +27,17 @@ CHANGES = {
 """Strategy -> what differs from the default, in words."""
 
 
-def markdown(rows: Sequence[dict[str, Any]]) -> str:
-    """A table for each measure: the ratio to the default, a row for each change, a column for each kind of worlds and budget."""
-    groups = {kind: group for kind, group in kinds(rows).items() if any(DEFAULT in block.strategies for block in group)}
+def markdown(
+    rows: Sequence[dict[str, Any]], changes: Mapping[str, str] = CHANGES, reference: str = DEFAULT, budgets: Sequence[int] = BUDGETS
+) -> str:
+    """A table for each measure: the ratio to a strategy, a row for each change, a column for each kind of worlds and budget."""
+    groups = {kind: group for kind, group in kinds(rows, budgets).items() if any(reference in block.strategies for block in group)}
     tables = []
     for measure, symbol in SYMBOLS.items():
-        lines = [f"| {symbol}, × `{DEFAULT}` | {' | '.join(f'{kind}, {budget:,}' for kind, budget in groups)} |"]
+        lines = [f"| {symbol}, × `{reference}` | {' | '.join(f'{kind}, {budget:,}' for kind, budget in groups)} |"]
         lines += ["|---" * (len(groups) + 1) + "|"]
-        for strategy, words in CHANGES.items():
-            cells = [str(ratio(group, Duel(measure, strategy, DEFAULT)) or "–") for group in groups.values()]
+        for strategy, words in changes.items():
+            cells = [str(ratio(group, Duel(measure, strategy, reference)) or "–") for group in groups.values()]
             lines.append(f"| {words} | {' | '.join(cells)} |")
         tables.append("\n".join(lines))
     return "\n\n".join(tables)

@@ -17,8 +17,10 @@ from pipeline.core.space import Floats, Ints
 from pipeline.core.statistics import bootstrap_mean, bootstrap_ratio, censored_mean, vargha_delaney
 
 CONFIDENCE = 0.95
-INTERVALS = ("failures", "kinds", "gamma_f")
-"""Measures with an interval, and with a ratio to the reference."""
+COMPARED = ("failures", "kinds", "gamma_f")
+"""Measures with a ratio to the reference."""
+MANY = 10
+"""F is also measured for this many failures."""
 
 
 @dataclass(frozen=True)
@@ -54,8 +56,8 @@ def blocks(rows: Sequence[dict[str, Any]]) -> Iterator[Block]:
 def standings(block: Block, reference: str) -> pd.DataFrame:
     """A row for each strategy: means over seeds and worlds, intervals over seeds, ratios to the reference strategy.
 
-    A seed counts where every world of the group has it. Columns `<measure>`, and for `INTERVALS` also `<measure>_low`, `_high`, and
-    `<measure>_ratio` with the same ends; `a12` is the mean over worlds.
+    A seed counts where every world of the group has it. Columns `<measure>`, `<measure>_low`, `_high`, and for `COMPARED` also
+    `<measure>_ratio` with the same ends; `a12` is the mean over worlds. `f`, `f_many` and `cost` are censored means over campaigns.
     """
     return pd.DataFrame([_standing(block, strategy, reference) for strategy in block.strategies])
 
@@ -67,13 +69,14 @@ def _standing(block: Block, strategy: str, reference: str) -> dict[str, Any]:
     for measure in MEASURES:
         means = block.values(strategy, measure).dropna().mean(axis=1)
         row |= {"seeds": len(means), measure: float(means.mean())}
-        if measure in INTERVALS and len(means):
+        if len(means):
             row |= _interval(means.to_numpy(float), measure)
+        if len(means) and measure in COMPARED:
             row |= _ratio(block, strategy, reference, measure)
     row["a12"] = _a12(block, strategy, reference)
     row["of_ceiling"] = _of_ceiling(block, strategy)
-    found = [_reached([at for at in failed if at <= block.budget], 1, block.budget) for failed in own["failed_at"]]
-    row |= _censored("f", found)
+    for name, n in (("f", 1), ("f_many", MANY)):
+        row |= _censored(name, [_reached([at for at in failed if at <= block.budget], n, block.budget) for failed in own["failed_at"]])
     return row | _censored("cost", _costs(block, strategy, reference))
 
 
@@ -134,17 +137,18 @@ def _theta(failed_at: Sequence[int], budget: int) -> Ints:
 
 
 def _censored(name: str, values: Sequence[tuple[float, bool]]) -> dict[str, float]:
-    """The censored mean; a lower bound if `<name>_censored` is the number of campaigns."""
+    """The censored mean with its interval; a lower bound if `<name>_censored` is the number of campaigns."""
     if not values:
         return {name: np.nan, f"{name}_censored": 0, f"{name}_count": 0}
     mean = censored_mean([value for value, _ in values], [reached for _, reached in values], CONFIDENCE)
-    return {name: mean.value, f"{name}_censored": mean.censored, f"{name}_count": len(values)}
+    ends = {f"{name}_low": mean.low, f"{name}_high": mean.high}
+    return {name: mean.value, **ends, f"{name}_censored": mean.censored, f"{name}_count": len(values)}
 
 
 def markdown(block: Block, table: pd.DataFrame, reference: str) -> str:
     """A heading and a table, best pair coverage of failures last."""
-    heading = ["strategy", "failures", f"× {reference}", "A12", "kinds", f"× {reference}", "γ_t", "γ_f, %", f"× {reference}"]
-    heading += ["of ceiling", "Θ area", "regions", "F", "C_n", "ms a test"]
+    heading = ["strategy", "failures", f"× {reference}", "A12", "kinds", f"× {reference}", "γ_t, %", "γ_f, %", f"× {reference}"]
+    heading += ["of ceiling", "Θ area, %", "regions", "F", f"F_{MANY}", "C_n", "ms a test"]
     lines = [f"| {' | '.join(heading)} |", "|---" * len(heading) + "|"]
     for row in table.sort_values("gamma_f", kind="stable").to_dict("records"):
         cells = [
@@ -154,14 +158,15 @@ def markdown(block: Block, table: pd.DataFrame, reference: str) -> str:
             _number(row["a12"], 2),
             _spread(row, "kinds", 0),
             _spread(row, "kinds_ratio", 2),
-            _percent(row["gamma_t"], 0),
+            _spread(row, "gamma_t", 0, 100),
             _spread(row, "gamma_f", 1, 100),
             _spread(row, "gamma_f_ratio", 2),
             _percent(row["of_ceiling"], 0),
-            _percent(row["area"], 0),
-            _number(row["regions"], 1),
-            ("≥ " if row["f_censored"] == row["f_count"] else "") + _number(row["f"], 0),
-            ("≤ " if row["cost_count"] and row["cost_censored"] == row["cost_count"] else "") + _number(1 - row["cost"], 2),
+            _spread(row, "area", 0, 100),
+            _spread(row, "regions", 1),
+            _tests(row, "f"),
+            _tests(row, "f_many"),
+            _saved(row),
             _number(row["ms"], 1),
         ]
         lines.append(f"| {' | '.join(cells)} |")
@@ -179,6 +184,19 @@ def _spread(row: dict[str, Any], name: str, digits: int, scale: float = 1) -> st
         return "–"
     value, low, high = (_number(scale * row[key], digits) for key in (name, f"{name}_low", f"{name}_high"))
     return f"{value} ({low}–{high})"
+
+
+def _tests(row: dict[str, Any], name: str) -> str:
+    """F or F_n with its interval; a lower bound without one if no campaign came so far."""
+    return f"≥ {_number(row[name], 0)}" if row[f"{name}_censored"] == row[f"{name}_count"] else _spread(row, name, 0)
+
+
+def _saved(row: dict[str, Any]) -> str:
+    """C_n with its interval; an upper bound without one if no campaign found as many failures as random testing."""
+    if row["cost_count"] and row["cost_censored"] == row["cost_count"]:
+        return f"≤ {_number(1 - row['cost'], 2)}"
+    ends = {"saved": 1 - row["cost"], "saved_low": 1 - row.get("cost_high", np.nan), "saved_high": 1 - row.get("cost_low", np.nan)}
+    return _spread(ends, "saved", 2)
 
 
 def _number(value: float, digits: int) -> str:

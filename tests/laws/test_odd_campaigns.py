@@ -15,7 +15,8 @@ from tests.strategies import Strategy, strategies
 
 pytestmark = [pytest.mark.usefixtures("short_annealing"), pytest.mark.filterwarnings("error")]
 
-BATCH = 6
+BATCH, BATCHES = 8, 3
+"""Enough for every strategy to learn: meta-models choose hyperparameters from 8 tests, evolutionary testing mutates from 20."""
 X = Variable("x", "continuous", "m", 0, 10, 1)
 KIND = Variable("kind", "categorical", values=("a", "b", "c"))
 SIDE = Variable("side", "categorical", values=("left", "right"))
@@ -67,7 +68,7 @@ def run(sampler: BatchSampler, kpi: Callable[[Floats], Floats], batches: int) ->
 def test_any_results_on_any_space_give_valid_tests_and_an_exact_replay(make: Strategy, space: Space) -> None:
     for kpi in KPIS.values():
         sampler, replayed = make(space, 3, batch_size=BATCH), make(space, 3, batch_size=BATCH)
-        points, values = run(sampler, kpi, 2)
+        points, values = run(sampler, kpi, BATCHES)
         for start in range(0, len(points), 5):
             replayed.tell(points[start : start + 5], values[start : start + 5])
         asked = sampler.ask()

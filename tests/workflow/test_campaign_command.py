@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import re
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pandas as pd
@@ -10,34 +15,30 @@ import pytest
 
 from pipeline.__main__ import main
 from pipeline.commands.campaign import STOPPED
-from pipeline.progress import Progress
 
-WORDS = ["scenario=F1", "strategy=forest", "budget=40", "simulator=analytic", "detector=oracle"]
+WORDS = ["scenario=F1", "strategy=forest", "budget=60", "simulator=analytic", "detector=oracle"]
 
 
 def campaign(folder: Path) -> int:
     return main(["campaign", *WORDS, f"out={folder}", "--threads", "1"])
 
 
-def test_a_stopped_campaign_resumes_and_ends_like_an_uninterrupted_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_stopped_campaign_resumes_and_ends_like_an_uninterrupted_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     cut, whole = tmp_path / "cut", tmp_path / "whole"
-
-    def stop(self: Progress, done: int, total: int, text: str = "") -> None:
-        if done == 3:
-            raise KeyboardInterrupt
-
-    with monkeypatch.context() as patched:
-        patched.setattr(Progress, "__call__", stop)
-        assert campaign(cut) == STOPPED
-    assert f"finished tests are in {cut}/journal, and the same command resumes" in capsys.readouterr().out
-    assert len(list((cut / "journal").glob("*.npz"))) >= 3 and not (cut / "tests.parquet").exists()
+    command = [sys.executable, "-m", "pipeline", "campaign", *WORDS, f"out={cut}", "--threads", "2"]
+    run = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True)
+    while len(list((cut / "journal").glob("*.npz"))) < 3:
+        assert run.poll() is None
+        time.sleep(0.002)
+    os.killpg(run.pid, signal.SIGINT)  # As a terminal does, to the workers, too.
+    told = run.communicate(timeout=30)[0]
+    assert run.returncode == STOPPED and not (cut / "tests.parquet").exists()
+    assert f"finished tests are in {cut}/journal, and the same command resumes" in told
     for folder in (cut, whole):
         assert campaign(folder) == 0 and not (folder / "journal").exists()
         said = capsys.readouterr()
-        assert re.search(r"40/40 100% .* failures \(\d+%\), \d+ kinds", said.err)
-        assert re.search(r"^\d+ of 40 tests fail\n\d+ kinds .*causes: ", said.out)
+        assert re.search(r"60/60 100% .* failures \(\d+%\), \d+ kinds", said.err)
+        assert re.search(r"^\d+ of 60 tests fail\n\d+ kinds .*causes: ", said.out)
     pd.testing.assert_frame_equal(pd.read_parquet(cut / "tests.parquet"), pd.read_parquet(whole / "tests.parquet"))
 
 
