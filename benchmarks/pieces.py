@@ -9,12 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from matplotlib.figure import Figure
 from outcomes import TEST, of_study, write
 
 from pipeline.artefacts.folders import Folders
 from pipeline.config.composing import PARAMS, compose, load
 from pipeline.config.schema import Config
 from pipeline.errors import shown
+from pipeline.report.style import save_png
 from pipeline.workflow.jobs import Jobs, step_names
 from pipeline.workflow.staleness import Staleness
 from pipeline.workflow.stamping import Stamps
@@ -29,7 +31,8 @@ Piece = tuple[str, int]
 class Experiment:
     """A script `benchmarks/<name>.py` and its page. compose: the arguments of `compose` by piece.
 
-    versions: those that a kind publishes; None for all. more: publishes what else the page shows of a piece with these outcomes.
+    versions: those that a kind publishes; None for all. more: publishes what else the page shows of a piece with these outcomes. figure: of
+    the published pieces, for the page.
     """
 
     name: str
@@ -37,6 +40,7 @@ class Experiment:
     compose: Mapping[Piece, str]
     versions: Callable[[str], Sequence[str] | None] = lambda kind: None
     more: Callable[[Piece, pd.DataFrame], None] = lambda piece, outcomes: None
+    figure: Callable[[Mapping[Piece, pd.DataFrame]], Figure] | None = None
 
     @property
     def folder(self) -> Path:
@@ -78,7 +82,13 @@ class Experiment:
         # The outcomes come last, so that a published piece is complete even after a kill.
         self.more(piece, outcomes)
         write(outcomes, self.path(piece))
+        self.draw()
         return self.path(piece)
+
+    def draw(self) -> None:
+        """Draw the page's figure, if it has one."""
+        if self.figure is not None:
+            save_png(self.figure(self.published()), self.folder.with_suffix(".png"))
 
     def _check(self, piece: Piece, config: Config) -> None:
         """SystemExit that names the first other key unless a config is the one that the piece's command composes."""
@@ -90,7 +100,7 @@ class Experiment:
             raise SystemExit(f"{PARAMS}, piece {name}: {wrong}; compose and execute the piece as `plan` says")
 
     def main(self, description: str | None, answer: Callable[[Mapping[Piece, pd.DataFrame]], str]) -> None:
-        """The script's command line: plan, keep, answer."""
+        """The script's command line: plan, keep, answer and, with a figure, draw."""
         parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
         commands = parser.add_subparsers(dest="command", required=True)
         commands.add_parser("plan")
@@ -98,11 +108,15 @@ class Experiment:
         keep.add_argument("kind", choices=list(dict.fromkeys(kind for kind, _ in self.compose)))
         keep.add_argument("seed", type=int, choices=list(dict.fromkeys(seed for _, seed in self.compose)))
         commands.add_parser("answer")
+        if self.figure is not None:
+            commands.add_parser("draw", help="the page's figure; `keep` draws it, too")
         options = parser.parse_args()
         if options.command == "plan":
             print(self.plan())
         elif options.command == "keep":
             print(self.keep((options.kind, options.seed)))
+        elif options.command == "draw":
+            self.draw()
         else:
             print(answer(self.published()))
 

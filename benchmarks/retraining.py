@@ -2,7 +2,7 @@
 
     python benchmarks/retraining.py plan                          the commands of every piece, and which are published
     python benchmarks/retraining.py keep long_tailed 0            publish the piece that data/retraining holds
-    python benchmarks/retraining.py answer                        the page's tables
+    python benchmarks/retraining.py answer | draw                 the page's tables, its figure
 
 A piece is one base detector and one seed: `study=retraining` with searches and retrained versions of its own. All pieces share the same
 held-out tests. A piece is published as a row for each held-out test and a column for each version: 0 passed, 1 failed, 2 ended in an error.
@@ -20,6 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 from outcomes import TEST, failures, p_text, valid
 from pieces import Experiment, Piece
 from scipy.stats import ttest_1samp
@@ -27,6 +28,7 @@ from what_is_left import as_table, what_is_left
 
 from pipeline.config.composing import PARAMS, load
 from pipeline.core.statistics import mean_interval
+from pipeline.report.style import SERIES, panels, styled
 
 SEEDS = range(5)
 BASES = {
@@ -54,7 +56,11 @@ def publish_left(piece: Piece, _: pd.DataFrame) -> None:
 
 
 EXPERIMENT = Experiment(
-    "retraining", "retraining", {(base, seed): arguments for seed in SEEDS for base, arguments in BASES.items()}, more=publish_left
+    "retraining",
+    "retraining",
+    {(base, seed): arguments for seed in SEEDS for base, arguments in BASES.items()},
+    more=publish_left,
+    figure=lambda pieces: figure(pieces),
 )
 
 
@@ -71,6 +77,22 @@ def answer(pieces: Mapping[Piece, pd.DataFrame]) -> str:
             parts += [_stays([table for (of, _), table in pieces.items() if of == base])]
             parts += _repairs([piece for piece in pieces if piece[0] == base and EXPERIMENT.left(piece).exists()])
     return "\n\n".join(parts)
+
+
+def figure(pieces: Mapping[Piece, pd.DataFrame]) -> Figure:
+    """The failures of every version: a dot for each search, a line for the mean; a panel for each base."""
+    with styled():
+        drawn, [axes] = panels(1, len(BASES), width=4.6, height=3.0)
+        for axis, base in zip(axes, BASES, strict=True):
+            failed = _failures([pieces[base, seed] for seed in SEEDS if (base, seed) in pieces])
+            for place, (name, counts) in enumerate(failed.items()):
+                colour = SERIES[1] if name in TAUGHT else SERIES[0]
+                axis.scatter(place + np.linspace(-0.2, 0.2, len(counts)), counts, color=colour, s=18, alpha=0.6, linewidths=0)
+                axis.hlines(counts.mean(), place - 0.35, place + 0.35, color=colour)
+            axis.set_xticks(range(len(failed)), list(failed), rotation=40, ha="right")
+            axis.set(title=f"base {base}", ylim=(0, None))
+        axes[0].set(ylabel="failures in 600 held-out tests")
+    return drawn
 
 
 @dataclass

@@ -2,7 +2,7 @@
 
     python benchmarks/rounds.py plan             the commands of every piece, and which are published
     python benchmarks/rounds.py keep three 0     publish the piece of seed 0, which data/default holds
-    python benchmarks/rounds.py answer           the page's tables
+    python benchmarks/rounds.py answer | draw    the page's tables, its figure
 
 A piece is the default study with three rounds, another seed and two held-out scenarios. Beside the outcomes of every version, `three`
 publishes how many failures of the last `adaptive` version each changed part of the loop repairs. The other kinds change the detector and
@@ -15,12 +15,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 from outcomes import TEST, failures, mean_difference, valid
 from pieces import Experiment, Piece
 from what_is_left import as_table, what_is_left
 
 from pipeline.config.composing import PARAMS, load
+from pipeline.report.style import legend_below, panels, series_colours, styled
 
 SEEDS = range(3)
 ROUNDS = range(1, 4)
@@ -58,7 +61,7 @@ def overrides(kind: str, seed: int) -> str:
 
 
 PIECES = {(kind, seed): overrides(kind, seed) for kind in SETTINGS for seed in SEEDS}
-EXPERIMENT = Experiment("rounds", "default", PIECES, more=publish_left)
+EXPERIMENT = Experiment("rounds", "default", PIECES, more=publish_left, figure=lambda pieces: figure(pieces))
 
 
 def answer(pieces: Mapping[Piece, pd.DataFrame]) -> str:
@@ -68,6 +71,22 @@ def answer(pieces: Mapping[Piece, pd.DataFrame]) -> str:
     if not three:
         return "No piece is published."
     return "\n\n".join([tables([failures(table) for table in three.values()], left), changed(pieces)])
+
+
+def figure(pieces: Mapping[Piece, pd.DataFrame]) -> Figure:
+    """The failures of every arm after every round: a dot for each search, lines join the means."""
+    failed = [failures(table) for (kind, _), table in pieces.items() if kind == PLAIN]
+    with styled():
+        drawn, [[axis]] = panels(1, 1, width=5.6, height=3.2)
+        for shift, (arm, colour) in zip((-0.05, 0, 0.05), series_colours(ARMS).items(), strict=True):
+            counts = np.array([[each[name] for name in ("base", *(version(arm, after) for after in ROUNDS))] for each in failed])
+            at = np.arange(counts.shape[1]) + shift
+            axis.plot(at, counts.mean(axis=0), color=colour, label=arm)
+            axis.scatter(np.tile(at, len(counts)), counts, color=colour, s=18, alpha=0.6, linewidths=0)
+        axis.set_xticks(range(len(ROUNDS) + 1), ["base", *(f"round {after}" for after in ROUNDS)])
+        axis.set(ylabel="failures in 200 held-out tests", ylim=(0, None))
+        legend_below(drawn, [axis])
+    return drawn
 
 
 def tables(failed: list[dict[str, int]], left: list[pd.DataFrame]) -> str:

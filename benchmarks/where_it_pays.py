@@ -2,7 +2,7 @@
 
     python benchmarks/where_it_pays.py plan                       the commands of every piece, and which are published
     python benchmarks/where_it_pays.py keep long_tailed-30 0      publish the piece that data/default holds, and draw the figure anew
-    python benchmarks/where_it_pays.py answer                     the page's table
+    python benchmarks/where_it_pays.py answer | draw              the page's table, its figure
 
 A piece is the default study with another base detector or another number of tests. The ten default studies, published already, are the
 pieces in the middle: base `long_tailed`, 100 tests a scenario.
@@ -17,9 +17,9 @@ from default_study import PUBLISHED as DEFAULT
 from default_study import SEEDS as DEFAULT_SEEDS
 from matplotlib.figure import Figure
 from outcomes import mean_difference, valid
-from pieces import RESULTS, Experiment, Piece
+from pieces import Experiment, Piece
 
-from pipeline.report.style import legend_below, panels, save_png, series_colours, styled
+from pipeline.report.style import legend_below, panels, series_colours, styled
 
 BASES = {
     "uniform": "base.weights=models/uniform base_set.rare.children=1 base_set.rare.crouching=1",
@@ -32,11 +32,6 @@ PIECES = {("uniform", 100): 3, ("long_tailed", 30): 3, ("long_tailed", 300): 3, 
 DEFAULT_KIND = ("long_tailed", 100)
 
 
-def redraw(piece: Piece, outcomes: pd.DataFrame) -> None:
-    """Draw the page's figure of all published pieces and of one more."""
-    save_png(figure(rates({**EXPERIMENT.published(), piece: outcomes})), RESULTS / "where-it-pays.png")
-
-
 EXPERIMENT = Experiment(
     "where_it_pays",
     "default",
@@ -45,7 +40,7 @@ EXPERIMENT = Experiment(
         for (base, tests), searches in PIECES.items()
         for seed in range(searches)
     },
-    more=redraw,
+    figure=lambda pieces: figure(rates(pieces)),
 )
 
 

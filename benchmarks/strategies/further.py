@@ -19,7 +19,6 @@ RARE = {
     "forest mutants=0": "no mutations among the candidates",
     "forest mutants=0.75": "three quarters mutations instead of a tenth",
     "forest swaps=0": "no failures with other categories among them",
-    "forest explore_until=1": "slots for pairs never tested to the end",
 }
 """Strategy -> what differs, in words."""
 FILES = ("fresh", "transfer", "rare", "options")

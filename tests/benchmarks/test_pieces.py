@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType
 
@@ -16,6 +17,7 @@ import rounds
 import teaching
 import what_is_left
 import where_it_pays
+from matplotlib.figure import Figure
 from outcomes import TEST
 
 from pipeline.__main__ import main
@@ -136,13 +138,16 @@ def test_a_kill_leaves_no_piece_without_what_its_page_shows() -> None:
     assert not TINY.published()
 
 
-def test_the_figure_shows_the_piece_that_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    drawn: list[object] = []
-    monkeypatch.setattr(where_it_pays, "rates", lambda found: drawn.extend(found))
-    monkeypatch.setattr(where_it_pays, "figure", lambda found: None)
-    monkeypatch.setattr(where_it_pays, "save_png", lambda figure, path: None)
-    where_it_pays.redraw(("weak-100", 0), pd.DataFrame())
-    assert drawn == [("weak-100", 0)]
+def test_the_figure_shows_the_piece_that_is_kept() -> None:
+    drawn: list[pieces.Piece] = []
+
+    def figure(found: Mapping[pieces.Piece, pd.DataFrame]) -> Figure:
+        drawn.extend(found)
+        return Figure()
+
+    execute(composed(TINY, ("all", 1)))
+    pieces.Experiment("tiny", "default", TINY.compose, figure=figure).keep(("all", 1))
+    assert drawn == [("all", 1)] and TINY.folder.with_suffix(".png").exists()
 
 
 def test_what_is_left_counts_the_failures_of_the_version_and_scenario(monkeypatch: pytest.MonkeyPatch) -> None:

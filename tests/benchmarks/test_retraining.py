@@ -48,6 +48,14 @@ def test_means_and_intervals_by_hand() -> None:
     assert row(answer, "adaptive")[2] == "12.0 (7.0 to 17.0)"
 
 
+def test_the_figure_has_a_dot_for_each_search() -> None:
+    drawn, empty = retraining.figure(long_tailed(adaptive=[10, 12, 14], random=[20, 20, 20])).axes
+    assert [text.get_text() for text in drawn.get_xticklabels()] == ["base", "random", "adaptive"]
+    offsets = [np.asarray(each.get_offsets()) for each in drawn.collections]
+    dots = [each[:, 1].tolist() for each in offsets if len(each) == 3]
+    assert dots == [[50, 50, 50], [20, 20, 20], [10, 12, 14]] and not empty.collections
+
+
 def test_equal_within_a_tenth_of_the_base_is_equivalent() -> None:
     close = retraining.answer(long_tailed(adaptive=[10, 11, 10, 9], random=[10, 10, 11, 10]))
     apart = retraining.answer(long_tailed(adaptive=[1, 20, 10, 9], random=[10, 10, 11, 10]))

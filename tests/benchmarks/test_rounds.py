@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pandas as pd
 import pytest
 import rounds
@@ -40,6 +41,13 @@ def test_one_search_has_no_interval() -> None:
 def outcomes(**failed: list[int]) -> pd.DataFrame:
     tests = {"scenario": "F1star", "index": range(4), "animation": "walk", "blueprint": "a"}
     return pd.DataFrame({**tests, **failed})
+
+
+def test_the_figure_joins_the_means() -> None:
+    failed = {rounds.version(arm, after): [1, 0, 0, after % 2] for arm in rounds.ARMS for after in rounds.ROUNDS}
+    pieces = {("three", 0): outcomes(base=[1, 1, 1, 0], **failed), ("three", 1): outcomes(base=[1, 0, 0, 0], **failed)}
+    (axis,) = rounds.figure(pieces).axes
+    assert [np.asarray(line.get_ydata()).tolist() for line in axis.lines] == [[2, 2, 1, 2]] * 3
 
 
 def test_another_detector_by_hand() -> None:
