@@ -11,6 +11,7 @@ with pytest.MonkeyPatch.context() as patch:
         "outcomes",
         "pieces",
         "retraining",
+        "retraining_speed",
         "default_study",
         "confirmed_rules",
         "teaching",
