@@ -1,6 +1,6 @@
 """Prints tables of docs/results from the outcomes that are published beside them.
 
-    python benchmarks/published.py oracle | base-rates | learning | length
+    python benchmarks/published.py oracle | base-rates | learning | length | digests
 
 `python -m pipeline results write` puts them into the pages.
 """
@@ -8,14 +8,17 @@
 from __future__ import annotations
 
 import argparse
+import hashlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pandas as pd
 
+from pipeline.artefacts.files import sha256
 from pipeline.core.statistics import wilson_interval
 
 RESULTS = Path("docs/results")
+STRATEGIES = Path("benchmarks/strategies")
 THESIS_RANDOM = (1, 4, 2, 0, 0, 0, 6, 0)
 """Failures of 1,000 random tests, F1 to F8 (thesis Table 6.3)."""
 THESIS_TESTS = 1000
@@ -23,7 +26,13 @@ LENGTHS = (500, *range(1000, 10_000, 1000))
 
 
 def main() -> None:
-    tables: dict[str, Callable[[], str]] = {"oracle": oracle, "base-rates": base_rates, "learning": learning, "length": length}
+    tables: dict[str, Callable[[], str]] = {
+        "oracle": oracle,
+        "base-rates": base_rates,
+        "learning": learning,
+        "length": length,
+        "digests": digests,
+    }
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("table", choices=list(tables))
     print(tables[parser.parse_args().table]())
@@ -74,6 +83,19 @@ def length() -> str:
     """The uniform base's average precision after some batches."""
     curve = pd.read_csv("models/uniform/curve.csv").set_index("iteration")["ap50"]
     return "\n".join([*header("batches", "AP50"), *(f"| {batches:,} | {curve[batches]:.2f} |" for batches in LENGTHS)])
+
+
+def digests() -> str:
+    """What the pages rest on: the digest of each folder's files, and of the shipped weights."""
+    parents = RESULTS, STRATEGIES / "data", STRATEGIES / "results"
+    places = [*(path for parent in parents[:2] for path in sorted(parent.iterdir()) if path.is_dir()), parents[2]]
+    lines = header("outcomes and weights", "files", "SHA-256")
+    for place in places:
+        files = sorted(path for path in place.rglob("*") if path.is_file())
+        listed = "".join(f"{path.relative_to(place).as_posix()} {sha256(path)}\n" for path in files)
+        lines.append(f"| `{place}/` | {len(files)} | `{hashlib.sha256(listed.encode()).hexdigest()}` |")
+    lines += [f"| `{path}` | 1 | `{sha256(path)}` |" for path in sorted(Path("models").glob("*/weights.safetensors"))]
+    return "\n".join(lines)
 
 
 def header(*names: str) -> list[str]:
