@@ -1,6 +1,6 @@
 """Prints tables of docs/results from the outcomes that are published beside them.
 
-    python benchmarks/published.py oracle | base-rates | learning | length | digests
+    python benchmarks/published.py oracle | base-rates | learning | length | digests | blamed
 
 `python -m pipeline results write` puts them into the pages.
 """
@@ -11,8 +11,11 @@ import argparse
 import hashlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from textwrap import fill
 
 import pandas as pd
+from outcomes import ERROR, FAILED
+from who_fails import GROUPS
 
 from pipeline.artefacts.files import sha256
 from pipeline.core.statistics import wilson_interval
@@ -22,6 +25,7 @@ STRATEGIES = Path("benchmarks/strategies")
 THESIS_RANDOM = (1, 4, 2, 0, 0, 0, 6, 0)
 """Failures of 1,000 random tests, F1 to F8 (thesis Table 6.3)."""
 THESIS_TESTS = 1000
+LINE = 138
 LENGTHS = (500, *range(1000, 10_000, 1000))
 
 
@@ -32,6 +36,7 @@ def main() -> None:
         "learning": learning,
         "length": length,
         "digests": digests,
+        "blamed": blamed,
     }
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("table", choices=list(tables))
@@ -64,6 +69,32 @@ def base_rates() -> str:
     alone = int(bases[-1]["false_positives"].sum())
     last = f"{alone} of the {totals[-1][0]} failures of the long-tailed base come from false positives alone."
     return "\n".join([*lines, line("all", [*totals, (sum(THESIS_RANDOM), THESIS_TESTS * len(THESIS_RANDOM))]), "", last])
+
+
+def blamed() -> str:
+    """Whom the long-tailed base fails on F3 and everywhere, what its false positives are, and what an IoU of 0.3 changes."""
+    tests = pd.read_csv(RESULTS / "fairness-long-tailed.csv.gz")
+    tests = tests[tests["outcome"] != ERROR]
+    lines = header("pedestrian", "F3", "F1 to F8")
+    for group in GROUPS:
+        ours = tests[tests["group"] == group]
+        counts = [(int(rows["outcome"].sum()), len(rows)) for rows in (ours[ours["scenario"] == "F3"], ours)]
+        lines.append(line(group, counts))
+    alone = tests[tests["failure_mode"] == "false_positives"]
+    kinds = {name: int((alone[f"false_positives_{name}"] > 0).sum()) for name in ("far", "localisation", "duplicate")}
+    said = (
+        f"{len(alone)} of {tests['outcome'].sum()} failures come from false positives alone. Of these tests, "
+        f"{kinds['localisation']} have boxes on the pedestrian that fit too poorly to match, {kinds['duplicate']} a second box on "
+        f"the pedestrian, and {kinds['far']} a box elsewhere."
+    )
+    looser = pd.read_csv(RESULTS / "fairness-long-tailed-iou-0.3.csv.gz")
+    both = [rows[rows["scenario"].isin(looser["scenario"])] for rows in (tests, looser)]
+    before, after = (f"{(rows['outcome'] == FAILED).sum()} ({(rows['failure_mode'] == 'false_positives').sum()})" for rows in both)
+    names = " and ".join(looser["scenario"].unique())
+    changed = (
+        f"With `campaign.match_iou=0.3`, the same tests of {names} have {after} failures (of false positives alone) instead of {before}."
+    )
+    return "\n".join([*lines, "", fill(said, LINE), "", fill(changed, LINE)])
 
 
 def line(name: str, counts: Sequence[tuple[int, int]]) -> str:
