@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from pipeline.__main__ import main
 from pipeline.commands.results import blocks, published
 
+ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = "import sys; rows = open(sys.argv[1]).read().split(); print(f'| failures |\\n|---|\\n| {sum(map(int, rows))} |')"
 
 
@@ -71,5 +73,17 @@ def test_a_page_that_cannot_be_read_is_named(page: Path, action: str, name: str,
 
 
 def test_the_pages_of_the_repository_have_blocks() -> None:
-    names = {page.name for page in published(Path(__file__).resolve().parents[2])}
-    assert "strategies.md" in names
+    names = {page.name for page in published(ROOT)}
+    assert {"README.md", "strategies.md"} <= names
+
+
+def test_a_changed_number_in_the_readme_is_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(ROOT)
+    copy, text = tmp_path / "README.md", Path("README.md").read_text()
+    changed = re.sub(r"\d+(?=\s+of\s+\d+\s+held-out)", lambda found: str(int(found[0]) + 1), text)
+    assert changed != text
+    copy.write_text(changed)
+    assert main(["results", "verify", str(copy)]) == 1
+    assert "expected what `python benchmarks/headline.py` prints" in capsys.readouterr().out
