@@ -15,7 +15,7 @@ import json
 import shutil
 import subprocess
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from textwrap import fill
@@ -61,8 +61,8 @@ def main() -> None:
     commands.add_parser("answer")
     options = parser.parse_args()
     if options.command == "answer":
-        studies = published()
-        print("\n".join([answer(studies), *repeated(studies, published(AGAIN))]))
+        studies, again = published(), published(AGAIN)
+        print("\n".join([answer(studies, timed_minutes(studies, again)), *repeated(studies, again)]))
     else:
         for seed in options.seed:
             run(seed, not options.busy, AGAIN if options.again else PUBLISHED)
@@ -124,7 +124,13 @@ def published(folder: Path = PUBLISHED) -> Studies:
     return Studies(outcomes, pd.read_csv(folder / "verdicts.csv", index_col="seed"), pd.read_csv(folder / "regions.csv"))
 
 
-def answer(studies: Studies) -> str:
+def timed_minutes(*several: Studies) -> list[float]:
+    """Of all timed runs."""
+    return [float(value) for studies in several if len(studies.verdicts) for value in studies.verdicts["minutes"].dropna()]
+
+
+def answer(studies: Studies, timed: Sequence[float]) -> str:
+    """How many studies show an improvement, and a row for each. timed: minutes of all timed runs."""
     pieces, verdicts = studies.outcomes, studies.verdicts
     if not pieces:
         return "No study is published."
@@ -134,8 +140,10 @@ def answer(studies: Studies) -> str:
     head = (
         f"{len(pieces)} of {len(SEEDS)} studies are published. Version `adaptive` fails significantly less than the base "
         f"in {better['base']} of them, and less than `control` in {better['control']}. It leaves {ahead} failures "
-        f"compared with `random`. A study takes {verdicts['minutes'].median():.0f} minutes (median of those timed)."
+        "compared with `random`."
     )
+    if timed:
+        head += f" A study takes {np.median(timed):.1f} minutes (median of {len(timed)} timed runs, {min(timed):.1f} to {max(timed):.1f})."
     lines = [
         fill(head, LINE),
         "",
@@ -144,8 +152,8 @@ def answer(studies: Studies) -> str:
     ]
     for (seed, piece), count in zip(pieces.items(), counts, strict=True):
         counted = " | ".join(str(number) for number in (seed, len(valid(piece)), *(count[name] for name in VERSIONS)))
-        minutes = verdicts.loc[seed, "minutes"]
-        took = "not timed" if np.isnan(minutes) else f"{minutes:.1f}"
+        spent = verdicts.loc[seed, "minutes"]
+        took = "not timed" if np.isnan(spent) else f"{spent:.1f}"
         p_values = f"{p_text(p_value(piece, 'base'))} | {p_text(p_value(piece, 'control'))}"
         lines.append(f"| {counted} | {p_values} | `{verdicts.loc[seed, 'champion']}` | {took} |")
     return "\n".join([*lines, "", *_largest(studies)])
@@ -180,10 +188,11 @@ def repeated(studies: Studies, again: Studies) -> list[str]:
     for seed, piece in again.outcomes.items():
         first, same = studies.outcomes[seed], _regions(studies, seed).equals(_regions(again, seed))
         counts, different = (failures(first), failures(piece)), first[VERSIONS].ne(piece[VERSIONS]).sum()
+        spent = again.verdicts.loc[seed, "minutes"]
+        took = "" if np.isnan(spent) else f", in {spent:.1f} minutes"
         lines += [
             "",
-            f"Seed {seed} once more, on another machine, in {again.verdicts.loc[seed, 'minutes']:.1f} minutes. "
-            f"The searches found {'the same' if same else 'other'} failure regions.",
+            f"Seed {seed} once more, on another machine{took}. The searches found {'the same' if same else 'other'} failure regions.",
             "",
             f"| version | failures | on the other machine | of {len(piece)} outcomes, different |",
             "|---|---|---|---|",

@@ -16,12 +16,12 @@ BASE = "long_tailed"
 def main() -> None:
     studies = default_study.published()
     better = sum(default_study.p_value(piece, "base") <= default_study.ALPHA for piece in studies.outcomes.values())
-    minutes = np.concatenate([each.verdicts["minutes"].dropna() for each in (studies, default_study.published(default_study.AGAIN))])
+    minutes = default_study.timed_minutes(studies, default_study.published(default_study.AGAIN))
     pieces = [piece for (base, _), piece in retraining.EXPERIMENT.published().items() if base == BASE]
     left = {name: np.mean([failures(piece)[name] for piece in pieces]) for name in ("base", "random", "adaptive")}
     text = (
         f"In {better} of {len(studies.outcomes)} [default studies](docs/results/default.md), `adaptive` fails significantly less than the "
-        f"base, within {minutes.min():.0f} to {minutes.max():.0f} minutes. Adaptive tests teach more than other images, but "
+        f"base, within {min(minutes):.0f} to {max(minutes):.0f} minutes. Adaptive tests teach more than other images, but "
         f"[no more than random ones](docs/results/retraining.md): the long-tailed base fails {left['base']:.0f} of "
         f"{len(valid(pieces[0]))} held-out tests, `adaptive` {left['adaptive']:.1f}, `random` {left['random']:.1f}."
     )

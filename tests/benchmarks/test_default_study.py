@@ -29,7 +29,8 @@ NONE = Studies({}, pd.DataFrame(), pd.DataFrame())
 
 def answer(*studies: pd.DataFrame) -> str:
     verdicts = pd.DataFrame({"champion": "random", "minutes": [14.0, 16.0, np.nan][: len(studies)]}, index=range(len(studies)))
-    return default_study.answer(Studies(dict(enumerate(studies)), verdicts, REGIONS))
+    found = Studies(dict(enumerate(studies)), verdicts, REGIONS)
+    return default_study.answer(found, default_study.timed_minutes(found, NONE))
 
 
 def test_counts_and_p_values_by_hand() -> None:
@@ -43,18 +44,19 @@ def test_counts_and_p_values_by_hand() -> None:
     assert text.startswith("2 of 10 studies are published. ")
     assert "fails significantly less than the base in 1 of them, and less than `control` in 0. " in said
     # Differences -2 and +7: mean 2.5, standard error 4.5, t quantile 12.706 with one degree of freedom.
-    assert "It leaves +2.5 (-54.7 to +59.7) failures compared with `random`. A study takes 15 minutes (median of those timed)." in said
+    assert "It leaves +2.5 (-54.7 to +59.7) failures compared with `random`. A study takes 15.0 minutes " in said
+    assert "minutes (median of 2 timed runs, 14.0 to 16.0)." in said
 
 
 def test_a_study_without_a_time_does_not_move_the_median() -> None:
     same = study(base=range(2), control=range(2), random=range(2), adaptive=range(2))
     text = answer(same, same, same)
-    assert "| `random` | not timed |" in text and "15 minutes (median" in text
+    assert "| `random` | not timed |" in text and "(median of 2 timed runs" in " ".join(text.split())
     assert "It leaves +0.0 failures compared" in " ".join(text.split()), "studies that differ equally tell no spread"
 
 
 def test_nothing_is_said_without_a_study() -> None:
-    assert default_study.answer(NONE) == "No study is published."
+    assert default_study.answer(NONE, []) == "No study is published."
 
 
 def test_the_largest_region_of_each_seed_is_put_in_words() -> None:
@@ -77,5 +79,7 @@ def test_outcomes_of_another_machine_are_compared_test_by_test() -> None:
     text = "\n".join(default_study.repeated(studies, Studies({0: again}, verdicts, REGIONS)))
     assert "in 18.8 minutes. The searches found the same failure regions." in text
     assert "| `base` | 10 | 10 | 0 |" in text and "| `control` | 6 | 6 | 2 |" in text and "| `random` | 3 | 4 | 1 |" in text
+    untimed = default_study.repeated(studies, Studies({0: again}, verdicts.assign(minutes=np.nan), REGIONS))
+    assert "Seed 0 once more, on another machine. The searches" in " ".join(untimed)
     assert "found other failure regions" in " ".join(default_study.repeated(studies, Studies({0: again}, verdicts, others)))
     assert not default_study.repeated(studies, NONE)
