@@ -11,6 +11,7 @@ from typing import Any
 import pandas as pd
 from matplotlib.figure import Figure
 from outcomes import TEST, of_study, write
+from what_is_left import what_is_left
 
 from pipeline.artefacts.folders import Folders
 from pipeline.config.composing import PARAMS, compose, load
@@ -31,15 +32,15 @@ Piece = tuple[str, int]
 class Experiment:
     """A script `benchmarks/<name>.py` and its page. compose: the arguments of `compose` by piece.
 
-    versions: those that a kind publishes; None for all. more: publishes what else the page shows of a piece with these outcomes. figure: of
-    the published pieces, for the page.
+    versions: those that a kind publishes; None for all. explained: the version of a kind whose failures are executed again, with parts of
+    the loop replaced. figure: of the published pieces, for the page.
     """
 
     name: str
     study: str
     compose: Mapping[Piece, str]
     versions: Callable[[str], Sequence[str] | None] = lambda kind: None
-    more: Callable[[Piece, pd.DataFrame], None] = lambda piece, outcomes: None
+    explained: Callable[[str], str | None] = lambda kind: None
     figure: Callable[[Mapping[Piece, pd.DataFrame]], Figure] | None = None
 
     @property
@@ -80,7 +81,8 @@ class Experiment:
             outcomes = outcomes[[*TEST, *versions]]
         self.folder.mkdir(parents=True, exist_ok=True)
         # The outcomes come last, so that a published piece is complete even after a kill.
-        self.more(piece, outcomes)
+        if (version := self.explained(piece[0])) is not None:
+            what_is_left(config, version, list(config.held_out)).to_csv(self.left(piece))
         write(outcomes, self.path(piece))
         self.draw()
         return self.path(piece)

@@ -20,9 +20,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 from outcomes import TEST, failures, mean_difference, valid
 from pieces import Experiment, Piece
-from what_is_left import as_table, what_is_left
+from what_is_left import as_table
 
-from pipeline.config.composing import PARAMS, load
 from pipeline.report.style import legend_below, panels, series_colours, styled
 
 SEEDS = range(3)
@@ -47,21 +46,15 @@ def version(arm: str, after: int) -> str:
 LAST = version("adaptive", ROUNDS[-1])
 
 
-def publish_left(piece: Piece, _: pd.DataFrame) -> None:
-    """Executes the last version's failures again, for a minute."""
-    if piece[0] in CHANGES:
-        return
-    config = load(PARAMS)
-    what_is_left(config, LAST, list(config.held_out)).to_csv(EXPERIMENT.left(piece))
-
-
 def overrides(kind: str, seed: int) -> str:
     """The arguments of `compose` after the study and its seeds."""
     return f"comparison.seed={60 + seed} {OVERRIDES}{SETTINGS[kind]}{ALONE if kind in CHANGES else ''}"
 
 
 PIECES = {(kind, seed): overrides(kind, seed) for kind in SETTINGS for seed in SEEDS}
-EXPERIMENT = Experiment("rounds", "default", PIECES, more=publish_left, figure=lambda pieces: figure(pieces))
+EXPERIMENT = Experiment(
+    "rounds", "default", PIECES, explained=lambda kind: LAST if kind == PLAIN else None, figure=lambda pieces: figure(pieces)
+)
 
 
 def answer(pieces: Mapping[Piece, pd.DataFrame]) -> str:

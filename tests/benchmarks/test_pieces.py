@@ -127,14 +127,16 @@ def test_what_the_plan_composes_is_the_piece(script: ModuleType) -> None:
         experiment.keep(piece)
 
 
-def test_a_kill_leaves_no_piece_without_what_its_page_shows() -> None:
-    def killed(piece: pieces.Piece, outcomes: pd.DataFrame) -> None:
-        assert len(outcomes) and TINY.folder.is_dir()
+def test_a_kill_leaves_no_piece_without_what_its_page_shows(monkeypatch: pytest.MonkeyPatch) -> None:
+    def killed(config: Config, version: str, scenarios: list[str]) -> pd.DataFrame:
+        assert version == "adaptive" and scenarios == list(config.held_out) and TINY.folder.is_dir()
         raise KeyboardInterrupt
+
+    monkeypatch.setattr(pieces, "what_is_left", killed)
 
     execute(composed(TINY, ("all", 1)))
     with pytest.raises(KeyboardInterrupt):
-        pieces.Experiment("tiny", "default", TINY.compose, more=killed).keep(("all", 1))
+        pieces.Experiment("tiny", "default", TINY.compose, explained=lambda kind: "adaptive").keep(("all", 1))
     assert not TINY.published()
 
 
