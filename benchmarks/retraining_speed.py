@@ -31,7 +31,7 @@ def main() -> None:
     measure = commands.add_parser("run")
     measure.add_argument("release", type=Path, help="a checkout of release 0.2")
     measure.add_argument("--rounds", type=int, default=5)
-    measure.add_argument("--seconds", type=int, default=8, help="of a recipe in a round")
+    measure.add_argument("--seconds", type=int, default=6, help="of a recipe in a round")
     commands.add_parser("answer")
     options = parser.parse_args()
     if options.command == "answer":
