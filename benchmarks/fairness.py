@@ -133,7 +133,7 @@ def outcomes(planned: CampaignPlan, done: Sequence[tuple[dict[str, float | str],
     """Every test: who walks how, 0 passed, 1 failed, 2 ended in an error, and how it failed."""
     points = np.array([planned.space.encode(concrete) for concrete, _ in done])
     judged = [NO_KPI if kpi is None else kpi for _, kpi in done]
-    table = pd.DataFrame(
+    return pd.DataFrame(
         {
             "scenario": planned.campaign.scenario,
             "index": np.arange(len(done)),
@@ -143,7 +143,6 @@ def outcomes(planned: CampaignPlan, done: Sequence[tuple[dict[str, float | str],
             **{name: [getattr(kpi, name) for kpi in judged] for name in HOW},
         }
     )
-    return table
 
 
 def commands(scenario: str, done: Sequence[tuple[dict[str, float | str], Kpi | None]]) -> Iterator[str]:
