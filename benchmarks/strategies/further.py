@@ -16,9 +16,8 @@ OPTIONS = {
     "evolutionary explore=0.5 impact=0.5": "both",
 }
 RARE = {
-    "forest mutants=0": "no mutations among the candidates",
-    "forest mutants=0.75": "three quarters mutations instead of a tenth",
-    "forest swaps=0": "no failures with other categories among them",
+    "forest refinements=0 candidates=3000": "no refinements, thrice as many candidates",
+    "forest mutants=0.1": "a tenth of the first candidates mutations of failures",
 }
 """Strategy -> what differs, in words."""
 FILES = ("fresh", "transfer", "rare", "options")
@@ -28,7 +27,7 @@ FILES = ("fresh", "transfer", "rare", "options")
 def markdown(fresh: Rows, transfer: Rows, rare: Rows, options: Rows) -> str:
     """The tables of all."""
     parts = [
-        "**Seeds 20 to 39** in the judging worlds:",
+        "**Seeds 40 to 59** in the judging worlds:",
         duels.answer(duels.ratios(fresh), [duels.THESIS]),
         "**Transfer**, in worlds of F3 as recorded:",
         ablation.markdown(transfer, TRANSFER, duels.DEFAULT, (120, 300)),

@@ -62,13 +62,27 @@ def test_exploitation_prefers_certain_failures() -> None:
     assert sum(map(failures_of, careful)) > sum(map(failures_of, bold))
 
 
-def test_a_failure_is_tried_with_other_categories() -> None:
-    sampler = ForestSampler(THESIS, 0, batch_size=1, candidates=1, mutants=0, swaps=200, kinds=1, explore=0)
-    failed = sampler.ask()
-    sampler.tell(failed, np.zeros(1))
-    sampler.tell(sampler.ask(), np.ones(1))
-    kept = sampler.ask()[0] == failed[0]
-    assert kept[[variable.kind == "continuous" for variable in THESIS.variables]].all() and not kept.all()
+def test_refinements_lead_to_a_rare_cause() -> None:
+    """One candidate of a batch is random, so only mutations of a known failure can lead to others like it."""
+    place = THESIS.names.index("sun_azimuth")
+
+    def kpi_of(points: Floats) -> Floats:
+        return np.where(points[:, place] < 20, 0.0, 1.0)
+
+    def failures(refinements: int) -> int:
+        sampler = ForestSampler(THESIS, 0, batch_size=1, candidates=1, explore=0, refinements=refinements)
+        first = THESIS.sample(1, np.random.default_rng(0))
+        first[0, place] = 10
+        sampler.ask()
+        sampler.tell(first, np.zeros(1))
+        total = 0
+        for _ in range(20):
+            asked = sampler.ask()
+            sampler.tell(asked, kpi_of(asked))
+            total += int((kpi_of(asked) == 0).sum())
+        return total
+
+    assert failures(8) > 3 * max(failures(0), 1)
 
 
 def test_earlier_campaigns_reveal_a_rare_cause() -> None:

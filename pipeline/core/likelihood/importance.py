@@ -98,8 +98,8 @@ class ImportanceSampling(Estimator):
         inputs, kpi = features(self.space, self._points[known]), self._kpi[known]
         points = self._exposure.sample(self.pool, rng)
         others = features(self.space, points)
-        trees = tree_chances(inputs, kpi <= self.failure_threshold_s, others, self.trees, rng).mean(axis=0)
-        score = joined(trees, linear_chances(inputs, kpi, self.failure_threshold_s, others)) + 1e-12
+        trees = tree_chances(inputs, kpi <= self.failure_threshold_s, self.trees, rng)(others).mean(axis=0)
+        score = joined(trees, linear_chances(inputs, kpi, self.failure_threshold_s)(others)) + 1e-12
         chances = DEFENSIVE / len(points) + (1 - DEFENSIVE) * score / score.sum()
         self._pools.append((points, chances / chances.sum()))
         self._fitted = len(self._kpi)

@@ -10,7 +10,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.core.failure_model import joined, linear_chances, tree_chances
+from pipeline.core.failure_model import Chances, joined, linear_chances, tree_chances
 from pipeline.core.samplers.batches import BatchSampler
 from pipeline.core.samplers.coverage import propose_categories
 from pipeline.core.samplers.features import features
@@ -22,6 +22,10 @@ ENOUGH_FAILURES = 5
 """Failures from which only failures are mutated."""
 PARENTS = 10
 """Tests that are mutated while there are fewer failures."""
+REFINED = 40
+"""Candidates that are mutated in a refinement: as many of the best for pairs, and for kinds."""
+CHILDREN = 5
+"""Mutations of each of them."""
 CURIOSITY = 0.2
 """Added to the failure probability in slots that explore, so that a pair counts even where no failure is expected."""
 
@@ -30,9 +34,9 @@ CURIOSITY = 0.2
 class ForestSampler(BatchSampler):
     """Chooses each batch greedily for expected failures in pairs of categories that have not failed yet.
 
-    The first batch covers as many pairs of categories as it can. From then on, candidates are random points, mutations of failures, and
-    failures with other categories; the value of a candidate is P(failure) x (gain + exploitation x s^2), where s is the share of pairs of
-    categories that have failed. So the search turns to certain failures as new pairs run out.
+    The first batch covers as many pairs of categories as it can. From then on, candidates are random points, then mutations of the best
+    candidates and failures, refinement by refinement. The value of a candidate is P(failure) x (gain + exploitation x s^2), where s is the
+    share of pairs of categories that have failed. So the search turns to certain failures as new pairs run out.
 
     P comes from two models. Extremely randomised trees (Geurts et al., 2006) learn which tests failed, and know how variables act
     together. A Bayesian linear regression of the KPI (Tipping, 2001) learns from near misses, too, so it leads while failures are few. They
@@ -42,17 +46,17 @@ class ForestSampler(BatchSampler):
     The gain is the mean of 1 / (1 + n)^2 over the candidate's pairs of categories, n being the number of failures that show the pair,
     expected failures of the batch included. So a known failure mode loses value, but never all of it.
 
-    candidates: number of random points and mutations. mutants: the share of mutations, in [0, 1]. swaps: number of failures whose
-    categorical values are drawn anew, as further candidates. kinds: share of a batch whose gain counts pairs of categorical variables
-    alone, without exploitation. explore: share of a batch for pairs never tested. explore_until: share of all pairs that, once tested, ends
-    this. exploitation: see above. diverse: false counts expected failures alone, so the search stays in the first failure modes. trees:
-    size of the forest. votes: trees of a pick. failure_threshold_s: a KPI at or below it is a failure. earlier: points (m, d) and KPI (m,)
-    of each earlier campaign on another scenario; both models learn from them, too.
+    candidates: number of candidates before the first refinement. mutants: the share of them, in [0, 1], that are mutations of failures.
+    refinements: how often the best are mutated. kinds: share of a batch whose gain counts pairs of categorical variables alone, without
+    exploitation. explore: share of a batch for pairs never tested. explore_until: share of all pairs that, once tested, ends this.
+    exploitation: see above. diverse: false counts expected failures alone, so the search stays in the first failure modes. trees: size of
+    the forest. votes: trees of a pick. failure_threshold_s: a KPI at or below it is a failure. earlier: points (m, d) and KPI (m,) of each
+    earlier campaign on another scenario; both models learn from them, too.
     """
 
-    candidates: int = 3000
-    mutants: float = 0.1
-    swaps: int = 600
+    candidates: int = 1000
+    mutants: float = 0.0
+    refinements: int = 8
     kinds: float = 0.25
     explore: float = 0.05
     explore_until: float = 0.5
@@ -69,7 +73,7 @@ class ForestSampler(BatchSampler):
             raise ValueError(f"candidates must be at least batch_size, {self.batch_size}, got {self.candidates}")
         self.limit("[1, 100000]", "candidates")
         self.limit("[0, 1]", "mutants", "kinds", "explore", "explore_until")
-        self.limit("[0, 100000]", "swaps")
+        self.limit("[0, 1000]", "refinements")
         self.limit("[0, 1000]", "exploitation")
         self.limit("[1, 1000]", "trees")
         self.limit("(0, 10]", "failure_threshold_s")
@@ -85,8 +89,9 @@ class ForestSampler(BatchSampler):
         candidates = self._candidate_set(points, kpi, rng)
         if len(candidates) < self.batch_size:
             return fill(self.space, candidates, points, self.batch_size, rng)
-        votes = self._votes(inputs, observed, self._inputs(candidates, len(self.earlier)), rng)
-        return candidates[self._pick(candidates, votes, points, kpi <= self.failure_threshold_s, rng)]
+        failed = kpi <= self.failure_threshold_s
+        candidates, votes = self._refined(candidates, points, failed, self._learn(inputs, observed, rng), rng)
+        return candidates[self._pick(candidates, votes, points, failed, rng)]
 
     def _lessons(self, points: Floats, kpi: Floats) -> tuple[Floats, Floats]:
         """Inputs (n, f) and KPI (n,) of all tests without an error, those of earlier campaigns first."""
@@ -94,14 +99,15 @@ class ForestSampler(BatchSampler):
         inputs = [self._inputs(tests[~np.isnan(values)], i) for i, (tests, values) in enumerate(campaigns)]
         return np.concatenate(inputs), np.concatenate([values[~np.isnan(values)] for _, values in campaigns])
 
-    def _votes(self, inputs: Floats, kpi: Floats, others: Floats, rng: np.random.Generator) -> Floats:
-        """The failure probability of other inputs (m, f) by each tree, joined with the linear model's, (trees, m)."""
-        known = tree_chances(inputs, kpi <= self.failure_threshold_s, others, self.trees, rng)
-        return joined(known, self._linear(inputs, kpi, others))
+    def _learn(self, inputs: Floats, kpi: Floats, rng: np.random.Generator) -> Chances:
+        """The failure probability by each tree, joined with the linear model's, (trees, m)."""
+        trees = tree_chances(inputs, kpi <= self.failure_threshold_s, self.trees, rng)
+        linear = self._linear(inputs, kpi)
+        return lambda others: joined(trees(others), linear(others))
 
-    def _linear(self, inputs: Floats, kpi: Floats, others: Floats) -> Floats:
-        """The probability (m,) that the KPI of other inputs is at or below the threshold, by a linear model with normal scatter."""
-        return linear_chances(inputs, kpi, self.failure_threshold_s, others)
+    def _linear(self, inputs: Floats, kpi: Floats) -> Chances:
+        """The probability (m,) that the KPI is at or below the threshold, by a linear model with normal scatter."""
+        return linear_chances(inputs, kpi, self.failure_threshold_s)
 
     def _inputs(self, points: Floats, campaign: int) -> Floats:
         """The models' inputs (n, f): features of the points and, with earlier campaigns, the campaign one-hot."""
@@ -113,34 +119,48 @@ class ForestSampler(BatchSampler):
         return np.hstack([inputs, own])
 
     def _candidate_set(self, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
-        """Random points, mutations and swaps, (n, d) with n up to `candidates` + `swaps`; none twice, none tested."""
+        """Random points and mutations, (n, d) with n up to `candidates`; none twice, none tested."""
         order = np.argsort(np.where(np.isnan(kpi), np.inf, kpi), kind="stable")
         failures = int((kpi <= self.failure_threshold_s).sum())
         parents = points[order[: failures if failures >= ENOUGH_FAILURES else PARENTS]]
         count = round(self.mutants * self.candidates) if len(parents) else 0
         children = mutate(self.space, parents[rng.integers(len(parents), size=count)], rng) if count else points[:0]
-        drawn = np.concatenate([self.space.sample(self.candidates - count, rng), children, self._swapped(points[order[:failures]], rng)])
+        drawn = np.concatenate([self.space.sample(self.candidates - count, rng), children])
         return drawn[untested(drawn, points)]
 
-    def _swapped(self, failures: Floats, rng: np.random.Generator) -> Floats:
-        """Failures drawn from (n, d) with all categorical values drawn anew, (m, d) with m up to `swaps`: does it fail with others, too?"""
-        if not (self.swaps and len(failures)):
-            return failures[:0]
-        categorical = [variable.kind == "categorical" for variable in self.space.variables]
-        drawn = failures[rng.integers(len(failures), size=self.swaps)]
-        swapped = np.where(categorical, self.space.sample(self.swaps, rng), drawn)
-        return swapped[self.space.constraints.holds(self.space.categorise(swapped))]
+    def _refined(
+        self, candidates: Floats, points: Floats, failed: NDArray[np.bool_], votes_of: Chances, rng: np.random.Generator
+    ) -> tuple[Floats, Floats]:
+        """The candidates, with mutations of the best of them and of failures, and the votes on each, (trees, n); none tested."""
+        shown = self._shown(points[failed])
+        found = np.concatenate([candidates, points[failed]])
+        votes = votes_of(self._inputs(found, len(self.earlier)))
+        values = self._values(found, votes, shown)
+        for _ in range(self.refinements):
+            best = np.unique(np.argsort(-values, axis=1, kind="stable")[:, :REFINED])
+            children = mutate(self.space, np.repeat(found[best], CHILDREN, axis=0), rng)
+            new = votes_of(self._inputs(children, len(self.earlier)))
+            found, votes = np.concatenate([found, children]), np.hstack([votes, new])
+            values = np.hstack([values, self._values(children, new, shown)])
+        kept = untested(found, points)
+        return found[kept], votes[:, kept]
+
+    def _values(self, points: Floats, votes: Floats, shown: Floats) -> Floats:
+        """What points (n, d) are worth in slots for pairs, and in slots for kinds, (2, n). votes: (trees, n)."""
+        chance, pairs = votes.mean(axis=0), self._pairs(points)
+        if not self.diverse:
+            return np.stack([chance, chance])
+        gains = self._gain(pairs, shown) + self._worth(shown), self._gain(pairs[:, self._categorical], shown)
+        return np.asarray(chance * np.stack(gains))
 
     def _pick(self, candidates: Floats, votes: Floats, points: Floats, failed: NDArray[np.bool_], rng: np.random.Generator) -> Ints:
         """Positions of the `batch_size` candidates to test. votes: (trees, n) failure probability by each tree."""
         pairs, tested = self._pairs(candidates), self._pairs(points)
-        shown, untested = np.zeros(self._pair_count), np.ones(self._pair_count)
-        np.add.at(shown, tested[failed].ravel(), 1.0)
+        shown, untested = self._shown(points[failed]), np.ones(self._pair_count)
         untested[tested.ravel()] = 0
         free, expected, chosen = np.ones(len(candidates), dtype=bool), votes.mean(axis=0), []
         explored = round(self.explore * self.batch_size) if untested.mean() > 1 - self.explore_until else 0
-        kinds = round(self.kinds * self.batch_size)
-        worth = self.exploitation * float((shown > 0).mean()) ** 2
+        kinds, worth = round(self.kinds * self.batch_size), self._worth(shown)
         for slot in range(self.batch_size):
             chance = votes[rng.integers(len(votes), size=self.votes)].mean(axis=0) if self.diverse else expected
             if slot < explored:
@@ -148,15 +168,28 @@ class ForestSampler(BatchSampler):
             elif not self.diverse:
                 value = chance
             elif slot < self.batch_size - kinds:
-                value = chance * ((1 / (1 + shown) ** 2)[pairs].mean(axis=1) + worth)
+                value = chance * (self._gain(pairs, shown) + worth)
             else:
-                value = chance * (1 / (1 + shown) ** 2)[pairs[:, self._categorical]].mean(axis=1)
+                value = chance * self._gain(pairs[:, self._categorical], shown)
             best = int(np.argmax(np.where(free, value, -1.0)))
             chosen.append(best)
             free[best] = False
             shown[pairs[best]] += expected[best]
             untested[pairs[best]] = 0
         return np.array(chosen)
+
+    @staticmethod
+    def _gain(pairs: Ints, shown: Floats) -> Floats:
+        """The mean gain (n,) of pairs (n, p), of which `shown` failures each are known."""
+        return np.asarray((1 / (1 + shown) ** 2)[pairs].mean(axis=1))
+
+    def _worth(self, shown: Floats) -> float:
+        """What a failure is worth beside its gain."""
+        return self.exploitation * float((shown > 0).mean()) ** 2
+
+    def _shown(self, failures: Floats) -> Floats:
+        """How many of the failures (n, d) show each pair of categories."""
+        return np.bincount(self._pairs(failures).ravel(), minlength=self._pair_count).astype(float)
 
     def _pairs(self, points: Floats) -> Ints:
         """The pairs of categories that each of (n, d) points shows, (n, pairs), as positions among `_pair_count`."""
