@@ -16,7 +16,7 @@ CHANGES = {
     "forest-level-set": "level set of a Gaussian process",
     "forest-deep-kernel": "deep kernel instead of the linear model",
     "forest-no-attributes": "no attributes of categories",
-    "forest votes=60": "no drawing of trees",
+    "forest votes=45": "no drawing of trees",
     "forest refinements=0": "no refinements of the candidates",
     "forest refinements=0 candidates=3000": "no refinements, thrice as many candidates",
     "forest mutants=0.1": "a tenth of the first candidates mutations of failures",

@@ -58,7 +58,7 @@ def test_diversity_finds_more_kinds_of_failures_than_exploitation(adaptive_searc
 
 
 def test_exploitation_prefers_certain_failures() -> None:
-    bold, careful = ([search(ForestSampler(THESIS, seed, exploitation=value), 160) for seed in range(4)] for value in (0, 1000))
+    bold, careful = ([search(ForestSampler(THESIS, seed, exploitation=value), 300) for seed in range(4)] for value in (0, 1000))
     assert sum(map(failures_of, careful)) > sum(map(failures_of, bold))
 
 
@@ -124,12 +124,14 @@ def kinds(found: Search) -> int:
 
 def test_each_region_is_one_planted_cause() -> None:
     """At the default study's size: 80 tests of each strategy for each of two seeds."""
-    found = [causes_of((seed, seed + 1)) for seed in range(0, 8, 2)]
+    found, alike, members = zip(*(causes_of((seed, seed + 1)) for seed in range(0, 8, 2)), strict=True)
     assert sum(len(causes) >= 2 for causes in found) >= 3
+    # Not all of them: planted regions overlap, and in the overlap both causes hold.
+    assert sum(alike) / sum(members) > 0.9
 
 
-def causes_of(seeds: tuple[int, int]) -> set[str]:
-    """The planted causes that have a region, and a rule that names them."""
+def causes_of(seeds: tuple[int, int]) -> tuple[set[str], int, int]:
+    """The planted causes that have a region, and a rule that names them; how many failures share their region's cause, and of how many."""
     used = [search(strategy(THESIS, seed), 80) for seed in seeds for strategy in (ForestSampler, RandomSampler)]
     points, failures = np.concatenate([points for points, _ in used]), np.concatenate([values for _, values in used]) <= THRESHOLD_S
     tests = Outcomes(THESIS, points, failures)
@@ -142,6 +144,4 @@ def causes_of(seeds: tuple[int, int]) -> set[str]:
         named = {THESIS.names[condition.variable] for condition in group.rule.conditions}
         assert named & {*cause.intervals, *cause.values}
         assert failures[group.rule.holds(points)].mean() >= MIN_PRECISION
-    # Not all of them: planted regions overlap, and in the overlap both causes hold.
-    assert alike / members > 0.8
-    return found
+    return found, alike, members

@@ -62,7 +62,7 @@ class ForestSampler(BatchSampler):
     explore_until: float = 0.5
     exploitation: float = 6.0
     diverse: bool = True
-    trees: int = 60
+    trees: int = 45
     votes: int = 20
     failure_threshold_s: float = 0.1
     earlier: Sequence[tuple[Floats, Floats]] = ()

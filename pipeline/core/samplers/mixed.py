@@ -61,6 +61,7 @@ class MixedSampler(BatchSampler):
             explore=0.1,
             explore_until=1,
             exploitation=0,
+            trees=60,
             failure_threshold_s=self.failure_threshold_s,
             earlier=self.earlier,
         )
