@@ -63,7 +63,7 @@ def test_exploitation_prefers_certain_failures() -> None:
 
 
 def test_refinements_lead_to_a_rare_cause() -> None:
-    """One candidate of a batch is random, so only mutations of a known failure can lead to others like it."""
+    """One candidate is random, so only mutations of a known failure can lead to others like it."""
     place = THESIS.names.index("sun_azimuth")
 
     def kpi_of(points: Floats) -> Floats:
