@@ -52,22 +52,21 @@ def run_all(runs: Iterable[Run], path: Path, processes: int, progress: Progress)
 
 
 def read(path: Path, kept: Path = KEPT) -> list[Row]:
-    """The newest line of each run, those of the file after those in the repository; a line that a kill cut short is left out."""
+    """The newest line of each run, sorted; those of the file count after those in the repository, a line cut short by a kill not at all."""
     newest = {_key(row): row for table in sorted(kept.glob(f"{path.stem}-*.csv.gz")) for row in _kept(table)}
     for line in path.read_text().splitlines() if path.exists() else []:
         try:
             row = json.loads(line)
         except ValueError:
             continue
-        newest.pop(_key(row), None)
         newest[_key(row)] = row
-    return list(newest.values())
+    return [newest[key] for key in sorted(newest)]
 
 
 def keep(path: Path, kept: Path = KEPT) -> list[Path]:
-    """Publish the rows of `read`, sorted, a table for each group of worlds; equal rows give equal bytes."""
+    """Publish the rows of `read`, a table for each group of worlds; equal rows give equal bytes."""
     groups: dict[str, list[Row]] = {}
-    for row in sorted(read(path, kept), key=_key):
+    for row in read(path, kept):
         marks = np.isin(np.arange(1, row["tests"] + 1), row["failed_at"])
         groups.setdefault(WorldName.parse(row["world"]).group, []).append({**row, "failed_at": np.packbits(marks).tobytes().hex()})
     paths = []

@@ -200,7 +200,8 @@ def _saved(row: dict[str, Any]) -> str:
 
 
 def _number(value: float, digits: int) -> str:
-    return "–" if np.isnan(value) else "∞" if np.isinf(value) else f"{value:.{digits}f}"
+    # A sum's last bits depend on its order; without them, a mean of 20.5 is rounded alike wherever it was added up.
+    return "–" if np.isnan(value) else "∞" if np.isinf(value) else f"{round(value, 9):.{digits}f}"
 
 
 def _percent(value: float, digits: int) -> str:

@@ -269,7 +269,7 @@ def test_a_killed_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_published_runs_are_read_as_they_were(tmp_path: Path) -> None:
-    path, wanted = tmp_path / "rows.jsonl", [Run(world, "random", 0, 120) for world in ("F1-analytic", "F5-analytic")]
+    path, wanted = tmp_path / "rows.jsonl", [Run(world, "random", 0, 120) for world in ("F5-analytic", "F1-analytic")]
     with Progress("runs") as progress:
         runs.run_all(wanted, path, 1, progress)
         before = runs.read(path, tmp_path)
