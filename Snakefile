@@ -15,6 +15,7 @@ PLAN = plan(
         "define_space",  # the logical scenario space of each scenario
         "render_base",  # a random base set
         "train",  # D_o, the base detector
+        "export",  # weights that are only tested
         "calibrate",  # the confidences of detectors that are only tested
         "shard",  # parts of large campaigns, if several machines share them
         "campaign",  # tests in closed loop: the search, later rounds, the held-out sequence

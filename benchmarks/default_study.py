@@ -2,6 +2,8 @@
 
     python benchmarks/default_study.py run 0 1 2        clone, set up, execute and publish these seeds; a quarter of an hour each
     python benchmarks/default_study.py run 0 --again    publish seed 0 beside its first outcomes, to compare two machines
+    python benchmarks/default_study.py run 2 --again --ship    and put its versions into models/published
+    python benchmarks/default_study.py check            compare a finished `study=published` with the outcomes of these versions
     python benchmarks/default_study.py answer           the tables of docs/results/default.md
 
 The seed chooses the search, the retraining and the held-out tests. A killed run is resumed, but no longer timed. On a busy machine, the
@@ -22,18 +24,21 @@ from textwrap import fill
 
 import numpy as np
 import pandas as pd
-from outcomes import failures, mean_difference, of_study, p_text, valid, write
+from outcomes import TEST, failures, mean_difference, of_study, p_text, valid, write
 
 from pipeline.analysis.region_sentence import subject
 from pipeline.artefacts.comparison_results import Comparison
+from pipeline.artefacts.folders import VERSION, Folders
 from pipeline.artefacts.region_results import FailureRegions, RuleCondition
 from pipeline.artefacts.results import read
-from pipeline.config.composing import PARAMS, load
+from pipeline.config.composing import PARAMS, compose, load
 from pipeline.core.statistics import mcnemar
 
 PUBLISHED = Path("docs/results/default")
 AGAIN = PUBLISHED / "again"
 CLONES = Path(".cache/default_study")
+SHIPPED = Path("models/published")
+SHIPPED_VERSIONS = ("base", "random", "adaptive")
 SEEDS = range(10)
 VERSIONS = ["base", "control", "random", "adaptive"]
 ALPHA = 0.05
@@ -58,18 +63,26 @@ def main() -> None:
     execute.add_argument("seed", type=int, nargs="+", choices=list(SEEDS))
     execute.add_argument("--busy", action="store_true", help="other work slows this machine: record no time")
     execute.add_argument("--again", action="store_true", help="the seeds are published already: publish another machine's outcomes, too")
+    execute.add_argument("--ship", action="store_true", help=f"put the versions into {SHIPPED}, for `study=published`")
+    commands.add_parser("check")
     commands.add_parser("answer")
     options = parser.parse_args()
-    if options.command == "answer":
+    if options.command == "check":
+        config = compose("published", [])
+        print(check(of_study(config), pd.read_csv(AGAIN / f"{config.comparison.seed}.csv.gz")))
+    elif options.command == "answer":
         studies, again = published(), published(AGAIN)
         print("\n".join([answer(studies, timed_minutes(studies, again)), *repeated(studies, again)]))
     else:
         for seed in options.seed:
-            run(seed, not options.busy, AGAIN if options.again else PUBLISHED)
+            run(seed, not options.busy, AGAIN if options.again else PUBLISHED, options.ship)
 
 
-def run(seed: int, timed: bool, folder: Path) -> None:
-    """Execute a default study in a clone of HEAD, publish its outcomes in a folder, and delete the clone. A resumed study is not timed."""
+def run(seed: int, timed: bool, folder: Path, shipped: bool) -> None:
+    """Execute a default study in a clone of HEAD, publish its outcomes in a folder, and delete the clone. A resumed study is not timed.
+
+    shipped: whether its versions go to `SHIPPED`.
+    """
     clone = CLONES / str(seed)
     timed &= not clone.exists()
     begin = time.monotonic()
@@ -79,6 +92,8 @@ def run(seed: int, timed: bool, folder: Path) -> None:
     subprocess.run(["bash", "-c", f"./run setup && .venv/bin/{study} && ./run"], cwd=clone, check=True)
     minutes = (time.monotonic() - begin) / 60 if timed else np.nan
     publish(clone, seed, minutes, folder)
+    if shipped:
+        ship(clone)
     shutil.rmtree(clone)
 
 
@@ -91,6 +106,26 @@ def publish(clone: Path, seed: int, minutes: float, folder: Path) -> None:
     row = pd.DataFrame([{"seed": seed, "champion": champion, "minutes": round(minutes, 1)}])
     pd.concat([rows[rows["seed"] != seed], row]).sort_values("seed").to_csv(verdicts, index=False)
     publish_regions(clone / "data/default", seed, folder / "regions.csv")
+
+
+def ship(clone: Path) -> None:
+    """Copy the weights and cards of a finished study's versions."""
+    folders = Folders(load(clone / PARAMS))
+    for version in SHIPPED_VERSIONS:
+        target = SHIPPED / version
+        target.mkdir(parents=True, exist_ok=True)
+        for kind in ("weights", "card"):
+            shutil.copyfile(clone / folders.model(version, VERSION[kind]), target / VERSION[kind])
+
+
+def check(here: pd.DataFrame, there: pd.DataFrame) -> str:
+    """How the outcomes of the shipped versions, executed here, differ from the published ones; SystemExit if the tests are others."""
+    if not here[TEST].equals(there[TEST]):
+        raise SystemExit("expected the published held-out tests, got others; compose study=published without changes")
+    lines = [f"| version | failures | published | of {len(here)} outcomes, different |", "|---|---|---|---|"]
+    for name in SHIPPED_VERSIONS:
+        lines.append(f"| `{name}` | {failures(here)[name]} | {failures(there)[name]} | {here[name].ne(there[name]).sum()} |")
+    return "\n".join(lines)
 
 
 def publish_regions(study: Path, seed: int, path: Path) -> None:

@@ -10,6 +10,8 @@ from pipeline.core.lineage import Version
 
 VERSION = {"card": "model.json", "weights": "weights.safetensors", "onnx": "model.onnx", "curve": "curve.csv"}
 """The files of a model version."""
+WEIGHTS = ".safetensors"
+"""The suffix of our weights. Tests load an ONNX file that is made from them and from the card beside them."""
 AUDITS = "campaigns/audit"
 """The folder of the audit's campaigns."""
 
@@ -169,7 +171,14 @@ class Folders:
 
     def detector(self, version: str) -> str:
         """The file that tests of a version load."""
-        return self.config.tested[version] if self.config.goal == "detectors" else self.model(version, "model.onnx")
+        if self.config.goal != "detectors":
+            return self.model(version, "model.onnx")
+        file = self.config.tested[version]
+        return self.exported(version) if file.endswith(WEIGHTS) else file
+
+    def exported(self, version: str) -> str:
+        """The ONNX file of weights that the study only tests."""
+        return f"{self.root}/exported/{version}.onnx"
 
     def calibration(self, version: str) -> str:
         """The calibration of a detector that the study only tests."""

@@ -8,13 +8,14 @@ import os
 import re
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.artefacts.files import sha256, write_bytes
-from pipeline.artefacts.folders import Folders
+from pipeline.artefacts.folders import VERSION, WEIGHTS, Folders
 from pipeline.artefacts.run_lock import hold
 from pipeline.commands.verify import withdraw_damaged
 from pipeline.config.arguments import whole
@@ -30,8 +31,8 @@ if TYPE_CHECKING:
     from pipeline.artefacts.calibration_results import DetectorCalibration
     from pipeline.execution.worker import Calls
 
-WORDS = """ONNX files (ours, YOLOv5, YOLOv8/11 or end-to-end), or what the study's detector takes; and Hydra overrides, such as
-campaign.tests=40 search=[F1,F5] detector=mine"""
+WORDS = """ONNX files (ours, YOLOv5, YOLOv8/11 or end-to-end), weights.safetensors of our versions, or what the study's detector takes; and
+Hydra overrides, such as campaign.tests=40 search=[F1,F5] detector=mine"""
 LONGEST_STEM = 40
 """Characters of a file's name that a detector's name keeps."""
 HELP = "Find the failures of any detector, and compare several; trains nothing."
@@ -83,7 +84,8 @@ def study_of(files: Sequence[Path], chosen: Config, calibrate: bool = False) -> 
     chosen: the study whose scenarios, strategies and budgets it takes. calibrate: whether their confidences are calibrated first.
     """
     digests = [sha256(path) for path in files]
-    stems = [re.sub("[^A-Za-z0-9]", "_", path.name.removesuffix(".onnx")).strip("_")[:LONGEST_STEM] or "detector" for path in files]
+    titles = [path.resolve().parent.name if path.suffix == WEIGHTS else path.name.removesuffix(".onnx") for path in files]
+    stems = [re.sub("[^A-Za-z0-9]", "_", title).strip("_")[:LONGEST_STEM] or "detector" for title in titles]
     names = [stem if stems.count(stem) == 1 else f"{stem}_{digest[:4]}" for stem, digest in zip(stems, digests, strict=True)]
     if len(set(names)) < len(names):
         raise InputError(f"expected different detectors, got {', '.join(map(str, files))} with the same content")
@@ -112,7 +114,9 @@ def _checker(config: Config, calls: Calls) -> Callable[[Path], None]:
 
     def check_one(model: Path) -> None:
         try:
-            check_detector(GuardedDetector(make_detector(config.detector, model), calls), width, height)
+            with tempfile.TemporaryDirectory() as folder:
+                file = _exported(model, Path(folder)) if model.suffix == WEIGHTS else model
+                check_detector(GuardedDetector(make_detector(config.detector, file), calls), width, height)
         except AssertionError as error:
             raise InputError(f"{model}: {error}") from error
         except SimulationError as error:
@@ -123,6 +127,14 @@ def _checker(config: Config, calls: Calls) -> Callable[[Path], None]:
             raise InputError(f"{model}: the detector cannot be made: {type(error).__name__}: {error}") from error
 
     return check_one
+
+
+def _exported(weights: Path, folder: Path) -> Path:
+    """The ONNX file of a version of ours, made in `folder`."""
+    from pipeline.detectors.yolo.export import export_version
+
+    export_version(weights, weights.with_name(VERSION["card"]), folder / "model.onnx")
+    return folder / "model.onnx"
 
 
 def table(config: Config) -> str:

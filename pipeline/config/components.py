@@ -14,7 +14,7 @@ from typing import Any, get_type_hints
 from pydantic import BaseModel, ConfigDict, ValidationError, create_model
 from pydantic.errors import PydanticUserError
 
-from pipeline.artefacts.folders import VERSION
+from pipeline.artefacts.folders import VERSION, WEIGHTS
 from pipeline.config.messages import message
 from pipeline.config.schema import AUDIT, Config
 from pipeline.core.car import Car
@@ -108,6 +108,8 @@ def _check_files(config: Config) -> None:
     for name, path in config.tested.items() if config.goal == "detectors" else ():
         if not Path(path).exists():
             raise InputError(f"tested.{name}: expected the file or folder of a detector, found no {path}")
+        if path.endswith(WEIGHTS) and not (card := Path(path).with_name(VERSION["card"])).is_file():
+            raise InputError(f"tested.{name}: expected the card of these weights beside them, found no {card}")
 
 
 def _check_needs(config: Config) -> None:

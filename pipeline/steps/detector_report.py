@@ -25,7 +25,7 @@ def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
         "frames": folders.search("frames.parquet", version=version),
         "detections": folders.search("detections.parquet", version=version),
         "spaces": folders.spaces(config.search),
-        "detectors": list(config.tested.values()),
+        "detectors": [folders.detector(name) for name in config.tested],
         "calibrations": folders.calibrations(config.tested),
     }
     if len(config.tested) > 1:

@@ -7,6 +7,7 @@ import json
 import default_study
 import numpy as np
 import pandas as pd
+import pytest
 from default_study import Studies
 
 
@@ -83,3 +84,11 @@ def test_outcomes_of_another_machine_are_compared_test_by_test() -> None:
     assert "Seed 0 once more, on another machine. The searches" in " ".join(untimed)
     assert "found other failure regions" in " ".join(default_study.repeated(studies, Studies({0: again}, verdicts, others)))
     assert not default_study.repeated(studies, NONE)
+
+
+def test_shipped_versions_are_compared_with_their_published_outcomes() -> None:
+    here = study(base=range(10), random=range(3), adaptive=range(1, 3))
+    there = study(base=range(10), control=range(6), random=range(3), adaptive=range(1))
+    assert default_study.check(here, there).splitlines()[-2:] == ["| `random` | 3 | 3 | 0 |", "| `adaptive` | 2 | 1 | 3 |"]
+    with pytest.raises(SystemExit, match="expected the published held-out tests"):
+        default_study.check(here.iloc[1:], there)

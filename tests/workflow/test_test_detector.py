@@ -11,6 +11,7 @@ import pytest
 from pipeline.__main__ import main
 from pipeline.artefacts.calibration_results import DetectorCalibration
 from pipeline.artefacts.comparison_results import Comparison
+from pipeline.artefacts.model_card import read_card, write_card
 from pipeline.artefacts.results import read
 from pipeline.artefacts.search_results import Measures
 from pipeline.commands import test_detector
@@ -18,6 +19,7 @@ from pipeline.config.composing import compose
 from pipeline.contract import REFUSED
 from pipeline.core.detections import Detections
 from pipeline.core.episode import Frame
+from pipeline.detectors.yolo.export import export_version
 from pipeline.errors import InputError
 from tests.analysis.fabricated import OVERRIDES, FabricatedStudy
 from tests.detectors.test_layouts import export, yolov8
@@ -103,21 +105,23 @@ def test_a_detector_is_calibrated_before_it_is_tested(folder: Path, capsys: pyte
     assert made == {path: path.stat().st_mtime_ns for path in root.rglob("*.json")}
 
 
-def test_two_detectors_are_tested_compared_and_shown(model: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_two_detectors_are_tested_compared_and_shown(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     output = yolov8()
     output[0, 4:] /= 2
     export(folder / "ours.onnx", output)
-    words = ["test-detector", "ours.onnx", str(model), *ANALYTIC]
+    words = ["test-detector", "ours.onnx", "models/uniform/weights.safetensors", *ANALYTIC]
     assert main(words) == 0
     text = capsys.readouterr().out
     (root,) = (folder / "data").iterdir()
+    export_version(ROOT / "models/uniform/weights.safetensors", ROOT / "models/uniform/model.json", folder / "expected.onnx")
+    assert (root / "exported/uniform.onnx").read_bytes() == (folder / "expected.onnx").read_bytes()
     assert root.name.startswith("ours-") and f"Next: open data/{root.name}/reports/ours.html" in text
     measures = read(root / "measures.json", Measures)
-    assert [(row.version, row.tests) for row in measures.strategies] == [(name, 6) for name in ("ours", "mine") for _ in range(2)]
+    assert [(row.version, row.tests) for row in measures.strategies] == [(name, 6) for name in ("ours", "uniform") for _ in range(2)]
     comparison = read(root / "comparison.json", Comparison)
-    assert [(result.version, result.tests) for result in comparison.versions] == [("ours", 6), ("mine", 6)]
-    assert (root / "regions/mine/F1.json").is_file()
-    for name in ("ours", "mine"):
+    assert [(result.version, result.tests) for result in comparison.versions] == [("ours", 6), ("uniform", 6)]
+    assert (root / "regions/uniform/F1.json").is_file()
+    for name in ("ours", "uniform"):
         page = (root / f"reports/{name}.html").read_text()
         assert "Failures found" in page and "Coverage of the scenario space" in page
         assert "Single-image detection" not in page, "nothing was trained"
@@ -126,6 +130,24 @@ def test_two_detectors_are_tested_compared_and_shown(model: Path, folder: Path, 
     made = table.stat().st_mtime_ns
     assert main(words) == 0
     assert table.stat().st_mtime_ns == made and "failure rate" in capsys.readouterr().out
+
+
+def test_weights_without_a_card_are_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "best.safetensors").symlink_to(ROOT / "models/uniform/weights.safetensors")
+    assert main(["test-detector", "best.safetensors", *ANALYTIC]) == 2
+    assert "model.json: expected a readable file" in capsys.readouterr().err
+    with pytest.raises(InputError, match=r"^tested\.best: expected the card of these weights beside them, found no model\.json$"):
+        compose("default", ["goal=detectors", "+tested.best=best.safetensors"])
+
+
+def test_weights_that_learnt_from_the_held_out_town_are_refused(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    town = compose("default", []).scenarios["F1star"].town.fingerprint
+    (folder / "mine").mkdir()
+    (folder / "mine/weights.safetensors").symlink_to(ROOT / "models/uniform/weights.safetensors")
+    card = read_card(ROOT / "models/uniform/model.json")
+    write_card(folder / "mine/model.json", card.model_copy(update={"version": "mine", "towns": (*card.towns, town)}))
+    assert main(["test-detector", "mine/weights.safetensors", *ANALYTIC]) == 2
+    assert "version 'mine' was trained on the town of held-out F1star, so its failures there prove nothing" in capfd.readouterr().err
 
 
 def test_unnecessary_braking_is_printed_for_the_scenarios_that_ask_for_it(tmp_path: Path) -> None:

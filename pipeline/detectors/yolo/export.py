@@ -47,9 +47,14 @@ def onnx_of(model: Path, folder: Path) -> Path:
         return model / "model.onnx"
     if not (model / "weights.safetensors").exists():
         raise InputError(f"{model} holds neither model.onnx nor weights.safetensors")
-    card, onnx = read_card(model / "model.json"), folder / "model.onnx"
-    export_onnx(onnx, load_weights(model / "weights.safetensors"), card.input_size, Calibration(**card.calibration))
-    return onnx
+    export_version(model / "weights.safetensors", model / "model.json", folder / "model.onnx")
+    return folder / "model.onnx"
+
+
+def export_version(weights: Path, card: Path, onnx: Path) -> None:
+    """Write the ONNX file of a version, for images of the size and with the calibration that its card names."""
+    described = read_card(card)
+    export_onnx(onnx, load_weights(weights), described.input_size, Calibration(**described.calibration))
 
 
 def export_onnx(path: Path, model: Yolo, size: tuple[int, int], calibration: Calibration | None = None) -> None:

@@ -1,0 +1,33 @@
+"""Step `export`: makes the ONNX file of a published version that a study only tests."""
+
+from __future__ import annotations
+
+from pathlib import PurePosixPath
+
+from pipeline.artefacts.folders import VERSION, Folders
+from pipeline.artefacts.model_card import read_card
+from pipeline.artefacts.scenario_space import read_spaces
+from pipeline.contract import Files, Job, Step, Wildcards
+
+
+def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
+    weights = PurePosixPath(folders.config.tested[wildcards["version"]])
+    card = weights.with_name(VERSION["card"])
+    return {"weights": str(weights), "card": str(card), "spaces": folders.spaces(folders.config.held_out)}
+
+
+STEP = Step(
+    "Export the weights of a version under test.",
+    reads=_reads,
+    writes=lambda folders: {"onnx": folders.exported("{version}")},
+    sections=(),
+)
+
+
+def run(job: Job) -> None:
+    """Write the ONNX file, with the calibration of the version's card; InputError if it learnt from a held-out town or its people."""
+    from pipeline.detectors.yolo.export import export_version
+    from pipeline.learning.leakage import refuse_learnt
+
+    refuse_learnt([read_card(job.input("card"))], [info for info, _ in read_spaces(job.inputs("spaces")).values()])
+    export_version(job.input("weights"), job.input("card"), job.output("onnx"))
