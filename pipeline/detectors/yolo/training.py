@@ -29,6 +29,7 @@ from pipeline.artefacts.files import read_sealed, write_sealed
 from pipeline.artefacts.model_card import CurvePoint
 from pipeline.detectors.yolo.forward import Forward
 from pipeline.detectors.yolo.loss import Loss, detection_loss
+from pipeline.detectors.yolo.memory import keep_freed_memory
 from pipeline.detectors.yolo.network import Yolo, cells, decode
 from pipeline.detectors.yolo.optimiser import Optimiser
 from pipeline.detectors.yolo.threads import use_threads
@@ -185,6 +186,7 @@ def fit(model: Yolo, lesson: Lesson, run: Run) -> Fitted:
     if run.threads is not None:
         use_threads(run.threads)
     cv2.setNumThreads(1)
+    keep_freed_memory()
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     state = _start(model, schedule, device)
     identity = lesson.identity + _code()
