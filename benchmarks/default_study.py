@@ -64,6 +64,7 @@ def main() -> None:
     execute.add_argument("--busy", action="store_true", help="other work slows this machine: record no time")
     execute.add_argument("--again", action="store_true", help="the seeds are published already: publish another machine's outcomes, too")
     execute.add_argument("--ship", action="store_true", help=f"put the versions into {SHIPPED}, for `study=published`")
+    execute.add_argument("--keep", action="store_true", help=f"leave the finished clone in {CLONES}")
     commands.add_parser("check")
     commands.add_parser("answer")
     options = parser.parse_args()
@@ -75,14 +76,15 @@ def main() -> None:
         print("\n".join([answer(studies, timed_minutes(studies, again)), *repeated(studies, again)]))
     else:
         for seed in options.seed:
-            run(seed, not options.busy, AGAIN if options.again else PUBLISHED, options.ship)
+            clone = run(seed, not options.busy, AGAIN if options.again else PUBLISHED)
+            if options.ship:
+                ship(clone)
+            if not options.keep:
+                shutil.rmtree(clone)
 
 
-def run(seed: int, timed: bool, folder: Path, shipped: bool) -> None:
-    """Execute a default study in a clone of HEAD, publish its outcomes in a folder, and delete the clone. A resumed study is not timed.
-
-    shipped: whether its versions go to `SHIPPED`.
-    """
+def run(seed: int, timed: bool, folder: Path) -> Path:
+    """Execute a default study in a clone of HEAD, publish its outcomes in a folder, and return the clone. A resumed study is not timed."""
     clone = CLONES / str(seed)
     timed &= not clone.exists()
     begin = time.monotonic()
@@ -92,9 +94,7 @@ def run(seed: int, timed: bool, folder: Path, shipped: bool) -> None:
     subprocess.run(["bash", "-c", f"./run setup && .venv/bin/{study} && ./run"], cwd=clone, check=True)
     minutes = (time.monotonic() - begin) / 60 if timed else np.nan
     publish(clone, seed, minutes, folder)
-    if shipped:
-        ship(clone)
-    shutil.rmtree(clone)
+    return clone
 
 
 def publish(clone: Path, seed: int, minutes: float, folder: Path) -> None:

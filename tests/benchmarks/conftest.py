@@ -13,6 +13,7 @@ with pytest.MonkeyPatch.context() as patch:
         "retraining",
         "retraining_speed",
         "default_study",
+        "older_recipe",
         "confirmed_rules",
         "teaching",
         "what_is_left",
