@@ -125,7 +125,7 @@ def digests() -> str:
         files = sorted(path for path in place.rglob("*") if path.is_file())
         listed = "".join(f"{path.relative_to(place).as_posix()} {sha256(path)}\n" for path in files)
         lines.append(f"| `{place}/` | {len(files)} | `{hashlib.sha256(listed.encode()).hexdigest()}` |")
-    lines += [f"| `{path}` | 1 | `{sha256(path)}` |" for path in sorted(Path("models").glob("*/weights.safetensors"))]
+    lines += [f"| `{path}` | 1 | `{sha256(path)}` |" for path in sorted(Path("models").rglob("weights.safetensors"))]
     return "\n".join(lines)
 
 

@@ -2,11 +2,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import torch
 from numpy.typing import NDArray
 
 from pipeline.artefacts.dataset import ImageSet, image_set
 from pipeline.core.truth import Truth
-from pipeline.detectors.yolo.data import Stream, View, batch, hardness, recolour, show, shown_box, usable
+from pipeline.detectors.yolo.data import Stream, View, batch, hardness, mapping, on_pixels, recolouring, show, shown_box, usable
 
 SIZE = (128, 96)
 
@@ -50,6 +51,19 @@ def test_a_batch_depends_on_its_seed_alone() -> None:
     assert not np.array_equal(first[0], other[0])
 
 
+def test_a_batch_is_the_same_with_any_number_of_threads() -> None:
+    before = torch.get_num_threads()
+    try:
+        made = []
+        for threads in (1, 2, 3, 7):
+            torch.set_num_threads(threads)
+            made.append(batch(people(), np.arange(4), (64, 64), (1, 3)))
+    finally:
+        torch.set_num_threads(before)
+    for images, boxes in made[1:]:
+        assert np.array_equal(images, made[0][0]) and np.array_equal(boxes, made[0][1])
+
+
 def test_only_a_share_of_the_examples_is_relit() -> None:
     original = {tuple(colour) for image in people().images for colour in image.reshape(-1, 3)}
     for share, low, high in ((0.0, 0, 0), (0.5, 60, 140), (1.0, 150, 200)):
@@ -61,7 +75,7 @@ def test_only_a_share_of_the_examples_is_relit() -> None:
 
 def test_recolouring_rotates_hues_and_keeps_brightness() -> None:
     image, _ = scene((10, 40, 20, 64))
-    shown = [recolour(image, np.random.default_rng(seed)) for seed in range(40)]
+    shown = [recolouring(np.random.default_rng(seed))(image) for seed in range(40)]
     colours = {tuple(picture[50, 15]) for picture in shown}
     assert {(250, 20, 20)} < colours
     assert len(colours) > 10
@@ -71,16 +85,16 @@ def test_recolouring_rotates_hues_and_keeps_brightness() -> None:
 
 def test_flipping_mirrors_image_and_box() -> None:
     image, truth = scene((10, 40, 20, 64))
-    shown, matrix = show(image, View((64, 48), 1.0, True), SIZE)
-    assert np.array_equal(shown, image[:, ::-1])
-    box, left = shown_box(np.array(truth.visible_box, np.float32), matrix, SIZE)
+    view = View((64, 48), 1.0, True)
+    assert np.array_equal(show(image, view, SIZE), image[:, ::-1])
+    box, left = shown_box(np.array(truth.visible_box, np.float32), mapping(view, SIZE), SIZE)
     assert box.tolist() == [108, 40, 118, 64]
     assert left == 1
 
 
 def test_a_cut_box_keeps_its_visible_part() -> None:
-    image, truth = scene((10, 40, 20, 64))
-    _, matrix = show(image, View((47, 48), 1.0, False), (64, 64))
+    _, truth = scene((10, 40, 20, 64))
+    matrix = mapping(on_pixels(View((47.2, 48), 1.0, False), (64, 64)), (64, 64))
     box, left = shown_box(np.array(truth.visible_box, np.float32), matrix, (64, 64))
     assert box.tolist() == [0, 24, 5, 48]
     assert left == pytest.approx(0.5)

@@ -6,16 +6,21 @@ without changing the result.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cache
 
 import cv2
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from pipeline.artefacts.dataset import ImageSet
 
 Images = NDArray[np.uint8]
 Boxes = NDArray[np.float32]
+Change = Callable[[Images], Images]
 SLIVER_PIXELS = 12
 """A pedestrian with fewer visible pixels is neither a fair positive nor a fair negative, so its image is left out."""
 SMALL_PIXELS = 60
@@ -110,22 +115,32 @@ def plain_view(size: tuple[int, int]) -> View:
     return View((size[0] / 2, size[1] / 2), 1.0, False)
 
 
-def show(image: Images, view: View, size: tuple[int, int]) -> tuple[Images, NDArray[np.float64]]:
-    """The view of an image as (h, w, 3) for size (w, h), and the (2, 3) matrix that maps image points to it."""
-    width, height = size
-    if view.scale == 1.0:
-        left, top = round(view.centre[0] - width / 2), round(view.centre[1] - height / 2)
-        view = View((left + width / 2, top + height / 2), 1.0, view.flipped)
+def on_pixels(view: View, size: tuple[int, int]) -> View:
+    """The view for size (w, h), moved to whole pixels unless it is scaled."""
+    if view.scale != 1.0:
+        return view
+    left, top = round(view.centre[0] - size[0] / 2), round(view.centre[1] - size[1] / 2)
+    return View((left + size[0] / 2, top + size[1] / 2), 1.0, view.flipped)
+
+
+def mapping(view: View, size: tuple[int, int]) -> NDArray[np.float64]:
+    """The (2, 3) matrix that maps image points to a view of size (w, h)."""
     sign = -view.scale if view.flipped else view.scale
-    matrix = np.array([[sign, 0, width / 2 - sign * view.centre[0]], [0, view.scale, height / 2 - view.scale * view.centre[1]]])
+    return np.array([[sign, 0, size[0] / 2 - sign * view.centre[0]], [0, view.scale, size[1] / 2 - view.scale * view.centre[1]]])
+
+
+def show(image: Images, view: View, size: tuple[int, int]) -> Images:
+    """The view of an image as (h, w, 3) for size (w, h)."""
+    width, height = size
+    left, top = int(view.centre[0] - width / 2), int(view.centre[1] - height / 2)
     if view.scale == 1.0 and 0 <= left <= image.shape[1] - width and 0 <= top <= image.shape[0] - height:
         part = image[top : top + height, left : left + width]
-        return (np.asarray(cv2.flip(part, 1), np.uint8) if view.flipped else part), matrix
-    centred = matrix.copy()
-    centred[:, 2] += matrix[:, :2] @ (0.5, 0.5) - 0.5  # OpenCV puts (0, 0) at a pixel's middle, boxes at its corner.
+        return np.asarray(cv2.flip(part, 1), np.uint8) if view.flipped else part
+    centred = mapping(view, size)
+    centred[:, 2] += centred[:, :2] @ (0.5, 0.5) - 0.5  # OpenCV puts (0, 0) at a pixel's middle, boxes at its corner.
     # Grey beyond the image: a reflection would show unlabelled people.
     shown = cv2.warpAffine(image, centred, size, flags=cv2.INTER_LINEAR, borderValue=(114, 114, 114))
-    return np.asarray(shown, np.uint8), matrix
+    return np.asarray(shown, np.uint8)
 
 
 def shown_box(box: Boxes, matrix: NDArray[np.float64], size: tuple[int, int]) -> tuple[Boxes, float]:
@@ -142,39 +157,44 @@ def shown_box(box: Boxes, matrix: NDArray[np.float64], size: tuple[int, int]) ->
     return np.array([x[0], y[0], x[1], y[1]], np.float32), float(left)
 
 
-def recolour(image: Images, rng: np.random.Generator) -> Images:
-    """Change the colours in half of the cases, because cars and clothes have any colour: hues rotated, saturation scaled."""
+def recolouring(rng: np.random.Generator) -> Change:
+    """A change of the colours in half of the cases, because cars and clothes have any colour: hues rotated, saturation scaled."""
     if rng.random() < 0.5:
-        return image
+        return lambda image: image
     turn, scale = int(rng.integers(180)), rng.uniform(0.4, 1.4)
     levels = np.arange(256)
     curves = np.stack([(levels + turn) % 180, np.clip(levels * scale, 0, 255), levels], axis=1).astype(np.uint8)
-    return np.asarray(cv2.cvtColor(cv2.LUT(cv2.cvtColor(image, cv2.COLOR_RGB2HSV), curves[None]), cv2.COLOR_HSV2RGB), np.uint8)
+
+    def change(image: Images) -> Images:
+        return np.asarray(cv2.cvtColor(cv2.LUT(cv2.cvtColor(image, cv2.COLOR_RGB2HSV), curves[None]), cv2.COLOR_HSV2RGB), np.uint8)
+
+    return change
 
 
-def relight(image: Images, rng: np.random.Generator) -> Images:
-    """Change the exposure (gain, offset), in half of the cases the tint and, in 30 %, add haze that reduces contrast."""
+def relighting(rng: np.random.Generator) -> Change:
+    """A change of the exposure (gain, offset), in half of the cases of the tint and, in 30 %, haze that reduces contrast."""
     gain, offset = rng.uniform(0.6, 1.45), rng.uniform(-20, 20)
     tint = rng.uniform(0.85, 1.15, 3) if rng.random() < 0.5 else np.ones(1)
     clear, haze = (rng.uniform(0.4, 1), rng.uniform(20, 220)) if rng.random() < 0.3 else (1.0, 0.0)
     exposed = np.clip((np.arange(256)[:, None] * gain + offset) * tint, 0, 255)
     curve = (clear * exposed + (1 - clear) * haze).astype(np.uint8)  # One for each channel, or for all: twice as fast.
-    return np.asarray(cv2.LUT(image, curve[None]), np.uint8)
+    return lambda image: np.asarray(cv2.LUT(image, curve[None]), np.uint8)
 
 
-def augmented(image: Images, box: Boxes, size: tuple[int, int], relit: float, rng: np.random.Generator) -> tuple[Images, Boxes]:
-    """One training example of size (w, h) and its box (4,): a crop if the size is below the image's, else the frame."""
-    full = (image.shape[1], image.shape[0])
+def augmented(box: Boxes, full: tuple[int, int], size: tuple[int, int], relit: float, rng: np.random.Generator) -> tuple[Change, Boxes]:
+    """How an image of size `full` becomes a training example of size (w, h), and its box (4,): a crop if it is smaller, else the frame."""
     for _ in range(ATTEMPTS):
-        view = frame_view(full, rng) if size == full else crop_view(box, full, size, rng)
-        shown, matrix = show(image, view, size)
-        label, left = shown_box(box, matrix, size)
+        view = on_pixels(frame_view(full, rng) if size == full else crop_view(box, full, size, rng), size)
+        label, left = shown_box(box, mapping(view, size), size)
         if left == 0 or left > KEPT_SHARE:
             break
     else:
-        shown, matrix = show(image, plain_view(full), size)
-        label, _ = shown_box(box, matrix, size)
-    return (relight(recolour(shown, rng), rng) if rng.random() < relit else shown), label
+        view = on_pixels(plain_view(full), size)
+        label, _ = shown_box(box, mapping(view, size), size)
+    if rng.random() >= relit:
+        return lambda image: show(image, view, size), label
+    recolour, relight = recolouring(rng), relighting(rng)
+    return lambda image: relight(recolour(show(image, view, size))), label
 
 
 def batch(
@@ -185,8 +205,22 @@ def batch(
     relit: share of the examples with other colours and light, in [0, 1].
     """
     rng = np.random.default_rng(seed)
+    # All draws come first, so that several threads may then work on the pixels.
+    examples = [augmented(images.boxes[index], images.size, size, relit, rng) for index in indices]
     shown = np.empty((len(indices), size[1], size[0], 3), np.uint8)
-    boxes = np.zeros((len(indices), 4), np.float32)
-    for row, index in enumerate(indices):
-        shown[row], boxes[row] = augmented(images.images[index], images.boxes[index], size, relit, rng)
-    return shown, boxes
+
+    def fill(rows: range) -> None:
+        for row in rows:
+            shown[row] = examples[row][0](images.images[indices[row]])
+
+    threads = torch.get_num_threads()
+    others = [_pool(threads).submit(fill, range(start, len(indices), threads)) for start in range(1, threads)]
+    fill(range(0, len(indices), threads))
+    for other in others:
+        other.result()
+    return shown, np.array([box for _, box in examples], np.float32).reshape(-1, 4)
+
+
+@cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(threads)
