@@ -18,7 +18,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print the table; for a study without a comparison, where its results are."""
+    """Print the table, and where the results are of a study that has no report of its own."""
     from pipeline.artefacts.comparison_results import Comparison
     from pipeline.artefacts.results import read
     from pipeline.report.verdict import verdict_table
@@ -26,9 +26,11 @@ def run(options: argparse.Namespace) -> int:
     comparison: Path | None = options.comparison
     if comparison is None:
         folders = Folders(load(options.params))
+        comparison = Path(folders.root, "comparison.json")
         if folders.config.goal != "report":
+            if len(folders.config.tested) > 1:
+                print(f"{verdict_table(read(comparison, Comparison))}\n")
             print(f"Next: open {', '.join(folders.goals)}")
             return 0
-        comparison = Path(folders.root, "comparison.json")
     print(verdict_table(read(comparison, Comparison), comparison.with_name("report.html")))
     return 0

@@ -125,6 +125,9 @@ def test_two_detectors_are_tested_compared_and_shown(folder: Path, capsys: pytes
         page = (root / f"reports/{name}.html").read_text()
         assert "Failures found" in page and "Coverage of the scenario space" in page
         assert "Single-image detection" not in page, "nothing was trained"
+    assert main(["verdict", "--params", str(root / "params.yaml")]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("Held out: F1*; the same tests for every version") and f"Next: open data/{root.name}/reports/ours.html" in said
     # Called again, nothing is executed again.
     table = root / "campaigns/F1/random/ours/0/tests.parquet"
     made = table.stat().st_mtime_ns
