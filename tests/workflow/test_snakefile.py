@@ -67,8 +67,10 @@ def today(*overrides: str) -> Stamps:
 def test_every_study_plans(study: str, tmp_path: Path) -> None:
     config = compose(study, [])
     jobs = planned(copy(tmp_path, config))
-    assert ("render_base" in jobs) == (study != "front_car")
-    assert ("report" in jobs or "front_car_report" in jobs) == (config.goal != "base")
+    last = {"report": "report", "base": "train", "front_car": "front_car_report", "detectors": "detector_report"}
+    assert last[config.goal] in jobs
+    assert ("render_base" in jobs) == (config.goal in ("report", "base"))
+    assert ("export" in jobs) == (study == "published")
 
 
 def test_the_snakefile_lists_every_step() -> None:
