@@ -13,7 +13,7 @@ def keep_freed_memory() -> None:
     """Tell glibc not to return freed memory to the system.
 
     Each iteration makes and frees the same tensors. If their memory goes back, the system clears every page again, which took a twelfth of
-    a step. Other C libraries are left alone.
+    a step on one thread. Other C libraries are left alone.
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is not None:
