@@ -7,6 +7,7 @@ import pytest
 import torch
 from safetensors.torch import save
 
+from pipeline.detectors.yolo.folding import Folded
 from pipeline.detectors.yolo.network import Architecture, ConvUnit, Yolo, cells, count_parameters, decode
 from pipeline.detectors.yolo.training import initial_model
 from pipeline.detectors.yolo.weights import load_weights, save_weights
@@ -33,27 +34,51 @@ def test_initial_weights_depend_on_the_seed_alone() -> None:
     assert not torch.equal(first, other)
 
 
-def test_frozen_normalisation_inside_the_kernel_gives_the_same_output_and_gradients() -> None:
-    unit = ConvUnit(6, 8, 3, 2, groups=2).double()
+@pytest.fixture
+def frozen() -> torch.nn.Sequential:
+    """Two units in float64 with frozen statistics; the first does not learn."""
+    units = ConvUnit(6, 8, 3, 2, groups=2), ConvUnit(8, 4, 1)
     generator = torch.Generator().manual_seed(0)
-    norm = unit[1]
-    assert isinstance(norm, torch.nn.BatchNorm2d) and norm.running_mean is not None and norm.running_var is not None
-    for values in (norm.weight, norm.bias, norm.running_mean, norm.running_var):
-        values.data.uniform_(0.1, 2.0, generator=generator)
-    images = torch.rand(4, 6, 10, 8, dtype=torch.float64, generator=generator)
+    for unit in units:
+        unit.norm.eval()
+        for values in (*unit.norm.parameters(), *unit.norm.buffers()):
+            if values.is_floating_point():
+                values.data.uniform_(0.1, 2.0, generator=generator)
+    units[0].requires_grad_(False)
+    return torch.nn.Sequential(*units).double()
 
-    def shown(frozen: bool) -> tuple[torch.Tensor, ...]:
-        unit.train(frozen)
-        norm.eval()
-        unit.zero_grad()
-        output = unit(images)
+
+def test_frozen_normalisation_inside_the_kernels_gives_the_same_output_and_gradients(frozen: torch.nn.Sequential) -> None:
+    images = torch.rand(4, 6, 10, 8, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
+
+    def shown(network: torch.nn.Module) -> tuple[torch.Tensor, ...]:
+        frozen.zero_grad()
+        output = network(images)
         output.square().sum().backward()
-        return output.detach(), *(parameter.grad.clone() for parameter in unit.parameters() if parameter.grad is not None)
+        return output.detach(), *(parameter.grad.clone() for parameter in frozen.parameters() if parameter.grad is not None)
 
-    inside, apart = shown(frozen=True), shown(frozen=False)
+    inside, apart = shown(Folded(frozen, torch.float64)), shown(frozen)
     assert len(inside) == 4
     for one, other in zip(inside, apart, strict=True):
         torch.testing.assert_close(one, other)
+
+
+def test_each_pass_folds_anew(frozen: torch.nn.Sequential) -> None:
+    network, images = Folded(frozen, torch.float64), torch.ones(1, 6, 8, 8, dtype=torch.float64)
+    before = network(images)
+    second = frozen[1]
+    assert isinstance(second, ConvUnit)
+    with torch.no_grad():
+        second.norm.weight.mul_(2)
+    torch.testing.assert_close(network(images), frozen(images))
+    assert not torch.equal(network(images), before)
+
+
+def test_statistics_that_are_learnt_stay_outside_the_kernels() -> None:
+    unit, images = ConvUnit(3, 4), torch.ones(2, 3, 8, 8)
+    before = Folded(unit.eval(), torch.float32)(images)
+    Folded(unit.train(), torch.float32)(images)
+    assert not torch.equal(Folded(unit.eval(), torch.float32)(images), before)
 
 
 def test_cells_lie_in_the_middle_of_their_squares() -> None:

@@ -9,11 +9,12 @@ from typing import cast
 import torch
 from torch import Tensor, nn
 
+from pipeline.detectors.yolo.folding import Folded
 from pipeline.detectors.yolo.network import Yolo
 
 
 class Forward:
-    """The network in training: (n, 3, h, w) in [0, 1] to its output, in bfloat16 where that is faster.
+    """The network in training: (n, 3, h, w) uint8 images to its output, in bfloat16 where that is faster.
 
     On a GPU, all kernels of a forward or backward pass are launched at once, as a CUDA graph: one by one, launching them takes ten times
     as long as they run.
@@ -21,22 +22,26 @@ class Forward:
 
     def __init__(self, model: Yolo, device: torch.device) -> None:
         self._model, self._device = model, device
+        self._dtype = torch.bfloat16 if _multiplies_bfloat16(device) else torch.float32
+        self._network = Folded(model, self._dtype)
         self._captured: dict[torch.Size, Callable[[Tensor], Tensor]] = {}
 
     def __call__(self, images: Tensor) -> Tensor:
-        with torch.autocast(self._device.type, torch.bfloat16, enabled=_multiplies_bfloat16(self._device), cache_enabled=False):
+        shown = images.to(self._dtype).div_(255)
+        with torch.autocast(self._device.type, torch.bfloat16, enabled=self._dtype == torch.bfloat16, cache_enabled=False):
             if self._device.type == "cpu":
-                output: Tensor = self._model(images)
+                output: Tensor = self._network(shown)
                 return output
-            if images.shape not in self._captured:
-                self._captured[images.shape] = self._capture(images)
-            return self._captured[images.shape](images)
+            if shown.shape not in self._captured:
+                self._captured[shown.shape] = self._capture(shown)
+            return self._captured[shown.shape](shown)
 
     def _capture(self, images: Tensor) -> Callable[[Tensor], Tensor]:
         before = {name: value.clone() for name, value in self._model.state_dict().items()}
         # Gradients are made on the stream of the capture; autograd waits for them, but warns that this takes time.
         warnings.filterwarnings("ignore", "The AccumulateGrad node's stream")
-        captured = torch.cuda.make_graphed_callables(nn.Sequential(self._model), (torch.zeros_like(images),))
+        # In a new module, because a capture replaces the forward of the module that it gets.
+        captured = torch.cuda.make_graphed_callables(nn.Sequential(self._network), (torch.zeros_like(images),))
         self._model.load_state_dict(before)  # The capture ran the network, which changed the normalisation's statistics.
         return cast(Callable[[Tensor], Tensor], captured)
 

@@ -34,24 +34,35 @@ SIZES = {"nano": Architecture(), "small": Architecture((24, 48, 80, 144, 224), 6
 
 
 class ConvUnit(nn.Sequential):
-    """Convolution, batch normalisation and ReLU, which a CPU trains faster than SiLU."""
+    """Convolution, batch normalisation and ReLU, which a CPU trains faster than SiLU.
+
+    folded: a kernel and a shift that stand for convolution and normalisation while they are set.
+    """
+
+    folded: tuple[Tensor, Tensor] | None = None
 
     def __init__(self, inputs: int, outputs: int, kernel: int = 3, stride: int = 1, groups: int = 1) -> None:
         convolution = nn.Conv2d(inputs, outputs, kernel, stride, kernel // 2, groups=groups, bias=False)
         super().__init__(convolution, nn.BatchNorm2d(outputs, eps=1e-3, momentum=0.03), nn.ReLU(inplace=True))
 
+    @property
+    def convolution(self) -> nn.Conv2d:
+        convolution = self[0]
+        assert isinstance(convolution, nn.Conv2d)
+        return convolution
+
+    @property
+    def norm(self) -> nn.BatchNorm2d:
+        norm = self[1]
+        assert isinstance(norm, nn.BatchNorm2d)
+        return norm
+
     def forward(self, x: Tensor) -> Tensor:
-        convolution, norm, activation = self
-        assert isinstance(convolution, nn.Conv2d) and isinstance(norm, nn.BatchNorm2d)
-        if norm.training or not self.training:
+        if self.folded is None:
             y: Tensor = super().forward(x)  # type: ignore[no-untyped-call]
             return y
-        assert norm.running_mean is not None and norm.running_var is not None
-        # With frozen statistics the normalisation is a scale and a shift: folded into the kernel it costs nothing.
-        scale = norm.weight * (norm.running_var + norm.eps).rsqrt()
-        kernel, shift = convolution.weight * scale[:, None, None, None], norm.bias - norm.running_mean * scale
-        y = activation(functional.conv2d(x, kernel, shift, convolution.stride, convolution.padding[0], groups=convolution.groups))
-        return y
+        conv = self.convolution
+        return functional.conv2d(x, *self.folded, conv.stride, conv.padding[0], groups=conv.groups).relu_()
 
 
 class Csp(nn.Module):

@@ -32,7 +32,7 @@ from pipeline.detectors.yolo.loss import Loss, detection_loss
 from pipeline.detectors.yolo.memory import keep_freed_memory
 from pipeline.detectors.yolo.network import Yolo, cells, decode
 from pipeline.detectors.yolo.optimiser import Optimiser
-from pipeline.detectors.yolo.threads import use_threads
+from pipeline.detectors.yolo.threads import end_idle_threads, use_threads
 from pipeline.errors import InputError
 from pipeline.progress import OnProgress
 
@@ -269,6 +269,7 @@ def _grid(width: int, height: int, device: torch.device) -> tuple[Tensor, Tensor
 def _batches(feed: Feed, start: int, stop: int, device: torch.device) -> Iterator[tuple[Tensor, Tensor]]:
     if device.type == "cpu":  # The network needs all cores.
         for iteration in range(start, stop):
+            end_idle_threads()  # The batch needs their cores.
             yield _tensors(feed(iteration), device)
         return
     with ThreadPoolExecutor(AHEAD) as pool:
@@ -281,8 +282,8 @@ def _batches(feed: Feed, start: int, stop: int, device: torch.device) -> Iterato
 
 
 def _tensors(batch: Batch, device: torch.device) -> tuple[Tensor, Tensor]:
-    images = torch.from_numpy(batch[0]).to(device).permute(0, 3, 1, 2).float().div_(255)
-    return images.contiguous(memory_format=torch.channels_last), torch.from_numpy(batch[1]).to(device)
+    """Images (n, 3, h, w) uint8 in the channels-last format, and boxes (n, 4)."""
+    return torch.from_numpy(batch[0]).to(device).permute(0, 3, 1, 2), torch.from_numpy(batch[1]).to(device)
 
 
 def _code() -> str:
