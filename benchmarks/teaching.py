@@ -4,8 +4,8 @@
     python benchmarks/teaching.py keep shares 0         publish the piece that data/teaching holds
     python benchmarks/teaching.py answer                the tables of docs/results/teaching.md
 
-A piece is one seed, with searches and retrained versions of its own. `shares` compares searches that mix random and forest-guided tests.
-The other pieces retrain on the same searches, but choose other frames of them.
+A piece is one seed, with searches and retrained versions of its own. `shares` compares searches that mix random and forest-guided tests,
+`searches` those that look for something else. The other pieces retrain on the searches of `shares`, but choose other frames of them.
 """
 
 from __future__ import annotations
@@ -28,18 +28,28 @@ SELECTIONS = {
     "missed": "more where missed",
 }
 """Values of `retraining.selection`, in words."""
-KINDS = ("shares", *SELECTIONS)
+SEARCHES = {"near": "near misses, too", "kinds": "new kinds alone", "transfer": "after other scenarios"}
+"""Version -> what the search that it learns from looks for, without random tests."""
+KINDS = ("shares", *SELECTIONS, "searches")
 VERSIONS = ["base", "control", "random", "adaptive"]
 
 
 def versions(kind: str) -> Sequence[str]:
     """The versions that a kind of piece publishes."""
+    if kind == "searches":
+        return ["base", "random", *SEARCHES]
     return [*VERSIONS, *(name for name in SHARES if kind == "shares" and name not in VERSIONS)]
 
 
 def choice(kind: str) -> str:
     """The overrides of a kind of piece."""
-    return "" if kind == "shares" else f" retraining.selection={kind} ~arms.share75 ~arms.share25 ~arms.forest"
+    if kind == "shares":
+        return ""
+    others = " ~arms.share75 ~arms.share25 ~arms.forest"
+    if kind != "searches":
+        return f" retraining.selection={kind}{others}"
+    arms = "".join(f" +arms.{name}={name}" for name in SEARCHES)
+    return f" strategies=[random,{','.join(SEARCHES)}] campaign.transfer=[transfer] ~arms.control ~arms.adaptive{others}{arms}"
 
 
 EXPERIMENT = Experiment(
@@ -48,8 +58,8 @@ EXPERIMENT = Experiment(
 
 
 def answer(pieces: Mapping[Piece, pd.DataFrame]) -> str:
-    """Failures after learning from each mixture, with the difference from random tests, and from each choice of frames, with those from all
-    frames alike and from random tests."""
+    """Failures after learning from each mixture and each other search, with the difference from random tests, and from each choice of
+    frames, with those from all frames alike and from random tests."""
     counts = {piece: failures(table) for piece, table in pieces.items()}
     seeds = [seed for seed in SEEDS if ("shares", seed) in counts]
     if not seeds:
@@ -57,7 +67,13 @@ def answer(pieces: Mapping[Piece, pd.DataFrame]) -> str:
     lines = [f"{len(seeds)} of {len(SEEDS)} searches.", "", *_header("share of random tests", "random tests")]
     failed = {name: np.array([counts["shares", seed][name] for seed in seeds], float) for name in ("base", "control", *SHARES)}
     lines += [_row(SHARES.get(name, f"`{name}`"), found, failed["random"]) for name, found in failed.items()]
-    lines += ["", _clearest(failed), "", *_header("frames of the search with 50 %", "all alike", "random tests")]
+    lines += ["", _clearest(failed, SHARES, "mixture")]
+    if other := [seed for seed in SEEDS if ("searches", seed) in counts]:
+        found = {name: np.array([counts["searches", seed][name] for seed in other], float) for name in versions("searches")}
+        lines += ["", f"{len(other)} of {len(SEEDS)} other searches.", "", *_header("the search looks for", "random tests")]
+        lines += [_row(SEARCHES.get(name, f"`{name}`"), row, found["random"]) for name, row in found.items()]
+        lines += ["", _clearest(found, SEARCHES, "search")]
+    lines += ["", *_header("frames of the search with 50 %", "all alike", "random tests")]
     for kind, words in {"shares": "all alike", **SELECTIONS}.items():
         chosen = np.array([counts.get((kind, seed), {}).get("adaptive", np.nan) for seed in seeds], float)
         if not np.isnan(chosen).all():
@@ -65,15 +81,15 @@ def answer(pieces: Mapping[Piece, pd.DataFrame]) -> str:
     return "\n".join(lines)
 
 
-def _clearest(failed: Mapping[str, np.ndarray]) -> str:
-    """The mixture with the smallest p-value against random tests. Holm's method multiplies the smallest by the number of mixtures."""
-    differences = {words: failed[name] - failed["random"] for name, words in SHARES.items() if name != "random"}
+def _clearest(failed: Mapping[str, np.ndarray], named: Mapping[str, str], what: str) -> str:
+    """The version with the smallest p-value against random tests. Holm's method multiplies the smallest by the number of versions."""
+    differences = {words: failed[name] - failed["random"] for name, words in named.items() if name != "random"}
     # One search, or several that differ equally: nothing tells their spread.
     p_values = {words: float(ttest_1samp(found, 0).pvalue) if np.ptp(found) else 1.0 for words, found in differences.items()}
     words = min(p_values, key=lambda share: p_values[share])
     smallest = p_values[words]
     corrected = p_text(min(1.0, len(p_values) * smallest))
-    return f"Smallest p of a mixture against random tests, by Student's t-test: {p_text(smallest)} ({words}), by Holm {corrected}."
+    return f"Smallest p of a {what} against random tests, by Student's t-test: {p_text(smallest)} ({words}), by Holm {corrected}."
 
 
 def _header(first: str, *others: str) -> list[str]:

@@ -28,9 +28,18 @@ def test_mixtures_and_choices_are_compared_with_random_tests() -> None:
     assert "| 100 % | 10, 12 | 11.0 | +0.0 |" in text
     # Against the versions of the same search that learnt from all frames alike.
     assert "| more where unsure | –, 13 | 13.0 | +7.0 | +1.0 |" in text and "more where missed" not in text
+    assert "other searches" not in text
+
+
+def test_other_searches_are_compared_with_the_random_tests_of_their_pieces() -> None:
+    searches = {("searches", seed): piece(base=30, random=10, near=near, kinds=10, transfer=11) for seed, near in ((0, 8), (2, 6))}
+    text = teaching.answer({("shares", 0): shares(20, 8), **searches})
+    assert "2 of 3 other searches." in text and "| near misses, too | 8, 6 | 7.0 | -3.0 (-15.7 to +9.7) |" in text
+    # Differences -2 and -4, as above; one of three searches.
+    assert "Smallest p of a search against random tests, by Student's t-test: 0.205 (near misses, too), by Holm 0.614." in text
 
 
 def test_every_piece_has_a_command() -> None:
     plan = teaching.EXPERIMENT.plan()
-    assert plan.count("python -m pipeline compose study=teaching") == len(teaching.KINDS) * len(teaching.SEEDS) == 15
+    assert plan.count("python -m pipeline compose study=teaching") == len(teaching.KINDS) * len(teaching.SEEDS) == 18
     assert "retraining.selection=missed" in plan and "retraining.selection=shares" not in plan
