@@ -22,20 +22,12 @@ from pieces import Experiment, Piece
 from pipeline.report.style import legend_below, panels, series_colours, styled
 
 BASES = {
-    "strong": "base.weights=models/published/adaptive",
     "uniform": "base.weights=models/uniform base_set.rare.children=1 base_set.rare.crouching=1",
     "long_tailed": "",
     "weak": "base.source=trained training.crop_iterations=800 training.frame_iterations=500",
 }
 """The overrides of each base, from the strongest to the weakest."""
-PIECES = {
-    ("strong", 100): 2,
-    ("uniform", 100): 3,
-    ("long_tailed", 30): 3,
-    ("long_tailed", 300): 3,
-    ("long_tailed", 1000): 2,
-    ("weak", 100): 3,
-}
+PIECES = {("uniform", 100): 3, ("long_tailed", 30): 3, ("long_tailed", 300): 3, ("long_tailed", 1000): 2, ("weak", 100): 3}
 """The number of searches by base and tests a scenario."""
 DEFAULT_KIND = ("long_tailed", 100)
 
