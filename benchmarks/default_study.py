@@ -109,12 +109,12 @@ def publish(clone: Path, seed: int, minutes: float, folder: Path) -> None:
 
 
 def ship(clone: Path) -> None:
-    """Copy the weights and cards of a finished study's versions."""
+    """Copy the weights, cards and curves of a finished study's versions, so that each can be the base of another study."""
     folders = Folders(load(clone / PARAMS))
     for version in SHIPPED_VERSIONS:
         target = SHIPPED / version
         target.mkdir(parents=True, exist_ok=True)
-        for kind in ("weights", "card"):
+        for kind in ("weights", "card", "curve"):
             shutil.copyfile(clone / folders.model(version, VERSION[kind]), target / VERSION[kind])
 
 
