@@ -47,7 +47,7 @@ def _fold(units: Sequence[ConvUnit], dtype: torch.dtype) -> None:
 class _Fold(torch.autograd.Function):
     """Kernel, scale and offset of each unit to its folded kernel (outputs, inputs, h, w) and shift (outputs,).
 
-    One node in the graph for all units: left to autograd, the same sums take a dozen nodes a unit and a fiftieth of a step.
+    One node of the graph for all units: left to autograd, each operation of each unit is a node, and they take a fiftieth of a step.
     """
 
     @staticmethod

@@ -58,8 +58,8 @@ class Optimiser:
 
 def hidden_kernels(model: Yolo) -> list[Tensor]:
     """The kernels (outputs, inputs, h, w) of all convolution units except the first and the depthwise ones."""
-    convolutions = [unit[0] for unit in model.modules() if isinstance(unit, ConvUnit)]
-    return [one.weight for one in convolutions if isinstance(one, nn.Conv2d) and one.groups == 1 and one.in_channels > 3]
+    convolutions = [unit.convolution for unit in model.modules() if isinstance(unit, ConvUnit)]
+    return [one.weight for one in convolutions if one.groups == 1 and one.in_channels > 3]
 
 
 def _channels_last(kernel: Tensor) -> Tensor:
