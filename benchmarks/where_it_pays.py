@@ -23,6 +23,7 @@ from pipeline.report.style import legend_below, panels, series_colours, styled
 
 BASES = {
     "strong": "base.weights=models/published/adaptive",
+    "after_random": "base.weights=models/published/random",
     "uniform": "base.weights=models/uniform base_set.rare.children=1 base_set.rare.crouching=1",
     "long_tailed": "",
     "weak": "base.source=trained training.crop_iterations=800 training.frame_iterations=500",
@@ -30,6 +31,7 @@ BASES = {
 """The overrides of each base, from the strongest to the weakest."""
 PIECES: dict[tuple[str, int], Sequence[int]] = {
     ("strong", 100): (0, 1, 3, 4, 5),  # Not 2: the base learnt from searches with this seed.
+    ("after_random", 100): range(6, 11),  # Asked after `strong`, hence with other held-out tests.
     ("uniform", 100): range(3),
     ("long_tailed", 30): range(3),
     ("long_tailed", 300): range(3),
