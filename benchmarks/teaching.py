@@ -14,9 +14,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
-from outcomes import failures, mean_difference, p_text
+from outcomes import failures, mean_difference, smallest_p
 from pieces import Experiment, Piece
-from scipy.stats import ttest_1samp
 
 SEEDS = range(3)
 SHARES = {"random": "100 %", "share75": "75 %", "adaptive": "50 %", "share25": "25 %", "forest": "0 %"}
@@ -83,14 +82,8 @@ def answer(pieces: Mapping[Piece, pd.DataFrame]) -> str:
 
 
 def _clearest(failed: Mapping[str, np.ndarray], named: Mapping[str, str], what: str) -> str:
-    """The version with the smallest p-value against random tests. Holm's method multiplies the smallest by the number of versions."""
     differences = {words: failed[name] - failed["random"] for name, words in named.items() if name != "random"}
-    # One search, or several that differ equally: nothing tells their spread.
-    p_values = {words: float(ttest_1samp(found, 0).pvalue) if np.ptp(found) else 1.0 for words, found in differences.items()}
-    words = min(p_values, key=lambda share: p_values[share])
-    smallest = p_values[words]
-    corrected = p_text(min(1.0, len(p_values) * smallest))
-    return f"Smallest p of a {what} against random tests, by Student's t-test: {p_text(smallest)} ({words}), by Holm {corrected}."
+    return f"Smallest p of a {what} against random tests, {smallest_p(differences)}."
 
 
 def _header(first: str, *others: str) -> list[str]:

@@ -16,7 +16,7 @@ import pandas as pd
 from default_study import PUBLISHED as DEFAULT
 from default_study import SEEDS as DEFAULT_SEEDS
 from matplotlib.figure import Figure
-from outcomes import mean_difference, valid
+from outcomes import mean_difference, p_text, smallest_p, student_p, valid
 from pieces import Experiment, Piece
 
 from pipeline.report.style import legend_below, panels, series_colours, styled
@@ -40,6 +40,8 @@ PIECES: dict[tuple[str, int], Sequence[int]] = {
 }
 """The seeds of the searches by base and tests a scenario."""
 DEFAULT_KIND = ("long_tailed", 100)
+CONFIRMING = ("after_random", 100)
+"""The row that was asked after all others, whether it confirms one of them."""
 
 
 EXPERIMENT = Experiment(
@@ -64,10 +66,16 @@ def answer(pieces: Mapping[Piece, pd.DataFrame]) -> str:
         f"| {' | '.join(heading)} |",
         "|---" * len(heading) + "|",
     ]
+    differences = {}
     for (base, tests), failed in rates(pieces).items():
-        ahead = mean_difference(failed["adaptive"] - failed["random"])
+        differences[base, tests] = ahead = failed["adaptive"] - failed["random"]
         means = " | ".join(f"{failed[name].mean():.1f}" for name in ("base", "random", "adaptive"))
-        lines.append(f"| `{base}` | {tests:,} | {len(failed)} | {means} | {ahead} |")
+        lines.append(f"| `{base}` | {tests:,} | {len(failed)} | {means} | {mean_difference(ahead)} |")
+    confirming = differences.pop(CONFIRMING, None)
+    smallest = smallest_p({f"`{base}` with {tests:,}": found for (base, tests), found in differences.items()})
+    lines += ["", f"Smallest p of the differences, {smallest}."]
+    if confirming is not None:
+        lines[-1] += f" That of `{CONFIRMING[0]}`, asked alone, is {p_text(student_p(confirming))}."
     return "\n".join(lines)
 
 

@@ -24,6 +24,15 @@ def test_rates_by_hand() -> None:
     # Twice -6 points, but for rounding: nothing tells their spread.
     assert rows[5] == "| `long_tailed` | 30 | 2 | 40.0 | 13.0 | 7.0 | -6.0 |"
     assert rows[6].startswith("| `long_tailed` | 100 | 10 |") and rows[7] == "| `weak` | 100 | 1 | 40.0 | 20.0 | 18.0 | -2.0 |"
+    # Four differences; only the ten published searches tell much.
+    assert rows[9].startswith("Smallest p of the differences, by Student's t-test: ") and "(`long_tailed` with 100), by Holm" in rows[9]
+
+
+def test_the_confirming_row_is_not_corrected() -> None:
+    pieces = {("after_random-100", seed): piece(base=9, random=8, adaptive=adaptive) for seed, adaptive in ((6, 7), (7, 6))}
+    text = where_it_pays.answer(pieces)
+    # Differences -2 and -4 points: t = 3 with one degree of freedom, p = 1 - 2 / pi * atan(3).
+    assert text.endswith(" That of `after_random`, asked alone, is 0.205.") and "(`long_tailed` with 100), by Holm" in text
 
 
 def test_what_is_left_of_the_bases_failures_by_hand() -> None:
