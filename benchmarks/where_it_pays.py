@@ -97,28 +97,27 @@ def left(failed: pd.DataFrame, version: str) -> pd.Series:
 
 
 def figure(found: Mapping[tuple[str, int], pd.DataFrame]) -> Figure:
-    """The share of the base's failures that each version leaves: against the executions, and against how often the base fails.
+    """The share of the base's failures that each version leaves, by number of tests and by base, from the strongest to the weakest.
 
     A dot is a search, the line joins the means. The intervals of a few searches are in the table: here they would hide the dots.
     """
+    strongest = sorted(found.items(), key=lambda item: item[1]["base"].mean())
     with styled():
         drawn, [[executions, strength]] = panels(1, 2, width=4.6, height=3.4)
         axes = {
-            executions: [(tests, failed) for (base, tests), failed in found.items() if base == DEFAULT_KIND[0]],
-            strength: [(failed["base"].mean(), failed) for (_, tests), failed in found.items() if tests == DEFAULT_KIND[1]],
+            executions: {f"{tests:,}": failed for (base, tests), failed in found.items() if base == DEFAULT_KIND[0]},
+            strength: {f"{base}\n{failed['base'].mean():.1f} %": failed for (base, tests), failed in strongest if tests == DEFAULT_KIND[1]},
         }
         for axis, points in axes.items():
             for name, colour in series_colours(["random", "adaptive"]).items():
-                shift = 0.97 if name == "random" else 1.03  # Side by side, so that neither hides the other.
-                at, shares = [shift * x for x, _ in points], [left(failed, name) for _, failed in points]
-                axis.plot(at, [each.mean() for each in shares], color=colour, label=name)
-                for x, each in zip(at, shares, strict=True):
-                    axis.scatter([x] * len(each), each, color=colour, s=18, alpha=0.5, linewidths=0)
-            axis.set(xscale="log")
-            axis.set_xticks([round(x, 1) for x, _ in points], labels=[f"{x:,d}" if axis is executions else f"{x:.1f}" for x, _ in points])
-            axis.minorticks_off()
+                shift = -0.06 if name == "random" else 0.06  # Side by side, so that neither hides the other.
+                shares = [left(failed, name) for failed in points.values()]
+                axis.plot([x + shift for x in range(len(points))], [each.mean() for each in shares], color=colour, label=name)
+                for x, each in enumerate(shares):
+                    axis.scatter([x + shift] * len(each), each, color=colour, s=18, alpha=0.5, linewidths=0)
+            axis.set_xticks(range(len(points)), labels=list(points))
         executions.set(xlabel="tests a scenario, base long_tailed", ylabel="failures left, % of the base's", ylim=(0, None))
-        strength.set(xlabel=f"held-out tests that the base fails, %; {DEFAULT_KIND[1]} tests a scenario")
+        strength.set(xlabel=f"held-out tests that the base fails; {DEFAULT_KIND[1]} tests a scenario")
         legend_below(drawn, [executions, strength])
     return drawn
 
