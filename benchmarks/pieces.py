@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +33,7 @@ class Experiment:
     """A script `benchmarks/<name>.py` and its page. compose: the arguments of `compose` by piece.
 
     versions: those that a kind publishes; None for all. explained: the version of a kind whose failures are executed again, with parts of
-    the loop replaced. figure: of the published pieces, for the page.
+    the loop replaced. figure: of the published pieces, for the page. study_of: the study of a kind, where it is another one.
     """
 
     name: str
@@ -42,6 +42,7 @@ class Experiment:
     versions: Callable[[str], Sequence[str] | None] = lambda kind: None
     explained: Callable[[str], str | None] = lambda kind: None
     figure: Callable[[Mapping[Piece, pd.DataFrame]], Figure] | None = None
+    study_of: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def folder(self) -> Path:
@@ -67,7 +68,9 @@ class Experiment:
         lines = []
         for kind, seed in self.compose:
             lines += [f"# {kind}, seed {seed}: {'published' if self.path((kind, seed)).exists() else 'missing'}"]
-            lines += [" ".join(["python -m pipeline compose", f"study={self.study}", *self.overrides((kind, seed))])]
+            lines += [
+                " ".join(["python -m pipeline compose", f"study={self.study_of.get(kind, self.study)}", *self.overrides((kind, seed))])
+            ]
             lines += [f"./run && python benchmarks/{self.name}.py keep {kind} {seed}"]
         return "\n".join(lines)
 
@@ -97,7 +100,7 @@ class Experiment:
         name = f"{piece[0]} {piece[1]}"
         if piece not in self.compose:
             raise SystemExit(f"keep: expected a piece that `plan` lists, got {name}")
-        expected = compose(self.study, self.overrides(piece))
+        expected = compose(self.study_of.get(piece[0], self.study), self.overrides(piece))
         if wrong := difference(expected.model_dump(mode="json"), config.model_dump(mode="json")):
             raise SystemExit(f"{PARAMS}, piece {name}: {wrong}; compose and execute the piece as `plan` says")
 

@@ -42,17 +42,30 @@ PIECES: dict[tuple[str, int], Sequence[int]] = {
 DEFAULT_KIND = ("long_tailed", 100)
 CONFIRMING = ("after_random", 100)
 """The row that was asked after all others, whether it confirms one of them."""
+LEARNT = ("strong", "after_random")
+"""The bases that have learnt from tests. The versions of their pieces face more held-out tests, right after the piece itself."""
+MORE = {f"{base}-more": "published" for base in LEARNT}
+"""The kinds of these pieces, and their study."""
+
+
+def compositions() -> dict[Piece, str]:
+    """The arguments of `compose` by piece."""
+    found = {}
+    for (base, tests), seeds in PIECES.items():
+        for seed in seeds:
+            found[f"{base}-{tests}", seed] = f"comparison.seed={seed} campaign.tests={tests} {BASES[base]}"
+            if base in LEARNT:
+                tested = [f"tested.{name}=data/default/retrained/models/{name}/weights.safetensors" for name in ("random", "adaptive")]
+                found[f"{base}-more", seed] = f"comparison.seed={100 + seed} held_out=[F1star,F2star] ~tested.base {' '.join(tested)}"
+    return found
 
 
 EXPERIMENT = Experiment(
     "where_it_pays",
     "default",
-    {
-        (f"{base}-{tests}", seed): f"comparison.seed={seed} campaign.tests={tests} {BASES[base]}"
-        for (base, tests), seeds in PIECES.items()
-        for seed in seeds
-    },
+    compositions(),
     figure=lambda pieces: figure(rates(pieces)),
+    study_of=MORE,
 )
 
 
@@ -76,7 +89,22 @@ def answer(pieces: Mapping[Piece, pd.DataFrame]) -> str:
     lines += ["", f"Smallest p of the differences, {smallest}."]
     if confirming is not None:
         lines[-1] += f" That of `{CONFIRMING[0]}`, asked alone, is {p_text(student_p(confirming))}."
-    return "\n".join(lines)
+    return "\n".join(lines + more_tests(pieces))
+
+
+def more_tests(pieces: Mapping[Piece, pd.DataFrame]) -> list[str]:
+    """A row for each base that has learnt from tests, and one for all of their searches: more held-out tests of the same versions."""
+    failed = {base: [100 * valid(table).mean() for (kind, _), table in pieces.items() if kind == f"{base}-more"] for base in LEARNT}
+    rows = {f"`{base}`": pd.DataFrame(means) for base, means in failed.items() if means}
+    if not rows:
+        return []
+    heading = ["more tests, base", "searches", "`random` fails, %", "`adaptive` fails, %", "`adaptive` minus `random`, points (95 %)"]
+    lines = ["", f"| {' | '.join(heading)} |", "|---" * len(heading) + "|"]
+    for name, table in (rows | {"both": pd.concat(rows.values())}).items():
+        means = " | ".join(f"{table[version].mean():.1f}" for version in ("random", "adaptive"))
+        ahead = table["adaptive"] - table["random"]
+        lines.append(f"| {name} | {len(table)} | {means} | {mean_difference(ahead)} |")
+    return [*lines, "", f"p of both, by Student's t-test: {p_text(student_p(ahead))}."]
 
 
 def rates(pieces: Mapping[Piece, pd.DataFrame]) -> dict[tuple[str, int], pd.DataFrame]:

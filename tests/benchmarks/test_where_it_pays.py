@@ -18,7 +18,7 @@ def test_rates_by_hand() -> None:
     pieces |= {("long_tailed-30", seed): piece(base=20, random=3 + 7 * seed, adaptive=7 * seed) for seed in range(2)}
     pieces["weak-100", 2] = piece(base=20, random=10, adaptive=9)
     rows = where_it_pays.answer(pieces).splitlines()
-    assert rows[0] == "5 of 24 pieces are published, and the ten default studies."
+    assert rows[0] == "5 of 34 pieces are published, and the ten default studies."
     # Differences of -4 and 0 points: mean -2, standard error 2, t quantile 12.706 with one degree of freedom.
     assert rows[4] == "| `uniform` | 100 | 2 | 11.0 | 8.0 | 6.0 | -2.0 (-27.4 to +23.4) |"
     # Twice -6 points, but for rounding: nothing tells their spread.
@@ -46,3 +46,18 @@ def test_what_is_left_of_the_bases_failures_by_hand() -> None:
 def test_every_piece_has_a_command() -> None:
     plan = where_it_pays.EXPERIMENT.plan()
     assert plan.count("compose study=default") == 24 and "campaign.tests=1000" in plan
+    # More tests need the weights of the piece that was just executed.
+    assert plan.count("compose study=published") == 10
+    assert plan.index("keep strong-100 4") < plan.index("keep strong-more 4") < plan.index("keep strong-100 5")
+
+
+def test_more_tests_of_the_same_versions_by_hand() -> None:
+    pieces = {
+        (f"{base}-more", seed): piece(random=4, adaptive=1 + seed) for base, seed in (("strong", 0), ("strong", 1), ("after_random", 6))
+    }
+    rows = where_it_pays.more_tests(pieces)
+    # Differences of -6 and -4 points: mean -5, standard error 1, t quantile 12.706; the third search differs by +6.
+    assert rows[3] == "| `strong` | 2 | 8.0 | 3.0 | -5.0 (-17.7 to +7.7) |" and rows[4] == "| `after_random` | 1 | 8.0 | 14.0 | +6.0 |"
+    # Mean -4 / 3, standard deviation 6.429, t = -0.359 with two degrees of freedom: p = 1 - t / sqrt(2 + t²).
+    assert rows[5].startswith("| both | 3 | 8.0 | 6.7 | -1.3 (") and rows[7] == "p of both, by Student's t-test: 0.754."
+    assert where_it_pays.more_tests({}) == []
