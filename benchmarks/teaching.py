@@ -22,7 +22,6 @@ SHARES = {"random": "100 %", "share75": "75 %", "adaptive": "50 %", "share25": "
 """Version -> share of random tests in the search that it learns from."""
 SELECTIONS = {
     "failures": "of failed tests",
-    "regions": "of failed tests, as many of every region",
     "causes": "as many of every cause",
     "unsure": "more where unsure",
     "missed": "more where missed",
