@@ -22,8 +22,8 @@ from pieces import Experiment, Piece
 from pipeline.report.style import legend_below, panels, series_colours, styled
 
 BASES = {
-    "strong": "base.weights=models/published/adaptive",
     "after_random": "base.weights=models/published/random",
+    "strong": "base.weights=models/published/adaptive",
     "uniform": "base.weights=models/uniform base_set.rare.children=1 base_set.rare.crouching=1",
     "long_tailed": "",
     "weak": "base.source=trained training.crop_iterations=800 training.frame_iterations=500",
