@@ -93,18 +93,23 @@ def answer(pieces: Mapping[Piece, pd.DataFrame]) -> str:
 
 
 def more_tests(pieces: Mapping[Piece, pd.DataFrame]) -> list[str]:
-    """A row for each base that has learnt from tests, and one for all of their searches: more held-out tests of the same versions."""
-    failed = {base: [100 * valid(table).mean() for (kind, _), table in pieces.items() if kind == f"{base}-more"] for base in LEARNT}
-    rows = {f"`{base}`": pd.DataFrame(means) for base, means in failed.items() if means}
-    if not rows:
+    """A row for each base that has learnt from tests, for both, and for both on each scenario: more held-out tests of the same versions."""
+    rows = {f"`{base}`": [table for (kind, _), table in pieces.items() if kind == f"{base}-more"] for base in LEARNT}
+    both = [table for tables in rows.values() for table in tables]
+    if not both:
         return []
-    heading = ["more tests, base", "searches", "`random` fails, %", "`adaptive` fails, %", "`adaptive` minus `random`, points (95 %)"]
+    rows["both"] = both
+    for name in both[0]["scenario"].unique():
+        rows["both, on " + name.replace("star", r"\*")] = [table[table["scenario"] == name] for table in both]
+    heading = ["more tests, base", "searches", "`random` fails, %", "`adaptive` fails, %", "`adaptive` minus `random`, points (95 %)", "p"]
     lines = ["", f"| {' | '.join(heading)} |", "|---" * len(heading) + "|"]
-    for name, table in (rows | {"both": pd.concat(rows.values())}).items():
-        means = " | ".join(f"{table[version].mean():.1f}" for version in ("random", "adaptive"))
-        ahead = table["adaptive"] - table["random"]
-        lines.append(f"| {name} | {len(table)} | {means} | {mean_difference(ahead)} |")
-    return [*lines, "", f"p of both, by Student's t-test: {p_text(student_p(ahead))}."]
+    for name, tables in rows.items():
+        if tables:
+            failed = pd.DataFrame([100 * valid(table).mean() for table in tables])
+            ahead = failed["adaptive"] - failed["random"]
+            means = " | ".join(f"{failed[version].mean():.1f}" for version in ("random", "adaptive"))
+            lines.append(f"| {name} | {len(tables)} | {means} | {mean_difference(ahead)} | {p_text(student_p(ahead))} |")
+    return lines
 
 
 def rates(pieces: Mapping[Piece, pd.DataFrame]) -> dict[tuple[str, int], pd.DataFrame]:
