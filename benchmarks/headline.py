@@ -24,7 +24,7 @@ def main() -> None:
         f"base, within {min(minutes):.0f} to {max(minutes):.0f} minutes. Adaptive tests teach more than other images, but "
         f"[no more than random ones](docs/results/retraining.md): the long-tailed base fails {left['base']:.0f} of "
         f"{len(valid(pieces[0]))} held-out tests, `adaptive` {left['adaptive']:.1f}, `random` {left['random']:.1f}. "
-        "[They teach more](docs/results/where-it-pays.md) once it has learnt from tests."
+        "[Two retrained bases](docs/results/where-it-pays.md) learn more from adaptive tests."
     )
     print(fill(text, LINE, break_long_words=False, break_on_hyphens=False))
 

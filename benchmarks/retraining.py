@@ -21,9 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from outcomes import TEST, failures, p_text, valid
+from outcomes import TEST, failures, p_text, student_p, valid
 from pieces import Experiment, Piece
-from scipy.stats import ttest_1samp
 from what_is_left import as_table
 
 from pipeline.core.statistics import mean_interval
@@ -112,8 +111,7 @@ def _contrast(failed: dict[str, np.ndarray], name: str) -> Contrast:
     differences = failed["adaptive"] - failed[name]
     if not np.ptp(differences):  # One search, or several that differ equally: nothing tells their spread.
         return Contrast(differences.mean(), -np.inf, np.inf, 0.0, 1.0)
-    p_value = float(ttest_1samp(differences, 0).pvalue)
-    return Contrast(differences.mean(), *mean_interval(differences), failed["base"].mean() / 10, p_value)
+    return Contrast(differences.mean(), *mean_interval(differences), failed["base"].mean() / 10, student_p(differences))
 
 
 def _adjust(contrasts: list[Contrast]) -> None:

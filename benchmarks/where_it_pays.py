@@ -82,8 +82,9 @@ def answer(pieces: Mapping[Piece, pd.DataFrame]) -> str:
     differences = {}
     for (base, tests), failed in rates(pieces).items():
         differences[base, tests] = ahead = failed["adaptive"] - failed["random"]
-        means = " | ".join(f"{failed[name].mean():.1f}" for name in ("base", "random", "adaptive"))
-        lines.append(f"| `{base}` | {tests:,} | {len(failed)} | {means} | {mean_difference(ahead)} |")
+        lines.append(
+            f"| `{base}` | {tests:,} | {len(failed)} | {_means(failed, 'base', 'random', 'adaptive')} | {mean_difference(ahead)} |"
+        )
     confirming = differences.pop(CONFIRMING, None)
     smallest = smallest_p({f"`{base}` with {tests:,}": found for (base, tests), found in differences.items()})
     lines += ["", f"Smallest p of the differences, {smallest}."]
@@ -107,9 +108,13 @@ def more_tests(pieces: Mapping[Piece, pd.DataFrame]) -> list[str]:
         if tables:
             failed = pd.DataFrame([100 * valid(table).mean() for table in tables])
             ahead = failed["adaptive"] - failed["random"]
-            means = " | ".join(f"{failed[version].mean():.1f}" for version in ("random", "adaptive"))
-            lines.append(f"| {name} | {len(tables)} | {means} | {mean_difference(ahead)} | {p_text(student_p(ahead))} |")
+            cells = [name, len(tables), _means(failed, "random", "adaptive"), mean_difference(ahead), p_text(student_p(ahead))]
+            lines.append(f"| {' | '.join(map(str, cells))} |")
     return lines
+
+
+def _means(failed: pd.DataFrame, *versions: str) -> str:
+    return " | ".join(f"{failed[version].mean():.1f}" for version in versions)
 
 
 def rates(pieces: Mapping[Piece, pd.DataFrame]) -> dict[tuple[str, int], pd.DataFrame]:
@@ -134,12 +139,13 @@ def figure(found: Mapping[tuple[str, int], pd.DataFrame]) -> Figure:
 
     A dot is a search, the line joins the means. The intervals of a few searches are in the table: here they would hide the dots.
     """
-    strongest = sorted(found.items(), key=lambda item: item[1]["base"].mean())
     with styled():
         drawn, [[executions, strength]] = panels(1, 2, width=4.6, height=3.4)
         axes = {
             executions: {f"{tests:,}": failed for (base, tests), failed in found.items() if base == DEFAULT_KIND[0]},
-            strength: {f"{base}\n{failed['base'].mean():.1f} %": failed for (base, tests), failed in strongest if tests == DEFAULT_KIND[1]},
+            strength: {
+                f"{base}\n{failed['base'].mean():.1f} %": failed for (base, tests), failed in found.items() if tests == DEFAULT_KIND[1]
+            },
         }
         for axis, points in axes.items():
             for name, colour in series_colours(["random", "adaptive"]).items():
