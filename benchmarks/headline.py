@@ -21,8 +21,8 @@ def main() -> None:
     left = {name: np.mean([failures(piece)[name] for piece in pieces]) for name in ("base", "random", "adaptive")}
     text = (
         f"In {better} of {len(studies.outcomes)} [default studies](docs/results/default.md), `adaptive` fails significantly less than the "
-        f"base, within {min(minutes):.0f} to {max(minutes):.0f} minutes. Adaptive tests teach more than other images, but "
-        f"[no more than random ones](docs/results/retraining.md): the long-tailed base fails {left['base']:.0f} of "
+        f"base, within {min(minutes):.0f} to {max(minutes):.0f} minutes. Adaptive tests teach the long-tailed base more than other images, "
+        f"but [no more than random ones](docs/results/retraining.md): it fails {left['base']:.0f} of "
         f"{len(valid(pieces[0]))} held-out tests, `adaptive` {left['adaptive']:.1f}, `random` {left['random']:.1f}. "
         "[Two retrained bases](docs/results/where-it-pays.md) learn more from adaptive tests."
     )

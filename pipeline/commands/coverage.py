@@ -99,9 +99,9 @@ def _check(options: argparse.Namespace) -> None:
     polishes = getattr(options, "effort", "polish") == "polish"
     for option in ("seconds", "cpu-seconds"):
         if not polishes and getattr(options, option.replace("-", "_")) is not None:
-            raise InputError(f"--{option} limits polish; give --effort polish, too")
+            raise InputError(f"--{option} limits polish; add --effort polish")
     if not getattr(options, "exact", True) and options.seconds is not None:
-        raise InputError("--seconds limits --exact; give it, too")
+        raise InputError("--seconds limits --exact; add --exact")
     options.count = 1 if getattr(options, "count", None) is None else options.count
     options.seconds = SECONDS.get(options.verb, 0.0) if getattr(options, "seconds", None) is None else options.seconds
 
