@@ -65,8 +65,10 @@ def _stage(name: str, studies: Iterable[Jobs]) -> dict[str, Any]:
             stamps |= {root for root in (_root(jobs, path) for path in outputs) if root.endswith(f".{STAMP}")}
             keys, files = _depends(jobs, target)
             deps |= {_root(jobs, path) for path in files}
-            params |= {key.split(".")[0] if key.startswith(("scenarios.", "samplers.")) else key for key in keys}
-            modules = stamped.modules(target.step, [stamped.value(key) for key in keys])
+            # Of scenarios and strategies, all: a study may choose any.
+            keys = {key.split(".")[0] if key.startswith(("scenarios.", "samplers.")) else key for key in keys}
+            params |= keys
+            modules = stamped.modules(target.step, {key: stamped.value(key) for key in keys})
             code |= {path for module in modules for path in sources(module)}
     below = [f"data/${{study}}/{root}" for root in STAGES[name]]
     shown = {root: {f"data/${{study}}/{root}": {"persist": True, **PLOTS.get(root, {})}} for root in STAGES[name]}
@@ -83,10 +85,10 @@ def _stage(name: str, studies: Iterable[Jobs]) -> dict[str, Any]:
     return {key: value for key, value in stage.items() if value}
 
 
-def _depends(jobs: Jobs, target: Target) -> tuple[tuple[str, ...], list[str]]:
+def _depends(jobs: Jobs, target: Target) -> tuple[set[str], list[str]]:
     """The keys and the files that a job depends on."""
     step, wildcards = jobs.contracts[target.step], dict(target.wildcards)
-    return step.depends(jobs.config, wildcards), flat(step.reads(jobs.folders, wildcards))
+    return set(step.depends(jobs.config, wildcards)), flat(step.reads(jobs.folders, wildcards))
 
 
 def _root(jobs: Jobs, path: str) -> str:

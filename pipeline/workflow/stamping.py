@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -54,8 +54,8 @@ class Stamps:
         remember(stamp := digest.hexdigest()[:16], parts)
         return stamp
 
-    def modules(self, name: str, sections: Any) -> set[str]:
-        """The modules of ours that a step's outputs depend on, given the values of its sections of the config."""
+    def modules(self, name: str, sections: Mapping[str, Any]) -> set[str]:
+        """The modules of ours that a step's outputs depend on, given its sections of the config by key."""
         return {f"pipeline.steps.{step}" for step in (name, self.jobs.contracts[name].parts) if step} | targets_in(sections)
 
     def value(self, key: str) -> Any:
@@ -98,6 +98,8 @@ def _short(value: Any) -> str:
 
 def targets_in(plain: Any) -> set[str]:
     """Modules of ours that `_target_` names anywhere in plain data."""
+    if isinstance(plain, list):
+        return set().union(*map(targets_in, plain))
     if isinstance(plain, dict):
         own = {plain["_target_"].rpartition(".")[0]} if str(plain.get("_target_", "")).startswith("pipeline.") else set()
         return own.union(*(targets_in(value) for value in plain.values()))

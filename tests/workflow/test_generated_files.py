@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 import yaml
 
 from pipeline.commands import reference, stages
@@ -33,6 +34,20 @@ def test_every_step_of_the_loop_is_in_a_stage_of_dvc() -> None:
     listed = {Path(path).stem for stage in stages_ for path in stage["deps"] if path.startswith("pipeline/steps/")}
     loop = {name for name in step_names() if not name.startswith("front_car")} - {"export", "calibrate", "detector_report"}
     assert loop <= listed
+
+
+def test_a_stage_named_after_a_step_records_only_what_this_step_makes() -> None:
+    for name, jobs in Jobs(compose("default", []), step_names()).parts.items():
+        if name in step_names():
+            assert {target.step for target, _ in jobs} == {name}, f"`snakemake {name}` makes no other step's files"
+
+
+@pytest.mark.parametrize("stage", ["search", "versions", "held_out"])
+def test_a_stage_depends_on_the_code_that_its_config_names(stage: str) -> None:
+    listed = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"][stage]["deps"]
+    config = compose("default", [])
+    named = [config.simulator, config.detector, *config.samplers.values()]
+    assert {section["_target_"].rpartition(".")[0].replace(".", "/") + ".py" for section in named} <= set(listed)
 
 
 def test_dvc_records_every_file_of_a_study_with_its_stamp() -> None:
