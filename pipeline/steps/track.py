@@ -43,7 +43,15 @@ STEP = Step(
 
 
 def run(job: Job) -> None:
-    """Log the study and write tracking.json; logging it again changes nothing."""
+    """Log the study and write tracking.json; logging it again changes nothing. InputError if MLflow fails."""
+    from pipeline.tracking.client import usable
+
+    with usable(STORE):
+        tracked = _logged(job)
+    write(job.output("tracking"), tracked)
+
+
+def _logged(job: Job) -> TrackedStudy:
     from pipeline.artefacts.model_card import read_card
     from pipeline.artefacts.tables import campaign_of, read_tests
     from pipeline.core.identity import CampaignId
@@ -94,7 +102,4 @@ def run(job: Job) -> None:
         registry.describe(model, said + verdict_markdown(compared, version), number)
     tracked = tuple(TrackedRun(name=c.name, kind=c.kind, digest=c.digest) for c in contents)
     failures = {result.version: result.failures for result in compared.versions}
-    write(
-        job.output("tracking"),
-        TrackedStudy(experiment=config.tracking.experiment, model=model, runs=tracked, failures=failures, champion=compared.champion),
-    )
+    return TrackedStudy(experiment=config.tracking.experiment, model=model, runs=tracked, failures=failures, champion=compared.champion)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 import os
 import sqlite3
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from http.client import HTTPException
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,7 +17,6 @@ from pipeline.errors import InputError
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
-    from mlflow.exceptions import MlflowException
 
 ANSWER_S = 20.0
 """Longest time that a server may take for its first answer."""
@@ -94,6 +94,12 @@ def check_answer(address: str) -> None:
             raise InputError(f"MLflow at {address} does not answer within {ANSWER_S:g} s; the same command resumes once it does") from error
 
 
-def unusable(store: Path, error: MlflowException) -> InputError:
-    """The error to raise when MLflow fails."""
-    return InputError(f"MLflow at {server() or store} cannot be used: {str(error).splitlines()[0]}")
+@contextmanager
+def usable(store: Path) -> Iterator[None]:
+    """InputError for whatever MLflow raises inside."""
+    from mlflow.exceptions import MlflowException
+
+    try:
+        yield
+    except MlflowException as error:
+        raise InputError(f"MLflow at {server() or store} cannot be used: {str(error).splitlines()[0]}") from error

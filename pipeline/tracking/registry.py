@@ -15,13 +15,14 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.artefacts.files import sha256
 from pipeline.errors import InputError
-from pipeline.tracking.client import connect, server, unusable
+from pipeline.tracking.client import connect, server, usable
 from pipeline.tracking.runs import DIGEST, Content, Tracker, shortened
 from pipeline.tracking.served_model import save_served
 
 if TYPE_CHECKING:
+    from mlflow import MlflowClient
     from mlflow.entities import LoggedModel
-    from mlflow.entities.model_registry import ModelVersion
+    from mlflow.entities.model_registry import ModelVersion, RegisteredModel
 
 ROOM = 5000
 """Longest description of a registered model or version, in characters."""
@@ -156,27 +157,24 @@ def _pages(search: Callable[..., Any], **wanted: str) -> list[Any]:
 def registered(store: Path) -> list[dict[str, str]]:
     """The model versions that `register` made in a store, newest last: model, number, aliases, its own tags and the metrics of its run.
 
-    Raises InputError if there is no store.
+    Raises InputError if there is no store, or if MLflow cannot use it.
     """
-    from mlflow.exceptions import MlflowException
-
     if server() is None and not store.is_file():
         raise InputError(f"{store.absolute()}: expected MLflow's database, found no file; the step track makes it")
-    client = connect(store)
+    with usable(store):
+        client = connect(store)
+        return [row for model in _pages(client.search_registered_models) for row in _rows(client, model)]
+
+
+def _rows(client: MlflowClient, model: RegisteredModel) -> list[dict[str, str]]:
+    """A row for each of a model's versions."""
+    aliases: dict[str, list[str]] = {}
+    for alias, number in model.aliases.items():
+        aliases.setdefault(str(number), []).append(alias)
+    found = [v for v in _pages(client.search_model_versions, filter_string=f"name = '{model.name}'") if "study" in v.tags]
     rows = []
-    try:
-        models = _pages(client.search_registered_models)
-    except MlflowException as error:
-        raise unusable(store, error) from error
-    for model in models:
-        aliases: dict[str, list[str]] = {}
-        for alias, number in model.aliases.items():
-            aliases.setdefault(str(number), []).append(alias)
-        found = [v for v in _pages(client.search_model_versions, filter_string=f"name = '{model.name}'") if "study" in v.tags]
-        for version in sorted(found, key=lambda one: int(one.version)):
-            number = str(version.version)
-            metrics = {name: f"{value:g}" for name, value in client.get_run(version.run_id).data.metrics.items()}
-            rows.append(
-                {**metrics, **version.tags, "model": model.name, "number": number, "alias": ", ".join(sorted(aliases.get(number, [])))}
-            )
+    for version in sorted(found, key=lambda one: int(one.version)):
+        number = str(version.version)
+        metrics = {name: f"{value:g}" for name, value in client.get_run(version.run_id).data.metrics.items()}
+        rows.append({**metrics, **version.tags, "model": model.name, "number": number, "alias": ", ".join(sorted(aliases.get(number, [])))})
     return rows

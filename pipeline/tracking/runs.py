@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline.artefacts.files import sha256
 from pipeline.artefacts.tracking_results import RunKind
 from pipeline.errors import InputError
-from pipeline.tracking.client import connect, server, unusable
+from pipeline.tracking.client import connect, server
 
 if TYPE_CHECKING:
     from mlflow.entities import Run
@@ -76,20 +76,15 @@ class Tracker:
     def __init__(self, store: Path, artifacts: Path, experiment: str, lineage: Mapping[str, str]) -> None:
         """store: SQLite file, and artifacts: folder, if no server is named. lineage: tags on every new run that are not part of its
         content, such as the git commit."""
-        from mlflow.exceptions import MlflowException
-
         if server() is None:
             artifacts.mkdir(parents=True, exist_ok=True)
         self._lineage = dict(lineage)
         place = None if server() else (artifacts.resolve() / experiment).as_uri()
-        try:
-            self.client = connect(store)
-            known = self.client.get_experiment_by_name(experiment)
-            if known is not None and known.lifecycle_stage == "deleted":
-                raise InputError(f"MLflow's experiment '{experiment}' is deleted; restore it, or name another as tracking.experiment")
-            self.experiment = str(known.experiment_id if known else self.client.create_experiment(experiment, place, tags={KIND: TRAINING}))
-        except MlflowException as error:
-            raise unusable(store, error) from error
+        self.client = connect(store)
+        known = self.client.get_experiment_by_name(experiment)
+        if known is not None and known.lifecycle_stage == "deleted":
+            raise InputError(f"MLflow's experiment '{experiment}' is deleted; restore it, or name another as tracking.experiment")
+        self.experiment = str(known.experiment_id if known else self.client.create_experiment(experiment, place, tags={KIND: TRAINING}))
 
     def log(self, content: Content, parent: str | None = None) -> str:
         """Log a run unless one with the same name and content exists; returns its id.

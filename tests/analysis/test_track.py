@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mlflow import MlflowClient
 from mlflow.entities import ViewType
+from mlflow.exceptions import MlflowException
 
 from pipeline.__main__ import main
 from pipeline.artefacts import stamps
@@ -37,8 +39,6 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> FabricatedStudy:
 
 
 def client(study: FabricatedStudy) -> Any:
-    from mlflow import MlflowClient
-
     assert os.environ["MLFLOW_DISABLE_TELEMETRY"] == "true"
     uri = f"sqlite:///{study.folder / 'data' / 'mlflow' / 'mlflow.db'}"
     return MlflowClient(tracking_uri=uri, registry_uri=uri)
@@ -315,9 +315,21 @@ def test_an_empty_address_names_no_server(tmp_path: Path, monkeypatch: pytest.Mo
         registered(tmp_path / "m.db")
 
 
-def test_a_missing_server_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_server_is_named(study: FabricatedStudy, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setenv("MLFLOW_TRACKING_URI", "http://127.0.0.1:9")
     monkeypatch.setenv("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "0")
     with pytest.raises(InputError, match="MLflow at http://127.0.0.1:9 cannot be used"):
-        Tracker(tmp_path / "m.db", tmp_path / "artifacts", "e", {})
+        run(study)
     assert main(["versions"]) == 2
+    assert "MLflow at http://127.0.0.1:9 cannot be used" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("method", ["create_run", "log_artifact", "set_registered_model_alias"])
+def test_a_store_that_refuses_in_the_middle_is_named(tmp_path: Path, method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: Any, **__: Any) -> None:
+        raise MlflowException("the disk of the server is full")
+
+    made = FabricatedStudy(tmp_path).make_analysed()
+    monkeypatch.setattr(MlflowClient, method, refuse)
+    with pytest.raises(InputError, match=r"MLflow at data/mlflow/mlflow\.db cannot be used: the disk of the server is full"):
+        run(made)
