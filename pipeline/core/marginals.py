@@ -43,7 +43,7 @@ class Marginal:
             )
         if variable.kind == "continuous":
             return Marginal(mass, 1 / (variable.high - variable.low), ends, np.zeros(0))
-        whole = np.arange(variable.low, variable.high + 1)
+        whole = np.arange(variable.low, variable.high + (0 if variable.cyclic else 1))  # A cyclic variable's ends are one value.
         part = np.where(whole == ends[-1], len(mass) - 1, np.searchsorted(ends, whole, side="right") - 1)
         counts = np.bincount(part[(part >= 0) & (part < len(mass))], minlength=len(mass))
         if (mass[counts == 0] > 0).any():
@@ -69,7 +69,8 @@ class Marginal:
     def ratio(self, values: Floats) -> Floats:
         """How many times as likely each of (n,) encoded values is as under the uniform distribution, (n,), from 0."""
         if not len(self.edges):
-            return np.asarray(self.shares[np.searchsorted(self.values, values)] / self.even)
+            # Only the upper end of a cyclic variable lies above all values: it is the lower end.
+            return np.asarray(self.shares[np.searchsorted(self.values, values) % len(self.shares)] / self.even)
         part = np.clip(np.searchsorted(self.edges, values, side="right") - 1, 0, len(self.shares) - 1)
         inside = (values >= self.edges[0]) & (values <= self.edges[-1])
         return np.where(inside, self._ratios[part], 0.0)

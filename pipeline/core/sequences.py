@@ -156,7 +156,7 @@ class Order:
 
 @dataclass(frozen=True)
 class Throughout:
-    """The category of a variable that stays the same over a sequence; unknown where it changes."""
+    """The category of a variable that stays the same over a sequence; unknown where it changes, or where a frame leaves it open."""
 
     variable: int
     labels: tuple[str, ...]
@@ -167,7 +167,7 @@ class Throughout:
         low, high = np.full(frames.count, NEVER), np.full(frames.count, UNKNOWN, np.int64)
         np.minimum.at(low, frames.sequence[known], column[known])
         np.maximum.at(high, frames.sequence[known], column[known])
-        return np.where(low == high, high, UNKNOWN)
+        return np.where((low == high) & ~frames.any(~known), high, UNKNOWN)
 
 
 @dataclass(frozen=True, kw_only=True)

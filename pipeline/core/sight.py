@@ -38,9 +38,9 @@ SIGHT = columns(Sight)
 
 
 def sight(signals: Signals) -> Sight:
-    """What the camera saw in a test execution."""
+    """What the camera saw in a test execution. The last row has no frame, so it is no last chance."""
     seen = _first(visible(signals["visible_pixels"], signals["contrast"]))
-    in_time = np.flatnonzero(np.asarray(signals["conflict_distance_m"]) > np.asarray(signals["stopping_distance_m"]))
+    in_time = np.flatnonzero(np.asarray(signals["conflict_distance_m"][:-1]) > np.asarray(signals["stopping_distance_m"][:-1]))
     found = _first(np.asarray(signals["confidence"]) > 0)
     last = int(in_time[-1]) if len(in_time) else None
     return Sight(

@@ -27,7 +27,8 @@ def evaluate(found: Sequence[Detections], images: ImageSet, threshold: float) ->
 
     found: (n,) the detections in each image at a threshold near 0. threshold: the score threshold in use, in [0, 1]. Returns ap50 and
     ap50_95 (COCO), and at the threshold precision and recall in [0, 1] and false_positives_an_image, in total and by kind. All metrics
-    count only visible pedestrians (`Truth.barely_visible`); barely visible ones are ignored, as COCO ignores crowds.
+    count only visible pedestrians (`Truth.barely_visible`); barely visible ones are ignored, as COCO ignores crowds. A detection on a fully
+    hidden pedestrian, who has no visible box, is ignored at the threshold, but a false positive in the average precision.
     """
     ap50_95, ap50 = _average_precision(found, images)
     truths = truths_of(images)

@@ -51,6 +51,13 @@ def test_an_integer_variable_has_whole_numbers() -> None:
     assert {value: round(float((values == value).mean()), 3) for value in range(1, 6)} == {1: 0.2, 2: 0.2, 3: 0.2, 4: 0.2, 5: 0.2}
 
 
+def test_both_ends_of_a_cyclic_integer_variable_are_one_value() -> None:
+    hour = Variable("hour", "integer", low=0, high=4, step=1, cyclic=True)
+    assert marginal(hour, {"kind": "uniform"}).shares == pytest.approx([0.25] * 4)
+    made = marginal(hour, {"kind": "histogram", "edges": [0, 2, 4], "shares": [0.8, 0.2]})
+    assert made.ratio(np.arange(5.0)) == pytest.approx([1.6, 1.6, 0.4, 0.4, 1.6])
+
+
 def test_groups_share_their_part_evenly() -> None:
     groups = [{"where": {"height": [0, 1.5]}, "share": 0.1}, {"where": {"height": [1.5, 3]}, "share": 0.9}]
     assert marginal(PEOPLE, {"kind": "groups", "groups": groups}).shares == pytest.approx([0.1, 0.45, 0.45])

@@ -35,6 +35,11 @@ def test_first_sight_last_chance_and_first_detection() -> None:
     )
 
 
+def test_the_end_of_a_test_is_no_last_chance() -> None:
+    stopped = seen(conflict_distance_m=[40, 30, 14, 9, 4], stopping_distance_m=[15, 15, 15, 10, 0])
+    assert (stopped.last_chance_s, stopped.last_chance_pixels) == (0.1, 30)
+
+
 def test_what_never_comes_has_no_value() -> None:
     never = seen(contrast=[0] * 5, confidence=[0] * 5, conflict_distance_m=[5] * 5)
     assert np.isnan(list(vars(never).values())).all()

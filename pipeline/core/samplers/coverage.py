@@ -21,7 +21,9 @@ MOST_CELLS = 10_000_000
 class CoverageSampler(BatchSampler):
     """Proposes categories that raise k-projection coverage most, and draws a value inside each; ignores test results.
 
-    Once every feasible k-tuple has been tested as often as its weight says, each is wanted as often again, and so on.
+    Once every feasible k-tuple has been tested as often as its weight says, each is wanted as often again, and so on. A tuple's weight is
+    the largest of its categories' weights, not their product as in the paper: two categories that are wanted three times each are wanted
+    three times together, not nine.
 
     k: number of categories in a combination, 1 to 6; a space with fewer variables combines all of them.
     """
