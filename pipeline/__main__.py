@@ -99,7 +99,9 @@ def run_step(name: str, arguments: Sequence[str]) -> int:
 
 def check_wildcard(wildcard: str, value: str, step: Step, config: Config) -> None:
     """InputError for a value that the step does not take, that cannot be in a path, or that the study does not know."""
-    if (pattern := step.wildcards.get(wildcard)) is not None:
+    from pipeline.contract import PATTERNS
+
+    if (pattern := {**PATTERNS, **step.wildcards}.get(wildcard)) is not None:
         if not re.fullmatch(pattern, value):
             raise InputError(f"--{wildcard}: expected {pattern}, got {shown(value)}")
         return

@@ -25,6 +25,8 @@ Wildcards = Mapping[str, str]
 Files = str | Sequence[str]
 """One path, or several of a kind; a path that ends with a slash is a folder."""
 Sections = tuple[str, ...] | Callable[[Config, Wildcards], tuple[str, ...]]
+PATTERNS = {"seed": r"\d+"}
+"""Regular expressions of wildcards that have the same form in every step."""
 STAMP = "stamp"
 WAITING = "the same job is already running, perhaps on another machine; waiting for it to finish"
 VERDICT_FOLLOWS = "BLINDSPOT_VERDICT_FOLLOWS"

@@ -14,7 +14,7 @@ import numpy as np
 
 from pipeline.artefacts.tables import TABLES
 from pipeline.config.arguments import whole
-from pipeline.config.composing import compose, functional_scenario
+from pipeline.config.composing import study_of
 from pipeline.config.project import typed
 from pipeline.core.identity import CampaignId
 from pipeline.core.measures import kinds_of, pair_coverage
@@ -28,6 +28,18 @@ if TYPE_CHECKING:
 
 WORDS = """scenario=F1 strategy=forest budget=300 seed=0 model=models/uniform out=FOLDER, all optional; and overrides of the default
 study, such as campaign.match_iou=0.3 +samplers.forest.explore=0.2"""
+USED = (
+    "simulator",
+    "camera",
+    "detector",
+    "vehicle",
+    "aeb",
+    "limits",
+    "campaign.match_iou",
+    "campaign.failure_threshold_s",
+    "campaign.keep_every",
+)
+"""The settings of a study that decide what a test does and what is kept of it."""
 STOPPED = 130
 """Exit code after Ctrl-C, as in a shell."""
 HELP = "Search a scenario for failures with one strategy. Ctrl-C stops it; the same command resumes it."
@@ -129,28 +141,29 @@ def planned(search: Search) -> CampaignPlan:
     from pipeline.execution.campaign import CampaignPlan, sampler_seed
     from pipeline.execution.workers import Setup
 
-    scenario = functional_scenario(search.scenario)
-    config = compose("default", [*([] if scenario.asks_to_brake else ["aeb.gate=detections"]), *search.overrides])
+    config = study_of(search.scenario, search.overrides)
     if search.strategy not in config.samplers:
         raise InputError(f"strategy: there is no '{search.strategy}'{nearest(search.strategy, config.samplers)}")
+    _check_used(search)
     campaign = CampaignId(search.scenario, search.strategy, search.model.name, search.seed)
     return CampaignPlan(
         campaign=campaign,
-        space=scenario.logical_space(),
+        space=config.space(search.scenario),
         tests=search.budget,
         failure_threshold_s=config.campaign.failure_threshold_s,
         strategy=config.samplers[search.strategy],
         strategy_seed=sampler_seed(campaign),
-        setup=Setup(
-            simulator=config.simulator,
-            scenario=scenario,
-            detector=config.detector,
-            model=onnx_of(search.model, search.folder),
-            car=config.car,
-            limits=config.limits,
-            keep_every=config.campaign.keep_every,
-        ),
+        setup=Setup.of(config, search.scenario, onnx_of(search.model, search.folder), keep_every=config.campaign.keep_every),
     )
+
+
+def _check_used(search: Search) -> None:
+    """InputError for an override that the campaign does not use."""
+    used = (f"scenarios.{search.scenario}.", f"samplers.{search.strategy}.", *USED)
+    for word in search.overrides:
+        key = word.lstrip("+~").partition("=")[0]
+        if not any(key == own or key.startswith(own if own.endswith(".") else f"{own}.") for own in used):
+            raise InputError(f"{key}: a campaign by hand does not use it; it uses {', '.join(READ)} and {', '.join(used)}")
 
 
 def summary(plan: CampaignPlan, done: Sequence[Executed]) -> str:

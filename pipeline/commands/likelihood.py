@@ -100,6 +100,8 @@ READ: dict[str, Callable[[str, str], Any]] = {
 def run(options: argparse.Namespace) -> int:
     """Estimate the rate of every scenario, print each and that of the system."""
     question = asked(options.words)
+    if options.folders:
+        _check_weighs(options.words)
     exposure = read_exposure(question.exposure)
     try:
         rates = weighed(options.folders, exposure) if options.folders else executed(question, exposure, options.threads)
@@ -116,6 +118,13 @@ def asked(words: Sequence[str]) -> Question:
     if question.below is not None and question.method != "monte_carlo":
         raise InputError(f"below: only monte_carlo stops once a limit is settled, got method={question.method}")
     return question
+
+
+def _check_weighs(words: Sequence[str]) -> None:
+    """InputError for a word that says nothing to tests that exist."""
+    for key in (word.partition("=")[0] for word in words):
+        if key not in ("exposure", "below"):
+            raise InputError(f"{key}: --from executes nothing and weighs the tests in its folders; leave the word out")
 
 
 def scenarios_of(question: Question, exposure: ExposureFile) -> list[str]:

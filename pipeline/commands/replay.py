@@ -11,7 +11,6 @@ from pipeline.artefacts.calibration_results import read_calibration
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.points import concrete
 from pipeline.artefacts.recorded_tests import recorded
-from pipeline.config.components import make_detector
 from pipeline.config.composing import PARAMS, load
 from pipeline.config.project import typed
 from pipeline.core import kpi
@@ -29,24 +28,22 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Print whether the test ends as recorded; exit code 1 if it does not."""
-    from pipeline.detectors.calibrated import as_tested
-    from pipeline.report.examples import Chosen
+    from pipeline.execution.once import episode
+    from pipeline.execution.workers import Setup
     from pipeline.report.replays import Replay, check_replay, render_replay
-    from pipeline.report.reruns import Reruns
 
     check_replay(options.out)
     config = load(options.params)
     folders = Folders(config)
     row = recorded(folders, options.test)
-    version, space = str(row["version"]), config.space(str(row["scenario"]))
-    test = Chosen(options.test, str(row["scenario"]), version, options.test, "", concrete(row, space))
-    section = as_tested(config.detector, read_calibration(folders.calibrations([version])))
-    detector = make_detector(section, Path(folders.detector(version)))
-    episode = Reruns(config, lambda _: detector, 1, lambda *_: None).execute(test)
+    scenario, version = str(row["scenario"]), str(row["version"])
+    space, calibration = config.space(scenario), read_calibration(folders.calibrations([version]))
+    setup, test = Setup.of(config, scenario, Path(folders.detector(version)), calibration, keep_every=1), concrete(row, space)
+    again = episode(setup, test)
     threshold_s = config.campaign.failure_threshold_s
-    replay = Replay(episode, options.test, test.concrete, threshold_s, space.units)
+    replay = Replay(again, options.test, test, threshold_s, space.units)
     render_replay(replay, options.out, replay.frames_per_second)
-    found = kpi.evaluate(episode.signals, threshold_s)
+    found = kpi.evaluate(again.signals, threshold_s)
     changed = differences(row, found)
     ended = found.failure_mode if found.failure else "no failure"
     print(f"{options.out}: {ended}, adj. TTC {found.adj_ttc_s:.2f} s, {', '.join(changed) or 'as recorded'}")

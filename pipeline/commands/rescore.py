@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -131,7 +132,6 @@ def judged(folder: Path, config: Config, car: Car, options: argparse.Namespace) 
     from pipeline.artefacts.calibration_results import read_calibration
     from pipeline.artefacts.folders import Folders
     from pipeline.artefacts.tables import campaign_of, read_tests
-    from pipeline.detectors.calibrated import as_tested
     from pipeline.execution.again import driven_again, judged_again
     from pipeline.execution.workers import Setup
 
@@ -141,9 +141,8 @@ def judged(folder: Path, config: Config, car: Car, options: argparse.Namespace) 
     tests, left = again.tests, len(again.others)
     if options.drive and again.others:
         folders = Folders(config)
-        detector = as_tested(config.detector, read_calibration(folders.calibrations([campaign.version])))
-        model = Path(folders.detector(campaign.version))
-        setup = Setup(config.simulator, config.scenarios[campaign.scenario], detector, model, car, config.limits)
+        model, calibration = Path(folders.detector(campaign.version)), read_calibration(folders.calibrations([campaign.version]))
+        setup = replace(Setup.of(config, campaign.scenario, model, calibration), car=car)
         label = f"{campaign.scenario}, IoU {car.criterion.iou:g}, threshold {car.criterion.threshold:g}"
         with tempfile.TemporaryDirectory() as scratch, Progress(label) as progress:
             journal, space = Path(scratch) / "journal", config.space(campaign.scenario)

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import argparse
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from pipeline.config.composing import compose, functional_scenario
+from pipeline.config.composing import study_of
 from pipeline.config.project import typed
 from pipeline.core import kpi
-from pipeline.core.episode import Episode
 from pipeline.core.names import nearest
 from pipeline.core.space import Space, Value
-from pipeline.errors import InputError, SimulationError
-from pipeline.execution.pool import Pool
-from pipeline.execution.worker import Broken, Calls
-from pipeline.execution.workers import Setup, guarded
+from pipeline.errors import InputError
+from pipeline.execution.once import episode
+from pipeline.execution.workers import Setup
 
 PLAIN: Mapping[str, Value] = {
     "rain": 0, "fog": 0, "sun_azimuth": 120, "sun_altitude": 45, "pedestrian_shift": 0, "pedestrian_speed": 1.4, "animation": "walking",
@@ -43,41 +40,18 @@ def run(options: argparse.Namespace) -> int:
     from pipeline.report.replays import Replay, check_replay, render_replay
 
     check_replay(options.out)
-    described = functional_scenario(options.scenario)
-    space = described.logical_space()
+    study = study_of(options.scenario)
+    space = study.space(options.scenario)
     concrete = concrete_scenario(space, options.assignments)
-    study = compose("default", [] if described.asks_to_brake else ["aeb.gate=detections"])
     with tempfile.TemporaryDirectory() as folder:
-        onnx = onnx_of(options.model, Path(folder))
-        episode = executed(Setup(study.simulator, described, study.detector, onnx, study.car, study.limits, keep_every=1), concrete)
+        found = episode(Setup.of(study, options.scenario, onnx_of(options.model, Path(folder)), keep_every=1), concrete)
     threshold = study.campaign.failure_threshold_s
-    title = f"{described.label}, detector {options.model}"
-    replay = Replay(episode, title, concrete, threshold, space.units)
+    title = f"{study.scenarios[options.scenario].label}, detector {options.model}"
+    replay = Replay(found, title, concrete, threshold, space.units)
     render_replay(replay, options.out, replay.frames_per_second)
-    result = kpi.evaluate(episode.signals, threshold)
+    result = kpi.evaluate(found.signals, threshold)
     print(f"{options.out}: {result.failure_mode if result.failure else 'no failure'}, adj. TTC {result.adj_ttc_s:.2f} s")
     return 0
-
-
-def executed(setup: Setup, concrete: Mapping[str, Value]) -> Episode:
-    """The episode of a concrete scenario, from a process with the limits of a test; InputError if it fails or is over a limit."""
-    with Pool(1, partial(_execution, setup), setup.limits) as pool:
-        _, said = next(pool.run([concrete]))
-    if isinstance(said, Broken):
-        raise InputError(f"the scenario cannot be executed: {said.reason}")
-    return said
-
-
-def _execution(setup: Setup, calls: Calls) -> Callable[[Mapping[str, Value]], Episode]:
-    simulator, detector = guarded(setup, calls)
-
-    def execute(concrete: Mapping[str, Value]) -> Episode:
-        try:
-            return simulator.execute(concrete, detector, setup.keep_every)
-        except SimulationError as error:
-            raise InputError(f"the scenario cannot be executed: {error}") from error
-
-    return execute
 
 
 def concrete_scenario(space: Space, assignments: Sequence[str]) -> dict[str, Value]:

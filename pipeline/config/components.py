@@ -7,7 +7,6 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -17,6 +16,7 @@ from pydantic.errors import PydanticUserError
 from pipeline.artefacts.folders import VERSION, WEIGHTS
 from pipeline.config.messages import message
 from pipeline.config.schema import AUDIT, Config
+from pipeline.config.targets import named
 from pipeline.core.car import Car
 from pipeline.core.names import nearest
 from pipeline.core.space import Space, Variable
@@ -154,13 +154,7 @@ def _check_learning(config: Config) -> None:
 
 
 def _class(key: str, kind: Kind, target: str) -> type:
-    module, _, name = target.rpartition(".")
-    try:
-        found = getattr(import_module(module), name)
-    except InputError:
-        raise
-    except Exception as error:  # A foreign module may raise anything.
-        raise InputError(f"{key}: there is no {shown(target)} ({error})") from error
+    found = named(key, target)
     wanted = f"{key}: expected a class with {' and '.join(kind.methods)}, a {kind.protocol.__name__}"
     if not isinstance(found, type) or not all(callable(getattr(found, method, None)) for method in kind.methods):
         raise InputError(f"{wanted}, got {shown(target)}")

@@ -92,10 +92,19 @@ def _scenarios(plain: Any) -> list[str]:
 
 def functional_scenario(name: str) -> FunctionalScenario:
     """A scenario of conf/scenario/ by its file name."""
+    return compose("default", [*_alone(name), "aeb.gate=detections"]).scenarios[name]
+
+
+def study_of(name: str, overrides: Sequence[str] = ()) -> Config:
+    """The default study that searches a scenario of conf/scenario/ alone, with a gate that fits it."""
+    gate = [] if functional_scenario(name).asks_to_brake else ["aeb.gate=detections"]
+    return compose("default", [*_alone(name), *gate, *overrides])
+
+
+def _alone(name: str) -> list[str]:
     other = "F1" if name == "F1star" else "F1star"
     # The other scenario's people are of no population that a scenario uses: the two must differ.
-    others = [f"held_out=[{other}]", f"scenarios.{other}.people={NOBODY}"]
-    return compose("default", [f"search=[{name}]", *others, "aeb.gate=detections"]).scenarios[name]
+    return [f"search=[{name}]", f"held_out=[{other}]", f"scenarios.{other}.people={NOBODY}"]
 
 
 def _override_message(plain: Any, overrides: Sequence[str]) -> str:

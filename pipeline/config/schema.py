@@ -6,7 +6,6 @@ Hydra composes `conf/` into params.yaml once (`compose`); everything else reads 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from importlib import import_module
 from itertools import product
 from operator import attrgetter
 from typing import Annotated, Any, Literal
@@ -31,7 +30,8 @@ from pipeline.config.sections import (
     Training,
     VehicleSection,
 )
-from pipeline.core.braking import Aeb, Vehicle
+from pipeline.config.targets import named
+from pipeline.core.braking import EMERGENCY_MPS2, GRAVITY_MPS2, Aeb, Vehicle
 from pipeline.core.car import Car
 from pipeline.core.lineage import BASE, Version, versions
 from pipeline.core.matching import Criterion
@@ -179,12 +179,19 @@ class Config(Section):
         return self
 
     @model_validator(mode="after")
-    def _gate_fits(self) -> Config:
+    def _can_brake_without_need(self) -> Config:
         for name in (*self.search, *self.held_out):
-            if not self.scenarios[name].asks_to_brake and self.aeb.gate == "truth":
+            if self.scenarios[name].asks_to_brake:
+                continue
+            if self.aeb.gate == "truth":
                 raise ValueError(
                     f"aeb.gate: {name} asks the ego not to brake, and with 'truth' it brakes for the true pedestrian alone; set "
                     "aeb.gate=detections"
+                )
+            if self.car.vehicle.full_brake_mps2(rain=0) < EMERGENCY_MPS2:
+                raise ValueError(
+                    f"vehicle.dry_friction: {name} asks the ego not to brake, and fails from a demand of {EMERGENCY_MPS2:g} m/s², which "
+                    f"needs a friction of {EMERGENCY_MPS2 / GRAVITY_MPS2:.2f}, got {self.vehicle.dry_friction}"
                 )
         return self
 
@@ -210,10 +217,8 @@ class Config(Section):
         """Whether a strategy's tests are independent samples of the space: its class says so by `independent`."""
         return bool(getattr(self._class(strategy), "independent", False))
 
-    def _class(self, strategy: str) -> type:
-        module, _, name = self.samplers[strategy]["_target_"].rpartition(".")
-        found: type = getattr(import_module(module), name)
-        return found
+    def _class(self, strategy: str) -> Any:
+        return named(f"samplers.{strategy}._target_", self.samplers[strategy]["_target_"])
 
     @property
     def audited(self) -> bool:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pipeline.core.braking import EMERGENCY_MPS2
 from pipeline.core.causes import Cause, cause
@@ -26,14 +26,18 @@ class Kpi:
     adj_ttc_s: float = column("adjusted time-to-collision (Eq. 5.3): the smallest TTC over one plus the false positives", "s")
     ttc_s: float = column("smallest time-to-collision (Eq. 5.2)", "s")
     adj_ttc_per_frame_s: float = column("smallest TTC over one plus the false positives of an average frame", "s")
-    failure: bool = column("whether the adjusted TTC is at or below the threshold (Def. 4.10), or there is a false activation")
+    failure: bool = column(
+        "whether the adjusted TTC is at or below the threshold (Def. 4.10); without a collision path, whether there is a false activation"
+    )
     failure_mode: FailureMode = column("how it failed; `false_positives` means by false positives alone")
     cause: Cause = column("why it failed; see `pipeline.core.causes`")
     contact: bool = column("whether the ego touched the pedestrian")
     impact_speed_mps: float = column("speed of the ego at contact, 0 without contact", "m/s")
     smallest_gap_m: float = column("smallest distance between the footprints of ego and pedestrian", "m")
     post_encroachment_s: float = column(
-        "time from the pedestrian leaving the corridor to the ego reaching the conflict point; no value in any other order", "s"
+        "time from the pedestrian leaving the corridor to the ego reaching the conflict point, if need be at its last speed; no value in "
+        "any other order",
+        "s",
     )
     first_detection_s: float = column("time of the first detection of the pedestrian; no value if never", "s")
     first_detection_m: float = column("distance from the ego's front to the conflict point at the first detection; no value if never", "m")
@@ -113,6 +117,16 @@ def evaluate(signals: Signals, failure_threshold_s: float) -> Kpi:
     )
 
 
+def told(adj_ttc_s: Floats, failure: ArrayLike, failure_threshold_s: float) -> Floats:
+    """What a strategy learns of (n,) tests: the adjusted TTC, NaN without one, moved across the threshold where it contradicts `failure`.
+
+    Without a collision path, a false activation decides, whatever the adjusted TTC. At or below the threshold, a strategy takes a test for
+    a failure.
+    """
+    beyond = np.nextafter(failure_threshold_s, np.inf)
+    return np.where(np.asarray(failure, dtype=bool), np.minimum(adj_ttc_s, failure_threshold_s), np.maximum(adj_ttc_s, beyond))
+
+
 def asks_to_brake(signals: Signals) -> bool:
     """Whether a collision path exists at any time, so that braking is right."""
     return bool(np.any(signals["on_collision_path"]))
@@ -152,14 +166,16 @@ def _speed_loss(signals: Signals) -> float:
 def _post_encroachment(signals: Signals) -> float:
     """Seconds from the pedestrian leaving the swept corridor to the ego's front reaching the conflict point.
 
-    NaN unless both happened in this order, which excludes a contact. Resolution: one row.
+    A test may end before the ego arrives; it is then taken to keep its last speed. NaN unless both happen in this order, which excludes a
+    contact, and an ego that has stopped. Resolution: one row.
     """
-    on_path = np.flatnonzero(signals["on_collision_path"])
-    arrived = np.flatnonzero(np.asarray(signals["conflict_distance_m"]) <= 0)
-    times = signals["time_s"]
-    if np.any(signals["contact"]) or not len(arrived) or not len(on_path) or on_path[-1] + 1 == len(times):
+    on_path, times = np.flatnonzero(signals["on_collision_path"]), signals["time_s"]
+    distance, speed = np.asarray(signals["conflict_distance_m"], dtype=float), float(signals["ego_speed_mps"][-1])
+    arrived = np.flatnonzero(distance <= 0)
+    if np.any(signals["contact"]) or not len(on_path) or on_path[-1] + 1 == len(times) or not (len(arrived) or speed > MIN_SPEED_MPS):
         return float("nan")
-    waited = float(times[arrived[0]] - times[on_path[-1] + 1])
+    arrival = float(times[arrived[0]]) if len(arrived) else float(times[-1] + distance[-1] / speed)
+    waited = arrival - float(times[on_path[-1] + 1])
     return waited if waited >= 0 else float("nan")
 
 

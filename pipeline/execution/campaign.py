@@ -6,7 +6,7 @@ import hashlib
 import json
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from itertools import chain
 from pathlib import Path
@@ -20,9 +20,8 @@ from pipeline.artefacts import stamps, tables
 from pipeline.artefacts.files import sha256
 from pipeline.artefacts.points import encode_tests
 from pipeline.config.components import make_sampler
-from pipeline.core.columns import Column
 from pipeline.core.identity import CampaignId, TestId
-from pipeline.core.kpi import Kpi
+from pipeline.core.kpi import NO_KPI, Kpi, told
 from pipeline.core.measures import kinds
 from pipeline.core.shards import Shard
 from pipeline.core.signals import SIGNALS
@@ -62,15 +61,16 @@ class CampaignPlan:
 
     def sampler(self) -> Sampler:
         """The strategy before its first test."""
-        history = {"earlier": [_history(path, self.space) for path in self.earlier]} if self.earlier else {}
+        history = {"earlier": [_history(path, self.space, self.failure_threshold_s) for path in self.earlier]} if self.earlier else {}
         return make_sampler(self.strategy, self.space, self.strategy_seed, **history)
 
 
 @dataclass(frozen=True)
 class Executed:
-    """One test of a campaign: its index, its point in the space, its outcome, and the seconds that choosing it took."""
+    """One test of a campaign: its index, its batch, its point in the space, its outcome, and the seconds that choosing it took."""
 
     index: int
+    batch: int
     point: Floats
     outcome: Outcome
     kpi: Kpi
@@ -140,26 +140,27 @@ def no_result(campaign: CampaignId, reasons: Sequence[str]) -> InputError | NoRe
 def search(plan: CampaignPlan, sampler: Sampler, log: Journal, workers: Workers, progress: Progress) -> list[Executed]:
     """Ask, execute the tests missing from the journal, tell, until the budget is spent or the sampler asks for no more."""
     done: list[Executed] = []
-    found, told = _Found(plan.space), 0
-    while told < plan.indices.stop:
+    found, number, batch = _Found(plan.space), 0, 0
+    while number < plan.indices.stop:
         started = time.perf_counter()
         with threadpool_limits(1):  # With several threads, sums depend on their number.
-            points = sampler.ask()[: plan.tests - told]
+            points = sampler.ask()[: plan.tests - number]
         if not len(points):
             break
         seconds = (time.perf_counter() - started) / len(points)
-        asked = {index: point for index, point in enumerate(points, told) if index in plan.indices}
+        asked = {index: point for index, point in enumerate(points, number) if index in plan.indices}
         judged: dict[int, Executed] = {}
         for index in _finished(plan, asked, log, workers):
             outcome = log.read(index)
-            judged[index] = Executed(index, asked[index], outcome, outcome.kpi(plan.failure_threshold_s), seconds)
+            judged[index] = Executed(index, batch, asked[index], outcome, outcome.kpi(plan.failure_threshold_s), seconds)
             found.add(judged[index])
             progress(found.tests, len(plan.indices), str(found))
         # The tests of other shards have no result here.
-        kpi = [judged[index].kpi.adj_ttc_s if index in judged else np.nan for index in range(told, told + len(points))]
-        sampler.tell(points, np.array(kpi))
+        results = [judged[index].kpi if index in judged else NO_KPI for index in range(number, number + len(points))]
+        kpi = np.array([result.adj_ttc_s for result in results])
+        sampler.tell(points, told(kpi, [result.failure for result in results], plan.failure_threshold_s))
         done += [judged[index] for index in asked]
-        told += len(points)
+        number, batch = number + len(points), batch + 1
     return done
 
 
@@ -174,15 +175,17 @@ def write(plan: CampaignPlan, done: Sequence[Executed], out: Path) -> None:
     """Write the five tables of a campaign; `out` is tests.parquet."""
     named = [(str(TestId(plan.campaign, test.index)), test) for test in done]
     signals = [_signal_rows(name, test.outcome) for name, test in named if not test.outcome.is_error]
-    frames = [{"test_id": name, **row} for name, test in named for row in test.outcome.frames]
-    timings = [{"test_id": name, "sampler_s": test.sampler_s, "simulate_s": test.outcome.simulate_s} for name, test in named]
-    tests = [{"test_id": name, **_test_row(plan, test)} for name, test in named]
-    tables.write_signals(out.with_name("signals.parquet"), pd.concat(signals) if signals else _empty(tables.SIGNAL_TABLE))
-    found = [_detection_rows(name, test.outcome) for name, test in named if len(test.outcome.detections["step"])]
-    tables.write_detections(out.with_name("detections.parquet"), pd.concat(found) if found else _empty(tables.DETECTIONS))
-    tables.write_frames(out.with_name("frames.parquet"), pd.DataFrame(frames) if frames else _empty(tables.FRAMES))
-    tables.write_timings(out.with_name("timings.parquet"), pd.DataFrame(timings) if timings else _empty(tables.TIMINGS))
-    tables.write_tests(out, pd.DataFrame(tests) if tests else _empty(tables.TESTS, plan.space.names), plan.space)
+    detections = [_detection_rows(name, test.outcome) for name, test in named if len(test.outcome.detections["step"])]
+    rows = {
+        "tests": pd.DataFrame([{"test_id": name, **_test_row(plan, test)} for name, test in named]),
+        "signals": pd.concat(signals) if signals else pd.DataFrame(),
+        "detections": pd.concat(detections) if detections else pd.DataFrame(),
+        "frames": pd.DataFrame([{"test_id": name, **row} for name, test in named for row in test.outcome.frames]),
+        "timings": pd.DataFrame(
+            [{"test_id": name, "sampler_s": test.sampler_s, "simulate_s": test.outcome.simulate_s} for name, test in named]
+        ),
+    }
+    tables.write_campaign(out, rows, plan.space)
 
 
 def join(campaign: CampaignId, shards: Sequence[Path], space: Space, out: Path) -> None:
@@ -190,34 +193,22 @@ def join(campaign: CampaignId, shards: Sequence[Path], space: Space, out: Path) 
 
     shards, out: paths of tests.parquet. Without a valid test, raises what `run_campaign` does and withdraws the stamps of the shards.
     """
-
-    def rows(read: Callable[[Path], pd.DataFrame], name: str) -> pd.DataFrame:
-        return pd.concat([read(shard.with_name(f"{name}.parquet")) for shard in shards], ignore_index=True)
-
-    tests = rows(tables.read_tests, "tests")
-    if (tests["status"] == "error").all():
+    rows = tables.read_campaign(shards)
+    if (rows["tests"]["status"] == "error").all():
         for shard in shards:  # Errors that a person has to mend first are executed again.
             stamps.withdraw(shard.with_name(shard.name + stamps.SUFFIX))
-        raise no_result(campaign, list(tests["reason"]))
-    tables.write_signals(out.with_name("signals.parquet"), rows(tables.read_signals, "signals"))
-    tables.write_detections(out.with_name("detections.parquet"), rows(tables.read_detections, "detections"))
-    tables.write_frames(out.with_name("frames.parquet"), rows(tables.read_frames, "frames"))
-    tables.write_timings(out.with_name("timings.parquet"), rows(tables.read_timings, "timings"))
-    tables.write_tests(out, tests, space)
+        raise no_result(campaign, list(rows["tests"]["reason"]))
+    tables.write_campaign(out, rows, space)
 
 
-def _history(path: Path, space: Space) -> tuple[Floats, Floats]:
+def _history(path: Path, space: Space, failure_threshold_s: float) -> tuple[Floats, Floats]:
     """The points and KPIs of a campaign's tests, as its sampler received them."""
     tests = tables.read_tests(path)
-    return encode_tests(tests, space), tests["adj_ttc_s"].to_numpy(float)
-
-
-def _empty(expected: Sequence[Column], variables: Sequence[str] = ()) -> pd.DataFrame:
-    return pd.DataFrame(columns=[*(column.name for column in expected), *variables])
+    return encode_tests(tests, space), told(tests["adj_ttc_s"].to_numpy(float), tests["failure"], failure_threshold_s)
 
 
 def _test_row(plan: CampaignPlan, test: Executed) -> dict[str, Any]:
-    place = {"index": test.index, "batch": test.index // int(plan.strategy.get("batch_size", 20))}
+    place = {"index": test.index, "batch": test.batch}
     status = {"status": test.outcome.status, "reason": test.outcome.reason}
     return {**asdict(plan.campaign), **place, **status, **asdict(test.kpi), **plan.space.decode(test.point)}
 

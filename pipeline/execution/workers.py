@@ -11,11 +11,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from pipeline.artefacts.calibration_results import DetectorCalibration
 from pipeline.artefacts.files import program_sha256, sha256
 from pipeline.config.components import make_detector, make_simulator
+from pipeline.config.schema import Config
 from pipeline.config.sections import Limits
 from pipeline.core.car import Car
 from pipeline.core.space import Value
+from pipeline.detectors.calibrated import as_tested
 from pipeline.errors import SimulationError
 from pipeline.execution import journal
 from pipeline.execution.guarded import GuardedDetector, GuardedSimulator
@@ -49,6 +52,12 @@ class Setup:
     car: Car
     limits: Limits
     keep_every: int = 0
+
+    @staticmethod
+    def of(config: Config, scenario: str, model: Path, calibration: DetectorCalibration | None = None, *, keep_every: int = 0) -> Setup:
+        """The setup of a study's scenario, by name. calibration: of the model, if the study calibrates it."""
+        detector = as_tested(config.detector, calibration)
+        return Setup(config.simulator, config.scenarios[scenario], detector, model, config.car, config.limits, keep_every)
 
     @property
     def identity(self) -> str:

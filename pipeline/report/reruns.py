@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pipeline.config.components import make_simulator
 from pipeline.config.schema import Config
 from pipeline.core.episode import Episode
+from pipeline.errors import InputError, SimulationError
 from pipeline.progress import OnProgress
 from pipeline.protocols import Detector, Simulator
 from pipeline.report.examples import Chosen
@@ -25,13 +26,16 @@ class Reruns:
         self._done = 0
 
     def execute(self, test: Chosen) -> Episode:
-        """The episode of a test."""
+        """The episode of a test; InputError if it cannot be executed again."""
         if test.scenario not in self._simulators:
             scenario = self._config.scenarios[test.scenario]
             self._simulators[test.scenario] = make_simulator(self._config.simulator, scenario, self._config.car)
         if test.version not in self._detectors:
             self._detectors[test.version] = self._detector_of(test.version)
-        episode = self._simulators[test.scenario].execute(test.concrete, self._detectors[test.version], keep_every=1)
+        try:
+            episode = self._simulators[test.scenario].execute(test.concrete, self._detectors[test.version], keep_every=1)
+        except SimulationError as error:
+            raise InputError(f"{test.test_id}: expected the test to end as before, got an error: {error}") from error
         self._done += 1
         self._progress(self._done, self._total, test.heading)
         return episode

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from pipeline.artefacts.calibration_results import read_calibration
 from pipeline.artefacts.folders import AUDITS, Folders
 from pipeline.artefacts.scenario_space import read_space
+from pipeline.artefacts.tables import TABLES
 from pipeline.config.schema import JUDGED, Config
 from pipeline.contract import Files, Job, Step, Wildcards
 from pipeline.core.identity import CampaignId
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from pipeline.execution.campaign import CampaignPlan
     from pipeline.execution.workers import Setup
 
-TABLES = ("tests", "signals", "detections", "frames", "timings")
 HELD_OUT = "held_out"
 KINDS = {"kind": f"campaigns|{AUDITS}|{HELD_OUT}|retrained/campaigns"}
 FOLDER = "{kind}/{scenario}/{strategy}/{version}/{seed}"
@@ -55,12 +55,10 @@ def detector_files(folders: Folders, version: str) -> dict[str, Files]:
 
 def setup(job: Job, keep_every: int = 0) -> Setup:
     """What the tests of a job are executed with: its scenario and its model, calibrated if the study calibrates it."""
-    from pipeline.detectors.calibrated import as_tested
     from pipeline.execution.workers import Setup
 
-    config, scenario = job.config, job.config.scenarios[job.wildcards["scenario"]]
-    detector = as_tested(config.detector, read_calibration(job.inputs("calibration")))
-    return Setup(config.simulator, scenario, detector, job.input("model"), config.car, config.limits, keep_every)
+    calibration = read_calibration(job.inputs("calibration"))
+    return Setup.of(job.config, job.wildcards["scenario"], job.input("model"), calibration, keep_every=keep_every)
 
 
 def sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from snakemake.io import regex_from_filepattern
 from pipeline import steps
 from pipeline.artefacts.folders import Folders
 from pipeline.config.schema import Config
-from pipeline.contract import Files, Step, Wildcards, step_of
+from pipeline.contract import PATTERNS, Files, Step, Wildcards, step_of
 from pipeline.errors import InputError
 
 STAGES = {
@@ -68,7 +68,7 @@ class Jobs:
     @property
     def constraints(self) -> dict[str, str]:
         """The possible values of wildcards in every rule."""
-        return {name: "|".join(known) for name, known in self.config.wildcards.items()} | {"seed": r"\d+"}
+        return {name: "|".join(known) for name, known in self.config.wildcards.items()} | PATTERNS
 
     def maker(self, path: str) -> Target | None:
         """The job that makes a file; None if no step does."""

@@ -12,6 +12,7 @@ from pipeline.config.composing import compose, functional_scenario
 from pipeline.core import kpi
 from pipeline.core.kpi import Kpi
 from pipeline.detectors.scripted import BlindDetector, EverywhereDetector, VisiblePixelOracle
+from pipeline.errors import InputError
 from pipeline.protocols import Detector
 from pipeline.scenarios.functional import FunctionalScenario
 
@@ -36,6 +37,13 @@ def test_only_the_detector_that_sees_people_everywhere_brakes(scenario: str) -> 
         assert test.false_activation_s > 1 and test.speed_loss_mps > 5
     for test in (*found["blind"], *found["oracle"]):
         assert (test.failure, test.false_activations) == (False, 0)
+
+
+def test_a_road_on_which_no_braking_would_count_is_refused() -> None:
+    slippery = ["vehicle.dry_friction=0.5", "vehicle.wet_friction=0.4"]
+    with pytest.raises(InputError, match=r"vehicle.dry_friction: N1 asks the ego not to brake, .* needs a friction of 0.51, got 0.5"):
+        compose("default", ["search=[F1,N1]", "aeb.gate=detections", *slippery])
+    assert compose("default", slippery).vehicle.dry_friction == 0.5
 
 
 def test_the_blind_detector_fails_where_braking_is_right() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pipeline.core.kpi import KPIS, NO_KPI, Kpi, evaluate, ttc
+from pipeline.core.kpi import KPIS, NO_KPI, Kpi, evaluate, told, ttc
 from pipeline.core.signals import SIGNALS
 
 Signals = dict[str, NDArray[Any]]
@@ -96,6 +96,21 @@ def test_post_encroachment_needs_both_in_order_and_no_contact() -> None:
     assert np.isnan(kpi(**columns, contact=[0, 0, 0, 1]).post_encroachment_s)
     assert np.isnan(kpi(on_collision_path=[1, 1, 1, 1]).post_encroachment_s)
     assert np.isnan(kpi(on_collision_path=[1, 1, 1, 0], conflict_distance_m=[1, 0, 0, 0]).post_encroachment_s)
+
+
+def test_post_encroachment_of_a_test_that_ends_before_the_ego_arrives() -> None:
+    columns: dict[str, list[float]] = {"on_collision_path": [1, 1, 0, 0], "conflict_distance_m": [9, 8, 7, 6]}
+    # It leaves at 0.2 s; at 0.3 s, 6 m are left at 4 m/s.
+    assert kpi(**columns, ego_speed_mps=[9, 8, 4, 4]).post_encroachment_s == pytest.approx(1.6)
+    assert np.isnan(kpi(**columns, ego_speed_mps=[9, 8, 4, 0]).post_encroachment_s)
+
+
+def test_a_strategy_takes_a_test_for_a_failure_exactly_if_it_is_one() -> None:
+    # Without a collision path, many false positives alone are no failure, and a false activation is one at any adjusted TTC.
+    adjusted = np.array([0.05, 0.1, 4.0, 0.05, 4.0, np.nan])
+    learnt = told(adjusted, [True, True, False, False, True, False], 0.1)
+    assert list(learnt[:5] <= 0.1) == [True, True, False, False, True]
+    assert list(learnt[:3]) == [0.05, 0.1, 4.0] and np.isnan(learnt[5])
 
 
 def test_a_test_without_kpi_has_no_failure_no_count_and_no_number() -> None:

@@ -10,12 +10,12 @@ import pandas as pd
 import pytest
 
 from pipeline.__main__ import main
-from pipeline.commands import simulate
 from pipeline.commands.simulate import concrete_scenario
 from pipeline.config.composing import compose
 from pipeline.config.sections import Limits
 from pipeline.errors import InputError
 from pipeline.execution.journal import Journal, Outcome
+from pipeline.execution.once import episode
 from pipeline.execution.pool import Pool, in_order
 from pipeline.execution.worker import Broken
 from pipeline.execution.workers import Execution, Setup, Workers
@@ -88,7 +88,7 @@ def test_a_detector_that_crashes_is_refused_before_any_test(tmp_path: Path, caps
 def test_a_single_scenario_has_the_limits_of_a_test(tmp_path: Path, fog: int, reason: str) -> None:
     limits = LOOSE.model_copy(update={"frame_s": 2})
     with pytest.raises(InputError, match=f"^the scenario cannot be executed: {re.escape(reason)}$"):
-        simulate.executed(hostile_setup(tmp_path, limits), concrete_scenario(compose("smoke", ORACLE).space("F1"), [f"fog={fog}"]))
+        episode(hostile_setup(tmp_path, limits), concrete_scenario(compose("smoke", ORACLE).space("F1"), [f"fog={fog}"]))
 
 
 @pytest.mark.parametrize(("harm", "reason"), [("Hangs", "detect timed out after 2 s"), ("Fails", ACTS[4][1].replace("Hostile", "Fails"))])

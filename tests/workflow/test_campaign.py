@@ -162,6 +162,12 @@ def test_rows_follow_from_the_signals(one_worker: StudyFolder) -> None:
     assert set(tables.read_timings(folder(one_worker) / "timings.parquet")["test_id"]) == set(tests["test_id"])
 
 
+def test_a_batch_is_what_the_strategy_asked_for_at_once(tmp_path: Path) -> None:
+    study = analytic_study(tmp_path, "samplers.random.batch_size=9")
+    assert study.run("campaign", **key("random")) == 0
+    assert list(tables.read_tests(folder(study, "random") / "tests.parquet")["batch"]) == [0] * 9 + [1] * 9 + [2] * 6
+
+
 READERS = {"tests": tables.read_tests, "signals": tables.read_signals}
 
 
@@ -180,6 +186,12 @@ def test_a_journal_of_another_model_is_discarded(tmp_path: Path, capsys: pytest.
     (journal(study) / "000000.npz").write_bytes(b"foreign")
     assert study.run("campaign", **key()) == 0
     assert "the journal belonged to another configuration, model or code and was discarded" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("seed", ["abc", "1_0", "-1"])
+def test_a_seed_is_a_whole_number(tmp_path: Path, seed: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert analytic_study(tmp_path).run("campaign", **key() | {"seed": seed}) == 2
+    assert f"--seed: expected \\d+, got '{seed}'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 
 from pipeline.__main__ import main
-from pipeline.commands.campaign import STOPPED
+from pipeline.commands.campaign import STOPPED, asked, planned
 
 WORDS = ["scenario=F1", "strategy=forest", "budget=60", "simulator=analytic", "detector=oracle"]
 
@@ -42,6 +42,14 @@ def test_a_stopped_campaign_resumes_and_ends_like_an_uninterrupted_one(tmp_path:
     pd.testing.assert_frame_equal(pd.read_parquet(cut / "tests.parquet"), pd.read_parquet(whole / "tests.parquet"))
 
 
+def test_overrides_of_the_scenario_and_of_the_strategy_count(tmp_path: Path) -> None:
+    words = ["scenario=F1", "strategy=network", f"out={tmp_path}", "model=models/uniform"]
+    own = ["scenarios.F1.ego.speed_kmh=20", "samplers.network.batch_size=7"]
+    plain, changed = (planned(asked([*words, *overrides])) for overrides in ((), own))
+    assert plain.setup.scenario.ego.speed_kmh == 32 and changed.setup.scenario.ego.speed_kmh == 20
+    assert changed.strategy["batch_size"] == 7 and plain.space == changed.space
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [
@@ -53,6 +61,9 @@ def test_a_stopped_campaign_resumes_and_ends_like_an_uninterrupted_one(tmp_path:
         (["scenario=F99"], "F99"),
         (["budget"], "expected key=value, got 'budget'"),
         (["camera=big"], "camera"),
+        (["campaign.tests=9"], "campaign.tests: a campaign by hand does not use it; it uses scenario, strategy, budget, seed, model, out"),
+        (["samplers.network.batch_size=9"], "samplers.network.batch_size: a campaign by hand does not use it"),
+        (["search=[F2]"], "search: a campaign by hand does not use it"),
     ],
 )
 def test_wrong_words_are_told_before_any_work(words: list[str], told: str, capsys: pytest.CaptureFixture[str]) -> None:

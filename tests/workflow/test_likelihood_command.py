@@ -85,6 +85,8 @@ def test_random_campaigns_are_weighed_and_searches_refused(tmp_path: Path, capsy
         (["scenario=all", "exposure=uniform"], "scenario=all: exposure 'uniform' has no shares of scenarios, so name them, as in"),
         (["scenario=N1"], "scenario: N1 asks the ego not to brake"),
         (["budget"], "expected key=value, got 'budget'"),
+        (["scenario=F1", "--from", "nowhere"], "scenario: --from executes nothing and weighs the tests in its folders"),
+        (["aeb.votes=2", "--from", "nowhere"], "aeb.votes: --from executes nothing"),
         (["--from", "nowhere"], "nowhere: expected campaigns, found no tests.parquet"),
     ],
 )
