@@ -25,13 +25,12 @@ STAGES = {
     "versions": ("retrained",),
     "held_out": ("held_out",),
     "compare": ("comparison.json", "comparison.parquet", "changes.csv", "metrics"),
-    "evidence": ("evidence",),
-    "report": ("report.html", "plots"),
+    "pages": ("report.html", "plots", "evidence"),
     "track": ("tracking.json",),
 }
 """Parts of a study: the files and folders of each, relative to the study's folder. They are targets of Snakemake and stages of DVC.
 
-A part that is named after a step holds the files of that step alone: as a target, its name is Snakemake's rule."""
+A part that is named after a step holds the files of that step's only job: as a target, its name is Snakemake's rule."""
 
 
 @dataclass(frozen=True)

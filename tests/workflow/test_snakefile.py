@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
 from snakemake.settings.types import DAGSettings
 
 from pipeline import sources
@@ -71,6 +72,14 @@ def test_every_study_plans(study: str, tmp_path: Path) -> None:
     assert last[config.goal] in jobs
     assert ("render_base" in jobs) == (config.goal in ("report", "base"))
     assert ("export" in jobs) == (study == "published")
+
+
+def test_the_stages_of_dvc_make_the_whole_study(tmp_path: Path) -> None:
+    folder = copy(tmp_path, compose("default", []))
+    commands = [stage["cmd"].split() for stage in yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"].values()]
+    assert {program for program, _ in commands} == {"snakemake"}
+    by_stage, whole = planned(folder, *(target for _, target in commands)), planned(folder)
+    assert {name: by_stage.get(name) for name in step_names() if name in whole} == {n: c for n, c in whole.items() if n != "all"}
 
 
 def test_the_snakefile_lists_every_step() -> None:
