@@ -17,6 +17,7 @@ from pipeline.artefacts.statements import category_names
 from pipeline.core.constraints import Clause
 from pipeline.core.expressions import Not, OneOf, Some, clauses_of
 from pipeline.core.names import nearest
+from pipeline.core.sequences import SequenceSpace
 from pipeline.core.space import Space, Variable
 from pipeline.errors import InputError
 
@@ -68,8 +69,8 @@ def _meaning(space: Space) -> frozenset[Clause]:
 
 
 def _left_out(space: Space, kind: str) -> list[str]:
-    """Weights that the format lacks, and what tells numbers from names."""
-    missing = []
+    """Weights that the format lacks, what tells numbers from names, and what makes points of frames."""
+    missing = [f"the frames and the rules of {', '.join(space.rules)}"] if isinstance(space, SequenceSpace) else []
     for variable in space.variables:
         weights = variable.weights or (1,)
         if kind.startswith("acts") and set(weights) != {1}:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -44,16 +44,22 @@ def openlabel(rows: pd.DataFrame, images: Mapping[int, str], camera: Camera) -> 
         frames[str(int(row["step"]))] = frame
     steps = sorted(int(step) for step in frames)
     shown = [step for step in steps if "objects" in frames[str(step)]]
-    interval = [{"frame_start": shown[0], "frame_end": shown[-1]}] if shown else []
     return {
         "openlabel": {
             "metadata": {"schema_version": "1.0.0", "name": str(rows["test_id"].iloc[0]), "annotator": "Blindspot"},
             "streams": {STREAM: {"type": "camera", "stream_properties": {"intrinsics_pinhole": intrinsics}}},
-            "objects": {"0": {"name": "pedestrian", "type": "Pedestrian", "frame_intervals": interval}} if shown else {},
-            "frame_intervals": [{"frame_start": steps[0], "frame_end": steps[-1]}],
+            "objects": {"0": {"name": "pedestrian", "type": "Pedestrian", "frame_intervals": _intervals(shown)}} if shown else {},
+            "frame_intervals": _intervals(steps),
             "frames": frames,
         }
     }
+
+
+def _intervals(steps: Sequence[int]) -> list[dict[str, int]]:
+    """Rising step numbers as OpenLABEL's intervals, which have no gap inside."""
+    starts = [step for step in steps if step - 1 not in steps]
+    ends = [step for step in steps if step + 1 not in steps]
+    return [{"frame_start": start, "frame_end": end} for start, end in zip(starts, ends, strict=True)]
 
 
 def _bbox(name: str, box: Box) -> dict[str, Any]:

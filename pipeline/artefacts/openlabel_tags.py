@@ -62,13 +62,13 @@ def _points(path: Path, plain: Any, variables: Sequence[Variable]) -> list[tuple
     if not any(one.intervals for one in said):
         return [(path.name, _together(said, variables))]
     points: list[tuple[str, dict[str, Any]]] = []
-    starts: list[int] = []
+    stretches: list[Interval] = []
     for first, last in _stretches([one.intervals for one in said], whole):
         values = _together([one for one in said if one.holds(first)], variables)
-        if points and points[-1][1] == values:
-            first = starts.pop()
+        if points and points[-1][1] == values and stretches[-1][1] == first - 1:
+            first, _ = stretches.pop()
             points.pop()
-        starts.append(first)
+        stretches.append((first, last))
         points.append((f"{path.name}, frames {first} to {last}", values))
     return points
 
@@ -100,7 +100,11 @@ def _elements(path: Path, root: Mapping[str, Any], kind: str, variables: Sequenc
         name = member(path, element, "type", str, where)
         if "ontology_uid" in element and str(element["ontology_uid"]) not in ontologies:
             raise InputError(f"{path}: {where}.ontology_uid: expected one of {', '.join(ontologies)}, got {shown(element['ontology_uid'])}")
-        data = member(path, element, ELEMENTS[kind], dict, where) if ELEMENTS[kind] in element else {}
+        data = element.get(ELEMENTS[kind], {})
+        if kind == "tags" and isinstance(data, str):  # The schema allows a text instead of named data.
+            data = {"text": [{"name": name, "val": data}]}
+        elif ELEMENTS[kind] in element:
+            data = member(path, element, ELEMENTS[kind], dict, where)
         intervals = _intervals(path, element, where)
         for variable, value in _values(path, f"{where}.{ELEMENTS[kind]}", name, data, variables):
             yield Said(variable, value, intervals)
@@ -132,6 +136,8 @@ def _entries(path: Path, where: str, data: Any) -> Iterator[tuple[str, str, Mapp
             place = f"{where}.{kind}[{index}]"
             if not isinstance(entry, dict) or "val" not in entry:
                 raise InputError(f"{path}: {place}: expected a mapping with val, got {shown(entry)}")
+            if not isinstance(entry.get("name", ""), str):
+                raise InputError(f"{path}: {place}.name: expected a text, got {shown(entry['name'])}")
             yield place, kind, entry
 
 
@@ -174,7 +180,7 @@ def _range(variable: Variable, low: float, high: float) -> str:
 def _number(path: Path, place: str, value: Any) -> float:
     try:
         number = float(value) if not isinstance(value, bool) else np.nan
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         number = np.nan
     if not isfinite(number):
         raise InputError(f"{path}: {place}.val: expected a number, got {shown(value)}")

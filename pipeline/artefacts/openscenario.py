@@ -17,19 +17,25 @@ from pipeline.artefacts.files import write_bytes
 from pipeline.core import paths
 from pipeline.core.space import Value
 from pipeline.core.visibility import visual_range_m
+from pipeline.errors import InputError
 from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M, HALF_LENGTHS_M, HALF_WIDTHS_M, FunctionalScenario
 from pipeline.scenarios.streets import LANE_WIDTH, PAVEMENT_WIDTH, Street, Town, streets
 
 DATE = "2026-01-01T00:00:00"
 """Fixed, so the same scenario gives the same files."""
 JUNCTION_ID = "100"
+WEATHER, WALK = ("rain", "fog", "sun_altitude", "sun_azimuth"), ("pedestrian_speed", "pedestrian_shift")
+"""The variables that a story needs, and those of a pedestrian."""
 SUN_LUX = 100_000
 """Of the sun at the zenith."""
 
 
 def write_openscenario(scenario: FunctionalScenario, concrete: Mapping[str, Value], out: Path) -> tuple[Path, Path]:
-    """Write `<out>.xodr` and `<out>.xosc`; returns both paths."""
-    road, story = out.with_suffix(".xodr"), out.with_suffix(".xosc")
+    """Write `<out>.xodr` and `<out>.xosc`; returns both paths. InputError if the scenario lacks a variable that they need."""
+    stem = out.with_suffix("") if out.suffix in (".xodr", ".xosc") else out
+    if not stem.name:
+        raise InputError(f"{out}: expected a name for both files")
+    road, story = (stem.with_name(stem.name + suffix) for suffix in (".xodr", ".xosc"))
     write_bytes(road, xml_bytes(open_drive(scenario.town)))
     write_bytes(story, xml_bytes(open_scenario(scenario, concrete, road.name)))
     return road, story
@@ -48,7 +54,10 @@ def _add(parent: Xml.Element, tag: str, **attributes: object) -> Xml.Element:
 
 
 def open_drive(town: Town) -> Xml.Element:
-    """The road network: main street 1 (and 2 behind a junction), side street 3, connecting roads 11 to 13."""
+    """The road network: main street 1 (and 2 behind a junction), side street 3, connecting roads 11 to 13.
+
+    InputError for a crosswalk inside the junction, which lies on none of its roads.
+    """
     root = Xml.Element("OpenDRIVE")
     _add(
         root,
@@ -67,7 +76,7 @@ def open_drive(town: Town) -> Xml.Element:
     ahead = town.lanes_ahead
     if not side:
         road = _road(root, "1", _reference_line(main, main.start, main.end), ahead, main)
-        _objects(road, town, main, 0.0)
+        _check_crosswalks(town, _objects(road, town, main, 0.0))
         return root
     street = side[0]
     mouth = next((gap.start, gap.end) for gap in main.gaps if gap.mouth)
@@ -76,9 +85,8 @@ def open_drive(town: Town) -> Xml.Element:
     west = _road(root, "1", _reference_line(main, main.start, mouth[0]), ahead, main, successor=JUNCTION_ID)
     east = _road(root, "2", _reference_line(main, mouth[1], main.end), ahead, main, predecessor=JUNCTION_ID)
     away = _road(root, "3", _reference_line(street, 8, street.end), 1, street, predecessor=JUNCTION_ID)
-    for road, first in ((west, main.start), (east, mouth[1])):
-        _objects(road, town, main, first - main.start)
-    _objects(away, town, street, 8.0)
+    placed = sum(_objects(road, town, main, first - main.start) for road, first in ((west, main.start), (east, mouth[1])))
+    _check_crosswalks(town, placed + _objects(away, town, street, 8.0))
     junction = Xml.Element("junction", id=JUNCTION_ID, name="T")
     corner = (street.origin[0], main.middle)
     links = {
@@ -96,10 +104,22 @@ def open_drive(town: Town) -> Xml.Element:
     return root
 
 
+def _check_crosswalks(town: Town, placed: int) -> None:
+    if placed < len(town.crosswalks):
+        raise InputError(
+            f"OpenDRIVE: expected crosswalks on a road, got {len(town.crosswalks) - placed} in the junction or beyond a street"
+        )
+
+
 def _reference_line(street: Street, start: float, end: float) -> paths.Piece:
     """The line between a street's two directions, between two distances along the street in metres."""
-    stretch = 1 - street.curvature * street.middle
+    stretch = _stretch(street)
     return paths.Piece(street.pose(start, street.middle), (end - start) * stretch, street.curvature / stretch)
+
+
+def _stretch(street: Street) -> float:
+    """Metres of the reference line for a metre along the street: in a curve, they are not equally long."""
+    return 1 - street.curvature * street.middle
 
 
 def _road(root: Xml.Element, number: str, line: paths.Piece, ahead: int, street: Street, **links: str) -> Xml.Element:
@@ -176,14 +196,12 @@ def _lanes(road: Xml.Element, ahead: int, pavement: bool, turned: int | None = N
             _add(lane, "roadMark", sOffset=0.0, type="broken" if broken else "solid", weight="standard", color="standard", width=0.12)
 
 
-def _objects(road: Xml.Element, town: Town, street: Street, first: float) -> None:
-    """The crosswalks on this road. first: metres along the street at which the road begins."""
+def _objects(road: Xml.Element, town: Town, street: Street, first: float) -> int:
+    """The crosswalks on this road; returns their number. first: metres along the street at which the road begins."""
     length = float(road.attrib["length"])
-    wanted = [c.at_m - street.start - first for c in town.crosswalks if c.street == street.name]
+    wanted = [(c.at_m - street.start - first) * _stretch(street) for c in town.crosswalks if c.street == street.name]
     inside = [s for s in wanted if 0 <= s <= length]
-    if not inside:
-        return
-    objects = _add(road, "objects")
+    objects = _add(road, "objects") if inside else road
     for i, s in enumerate(inside):
         wide = street.right + street.left
         flat = {
@@ -198,10 +216,14 @@ def _objects(road: Xml.Element, town: Town, street: Street, first: float) -> Non
         outline = _add(crosswalk, "outline", id=0)
         for u, v in ((-1.5, -wide / 2), (1.5, -wide / 2), (1.5, wide / 2), (-1.5, wide / 2)):
             _add(outline, "cornerLocal", u=u, v=v, z=0.0, height=0.0)
+    return len(inside)
 
 
 def open_scenario(scenario: FunctionalScenario, concrete: Mapping[str, Value], road_file: str) -> Xml.Element:
-    """The unbraked motion of all road users as trajectories over time, and the weather."""
+    """The unbraked motion of all road users as trajectories over time, and the weather; InputError if a variable is missing."""
+    for name in (*WEATHER, *(WALK if scenario.has_pedestrian else ())):
+        if name not in concrete:
+            raise InputError(f"OpenSCENARIO needs the variable {name}, and the scenario's space has none")
     root = Xml.Element("OpenSCENARIO")
     _add(root, "FileHeader", revMajor=1, revMinor=1, date=DATE, description=scenario.description, author="Blindspot")
     _add(root, "ParameterDeclarations")
@@ -243,8 +265,8 @@ def _motions(scenario: FunctionalScenario, concrete: Mapping[str, Value]) -> dic
     for name, actor in scenario.actors.items():
         own = actor.route()
         motions[name] = [(t, own.at(actor.travelled(t))) for t in times]
-    walking, shift = float(concrete["pedestrian_speed"]), float(concrete["pedestrian_shift"])
     if scenario.has_pedestrian:
+        walking, shift = (float(concrete[name]) for name in WALK)
         motions["pedestrian"] = [(t, scenario.pedestrian_pose(t, walking, shift)) for t in times]
     return motions
 

@@ -22,7 +22,7 @@ class Spellings:
     def __init__(self, names: Sequence[str]) -> None:
         self._written = {name: index for index, name in enumerate(names)}
         self._alike: list[tuple[Callable[[str], Hashable], dict[Hashable, list[int]]]] = []
-        for meaning in (str.strip, _truth, _number, _time):
+        for meaning in (str.strip, _truth, _number, time_of):
             alike: dict[Hashable, list[int]] = {}
             for index, name in enumerate(names):
                 alike.setdefault(meaning(name), []).append(index)
@@ -47,7 +47,8 @@ def _number(text: str) -> Decimal | None:
     return Decimal(text.strip()) if NUMBER.fullmatch(text.strip()) else None
 
 
-def _time(text: str) -> datetime | None:
+def time_of(text: str) -> datetime | None:
+    """The time that a text says, in UTC and without a zone; None for another text."""
     if not TIME.fullmatch(text.strip()):
         return None
     try:

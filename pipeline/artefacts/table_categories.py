@@ -5,19 +5,22 @@ from __future__ import annotations
 import difflib
 from contextlib import suppress
 from dataclasses import dataclass, field
+from datetime import datetime
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 
 from pipeline.artefacts.space_file import MOST_CATEGORIES
-from pipeline.artefacts.spelling import Spellings
+from pipeline.artefacts.spelling import Spellings, time_of
 from pipeline.core.comparisons import NUMBER
 from pipeline.core.space import Floats, Ints, Variable
 from pipeline.core.variable import number_text
 
 Column = Any
 """A chunked Arrow array of (n,) values, with null for a missing one."""
+EPOCH = datetime(1970, 1, 1)
 MOST_DIFFERENT = 100_000
 """Different values of a column that are kept, at most."""
 
@@ -161,8 +164,13 @@ def _array(numbers: Any) -> Any:
 
 def _values(different: Any) -> list[Any]:
     """Python's values; a number of single precision as it is written, not as its double."""
-    single = pa.types.is_float32(different.type)
-    return list(map(float, map(str, different.to_numpy()))) if single else list(different.to_pylist())
+    return _written(different.to_numpy()).tolist() if pa.types.is_float32(different.type) else list(different.to_pylist())
+
+
+def _written(single: NDArray[np.float32]) -> Floats:
+    """Numbers of single precision as they are written: 0.7, not 0.699999988."""
+    different, places = np.unique(single, return_inverse=True)
+    return np.array(list(map(float, map(str, different))))[places]
 
 
 def _ranged(variable: Variable, different: Any) -> Ints:
@@ -176,11 +184,13 @@ def _ranged(variable: Variable, different: Any) -> Ints:
 
 
 def _numbers(different: Any) -> Floats:
-    """Values as numbers, nan for what is none."""
+    """Values as numbers, nan for what is none. Times are seconds since 1970, UTC."""
     kind = different.type
     if pa.types.is_timestamp(kind) or pa.types.is_date(kind):
         microseconds = different.cast(pa.timestamp("us"), safe=False).cast(pa.int64())
         return np.asarray(microseconds.to_numpy(zero_copy_only=False) / 1e6)
+    if pa.types.is_float32(kind):
+        return _written(_array(different))
     if pa.types.is_integer(kind) or pa.types.is_floating(kind):
         return np.asarray(_array(different), float)
     numbers = np.full(len(different), np.nan)
@@ -188,6 +198,9 @@ def _numbers(different: Any) -> Floats:
         for place, text in enumerate(map(str, different.to_pylist())):
             with suppress(ValueError):
                 numbers[place] = float(text) if text.isascii() and "_" not in text else np.nan
+                continue
+            if (time := time_of(text)) is not None:
+                numbers[place] = (time - EPOCH).total_seconds()
     return numbers
 
 

@@ -77,7 +77,8 @@ def _of_variable(same: Sequence[Variable], values: pd.Series) -> Iterator[dict[s
     """A variable, then the attributes of its categories. same: the variable in each space; held-out people differ from others."""
     first = same[0]
     if first.kind != "categorical":
-        yield {**_number(first.name, values, first.unit), "variable": True, "low": first.low, "high": first.high}
+        low, high = min(one.low for one in same), max(one.high for one in same)
+        yield {**_number(first.name, values, first.unit), "variable": True, "low": low, "high": high}
         return
     yield {**_text(first.name, values.fillna("")), "variable": True}
     attributes: dict[str, dict[str, float]] = {}

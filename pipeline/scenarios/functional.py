@@ -29,8 +29,11 @@ TIME_LIMIT_S = 12.0
 """A test ends after this time at the latest: when the ego has braked and waits."""
 """Lateral distance from the middle of the ego's path at which a pedestrian gives no reason to brake: beyond the lane's edge and a step."""
 
-RESERVED = {"test_id", "index", "batch", "status", "reason", *(each.name for each in (*columns(CampaignId), *KPIS))}
-"""Columns of tests.parquet beside the variables."""
+RESERVED = {
+    *("test_id", "index", "batch", "status", "reason", *(each.name for each in (*columns(CampaignId), *KPIS))),
+    *("test", "region", "end", "number"),
+}
+"""Columns of tests.parquet and of the report's table beside the variables."""
 
 
 class Ego(Part):

@@ -76,7 +76,9 @@ def test_the_first_repair_is_the_planted_cause(name: str) -> None:
     """In every region of one seed; `benchmarks/repairs.py` has more."""
     world = WORLDS[name]
     tests = world.outcomes(0)
-    for group in group_failures(tests, np.where(tests.failed, "box", "none"), 0.5, 4):
+    groups = group_failures(tests, np.where(tests.failed, "box", "none"), 0.5, 4)
+    assert groups
+    for group in groups:
         failures = [SPACE.decode(point) for point in tests.points[group.members][:10]]
         tried = [(change, _repaired(name, failures, change)) for change in (*changes(tests, group.members), CONTROL)]
         first = ranked(tried)[0]

@@ -14,7 +14,7 @@ import pytest
 from matplotlib.container import ErrorbarContainer
 
 from pipeline.analysis.pair_shares import pair_shares
-from pipeline.artefacts.comparison_results import Comparison
+from pipeline.artefacts.comparison_results import Comparison, PlantedGroup
 from pipeline.artefacts.files import sha256
 from pipeline.artefacts.model_card import read_card
 from pipeline.artefacts.points import encode_tests
@@ -174,10 +174,11 @@ def test_a_regression_of_the_champion_is_shown_with_both_versions(study: Fabrica
 def test_fixes_show_rare_groups_first_and_then_other_groups(study: FabricatedStudy) -> None:
     comparison = read(study.root / "comparison.json", Comparison)
     table, spaces = read_tests(study.root / "comparison.parquet"), {"F1star": study.config.space("F1star")}
-    rare = {group.group for group in comparison.planted}
     fixes = choose_fixes(comparison, table, spaces, 3)
     assert len(fixes) == 3 and len({fix.before.heading for fix in fixes}) == 3
-    assert rare <= set(fixes[0].groups) | set(fixes[1].groups)
+    rare = next(group for fix in choose_fixes(comparison, table, spaces, 99) for group in fix.groups if group not in fixes[0].groups)
+    planted = PlantedGroup(group=rare, frequency=0.15, searched={}, regions=(), held_out={})
+    assert rare in choose_fixes(comparison.model_copy(update={"planted": (planted,)}), table, spaces, 3)[0].groups
     for fix in fixes:
         assert (fix.before.version, fix.after.version) == ("base", comparison.champion) and fix.before.concrete == fix.after.concrete
         assert f"animation = {fix.before.concrete['animation']}" in fix.groups

@@ -1,4 +1,4 @@
-"""The answer about release 0.2's recipe: counts and the test by hand."""
+"""The answer about release 0.2's recipe: counts and the interval by hand."""
 
 from __future__ import annotations
 
@@ -13,6 +13,6 @@ def test_both_recipes_are_compared_on_the_tests_without_an_error() -> None:
     table = pd.DataFrame({"scenario": "F1star", "index": np.arange(4), **outcomes})
     text = older_recipe.answer({2: table})
     assert text.splitlines()[-2:] == ["| 2 | `random` | 3 | 1 | 2 |", "| 2 | `adaptive` | 4 | 0 | 3 |"]
-    # Four fixes and no regression: p = 2 / 2**4.
+    # Differences of -1 and -3: mean -2, standard error 1, t quantile 12.706 with one degree of freedom.
     said = " ".join(text.split())
-    assert "today's recipe fail 1 of 7 held-out tests, those of release 0.2's 5 (exact McNemar test: p = 0.125)" in said
+    assert "today's recipe fail 1 of 7 held-out tests, those of release 0.2's 5: a mean difference of -2.0 (-14.7 to +10.7) over 2" in said

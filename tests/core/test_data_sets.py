@@ -140,6 +140,7 @@ OPENLABEL_SPACE = (
         ([tag("RoadTypeMinor", boolean=[{"val": False}])], [-1, -1, -1, -1]),
         ([tag("RoadTypeMinor"), tag("RoadTypeMotorway")], [-1, -1, -1, -1]),
         ([tag("road", text=[{"type": "value", "val": "RoadTypeMotorway"}])], [0, -1, -1, -1]),
+        ([{"type": "road", "tag_data": "RoadTypeMinor"}], [1, -1, -1, -1]),
         ([tag("SubjectVehicleSpeed", vec=[{"type": "range", "val": [35, 55]}])], [-1, -1, -1, 1]),
         ([tag("SubjectVehicleSpeed", vec=[{"type": "range", "val": ["20", "55"]}])], [-1, -1, -1, -1]),
         ([tag("SubjectVehicleSpeed", vec=[{"type": "values", "val": [20]}])], [-1, -1, -1, 0]),
@@ -158,6 +159,9 @@ def test_stretches_of_frames_with_the_same_tags_are_points(tmp_path: Path) -> No
     def during(one: dict[str, Any], *intervals: tuple[int, int]) -> dict[str, Any]:
         return {**one, "frame_intervals": [{"frame_start": a, "frame_end": b} for a, b in intervals]}
 
+    wet = during(tag("RoadTypeMinor"), (0, 9), (20, 29))
+    lay(tmp_path, {"gap/a.json": openlabel({"0": wet})})
+    assert points(tmp_path, OPENLABEL_SPACE, "gap").images == ("a.json, frames 0 to 9", "a.json, frames 20 to 29")
     rain = during(tag("WeatherRain", num=[{"val": 5}]), (10, 19))
     dark = {"type": "Light", "context_data": {"boolean": [{"name": "IlluminationLowLight", "val": True}]}}
     plain = openlabel(
@@ -198,6 +202,12 @@ REFUSED: list[tuple[Any, str, str]] = [
         changed("tags.7.tag_data.num", [{"val": "wet"}]),
         OPENLABEL_SPACE,
         "openlabel.tags.7.tag_data.num[0].val: expected a number, got 'wet'",
+    ),
+    (changed("tags.7.tag_data.num", [{"name": ["v"], "val": 1}]), OPENLABEL_SPACE, "tag_data.num[0].name: expected a text, got ['v']"),
+    (
+        changed("tags.7.tag_data.num", [{"val": 10**400}]),
+        OPENLABEL_SPACE,
+        "tag_data.num[0].val: expected a number, got 1000",
     ),
     (changed("tags.7.tag_data.num", [3]), OPENLABEL_SPACE, "openlabel.tags.7.tag_data.num[0]: expected a mapping with val, got 3"),
     (changed("frame_intervals", [{"frame_start": 3, "frame_end": 1}]), OPENLABEL_SPACE, "frame_intervals[0]: expected frame_start before"),

@@ -148,6 +148,16 @@ def test_parquet_keeps_whole_numbers_times_and_missing_values_apart(folder: Path
     assert "id: expected texts, numbers, booleans or times" in said(capsys, folder, "score", "points.parquet", code=2)
 
 
+def test_numbers_of_single_precision_and_times_mean_what_they_say_in_a_csv() -> None:
+    share = Variable("x", "continuous", low=0, high=0.9, cuts=(0.7,))
+    for kind in (pa.float32(), pa.float64()):
+        written = pa.chunked_array([pa.array([0.5, 0.7, 0.9, None, float("nan")], kind)])
+        assert list(Meanings(share).categories(written)) == [0, 1, 1, -1, -1], kind
+    when = Variable("t", "continuous", low=1_700_000_000, high=1_700_003_600, cuts=(1_700_001_800,))
+    texts = pa.chunked_array([["2023-11-14T22:13:20", "2023-11-14 23:00:00Z", "2023-11-14", "soon"]])
+    assert list(Meanings(when).categories(texts)) == [0, 1, -1, -1]
+
+
 def test_a_spelling_that_means_two_names_means_none() -> None:
     def of(names: tuple[str, ...], *texts: str) -> list[int]:
         return list(Meanings(Variable("x", "categorical", values=names)).categories(pa.chunked_array([list(texts)])))

@@ -31,6 +31,14 @@ def test_a_space_file_keeps_everything(tmp_path: Path) -> None:
     assert (again.variables, again.clauses, again.extras) == (space.variables, space.clauses, space.extras)
 
 
+@pytest.mark.parametrize(("kind", "suffix"), [("space", "yaml"), ("pict", "txt"), ("acts-xml", "xml")])
+def test_no_model_has_the_rules_of_sequences(kind: str, suffix: str, tmp_path: Path) -> None:
+    rule = "wet: {first: rain >= 50, then: rain < 50, within: 2}"
+    frames = "rain: {interval: [0, 100], cuts: [50]}"
+    (tmp_path / "s.yaml").write_text(f"sequences: {{time: t}}\nframes: {{{frames}}}\nvariables: {{{rule}}}\n")
+    assert "the frames and the rules of wet" in write_model(tmp_path / f"out.{suffix}", read_space_file(tmp_path / "s.yaml"), kind)
+
+
 @pytest.mark.parametrize(("kind", "suffix"), [("pict", "txt"), ("acts-xml", "xml")])
 def test_models_of_other_tools_lack_planes(kind: str, suffix: str, tmp_path: Path) -> None:
     (tmp_path / "space.yaml").write_text(SPACE)

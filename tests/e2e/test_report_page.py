@@ -117,6 +117,16 @@ def test_an_area_of_the_plot_chooses_rows(page: Page, rows: pd.DataFrame) -> Non
     expect(page.locator("#explorer-count")).to_have_text(counted(rows))
 
 
+def test_a_filter_after_an_area_replaces_it(page: Page, rows: pd.DataFrame) -> None:
+    page.get_by_role("button", name="Choose an area").click()
+    drag(page, "#explorer-scatter", (0.3, 0.3), (0.6, 0.95))
+    expect(page.locator("#explorer-count")).not_to_have_text(counted(rows))
+    type_filter(page, "fog (%)", ">= 60")
+    expect(page.locator("#explorer-count")).to_have_text(counted(rows, rows["fog"] >= 60))
+    page.get_by_role("button", name="Show all tests").click()
+    expect(page.locator("#explorer-count")).to_have_text(counted(rows))
+
+
 def test_a_range_of_an_axis_chooses_rows(page: Page, rows: pd.DataFrame) -> None:
     left = 60 / page.locator("#explorer-parallel").bounding_box()["width"]  # type: ignore[index]
     drag(page, "#explorer-parallel", (left, 0.3), (left, 0.6))

@@ -15,6 +15,7 @@ import yaml
 
 from pipeline.__main__ import main
 from pipeline.artefacts.dataset import SPLITS, encode_jpeg, read_dataset
+from pipeline.artefacts.openscenario import open_drive
 from pipeline.artefacts.region_results import FailureRegions
 from pipeline.artefacts.results import read
 from pipeline.artefacts.tables import read_frames, read_tests, write_frames
@@ -22,7 +23,9 @@ from pipeline.commands.simulate import concrete_scenario
 from pipeline.commands.top_view import top_view
 from pipeline.config.composing import compose, dump, functional_scenario
 from pipeline.core.paths import Pose
+from pipeline.errors import InputError
 from pipeline.report.films import write_films
+from pipeline.scenarios.streets import Crosswalk, Town, streets
 from tests.analysis.fabricated import FabricatedStudy
 
 FOUND = ["fog=80", "rain=20", "pedestrian_speed=2", "pedestrian_shift=0.3", "sun_azimuth=0", "blueprint=M 03"]
@@ -175,6 +178,27 @@ def test_the_roads_of_a_finding_are_connected(name: str, tmp_path: Path) -> None
     assert len(list(network.iter("object"))) == len(town.crosswalks)
 
 
+def test_a_crosswalk_lies_at_its_place_in_a_curve_and_in_no_junction() -> None:
+    curve = Town(style="urban", seed=1, curvature_1pm=0.02, lanes_ahead=2, crosswalks=(Crosswalk(street="main", at_m=60),))
+    road = next(open_drive(curve).iter("road"))
+    geometry, (crosswalk,) = next(road.iter("geometry")).attrib, road.iter("object")
+    start = Pose(*(float(geometry[key]) for key in ("x", "y", "hdg")))
+    arc = next(road.iter("arc"))
+    on_line = _after(start, float(crosswalk.attrib["s"]), float(arc.attrib["curvature"]))
+    main, *_ = streets(curve)
+    assert (on_line.x, on_line.y) == pytest.approx(main.world(60, main.middle), abs=0.01)
+    junction = functional_scenario("F6").town.model_copy(update={"crosswalks": (Crosswalk(street="side", at_m=5),)})
+    with pytest.raises(InputError, match="expected crosswalks on a road, got 1 in the junction"):
+        open_drive(junction)
+
+
+@pytest.mark.parametrize("name", ["f1.fog50", "f1.xosc"])
+def test_a_name_with_a_dot_keeps_it(name: str, tmp_path: Path) -> None:
+    assert main(["export-scenario", "F1", "--out", str(tmp_path / name)]) == 0
+    stem = name.removesuffix(".xosc")
+    assert {path.name for path in tmp_path.iterdir()} == {f"{stem}.xodr", f"{stem}.xosc"}
+
+
 def _after(start: Pose, length: float, curvature: float) -> Pose:
     """The end of a geometry, by many small steps."""
     x, y, heading = start.x, start.y, start.heading
@@ -217,7 +241,9 @@ def test_frames_are_exported_as_yolo_coco_and_openlabel(frames: Path, tmp_path: 
         images, files = read_dataset(out, split), sorted((out / "images" / split).glob("*.jpg"))
         assert len(images) == len(files) == len(list((out / "labels" / split).glob("*.txt"))) > 0
         boxes |= {f"images/{split}/{file.name}": box for file, box in zip(files, images.boxes, strict=True)}
-    for path in (out / "openlabel").glob("*.json"):
+    compared, files = set(), list((out / "openlabel").glob("*.json"))
+    assert len(files) == read_frames(frames)["test_id"].nunique() > 0
+    for path in files:
         body = json.loads(path.read_text())["openlabel"]
         assert body["metadata"]["schema_version"] == "1.0.0"
         intrinsics = body["streams"]["camera"]["stream_properties"]["intrinsics_pinhole"]
@@ -229,6 +255,8 @@ def test_frames_are_exported_as_yolo_coco_and_openlabel(frames: Path, tmp_path: 
                 if visible:
                     x, y, width, height = visible["val"]
                     assert [x - width / 2, y - height / 2, x + width / 2, y + height / 2] == pytest.approx(boxes[uri].tolist())
+                    compared.add(uri)
+    assert compared == {uri for uri, (left, _, right, _) in boxes.items() if right > left}
 
 
 def test_exported_frames_name_their_region_and_how_their_test_ended(frames: Path, tmp_path: Path) -> None:

@@ -28,7 +28,11 @@
   table.on("dataFiltered", (_, left) => {
     say(left.map(row => row.getData()));
     const filters = JSON.stringify(table.getHeaderFilters());
-    if (filters !== drawn) { drawn = filters; draw(rows.filter(kept(table.getHeaderFilters()))); }
+    if (filters === drawn) return;
+    const chosen = brushed.size;  // Drawn anew, the plots choose nothing.
+    drawn = filters;
+    draw(rows.filter(kept(table.getHeaderFilters())));
+    if (chosen) queueMicrotask(() => table.clearFilter());
   });
   parallel.on("axisareaselected", event => {
     const field = named[event.parallelAxisId], areas = event.intervals;
@@ -88,7 +92,7 @@
   }
 
   function shown(value) {
-    return value === null ? "" : typeof value === "number" ? String(+value.toPrecision(4)) : value;
+    return value === null ? "" : typeof value !== "number" ? value : String(Number.isInteger(value) ? value : +value.toPrecision(4));
   }
 
   // `text`, `a | b`, `< 0.1`, `>= 40`, `= M 03`, `5 .. 10`
@@ -138,7 +142,14 @@
   }
 
   function ordinal(field, row) {
-    return field.numbers ? row[field.name] : field.known.indexOf(row[field.name]);
+    if (field.numbers) return row[field.name];
+    const place = categories(field).indexOf(row[field.name]);
+    return place < 0 ? null : place;
+  }
+
+  // A row of a scenario without the variable has an empty text, which is no category.
+  function categories(field) {
+    return field.known.filter(Boolean);
   }
 
   function draw(left) {
@@ -174,7 +185,7 @@
 
   function axis(field, ink) {
     if (field.numbers) return { type: "value", min: field.low ?? 0, ...("high" in field ? { max: field.high } : {}) };
-    return { type: "category", data: field.known.filter(Boolean), axisLabel: { show: field.known.length <= FEW, color: ink } };
+    return { type: "category", data: categories(field), axisLabel: { show: field.known.length <= FEW, color: ink } };
   }
 
   function drawScatter(some, ink) {
