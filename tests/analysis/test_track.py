@@ -146,12 +146,11 @@ def test_a_later_comparison_moves_the_alias_and_registers_nothing_again(study: F
 
 
 def test_a_champion_that_was_not_compared_keeps_the_alias(study: FabricatedStudy) -> None:
-    tracker = Tracker(study.folder / "data" / "mlflow" / "mlflow.db", study.folder / "data" / "mlflow" / "artifacts", "elsewhere", {})
     file = study.root / "other.json"
     file.write_text("{}")
     content = Content("elsewhere/adaptive", "model", tags={"weights_sha256": "cd"})
     other = Registration("detector", content, [file], {"study": "elsewhere", "version": "adaptive"})
-    registry = Registry(tracker)
+    registry = Registry(_elsewhere(study))
     number, _ = registry.register(other)
     held = client(study).get_model_version_by_alias("detector", "champion").version
     registry.set_alias("detector", "champion", number)
@@ -159,6 +158,26 @@ def test_a_champion_that_was_not_compared_keeps_the_alias(study: FabricatedStudy
     assert client(study).get_model_version_by_alias("detector", "champion").version == int(number)
     registry.set_alias("detector", "champion", held)
     client(study).delete_model_version("detector", number)
+
+
+def test_a_champion_of_another_study_with_equal_weights_counts_as_compared(study: FabricatedStudy) -> None:
+    store, registry = client(study), Registry(_elsewhere(study))
+    held = store.get_model_version_by_alias("detector", "champion")
+    assert held.tags["version"] == "adaptive"
+    file = study.root / "other.json"
+    file.write_text("{}")
+    tags = {"weights_sha256": read_card(study.cards[0]).weights_sha256}
+    content = Content("elsewhere/base", "model", tags=tags)
+    number, _ = registry.register(Registration("detector", content, [file], {"study": "elsewhere", "version": "base"}))
+    registry.set_alias("detector", "champion", number)
+    run(study)  # The weights are the base's, which fails significantly more than the comparison's champion.
+    assert store.get_model_version_by_alias("detector", "champion").version == held.version
+    store.delete_model_version("detector", number)
+
+
+def _elsewhere(study: FabricatedStudy) -> Tracker:
+    mlflow = study.folder / "data" / "mlflow"
+    return Tracker(mlflow / "mlflow.db", mlflow / "artifacts", "elsewhere", {})
 
 
 def test_a_deleted_experiment_is_named(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from pipeline.__main__ import main
 from pipeline.commands import reference, stages
 from pipeline.config.composing import PARAMS, compose, load
 from pipeline.workflow.jobs import Jobs, step_names
@@ -23,6 +24,14 @@ def test_params_match_the_command_in_their_first_line() -> None:
 def test_the_reference_is_up_to_date() -> None:
     stale = [name for name, page in reference.PAGES.items() if (ROOT / reference.FOLDER / name).read_text() != page()]
     assert not stale, "make docs/reference again: python -m pipeline reference"
+
+
+def test_a_stale_page_is_named_and_made_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["reference", "--out", str(tmp_path)]) == 0 and main(["reference", "--out", str(tmp_path), "--check"]) == 0
+    (tmp_path / "columns.md").write_text("older")
+    assert main(["reference", "--out", str(tmp_path), "--check"]) == 1
+    assert f"{tmp_path / 'columns.md'}: out of date" in capsys.readouterr().err
+    assert (tmp_path / "columns.md").read_text() == "older"
 
 
 def test_dvc_yaml_matches_the_contracts() -> None:

@@ -102,6 +102,27 @@ def test_a_ready_checkout_installs_nothing_and_passes_its_arguments_on(ready: Pa
     assert done.stdout.splitlines() == ["snakemake --cores 3 -n some/target", f"HOME of caches: {ready}/.cache"]
 
 
+@pytest.mark.parametrize(
+    ("words", "started"),
+    [
+        (["setup"], ""),
+        (["test", "-k", "x"], "python -m pytest -k x"),
+        (["explore", "--port", "1"], "python -m pipeline explore --port 1"),
+        (
+            ["ui", "--workers", "1"],
+            "mlflow ui --backend-store-uri sqlite:///data/mlflow/mlflow.db --host 127.0.0.1 --port 5000 --workers 1",
+        ),
+    ],
+)
+def test_each_word_starts_its_command(words: list[str], started: str, ready: Path) -> None:
+    script(ready / ".venv/bin/mlflow", 'echo "mlflow $*"')
+    (ready / "data/mlflow").mkdir(parents=True)
+    (ready / "data/mlflow/mlflow.db").touch()
+    done = call(ready, *words)
+    assert (done.returncode, done.stdout.strip()) == (0, started)
+    assert f"./run {words[0]}" in call(ready, "--help").stdout
+
+
 def test_what_run_starts_reports_nothing(ready: Path) -> None:
     script(ready / ".venv/bin/snakemake", "env")
     set_ = [line for line in (ROOT / QUIET).read_text().splitlines() if not line.startswith("#")]
