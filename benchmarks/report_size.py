@@ -78,6 +78,7 @@ def fabricated(tests: int, folder: Path) -> Path:
     groups = tuple(summarise(group, 0.95, "random", {"random"}) for group in by_strategy(measured))
     infos = [ScenarioInfo(name, labels[name], "", 1) for name in spaces]
     data = ReportData(
+        version="base",
         measures=Measures(confidence=0.95, k=2, baseline="random", campaigns=tuple(measured), strategies=groups),
         regions=tuple(cluster(info, spaces[info.name], by_scenario[info.name], config.regions) for info in infos),
         tests=by_scenario,

@@ -88,7 +88,7 @@ def make_page(config: Config, data: ReportData, figures: Mapping[str, Figure], p
     budget = config.report.replays
     filmed = 2 if fixes and budget >= 2 else 0
     pair = pair if budget - filmed >= 2 else []
-    chosen = choose_regions(data.regions, next(iter(data.detectors)), budget - filmed - len(pair))
+    chosen = choose_regions(data.regions, data.version, budget - filmed - len(pair))
     reruns = Reruns(config, partial(_detector, config, data), 2 * len(fixes) + len(pair) + len(chosen), progress)
     executed = [(fix, (reruns.execute(fix.before), reruns.execute(fix.after))) for fix in fixes]
     stills = [_stills(fix, episodes, config.campaign.failure_threshold_s) for fix, episodes in executed[1:]]

@@ -34,12 +34,13 @@ class ComparedVersions:
 class ReportData:
     """Everything that a report shows; a section whose data are None or empty is left out.
 
-    tests: search scenario -> rows of all its campaigns. searched: rows of the campaigns that versions learn from, round by round.
-    detectors: version -> ONNX file, the searched version first. frames: frames.parquet of the search. filters: strategy ->
+    version: the one that was searched. tests: search scenario -> rows of all its campaigns. searched: rows of the campaigns that versions
+    learn from, round by round. detectors: version -> ONNX file. frames: frames.parquet of the search. filters: strategy ->
     its filter table. border: frames at the border of the filters. calibrations: of detectors that are only tested, if the study
     calibrates them. files: path -> SHA-256 of all that the page is made from.
     """
 
+    version: str
     measures: Measures
     regions: tuple[FailureRegions, ...]
     tests: Mapping[str, pd.DataFrame]

@@ -62,12 +62,12 @@ def run(job: Job) -> None:
     rows = read_all_tests(job.inputs("tests"))
     calibrations = [read(path, DetectorCalibration) for path in job.inputs("calibrations")]
     calibrations.sort(key=lambda found: found.version != version)  # The page's own detector comes first.
-    files = dict(zip(config.tested, job.inputs("detectors"), strict=True))
     compared = None
     if "comparison" in job.reads:
         comparison = read(job.input("comparison"), Comparison)
         compared = ComparedVersions(comparison, tests=read_tests(job.input("table")), changes=read_changes(job.input("changes")))
     data = ReportData(
+        version=version,
         measures=read(job.input("measures"), Measures).of(version),
         white_box=None,
         compared=compared,
@@ -79,7 +79,7 @@ def run(job: Job) -> None:
         calibrations={found.version: found for found in calibrations},
         filters={},
         cards=(),
-        detectors={version: files[version], **files},
+        detectors=dict(zip(config.tested, job.inputs("detectors"), strict=True)),
         frames=job.inputs("frames"),
         files=job.digests(),
         border=(),

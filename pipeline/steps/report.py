@@ -17,6 +17,7 @@ from pipeline.artefacts.tables import read_all_tests, read_tests
 from pipeline.artefacts.white_box_results import WhiteBoxMeasures
 from pipeline.config.schema import JUDGED, Config
 from pipeline.contract import Files, Job, Step, Wildcards
+from pipeline.core.lineage import BASE
 
 
 def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
@@ -27,7 +28,7 @@ def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
         "comparison": f"{root}/comparison.json",
         "table": f"{root}/comparison.parquet",
         "changes": f"{root}/changes.csv",
-        "regions": [folders.regions("base", scenario) for scenario in config.search],
+        "regions": [folders.regions(BASE, scenario) for scenario in config.search],
         "tests": folders.search("tests.parquet"),
         "frames": folders.search("frames.parquet"),
         "detections": folders.search("detections.parquet"),
@@ -69,6 +70,7 @@ def run(job: Job) -> None:
     learnt = rows[rows["strategy"].isin(sources)]
     filters = dict(zip(sources, map(read_filter, job.inputs("filters")), strict=True))
     data = ReportData(
+        version=BASE,
         measures=read(job.input("measures"), Measures),
         white_box=read(job.input("white_box"), WhiteBoxMeasures),
         compared=ComparedVersions(

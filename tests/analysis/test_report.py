@@ -375,6 +375,7 @@ def test_sections_without_data_are_left_out(study: FabricatedStudy) -> None:
     measures, regions = read(study.root / "measures.json", Measures), tuple(read(path, FailureRegions) for path in study.regions)
     rows = pd.concat([read_tests(path) for path in study.search_tests], ignore_index=True)
     data = ReportData(
+        version="base",
         measures=measures,
         regions=regions,
         tests={name: rows[rows["scenario"] == name] for name in study.config.search},
