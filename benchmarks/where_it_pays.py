@@ -148,7 +148,9 @@ def figure(found: Mapping[tuple[str, int], pd.DataFrame]) -> Figure:
         axes = {
             executions: {f"{tests:,}": failed for (base, tests), failed in found.items() if base == DEFAULT_KIND[0]},
             strength: {
-                f"{base}\n{failed['base'].mean():.1f} %": failed for (base, tests), failed in found.items() if tests == DEFAULT_KIND[1]
+                "\n".join([base, f"{failed['base'].mean():.1f} %", *([] if tests == DEFAULT_KIND[1] else [f"{tests} tests"])]): failed
+                for (base, tests), failed in found.items()
+                if tests == DEFAULT_KIND[1] or base != DEFAULT_KIND[0]
             },
         }
         for axis, points in axes.items():
@@ -160,7 +162,7 @@ def figure(found: Mapping[tuple[str, int], pd.DataFrame]) -> Figure:
                     axis.scatter([x + shift] * len(each), each, color=colour, s=18, alpha=0.5, linewidths=0)
             axis.set_xticks(range(len(points)), labels=list(points))
         executions.set(xlabel="tests a scenario, base long_tailed", ylabel="failures left, % of the base's", ylim=(0, None))
-        strength.set(xlabel=f"held-out tests that the base fails; {DEFAULT_KIND[1]} tests a scenario")
+        strength.set(xlabel=f"held-out tests that the base fails; {DEFAULT_KIND[1]} tests a scenario unless stated")
         legend_below(drawn, [executions, strength])
     return drawn
 

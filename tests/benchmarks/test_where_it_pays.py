@@ -36,11 +36,12 @@ def test_the_confirming_row_is_not_corrected() -> None:
 
 
 def test_what_is_left_of_the_bases_failures_by_hand() -> None:
-    found = where_it_pays.rates({("weak-100", seed): piece(base=20, random=10, adaptive=count) for seed, count in enumerate((6, 7, 8))})
+    pieces = {("weak-100", seed): piece(base=20, random=10, adaptive=count) for seed, count in enumerate((6, 7, 8))}
+    found = where_it_pays.rates({**pieces, ("rare-300", 900): piece(base=2, random=1, adaptive=1)})
     assert list(where_it_pays.left(found["weak", 100], "random")) == [50, 50, 50]
     assert np.allclose(where_it_pays.left(found["weak", 100], "adaptive"), [30, 35, 40])
     labels = [[text.get_text() for text in axis.get_xticklabels()] for axis in where_it_pays.figure(found).axes]
-    assert labels == [["100"], ["long_tailed\n18.5 %", "weak\n40.0 %"]]
+    assert labels == [["100"], ["rare\n4.0 %\n300 tests", "long_tailed\n18.5 %", "weak\n40.0 %"]]
 
 
 def test_every_piece_has_a_command() -> None:
