@@ -45,7 +45,7 @@ PIECES: dict[tuple[str, int], Sequence[int]] = {
 """The seeds of the searches by base and tests a scenario."""
 DEFAULT_KIND = ("long_tailed", 100)
 CONFIRMING = ("after_random", 100)
-"""The row that was asked after all others, whether it confirms one of them."""
+"""The row that was asked alone, whether it confirms another."""
 LEARNT = ("strong", "after_random")
 """The bases that have learnt from tests. The versions of their pieces face more held-out tests, right after the piece itself."""
 MORE = {f"{base}-more": "published" for base in LEARNT}

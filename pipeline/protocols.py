@@ -59,5 +59,5 @@ class Sampler(Protocol):
         ...
 
     def tell(self, points: Floats, kpi: Floats) -> None:
-        """Record the KPI of the asked points, (b, d) and (b,); NaN for an error."""
+        """Record the KPI of the asked points, (b, d) and (b,); NaN for an error. At or below the threshold, a test has failed."""
         ...

@@ -36,8 +36,9 @@ def write_openscenario(scenario: FunctionalScenario, concrete: Mapping[str, Valu
     if not stem.name:
         raise InputError(f"{out}: expected a name for both files")
     road, story = (stem.with_name(stem.name + suffix) for suffix in (".xodr", ".xosc"))
-    write_bytes(road, xml_bytes(open_drive(scenario.town)))
-    write_bytes(story, xml_bytes(open_scenario(scenario, concrete, road.name)))
+    made = {road: open_drive(scenario.town), story: open_scenario(scenario, concrete, road.name)}
+    for path, root in made.items():
+        write_bytes(path, xml_bytes(root))
     return road, story
 
 
@@ -201,7 +202,9 @@ def _objects(road: Xml.Element, town: Town, street: Street, first: float) -> int
     length = float(road.attrib["length"])
     wanted = [(c.at_m - street.start - first) * _stretch(street) for c in town.crosswalks if c.street == street.name]
     inside = [s for s in wanted if 0 <= s <= length]
-    objects = _add(road, "objects") if inside else road
+    if not inside:
+        return 0
+    objects = _add(road, "objects")
     for i, s in enumerate(inside):
         wide = street.right + street.left
         flat = {

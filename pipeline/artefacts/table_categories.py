@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-from numpy.typing import NDArray
 
 from pipeline.artefacts.space_file import MOST_CATEGORIES
 from pipeline.artefacts.spelling import Spellings, time_of
@@ -100,7 +99,7 @@ class Meanings:
         rows = np.flatnonzero(wrong >= 0)
         places, first, numbers = np.unique(wrong[rows], return_index=True, return_counts=True)
         for at in np.argsort(first):
-            value = None if places[at] == len(different) else different[int(places[at])].as_py()
+            value = None if places[at] == len(different) else _values(different.slice(int(places[at]), 1))[0]
             row, number = self._rows + int(rows[first[at]]), int(numbers[at])
             if value is None or value != value:
                 self._missing = self._missing or _Rows(row)
@@ -164,17 +163,14 @@ def _array(numbers: Any) -> Any:
 
 def _values(different: Any) -> list[Any]:
     """Python's values; a number of single precision as it is written, not as its double."""
-    return _written(different.to_numpy()).tolist() if pa.types.is_float32(different.type) else list(different.to_pylist())
-
-
-def _written(single: NDArray[np.float32]) -> Floats:
-    """Numbers of single precision as they are written: 0.7, not 0.699999988."""
-    different, places = np.unique(single, return_inverse=True)
-    return np.array(list(map(float, map(str, different))))[places]
+    single = pa.types.is_float32(different.type)
+    return list(map(float, map(str, different.to_numpy()))) if single else list(different.to_pylist())
 
 
 def _ranged(variable: Variable, different: Any) -> Ints:
     numbers, names = _numbers(different), {label: index for index, label in enumerate(variable.labels)}
+    for bound in (variable.low, variable.high, *(variable.cuts or ())) if pa.types.is_float32(different.type) else ():
+        numbers[numbers == np.float32(bound)] = bound  # Single precision of 0.7 lies below it.
     inside = (numbers >= variable.low) & (numbers <= variable.high)
     categories = np.full(len(numbers), -1)
     categories[inside] = variable.categorise(numbers[inside])
@@ -189,8 +185,6 @@ def _numbers(different: Any) -> Floats:
     if pa.types.is_timestamp(kind) or pa.types.is_date(kind):
         microseconds = different.cast(pa.timestamp("us"), safe=False).cast(pa.int64())
         return np.asarray(microseconds.to_numpy(zero_copy_only=False) / 1e6)
-    if pa.types.is_float32(kind):
-        return _written(_array(different))
     if pa.types.is_integer(kind) or pa.types.is_floating(kind):
         return np.asarray(_array(different), float)
     numbers = np.full(len(different), np.nan)

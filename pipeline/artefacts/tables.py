@@ -6,7 +6,7 @@ Every write and every read checks the schema. Equal rows give equal bytes; wall-
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -143,24 +143,24 @@ def read_timings(path: Path) -> pd.DataFrame:
     return _read(path, "timings", None)
 
 
-def write_campaign(out: Path, rows: Mapping[str, pd.DataFrame], space: Space) -> None:
+def write_campaign(out: Path, rows_of: Callable[[str], pd.DataFrame], space: Space) -> None:
     """Write the tables of a campaign beside `out`, its tests.parquet, which comes last.
 
-    rows: by name, as in `TABLES`; a table without rows needs no columns.
+    rows_of: the rows by name, as in `TABLES`, asked for one after the other; a table without rows needs no columns.
     """
     own = {"signals": write_signals, "detections": write_detections, "frames": write_frames, "timings": write_timings}
     for name, write in own.items():
-        write(out.with_name(f"{name}.parquet"), _filled(rows[name], [column.name for column in TABLES[name]]))
-    write_tests(out, _filled(rows["tests"], [*(column.name for column in TESTS), *space.names]), space)
+        write(out.with_name(f"{name}.parquet"), _filled(rows_of(name), [column.name for column in TABLES[name]]))
+    write_tests(out, _filled(rows_of("tests"), [*(column.name for column in TESTS), *space.names]), space)
 
 
 def _filled(rows: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
     return rows if len(rows) else pd.DataFrame(columns=list(names))
 
 
-def read_campaign(tests: Sequence[Path]) -> dict[str, pd.DataFrame]:
-    """The rows of campaigns by the name of their table, as in `TABLES`, one campaign after the other. tests: of each, its tests.parquet."""
-    return {name: pd.concat([_read(path.with_name(f"{name}.parquet"), name, None) for path in tests], ignore_index=True) for name in TABLES}
+def read_campaigns(tests: Sequence[Path], name: str) -> pd.DataFrame:
+    """The rows of a table, as in `TABLES`, of several campaigns, one after the other. tests: of each, its tests.parquet."""
+    return pd.concat([_read(path.with_name(f"{name}.parquet"), name, None) for path in tests], ignore_index=True)
 
 
 def write_why(path: Path, rows: pd.DataFrame) -> None:

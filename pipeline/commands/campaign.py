@@ -159,11 +159,11 @@ def planned(search: Search) -> CampaignPlan:
 
 def _check_used(search: Search) -> None:
     """InputError for an override that the campaign does not use."""
-    used = (f"scenarios.{search.scenario}.", f"samplers.{search.strategy}.", *USED)
+    used = (f"scenarios.{search.scenario}", f"samplers.{search.strategy}", *USED)
     for word in search.overrides:
         key = word.lstrip("+~").partition("=")[0]
-        if not any(key == own or key.startswith(own if own.endswith(".") else f"{own}.") for own in used):
-            raise InputError(f"{key}: a campaign by hand does not use it; it uses {', '.join(READ)} and {', '.join(used)}")
+        if not any(key == own or key.startswith(f"{own}.") for own in used):
+            raise InputError(f"{key}: the tests of this command do not depend on it; of a study's settings, it uses {', '.join(used)}")
 
 
 def summary(plan: CampaignPlan, done: Sequence[Executed]) -> str:

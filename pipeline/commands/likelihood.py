@@ -164,11 +164,16 @@ def plan_of(question: Question, scenario: str, exposure: ExposureFile) -> Campai
     """The campaign that an estimator asks for."""
     from pipeline.execution.campaign import sampler_seed
 
-    if not functional_scenario(scenario).asks_to_brake:
-        raise InputError(f"scenario: {scenario} asks the ego not to brake, and an estimator cannot learn from false activations")
-    overrides = ("campaign.keep_every=0", *question.overrides)
+    others = tuple(f"scenarios.{name}." for name in scenarios_of(question, exposure) if name != scenario)
+    own = (word for word in question.overrides if not word.lstrip("+~").startswith(others))
+    for word in question.overrides:
+        if word.lstrip("+~").startswith("samplers."):
+            raise InputError(f"{word}: an estimator chooses the tests, so no strategy counts; leave the word out")
+    overrides = ("campaign.keep_every=0", *own)
     search = Search(scenario, INDEPENDENT, question.budget, question.seed, question.model, question.folder / scenario, overrides)
     base = planned(search)
+    if not base.setup.scenario.asks_to_brake:
+        raise InputError(f"scenario: {scenario} asks the ego not to brake, and an estimator cannot learn from false activations")
     distribution(exposure, scenario, base.space)
     campaign = CampaignId(scenario, question.method, question.model.name, question.seed)
     below = {} if question.below is None else {"below": question.below}
@@ -188,11 +193,14 @@ def rate_of(plan: CampaignPlan, done: Sequence[Executed]) -> Rate:
     """The rate of executed tests: an estimator's state is its history, so it is told once more."""
     import numpy as np
 
+    from pipeline.core.kpi import told
+
     estimator: Any = plan.sampler()
-    kpi, told = np.array([test.kpi.adj_ttc_s for test in done]), 0
-    while len(points := estimator.ask()[: len(done) - told]):
-        estimator.tell(points, kpi[told : told + len(points)])
-        told += len(points)
+    kpi = told(np.array([test.kpi.adj_ttc_s for test in done]), [test.kpi.failure for test in done], plan.failure_threshold_s)
+    number = 0
+    while len(points := estimator.ask()[: len(done) - number]):
+        estimator.tell(points, kpi[number : number + len(points)])
+        number += len(points)
     rate: Rate = estimator.rate()
     return rate
 

@@ -27,7 +27,7 @@ class Kpi:
     ttc_s: float = column("smallest time-to-collision (Eq. 5.2)", "s")
     adj_ttc_per_frame_s: float = column("smallest TTC over one plus the false positives of an average frame", "s")
     failure: bool = column(
-        "whether the adjusted TTC is at or below the threshold (Def. 4.10); without a collision path, whether there is a false activation"
+        "whether the adjusted TTC is at or below the threshold (Def. 4.10); without collision path and contact, any false activation"
     )
     failure_mode: FailureMode = column("how it failed; `false_positives` means by false positives alone")
     cause: Cause = column("why it failed; see `pipeline.core.causes`")
@@ -36,7 +36,7 @@ class Kpi:
     smallest_gap_m: float = column("smallest distance between the footprints of ego and pedestrian", "m")
     post_encroachment_s: float = column(
         "time from the pedestrian leaving the corridor to the ego reaching the conflict point, if need be at its last speed; no value in "
-        "any other order",
+        "any other order or if the ego stops",
         "s",
     )
     first_detection_s: float = column("time of the first detection of the pedestrian; no value if never", "s")

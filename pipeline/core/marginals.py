@@ -35,7 +35,7 @@ class Marginal:
     @staticmethod
     def parts(variable: Variable, edges: ArrayLike, shares: ArrayLike) -> Marginal:
         """A marginal of a continuous or integer variable; a part of an integer variable has the whole numbers from its lower end to below
-        its upper end, the last part also that end."""
+        its upper end, the last part also that end. A cyclic variable's upper bound counts as its lower bound."""
         ends, mass = np.asarray(edges, float), _checked(shares)
         if len(ends) != len(mass) + 1 or (np.diff(ends) <= 0).any() or ends[0] < variable.low or ends[-1] > variable.high:
             raise ValueError(

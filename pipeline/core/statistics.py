@@ -136,7 +136,7 @@ def censored_mean(values: ArrayLike, reached: ArrayLike, confidence: float = 0.9
     strategy that fails to find anything in its bad campaigns. The interval is Student's over the jackknife's pseudo-values (Andersen, Klein
     & Rosthøj 2003); without censoring they are the values, and the result is the plain mean with `mean_interval`. least: lower limit of the
     mean; with a censored value, the largest one is its upper limit. If all values are censored, the estimate is the largest of them, as a
-    lower bound, without an interval. Nor has it one, both limits being the estimate, if all pseudo-values are equal.
+    lower bound, without an interval. If all pseudo-values are equal, both limits are the estimate.
 
     The estimate assumes that a censored value is no different from the others that got as far.
     """

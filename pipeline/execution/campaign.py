@@ -185,7 +185,7 @@ def write(plan: CampaignPlan, done: Sequence[Executed], out: Path) -> None:
             [{"test_id": name, "sampler_s": test.sampler_s, "simulate_s": test.outcome.simulate_s} for name, test in named]
         ),
     }
-    tables.write_campaign(out, rows, plan.space)
+    tables.write_campaign(out, rows.__getitem__, plan.space)
 
 
 def join(campaign: CampaignId, shards: Sequence[Path], space: Space, out: Path) -> None:
@@ -193,12 +193,12 @@ def join(campaign: CampaignId, shards: Sequence[Path], space: Space, out: Path) 
 
     shards, out: paths of tests.parquet. Without a valid test, raises what `run_campaign` does and withdraws the stamps of the shards.
     """
-    rows = tables.read_campaign(shards)
-    if (rows["tests"]["status"] == "error").all():
+    tests = tables.read_campaigns(shards, "tests")
+    if (tests["status"] == "error").all():
         for shard in shards:  # Errors that a person has to mend first are executed again.
             stamps.withdraw(shard.with_name(shard.name + stamps.SUFFIX))
-        raise no_result(campaign, list(rows["tests"]["reason"]))
-    tables.write_campaign(out, rows, space)
+        raise no_result(campaign, list(tests["reason"]))
+    tables.write_campaign(out, lambda name: tables.read_campaigns(shards, name), space)
 
 
 def _history(path: Path, space: Space, failure_threshold_s: float) -> tuple[Floats, Floats]:

@@ -25,9 +25,9 @@ HALF_WIDTHS_M: dict[VehicleKind, float] = {"hatchback": 0.88, "saloon": 0.89, "v
 EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M = 2.5, 0.95
 ON_PATH_M = 0.25
 CLEAR_M = 2.2
+"""Lateral distance from the middle of the ego's path at which a pedestrian gives no reason to brake: beyond the lane's edge and a step."""
 TIME_LIMIT_S = 12.0
 """A test ends after this time at the latest: when the ego has braked and waits."""
-"""Lateral distance from the middle of the ego's path at which a pedestrian gives no reason to brake: beyond the lane's edge and a step."""
 
 RESERVED = {
     *("test_id", "index", "batch", "status", "reason", *(each.name for each in (*columns(CampaignId), *KPIS))),

@@ -125,6 +125,10 @@ def test_a_filter_after_an_area_replaces_it(page: Page, rows: pd.DataFrame) -> N
     expect(page.locator("#explorer-count")).to_have_text(counted(rows, rows["fog"] >= 60))
     page.get_by_role("button", name="Show all tests").click()
     expect(page.locator("#explorer-count")).to_have_text(counted(rows))
+    page.get_by_role("button", name="Choose an area").click()
+    drag(page, "#explorer-scatter", (0.3, 0.3), (0.6, 0.95))
+    page.wait_for_timeout(300)  # What would take the choice back comes right after it.
+    expect(page.locator("#explorer-count")).to_have_text(re.compile(rf"^\d+ tests, \d+ failures of {counted(rows)}$"))
 
 
 def test_a_range_of_an_axis_chooses_rows(page: Page, rows: pd.DataFrame) -> None:

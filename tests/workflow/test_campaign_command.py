@@ -61,9 +61,12 @@ def test_overrides_of_the_scenario_and_of_the_strategy_count(tmp_path: Path) -> 
         (["scenario=F99"], "F99"),
         (["budget"], "expected key=value, got 'budget'"),
         (["camera=big"], "camera"),
-        (["campaign.tests=9"], "campaign.tests: a campaign by hand does not use it; it uses scenario, strategy, budget, seed, model, out"),
-        (["samplers.network.batch_size=9"], "samplers.network.batch_size: a campaign by hand does not use it"),
-        (["search=[F2]"], "search: a campaign by hand does not use it"),
+        (
+            ["campaign.tests=9"],
+            "campaign.tests: the tests of this command do not depend on it; of a study's settings, it uses scenarios.F1",
+        ),
+        (["samplers.network.batch_size=9"], "samplers.network.batch_size: the tests of this command do not depend on it"),
+        (["search=[F2]"], "search: the tests of this command do not depend on it"),
     ],
 )
 def test_wrong_words_are_told_before_any_work(words: list[str], told: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -84,6 +84,8 @@ def test_random_campaigns_are_weighed_and_searches_refused(tmp_path: Path, capsy
         (["scenario=F1,F1"], "scenario: expected distinct scenarios, got F1,F1"),
         (["scenario=all", "exposure=uniform"], "scenario=all: exposure 'uniform' has no shares of scenarios, so name them, as in"),
         (["scenario=N1"], "scenario: N1 asks the ego not to brake"),
+        (["samplers.random.batch_size=9"], "samplers.random.batch_size=9: an estimator chooses the tests"),
+        (["campaign.tests=9"], "campaign.tests: the tests of this command do not depend on it"),
         (["budget"], "expected key=value, got 'budget'"),
         (["scenario=F1", "--from", "nowhere"], "scenario: --from executes nothing and weighs the tests in its folders"),
         (["aeb.votes=2", "--from", "nowhere"], "aeb.votes: --from executes nothing"),

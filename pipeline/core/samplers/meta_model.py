@@ -117,8 +117,8 @@ class MetaModelSampler(BatchSampler):
 def scaled(kpi: Floats) -> Floats:
     """(n,) KPIs, infinite ones included but no NaN, scaled to [0, 1] from the lowest to the highest (Def. 4.21).
 
-    One very high KPI would make all others look alike. So those that lie above the lowest by more than four times as much as the third
-    quartile does count as just that high, like infinite ones. Equal KPIs are all 0.5.
+    One very high KPI would make all others look alike. So KPIs, infinite ones too, are clipped at the lowest plus four times the distance
+    from there to the third quartile. Equal KPIs are all 0.5.
     """
     finite = kpi[np.isfinite(kpi)]
     if not len(finite) or np.ptp(finite) == 0:

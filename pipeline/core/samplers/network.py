@@ -62,8 +62,7 @@ def forward(layers: Layers, inputs: Floats) -> list[Floats]:
 
 
 def loss_and_gradients(layers: Layers, inputs: Floats, kpi: Floats, penalty: float) -> tuple[float, Layers]:
-    """Mean squared error plus `penalty` times the sum of the squared weights, over the number of tests; and its gradients, shaped like the
-    layers."""
+    """Squared errors plus `penalty` times the squared weights, both summed and divided by the number of tests; and its gradients."""
     outputs, count = forward(layers, inputs), len(kpi)
     error = outputs[-1][:, 0] - kpi
     loss = float(error @ error + penalty * sum(float(np.sum(weights**2)) for weights, _ in layers)) / count

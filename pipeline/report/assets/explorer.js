@@ -128,7 +128,7 @@
     table.clearFilter();
     table.clearHeaderFilter();
     label();  // The fields are new ones.
-    drawn = null;
+    drawn = "[]";
     draw(rows);
   }
 
