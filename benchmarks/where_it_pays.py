@@ -162,7 +162,7 @@ def figure(found: Mapping[tuple[str, int], pd.DataFrame]) -> Figure:
                     axis.scatter([x + shift] * len(each), each, color=colour, s=18, alpha=0.5, linewidths=0)
             axis.set_xticks(range(len(points)), labels=list(points))
         executions.set(xlabel="tests a scenario, base long_tailed", ylabel="failures left, % of the base's", ylim=(0, None))
-        strength.set(xlabel=f"held-out tests that the base fails; {DEFAULT_KIND[1]} tests a scenario unless stated")
+        strength.set(xlabel=f"held-out tests that the base fails; {DEFAULT_KIND[1]} tests, or as stated")
         legend_below(drawn, [executions, strength])
     return drawn
 
