@@ -23,5 +23,6 @@ with pytest.MonkeyPatch.context() as patch:
         "front_car",
         "completion",
         "scaling",
+        "headline",
     ):
         importlib.import_module(script)
