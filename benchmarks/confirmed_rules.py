@@ -26,7 +26,7 @@ from pipeline.config.composing import compose, functional_scenario
 from pipeline.core.confirmation import draw_inside
 from pipeline.core.counted import Counted
 from pipeline.execution.confirming import counted
-from pipeline.execution.points import executed
+from pipeline.execution.points import Executor
 from pipeline.execution.workers import Setup
 from pipeline.progress import Progress
 
@@ -71,7 +71,7 @@ def run(rules: pd.DataFrame, workers: int) -> Iterator[dict[str, object]]:
         setup = Setup(config.simulator, described, config.detector, MODEL, config.car, config.limits)
         folder = JOURNALS / f"{rule.seed}-{rule.number}"
         with Progress(f"seed {rule.seed}, rule {rule.number}") as progress:
-            outcomes = executed(points, setup, folder, workers, progress)
+            outcomes = Executor(setup, folder, workers, progress).outcomes(points)
         stated, checks = (counted(part, config.campaign.failure_threshold_s) for part in (outcomes[:STATED], outcomes[STATED:]))
         shutil.rmtree(folder)
         counts = {"stated_tests": stated.tests, "stated_failures": stated.failures}

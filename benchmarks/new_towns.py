@@ -48,7 +48,7 @@ def main() -> None:
         if known := worlds & card.worlds:
             raise SystemExit(f"{version} was trained on {len(list(known))} of these towns and populations; choose another --seed")
         with tempfile.TemporaryDirectory() as folder:
-            found = detect_all(onnx_of(version, Path(folder)), images, Calibration(**card.calibration))
+            found = detect_all(onnx_of(version, Path(folder)), images, lambda *_: None, Calibration(**card.calibration))
         new, scores = evaluate(found, images, threshold), judged_scores(found, images)[0]
         cells = (f"{new[name]:.3f} ({card.metrics[name]:.3f})" for name in ("ap50", "ap50_95", "recall", "precision"))
         print(f"{version.name:14}{''.join(f'{cell:>15}' for cell in cells)}{np.mean(scores[scores >= threshold]):7.3f}", flush=True)

@@ -70,28 +70,22 @@ def fabricated(tests: int, folder: Path) -> Path:
     """A page with so many tests in the default study's campaigns."""
     config = compose("default", ["simulator=analytic", "detector=oracle"])
     started, spaces = time.perf_counter(), {name: config.space(name) for name in config.search}
-    labels = {name: config.scenarios[name].label for name in spaces}
     every = campaigns(config)
     tables = {campaign: rows_of(campaign, spaces[campaign.scenario], tests // len(every)) for campaign in every}
     by_scenario = {name: pd.concat([rows for key, rows in tables.items() if key.scenario == name], ignore_index=True) for name in spaces}
+    rows = pd.concat(by_scenario.values(), ignore_index=True)
     measured = [measure_campaign(campaign, tables, spaces, "random") for campaign in tables]
     groups = tuple(summarise(group, 0.95, "random", {"random"}) for group in by_strategy(measured))
-    infos = [ScenarioInfo(name, labels[name], "", 1) for name in spaces]
+    infos = [ScenarioInfo(name, config.scenarios[name].label, "", 1) for name in spaces]
     data = ReportData(
         version="base",
         measures=Measures(confidence=0.95, k=2, baseline="random", campaigns=tuple(measured), strategies=groups),
         regions=tuple(cluster(info, spaces[info.name], by_scenario[info.name], config.regions) for info in infos),
-        tests=by_scenario,
-        spaces=spaces,
-        labels=labels,
+        known={info.name: (info, spaces[info.name]) for info in infos},
+        rows=rows,
+        learnt=rows,
         detectors={"base": Path()},
         frames=(),
-        white_box=None,
-        compared=None,
-        searched=pd.concat(by_scenario.values(), ignore_index=True),
-        filters={},
-        cards=(),
-        border=(),
         files={},
     )
     figures = draw_figures(data, list(config.strategies), config.campaign.failure_threshold_s)

@@ -130,9 +130,12 @@ def read_sealed(path: Path) -> bytes:
     return content
 
 
-def program_sha256() -> str:
-    """Hexadecimal SHA-256 of this package's source: intermediate results of another code version are ignored."""
-    return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(Path(__file__).parents[1].rglob("*.py")))).hexdigest()
+def program_sha256(*packages: str) -> str:
+    """Hexadecimal SHA-256 of this package's source, or of some packages in it: intermediate results of another code version are ignored."""
+    root = Path(__file__).parents[1]
+    files = sorted({path for name in packages or ("",) for path in (root / name).rglob("*.py")})
+    listed = (f"{path.relative_to(root)} {hashlib.sha256(path.read_bytes()).hexdigest()}\n" for path in files)
+    return hashlib.sha256("".join(listed).encode()).hexdigest()
 
 
 def sha256(path: Path) -> str:

@@ -38,6 +38,12 @@ class Folders:
         return [f"{self.root}/{name}" for name in made[self.config.goal]]
 
     @property
+    def compared(self) -> dict[str, str]:
+        """The comparison, the tests that it compares, and the changed ones."""
+        files = {"comparison": "comparison.json", "table": "comparison.parquet", "changes": "changes.csv"}
+        return {kind: f"{self.root}/{name}" for kind, name in files.items()}
+
+    @property
     def plots(self) -> list[str]:
         """The report's plots."""
         each = [f"{kind}_{scenario}" for scenario in self.config.search for kind in ("kpi", "pairs", "failures")]

@@ -9,8 +9,11 @@ import pandas as pd
 
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.tables import read_tests
+from pipeline.config.composing import load
 from pipeline.core.names import nearest
 from pipeline.errors import InputError
+
+DATA = Path("data")
 
 
 def recorded(folders: Folders, test: str) -> pd.Series:
@@ -18,7 +21,7 @@ def recorded(folders: Folders, test: str) -> pd.Series:
     tables = campaigns(folders)
     campaign = test.rpartition("-")[0]
     if campaign not in tables:
-        hint = _elsewhere(campaign, Path(folders.root).parent)
+        hint = _elsewhere(campaign)
         if not tables and not hint:
             raise InputError(f"study {folders.config.study} has no executed campaign here; make it with ./run")
         raise InputError(f"study {folders.config.study} has no campaign '{campaign}'{hint or nearest(campaign, list(tables))}")
@@ -31,12 +34,24 @@ def recorded(folders: Folders, test: str) -> pd.Series:
     return row
 
 
-def _elsewhere(campaign: str, data: Path) -> str:
-    """Which study with a params.yaml of its own, as `test-detector` makes them, has executed a campaign; empty if none."""
-    for params in sorted(data.glob("*/params.yaml")):
-        if any("-".join(path.parts[-5:-1]) == campaign for path in params.parent.glob("*/*/*/*/*/tests.parquet")):
-            return f"; study {params.parent.name} has: add --params {params}"
-    return ""
+def params_of(test: str, params: Path) -> Path:
+    """The configuration of the study that has executed a test: `params`, unless exactly one study with a params.yaml of its own, as
+    `test-detector` makes them, has."""
+    campaign = test.rpartition("-")[0]
+    if params.is_file() and campaign in campaigns(Folders(load(params))):
+        return params
+    own = [path for path in sorted(DATA.glob("*/params.yaml")) if _executed(path.parent, campaign)]
+    return own[0] if len(own) == 1 else params
+
+
+def _executed(study: Path, campaign: str) -> bool:
+    return any("-".join(path.parts[-5:-1]) == campaign for path in study.glob("*/*/*/*/*/tests.parquet"))
+
+
+def _elsewhere(campaign: str) -> str:
+    """Which studies with a params.yaml of their own have executed a campaign; empty if none."""
+    found = [path for path in sorted(DATA.glob("*/params.yaml")) if _executed(path.parent, campaign)]
+    return f"; choose its study: --params {' or '.join(map(str, found))}" if found else ""
 
 
 def campaigns(folders: Folders) -> Mapping[str, Path]:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.config.project import typed
+from pipeline.progress import Progress
 
 HELP = "Write the int8 form of our detector and print its loss of average precision."
 CALIBRATION_IMAGES = 100
@@ -41,11 +42,11 @@ def run(options: argparse.Namespace) -> int:
     training, validation = (read_dataset(options.base_set.parent, split) for split in ("train", "val"))
     shown = np.linspace(0, len(training) - 1, min(CALIBRATION_IMAGES, len(training))).astype(int)
     print("form     AP50   AP50-95  false positives per image")
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, Progress("quantise") as progress:
         whole = onnx_of(options.model, Path(folder))
         quantise(whole, training.images[shown], options.out)
         for name, path in {"float32": whole, "int8": options.out}.items():
-            metrics = evaluate(detect_all(path, validation, calibration), validation, threshold)
+            metrics = evaluate(detect_all(path, validation, progress, calibration), validation, threshold)
             print(f"{name:8} {metrics['ap50']:.3f}  {metrics['ap50_95']:.3f}    {metrics['false_positives_an_image']:.4f}")
     print(f"on {len(validation)} validation images at confidence {threshold:g}; {options.out}")
     return 0

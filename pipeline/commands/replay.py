@@ -10,7 +10,7 @@ import pandas as pd
 from pipeline.artefacts.calibration_results import read_calibration
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.points import concrete
-from pipeline.artefacts.recorded_tests import recorded
+from pipeline.artefacts.recorded_tests import params_of, recorded
 from pipeline.config.composing import PARAMS, load
 from pipeline.config.project import typed
 from pipeline.core import kpi
@@ -22,7 +22,7 @@ HELP = "Execute a test of the study again, write its replay and compare the resu
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("test", metavar="TEST_ID", help="as in tests.parquet and on the report, such as F1-forest-base-0-00012")
-    parser.add_argument("--params", type=typed, default=PARAMS, help="configuration of the study (default: %(default)s)")
+    parser.add_argument("--params", type=typed, help=f"configuration of the study (default: {PARAMS}, or the study that has the test)")
     parser.add_argument("--out", type=typed, default="replay.mp4", help=".mp4 or .gif (default: %(default)s)")
 
 
@@ -33,7 +33,7 @@ def run(options: argparse.Namespace) -> int:
     from pipeline.report.replays import Replay, check_replay, render_replay
 
     check_replay(options.out)
-    config = load(options.params)
+    config = load(options.params or params_of(options.test, PARAMS))
     folders = Folders(config)
     row = recorded(folders, options.test)
     scenario, version = str(row["scenario"]), str(row["version"])

@@ -133,6 +133,7 @@ def judged(folder: Path, config: Config, car: Car, options: argparse.Namespace) 
     from pipeline.artefacts.folders import Folders
     from pipeline.artefacts.tables import campaign_of, read_tests
     from pipeline.execution.again import driven_again, judged_again
+    from pipeline.execution.points import Executor
     from pipeline.execution.workers import Setup
 
     path, threshold = folder / "tests.parquet", config.campaign.failure_threshold_s
@@ -145,8 +146,8 @@ def judged(folder: Path, config: Config, car: Car, options: argparse.Namespace) 
         setup = replace(Setup.of(config, campaign.scenario, model, calibration), car=car)
         label = f"{campaign.scenario}, IoU {car.criterion.iou:g}, threshold {car.criterion.threshold:g}"
         with tempfile.TemporaryDirectory() as scratch, Progress(label) as progress:
-            journal, space = Path(scratch) / "journal", config.space(campaign.scenario)
-            tests, left = driven_again(again, space, setup, threshold, journal, options.workers, progress), 0
+            executor = Executor(setup, Path(scratch) / "journal", options.workers, progress)
+            tests, left = driven_again(again, config.space(campaign.scenario), threshold, executor), 0
     valid = tests[tests["status"] == "ok"]
     failed = valid[valid["failure"].astype(bool)]
     causes = failed["cause"].value_counts().sort_index()

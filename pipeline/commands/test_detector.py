@@ -172,7 +172,7 @@ def table(config: Config) -> str:
                 lines.append(f"{version} on {scenario}, {region.name}: {region.rule} ({inside})")
                 lines += [f"  {region.why.sentence}"] if region.why else []
     if len(config.tested) > 1:
-        comparison = Path(folders.root, "comparison.json")
+        comparison = Path(folders.compared["comparison"])
         lines += ["", verdict_table(read(comparison, Comparison))]
     return "\n".join(lines)
 

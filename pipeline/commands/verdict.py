@@ -26,7 +26,7 @@ def run(options: argparse.Namespace) -> int:
     comparison: Path | None = options.comparison
     if comparison is None:
         folders = Folders(load(options.params))
-        comparison = Path(folders.root, "comparison.json")
+        comparison = Path(folders.compared["comparison"])
         if folders.config.goal != "report":
             if len(folders.config.tested) > 1:
                 print(f"{verdict_table(read(comparison, Comparison))}\n")

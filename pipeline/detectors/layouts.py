@@ -69,6 +69,14 @@ def recognise(shape: Sequence[int | str | None], width: int, height: int) -> Lay
     return None
 
 
+def admits(layout: Layout, shape: Sequence[int | str | None], width: int, height: int) -> bool:
+    """Whether an output (1, a, b) can have a layout. width, height: of the model's images, 0 if open; what is open fits every layout."""
+    cells = sum((width // stride) * (height // stride) for stride in STRIDES)
+    rows, columns = {"yolov8": (None, cells or None), "yolov5": (3 * cells or None, None), "end_to_end": (None, 6)}[layout]
+    pairs = zip(shape[1:], (rows, columns), strict=True)
+    return all(have == want for have, want in pairs if isinstance(have, int) and want is not None)
+
+
 def class_names(metadata: Mapping[str, str]) -> dict[int, str]:
     """The class names that Ultralytics writes into a model, empty if there are none; parsed as a literal, never executed."""
     try:

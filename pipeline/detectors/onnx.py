@@ -123,12 +123,13 @@ class OnnxDetector:
             raise InputError(f"{self._model} must have {EXPECTED}; it has {found}")
         rows, columns = first.shape[2:]
         known = isinstance(rows, int) and isinstance(columns, int)
-        layout = declared or layouts.recognise(outputs[0].shape, columns if known else 0, rows if known else 0)
+        shape, width, height = outputs[0].shape, columns if known else 0, rows if known else 0
+        layout = declared or layouts.recognise(shape, width, height)
         if layout is None:
             choices = ", ".join(LAYOUTS[1:])
-            raise InputError(
-                f"{self._model}: cannot recognise the layout of its output {outputs[0].shape}; set detector.layout to one of {choices}"
-            )
+            raise InputError(f"{self._model}: cannot recognise the layout of its output {shape}; set detector.layout to one of {choices}")
+        if not layouts.admits(layout, shape, width, height):
+            raise InputError(f"{self._model}: detector.layout is {layout}, but an output {shape} cannot have this layout")
         return layout
 
     def _person_class(self, declared: str | int | None) -> int:
@@ -147,7 +148,7 @@ def _session(path: Path, threads: int) -> onnxruntime.InferenceSession:
     read_bytes(path)  # Checks them. The runtime gets the path, because it may find tensors in files beside it.
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads, options.inter_op_num_threads = threads, 1
-    options.log_severity_level = 3
+    options.log_severity_level = 4  # The runtime's errors become exceptions; it must not print them, too.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     try:
         return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])

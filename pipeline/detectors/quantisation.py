@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 import tempfile
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -33,8 +34,7 @@ class _Images(CalibrationDataReader):  # type: ignore[misc]
 
 def quantise(whole: Path, images: NDArray[np.uint8], out: Path) -> None:
     """Write the int8 form of one of our ONNX files. images: (n, h, w, 3) uint8 RGB, which set the ranges of the activations."""
-    logging.getLogger().setLevel(logging.ERROR)  # ONNX Runtime recommends its preprocessing, which has already run.
-    with tempfile.TemporaryDirectory() as folder:
+    with _errors_alone(), tempfile.TemporaryDirectory() as folder:
         prepared, made = Path(folder) / "prepared.onnx", Path(folder) / "int8.onnx"
         quant_pre_process(whole, prepared, skip_symbolic_shape=True)
         quantize_static(
@@ -50,6 +50,18 @@ def quantise(whole: Path, images: NDArray[np.uint8], out: Path) -> None:
             calibrate_method=CalibrationMethod.MinMax,
         )
         write_bytes(out, made.read_bytes())
+
+
+@contextmanager
+def _errors_alone() -> Iterator[None]:
+    """Silence ONNX Runtime, which recommends its preprocessing although that has already run."""
+    logger = logging.getLogger()
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
 
 
 def _last_convolutions(path: Path) -> list[str]:

@@ -18,7 +18,7 @@ ROUNDING = 1e-3
 """Tolerance of scores outside [0, 1], for rounding in half precision."""
 Floats = NDArray[np.float32]
 Share = Annotated[float, Field(gt=0, lt=1)]
-"""A threshold of scores or of IoU. Whoever makes a detector from a config checks it."""
+"""A threshold of scores or of IoU. It is checked when a detector is made from a config."""
 
 
 def reported(model: object, boxes: Floats, scores: Floats, threshold: float, iou: float) -> Detections:

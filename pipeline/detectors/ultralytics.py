@@ -10,7 +10,7 @@ from pipeline.core.detections import Detections
 from pipeline.core.episode import Frame
 from pipeline.detectors.layouts import person_class
 from pipeline.detectors.suppression import Share, inside, reported
-from pipeline.errors import InputError
+from pipeline.errors import InputError, one_line
 
 
 class UltralyticsDetector:
@@ -18,7 +18,7 @@ class UltralyticsDetector:
 
     model: an .onnx file, or a .pt checkpoint if `trusted`, because reading one can run code. threshold, iou, person: as for `OnnxDetector`.
 
-    InputError if the package or the file is missing, or a checkpoint is not trusted.
+    InputError if the package or the file is missing, if the file is damaged, or if a checkpoint is not trusted.
     """
 
     def __init__(
@@ -34,10 +34,15 @@ class UltralyticsDetector:
         try:
             from ultralytics import YOLO
         except ImportError as error:
-            raise InputError("this adapter needs Ultralytics' package (AGPL-3.0): pip install ultralytics") from error
+            raise InputError(f"this adapter needs Ultralytics' package (AGPL-3.0): pip install ultralytics ({one_line(error)})") from error
         self._path, self._threshold, self._iou = path, threshold, iou
-        self._model = YOLO(str(path), task="detect")
-        names = {int(number): str(name) for number, name in self._model.names.items()}
+        # An ONNX file has a size of its own, and older versions of the package read it from the file for the first image alone.
+        self._sized = path.suffix != ".onnx"
+        try:
+            self._model = YOLO(str(path), task="detect")
+            names = {int(number): str(name) for number, name in self._model.names.items()}
+        except Exception as error:  # A damaged file makes the library raise anything.
+            raise InputError(f"Ultralytics cannot load {path} as a detector: {one_line(error)}") from error
         self._person = person_class(path, names, len(names), person)
 
     def detect(self, frame: Frame) -> Detections:
@@ -48,8 +53,8 @@ class UltralyticsDetector:
             conf=self._threshold,
             iou=self._iou,
             classes=[self._person],
-            imgsz=(height, width),
             verbose=False,
+            **({"imgsz": (height, width)} if self._sized else {}),
         )
         boxes, scores = result.boxes.xyxy.cpu().numpy(), result.boxes.conf.cpu().numpy()
         return reported(self._path, *inside(boxes, scores, width, height), self._threshold, self._iou)

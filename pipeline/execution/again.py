@@ -12,9 +12,7 @@ from pipeline.artefacts.points import concrete
 from pipeline.artefacts.tables import read_detections, read_signals, read_tests
 from pipeline.core.car import Car
 from pipeline.core.space import Space
-from pipeline.execution.points import executed
-from pipeline.execution.workers import Setup
-from pipeline.progress import Progress
+from pipeline.execution.points import Executor
 
 
 @dataclass(frozen=True)
@@ -34,14 +32,11 @@ def judged_again(folder: Path, car: Car, failure_threshold_s: float) -> Again:
     return Again(tests.reset_index(), tuple(driven_otherwise(signals, again)))
 
 
-def driven_again(
-    again: Again, space: Space, setup: Setup, failure_threshold_s: float, journal: Path, threads: int, progress: Progress
-) -> pd.DataFrame:
-    """The tests, with those that the car drives otherwise executed again. journal: folder from which a killed call resumes; the caller
-    removes it."""
+def driven_again(again: Again, space: Space, failure_threshold_s: float, executor: Executor) -> pd.DataFrame:
+    """The tests, with those that the car drives otherwise executed again."""
     rows = again.tests.set_index("test_id")
     points = [concrete(rows.loc[test], space) for test in again.others]
-    for test, outcome in zip(again.others, executed(points, setup, journal, threads, progress), strict=True):
+    for test, outcome in zip(again.others, executor.outcomes(points), strict=True):
         now = {"status": outcome.status, "reason": outcome.reason, **asdict(outcome.kpi(failure_threshold_s))}
         rows.loc[test, list(now)] = list(now.values())
     return rows.reset_index()[list(again.tests)]

@@ -56,7 +56,8 @@ class CampaignPlan:
     @property
     def identity(self) -> str:
         """Digest of everything that the campaign's tests depend on."""
-        parts = [self.setup.identity, self.strategy, self.strategy_seed, self.tests, [sha256(path) for path in self.earlier]]
+        known = [self.failure_threshold_s, *(sha256(path) for path in self.earlier)]  # A strategy's tests depend on what it is told.
+        parts = [self.setup.identity, self.strategy, self.strategy_seed, self.tests, known]
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
     def sampler(self) -> Sampler:

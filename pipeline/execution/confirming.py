@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -15,9 +14,7 @@ from pipeline.core.confirmation import confirmed, draw_inside, draw_just_outside
 from pipeline.core.counted import Counted
 from pipeline.core.space import Floats, Space
 from pipeline.execution.journal import Outcome
-from pipeline.execution.points import executed
-from pipeline.execution.workers import Setup
-from pipeline.progress import Progress
+from pipeline.execution.points import Executor
 
 
 def counted(outcomes: Sequence[Outcome], failure_threshold_s: float) -> Counted:
@@ -29,20 +26,18 @@ def counted(outcomes: Sequence[Outcome], failure_threshold_s: float) -> Counted:
 
 @dataclass(frozen=True)
 class FreshTests:
-    """What confirms rules. tests: inside each rule, and as many just outside. journal: folder from which a killed call resumes; the caller
-    removes it."""
+    """What confirms rules. tests: inside each rule, and as many just outside."""
 
     space: Space
-    setup: Setup
+    executor: Executor
     failure_threshold_s: float
     tests: int
     confidence: float
-    journal: Path
 
-    def confirm(self, found: Sequence[Found], threads: int, progress: Progress) -> tuple[FailureRegion, ...]:
+    def confirm(self, found: Sequence[Found]) -> tuple[FailureRegion, ...]:
         """The regions with their confirmations. All rules together are confirmed with an error of at most 1 - confidence."""
         drawn = [points for one in found for points in self._drawn(one)]
-        outcomes = self._outcomes(np.concatenate(drawn), threads, progress) if drawn else []
+        outcomes = self._outcomes(np.concatenate(drawn)) if drawn else []
         ends = np.cumsum([len(points) for points in drawn])
         counts = [counted(outcomes[end - len(points) : end], self.failure_threshold_s) for points, end in zip(drawn, ends, strict=True)]
         pairs = list(zip(counts[::2], counts[1::2], strict=True))
@@ -53,8 +48,8 @@ class FreshTests:
         rng, rule = found.rng("confirm"), found.group.rule
         return draw_inside(self.space, rule, self.tests, rng), draw_just_outside(self.space, rule, self.tests, rng)
 
-    def _outcomes(self, points: Floats, threads: int, progress: Progress) -> list[Outcome]:
-        return executed([self.space.decode(point) for point in points], self.setup, self.journal, threads, progress)
+    def _outcomes(self, points: Floats) -> list[Outcome]:
+        return self.executor.outcomes([self.space.decode(point) for point in points])
 
     def _with(self, region: FailureRegion, inside: Counted, outside: Counted, holds: bool) -> FailureRegion:
         found = Confirmation(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import reduce
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -18,10 +17,9 @@ from pipeline.core.sight import Sight, sight
 from pipeline.core.signals import Signals
 from pipeline.core.space import Value
 from pipeline.execution.journal import Outcome
-from pipeline.execution.points import executed
-from pipeline.execution.workers import Setup
-from pipeline.progress import Progress
+from pipeline.execution.points import Executor
 from pipeline.scenarios.changes import CONTROL, Change, changes, without
+from pipeline.scenarios.functional import FunctionalScenario
 from pipeline.scenarios.occluders import occluders
 
 
@@ -50,13 +48,11 @@ class _Changed:
 
 @dataclass(frozen=True)
 class Counterfactuals:
-    """What executes failures with changes. tests: the largest number of a region's failures. journal: folder from which a killed call
-    resumes; the caller removes it."""
+    """What executes failures with changes. tests: the largest number of a region's failures."""
 
-    setup: Setup
+    executor: Executor
     failure_threshold_s: float
     tests: int
-    journal: Path
 
     def chosen(self, found: Found, rows: pd.DataFrame, outcomes: Outcomes) -> list[Failure]:
         """Failures of a region, drawn at random without repeats. rows: of tests.parquet, by test_id."""
@@ -68,14 +64,16 @@ class Counterfactuals:
 
     def planned(self, found: Found, failures: Sequence[Failure], outcomes: Outcomes, signals: Mapping[str, Signals]) -> tuple[Change, ...]:
         """The changes that change any of a region's chosen failures, and the control, which comes last."""
-        hiding = reduce(frozenset.union, (occluders(self.setup.scenario, signals[one.test_id]) for one in failures), frozenset[str]())
-        wanted = (*changes(outcomes, found.group.members), *without(self.setup.scenario, sorted(hiding)))
+        hiding = reduce(frozenset.union, (occluders(self._scenario, signals[one.test_id]) for one in failures), frozenset[str]())
+        wanted = (*changes(outcomes, found.group.members), *without(self._scenario, sorted(hiding)))
         moved = [c for c in wanted if c.without or any(one.concrete[k] != v for one in failures for k, v in c.values.items())]
         return (*moved, CONTROL)
 
-    def rows(
-        self, plans: Sequence[tuple[Sequence[Failure], Sequence[Change]]], outcomes: Outcomes, threads: int, progress: Progress
-    ) -> list[dict[str, Any]]:
+    @property
+    def _scenario(self) -> FunctionalScenario:
+        return self.executor.setup.scenario
+
+    def rows(self, plans: Sequence[tuple[Sequence[Failure], Sequence[Change]]], outcomes: Outcomes) -> list[dict[str, Any]]:
         """The rows of all failures with all changes of their regions; changes that break a constraint are left out."""
         wanted = [
             _Changed(one, change, changed)
@@ -85,17 +83,16 @@ class Counterfactuals:
             if (changed := change.of(one.concrete, outcomes.space)) is not None
         ]
         worlds = dict.fromkeys(one.change.without for one in wanted)
-        return [row for actors in worlds for row in self._executed([w for w in wanted if w.change.without == actors], threads, progress)]
+        return [row for actors in worlds for row in self._executed([w for w in wanted if w.change.without == actors])]
 
-    def _executed(self, wanted: Sequence[_Changed], threads: int, progress: Progress) -> list[dict[str, Any]]:
+    def _executed(self, wanted: Sequence[_Changed]) -> list[dict[str, Any]]:
         """The rows of changes that remove the same actors."""
         actors = wanted[0].change.without
-        scenario = self.setup.scenario
-        kept = {name: actor for name, actor in scenario.actors.items() if name not in actors}
-        setup = replace(self.setup, scenario=scenario.model_copy(update={"actors": kept}))
+        kept = {name: actor for name, actor in self._scenario.actors.items() if name not in actors}
+        setup = replace(self.executor.setup, scenario=self._scenario.model_copy(update={"actors": kept}))
         noises = [one.noise for one in wanted]
-        journal = self.journal / "-".join(["without", *actors])
-        outcomes = executed([one.concrete for one in wanted], setup, journal, threads, progress, noises)
+        executor = replace(self.executor, setup=setup, journal=self.executor.journal / "-".join(["without", *actors]))
+        outcomes = executor.outcomes([one.concrete for one in wanted], noises)
         return [self._row(one, outcome) for one, outcome in zip(wanted, outcomes, strict=True)]
 
     def _row(self, one: _Changed, outcome: Outcome) -> dict[str, Any]:

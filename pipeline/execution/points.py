@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.core.space import Value
@@ -15,23 +16,26 @@ from pipeline.progress import Progress
 Concrete = Mapping[str, Value]
 
 
-def executed(
-    points: Sequence[Concrete], setup: Setup, folder: Path, threads: int, progress: Progress, noises: Sequence[Concrete] = ()
-) -> list[Outcome]:
-    """The outcome of each concrete scenario.
+@dataclass(frozen=True)
+class Executor:
+    """What executes concrete scenarios. journal: folder from which a killed call resumes; the caller removes it."""
 
-    folder: of the journal, from which a killed call resumes; the caller removes it. noises: the concrete scenarios whose noise they have,
-    their own by default.
-    """
-    log, workers = Journal(folder, _identity(setup, points, noises), progress), Workers(threads, setup)
-    given: Sequence[Concrete | None] = noises or [None] * len(points)
-    jobs = [Execution(i, log.path(i), point, noise) for i, (point, noise) in enumerate(zip(points, given, strict=True)) if i not in log]
-    try:
-        for done, _ in enumerate(workers.execute(jobs), 1 + len(points) - len(jobs)):
-            progress(done, len(points))
-    finally:
-        workers.close()
-    return [log.read(i) for i in range(len(points))]
+    setup: Setup
+    journal: Path
+    threads: int
+    progress: Progress
+
+    def outcomes(self, points: Sequence[Concrete], noises: Sequence[Concrete] = ()) -> list[Outcome]:
+        """The outcome of each concrete scenario. noises: the concrete scenarios whose noise they have, their own by default."""
+        log, workers = Journal(self.journal, _identity(self.setup, points, noises), self.progress), Workers(self.threads, self.setup)
+        given: Sequence[Concrete | None] = noises or [None] * len(points)
+        jobs = [Execution(i, log.path(i), point, noise) for i, (point, noise) in enumerate(zip(points, given, strict=True)) if i not in log]
+        try:
+            for done, _ in enumerate(workers.execute(jobs), 1 + len(points) - len(jobs)):
+                self.progress(done, len(points))
+        finally:
+            workers.close()
+        return [log.read(i) for i in range(len(points))]
 
 
 def _identity(setup: Setup, points: Sequence[Concrete], noises: Sequence[Concrete]) -> str:

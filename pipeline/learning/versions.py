@@ -22,6 +22,7 @@ from pipeline.detectors.yolo.export import export_onnx
 from pipeline.detectors.yolo.network import count_parameters
 from pipeline.detectors.yolo.training import Fitted
 from pipeline.detectors.yolo.weights import load_weights, save_weights
+from pipeline.progress import OnProgress
 
 LOWEST_SCORE = 0.0005
 """Lowest score that average precision uses; it needs detections far below the brake's threshold."""
@@ -43,7 +44,7 @@ class Origin:
     worlds: Worlds
 
 
-def write_version(config: Config, fitted: Fitted, validation: ImageSet, origin: Origin, out: Path) -> None:
+def write_version(config: Config, fitted: Fitted, validation: ImageSet, origin: Origin, out: Path, progress: OnProgress) -> None:
     """Save a model version and its training curve beside `out`, calibrate its scores, measure it as it is used, and write its card.
 
     All versions of a study, including a shipped base, are calibrated on the same images: otherwise the confidence at which they brake would
@@ -57,7 +58,7 @@ def write_version(config: Config, fitted: Fitted, validation: ImageSet, origin: 
     saved = load_weights(weights)  # Measure the saved weights, in half precision.
     with TemporaryDirectory() as folder:
         export_onnx(Path(folder) / "plain.onnx", saved, validation.size)
-        plain = detect_all(Path(folder) / "plain.onnx", validation)
+        plain = detect_all(Path(folder) / "plain.onnx", validation, progress)
     calibration = calibrate(plain, validation)
     export_onnx(onnx, saved, validation.size, calibration)
     # The file now includes the calibration, which keeps the boxes and the order of scores: no second pass over the images.
@@ -84,9 +85,13 @@ def write_version(config: Config, fitted: Fitted, validation: ImageSet, origin: 
     write_card(out, card)
 
 
-def detect_all(onnx: Path, images: ImageSet, calibration: Calibration | None = None) -> list[Detections]:
+def detect_all(onnx: Path, images: ImageSet, progress: OnProgress, calibration: Calibration | None = None) -> list[Detections]:
     """A model's detections in each image, down to scores far below its threshold. calibration: the one inside the file, if any: the file
     then keeps the same detections as without it, and average precision is unchanged."""
     lowest = LOWEST_SCORE if calibration is None else float(calibration.apply(np.array([LOWEST_SCORE]))[0])
     detector = OnnxDetector(onnx, threshold=lowest)
-    return [detector.detect_images(images.images[i : i + 1])[0] for i in range(len(images))]
+    found = []
+    for i in range(len(images)):
+        found += detector.detect_images(images.images[i : i + 1])
+        progress(i + 1, len(images), "validation images")
+    return found

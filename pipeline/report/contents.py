@@ -84,6 +84,10 @@ def _comparison_figures(compared: ComparedVersions, threshold_s: float) -> dict[
 def make_page(config: Config, data: ReportData, figures: Mapping[str, Figure], progress: OnProgress) -> Page:
     """The page with its stills and replays, whose tests are simulated again."""
     spaces = dict(data.spaces) | {name: config.space(name) for name in config.held_out}
+    drawings: dict[str, Drawing] = {}
+    for done, (name, figure) in enumerate(figures.items(), 1):
+        drawings[name] = _drawing(figure, name)
+        progress(done, len(figures), f"figure {name}")
     fixes, pair = _changes(data.compared, spaces)
     budget = config.report.replays
     filmed = 2 if fixes and budget >= 2 else 0
@@ -97,7 +101,6 @@ def make_page(config: Config, data: ReportData, figures: Mapping[str, Figure], p
     for test in chosen:
         film = _film(reruns, test, spaces[test.scenario], config.campaign.failure_threshold_s)
         by_region.setdefault(test.region, []).append(film)
-    drawings = {name: _drawing(figure, name) for name, figure in figures.items()}
     frames = KeptFrames(data.frames)
     found = [
         _verdict(data, drawings, stills, films),
@@ -111,7 +114,8 @@ def make_page(config: Config, data: ReportData, figures: Mapping[str, Figure], p
     found.append(identity_section(every, data.every_label, data.cards, data.files, _settings(config)))
     title = "Where does the detector fail, and did retraining help?" if data.cards else "Where does the detector fail?"
     shown = tuple(section for section in found if section is not None)
-    table = explorer(every, spaces, data.regions, frames)
+    tested = set(every["scenario"])
+    table = explorer(every, {name: space for name, space in spaces.items() if name in tested}, data.regions, frames)
     return Page(config.study, _headline(data), shown, title, table, _first(config, data, executed, bool(filmed)))
 
 
@@ -165,7 +169,7 @@ def _headline(data: ReportData) -> str:
 def _verdict(data: ReportData, drawings: Mapping[str, Drawing], stills: Sequence[BeforeAfter], films: Sequence[Film]) -> Section | None:
     if data.compared is None:
         return None
-    rounds = verdict_section.rounds_part(data.searched, [drawings["rounds"]]) if "rounds" in drawings else None
+    rounds = verdict_section.rounds_part(data.learnt, [drawings["rounds"]]) if "rounds" in drawings else None
     plots = _named(drawings, "comparison", "histogram")
     return verdict_section.verdict_section(data.compared.comparison, data.compared.changes, plots, rounds, stills, films)
 

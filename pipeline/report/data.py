@@ -11,11 +11,14 @@ import pandas as pd
 
 from pipeline.analysis.pair_shares import PairShare, pair_shares
 from pipeline.artefacts.calibration_results import DetectorCalibration
-from pipeline.artefacts.comparison_results import Comparison
+from pipeline.artefacts.comparison_results import Comparison, read_changes
 from pipeline.artefacts.model_card import ModelCard
 from pipeline.artefacts.points import encode_tests
 from pipeline.artefacts.region_results import FailureRegions
+from pipeline.artefacts.results import read
+from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.artefacts.search_results import Measures
+from pipeline.artefacts.tables import read_tests
 from pipeline.artefacts.white_box_results import WhiteBoxMeasures
 from pipeline.core.space import Space
 from pipeline.report.border import Case
@@ -29,33 +32,52 @@ class ComparedVersions:
     tests: pd.DataFrame
     changes: pd.DataFrame
 
+    @classmethod
+    def read(cls, comparison: Path, table: Path, changes: Path) -> ComparedVersions:
+        """From the three files; InputError that names the one that is truncated or of another kind."""
+        return cls(read(comparison, Comparison), read_tests(table), read_changes(changes))
+
 
 @dataclass(frozen=True)
 class ReportData:
     """Everything that a report shows; a section whose data are None or empty is left out.
 
-    version: the one that was searched. tests: search scenario -> rows of all its campaigns. searched: rows of the campaigns that versions
-    learn from, round by round. detectors: version -> ONNX file. frames: frames.parquet of the search. filters: strategy ->
-    its filter table. border: frames at the border of the filters. calibrations: of detectors that are only tested, if the study
-    calibrates them. files: path -> SHA-256 of all that the page is made from.
+    version: the one that was searched. known: search scenario -> the scenario and its space. rows: of all campaigns of the search. learnt:
+    rows of the campaigns that versions learn from, round by round. detectors: version -> ONNX file. frames: frames.parquet of the search.
+    filters: strategy -> its filter table. border: frames at the border of the filters. calibrations: of detectors that are only tested,
+    if the study calibrates them. files: path -> SHA-256 of all that the page is made from.
     """
 
     version: str
     measures: Measures
     regions: tuple[FailureRegions, ...]
-    tests: Mapping[str, pd.DataFrame]
-    spaces: Mapping[str, Space]
-    labels: Mapping[str, str]
+    known: Mapping[str, tuple[ScenarioInfo, Space]]
+    rows: pd.DataFrame
+    learnt: pd.DataFrame
     detectors: Mapping[str, Path]
     frames: Sequence[Path]
-    white_box: WhiteBoxMeasures | None
-    compared: ComparedVersions | None
-    searched: pd.DataFrame
-    filters: Mapping[str, pd.DataFrame]
-    cards: tuple[ModelCard, ...]
-    border: tuple[Case, ...]
     files: Mapping[str, str]
+    white_box: WhiteBoxMeasures | None = None
+    compared: ComparedVersions | None = None
+    filters: Mapping[str, pd.DataFrame] = field(default_factory=dict)
+    cards: tuple[ModelCard, ...] = ()
+    border: tuple[Case, ...] = ()
     calibrations: Mapping[str, DetectorCalibration] = field(default_factory=dict)
+
+    @property
+    def spaces(self) -> dict[str, Space]:
+        """Scenario space by search scenario."""
+        return {name: space for name, (_, space) in self.known.items()}
+
+    @property
+    def labels(self) -> dict[str, str]:
+        """Label by search scenario."""
+        return {name: info.label for name, (info, _) in self.known.items()}
+
+    @cached_property
+    def tests(self) -> dict[str, pd.DataFrame]:
+        """Rows of all campaigns by search scenario."""
+        return {name: self.rows[self.rows["scenario"] == name] for name in self.known}
 
     @cached_property
     def pairs(self) -> Mapping[str, tuple[PairShare, ...]]:
@@ -70,7 +92,7 @@ class ReportData:
     def every_test(self) -> pd.DataFrame:
         """Every row of the search, of later rounds and of the comparison once."""
         held_out = [] if self.compared is None else [self.compared.tests]
-        rows = pd.concat([*self.tests.values(), self.searched, *held_out], ignore_index=True)
+        rows = pd.concat([*self.tests.values(), self.learnt, *held_out], ignore_index=True)
         return rows.drop_duplicates("test_id", ignore_index=True)
 
     @property

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pipeline.config.components import make_simulator
 from pipeline.config.schema import Config
 from pipeline.core.episode import Episode
-from pipeline.errors import InputError, SimulationError
+from pipeline.errors import InputError, SimulationError, machine_error
 from pipeline.progress import OnProgress
 from pipeline.protocols import Detector, Simulator
 from pipeline.report.examples import Chosen
@@ -36,6 +36,11 @@ class Reruns:
             episode = self._simulators[test.scenario].execute(test.concrete, self._detectors[test.version], keep_every=1)
         except SimulationError as error:
             raise InputError(f"{test.test_id}: expected the test to end as before, got an error: {error}") from error
+        except InputError:
+            raise
+        except Exception as error:  # Foreign code may raise anything.
+            told = machine_error(error)
+            raise told or InputError(f"{test.test_id}: expected the test to end as before, got {type(error).__name__}: {error}") from error
         self._done += 1
         self._progress(self._done, self._total, test.heading)
         return episode

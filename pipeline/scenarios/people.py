@@ -115,7 +115,7 @@ def population(number: int) -> Mapping[str, Blueprint]:
 
 
 def person(name: str) -> Blueprint:
-    """The person of a name, of whichever population; ValueError if it is not the name of a person."""
+    """The person with this name, from any population; ValueError if it is not the name of a person."""
     known: Mapping[str, Blueprint] = {}
     if (matched := re.fullmatch(r"[WM] (\d{2,})", name)) and int(matched[1]):
         known = population((int(matched[1]) - 1) // OF_EACH_SEX + 1)

@@ -20,6 +20,7 @@ from pipeline.steps import campaign
 if TYPE_CHECKING:
     from pipeline.analysis.failure_regions import Found
     from pipeline.core.signals import Signals
+    from pipeline.execution.points import Executor
     from pipeline.scenarios.changes import Change
 
 
@@ -78,8 +79,13 @@ def _confirmed(job: Job, space: Space, found: Sequence[Found]) -> tuple[FailureR
     if not config.regions.confirm:
         return tuple(one.region for one in found)
     threshold_s, confidence = config.campaign.failure_threshold_s, config.comparison.confidence
-    tests = FreshTests(space, campaign.setup(job), threshold_s, config.regions.confirm, confidence, job.scratch / "confirm")
-    return tests.confirm(found, job.threads, job.progress)
+    return FreshTests(space, _executor(job, "confirm"), threshold_s, config.regions.confirm, confidence).confirm(found)
+
+
+def _executor(job: Job, journal: str) -> Executor:
+    from pipeline.execution.points import Executor
+
+    return Executor(campaign.setup(job), job.scratch / journal, job.threads, job.progress)
 
 
 def _explained(
@@ -96,10 +102,10 @@ def _explained(
     changes: list[tuple[Change, ...]] = [() for _ in regions]
     if config.regions.explain and found:
         threshold_s = config.campaign.failure_threshold_s
-        executing = Counterfactuals(campaign.setup(job), threshold_s, config.regions.explain, job.scratch / "explain")
+        executing = Counterfactuals(_executor(job, "explain"), threshold_s, config.regions.explain)
         chosen = [executing.chosen(one, named, outcomes) for one in found]
         changes = [executing.planned(one, failures, outcomes, signals) for one, failures in zip(found, chosen, strict=True)]
-        rows += executing.rows(list(zip(chosen, changes, strict=True)), outcomes, job.threads, job.progress)
+        rows += executing.rows(list(zip(chosen, changes, strict=True)), outcomes)
     made = table(rows)
     confidence = config.comparison.confidence
     return tuple(explained(region, made_of, made, confidence) for region, made_of in zip(regions, changes, strict=True)), made

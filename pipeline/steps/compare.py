@@ -46,12 +46,7 @@ def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
 STEP = Step(
     "Compare all model versions on the held-out sequence.",
     reads=_reads,
-    writes=lambda folders: {
-        "comparison": f"{folders.root}/comparison.json",
-        "table": f"{folders.root}/comparison.parquet",
-        "changes": f"{folders.root}/changes.csv",
-        "metrics": f"{folders.root}/metrics/",
-    },
+    writes=lambda folders: {**folders.compared, "metrics": f"{folders.root}/metrics/"},
     sections=_sections,
 )
 

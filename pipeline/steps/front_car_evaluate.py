@@ -45,7 +45,7 @@ def run(job: Job) -> None:
     models = list(zip(job.inputs("cards"), job.inputs("models"), strict=True))
     for done, (path, model) in enumerate(models, 1):
         card = read_card(path)
-        found = detect_all(model, images)
+        found = detect_all(model, images, job.progress)
         right = [_right(detections, truth, threshold) for detections, truth in zip(found, truths_of(images), strict=True)]
         judged = []
         for i, row in enumerate(job.config.front_car.space.feasible_points()):

@@ -44,4 +44,4 @@ def run(job: Job) -> None:
     fitted = retrain(load_weights(weights), ImageSets(images, None, validation), plan, Run(checkpoint, job.threads, job.progress))
     worlds = read_card(job.input("card")).worlds
     origin = Origin(job.wildcards["version"], "base", data, training | {"images": len(images)}, settings.seed, worlds)
-    write_version(job.config, fitted, validation, origin, job.output("card"))
+    write_version(job.config, fitted, validation, origin, job.output("card"), job.progress)

@@ -89,4 +89,4 @@ def run(job: Job) -> None:
     training = settings_taken(config) | {"seed": seed, "round": described.round, "base_images": len(base)}
     training |= {"added_frames": 0 if added is None else len(added)}
     origin = Origin(str(described), str(described.parent), data, training, seed, worlds)
-    write_version(config, fitted, validation, origin, job.output("card"))
+    write_version(config, fitted, validation, origin, job.output("card"), job.progress)

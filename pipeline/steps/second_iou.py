@@ -30,6 +30,7 @@ def run(job: Job) -> None:
     """Write the tests as tests.parquet has them, in its order; InputError if the study asks for no second IoU."""
     from pipeline.analysis.rescoring import with_criterion
     from pipeline.execution.again import driven_again, judged_again
+    from pipeline.execution.points import Executor
 
     config, iou = job.config, job.config.comparison.second_iou
     if iou is None:
@@ -37,5 +38,6 @@ def run(job: Job) -> None:
     space, threshold_s = read_space(job.input("space"))[1], config.campaign.failure_threshold_s
     car = with_criterion(config.car, iou, config.threshold)
     again = judged_again(job.input("tests").parent, car, threshold_s)
-    tests = driven_again(again, space, replace(campaign.setup(job), car=car), threshold_s, job.scratch, job.threads, job.progress)
+    executor = Executor(replace(campaign.setup(job), car=car), job.scratch, job.threads, job.progress)
+    tests = driven_again(again, space, threshold_s, executor)
     write_tests(job.output("tests"), tests, space)

@@ -20,7 +20,7 @@ def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
     campaigns = [*folders.search("tests.parquet"), *folders.later_searches, *folders.held_out("tests.parquet")]
     return {
         "measures": f"{folders.root}/measures.json",
-        "comparison": f"{folders.root}/comparison.json",
+        "comparison": folders.compared["comparison"],
         "campaigns": campaigns,
         "plots": folders.plots,
         "models": folders.models("model.json"),

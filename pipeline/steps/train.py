@@ -51,5 +51,5 @@ def run(job: Job) -> None:
         rare = {f"rare_{name}": frequency for name, frequency in config.base_set.rare.model_dump().items()}
         taken = {"images": len(images), **rare, **settings}
         origin = Origin("base", None, {"base_set": images.digest}, taken, config.training.seed, worlds)
-    write_version(config, fitted, validation, origin, job.output("card"))
+    write_version(config, fitted, validation, origin, job.output("card"), job.progress)
     job.progress(1, 1, "evaluated")

@@ -40,9 +40,9 @@ def run(job: Job) -> None:
     use_threads(job.threads)
     network = load_weights(job.input("weights"))
     kept = {strategy: kept_frames(job.inputs(f"frames_{strategy}")) for strategy in job.config.strategies}
+    if without := [strategy for strategy, frames in kept.items() if not frames]:
+        raise InputError(f"frames.parquet of {', '.join(without)}: expected kept frames, got none; set campaign.keep_every to 1 or more")
     count = min(FRAMES, *map(len, kept.values()))
-    if count == 0:
-        raise InputError("white-box coverage needs frames of every strategy; run the campaigns with campaign.keep_every above 0")
     training, validation = (read_dataset(job.input("truth").parent, split).images for split in ("train", "val"))
     total = 2 + len(kept)
     training = training[drawn(len(training), min(PROFILED, len(training)))]

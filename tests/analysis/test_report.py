@@ -20,6 +20,7 @@ from pipeline.artefacts.model_card import read_card
 from pipeline.artefacts.points import encode_tests
 from pipeline.artefacts.region_results import FailureRegions
 from pipeline.artefacts.results import Estimate, read
+from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.artefacts.search_results import Measures
 from pipeline.artefacts.tables import read_tests
 from pipeline.core.measures import pair_coverage
@@ -378,23 +379,20 @@ def test_sections_without_data_are_left_out(study: FabricatedStudy) -> None:
         version="base",
         measures=measures,
         regions=regions,
-        tests={name: rows[rows["scenario"] == name] for name in study.config.search},
-        spaces={name: study.config.space(name) for name in study.config.search},
-        labels={found.scenario: found.label for found in regions},
+        known={found.scenario: (ScenarioInfo(found.scenario, found.label, "", 1), study.config.space(found.scenario)) for found in regions},
+        rows=rows,
+        learnt=rows,
         detectors={"base": study.cards[0].with_name("model.onnx")},
         frames=(),
-        white_box=None,
-        compared=None,
-        searched=rows,
-        filters={},
-        cards=(),
-        border=(),
         files={},
     )
     figures = draw_figures(data, study.config.strategies, 0.1)
     assert set(figures) == {"theta", "coverage"} | {f"{kind}_{name}" for kind in ("kpi", "pairs", "failures") for name in ("F1", "F2")}
-    config = study.config.model_copy(update={"report": study.config.report.model_copy(update={"replays": 1})})
-    page = make_page(config, data, figures, lambda *_: None)
+    own = study.config.scenarios["F1star"]
+    other = own.model_copy(update={"space": {**own.space, "mud": {"kind": "continuous", "unit": "%", "low": 0, "high": 100, "cuts": [50]}}})
+    update = {"report": study.config.report.model_copy(update={"replays": 1}), "held_out": ("F1star",)}
+    config = study.config.model_copy(update=update | {"scenarios": {**study.config.scenarios, "F1star": other}})
+    page = make_page(config, data, figures, lambda *_: None)  # No test has the held-out scenario's own variable.
     assert [section.title for section in page.sections] == ["Failure regions", "Search", "Limits, seeds and hashes"]
     titles = [part.title for part in page.sections[1].parts if part.title]
     assert titles == ["Failures found", "Failures by cause", "Coverage of the scenario space"] and page.first is None

@@ -90,6 +90,22 @@ def test_freeing_a_camera_keeps_the_next_one_intact() -> None:
     assert (image == expected).all()
 
 
+def test_two_stages_in_turn_give_the_same_images_as_alone() -> None:
+    def shots(stage: Stage) -> list[NDArray[np.uint8]]:
+        image, _ = stage.camera.shoot(np.random.default_rng(0))
+        return [image, stage.camera.segment(np.ones(stage.model.ngeom, np.uint8))]
+
+    first = Stage(TOWN, {}, CameraSettings())
+    first.camera.set_weather(Weather(sun_azimuth=180, sun_altitude=40))
+    alone = shots(first)
+    second = Stage(Town(seed=2), {}, CameraSettings())
+    second.camera.set_weather(Weather(sun_azimuth=0, sun_altitude=-20))
+    again = shots(first)
+    for stage in (first, second):
+        stage.close()
+    assert all((one == other).all() for one, other in zip(alone, again, strict=True))
+
+
 def _add_board(spec: mujoco.MjSpec) -> None:
     """A checkerboard facing the camera, its middle at (BOARD_X, BOARD_Y, BOARD_Z)."""
     columns, rows = SQUARES

@@ -56,3 +56,12 @@ def test_a_pedestrian_stays_clear_until_the_longest_test_ends() -> None:
     plain["pedestrian"]["heading_deg"] = 3  # On the path seconds after the unbraked ego has passed.
     with pytest.raises(ValueError, match="must stay 2.2 m beside the middle of the ego's path, but it comes as near as"):
         FunctionalScenario.model_validate_json(json.dumps(plain))
+
+
+def test_a_pedestrian_stays_clear_between_the_ends_of_its_shift() -> None:
+    plain = functional_scenario("N2").model_dump(mode="json")
+    plain["pedestrian"] |= {"at": [0, -1.75], "heading_deg": 90}  # Without shift it stands on the path; at both ends, 10 m beside it.
+    plain["space"]["pedestrian_speed"] |= {"low": 0, "high": 0.3, "step": 0.3}
+    plain["space"]["pedestrian_shift"] = {"kind": "continuous", "unit": "m", "low": -10, "high": 10, "cuts": [0]}
+    with pytest.raises(ValueError, match="it comes as near as 0.0"):
+        FunctionalScenario.model_validate_json(json.dumps(plain))

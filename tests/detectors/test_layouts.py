@@ -12,7 +12,7 @@ from onnx import TensorProto, helper, numpy_helper
 
 from pipeline.core.episode import Frame
 from pipeline.core.truth import Truth
-from pipeline.detectors.layouts import Letterbox, class_names, recognise
+from pipeline.detectors.layouts import Layout, Letterbox, class_names, recognise
 from pipeline.detectors.onnx import OnnxDetector
 from pipeline.errors import InputError, SimulationError
 from pipeline.testing import check_detector
@@ -121,6 +121,21 @@ def test_a_layout_may_be_declared_if_the_shape_is_ambiguous(tmp_path: Path) -> N
         OnnxDetector(turned)
     detector = OnnxDetector(export(tmp_path / "b.onnx", end_to_end()), layout="end_to_end")
     assert len(detector.detect(Frame(IMAGE, Truth())).scores) == 1
+
+
+@pytest.mark.parametrize(
+    ("output", "layout"),
+    [
+        (yolov8().transpose(0, 2, 1), "yolov8"),
+        (yolov8().transpose(0, 2, 1), "end_to_end"),
+        (yolov8(), "yolov5"),
+        (yolov5(), "yolov8"),
+        (yolov8(), "end_to_end"),
+    ],
+)
+def test_a_layout_that_the_output_cannot_have_is_refused(output: np.ndarray, layout: Layout, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=rf"detector.layout is {layout}, but an output \[1, \d+, \d+\] cannot have this layout$"):
+        OnnxDetector(export(tmp_path / "a.onnx", output), layout=layout)
 
 
 def test_a_fixed_batch_is_refused(tmp_path: Path) -> None:

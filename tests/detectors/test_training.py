@@ -98,7 +98,7 @@ def test_a_killed_training_reaches_the_same_weights(muon: bool, tmp_path: Path, 
     assert done == [7]
     other = fit(small(), Lesson(schedule, feed, "b"), Run(checkpoint, threads=1)).model
     assert same(uninterrupted, other)
-    monkeypatch.setattr(training, "_code", lambda: "another")
+    monkeypatch.setattr(training, "program_sha256", lambda *_: "another")
     done.clear()
     fit(small(), Lesson(schedule, feed, "b"), told)
     assert done == [7] and torch.load(io.BytesIO(read_sealed(checkpoint)), weights_only=True)["identity"] == "banother"
@@ -206,6 +206,31 @@ def test_every_version_takes_all_its_steps(iterations: int, tmp_path: Path, monk
     kept = small()
     kept.load_state_dict(torch.load(tmp_path / "c", weights_only=True)["average"])
     assert fitted.curve[-1].iteration == iterations and same(fitted.model, kept)
+
+
+@pytest.mark.parametrize("iterations", [1, 3])
+def test_the_average_contains_the_last_of_an_odd_number_of_steps(iterations: int) -> None:
+    images, averages = people(4, 2), []
+    for steps in (iterations - 1, iterations):
+        model = small()
+        if steps:
+            model = fit(model, Lesson(Schedule(0, steps, 1e-2, warm_up=0), lambda _: (images.images, images.boxes)), ALONE).model
+        averages.append(model)
+    assert not same(*averages)
+
+
+def test_a_checkpoint_of_other_images_is_ignored(monkeypatch: pytest.MonkeyPatch) -> None:
+    identities: list[str] = []
+
+    def kept(model: Yolo, lesson: Lesson, run: Run) -> Fitted:
+        identities.append(lesson.identity)
+        return Fitted(model, ())
+
+    monkeypatch.setattr(recipe, "fit", kept)
+    images = people(8, 4)
+    for indices, validation in (([0, 1], people(4, 5)), ([4, 5], people(4, 5)), ([0, 1], people(4, 6))):
+        train_from_scratch(images, np.array(indices), validation, SCRATCH, ALONE)
+    assert len(set(identities)) == 3
 
 
 def test_every_added_frame_is_trained_on(tmp_path: Path) -> None:

@@ -37,7 +37,7 @@ model = initial_model(0, lambda: Yolo(Architecture((8, 8, 8, 8, 8), 8)))
 feed = lambda iteration: (np.roll(images.images, iteration, axis=2), images.boxes)
 print("ready", flush=True)
 fitted = fit(model, Lesson(Schedule(0, 120, 1e-3), feed, "x"), Run(out / "checkpoint.pt", threads=1))
-write_version(compose("base", []), fitted, images, Origin("base", None, {}, {}, 0, Worlds()), out / "model.json")
+write_version(compose("base", []), fitted, images, Origin("base", None, {}, {}, 0, Worlds()), out / "model.json", lambda *_: None)
 """
 
 FILTER = """

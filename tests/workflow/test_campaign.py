@@ -19,6 +19,7 @@ from pipeline.artefacts import tables
 from pipeline.artefacts.files import write_sealed
 from pipeline.artefacts.points import encode_tests
 from pipeline.artefacts.scenario_space import read_space
+from pipeline.config.composing import PARAMS, compose, load
 from pipeline.core import kpi
 from pipeline.core.detections import Detections
 from pipeline.core.episode import Episode, Frame
@@ -26,7 +27,8 @@ from pipeline.core.identity import CampaignId
 from pipeline.core.measures import kinds_of
 from pipeline.core.space import Value
 from pipeline.errors import SimulationError
-from pipeline.execution.campaign import sampler_seed
+from pipeline.execution.campaign import CampaignPlan, sampler_seed
+from pipeline.execution.workers import Setup
 from pipeline.progress import Progress
 from pipeline.protocols import Detector
 from pipeline.simulators.analytic import AnalyticSimulator
@@ -186,6 +188,18 @@ def test_a_journal_of_another_model_is_discarded(tmp_path: Path, capsys: pytest.
     (journal(study) / "000000.npz").write_bytes(b"foreign")
     assert study.run("campaign", **key()) == 0
     assert "the journal belonged to another configuration, model or code and was discarded" in capsys.readouterr().err
+
+
+def test_a_journal_at_another_failure_threshold_is_discarded(tmp_path: Path) -> None:
+    study = analytic_study(tmp_path)
+    config = load(study.root / PARAMS)
+    setup = Setup.of(config, "F1", study / MODEL)
+    space, strategy = config.space("F1"), compose("thesis", []).samplers["evolutionary"]
+    assert "failure_threshold_s" not in strategy  # It is told which tests failed, so its tests depend on the threshold all the same.
+    plans = [
+        CampaignPlan(CampaignId("F1", "evolutionary", "base", 3), space, 24, threshold_s, strategy, 0, setup) for threshold_s in (0.1, 0.5)
+    ]
+    assert plans[0].identity != plans[1].identity
 
 
 @pytest.mark.parametrize("seed", ["abc", "1_0", "-1"])

@@ -20,7 +20,7 @@ from pipeline.config.composing import load
 from pipeline.core.episode import Episode
 from pipeline.core.space import Value
 from pipeline.errors import SimulationError
-from pipeline.execution.points import executed
+from pipeline.execution.points import Executor
 from pipeline.execution.workers import Setup
 from pipeline.progress import Progress
 from pipeline.protocols import Detector
@@ -130,15 +130,15 @@ def test_a_killed_call_resumes(study: StudyFolder, tmp_path: Path) -> None:
     setup = Setup(config.simulator, config.scenarios["F1"], config.detector, study / "models/base/model.onnx", config.car, config.limits)
     points = [config.space("F1").decode(point) for point in config.space("F1").representatives(_first_cells(config.space("F1").sizes))]
     with Progress("test") as progress:
-        once = executed(points, setup, tmp_path / "journal", 1, progress, points)
+        once = Executor(setup, tmp_path / "journal", 1, progress).outcomes(points, points)
         first, *others = sorted((tmp_path / "journal").glob("*.npz"))
         first.unlink()
         kept = {path: path.stat().st_mtime_ns for path in others}
-        again = executed(points, setup, tmp_path / "journal", 1, progress, points)
+        again = Executor(setup, tmp_path / "journal", 1, progress).outcomes(points, points)
         assert {path: path.stat().st_mtime_ns for path in others} == kept and first.exists()
         for resumed, uninterrupted in zip(again, once, strict=True):
             np.testing.assert_equal(dict(resumed.signals), dict(uninterrupted.signals))
-        executed(points, setup, tmp_path / "journal", 1, progress, points[::-1])
+        Executor(setup, tmp_path / "journal", 1, progress).outcomes(points, points[::-1])
         assert others[0].stat().st_mtime_ns != kept[others[0]], "other noise, other outcomes"
 
 

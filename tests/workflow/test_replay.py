@@ -10,8 +10,9 @@ from typing import Any
 import pytest
 
 from pipeline.__main__ import main
+from pipeline.artefacts.recorded_tests import params_of
 from pipeline.artefacts.tables import read_tests, write_tests
-from pipeline.config.composing import functional_scenario
+from pipeline.config.composing import PARAMS, functional_scenario
 from tests.studies import StudyFolder
 
 CAMPAIGN: dict[str, Any] = {"kind": "campaigns", "scenario": "F1", "strategy": "random", "version": "base", "seed": 0}
@@ -54,14 +55,19 @@ def test_another_outcome_is_told(study: StudyFolder, capsys: pytest.CaptureFixtu
     write_tests(table(study), rows, space)
 
 
-def test_the_study_that_has_a_test_is_named(study: StudyFolder, capsys: pytest.CaptureFixture[str]) -> None:
-    other = study.root / "data/best-7692c3ad"
-    (other / "campaigns/F1/random/best/0").mkdir(parents=True)
-    shutil.copy(table(study), other / "campaigns/F1/random/best/0")
-    (other / "params.yaml").touch()
+def test_the_study_that_has_a_test_is_found(study: StudyFolder, capsys: pytest.CaptureFixture[str]) -> None:
+    own = [study.root / "data" / name / "params.yaml" for name in ("best-7692c3ad", "best-f0e1d2c3")]
+    for params in own:
+        (params.parent / "campaigns/F1/random/best/0").mkdir(parents=True)
+        shutil.copy(table(study), params.parent / "campaigns/F1/random/best/0")
+    own[0].touch()
+    with chdir(study.root):
+        assert params_of("F1-random-best-0-00001", PARAMS) == own[0].relative_to(study.root)
+        assert params_of(TEST, PARAMS) == PARAMS
+    own[1].touch()
     assert replay(study, "F1-random-best-0-00001") == 2
-    message = "study smoke has no campaign 'F1-random-best-0'; study best-7692c3ad has: add --params data/best-7692c3ad/params.yaml\n"
-    assert capsys.readouterr().err.endswith(message)
+    message = "; choose its study: --params data/best-7692c3ad/params.yaml or data/best-f0e1d2c3/params.yaml\n"
+    assert capsys.readouterr().err.endswith(f"study smoke has no campaign 'F1-random-best-0'{message}")
     # Also where the study in params.yaml has executed nothing.
     held = table(study).rename(table(study).with_suffix(".held"))
     assert replay(study, "F1-random-best-0-00001") == 2

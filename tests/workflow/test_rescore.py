@@ -27,6 +27,7 @@ from pipeline.core.space import Space
 from pipeline.detectors.calibrated import calibrated
 from pipeline.execution import again
 from pipeline.execution.again import Again
+from pipeline.execution.points import Executor
 from pipeline.execution.workers import Setup
 from tests.studies import StudyFolder
 
@@ -140,8 +141,8 @@ def test_tests_of_a_calibrated_detector_are_driven_again_calibrated(
 ) -> None:
     used: list[Setup] = []
 
-    def driven_again(tests: Again, space: Space, setup: Setup, *_: object) -> pd.DataFrame:
-        used.append(setup)
+    def driven_again(tests: Again, space: Space, failure_threshold_s: float, executor: Executor) -> pd.DataFrame:
+        used.append(executor.setup)
         return tests.tests
 
     monkeypatch.setattr(again, "driven_again", driven_again)

@@ -20,7 +20,8 @@ def test_a_shipped_base_is_calibrated_on_the_same_images_as_the_other_versions(t
     assert study.run("render-base") == 0 and study.run("train") == 0
     validation, made, shipped = read_dataset(study / "base_set", "val"), study / "models/base", ROOT / "models/uniform"
     export_onnx(tmp_path / "plain.onnx", load_weights(made / "weights.safetensors"), validation.size)
-    expected, found = calibrate(detect_all(tmp_path / "plain.onnx", validation), validation), read_card(made / "model.json")
+    expected = calibrate(detect_all(tmp_path / "plain.onnx", validation, lambda *_: None), validation)
+    found = read_card(made / "model.json")
     assert found.calibration == pytest.approx({"slope": expected.slope, "offset": expected.offset})
     assert found.calibration != read_card(shipped / "model.json").calibration
     assert found.weights_sha256 == read_card(shipped / "model.json").weights_sha256

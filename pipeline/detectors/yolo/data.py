@@ -172,7 +172,7 @@ def recolouring(rng: np.random.Generator) -> Change:
 
 
 def relighting(rng: np.random.Generator) -> Change:
-    """A change of the exposure (gain, offset), in half of the cases of the tint and, in 30 %, haze that reduces contrast."""
+    """A change of the exposure (gain and offset); in half of the cases also of the tint; in 30 %, haze reduces the contrast."""
     gain, offset = rng.uniform(0.6, 1.45), rng.uniform(-20, 20)
     tint = rng.uniform(0.85, 1.15, 3) if rng.random() < 0.5 else np.ones(1)
     clear, haze = (rng.uniform(0.4, 1), rng.uniform(20, 220)) if rng.random() < 0.3 else (1.0, 0.0)

@@ -18,7 +18,8 @@ REACH = 1.5
 
 @dataclass(frozen=True)
 class Loss:
-    """Scalars of one batch: `total` is minimised; scores: of the BCE; boxes: mean 1 - GIoU, in [0, 2]."""
+    """The losses of one batch, scalars. total: what training minimises. scores: cross-entropy per unit of target score. boxes: 1 - GIoU,
+    weighted by target score, in [0, 2]."""
 
     total: Tensor
     scores: Tensor

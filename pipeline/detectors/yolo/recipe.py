@@ -43,7 +43,8 @@ def train_from_scratch(images: ImageSet, indices: NDArray[np.int64], validation:
         first = (iteration - schedule.crop_iterations) * size
         return batch(images, frames.take(first, size), images.size, (seed, FRAME_PHASE, iteration), relit)
 
-    identity = hashlib.sha256(json.dumps([dict(config), images.digest], sort_keys=True).encode()).hexdigest()
+    shown = [images.digest, indices.tolist(), validation.digest]
+    identity = hashlib.sha256(json.dumps([dict(config), shown], sort_keys=True).encode()).hexdigest()
     watch = watching(validation, int(config["validate_every"]), int(config["patience"]))
     return fit(initial_model(seed, lambda: Yolo(SIZES[config["size"]])), Lesson(schedule, feed, identity, watch), run)
 

@@ -7,7 +7,6 @@ same weights.
 from __future__ import annotations
 
 import copy
-import hashlib
 import io
 import math
 import time
@@ -25,7 +24,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.optim.swa_utils import get_ema_multi_avg_fn
 
-from pipeline.artefacts.files import read_sealed, write_sealed
+from pipeline.artefacts.files import program_sha256, read_sealed, write_sealed
 from pipeline.artefacts.model_card import CurvePoint
 from pipeline.detectors.yolo.forward import Forward
 from pipeline.detectors.yolo.loss import Loss, detection_loss
@@ -189,7 +188,7 @@ def fit(model: Yolo, lesson: Lesson, run: Run) -> Fitted:
     keep_freed_memory()
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     state = _start(model, schedule, device)
-    identity = lesson.identity + _code()
+    identity = lesson.identity + program_sha256("core", "detectors")
     if checkpoint is not None:
         _resume(checkpoint, identity, state, device)
     saved, resumed = time.monotonic(), state.iteration
@@ -254,7 +253,7 @@ def _step(state: State, schedule: Schedule, forward: Forward, images: Tensor, bo
     state.optimiser.step(schedule.rate(state.iteration))
     state.iteration += 1
     state.sums += torch.stack([loss.scores, loss.boxes])
-    if state.iteration % 2 == 0:
+    if state.iteration % 2 == 0 or state.iteration == schedule.iterations:
         decay = min(schedule.averaging, (1 + state.iteration) / (12 + state.iteration)) ** 2
         get_ema_multi_avg_fn(decay)(*state.averaging, None)  # type: ignore[no-untyped-call]
     return loss
@@ -284,11 +283,6 @@ def _batches(feed: Feed, start: int, stop: int, device: torch.device) -> Iterato
 def _tensors(batch: Batch, device: torch.device) -> tuple[Tensor, Tensor]:
     """Images (n, 3, h, w) uint8 in the channels-last format, and boxes (n, 4)."""
     return torch.from_numpy(batch[0]).to(device).permute(0, 3, 1, 2), torch.from_numpy(batch[1]).to(device)
-
-
-def _code() -> str:
-    """Digest of everything that determines how a training continues."""
-    return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))).hexdigest()
 
 
 def _save(path: Path, identity: str, state: State) -> None:

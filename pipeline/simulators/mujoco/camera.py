@@ -65,6 +65,7 @@ class Camera:
     def shoot(self, rng: np.random.Generator) -> tuple[NDArray[np.uint8], Truth]:
         """Render the present state: (h, w, 3) uint8 RGB and the pedestrian's ground truth."""
         model, data = self._model, self._data
+        self._gl.make_current()
         mujoco.mj_kinematics(model, data)
         self._weather_control.follow(data.body("ego").xpos[:2], data.body("ego").xmat[[0, 3]], self._weather)
         mujoco.mj_camlight(model, data)
@@ -82,6 +83,7 @@ class Camera:
 
     def segment(self, classes: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Class of each pixel of the last shot, (h, w). classes: (ngeom,) of the model's geoms; the sky is 0."""
+        self._gl.make_current()
         flags = self._scene.flags
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1
         mujoco.mjr_render(self._rect, self._scene, self.context)

@@ -188,7 +188,7 @@ class Lens:
 
     def _fog(self, image: Image, distance: Floats, weather: Weather) -> Image:
         if weather.fog <= 0 and weather.rain <= 0:
-            return image
+            return image  # Clear air has no veil; any fog or rain adds at least that of a visibility of 1500 m.
         metres = distance * self._ray
         clear = cv2.exp(metres * np.float32(-weather.extinction_per_m))
         veil = np.empty_like(image)

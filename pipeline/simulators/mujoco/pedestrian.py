@@ -13,7 +13,8 @@ GEOM = mujoco.mjtGeom
 GROUP = 2
 """Geom group of the pedestrian: ground truth renders this group alone."""
 HIP_HEIGHT = 0.93
-HIDDEN_Z = -50.0
+HIDDEN_Z = -1000.0
+"""Metres: out of view for every camera."""
 UMBRELLA = ("canopy", "shaft")
 MATERIALS = ("top", "chest", "abdomen", "trousers", "shoes", "skin", "hair", "accent")
 

@@ -26,7 +26,7 @@ from .weather import Weather
 class Stage:
     """One world in this process. Poses: metres and degrees in the world frame (x ahead, y left).
 
-    walker: the person who the pedestrian is in this episode.
+    walker: the person shown as the pedestrian in this episode.
     """
 
     walker: Blueprint
@@ -65,7 +65,8 @@ class Stage:
     def step(self, brake: float) -> None:
         """Advance the ego by one timestep under a brake demand in [0, 1].
 
-        It stops, but creeps back while the brake is held, 24 mm in 120 steps at 8 m/s2: only after a step is its speed set to zero.
+        A negative speed is set to zero only after the step, so a stopped ego creeps back while the brake is held: 24 mm in 120 steps at
+        8 m/s2.
         """
         self.data.ctrl[0] = brake
         mujoco.mj_step(self.model, self.data)

@@ -33,9 +33,10 @@ def mix(a: ArrayLike, b: ArrayLike, share: float) -> Floats:
 
 @dataclass(frozen=True)
 class Weather:
-    """Weather and time of day. rain, fog: %, 0 to 100. sun_azimuth: degrees, 0 ahead of the ego, 90 to its left; sun_altitude: degrees.
+    """Weather and time of day.
 
-    clouds: %, 0 to 100, of a dry sky; rain and fog add their own.
+    rain, fog: %, 0 to 100. sun_azimuth: degrees in the world frame, 0 along x, 90 to the left. sun_altitude: degrees. clouds: %, 0 to 100,
+    of a dry sky; rain and fog add their own.
     """
 
     rain: float = 0.0
@@ -173,7 +174,7 @@ class WeatherControl:
         cloudiness = 0.5 * weather.daylight * (1 - weather.overcast)
         cloud = np.clip(self._clouds - 0.4, 0, 1)[..., None]
         for face, elevation in ((0, side), (1, side), (2, up), (3, np.zeros_like(up)), (4, side), (5, side)):
-            colour = mix(horizon, zenith, 0) + np.clip(elevation, 0, 1)[..., None] ** 0.6 * (zenith - horizon)
+            colour = horizon + np.clip(elevation, 0, 1)[..., None] ** 0.6 * (zenith - horizon)
             cover = cloudiness * cloud * np.clip(4 * elevation, 0, 1)[..., None]
             faces[face] = np.clip(255 * (colour * (1 - cover) + cover * 0.97), 0, 255)
         mujoco.mjr_uploadTexture(model, context, self._texture)
