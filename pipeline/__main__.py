@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
 import sys
 from collections.abc import Sequence
@@ -124,6 +125,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 return run_step(names(steps)[first], words[1:])
             options = parser(first).parse_args(words)
             code: int = options.run(options)
+        sys.stdout.flush()
+    except BrokenPipeError:  # The reader has seen enough, as in `| head`.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
     except KeyboardInterrupt:
         goes_on = f"; {RESUMES}" if calls_step(words) or first == "test-detector" else ""
         print(f"blindspot {first}: stopped{goes_on}", file=sys.stderr)

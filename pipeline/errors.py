@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import errno
 import re
+import sys
 from importlib.metadata import requires
+from pathlib import Path
 from typing import Any
 
 LONGEST_VALUE, LONGEST_MESSAGE = 80, 600
@@ -71,6 +73,9 @@ def missing_extra(error: ModuleNotFoundError) -> InputError:
     distribution = DISTRIBUTIONS.get(module, module.replace("_", "-"))
     pattern = re.compile(rf"{re.escape(distribution)}\b(?!-).*; extra == [\"'](.+)[\"']")
     found = [match[1] for requirement in requires("blindspot") or () if module and (match := pattern.fullmatch(requirement))]
-    if not found:
+    if found:
+        return InputError(f"needs {module}, which is not installed; type: pip install 'blindspot[{found[0]}]'")
+    own = Path(__file__).parents[1] / ".venv"
+    if module == "pipeline" or not own.is_dir() or Path(sys.prefix) == own:
         raise error
-    return InputError(f"needs {module}, which is not installed; type: pip install 'blindspot[{found[0]}]'")
+    return InputError(f"needs {module}, which this Python lacks; type: source .venv/bin/activate")

@@ -20,6 +20,8 @@ def recorded(folders: Folders, test: str) -> pd.Series:
     """The row of a test; InputError if the study has no such test, or if it ended in an error."""
     tables = campaigns(folders)
     campaign = test.rpartition("-")[0]
+    if not campaign:
+        raise InputError(f"expected a test such as F1-forest-base-0-00012, got '{test}'")
     if campaign not in tables:
         hint = _elsewhere(campaign)
         if not tables and not hint:

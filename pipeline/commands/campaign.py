@@ -101,6 +101,13 @@ def run(options: argparse.Namespace) -> int:
     plan = planned(search)
     tests, journal = search.folder / "tests.parquet", search.folder / "journal"
     stamp = search.folder / f"{tests.name}{stamps.SUFFIX}"
+    if (made := stamps.read(stamp)) is not None and tests.exists():
+        if made.depends != plan.identity:
+            raise InputError(
+                f"{search.folder} holds another search, or one by other code; choose another folder with out=, or delete this one"
+            )
+        print(f"{tests} has this search already; delete {search.folder} to execute it again")
+        return 0
     stamps.withdraw(stamp)
     try:
         with Progress(f"{search.scenario}, {search.strategy}") as progress:
@@ -108,7 +115,7 @@ def run(options: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         print(f"\nstopped; finished tests are in {journal}, and the same command resumes")
         return STOPPED
-    write_bytes(stamp, stamps.made(stamp, "by hand", [tests.with_name(f"{name}.parquet") for name in TABLES]).text().encode())
+    write_bytes(stamp, stamps.made(stamp, plan.identity, [tests.with_name(f"{name}.parquet") for name in TABLES]).text().encode())
     shutil.rmtree(journal)
     print(summary(plan, done))
     print(f"tables: {search.folder}/tests.parquet, signals, detections, frames and timings")
@@ -128,6 +135,8 @@ def read_words(words: Sequence[str], readers: Mapping[str, Callable[[str, str], 
         key, equals, value = word.partition("=")
         if not equals:
             raise InputError(f"expected key=value, got '{word}'")
+        if key in values:
+            raise InputError(f"{key} is given twice: {values[key]} and {value}")
         if key in readers:
             values[key] = readers[key](key, value)
         else:

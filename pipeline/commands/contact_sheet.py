@@ -37,4 +37,5 @@ def write_picture(path: Path, image: NDArray[np.uint8], quality: int = 95) -> No
     """Write an image, (h, w, 3) RGB, as .png or .jpg. quality: of a JPEG. OpenCV's own writer says nothing if it cannot write."""
     import cv2
 
-    write_bytes(path, bytes(cv2.imencode(path.suffix, image[..., ::-1], (cv2.IMWRITE_JPEG_QUALITY, quality))[1]))
+    settings = (cv2.IMWRITE_JPEG_QUALITY, quality) if path.suffix == ".jpg" else ()
+    write_bytes(path, bytes(cv2.imencode(path.suffix, image[..., ::-1], settings)[1]))

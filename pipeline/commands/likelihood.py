@@ -253,7 +253,8 @@ def answer(rates: Mapping[str, Rate], question: Question, exposure: ExposureFile
 def line(name: str, rate: Rate) -> str:
     """One rate with its interval and counts."""
     counts = f"{rate.failures:,} of {rate.tests:,} tests fail{f', {rate.errors} errors' if rate.errors else ''}"
-    value = f"{name}: failure probability {rate.value:.2g}, 95 % interval {rate.limits.low:.2g} to {rate.limits.high:.2g}; {counts}"
+    known = f"{rate.value:.2g}, 95 % interval {rate.limits.low:.2g} to {rate.limits.high:.2g}"
+    value = f"{name}: failure probability {known if rate.limits.below < 1 else 'unknown'}; {counts}"
     return f"{value}\n  {rate.note}" if rate.note else value
 
 

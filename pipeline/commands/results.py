@@ -23,7 +23,9 @@ from pathlib import Path
 
 from pipeline.artefacts.files import write_bytes
 from pipeline.config.project import typed
+from pipeline.core.names import count_of
 from pipeline.errors import InputError
+from pipeline.progress import Progress
 
 HELP = "Check that the published numbers follow from the published outcomes, or write them."
 BLOCK = re.compile(r"^<!-- made by: (?P<command>.+?) -->\n(?P<text>.*?)^<!-- end -->$", re.MULTILINE | re.DOTALL)
@@ -42,10 +44,12 @@ def run(options: argparse.Namespace) -> int:
             write_bytes(page, BLOCK.sub(_filled, text_of(page)).encode())
         return 0
     found = [block for page in pages for block in blocks(page)]
-    with ThreadPoolExecutor(os.cpu_count()) as pool:  # Each command is a process of its own.
-        texts = pool.map(printed, (block.command for block in found))
-        wrong = [told for block, text in zip(found, texts, strict=True) if (told := block.difference(text))]
-    print("\n".join(wrong) or f"{len(pages)} pages follow from their outcomes")
+    wrong = []
+    with Progress("results") as progress, ThreadPoolExecutor(os.cpu_count()) as pool:  # Each command is a process of its own.
+        for done, (block, text) in enumerate(zip(found, pool.map(printed, (block.command for block in found)), strict=True), 1):
+            wrong += [told] if (told := block.difference(text)) else []
+            progress(done, len(found), str(block.page))
+    print("\n".join(wrong) or f"{count_of(len(pages), 'page')} checked: every number follows from the outcomes")
     return 1 if wrong else 0
 
 

@@ -59,12 +59,16 @@ def concrete_scenario(space: Space, assignments: Sequence[str]) -> dict[str, Val
     values: dict[str, Value] = {
         v.name: PLAIN.get(v.name, v.decode(v.low) if v.kind != "categorical" else v.values[0]) for v in space.variables
     }
+    given: dict[str, str] = {}
     for assignment in assignments:
         name, equals, text = assignment.partition("=")
         if name not in values:
             raise InputError(f"there is no variable '{name}'{nearest(name, values)}")
         if not equals:
             raise InputError(f"write {name}=VALUE, got '{assignment}'")
+        if name in given:
+            raise InputError(f"{name} is given twice: {given[name]} and {text}")
+        given[name] = text
         variable = next(v for v in space.variables if v.name == name)
         try:
             values[name] = text if variable.kind == "categorical" else float(text)

@@ -9,6 +9,7 @@ from pipeline.artefacts import stamps
 from pipeline.artefacts.folders import Folders
 from pipeline.config.composing import PARAMS, load
 from pipeline.config.project import typed
+from pipeline.core.names import count_of
 from pipeline.errors import InputError
 
 HELP = "Check the study's files against their digests. The stamps of damaged files are removed, so the next run makes the files again."
@@ -22,7 +23,12 @@ def run(options: argparse.Namespace) -> int:
     """Verify the study; returns 1 if a file is damaged."""
     if options.folder and not options.folder.is_dir():
         raise InputError(f"--folder: expected the folder of a study, found no folder {options.folder}")
-    return 1 if withdraw_damaged(options.folder or Path(Folders(load(PARAMS)).root)) else 0
+    folder = options.folder or Path(Folders(load(PARAMS)).root)
+    if withdraw_damaged(folder):
+        return 1
+    stamped = sum(len(stamp.digests) for path in folder.rglob(f"*{stamps.SUFFIX}") if (stamp := stamps.read(path)))
+    print(f"{folder}: {count_of(stamped, 'stamped file')}, none damaged")
+    return 0
 
 
 def withdraw_damaged(folder: Path) -> int:

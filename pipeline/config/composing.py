@@ -91,7 +91,9 @@ def _scenarios(plain: Any) -> list[str]:
 
 
 def functional_scenario(name: str) -> FunctionalScenario:
-    """A scenario of conf/scenario/ by its file name."""
+    """A scenario of conf/scenario/ by its file name; InputError if there is none."""
+    if name not in (files := _choices("scenario")):
+        raise InputError(f"scenario: there is no conf/scenario/{name}.yaml{nearest(name, files)}")
     return compose("default", [*_alone(name), "aeb.gate=detections"]).scenarios[name]
 
 
@@ -112,16 +114,17 @@ def _override_message(plain: Any, overrides: Sequence[str]) -> str:
     for override in overrides:
         if override.startswith("+"):  # Its key may be new.
             continue
-        key, _, value = override.partition("=")
-        if not key:
+        key, equals, value = override.partition("=")
+        if not key or not (equals or key.startswith("~")):
             return f"expected key=value, got {shown(override)}"
         if (CONF / key).is_dir() and value not in (files := _choices(key)):
             return f"there is no conf/{key}/{value}.yaml{nearest(value, files)}"
         section, path = plain, [] if (CONF / key).is_dir() else key.lstrip("~").split(".")
-        for part in path:
+        for depth, part in enumerate(path):
             if not isinstance(section, dict) or part not in section:
+                above = "".join(f"{name}." for name in path[:depth])
                 known = section if isinstance(section, dict) else []
-                return f"unknown key '{'.'.join(path)}'{nearest(part, known)}"
+                return f"unknown key '{'.'.join(path)}'{nearest(above + part, [above + name for name in known])}"
             section = section[part]
     return ""
 

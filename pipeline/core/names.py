@@ -25,6 +25,11 @@ def check_name(name: str, joints: str = "") -> str:
     return name
 
 
+def count_of(number: int, noun: str) -> str:
+    """`1 failure`, `2,000 failures`."""
+    return f"{number:,} {noun}{'' if number == 1 else 's'}"
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """'; did you mean …?' with the nearest known name, or the list of them, or its beginning."""
     choices = sorted(known)

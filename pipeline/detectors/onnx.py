@@ -142,7 +142,10 @@ def _session(path: Path, threads: int) -> onnxruntime.InferenceSession:
     if path.suffix in (".pt", ".pth", ".pkl", ".ckpt"):
         raise InputError(f"{path}: a {path.suffix} file can run code when read, so it is not opened; export it to ONNX")
     if path.is_dir():
-        raise InputError(f"{path}: expected the ONNX file of a detector, got a folder; name the file, such as {path / 'model.onnx'}")
+        inside = next(
+            (f"; name the file, such as {file}" for file in (path / "model.onnx", path / "weights.safetensors") if file.exists()), ""
+        )
+        raise InputError(f"{path}: expected the file of a detector, got a folder{inside}")
     if not path.is_file():
         raise InputError(f"{path}: expected the ONNX file of a detector, found no file; train it or name another model")
     read_bytes(path)  # Checks them. The runtime gets the path, because it may find tensors in files beside it.

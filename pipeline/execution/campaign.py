@@ -23,6 +23,7 @@ from pipeline.config.components import make_sampler
 from pipeline.core.identity import CampaignId, TestId
 from pipeline.core.kpi import NO_KPI, Kpi, told
 from pipeline.core.measures import kinds
+from pipeline.core.names import count_of
 from pipeline.core.shards import Shard
 from pipeline.core.signals import SIGNALS
 from pipeline.core.space import Floats, Space
@@ -94,7 +95,7 @@ class _Found:
             self.kinds |= kinds(self.space, test.point[None])
 
     def __str__(self) -> str:
-        return f"{self.failures} failures ({self.failures / self.tests:.0%}), {len(self.kinds)} kinds"
+        return f"{count_of(self.failures, 'failure')} ({self.failures / self.tests:.0%}), {count_of(len(self.kinds), 'kind')}"
 
 
 def sampler_seed(campaign: CampaignId, frozen: bool = False) -> int:

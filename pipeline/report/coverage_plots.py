@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from pipeline.analysis.pair_shares import PairShare
 from pipeline.core.coverage.projection import Plane
 from pipeline.core.space import Space
-from pipeline.report.style import INK, PAGE_INCHES, SERIES, panels, styled
+from pipeline.report.style import INK, PAGE_INCHES, SERIES, panels, styled, whole_numbers
 
 COLUMNS = 5
 MOST_PLANES = 60
@@ -84,4 +84,5 @@ def growth(shares: Sequence[tuple[int, float]], k: int) -> Figure:
         )
         axis.axhline(100, color=INK, linewidth=0.7, linestyle="--")
         axis.set(ylim=(0, 105), xlabel="points", ylabel=f"{k}-projection coverage (%)")
+        whole_numbers(axis.xaxis)
     return figure

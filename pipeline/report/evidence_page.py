@@ -19,6 +19,8 @@ NAMES = {
     "unknown_unsafe": "unknown unsafe",
 }
 COLOURS = {"known_unsafe": "#c9372c", "known_safe": "#2a9d78", "unknown": "#a3acb8"}
+HIDDEN = "#e8912d"
+"""Colour of the unknown unsafe area, which lies in two of the others."""
 NO_ESTIMATE = "no estimate"
 HOW = (
     "The areas of Figure 8.1 of the thesis (ISO 21448), as shares of the exposure's probability. Known unsafe, known safe and unknown add "
@@ -34,7 +36,11 @@ def evidence_page(evidence: Evidence) -> Page:
     each = [_areas(one.domain.label, one.failure, one.areas) for one in evidence.scenarios]
     sections = (
         Section("Areas and residual risk", (HOW,), (*whole, *each)),
-        Section("Operational design domain", (evidence.exposure["description"],), tuple(_domain(one.domain) for one in evidence.scenarios)),
+        Section(
+            "Operational design domain",
+            (f"Exposure: {evidence.exposure['description']}.",),
+            tuple(_domain(one.domain) for one in evidence.scenarios),
+        ),
         Section("Coverage reached", (), (Passage(table=_coverage(evidence.scenarios)),)),
         Section("Open failure regions", (), tuple(map(_regions, evidence.scenarios))),
         Section("Assumptions and limits", (), (Passage(notes=evidence.assumptions), Passage(notes=evidence.limits))),
@@ -79,19 +85,24 @@ def bars(title: str, areas: Areas) -> str:
         place += width
     if (risk := areas.unknown_unsafe.share) is not None:
         low, high = (LEFT + value * (WIDTH - LEFT) for value in (risk.low, risk.high))
-        parts.append(f'<rect x="{low:.2f}" y="40" width="{max(high - low, 1):.2f}" height="10" fill="#e8912d"/>')
+        parts.append(f'<rect x="{low:.2f}" y="40" width="{max(high - low, 1):.2f}" height="10" fill="{HIDDEN}"/>')
+        middle = LEFT + risk.value * (WIDTH - LEFT)
+        parts.append(f'<rect x="{middle - 1:.2f}" y="37" width="2" height="16" fill="currentColor"/>')
     labels = [("areas", 22), ("unknown unsafe", 50)]
     parts += [f'<text x="0" y="{y}" font-size="13" fill="currentColor">{text}</text>' for text, y in labels]
-    parts += [_key(index, name) for index, name in enumerate(shares)]
+    keys = [(COLOURS[name], NAMES[name]) for name in shares]
+    if risk is not None:
+        keys.append((HIDDEN, "95 %, mark: estimate"))
+    parts += [_key(index, *key) for index, key in enumerate(keys)]
     spoken = ", ".join(f"{NAMES[name]} {_share(area)}" for name, area in _each(areas))
     head = f'<svg role="img" xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} 78" aria-label="{escape(f"{title}: {spoken}")}">'
     return head + "".join(parts) + "</svg>"
 
 
-def _key(index: int, name: str) -> str:
-    x = LEFT + 130 * index
-    box = f'<rect x="{x}" y="62" width="12" height="12" fill="{COLOURS[name]}"/>'
-    return f'{box}<text x="{x + 18}" y="73" font-size="12" fill="currentColor">{NAMES[name]}</text>'
+def _key(index: int, colour: str, text: str) -> str:
+    x = LEFT + 120 * index
+    box = f'<rect x="{x}" y="62" width="12" height="12" fill="{colour}"/>'
+    return f'{box}<text x="{x + 18}" y="73" font-size="12" fill="currentColor">{text}</text>'
 
 
 def _domain(domain: Domain) -> Passage:

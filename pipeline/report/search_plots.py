@@ -11,8 +11,20 @@ from matplotlib.figure import Figure
 
 from pipeline.artefacts.region_results import FailureRegions
 from pipeline.artefacts.search_results import Measures, StrategyMeasures
+from pipeline.core.names import count_of
 from pipeline.core.space import Space, Variable
-from pipeline.report.style import INK, MODE_COLOURS, MODE_NAMES, UNASSIGNED, legend_below, panels, series_colours, styled, wrapped
+from pipeline.report.style import (
+    INK,
+    MODE_COLOURS,
+    MODE_NAMES,
+    UNASSIGNED,
+    legend_below,
+    panels,
+    series_colours,
+    styled,
+    whole_numbers,
+    wrapped,
+)
 
 MARKERS = ("o", "s", "^", "D", "v", "P")
 """One per seed; they repeat."""
@@ -39,6 +51,7 @@ def kpi_panels(campaigns: Mapping[str, pd.DataFrame], threshold_s: float, column
             axis.plot(batches["index"] + 1, batches["adj_ttc_s"], color=INK, linewidth=1.4, label="batch mean", zorder=3)
             axis.axhline(threshold_s, color=MODE_COLOURS["contact"], linestyle="--", linewidth=1, zorder=2)
             axis.set(title=title, xlabel="test")
+            whole_numbers(axis.xaxis)
         axes[0].set_ylim(bottom=-0.04)
         legend_below(figure, axes)
     return figure
@@ -81,7 +94,8 @@ def theta_curves(measures: Measures, labels: Mapping[str, str]) -> Figure:
                 position = np.arange(1, length + 1)
                 axis.fill_between(position, table.min(0), table.max(0), color=colours[strategy], alpha=0.18, linewidth=0)
                 axis.plot(position, table.mean(0), color=colours[strategy], linewidth=2, label=strategy)
-            axis.set(title=label, xlabel="tests", ylim=(0, None), xlim=(0, None))
+            axis.set(title=label, xlabel="tests", ylim=(0, max(1.0, axis.get_ylim()[1])), xlim=(0, None))
+            whole_numbers(axis.xaxis, axis.yaxis)
         legend_below(figure, axes)
     return figure
 
@@ -94,7 +108,7 @@ def parallel_coordinates(tests: pd.DataFrame, space: Space, regions: FailureRegi
     failures = tests[tests["failure"]].set_index("test_id")
     groups = {"isolated": regions.isolated} | {region.name: region.members for region in regions.regions}
     chosen = {name: failures.loc[failures.index.intersection(list(members))] for name, members in groups.items()}
-    return parallel_lines(chosen, space, f"{regions.label}: {regions.failures} failures")
+    return parallel_lines(chosen, space, f"{regions.label}: {count_of(regions.failures, 'failure')}")
 
 
 def parallel_lines(groups: Mapping[str, pd.DataFrame], space: Space, title: str) -> Figure:

@@ -12,7 +12,9 @@ from pathlib import Path
 import matplotlib
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from pipeline.artefacts.files import write_bytes
 
@@ -86,6 +88,12 @@ def wrapped(count: int, columns: int, *, height: float, ylabel: str, sharey: boo
     for axis in flat[::columns]:
         axis.set_ylabel(ylabel)
     return figure, flat[:count]
+
+
+def whole_numbers(*axes: Axis) -> None:
+    """Put the ticks of axes that count at whole numbers."""
+    for axis in axes:
+        axis.set_major_locator(MaxNLocator(integer=True))
 
 
 def legend_below(figure: Figure, axes: Sequence[Axes]) -> None:

@@ -5,6 +5,7 @@ MLflow copies this file beside the model and runs it where Blindspot is not inst
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from typing import Any
 
@@ -21,39 +22,42 @@ COLUMNS = ("image", "left", "top", "right", "bottom", "score")
 Floats = NDArray[np.float32]
 
 
-class ServedDetector(PythonModel):  # type: ignore[misc]  # MLflow has no types.
-    """Finds pedestrians with the ONNX file of a version.
+with warnings.catch_warnings():  # MLflow asks for hints that it would take for a schema.
+    warnings.filterwarnings("ignore", message=".*Add type hints")
 
-    Its model_config has `threshold`, the smallest score reported, and `iou`, the overlap above which the worse of two boxes is removed;
-    `load_model` takes others.
-    """
+    class ServedDetector(PythonModel):  # type: ignore[misc]  # MLflow has no types.
+        """Finds pedestrians with the ONNX file of a version.
 
-    def load_context(self, context: Any) -> None:
-        """Open the ONNX file; MLflow calls it once."""
-        self._session = onnxruntime.InferenceSession(context.artifacts["onnx"], providers=["CPUExecutionProvider"])
-        _, self._height, self._width, _ = self._session.get_inputs()[0].shape
+        Its model_config has `threshold`, the smallest score reported, and `iou`, the overlap above which the worse of two boxes is removed;
+        `load_model` takes others.
+        """
 
-    def predict(self, context, model_input, params=None):  # type: ignore[no-untyped-def]  # MLflow takes hints for a schema.
-        """A row for each pedestrian: the image's number, the box in its pixels, the score. model_input: (n, h, w, 3) uint8 RGB."""
-        limits = context.model_config
-        rows = [
-            (number, *map(float, box), float(score))
-            for number, image in enumerate(model_input)
-            for box, score in self._found(np.asarray(image, np.uint8), limits["threshold"], limits["iou"])
-        ]
-        return pd.DataFrame(rows, columns=list(COLUMNS)).astype({"image": "int64"} | dict.fromkeys(COLUMNS[1:], "float64"))
+        def load_context(self, context: Any) -> None:
+            """Open the ONNX file; MLflow calls it once."""
+            self._session = onnxruntime.InferenceSession(context.artifacts["onnx"], providers=["CPUExecutionProvider"])
+            _, self._height, self._width, _ = self._session.get_inputs()[0].shape
 
-    def _found(self, image: NDArray[np.uint8], threshold: float, iou: float) -> Iterator[tuple[Floats, np.float32]]:
-        height, width = image.shape[:2]
-        scale = min(self._width / width, self._height / height)
-        columns, rows = round(width * scale), round(height * scale)
-        left, top = (self._width - columns) // 2, (self._height - rows) // 2
-        padded = np.full((self._height, self._width, 3), GREY, np.uint8)
-        padded[top : top + rows, left : left + columns] = image if scale == 1 else cv2.resize(image, (columns, rows))
-        boxes, scores = (output[0] for output in self._session.run(["boxes", "scores"], {"image": padded[None]}))
-        boxes = np.clip((boxes - (left, top, left, top)) / scale, 0, (width, height, width, height)).astype(np.float32)
-        for kept in suppressed(boxes, np.where(scores >= threshold, scores, -1), iou):
-            yield boxes[kept], scores[kept]
+        def predict(self, context, model_input, params=None):  # type: ignore[no-untyped-def]  # MLflow takes hints for a schema.
+            """A row for each pedestrian: the image's number, the box in its pixels, the score. model_input: (n, h, w, 3) uint8 RGB."""
+            limits = context.model_config
+            rows = [
+                (number, *map(float, box), float(score))
+                for number, image in enumerate(model_input)
+                for box, score in self._found(np.asarray(image, np.uint8), limits["threshold"], limits["iou"])
+            ]
+            return pd.DataFrame(rows, columns=list(COLUMNS)).astype({"image": "int64"} | dict.fromkeys(COLUMNS[1:], "float64"))
+
+        def _found(self, image: NDArray[np.uint8], threshold: float, iou: float) -> Iterator[tuple[Floats, np.float32]]:
+            height, width = image.shape[:2]
+            scale = min(self._width / width, self._height / height)
+            columns, rows = round(width * scale), round(height * scale)
+            left, top = (self._width - columns) // 2, (self._height - rows) // 2
+            padded = np.full((self._height, self._width, 3), GREY, np.uint8)
+            padded[top : top + rows, left : left + columns] = image if scale == 1 else cv2.resize(image, (columns, rows))
+            boxes, scores = (output[0] for output in self._session.run(["boxes", "scores"], {"image": padded[None]}))
+            boxes = np.clip((boxes - (left, top, left, top)) / scale, 0, (width, height, width, height)).astype(np.float32)
+            for kept in suppressed(boxes, np.where(scores >= threshold, scores, -1), iou):
+                yield boxes[kept], scores[kept]
 
 
 def suppressed(boxes: Floats, scores: Floats, iou: float) -> Iterator[int]:

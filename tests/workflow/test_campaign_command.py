@@ -42,6 +42,19 @@ def test_a_stopped_campaign_resumes_and_ends_like_an_uninterrupted_one(tmp_path:
     pd.testing.assert_frame_equal(pd.read_parquet(cut / "tests.parquet"), pd.read_parquet(whole / "tests.parquet"))
 
 
+def test_a_finished_search_is_neither_executed_again_nor_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert campaign(tmp_path) == 0
+    made = {path: path.stat().st_mtime_ns for path in tmp_path.glob("*.parquet")}
+    capsys.readouterr()
+    assert campaign(tmp_path) == 0
+    assert "has this search already" in capsys.readouterr().out
+    assert main(["campaign", *WORDS[:2], "budget=40", *WORDS[3:], f"out={tmp_path}"]) == 2
+    assert "holds another search, or one by other code" in capsys.readouterr().err
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.glob("*.parquet")} == made
+    (tmp_path / "tests.parquet").unlink()
+    assert campaign(tmp_path) == 0 and (tmp_path / "tests.parquet").exists()
+
+
 def test_overrides_of_the_scenario_and_of_the_strategy_count(tmp_path: Path) -> None:
     words = ["scenario=F1", "strategy=network", f"out={tmp_path}", "model=models/uniform"]
     own = ["scenarios.F1.ego.speed_kmh=20", "samplers.network.batch_size=7"]
@@ -57,6 +70,8 @@ def test_overrides_of_the_scenario_and_of_the_strategy_count(tmp_path: Path) -> 
         (["seed=-1"], "seed: expected a whole number from 0 to 2147483647, got '-1'"),
         (["seed=2147483648"], "seed: expected a whole number from 0 to 2147483647, got '2147483648'"),
         ([f"seed={'9' * 5000}"], "seed: expected a whole number from 0 to 2147483647, got '999"),
+        (["budget=5", "budget=7"], "budget is given twice: 5 and 7"),
+        (["scenario=F1,F2"], "scenario: there is no conf/scenario/F1,F2.yaml"),
         (["strategy=forst"], "strategy: there is no 'forst'; did you mean 'forest'?"),
         (["scenario=F99"], "F99"),
         (["budget"], "expected key=value, got 'budget'"),

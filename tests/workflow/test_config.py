@@ -45,7 +45,7 @@ def test_a_camera_is_chosen_by_its_name() -> None:
         ("camera=640x38", "there is no conf/camera/640x38.yaml; did you mean '640x384'?"),
         ("camera=640", "there is no conf/camera/640.yaml; did you mean '640x384'?"),
         ("=640", "expected key=value, got '=640'"),
-        ("campaign.testss=3", "unknown key 'campaign.testss'; did you mean 'tests'?"),
+        ("campaign.testss=3", "unknown key 'campaign.testss'; did you mean 'campaign.tests'?"),
         ("+campaign.testss=3", "unknown key 'campaign.testss'; did you mean 'tests'?"),
         ("campaign.tests=0", "campaign.tests: Input should be greater than or equal to 1, got 0"),
         ("strategies=[random,forst]", "strategies: there is no 'forst'; did you mean 'forest'?"),

@@ -53,7 +53,10 @@ def test_simulate_films_one_test(tmp_path: Path, capsys: pytest.CaptureFixture[s
         (["simulate", "F1", "--out", "film.avi"], "a replay must be an .mp4 or a .gif, got film.avi"),
         (["simulate", "F1", "--model", "docs"], "docs holds neither model.onnx nor weights.safetensors"),
         (["simulate", "F1", "--model", "README.md"], "README.md: expected the folder of a version, got a file"),
-        (["test-detector", "models/uniform"], "models/uniform: expected the ONNX file of a detector, got a folder; name the file"),
+        (
+            ["test-detector", "models/uniform"],
+            "models/uniform: expected the file of a detector, got a folder; name the file, such as models/uniform/weights.safetensors",
+        ),
         (["verdict", "--params", "nope.yaml"], "nope.yaml: no such file"),
         (["verdict", "--comparison", "nope.json"], "nope.json: expected a readable file, got No such file"),
         (["compose", "study=smoke", "filter.overrules=nope.csv"], "filter.overrules: expected a CSV, found no file nope.csv"),

@@ -81,6 +81,7 @@ def test_the_study_that_has_a_test_is_found(study: StudyFolder, capsys: pytest.C
     ("test", "message"),
     [
         ("F1-random-base-0-00009", "has the tests F1-random-base-0-00000 to F1-random-base-0-00003, got F1-random-base-0-00009"),
+        ("nope", "expected a test such as F1-forest-base-0-00012, got 'nope'"),
         ("F1-radom-base-0-00001", "study smoke has no campaign 'F1-radom-base-0'; did you mean 'F1-random-base-0'?"),
     ],
 )

@@ -32,7 +32,7 @@ def test_written_pages_pass(page: Path, capsys: pytest.CaptureFixture[str]) -> N
     assert page.read_text().endswith("-->\n\n| failures |\n|---|\n| 2 |\n\n<!-- end -->\n\nText after it.\n")
     assert [(block.command, block.line) for block in blocks(page)] == [("python count.py outcomes.csv", 3)]
     assert main(["results", "verify"]) == 0
-    assert capsys.readouterr().out == "1 pages follow from their outcomes\n"
+    assert capsys.readouterr().out == "1 page checked: every number follows from the outcomes\n"
     before = page.read_bytes()
     assert main(["results", "write"]) == 0 and page.read_bytes() == before
 

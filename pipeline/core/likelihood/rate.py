@@ -129,6 +129,8 @@ def combined(rates: Sequence[Rate], shares: Sequence[float]) -> Rate:
 
 def sentence(rate: Rate, exposure: str) -> str:
     """What a rate allows to claim, in words."""
+    if rate.limits.below >= 1:
+        return f"no claim: these {rate.tests:,} tests say too little about exposure '{exposure}'; execute tests of that exposure"
     return f"95 % sure: below {one_in(rate.limits.below)} under exposure '{exposure}', after {rate.tests:,} tests"
 
 
