@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import difflib
 import shutil
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -139,6 +140,8 @@ def read_words(words: Sequence[str], readers: Mapping[str, Callable[[str, str], 
             raise InputError(f"{key} is given twice: {values[key]} and {value}")
         if key in readers:
             values[key] = readers[key](key, value)
+        elif "." not in key and (meant := difflib.get_close_matches(key, list(readers), n=1, cutoff=0.7)):
+            raise InputError(f"unknown key '{key}'; did you mean '{meant[0]}'?")
         else:
             overrides.append(word)
     return {**values, "overrides": tuple(overrides)}

@@ -72,6 +72,7 @@ def test_overrides_of_the_scenario_and_of_the_strategy_count(tmp_path: Path) -> 
         ([f"seed={'9' * 5000}"], "seed: expected a whole number from 0 to 2147483647, got '999"),
         (["budget=5", "budget=7"], "budget is given twice: 5 and 7"),
         (["scenario=F1,F2"], "scenario: there is no conf/scenario/F1,F2.yaml"),
+        (["strateg=forest"], "unknown key 'strateg'; did you mean 'strategy'?"),
         (["strategy=forst"], "strategy: there is no 'forst'; did you mean 'forest'?"),
         (["scenario=F99"], "F99"),
         (["budget"], "expected key=value, got 'budget'"),
