@@ -105,13 +105,13 @@ def check_wildcard(wildcard: str, value: str, step: Step, config: Config) -> Non
     if (pattern := {**PATTERNS, **step.wildcards}.get(wildcard)) is not None:
         if not re.fullmatch(pattern, value):
             raise InputError(f"--{wildcard}: expected {pattern}, got {shown(value)}")
-        return
-    try:
-        check_name(value, "-")
-    except ValueError as error:
-        raise InputError(f"--{wildcard}: {error}") from error
+    else:
+        try:
+            check_name(value, "-")
+        except ValueError as error:
+            raise InputError(f"--{wildcard}: {error}") from error
     known = config.wildcards.get(wildcard, [value])
-    if value not in known:
+    if wildcard not in step.wildcards and value not in known:
         raise InputError(f"--{wildcard}: there is no {shown(value)}{nearest(value, known)}")
 
 

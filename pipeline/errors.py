@@ -68,14 +68,15 @@ DISTRIBUTIONS = {"PIL": "pillow", "cv2": "opencv-python-headless", "hydra": "hyd
 
 
 def missing_extra(error: ModuleNotFoundError) -> InputError:
-    """The error for a user who lacks an extra; raises the original error for a module that no extra provides."""
+    """The error for a user who lacks an extra, or who has not activated the checkout's environment; raises the original error for a module
+    that no extra provides."""
     module = (error.name or "").partition(".")[0]
     distribution = DISTRIBUTIONS.get(module, module.replace("_", "-"))
     pattern = re.compile(rf"{re.escape(distribution)}\b(?!-).*; extra == [\"'](.+)[\"']")
     found = [match[1] for requirement in requires("blindspot") or () if module and (match := pattern.fullmatch(requirement))]
     if found:
         return InputError(f"needs {module}, which is not installed; type: pip install 'blindspot[{found[0]}]'")
-    own = Path(__file__).parents[1] / ".venv"
-    if module == "pipeline" or not own.is_dir() or Path(sys.prefix) == own:
-        raise error
-    return InputError(f"needs {module}, which this Python lacks; type: source .venv/bin/activate")
+    forgotten = sys.prefix == sys.base_prefix and (Path(__file__).parents[1] / ".venv").is_dir()
+    if forgotten and module not in ("", "pipeline"):
+        return InputError(f"needs {module}, which this Python lacks; type: source .venv/bin/activate")
+    raise error

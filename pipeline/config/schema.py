@@ -250,9 +250,10 @@ class Config(Section):
 
     @property
     def wildcards(self) -> dict[str, list[str]]:
-        """The names that a job may have as its scenario, strategy and version; `base` is one in every study."""
+        """The names that a job may have as its scenario, strategy, version and seed; `base` is a version in every study."""
         versions = dict.fromkeys([BASE, *map(str, self.versions)])
-        return {"scenario": list(self.scenarios), "strategy": list(self.samplers), "version": list(versions)}
+        seeds = dict.fromkeys(map(str, (*self.seeds, *self.retraining.seeds, self.comparison.seed)))
+        return {"scenario": list(self.scenarios), "strategy": list(self.samplers), "version": list(versions), "seed": list(seeds)}
 
     def version(self, name: str) -> Version:
         """The version of a name, which may be a detector that the study only tests."""

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from pipeline import errors
 from pipeline.errors import missing_extra
 
 EXTRAS = (
@@ -79,6 +80,13 @@ def test_a_missing_module_names_its_extra(module: str, extra: str) -> None:
 def test_a_module_without_extra_raises_the_original_error(module: str | None) -> None:
     with pytest.raises(ModuleNotFoundError, match="^as it was$"):
         missing_extra(ModuleNotFoundError("as it was", name=module))
+
+
+def test_a_forgotten_environment_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / ".venv").mkdir()
+    monkeypatch.setattr(errors, "__file__", str(tmp_path / "pipeline/errors.py"))
+    monkeypatch.setattr(sys, "prefix", sys.base_prefix)
+    assert str(missing_extra(ModuleNotFoundError(name="numpy"))) == "needs numpy, which this Python lacks; type: source .venv/bin/activate"
 
 
 @pytest.mark.parametrize(("command", "module", "extra"), [("simulate", "cv2", "simulation"), ("stages", "grimp", "workflow")])

@@ -25,6 +25,7 @@ from pipeline.core.detections import Detections
 from pipeline.core.episode import Episode, Frame
 from pipeline.core.identity import CampaignId
 from pipeline.core.measures import kinds_of
+from pipeline.core.names import count_of
 from pipeline.core.space import Value
 from pipeline.errors import SimulationError
 from pipeline.execution.campaign import CampaignPlan, sampler_seed
@@ -36,7 +37,7 @@ from tests.spaces import SMALL
 from tests.strategies import strategies
 from tests.studies import ROOT, StudyFolder, arguments
 
-OVERRIDES = ["simulator=analytic", "detector=oracle", "campaign.tests=24", "samplers.mixed.batch_size=8"]
+OVERRIDES = ["simulator=analytic", "detector=oracle", "seeds=[3]", "campaign.tests=24", "samplers.mixed.batch_size=8"]
 FILES = ("tests.parquet", "signals.parquet", "frames.parquet")
 MODEL = "models/base/model.onnx"
 
@@ -128,9 +129,12 @@ def test_progress_counts_every_failure_as_it_comes(tmp_path: Path, monkeypatch: 
     tests = tables.read_tests(folder(study) / "tests.parquet").sort_values("index")
     failed, space = tests["failure"].cumsum(), read_space(study / "space/F1.json")[1]
     assert failed.iloc[-1] > 0
-    assert shown[-1][1].endswith(f", {kinds_of(space, encode_tests(tests[tests['failure']], space))} kinds")
+    kinds = kinds_of(space, encode_tests(tests[tests["failure"]], space))
+    assert shown[-1][1].endswith(f", {count_of(kinds, 'kind')}")
     # One worker executes the tests in order.
-    assert [(done, text.split(" (")[0]) for done, text in shown] == [(done, f"{count} failures") for done, count in enumerate(failed, 1)]
+    assert [(done, text.split(" (")[0]) for done, text in shown] == [
+        (done, count_of(count, "failure")) for done, count in enumerate(failed, 1)
+    ]
 
 
 def finished(study: StudyFolder) -> int:
@@ -208,6 +212,13 @@ def test_a_seed_is_a_whole_number(tmp_path: Path, seed: str, capsys: pytest.Capt
     assert f"--seed: expected \\d+, got '{seed}'" in capsys.readouterr().err
 
 
+def test_a_seed_is_one_of_the_studys(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    study = analytic_study(tmp_path)
+    assert study.run("campaign", **key() | {"seed": 7}) == 2
+    assert "--seed: there is no '7'; known are 0, 3" in capsys.readouterr().err
+    assert not (study / "campaigns").exists()
+
+
 @pytest.mark.parametrize(
     ("file", "content", "message"),
     [
@@ -230,8 +241,8 @@ def test_bad_files_end_with_exit_code_2(
 def test_a_truncated_table_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     study = analytic_study(tmp_path)
     for strategy in ("random", "mixed"):
-        assert study.run("campaign", threads=2, **key(strategy) | {"seed": 0}) == 0
-    table = study / "campaigns/F1/mixed/base/0/tests.parquet"
+        assert study.run("campaign", threads=2, **key(strategy)) == 0
+    table = study / "campaigns/F1/mixed/base/3/tests.parquet"
     table.write_bytes(table.read_bytes()[:-200])
     assert study.run("cluster", scenario="F1", version="base") == 2
     assert f"data/smoke/{table.relative_to(study / '')}: damaged or edited" in capsys.readouterr().err

@@ -32,7 +32,14 @@ from pipeline.execution.workers import Setup
 from tests.studies import StudyFolder
 
 CAMPAIGN: dict[str, Any] = {"kind": "campaigns", "scenario": "F1", "strategy": "random", "version": "base", "seed": 3}
-SMALL = ["simulator.camera.width=96", "simulator.camera.height=64", "campaign.tests=6", "samplers.random.batch_size=6", "search=[F1]"]
+SMALL = [
+    "seeds=[3]",
+    "simulator.camera.width=96",
+    "simulator.camera.height=64",
+    "campaign.tests=6",
+    "samplers.random.batch_size=6",
+    "search=[F1]",
+]
 NOISY = ["detector._target_=tests.workflow.test_rescore.Unsure"]
 LAWS = {
     "thesis": [],
