@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import sqlite3
 from collections.abc import Callable, Mapping
@@ -142,6 +143,7 @@ def test_verify_names_what_is_damaged_and_withdraws_its_stamp(study: Path, tmp_p
     shutil.copytree(study, tmp_path / "copy")
     words = ["verify", "--folder", str(tmp_path / "copy")]
     assert main(words) == 0
+    assert re.fullmatch(rf"{tmp_path}/copy: \d+ stamped files, none damaged\n", capsys.readouterr().out)
     for name in ("measures.json", "comparison.json"):
         (_bit if name == "measures.json" else _folder)(tmp_path / "copy" / name)
     (tmp_path / "copy/theta.csv").unlink()  # A deleted file is no damage.
