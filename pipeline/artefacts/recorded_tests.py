@@ -23,7 +23,8 @@ def recorded(folders: Folders, test: str) -> pd.Series:
     if not campaign:
         raise InputError(f"expected a test such as F1-forest-base-0-00012, got '{test}'")
     if campaign not in tables:
-        hint = _elsewhere(campaign)
+        own = _own_params(campaign)
+        hint = f"; choose its study: --params {' or '.join(map(str, own))}" if own else ""
         if not tables and not hint:
             raise InputError(f"study {folders.config.study} has no executed campaign here; make it with ./run")
         raise InputError(f"study {folders.config.study} has no campaign '{campaign}'{hint or nearest(campaign, list(tables))}")
@@ -42,18 +43,17 @@ def params_of(test: str, params: Path) -> Path:
     campaign = test.rpartition("-")[0]
     if params.is_file() and campaign in campaigns(Folders(load(params))):
         return params
-    own = [path for path in sorted(DATA.glob("*/params.yaml")) if _executed(path.parent, campaign)]
+    own = _own_params(campaign)
     return own[0] if len(own) == 1 else params
 
 
-def _executed(study: Path, campaign: str) -> bool:
-    return any("-".join(path.parts[-5:-1]) == campaign for path in study.glob("*/*/*/*/*/tests.parquet"))
+def _own_params(campaign: str) -> list[Path]:
+    """The params.yaml of every study with one of its own that has executed a campaign."""
 
+    def executed(study: Path) -> bool:
+        return any("-".join(path.parts[-5:-1]) == campaign for path in study.glob("*/*/*/*/*/tests.parquet"))
 
-def _elsewhere(campaign: str) -> str:
-    """Which studies with a params.yaml of their own have executed a campaign; empty if none."""
-    found = [path for path in sorted(DATA.glob("*/params.yaml")) if _executed(path.parent, campaign)]
-    return f"; choose its study: --params {' or '.join(map(str, found))}" if found else ""
+    return [path for path in sorted(DATA.glob("*/params.yaml")) if executed(path.parent)]
 
 
 def campaigns(folders: Folders) -> Mapping[str, Path]:
