@@ -58,7 +58,13 @@ class WithoutNoise:
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> StudyFolder:
     breaking = f"simulator._target_={__name__}.{BreaksInClearWeather.__qualname__}"
-    overrides = ["campaign.tests=160", "samplers.mixed.batch_size=20", "strategies=[random,mixed]", f"regions.explain={FAILURES}"]
+    overrides = [
+        "seeds=[0]",
+        "campaign.tests=160",
+        "samplers.mixed.batch_size=20",
+        "strategies=[random,mixed]",
+        f"regions.explain={FAILURES}",
+    ]
     made = analytic_study(tmp_path_factory.mktemp("explaining"), *overrides, breaking)
     for strategy in ("random", "mixed"):
         assert made.run("campaign", kind="campaigns", scenario="F1", strategy=strategy, version="base", seed=0) == 0
