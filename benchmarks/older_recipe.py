@@ -2,9 +2,10 @@
 
     python benchmarks/default_study.py run 2 --again --keep    a default study in .cache/default_study/2
     python benchmarks/older_recipe.py run 2                    retrain two of its versions again, test and publish them; seven minutes
-    python benchmarks/older_recipe.py answer                   the table of docs/results/learning.md
+    python benchmarks/older_recipe.py run 2 --same-time        the same in as much time as today's recipe takes, with fewer steps
+    python benchmarks/older_recipe.py answer                   the tables of docs/results/learning.md
 
-Both recipes take the same steps on the same frames, and their versions execute the same held-out tests.
+Both recipes learn from the same frames, and their versions execute the same held-out tests.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import shutil
 from contextlib import chdir
 from pathlib import Path
 from textwrap import fill
+from typing import NamedTuple
 
 import pandas as pd
 from default_study import CLONES, SEEDS
@@ -27,10 +29,26 @@ from pipeline.detectors.yolo import retraining
 from pipeline.detectors.yolo.network import Yolo
 from pipeline.detectors.yolo.training import Fitted, Lesson, Run, fit
 
-PUBLISHED = Path("docs/results/older-recipe")
 VERSIONS = ("random", "adaptive")
-OLDER = "-older"
 LINE = 138
+
+
+class Older(NamedTuple):
+    """Release 0.2's recipe. folder: of its published outcomes. steps: how many it takes for each of today's."""
+
+    study: str
+    folder: Path
+    said: str
+    steps: float
+
+    @property
+    def suffix(self) -> str:
+        return f"-{self.study}"
+
+
+SAME_STEPS = Older("older", Path("docs/results/older-recipe"), "In as many steps", 1)
+SAME_TIME = Older("shorter", Path("docs/results/shorter-recipe"), "In as much time", 1 / 1.94)
+"""By the published median ratio of images per second (retraining_speed.py)."""
 
 
 def main() -> None:
@@ -39,31 +57,38 @@ def main() -> None:
     execute = commands.add_parser("run")
     execute.add_argument("seed", type=int, nargs="+", choices=list(SEEDS))
     execute.add_argument("--threads", type=int, default=2)
+    execute.add_argument("--same-time", action="store_true", help="stop the older recipe when today's would have ended")
     commands.add_parser("answer")
     options = parser.parse_args()
     if options.command == "answer":
-        print(answer({int(path.name.split(".")[0]): pd.read_csv(path) for path in sorted(PUBLISHED.glob("*.csv.gz"))}))
+        print("\n\n".join(answer(older, published(older)) for older in (SAME_STEPS, SAME_TIME)))
         return
+    older = SAME_TIME if options.same_time else SAME_STEPS
     for seed in options.seed:
         with chdir(CLONES / str(seed)):
-            outcomes = repeated(load(PARAMS), options.threads)
-        write(outcomes, PUBLISHED / f"{seed}.csv.gz")
+            outcomes = repeated(load(PARAMS), older, options.threads)
+        write(outcomes, older.folder / f"{seed}.csv.gz")
 
 
-def repeated(config: Config, threads: int) -> pd.DataFrame:
+def published(older: Older) -> dict[int, pd.DataFrame]:
+    return {int(path.name.split(".")[0]): pd.read_csv(path) for path in sorted(older.folder.glob("*.csv.gz"))}
+
+
+def repeated(config: Config, recipe: Older, threads: int) -> pd.DataFrame:
     """The outcomes of a finished study's versions, and of those that the older recipe makes from its files."""
-    today, older = of_study(config), config.model_copy(update={"study": "older"})
-    root = Path(Folders(older).root)
+    steps = round(config.retraining.iterations * recipe.steps)
+    older = config.model_copy(update={"study": recipe.study, "retraining": config.retraining.model_copy(update={"iterations": steps})})
+    today, root = of_study(config), Path(Folders(older).root)
     if not root.exists():
         shutil.copytree(Folders(config).root, root)
     vars(retraining).update(CROP_SHARE=1.0, fit=_every_layer)
     held_out = {"kind": "held_out", "strategy": config.comparison.strategy, "seed": str(config.comparison.seed)}
     for version in VERSIONS:
-        perform(order_of("retrain", older, {"version": version}, OLDER, threads), older)
+        perform(order_of("retrain", older, {"version": version}, recipe.suffix, threads), older)
         for scenario in config.held_out:
-            perform(order_of("campaign", older, {**held_out, "scenario": scenario, "version": version}, OLDER, threads), older)
+            perform(order_of("campaign", older, {**held_out, "scenario": scenario, "version": version}, recipe.suffix, threads), older)
     again = of_study(older)
-    return today[[*TEST, *VERSIONS]].assign(**{f"{name}{OLDER}": again[name] for name in VERSIONS})
+    return today[[*TEST, *VERSIONS]].assign(**{f"{name}{recipe.suffix}": again[name] for name in VERSIONS})
 
 
 def _every_layer(model: Yolo, lesson: Lesson, run: Run) -> Fitted:
@@ -71,7 +96,7 @@ def _every_layer(model: Yolo, lesson: Lesson, run: Run) -> Fitted:
     return fit(model, lesson, run)
 
 
-def answer(studies: dict[int, pd.DataFrame]) -> str:
+def answer(older: Older, studies: dict[int, pd.DataFrame]) -> str:
     """Failures of both recipes' versions, and their mean difference over the trainings."""
     if not studies:
         return "No study is published."
@@ -79,13 +104,13 @@ def answer(studies: dict[int, pd.DataFrame]) -> str:
     pairs = []
     for seed, table in studies.items():
         for name in VERSIONS:
-            both = table[[name, f"{name}{OLDER}"]].set_axis(["today", "older"], axis=1)
+            both = table[[name, f"{name}{older.suffix}"]].set_axis(["today", "older"], axis=1)
             both = both[(both != ERROR).all(axis=1)] == FAILED
             pairs.append(both)
             lines.append(f"| {seed} | `{name}` | {len(both)} | {both['today'].sum()} | {both['older'].sum()} |")
     every, differences = pd.concat(pairs), [int(both["today"].sum() - both["older"].sum()) for both in pairs]
     said = (
-        f"Versions of today's recipe fail {every['today'].sum()} of {len(every)} held-out tests, those of release 0.2's "
+        f"{older.said}, versions of today's recipe fail {every['today'].sum()} of {len(every)} held-out tests, those of release 0.2's "
         f"{every['older'].sum()}: a mean difference of {mean_difference(differences)} over {len(pairs)} trainings (95 %)."
     )
     return "\n".join([fill(said, LINE), "", *lines])

@@ -8,10 +8,10 @@ import pandas as pd
 
 
 def test_both_recipes_are_compared_on_the_tests_without_an_error() -> None:
-    assert older_recipe.answer({}) == "No study is published."
+    assert older_recipe.answer(older_recipe.SAME_STEPS, {}) == "No study is published."
     outcomes = {"random": [1, 0, 2, 0], "adaptive": [0, 0, 0, 0], "random-older": [1, 1, 0, 0], "adaptive-older": [1, 1, 1, 0]}
     table = pd.DataFrame({"scenario": "F1star", "index": np.arange(4), **outcomes})
-    text = older_recipe.answer({2: table})
+    text = older_recipe.answer(older_recipe.SAME_STEPS, {2: table})
     assert text.splitlines()[-2:] == ["| 2 | `random` | 3 | 1 | 2 |", "| 2 | `adaptive` | 4 | 0 | 3 |"]
     # Differences of -1 and -3: mean -2, standard error 1, t quantile 12.706 with one degree of freedom.
     said = " ".join(text.split())
