@@ -110,13 +110,20 @@ def _alone(name: str) -> list[str]:
 
 
 def _override_message(plain: Any, overrides: Sequence[str]) -> str:
-    """Message for an override with an unknown key or file; empty if there is none."""
+    """Message for an override with an unknown key or file, or a value that cannot be read; empty if there is none."""
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+    from hydra.errors import HydraException
+
     for override in overrides:
-        if override.startswith("+"):  # Its key may be new.
-            continue
         key, equals, value = override.partition("=")
         if not key or not (equals or key.startswith("~")):
             return f"expected key=value, got {shown(override)}"
+        try:
+            OverridesParser.create().parse_override(override)
+        except HydraException:
+            return f"{key}: expected a value that Hydra reads, got {shown(value)}; is a bracket or a quotation mark missing?"
+        if override.startswith("+"):  # Its key may be new.
+            continue
         if (CONF / key).is_dir() and value not in (files := _choices(key)):
             return f"there is no conf/{key}/{value}.yaml{nearest(value, files)}"
         section, path = plain, [] if (CONF / key).is_dir() else key.lstrip("~").split(".")

@@ -135,7 +135,7 @@ def test_a_wrong_function_raises_a_simulation_error(name: str, message: str) -> 
 @pytest.mark.parametrize("threshold", [50, 0, -1])
 def test_a_threshold_that_reports_all_or_nothing_is_refused(threshold: float) -> None:
     section = {"_target_": "pipeline.detectors.function.FunctionDetector", "function": f"{__name__}.bright", "threshold": threshold}
-    with pytest.raises(InputError, match=rf"detector\.threshold: Input should be (greater|less) than \d, got {threshold}"):
+    with pytest.raises(InputError, match=rf"detector\.threshold: expected (more|less) than \d, got {threshold}"):
         make_detector(section, Path("none"))
 
 

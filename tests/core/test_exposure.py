@@ -145,8 +145,8 @@ def test_an_unknown_variable_and_wrong_regimes_are_told() -> None:
     [
         ("{description: d, regime: {}}", "unknown key 'regime'; did you mean 'regimes'?"),
         ("{description: d, variables: {fog: {kind: uniform}}}", "variables.fog: needs 'source', the public source"),
-        ("{description: 3}", "description: Input should be a valid string, got 3"),
-        ("[]", "or instance of ExposureFile, got []"),
+        ("{description: 3}", "description: expected text, got 3"),
+        ("[]", "expected keys with values, got []"),
     ],
 )
 def test_a_wrong_file_is_told_by_its_key(text: str, told: str, tmp_path: Path) -> None:

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -96,10 +98,10 @@ def test_another_image_size_is_refused(file: Path) -> None:
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"threshold": 0}, "detector.threshold: Input should be greater than 0, got 0"),
-        ({"threshold": 1.5}, "detector.threshold: Input should be less than 1, got 1.5"),
-        ({"iou": 1}, "detector.iou: Input should be less than 1, got 1"),
-        ({"threads": 0}, "detector.threads: Input should be greater than or equal to 1, got 0"),
+        ({"threshold": 0}, "detector.threshold: expected more than 0, got 0"),
+        ({"threshold": 1.5}, "detector.threshold: expected less than 1, got 1.5"),
+        ({"iou": 1}, "detector.iou: expected less than 1, got 1"),
+        ({"threads": 0}, "detector.threads: expected at least 1, got 0"),
     ],
 )
 def test_wrong_settings_are_named(file: Path, wrong: dict[str, Any], message: str) -> None:
@@ -115,6 +117,20 @@ def test_missing_and_damaged_files_are_named(file: Path, tmp_path: Path) -> None
         broken.write_bytes(data)
         with pytest.raises(InputError, match=r"^ONNX Runtime cannot load .*broken\.onnx: "):
             OnnxDetector(broken)
+
+
+def test_weights_in_another_file_are_refused_until_they_are_inside(file: Path, tmp_path: Path) -> None:
+    path = tmp_path / "best.onnx"
+    onnx.save(onnx.load(file), path, save_as_external_data=True, location="best.onnx.data", size_threshold=0)
+    with pytest.raises(
+        InputError, match=r"best\.onnx: expected one file, but its weights are in best\.onnx\.data; put them into it: "
+    ) as said:
+        OnnxDetector(path)
+    command = str(said.value).partition("put them into it: ")[2]
+    subprocess.run(["bash", "-c", command.replace("python", sys.executable, 1)], check=True)
+    (tmp_path / "best.onnx.data").unlink()
+    mended, whole = (OnnxDetector(one, 0.001).detect_images(images(1))[0] for one in (path, file))
+    assert np.array_equal(mended.scores, whole.scores) and len(whole.scores)
 
 
 @pytest.mark.parametrize(

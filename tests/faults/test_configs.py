@@ -74,7 +74,7 @@ def test_snakemake_refuses_an_edited_file_before_any_job(capsys: pytest.CaptureF
     workflow: Any = SimpleNamespace(is_main_process=False, storage_settings=StorageSettings(), config_settings=ConfigSettings())
     with pytest.raises(SystemExit, match="2"):
         plan(plain, workflow, step_names())
-    assert capsys.readouterr().err == "error: detector.threshold: Input should be less than 1, got 2\n"
+    assert capsys.readouterr().err == "error: detector.threshold: expected less than 1, got 2\n"
     with pytest.raises(SystemExit, match="2"):
         plan({**plain, "study": "a`id`\n" + "x" * 10_000}, workflow, step_names())
     said = capsys.readouterr().err
@@ -82,7 +82,7 @@ def test_snakemake_refuses_an_edited_file_before_any_job(capsys: pytest.CaptureF
     workflow.config_settings = SimpleNamespace(configfiles=[Path("data/mine/params.yaml")])
     with pytest.raises(SystemExit, match="2"):
         plan({**plain, "goal": "win"}, workflow, step_names())
-    assert capsys.readouterr().err.startswith("error: data/mine/params.yaml: goal: Input should be 'report', 'base', ")
+    assert capsys.readouterr().err.startswith("error: data/mine/params.yaml: goal: expected 'report', 'base', ")
 
 
 def test_a_scenario_has_the_variables_that_its_simulator_needs() -> None:

@@ -90,7 +90,7 @@ def test_the_snakefile_lists_every_step() -> None:
 @pytest.mark.parametrize(
     ("wrong", "told"),
     [
-        ("tests: eighty", "params.yaml: campaign.tests: Input should be a valid integer"),
+        ("tests: eighty", "params.yaml: campaign.tests: expected a whole number"),
         ("tests: [40", "params.yaml, line"),
         (None, "params.yaml: no such file in {folder}; make it with `python -m pipeline compose study=default`"),
     ],

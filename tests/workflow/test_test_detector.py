@@ -214,7 +214,7 @@ def test_a_model_that_gives_no_numbers_is_refused_before_any_test(folder: Path, 
         (["campaign.tests=3"], "name the file of a detector, as in `test-detector best.onnx`"),
         (
             ["mine.onnx", "detector.layout=yolov3"],
-            "detector.layout: Input should be 'boxes_scores', 'yolov5', 'yolov8' or 'end_to_end'",
+            "detector.layout: expected 'boxes_scores', 'yolov5', 'yolov8' or 'end_to_end'",
         ),
         (["mine.onnx", "detector.person=car2"], "expected a class called car2 among its 3 classes"),
     ],
