@@ -174,8 +174,8 @@ def answer(studies: Studies, timed: Sequence[float]) -> str:
     ahead = mean_difference([count["adaptive"] - count["random"] for count in counts])
     head = (
         f"{len(pieces)} of {len(SEEDS)} studies are published. Version `adaptive` fails significantly less than the base "
-        f"in {better['base']} of them, and less than `control` in {better['control']}. It leaves {ahead} failures "
-        "compared with `random`."
+        f"in {better['base']} of them, and less than `control` in {better['control']}. Failures of `adaptive` "
+        f"minus those of `random`: {ahead}."
     )
     if timed:
         head += f" A study takes {np.median(timed):.1f} minutes (median of {len(timed)} timed runs, {min(timed):.1f} to {max(timed):.1f})."

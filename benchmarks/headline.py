@@ -42,9 +42,9 @@ def text(better: int, studies: int, minutes: list[float], pieces: list[pd.DataFr
     return (
         f"In {better} of {studies} [default studies](docs/results/default.md), `adaptive` fails significantly less than the base, within "
         f"{min(minutes):.0f} to {max(minutes):.0f} minutes. Adaptive tests teach the long-tailed base more than other images, but [no more "
-        f"than random ones](docs/results/retraining.md): it fails {left['base']:.0f} of {len(valid(pieces[0]))} held-out tests, `adaptive` "
-        f"{left['adaptive']:.1f}, `random` {left['random']:.1f}. [Two retrained bases](docs/results/where-it-pays.md) learn more from "
-        "adaptive tests."
+        f"than random ones](docs/results/retraining.md): this base fails {left['base']:.0f} of {len(valid(pieces[0]))} held-out tests, "
+        f"`adaptive` {left['adaptive']:.1f}, `random` {left['random']:.1f}. "
+        "[Two retrained bases](docs/results/where-it-pays.md) learn more from adaptive than from random tests."
     )
 
 

@@ -89,11 +89,12 @@ def blamed() -> str:
     )
     looser = pd.read_csv(RESULTS / "fairness-long-tailed-iou-0.3.csv.gz")
     both = [rows[rows["scenario"].isin(looser["scenario"])] for rows in (tests, looser)]
-    before, after = (f"{(rows['outcome'] == FAILED).sum()} ({(rows['failure_mode'] == 'false_positives').sum()})" for rows in both)
-    names = " and ".join(looser["scenario"].unique())
-    changed = (
-        f"With `campaign.match_iou=0.3`, the same tests of {names} have {after} failures (of false positives alone) instead of {before}."
+    before, after = (
+        f"{(rows['outcome'] == FAILED).sum()} failures, {(rows['failure_mode'] == 'false_positives').sum()} of false positives alone"
+        for rows in both
     )
+    names = " and ".join(looser["scenario"].unique())
+    changed = f"With `campaign.match_iou=0.3`, the same tests of {names} have {after}, instead of {before}."
     return "\n".join([*lines, "", fill(said, LINE), "", fill(changed, LINE)])
 
 

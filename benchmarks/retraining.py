@@ -148,7 +148,7 @@ def _stays(tables: list[pd.DataFrame]) -> str:
     counts = {
         "mean of `base`": (shares["base"], ".1f"),
         "mean of `adaptive`": (shares["adaptive"], ".1f"),
-        f"of {100 * STAYS:.0f} % of the versions that learnt from tests": (taught >= STAYS, ".0f"),
+        f"left by {100 * STAYS:.0f} % of the versions that learnt from tests": (taught >= STAYS, ".0f"),
     }
     lines = []
     for name, (failed, digits) in counts.items():
@@ -164,7 +164,9 @@ def _repairs(pieces: list[Piece]) -> list[str]:
         return []
     seeds = ", ".join(str(seed) for _, seed in pieces)
     found = as_table([pd.read_csv(EXPERIMENT.left(piece), index_col="part") for piece in pieces], "adaptive")
-    return [f"Repaired by a changed part of the loop, seed{'s' * (len(pieces) > 1)} {seeds}:\n\n{found}"]
+    return [
+        f"Failures repaired when [one part of the loop](rounds.md#setup) is replaced, seed{'s' * (len(pieces) > 1)} {seeds}:\n\n{found}"
+    ]
 
 
 def _failures(tables: list[pd.DataFrame]) -> dict[str, np.ndarray]:

@@ -19,8 +19,8 @@ ASSUMPTIONS = (
 LIMITS = (
     "A rate is per encounter with a pedestrian in that scenario, not per hour or kilometre.",
     "The tests of searches look where failures are. They find regions and count for coverage, but enter no rate.",
-    "Known safe means that a passed test covers each combination. Other tests of the same combination may fail: that risk is part of the "
-    "unknown unsafe area.",
+    "Known safe counts only combinations of categories that a passed test covers. Other tests of the same combination may fail: that risk "
+    "is part of the unknown unsafe area.",
     "A rule that is not confirmed is judged by the very tests to which it was fitted.",
     "Each interval holds for its own number, not for all numbers together.",
 )
@@ -50,7 +50,7 @@ def _sentence(who: str, failure: Risk, hidden: Risk, exposure: ExposureFile) -> 
         return f"{who}: no claim, because {failure.missing}."
     text = f"{who}: 95 % sure that the failure rate is below {one_in(failure.below)}"
     if hidden.below is not None:
-        text += f", and below {one_in(hidden.below)} outside the known failure regions"
+        text += f"; separately, 95 % sure that it is below {one_in(hidden.below)} outside the known failure regions"
     return f"{text}; {failure.tests:,} random tests; exposure: {exposure.description}."
 
 

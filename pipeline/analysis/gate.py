@@ -44,20 +44,20 @@ def gate_reason(found: Gate, base: VersionResult, version: VersionResult, over_s
         difference = f"{mean.value:+.1f}, {mean.low:+.1f} to {mean.high:+.1f}; p = {over_seeds.p_value:.2g}"
         return f"held back: over all its seeds, {version.group} does not show fewer failures than {base.version} ({difference})"
     if above := found.limits_that_are("above the margin"):
-        return f"held back: {_rises(above)}, more than the margin of {_percent(policy.margin)}"
+        return f"held back: {_rises(above)}, more than the margin of {_points(policy.margin)}"
     reason = f"passes: significantly fewer failures than {base.version} (p = {p_value:.2g})"
     if found.limits_that_are("within the margin"):
-        level = f"{_percent(policy.confidence)} upper limits"
-        reason += f", in no scenario or group a rise above {_percent(policy.margin)} ({level})"
+        level = f"{100 * policy.confidence:g} % upper limits"
+        reason += f"; no judged scenario or group rises by more than {_points(policy.margin)} ({level})"
     small = ", ".join(map(_name, found.limits_that_are("too small to judge")))
     return f"{reason}; too small to judge: {small}" if small else reason
 
 
 def _rises(limits: Sequence[RiseLimit]) -> str:
-    """`the failure rate may rise by up to 14.0 % (F2*), 12.3 % (children)`, and the same for false activations."""
+    """`the failure rate may rise by up to 14.0 points (F2*), 12.3 points (children)`, and the same for false activations."""
     by_measure = {measure: [limit for limit in limits if limit.measure == measure] for measure in RATES}
     clauses = [
-        f"{RATES[measure]} may rise by up to {', '.join(f'{100 * limit.limit:.1f} % ({limit.name})' for limit in chosen)}"
+        f"{RATES[measure]} may rise by up to {', '.join(f'{_points(limit.limit)} ({limit.name})' for limit in chosen)}"
         for measure, chosen in by_measure.items()
         if chosen
     ]
@@ -68,5 +68,5 @@ def _name(limit: RiseLimit) -> str:
     return limit.name if limit.measure == "failures" else f"{limit.measure} in {limit.name}"
 
 
-def _percent(share: float) -> str:
-    return f"{100 * share:g} %"
+def _points(share: float) -> str:
+    return f"{100 * share:.1f} points"

@@ -41,7 +41,9 @@ class Modules:
         referred |= {name for label in referred for name in self._labels.get(label, ())}
         roots = [name for name in self._candidates if name not in referred]
         if self._all and not roots:
-            raise ValueError(f"MODULES: every module refers to another, so there is none to begin with: {', '.join(self._candidates)}")
+            raise ValueError(
+                f"MODULES: another module refers to each of them; leave at least one that none refers to: {', '.join(self._candidates)}"
+            )
         found = [(name, self._module(name, meaning, True, ())) for name in roots]
         return [Statement(_where(name), expression) for name, expression in found if expression is not None]
 

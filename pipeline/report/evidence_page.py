@@ -70,7 +70,7 @@ def _share(area: Area) -> str:
 def _counts(failure: Risk, areas: Areas) -> str:
     hidden = areas.unknown_unsafe
     if failure.share is None:
-        return f"No residual risk: {failure.missing}."
+        return f"Residual risk not estimated: {failure.missing}."
     outside = f"{hidden.failures:,} outside all rules" if hidden.share else f"outside all rules: {hidden.missing}"
     return f"{failure.failures:,} of {failure.tests:,} random tests fail, {outside}; {failure.errors:,} errors, in no share."
 

@@ -35,8 +35,8 @@ SECOND_IOU = _prose("""
     {second:g} from their stored detections. Those in which the car would have braked differently are executed again.
 """)
 TABLE = _prose("""
-    Failures on each held-out scenario, among the tests that no version ended in an error. Versions retrained with several seeds: mean
-    over the seeds with Student's interval. Single versions, such as base: count. The count has no interval, because the held-out tests
+    Failures on each held-out scenario. A test that ended in an error for any version is left out. Versions retrained with several seeds:
+    mean over the seeds with Student's interval. Single versions, such as base: count. The count has no interval, because the held-out tests
     are a designed list, not a random sample. The p-values compare versions test by test. For orientation, thesis Table 7.2 counts D_o
     (base) 21, 69, 40, 25; D_r (random) 11, 5, 44, 6; D_a (adaptive) 6, 4, 25, 3 on F1* to F4*. The thesis uses another simulator,
     detector and number of tests.
@@ -49,8 +49,8 @@ PLANTED = _prose("""
 LIMITS = _prose("""
     How far a version's failure rate may be above that of {base}: one-sided upper {confidence:g} % limit of the rise (Tango's score
     method for pairs). It treats the tests as a sample of tests like these. The gate holds a version back if a limit is above the
-    margin of {margin:g} %. Too small: even without any difference, so few tests could not show a rise within the margin. They do
-    not hold a version back. Groups pool the scenarios and overlap.
+    margin of {margin:g} percentage points. Too small: even without any difference, so few tests could not show a rise within the margin.
+    They do not hold a version back. Groups pool the scenarios and overlap.
 """)
 PAIRS = _prose("""
     Fixes: tests that the version passes and the other one ("against") fails. Regressions: the reverse. p: exact McNemar test on the tests
@@ -59,8 +59,8 @@ PAIRS = _prose("""
 GROUP_PAIRS = _prose("""
     Difference: mean over the seeds of retraining with Student's interval, paired by seed. It covers the variation between
     trainings. p: exact randomisation test over the tests, seeds summed. It covers the variation between tests. A difference is shown
-    only if p is at most {alpha:g} and the interval excludes 0. All seeds share one search, so neither covers the variation between
-    searches.
+    only if p is at most {alpha:g} and the interval excludes 0. Neither covers the variation between searches if all seeds share
+    one, as with `retraining.searches: all`.
 """)
 ROUNDS = _prose("""
     Each round searches with the newest versions, filters the frames and retrains. control gets the same training steps without new
@@ -124,8 +124,8 @@ REGIONS = _prose("""
     this camera. Covered by the rule: share of the region's failures. Fresh tests: failures / tests with exact intervals. Pictures: a
     decisive moment of up to four failures, as the campaign saw it. Blue: the true pedestrian. Red: detections with their score; dashed
     ones are below the detector's threshold. Bars: failures of the region that pass with this one change, all else being equal, the
-    noise of the camera included; with exact intervals. "Other noise" changes only the noise: a change that repairs no more than that is
-    not a cause. Click a card to see its failures in the table of every test.
+    noise of the camera included; with exact intervals. "Other noise" changes only the noise: a change that repairs no more than that
+    explains nothing. Click a card to see its failures in the table of every test.
 """)
 NO_FAILURES = _prose("""
     No test failed, so there are no regions. Run more tests, or look at the smallest adj. TTC in the figures of the search.
@@ -156,7 +156,7 @@ NOT_SHOWN = (
     "A search looks where failures are. Only random tests give a failure rate, and it holds for the conditions that they were drawn from.",
     "A rule that is not confirmed is judged by the tests to which it was fitted.",
     "A full heat map says that each pair of categories occurred, not that the detector is safe there.",
-    "The version's evidence page says how likely failures are on the road and what may be claimed.",
+    "The version's evidence page gives the failure rate under the chosen exposure, and what may be claimed.",
 )
 EXPLORER = _prose("""
     Click a column's title to sort by it. The field below it filters: text, "a | b", "< 0.1", ">= 40", "5 .. 10" or "= M 03".

@@ -162,7 +162,7 @@ def test_a_version_that_may_be_worse_somewhere_is_held_back() -> None:
     result = compared_on(scenarios(F1star=BETTER, F2star={"base": "." * 60, "adaptive": "ccc" + "." * 57}))
     # Wilson's one-sided limit of 3 of 60, because there are no fixes.
     assert result.versions[1].verdict == "better" and result.champion == "base"
-    assert result.gate["adaptive"] == "held back: the failure rate may rise by up to 11.9 % (F2*), more than the margin of 10 %"
+    assert result.gate["adaptive"] == "held back: the failure rate may rise by up to 11.9 points (F2*), more than the margin of 10.0 points"
     assert [(limit.name, limit.tests, limit.fixes, limit.regressions, limit.judgement) for limit in result.versions[1].limits] == [
         ("F1*", 60, 30, 0, "within the margin"),
         ("F2*", 60, 0, 3, "above the margin"),
@@ -174,7 +174,8 @@ def test_a_rise_within_the_margin_passes() -> None:
     result = compared_on(scenarios(F1star=BETTER, F2star={"base": "." * 60, "adaptive": "cc" + "." * 58}))
     assert result.champion == "adaptive"
     assert result.gate["adaptive"] == (
-        "passes: significantly fewer failures than base (p = 2.5e-07), in no scenario or group a rise above 10 % (95 % upper limits)"
+        "passes: significantly fewer failures than base (p = 2.5e-07); no judged scenario or group rises by more than 10.0 points "
+        "(95 % upper limits)"
     )
 
 
@@ -186,7 +187,9 @@ def test_a_named_group_that_may_be_worse_holds_a_version_back() -> None:
     wide = replace(POLICY, margin=0.15)
     assert compare(sequence, {}, "digest", [], wide).passes("adaptive")
     result = compare(sequence, {"night": night, "day": ~night}, "digest", [], wide)
-    assert result.gate["adaptive"] == "held back: the failure rate may rise by up to 30.5 % (night), more than the margin of 15 %"
+    assert (
+        result.gate["adaptive"] == "held back: the failure rate may rise by up to 30.5 points (night), more than the margin of 15.0 points"
+    )
     assert [(limit.name, limit.tests) for limit in result.versions[1].limits] == [("F1*", 60), ("F2*", 60), ("night", 30), ("day", 90)]
 
 
@@ -194,7 +197,7 @@ def test_a_group_that_is_too_small_to_judge_is_named_and_holds_nothing_back() ->
     children = np.arange(60) >= 36  # 4 of these 24 tests regress.
     tests = table({"base": "c" * 36 + "." * 24, "adaptive": "." * 56 + "cccc"})
     result = compared_on(held_out(tests), children=children, adults=~children)
-    assert result.gate["adaptive"].endswith("a rise above 10 % (95 % upper limits); too small to judge: children")
+    assert result.gate["adaptive"].endswith("rises by more than 10.0 points (95 % upper limits); too small to judge: children")
     assert [limit.judgement for limit in result.versions[1].limits] == ["within the margin", "too small to judge", "within the margin"]
 
 
@@ -216,7 +219,8 @@ def test_false_activations_are_limited_apart_from_failures() -> None:
         *[("N1", "false activations", 60, 4), ("children", "false activations", 30, 4), ("adults", "false activations", 30, 0)],
     ]
     assert result.gate["adaptive"] == (
-        "held back: the rate of false activations may rise by up to 14.0 % (N1), 26.6 % (children), more than the margin of 10 %"
+        "held back: the rate of false activations may rise by up to 14.0 points (N1), 26.6 points (children), more than the margin of "
+        "10.0 points"
     )
     assert (
         "too small to judge: false activations in N1"
@@ -373,7 +377,7 @@ def test_an_unknown_key_of_a_result_is_told_with_the_nearest(tmp_path: Path) -> 
     with pytest.raises(InputError, match=r"Comparison file: unknown key '.*\.regression'; did you mean 'regressions'\?; make it again"):
         read(path, Comparison)
     path.write_text("[]")
-    with pytest.raises(InputError, match=r"Comparison file: Input should be .*, got \[\]; make it again"):
+    with pytest.raises(InputError, match=r"Comparison file: expected .*, got \[\]; make it again"):
         read(path, Comparison)
 
 
@@ -395,6 +399,21 @@ def test_tests_judged_at_another_threshold_are_refused(tmp_path: Path) -> None:
     campaign = study.config.campaign.model_copy(update={"failure_threshold_s": 0.9})
     study.config = study.config.model_copy(update={"campaign": campaign})
     with pytest.raises(InputError, match=r"tests\.parquet, test \d+: expected a failure at an adjusted TTC of 0\.9 s or below"):
+        study.analyse()
+
+
+def test_a_false_activation_does_not_contradict_the_threshold(tmp_path: Path) -> None:
+    study = FabricatedStudy(tmp_path).make()
+    path, space = study.held_out_tests[0], study.config.space(study.config.held_out[0])
+    rows = read_tests(path)
+    # Without a collision path: a false activation fails however long the TTC, and false positives alone shorten it without a failure.
+    rows.loc[0, ["failure", "failure_mode", "adj_ttc_s"]] = [True, "false_activation", 2.0]
+    rows.loc[1, ["failure", "failure_mode", "adj_ttc_s", "false_positives"]] = [False, "none", 0.049, 40]
+    write_tests(path, rows, space)
+    study.analyse()
+    rows.loc[1, "false_positives"] = 0
+    write_tests(path, rows, space)
+    with pytest.raises(InputError, match="test 1: expected a failure at an adjusted TTC of"):
         study.analyse()
 
 

@@ -185,7 +185,7 @@ def test_the_limits_of_the_gate_are_a_folded_table() -> None:
         (("F1*", "147–150", "14.2 % (above)", "-4.0 %"), ("night, false activations", "24", "too small", "too small")),
         numbers=(2, 3),
     )
-    assert "95 %" in part.text and "margin of 10 %" in part.text
+    assert "95 %" in part.text and "margin of 10 percentage points" in part.text
     assert not any(
         part.folded for part in verdict_section(comparison(seeds=1), pd.DataFrame(), [], None, [], []).parts if "gate" in part.folded
     )

@@ -45,7 +45,7 @@ def test_counts_and_p_values_by_hand() -> None:
     assert text.startswith("2 of 10 studies are published. ")
     assert "fails significantly less than the base in 1 of them, and less than `control` in 0. " in said
     # Differences -2 and +7: mean 2.5, standard error 4.5, t quantile 12.706 with one degree of freedom.
-    assert "It leaves +2.5 (-54.7 to +59.7) failures compared with `random`. A study takes 15.0 minutes " in said
+    assert "Failures of `adaptive` minus those of `random`: +2.5 (-54.7 to +59.7). A study takes 15.0 minutes " in said
     assert "minutes (median of 2 timed runs, 14.0 to 16.0)." in said
 
 
@@ -53,7 +53,7 @@ def test_a_study_without_a_time_does_not_move_the_median() -> None:
     same = study(base=range(2), control=range(2), random=range(2), adaptive=range(2))
     text = answer(same, same, same)
     assert "| `random` | not timed |" in text and "(median of 2 timed runs" in " ".join(text.split())
-    assert "It leaves +0.0 failures compared" in " ".join(text.split()), "studies that differ equally tell no spread"
+    assert "minus those of `random`: +0.0." in " ".join(text.split()), "studies that differ equally tell no spread"
 
 
 def test_nothing_is_said_without_a_study() -> None:

@@ -19,7 +19,7 @@ def said(pieces: list[pd.DataFrame], more: list[pd.DataFrame]) -> str:
 def test_the_numbers_are_those_of_the_outcomes() -> None:
     assert said(PIECES, MORE).startswith("In 9 of 10 [default studies](docs/results/default.md)")
     assert "within 9 to 19 minutes" in said(PIECES, MORE)
-    assert "it fails 20 of 50 held-out tests, `adaptive` 10.0, `random` 10.0" in said(PIECES, MORE)
+    assert "this base fails 20 of 50 held-out tests, `adaptive` 10.0, `random` 10.0" in said(PIECES, MORE)
 
 
 @pytest.mark.parametrize(

@@ -114,17 +114,17 @@ def test_a_failure_stays_if_nearly_all_versions_that_learnt_from_tests_have_it()
     assert cells["| failures"] == ["F1\\*", "F2\\*", "all |"]
     assert cells["| mean of `base`"] == ["50.0", "0.0", "50.0 |"]
     # Ten versions: all have the tests 0 to 8, nine of them test 9; the mean of `adaptive` is that of 10, 12, 14, 10 and 10.
-    assert cells["| of 90 % of the versions that learnt from tests"] == ["10", "0", "10 |"]
+    assert cells["| left by 90 % of the versions that learnt from tests"] == ["10", "0", "10 |"]
     assert cells["| mean of `adaptive`"] == ["11.2", "50.0", "61.2 |"]
 
 
 def test_repairs_are_summed_over_the_pieces_that_publish_them() -> None:
     searches = long_tailed(adaptive=[10, 12, 14], random=[20, 20, 20])
-    assert "Repaired" not in retraining.answer(searches)
+    assert "replaced" not in retraining.answer(searches)
     retraining.EXPERIMENT.folder.mkdir(parents=True)
     for seed in (0, 2):
         repaired = pd.DataFrame({"F1star": [10 + seed, 4], "F2star": [1, 0]}, index=pd.Index(["failures", "true boxes"], name="part"))
         repaired.to_csv(retraining.EXPERIMENT.left(("long_tailed", seed)))
     lines = retraining.answer(searches).splitlines()
-    assert "Repaired by a changed part of the loop, seeds 0, 2:" in lines
+    assert "Failures repaired when [one part of the loop](rounds.md#setup) is replaced, seeds 0, 2:" in lines
     assert lines[-2:] == ["| failures | 22 | 2 | 24 |", "| true boxes | 8 | 0 | 8 |"]

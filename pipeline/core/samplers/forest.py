@@ -44,7 +44,7 @@ class ForestSampler(BatchSampler):
     all causes. For each pick, a new sample of trees is drawn (Thompson sampling): where the trees disagree, picks differ.
 
     The gain is the mean of 1 / (1 + n)^2 over the candidate's pairs of categories, n being the number of failures that show the pair,
-    expected failures of the batch included. So a known failure mode loses value, but never all of it.
+    expected failures of the batch included. So a known kind of failure loses value, but never all of it.
 
     candidates: number of candidates before the first refinement. mutants: the share of them, in [0, 1], that are mutations of failures.
     refinements: how often the best are mutated. kinds: share of a batch whose gain counts pairs of categorical variables alone, without
