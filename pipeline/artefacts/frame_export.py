@@ -30,11 +30,15 @@ class Exported:
 def export_frames(frames: Path, out: Path, hfov_deg: float, distortion: float) -> Exported:
     """Write frames.parquet as images/, labels/ and dataset.yaml (YOLO), truth.coco.json, frames.csv and openlabel/<test_id>.json.
 
-    hfov_deg, distortion: of the camera, for OpenLABEL's intrinsics. Removes the files of an earlier export in `out`.
+    hfov_deg, distortion: of the camera, for OpenLABEL's intrinsics. Removes the files of an earlier export in `out`. InputError if `out`
+    holds anything else, which an export could overwrite.
     """
+    if not (out / TABLE).exists() and out.exists() and any(out.iterdir()):
+        raise InputError(f"{out}: expected a new folder or that of an earlier export, got other files; choose another --out")
     table = read_frames(frames).sort_values(["test_id", "step"], kind="stable").reset_index(drop=True)
     if table.empty:
         raise InputError(f"{frames} holds no frames; run the campaign with campaign.keep_every above 0")
+    write_bytes(out / TABLE, b"")  # After a kill, it says whose the folder is.
     tags, splits = tags_of_tests(frames), splits_of(list(table["test_id"].unique()))
     records = []
     for index, row in table.iterrows():

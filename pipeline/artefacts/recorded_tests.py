@@ -50,10 +50,13 @@ def params_of(test: str, params: Path) -> Path:
 def _own_params(campaign: str) -> list[Path]:
     """The params.yaml of every study with one of its own that has executed a campaign."""
 
-    def executed(study: Path) -> bool:
-        return any("-".join(path.parts[-5:-1]) == campaign for path in study.glob("*/*/*/*/*/tests.parquet"))
+    def executed(params: Path) -> bool:
+        try:
+            return campaign in campaigns(Folders(load(params)))
+        except InputError:  # Another study's damage does not matter here.
+            return False
 
-    return [path for path in sorted(DATA.glob("*/params.yaml")) if executed(path.parent)]
+    return [path for path in sorted(DATA.glob("*/params.yaml")) if executed(path)]
 
 
 def campaigns(folders: Folders) -> Mapping[str, Path]:

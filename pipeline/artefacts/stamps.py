@@ -73,14 +73,18 @@ def check(path: Path, data: bytes) -> None:
 
 
 def damaged(root: Path) -> Iterator[tuple[Path, Path]]:
-    """The damaged files below a folder, each with its stamp; a damaged stamp comes with itself. Deleted files are not damaged."""
+    """The damaged files below a folder, each with its stamp; a damaged stamp comes with itself.
+
+    Deleted files are not damaged, except those inside a folder that is still there: Snakemake sees only the folder.
+    """
     for path in sorted(root.rglob(f"*{SUFFIX}")):
         stamp = read(path)
         if stamp is None:
             yield path, path
         for name, expected in (stamp.digests if stamp else {}).items():
             file = path.parent / name
-            if file.is_dir() or (file.exists() and digest(file) != expected):
+            inside = file.parent != path.parent and file.parent.is_dir()
+            if file.is_dir() or (inside if not file.exists() else digest(file) != expected):
                 yield file, path
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import difflib
 import shutil
+import sys
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pipeline.artefacts.job_lock import held
 from pipeline.artefacts.tables import TABLES
 from pipeline.config.arguments import whole
 from pipeline.config.composing import study_of
@@ -94,12 +96,22 @@ READ: dict[str, Callable[[str, str], Any]] = {
 
 def run(options: argparse.Namespace) -> int:
     """Execute the campaign with its progress, write its tables and print what was found."""
+    search = asked(options.words)
+    plan = planned(search)
+    with held(search.folder / "lock", waiting(search.folder)):
+        return _run(search, plan, options.threads)
+
+
+def waiting(folder: Path) -> Callable[[], None]:
+    """Says that another process uses a folder."""
+    return lambda: print(f"{folder}: waiting for another process that executes tests there", file=sys.stderr)
+
+
+def _run(search: Search, plan: CampaignPlan, threads: int) -> int:
     from pipeline.artefacts import stamps
     from pipeline.artefacts.files import write_bytes
     from pipeline.execution.campaign import run_campaign
 
-    search = asked(options.words)
-    plan = planned(search)
     tests, journal = search.folder / "tests.parquet", search.folder / "journal"
     stamp = search.folder / f"{tests.name}{stamps.SUFFIX}"
     if (made := stamps.read(stamp)) is not None and tests.exists():
@@ -112,7 +124,7 @@ def run(options: argparse.Namespace) -> int:
     stamps.withdraw(stamp)
     try:
         with Progress(f"{search.scenario}, {search.strategy}") as progress:
-            done = run_campaign(plan, tests, journal, options.threads, progress)
+            done = run_campaign(plan, tests, journal, threads, progress)
     except KeyboardInterrupt:
         print(f"\nstopped; finished tests are in {journal}, and the same command resumes")
         return STOPPED

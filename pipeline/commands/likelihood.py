@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.commands.campaign import STOPPED, Search, number, planned, read_words
+from pipeline.artefacts.job_lock import held
+from pipeline.commands.campaign import STOPPED, Search, number, planned, read_words, waiting
 from pipeline.config.arguments import whole
 from pipeline.config.composing import functional_scenario
 from pipeline.config.exposure import ExposureFile, read_exposure
@@ -150,12 +151,13 @@ def executed(question: Question, exposure: ExposureFile, threads: int) -> dict[s
     rates: dict[str, Rate] = {}
     for name, plan in plans.items():
         folder, journal = question.folder / name, question.folder / name / "journal"
-        if (known := read_rate(folder / "rate.json", plan.identity)) is None:
-            with Progress(f"{name}, {question.method}") as progress:
-                done = run_campaign(plan, folder / "tests.parquet", journal, threads, progress)
-            known = rate_of(plan, done)
-            write_rate(folder / "rate.json", plan.identity, known)
-        shutil.rmtree(journal, ignore_errors=True)
+        with held(folder / "lock", waiting(folder)):
+            if (known := read_rate(folder / "rate.json", plan.identity)) is None:
+                with Progress(f"{name}, {question.method}") as progress:
+                    done = run_campaign(plan, folder / "tests.parquet", journal, threads, progress)
+                known = rate_of(plan, done)
+                write_rate(folder / "rate.json", plan.identity, known)
+            shutil.rmtree(journal, ignore_errors=True)
         rates[name] = known
     return rates
 

@@ -26,7 +26,7 @@ from pipeline.workflow.stamping import Stamps
 HELP = "Write dvc.yaml from the contracts of the steps."
 FILE = Path("dvc.yaml")
 HEADER = """# The parts of a study that DVC versions. Made by `python -m pipeline stages`; change the steps' contracts, not this file.
-# Outputs persist: the stamps beside them tell Snakemake which jobs are out of date. params.yaml fills ${study}.
+# Outputs persist: the stamps beside them tell Snakemake which jobs are out of date. params.yaml fills in ${…}.
 """
 VARIANTS = (
     ["retraining.rounds=2"],
@@ -93,6 +93,9 @@ def _depends(jobs: Jobs, target: Target) -> tuple[set[str], list[str]]:
 
 
 def _root(jobs: Jobs, path: str) -> str:
-    """The path that DVC tracks for a file: the top file or folder of the study, or the folder of an external file."""
+    """The path that DVC tracks for a file: the top file or folder of the study, the folder of its base, or that of another file."""
     below = path.removeprefix(f"{jobs.folders.root}/")
-    return str(Path(path).parent) if below == path else f"data/${{study}}/{below.split('/')[0]}"
+    if below != path:
+        return f"data/${{study}}/{below.split('/')[0]}"
+    folder = str(Path(path).parent)
+    return "${base.weights}" if folder == jobs.config.base.weights else folder

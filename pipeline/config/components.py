@@ -84,6 +84,7 @@ def check_components(config: Config) -> None:
     _check_needs(config)
     _check_noise(config)
     component("detector", DETECTOR, config.detector)
+    _check_threshold(config)
     for name, section in config.samplers.items():
         used = config.search if name in config.strategies else config.held_out if name == config.comparison.strategy else config.search[:1]
         made = component(f"samplers.{name}", SAMPLER, section)
@@ -133,6 +134,13 @@ def _check_noise(config: Config) -> None:
     parameters = inspect.signature(_class("simulator._target_", SIMULATOR, target).execute).parameters  # type: ignore[attr-defined]
     if config.regions.explain and "noise" not in parameters:
         raise InputError(f"regions.explain: expected 0, because {target}.execute has no parameter 'noise', got {config.regions.explain}")
+
+
+def _check_threshold(config: Config) -> None:
+    """A detector that takes a threshold gets it from the config: the study judges and brakes by it, too."""
+    parameters = inspect.signature(_class("detector._target_", DETECTOR, config.detector["_target_"])).parameters
+    if "threshold" in parameters and "threshold" not in config.detector:
+        raise InputError("key 'detector.threshold' is missing: the study judges and brakes by it, too")
 
 
 def _inside(variable: Variable, admitted: Admitted) -> bool:

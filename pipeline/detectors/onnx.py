@@ -138,6 +138,19 @@ class OnnxDetector:
         return layouts.person_class(self._model, names, classes or (len(names) or None), declared)
 
 
+def _check_alone(path: Path, data: bytes) -> None:
+    """InputError for a model with weights in files beside it: no digest of the model would change with them."""
+    if b"location" not in data:  # Of a file with weights. Importing onnx takes longer than some tests.
+        return
+    import onnx
+
+    tensors = onnx.load_from_string(data).graph.initializer
+    beside = {entry.value for tensor in tensors for entry in tensor.external_data if entry.key == "location"}
+    if beside:
+        mended = f"python -c \"import onnx; onnx.save(onnx.load('{path}'), '{path}')\""
+        raise InputError(f"{path}: expected one file, but its weights are in {', '.join(sorted(beside))}; put them into it: {mended}")
+
+
 def _session(path: Path, threads: int) -> onnxruntime.InferenceSession:
     if path.suffix in (".pt", ".pth", ".pkl", ".ckpt"):
         raise InputError(f"{path}: a {path.suffix} file can run code when read, so it is not opened; export it to ONNX")
@@ -148,13 +161,15 @@ def _session(path: Path, threads: int) -> onnxruntime.InferenceSession:
         raise InputError(f"{path}: expected the file of a detector, got a folder{inside}")
     if not path.is_file():
         raise InputError(f"{path}: expected the ONNX file of a detector, found no file; train it or name another model")
-    read_bytes(path)  # Checks them. The runtime gets the path, because it may find tensors in files beside it.
+    data = read_bytes(path)
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads, options.inter_op_num_threads = threads, 1
     options.log_severity_level = 4  # The runtime's errors become exceptions; it must not print them, too.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     try:
-        return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+        session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
     except REFUSALS as error:
         reason = str(error).splitlines()[0]
         raise InputError(f"ONNX Runtime cannot load {path}: {reason}") from error
+    _check_alone(path, data)
+    return session

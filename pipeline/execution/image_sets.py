@@ -55,6 +55,7 @@ def _render_shard(job: tuple[int, int, Drawing, Path, str]) -> list[Record]:
     shard, count, drawing, out, program = job
     section = drawing.section
     key = {**section.model_dump(exclude={"images"}), "count": count, "camera": dict(drawing.camera), "program": program}
+    key |= {"unseen": sorted(drawing.unseen)}
     path = out / "shards" / f"{shard:04d}.json"
     if (finished := _finished(path, key, out)) is not None:
         return finished

@@ -20,6 +20,7 @@ from pipeline.artefacts.tables import detection_columns, frame_row
 from pipeline.core.episode import Episode
 from pipeline.core.kpi import NO_KPI, Kpi, evaluate
 from pipeline.core.signals import Signals
+from pipeline.core.space import Value
 from pipeline.errors import InputError
 from pipeline.progress import Progress
 
@@ -73,7 +74,7 @@ class Journal:
 
         Raises InputError with the command to type if it cannot be told whose outcomes they are.
         """
-        self._folder, mark = folder, folder / "identity"
+        self._folder, self._progress, mark = folder, progress, folder / "identity"
         if folder.exists() and (not mark.exists() or _identity(mark) != identity):
             shutil.rmtree(folder)
             progress.note("the journal belonged to another configuration, model or code and was discarded")
@@ -91,10 +92,24 @@ class Journal:
     def __contains__(self, index: int) -> bool:
         return self.path(index).exists()
 
+    def holds(self, index: int, concrete: Mapping[str, Value]) -> bool:
+        """Whether the outcome of this concrete scenario is here.
+
+        One of another scenario is removed with a note: a strategy of the user's own may have changed, or a library that it uses.
+        """
+        if index not in self:
+            return False
+        with np.load(io.BytesIO(read_sealed(self.path(index))), allow_pickle=False) as stored:
+            if _about(stored)["concrete"] == dict(concrete):
+                return True
+        remove(self.path(index))
+        self._progress.note(f"the strategy now asks for another test {index}; it is executed again")
+        return False
+
     def read(self, index: int) -> Outcome:
         """The outcome of a finished test."""
         with np.load(io.BytesIO(read_sealed(self.path(index))), allow_pickle=False) as stored:
-            about = json.loads(str(stored["about"]))
+            about = _about(stored)
             signals, detections = (
                 {name.removeprefix(kind): stored[name] for name in stored.files if name.startswith(kind)} for kind in (SIGNAL, DETECTION)
             )
@@ -114,10 +129,14 @@ def _identity(mark: Path) -> str:
         raise InputError(f"{mark}: damaged, so the journal may belong to another campaign; {again}") from error
 
 
-def write(path: Path, outcome: Outcome) -> None:
-    """Write an outcome atomically."""
+def _about(stored: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+    return dict(json.loads(str(stored["about"])))
+
+
+def write(path: Path, outcome: Outcome, concrete: Mapping[str, Value]) -> None:
+    """Write the outcome of a concrete scenario atomically."""
     rows = [{name: value for name, value in row.items() if name != "image"} for row in outcome.frames]
-    about = json.dumps({"frames": rows, "simulate_s": outcome.simulate_s, "reason": outcome.reason})
+    about = json.dumps({"concrete": dict(concrete), "frames": rows, "simulate_s": outcome.simulate_s, "reason": outcome.reason})
     arrays: dict[str, NDArray[Any]] = {SIGNAL + name: column for name, column in outcome.signals.items()}
     arrays |= {DETECTION + name: column for name, column in outcome.detections.items()}
     arrays |= {f"image_{i}": np.frombuffer(row["image"], np.uint8) for i, row in enumerate(outcome.frames)}

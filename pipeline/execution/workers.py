@@ -81,7 +81,7 @@ class Workers:
             job = jobs[number]
             # A process that dies after it wrote an outcome does not report it.
             if isinstance(result, Broken) and not job.path.exists():
-                journal.write(job.path, Outcome.error(result.reason))
+                journal.write(job.path, Outcome.error(result.reason), job.concrete)
             yield job.index
 
     def close(self) -> None:
@@ -104,6 +104,6 @@ def _executor(setup: Setup, calls: Calls) -> Callable[[Execution], None]:
             outcome = Outcome.of(simulator.execute(job.concrete, detector, setup.keep_every, job.noise), time.perf_counter() - started)
         except SimulationError as error:
             outcome = Outcome.error(str(error), time.perf_counter() - started)
-        journal.write(job.path, outcome)
+        journal.write(job.path, outcome, job.concrete)
 
     return execute

@@ -12,10 +12,12 @@ import pandas as pd
 
 from pipeline.analysis.measures import count_modes
 from pipeline.artefacts.comparison_results import Comparison, VersionResult
+from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.model_card import ModelCard, read_curve
 from pipeline.artefacts.search_results import CampaignMeasures
 from pipeline.artefacts.tables import campaign_of
-from pipeline.config.schema import Config
+from pipeline.config.schema import BALANCED_SCENES, NEW_SCENES, Config
+from pipeline.core.lineage import Version
 from pipeline.core.measures import failure_sequence
 from pipeline.tracking.registry import Registration
 from pipeline.tracking.runs import Content, DataSet
@@ -111,15 +113,22 @@ def model_content(config: Config, card: ModelCard, result: VersionResult, path: 
         for name in ("learning_rate", "loss_scores", "loss_boxes", "ap50")
         if points
     }
-    study, later = config.study, card.training.get("round", 0) not in (0, 1)
     shipped = card.parent is None and config.base.source == "shipped"
-    sets = {
-        "base_set": config.base.weights if shipped else f"data/{study}/base_set",
-        "added": f"data/{study}/campaigns" + (f" data/{study}/retrained/campaigns" if later else ""),
-    }
+    sets = {"base_set": config.base.weights if shipped else f"data/{config.study}/base_set", "added": _added(config, card)}
     data = [DataSet(name, card.data[name], source, "training") for name, source in sets.items() if name in card.data]
     results = version_metrics(result)
-    return Content(f"{study}/{card.version}", "model", params, card.metrics, series, tags, data=data, pictures=plots, results=results)
+    return Content(
+        f"{config.study}/{card.version}", "model", params, card.metrics, series, tags, data=data, pictures=plots, results=results
+    )
+
+
+def _added(config: Config, card: ModelCard) -> str:
+    """The folders of the images that a version was retrained on, beside the base set."""
+    folders, arm = Folders(config), Version.named(card.version).arm
+    if config.arms.get(arm) in (NEW_SCENES, BALANCED_SCENES):
+        return f"{folders.root}/{folders.scenes(card.version, arm)}"
+    later = card.training.get("round", 0) not in (0, 1)
+    return f"{folders.root}/campaigns" + (f" {folders.root}/retrained/campaigns" if later else "")
 
 
 def git_commit() -> str:

@@ -19,7 +19,9 @@ from pipeline.artefacts.files import read_json
 from pipeline.artefacts.model_card import read_card, write_card
 from pipeline.artefacts.results import read, write
 from pipeline.artefacts.tracking_results import TrackedStudy
+from pipeline.config.composing import compose
 from pipeline.errors import InputError
+from pipeline.tracking.contents import model_content
 from pipeline.tracking.registry import Registration, Registry, registered
 from pipeline.tracking.runs import Content, DataSet, Tracker
 from tests.analysis.fabricated import VERSIONS, FabricatedStudy
@@ -257,6 +259,17 @@ def test_curves_have_their_iterations_and_runs_their_data(study: FabricatedStudy
     (data,) = compared.inputs.dataset_inputs
     digest = read(study.root / "comparison.json", Comparison).sequence_digest
     assert (data.dataset.name, data.dataset.digest, data.tags[0].value) == ("held_out", digest[:32], "evaluation")
+
+
+def test_the_source_of_added_images_is_named(study: FabricatedStudy) -> None:
+    config = compose("default", ["+arms.fresh=new_scenes", "retraining.seeds=[4]"])
+    path, (*_, result) = study.root / "retrained/models/adaptive/model.json", read(study.root / "comparison.json", Comparison).versions
+    sources = {}
+    for version in ("random", "fresh"):
+        card = read_card(path).model_copy(update={"version": version, "data": {"added": "d" * 64}})
+        (data,) = model_content(config, card, result, path, []).data
+        sources[version] = data.source
+    assert sources == {"random": "data/default/campaigns", "fresh": "data/default/retrained/scenes/new_scenes/4"}
 
 
 def test_the_campaigns_of_a_version_name_it(study: FabricatedStudy) -> None:

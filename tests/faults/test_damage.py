@@ -154,6 +154,19 @@ def test_verify_names_what_is_damaged_and_withdraws_its_stamp(study: Path, tmp_p
     assert not (tmp_path / "copy/comparison.json").exists() and main(words) == 0
 
 
+def test_a_deleted_image_is_damage_because_its_folder_stands(study: Path, tmp_path: Path) -> None:
+    shutil.copytree(study / "base_set/images", tmp_path / "images")
+    listed, image = tmp_path / "truth.coco.json.stamp", sorted((tmp_path / "images").rglob("*.jpg"))[0]
+    for single in (tmp_path / "images").rglob("*.stamp"):
+        single.unlink()
+    listed.write_text(stamps.made(listed, "the test", [tmp_path / "images"]).text())
+    assert not list(stamps.damaged(tmp_path))
+    image.unlink()
+    assert list(stamps.damaged(tmp_path)) == [(image, listed)]
+    shutil.rmtree(tmp_path / "images")  # Snakemake misses the folder itself.
+    assert not list(stamps.damaged(tmp_path))
+
+
 def test_weights_without_a_stamp_are_compared_with_their_card(study: Path, tmp_path: Path) -> None:
     for name in ("weights.safetensors", "model.json"):
         shutil.copy(study / "models/base" / name, tmp_path)
@@ -234,13 +247,25 @@ def test_damaged_entries_of_a_journal_are_executed_again(
 def test_a_damaged_identity_names_the_command_that_mends_it(tmp_path: Path, name: str) -> None:
     with Progress("test") as progress, chdir(tmp_path):
         log = Journal(Path("journal"), "mine", progress)
-        journal.write(log.path(0), Outcome.error("broke"))
+        journal.write(log.path(0), Outcome.error("broke"), {"fog": 1.0})
         assert 0 in Journal(Path("journal"), "mine", progress)
+        assert log.holds(0, {"fog": 1.0}) and not log.holds(1, {"fog": 1.0})
         DAMAGE[name](Path("journal/identity"))
         with pytest.raises(InputError, match=r"^journal/identity: damaged, .* type: rm -r journal$"):
             Journal(Path("journal"), "mine", progress)
         shutil.rmtree("journal")
         assert 0 not in Journal(Path("journal"), "mine", progress)
+
+
+def test_the_outcome_of_another_point_is_executed_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A strategy of the user's own may change between two calls; no digest covers its code."""
+    with Progress("test") as progress:
+        log = Journal(tmp_path / "journal", "mine", progress)
+        for index in (0, 1):
+            journal.write(log.path(index), Outcome.error("broke"), {"fog": 0.1 + 0.2, "blueprint": "W 17"})
+        assert log.holds(0, {"blueprint": "W 17", "fog": 0.1 + 0.2}) and not log.holds(1, {"fog": 0.3, "blueprint": "W 17"})
+        assert 0 in log and 1 not in log
+    assert "the strategy now asks for another test 1; it is executed again" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", ["cut", "garbage", "folder"])

@@ -14,6 +14,7 @@ import pandas as pd
 import pytest
 
 from pipeline.__main__ import main
+from pipeline.artefacts.job_lock import held
 from pipeline.commands.campaign import STOPPED, asked, planned
 
 WORDS = ["scenario=F1", "strategy=forest", "budget=60", "simulator=analytic", "detector=oracle"]
@@ -53,6 +54,16 @@ def test_a_finished_search_is_neither_executed_again_nor_overwritten(tmp_path: P
     assert {path: path.stat().st_mtime_ns for path in tmp_path.glob("*.parquet")} == made
     (tmp_path / "tests.parquet").unlink()
     assert campaign(tmp_path) == 0 and (tmp_path / "tests.parquet").exists()
+
+
+def test_a_second_process_waits_and_finds_the_search_done(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "pipeline", "campaign", *WORDS, f"out={tmp_path}", "--threads", "1"]
+    with held(tmp_path / "lock", lambda: None):
+        second = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        assert second.stderr is not None and "waiting for another process" in second.stderr.readline()
+        assert not (tmp_path / "journal").exists()
+    assert second.wait(timeout=60) == 0 and (tmp_path / "tests.parquet").exists()
+    assert not (tmp_path / "lock").exists()
 
 
 def test_overrides_of_the_scenario_and_of_the_strategy_count(tmp_path: Path) -> None:

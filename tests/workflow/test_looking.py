@@ -233,8 +233,20 @@ def exported(frames: Path, folder: Path) -> Path:
     params.write_text(dump(compose("default", ["simulator.camera.distortion=-0.1", "simulator.camera.hfov_deg=90"]), "test"))
     (out / "openlabel").mkdir(parents=True)
     (out / "openlabel" / "of an earlier export.json").write_text("{}")
+    (out / "frames.csv").touch()  # As after a kill.
     assert main(["export-frames", str(frames), "--out", str(out), "--params", str(params)]) == 0
     return out
+
+
+def test_an_export_touches_no_files_of_others(frames: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    image = tmp_path / "mine/images/train/000007.jpg"
+    image.parent.mkdir(parents=True)
+    image.write_bytes(b"mine")
+    (tmp_path / "params.yaml").write_text(dump(compose("default", []), "test"))
+    words = ["export-frames", str(frames), "--out", str(tmp_path / "mine"), "--params", str(tmp_path / "params.yaml")]
+    assert main(words) == 2
+    assert "mine: expected a new folder or that of an earlier export, got other files" in capsys.readouterr().err
+    assert [path for path in (tmp_path / "mine").rglob("*") if path.is_file()] == [image]
 
 
 def test_frames_are_exported_as_yolo_coco_and_openlabel(frames: Path, tmp_path: Path) -> None:

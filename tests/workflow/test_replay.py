@@ -12,7 +12,7 @@ import pytest
 from pipeline.__main__ import main
 from pipeline.artefacts.recorded_tests import params_of
 from pipeline.artefacts.tables import read_tests, write_tests
-from pipeline.config.composing import PARAMS, functional_scenario
+from pipeline.config.composing import PARAMS, dump, functional_scenario, load, validate
 from tests.studies import StudyFolder
 
 CAMPAIGN: dict[str, Any] = {"kind": "campaigns", "scenario": "F1", "strategy": "random", "version": "base", "seed": 0}
@@ -56,15 +56,23 @@ def test_another_outcome_is_told(study: StudyFolder, capsys: pytest.CaptureFixtu
 
 
 def test_the_study_that_has_a_test_is_found(study: StudyFolder, capsys: pytest.CaptureFixture[str]) -> None:
+    # The second study has the campaign as the audit beside its searches.
     own = [study.root / "data" / name / "params.yaml" for name in ("best-7692c3ad", "best-f0e1d2c3")]
+    made = zip(own, ("campaigns/F1/random/best/0", "campaigns/audit/F1/random/best/0"), ("random", "mixed"), strict=True)
+    for params, folder, strategy in made:
+        (params.parent / folder).mkdir(parents=True)
+        shutil.copy(table(study), params.parent / folder)
+        named = {"study": params.parent.name, "goal": "detectors", "tested": {"best": "best.onnx"}, "strategies": [strategy]}
+        changed = validate({**load(study.root / PARAMS).model_dump(mode="json"), **named}, "the test")
+        params.write_text(dump(changed, "test-detector"))
+        with chdir(study.root):
+            assert params_of("F1-random-best-0-00001", PARAMS) == params.relative_to(study.root)
+            assert params_of(TEST, PARAMS) == PARAMS
+        params.rename(params.with_suffix(".held"))
+    (study.root / "data/broken").mkdir()
+    (study.root / "data/broken/params.yaml").write_text("study: [")
     for params in own:
-        (params.parent / "campaigns/F1/random/best/0").mkdir(parents=True)
-        shutil.copy(table(study), params.parent / "campaigns/F1/random/best/0")
-    own[0].touch()
-    with chdir(study.root):
-        assert params_of("F1-random-best-0-00001", PARAMS) == own[0].relative_to(study.root)
-        assert params_of(TEST, PARAMS) == PARAMS
-    own[1].touch()
+        params.with_suffix(".held").rename(params)
     assert replay(study, "F1-random-best-0-00001") == 2
     message = "; choose its study: --params data/best-7692c3ad/params.yaml or data/best-f0e1d2c3/params.yaml\n"
     assert capsys.readouterr().err.endswith(f"study smoke has no campaign 'F1-random-best-0'{message}")
