@@ -29,6 +29,7 @@ from pipeline.artefacts.points import encode_tests
 from pipeline.artefacts.results import Estimate
 from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.artefacts.search_results import Measures
+from pipeline.artefacts.tables import is_valid
 from pipeline.config.sections import Regions
 from pipeline.core import comparison as core
 from pipeline.core.comparison import Bools, Interval, SequenceOutcomes, Verdict, judge
@@ -119,7 +120,7 @@ class _Results:
         """found: by the gate; None for the base."""
         outcomes, described = self.outcomes[version], Version.named(version)
         rows = self.held_out.rows(version)
-        valid = rows[rows["status"] == "ok"]
+        valid = rows[is_valid(rows)]
         paired = None if version == self.base else self.pair(self.base, version)
         return VersionResult(
             version=version,
@@ -203,9 +204,9 @@ def base_regions(held_out: HeldOut, spaces: Mapping[str, tuple[ScenarioInfo, Spa
 def _regions_of(held_out: HeldOut, info: ScenarioInfo, space: Space, section: Regions) -> list[RegionResult]:
     tests = {version: held_out.tables[info.name, version] for version in held_out.versions}
     base = tests[held_out.versions[0]]
-    valid = base[base["status"] == "ok"].reset_index(drop=True)
+    valid = base[is_valid(base)].reset_index(drop=True)
     points, results = encode_tests(base, space), []
-    counted = np.all([rows["status"] == "ok" for rows in tests.values()], axis=0)
+    counted = np.all([is_valid(rows) for rows in tests.values()], axis=0)
     for found in find_regions(info, space, valid, section):
         inside, region = counted & found.group.rule.holds(points), found.region
         failures = {version: int((rows["failure"].to_numpy(bool) & inside).sum()) for version, rows in tests.items()}

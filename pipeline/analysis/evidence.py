@@ -19,6 +19,7 @@ from pipeline.artefacts.points import encode_tests
 from pipeline.artefacts.region_results import FailureRegion, FailureRegions
 from pipeline.artefacts.results import Estimate
 from pipeline.artefacts.scenario_space import ScenarioInfo
+from pipeline.artefacts.tables import is_valid
 from pipeline.config.exposure import ExposureFile
 from pipeline.config.sections import Regions
 from pipeline.core.coverage.projection import Demand, projection_coverage
@@ -81,7 +82,7 @@ class Searched:
 
     @property
     def valid(self) -> pd.DataFrame:
-        return self.tests[self.tests["status"] == "ok"]
+        return self.tests[is_valid(self.tests)]
 
     def rows(self, random: bool) -> pd.DataFrame:
         """The valid tests that are random, or the others, of which each counts once."""
@@ -138,7 +139,7 @@ def _risks(tested: Searched, section: Regions, road: Exposure | None) -> tuple[R
     if random.empty:
         return None, None, NO_RANDOM
     points, failed = encode_tests(random, tested.space), random["failure"].to_numpy(bool)
-    errors = int((tested.tests["strategy"].isin(tested.independent) & (tested.tests["status"] == "error")).sum())
+    errors = int((tested.tests["strategy"].isin(tested.independent) & ~is_valid(tested.tests)).sum())
 
     def rate(counted: Bools) -> Rate:
         if road is not None:

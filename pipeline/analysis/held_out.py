@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.artefacts.scenario_space import ScenarioInfo
-from pipeline.artefacts.tables import campaign_of, read_tests
+from pipeline.artefacts.tables import campaign_of, is_valid, read_tests
 from pipeline.core.comparison import Bools, SequenceOutcomes, SequenceTest
 from pipeline.errors import InputError
 from pipeline.progress import OnProgress
@@ -58,7 +58,7 @@ class HeldOut:
     def outcomes(self, version: str) -> SequenceOutcomes:
         """The outcomes of one version on the sequence."""
         rows = self.rows(version)
-        valid, failed = (rows["status"] == "ok").to_numpy(), rows["failure"].to_numpy(bool)
+        valid, failed = is_valid(rows).to_numpy(), rows["failure"].to_numpy(bool)
         return SequenceOutcomes(valid, valid & failed, valid & failed & rows["failure_mode"].isin(BY_TTC).to_numpy())
 
     def digest(self, variables: Mapping[str, Sequence[str]]) -> str:
@@ -99,7 +99,7 @@ def read_held_out(
 def _check_threshold(rows: pd.DataFrame, threshold: float, path: Path) -> None:
     # Without a collision path, a false activation decides, and false positives alone may shorten the adjusted TTC.
     decided = np.where(rows["failure"], rows["failure_mode"] != "false_activation", rows["false_positives"] == 0)
-    judged = rows[(rows["status"] == "ok") & decided]
+    judged = rows[is_valid(rows) & decided]
     different = judged[judged["failure"] != (judged["adj_ttc_s"] <= threshold)]
     if len(different):
         row = different.iloc[0]

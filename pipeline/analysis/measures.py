@@ -13,6 +13,7 @@ from pipeline.artefacts.failure_counts import Causes, FalseActivations, Modes
 from pipeline.artefacts.points import encode_tests
 from pipeline.artefacts.results import Estimate, Result
 from pipeline.artefacts.search_results import BaseRate, CampaignMeasures, StrategyMeasures
+from pipeline.artefacts.tables import is_valid
 from pipeline.core.counted import Counted
 from pipeline.core.coverage.projection import Demand, projection_coverage
 from pipeline.core.identity import CampaignId
@@ -41,7 +42,7 @@ def measure_campaign(
     space, failed = spaces[campaign.scenario], tests["failure"].to_numpy(bool)
     sequence, other = failure_sequence(failed), failure_sequence(reference["failure"].to_numpy(bool))
     n, saved = c_measure(sequence, other)
-    valid = (tests["status"] == "ok").to_numpy()
+    valid = is_valid(tests).to_numpy()
     points = encode_tests(tests, space)
     return CampaignMeasures(
         **asdict(campaign),
@@ -81,7 +82,7 @@ def _counts(tests: pd.DataFrame, column: str, model: type[Result]) -> dict[str, 
 
 def count_false_activations(tests: pd.DataFrame) -> FalseActivations:
     """Unnecessary emergency braking in the valid tests of a table."""
-    valid = tests[tests["status"] == "ok"]
+    valid = tests[is_valid(tests)]
     braking = valid[valid["false_activations"] > 0]
     return FalseActivations(
         tests=len(valid),
@@ -177,7 +178,7 @@ def audited(tables: Mapping[CampaignId, pd.DataFrame], confidence: float) -> tup
     rates = []
     for (scenario, strategy, version), each in groups.items():
         tests = pd.concat(each)
-        counted = Counted.of(tests["failure"].to_numpy(bool), (tests["status"] == "error").to_numpy())
+        counted = Counted.of(tests["failure"].to_numpy(bool), (~is_valid(tests)).to_numpy())
         named = {"scenario": scenario, "strategy": strategy, "version": version}
         rates.append(BaseRate(**named, tests=counted.tests, failures=counted.failures, rate=_exact(counted, confidence)))
     return tuple(rates)

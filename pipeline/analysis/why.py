@@ -11,7 +11,7 @@ import pandas as pd
 from pipeline.analysis.region_sentence import sentence
 from pipeline.artefacts.region_results import FailureRegion, Repair, Seen, Why
 from pipeline.artefacts.results import Estimate
-from pipeline.artefacts.tables import UNCHANGED
+from pipeline.artefacts.tables import UNCHANGED, is_valid
 from pipeline.core.counted import Counted
 from pipeline.core.sight import sight
 from pipeline.core.signals import Signals
@@ -46,7 +46,7 @@ def explained(region: FailureRegion, changes: Sequence[Change], rows: pd.DataFra
 
 
 def _repair(change: Change, rows: pd.DataFrame, confidence: float) -> Repair:
-    counted = Counted.of(~rows["failure"].to_numpy(bool), (rows["status"] == "error").to_numpy(bool))
+    counted = Counted.of(~rows["failure"].to_numpy(bool), (~is_valid(rows)).to_numpy(bool))
     return Repair(
         change=change.text,
         values=dict(change.values),

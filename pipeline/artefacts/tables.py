@@ -98,6 +98,11 @@ def read_tests(path: Path, columns: Sequence[str] | None = None) -> pd.DataFrame
     return _read(path, "tests", columns)
 
 
+def is_valid(tests: pd.DataFrame) -> pd.Series[bool]:
+    """Which tests have a result; the others ended in an error, which is no failure."""
+    return tests["status"] == "ok"
+
+
 def read_all_tests(paths: Iterable[Path]) -> pd.DataFrame:
     """The rows of several tests.parquet as one table, file by file; ValueError for no file."""
     return pd.concat([read_tests(path) for path in paths], ignore_index=True)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.artefacts.job_lock import held
+from pipeline.artefacts.tables import is_valid
 from pipeline.commands.campaign import STOPPED, Search, number, planned, read_words, waiting
 from pipeline.config.arguments import whole
 from pipeline.config.composing import functional_scenario
@@ -228,7 +229,7 @@ def weighed(folders: Sequence[Path], exposure: ExposureFile) -> dict[str, Rate]:
         raise InputError(f"--from: expected tests of one version, got {', '.join(versions)}")
     rates = {}
     for scenario, rows in tests.groupby("scenario"):
-        valid = rows[rows["status"] == "ok"]
+        valid = rows[is_valid(rows)]
         if valid.empty:
             raise InputError(f"--from: {scenario} has no test without an error")
         space = functional_scenario(str(scenario)).logical_space()

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.artefacts.files import check_output
+from pipeline.artefacts.tables import is_valid
 from pipeline.config.arguments import whole
 from pipeline.config.components import STORED_FROM
 from pipeline.config.composing import PARAMS, load
@@ -124,7 +125,7 @@ def valid_tests(folder: Path) -> pd.DataFrame:
     from pipeline.artefacts.tables import read_tests
 
     tests = read_tests(folder / "tests.parquet")
-    return tests[tests["status"] == "ok"]
+    return tests[is_valid(tests)]
 
 
 def judged(folder: Path, config: Config, car: Car, options: argparse.Namespace) -> dict[str, int]:
@@ -148,7 +149,7 @@ def judged(folder: Path, config: Config, car: Car, options: argparse.Namespace) 
         with tempfile.TemporaryDirectory() as scratch, Progress(label) as progress:
             executor = Executor(setup, Path(scratch) / "journal", options.workers, progress)
             tests, left = driven_again(again, config.space(campaign.scenario), threshold, executor), 0
-    valid = tests[tests["status"] == "ok"]
+    valid = tests[is_valid(tests)]
     failed = valid[valid["failure"].astype(bool)]
     causes = failed["cause"].value_counts().sort_index()
     return {"tests": len(valid), "failures": len(failed), "would drive otherwise": left, **{str(k): int(v) for k, v in causes.items()}}

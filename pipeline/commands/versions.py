@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from pipeline.config.project import typed
+from pipeline.tracking import STORE
 
 HELP = "Print the registered model versions with their failures."
 COLUMNS = ("model", "number", "version", "study", "failures", "failures_by_ttc", "tests", "verdict", "alias")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--store", type=typed, default=Path("data/mlflow/mlflow.db"), help="MLflow's database (default: %(default)s)")
+    parser.add_argument("--store", type=typed, default=STORE, help="MLflow's database (default: %(default)s)")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -13,7 +13,7 @@ from pydantic import AfterValidator
 
 from pipeline.core.detections import Detections
 from pipeline.core.episode import Frame
-from pipeline.detectors.suppression import Share, inside, reported
+from pipeline.detectors.suppression import IOU, THRESHOLD, Share, inside, reported
 from pipeline.errors import InputError, SimulationError, shown
 
 
@@ -56,7 +56,7 @@ class FunctionDetector:
     InputError if there is no such function. Any exception in it, and any result of another shape, becomes a SimulationError.
     """
 
-    def __init__(self, function: FunctionName, threshold: Share = 0.5, iou: Share = 0.45, model: str | None = None) -> None:
+    def __init__(self, function: FunctionName, threshold: Share = THRESHOLD, iou: Share = IOU, model: str | None = None) -> None:
         try:
             self._function = _named(function)
         except ValueError as error:

@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.core.detections import Detections
 from pipeline.core.episode import Frame
 from pipeline.detectors.layouts import person_class
-from pipeline.detectors.suppression import Share, inside, reported
+from pipeline.detectors.suppression import IOU, THRESHOLD, Share, inside, reported
 from pipeline.errors import InputError, SimulationError, one_line
 
 PICKLES = ("*.bin", "*.pt", "*.pth", "*.ckpt")
@@ -24,7 +24,7 @@ class HuggingFaceDetector:
     InputError if the folder is not such a model, or its only weights need pickle.
     """
 
-    def __init__(self, model: str | Path, threshold: Share = 0.5, iou: Share = 0.45, person: str | int | None = None) -> None:
+    def __init__(self, model: str | Path, threshold: Share = THRESHOLD, iou: Share = IOU, person: str | int | None = None) -> None:
         try:
             from transformers import AutoImageProcessor, AutoModelForObjectDetection
         except ImportError as error:

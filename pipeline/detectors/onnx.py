@@ -16,7 +16,7 @@ from pipeline.core.detections import Detections
 from pipeline.core.episode import Frame
 from pipeline.detectors import layouts
 from pipeline.detectors.layouts import LAYOUTS, Layout, Letterbox
-from pipeline.detectors.suppression import Share, inside, reported
+from pipeline.detectors.suppression import IOU, THRESHOLD, Share, inside, reported
 from pipeline.errors import InputError, SimulationError
 
 OURS = "input 'image' (n, h, w, 3) uint8 RGB; outputs 'boxes' (n, cells, 4) in pixels and 'scores' (n, cells) in [0, 1]"
@@ -47,8 +47,8 @@ class OnnxDetector:
     def __init__(
         self,
         model: str | Path,
-        threshold: Share = 0.5,
-        iou: Share = 0.45,
+        threshold: Share = THRESHOLD,
+        iou: Share = IOU,
         threads: Annotated[int, Field(ge=1, le=1024)] = 1,
         layout: Layout | None = None,
         person: str | int | None = None,

@@ -12,6 +12,8 @@ from pipeline.core.boxes import nms
 from pipeline.core.detections import Detections
 from pipeline.errors import SimulationError
 
+THRESHOLD, IOU = 0.5, 0.45
+"""Of a detector for which none is chosen: smallest score reported, and overlap above which the worse of two boxes is removed."""
 CANDIDATES = 300
 """Largest number of boxes before suppression; far more than people on a street."""
 ROUNDING = 1e-3

@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.core.detections import Detections
 from pipeline.core.episode import Frame
 from pipeline.detectors.layouts import person_class
-from pipeline.detectors.suppression import Share, inside, reported
+from pipeline.detectors.suppression import IOU, THRESHOLD, Share, inside, reported
 from pipeline.errors import InputError, one_line
 
 
@@ -22,7 +22,7 @@ class UltralyticsDetector:
     """
 
     def __init__(
-        self, model: str | Path, threshold: Share = 0.5, iou: Share = 0.45, person: str | int | None = None, trusted: bool = False
+        self, model: str | Path, threshold: Share = THRESHOLD, iou: Share = IOU, person: str | int | None = None, trusted: bool = False
     ) -> None:
         path = Path(model)
         if path.suffix != ".onnx" and not trusted:

@@ -197,7 +197,7 @@ def join(campaign: CampaignId, shards: Sequence[Path], space: Space, out: Path) 
     shards, out: paths of tests.parquet. Without a valid test, raises what `run_campaign` does and withdraws the stamps of the shards.
     """
     tests = tables.read_campaigns(shards, "tests")
-    if (tests["status"] == "error").all():
+    if (~tables.is_valid(tests)).all():
         for shard in shards:  # Errors that a person has to mend first are executed again.
             stamps.withdraw(shard.with_name(shard.name + stamps.SUFFIX))
         raise no_result(campaign, list(tests["reason"]))

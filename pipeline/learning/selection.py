@@ -9,6 +9,7 @@ import pandas as pd
 
 from pipeline.analysis.failure_regions import cluster
 from pipeline.artefacts.scenario_space import ScenarioInfo
+from pipeline.artefacts.tables import is_valid
 from pipeline.config.sections import Regions
 from pipeline.core.space import Floats, Space
 
@@ -42,7 +43,7 @@ def groups(selection: str, tests: pd.DataFrame, spaces: Mapping[str, tuple[Scena
     if selection == "failures":
         return dict.fromkeys(failed["test_id"], ANY)
     found: dict[str, str] = {}
-    for scenario, rows in tests[tests["status"] == "ok"].groupby("scenario"):
+    for scenario, rows in tests[is_valid(tests)].groupby("scenario"):
         info, space = spaces[str(scenario)]
         regions = cluster(info, space, rows.reset_index(drop=True), section)
         found |= dict.fromkeys(regions.isolated, f"{info.label}, isolated")

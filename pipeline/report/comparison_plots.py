@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 
 from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.failure_counts import Modes
+from pipeline.artefacts.tables import is_valid
 from pipeline.report.style import MODE_COLOURS, MODE_NAMES, legend_below, panels, series_colours, styled
 
 
@@ -40,7 +41,7 @@ def kpi_histogram(table: pd.DataFrame, comparison: Comparison, threshold_s: floa
     """
     base, *others = comparison.groups
     groups = [base, *(group for group in others if group.round == others[-1].round)]
-    table = table[table["status"] == "ok"]
+    table = table[is_valid(table)]
     top = max(threshold_s * 2, float(table["adj_ttc_s"].max()) if len(table) else 0.0)
     edges = np.arange(0, top + threshold_s, threshold_s)
     with styled():

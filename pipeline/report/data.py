@@ -18,7 +18,7 @@ from pipeline.artefacts.region_results import FailureRegions
 from pipeline.artefacts.results import read
 from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.artefacts.search_results import Measures
-from pipeline.artefacts.tables import read_tests
+from pipeline.artefacts.tables import is_valid, read_tests
 from pipeline.artefacts.white_box_results import WhiteBoxMeasures
 from pipeline.core.space import Space
 from pipeline.report.border import Case
@@ -82,7 +82,7 @@ class ReportData:
     @cached_property
     def pairs(self) -> Mapping[str, tuple[PairShare, ...]]:
         """What the valid tests of all strategies cover, by scenario."""
-        valid = {name: tests[tests["status"] == "ok"] for name, tests in self.tests.items()}
+        valid = {name: tests[is_valid(tests)] for name, tests in self.tests.items()}
         return {
             name: pair_shares(self.spaces[name], encode_tests(rows, self.spaces[name]), rows["failure"].to_numpy())
             for name, rows in valid.items()

@@ -14,7 +14,7 @@ import pandas as pd
 from PIL import Image
 
 from pipeline.artefacts.region_results import FailureRegions
-from pipeline.artefacts.tables import TESTS
+from pipeline.artefacts.tables import TESTS, is_valid
 from pipeline.core.space import Space, Variable
 from pipeline.report import texts
 from pipeline.report.failure_tables import CAUSES
@@ -60,11 +60,11 @@ def _fields(tests: pd.DataFrame, spaces: Mapping[str, Space], regions: Iterable[
     for name in ("scenario", "strategy", "version"):
         yield _text(name, tests[name])
     yield _number("index", tests["index"])
-    yield _text("end", tests["failure_mode"].map(MODE_NAMES).where(tests["status"] == "ok", "error"))
+    yield _text("end", tests["failure_mode"].map(MODE_NAMES).where(is_valid(tests), "error"))
     yield _text("cause", tests["cause"].map({**CAUSES, "none": ""}))
     yield _text("region", tests["test_id"].map(region_of).fillna(""))
     for name in KPIS:
-        yield _number(name, tests[name].where(tests["status"] == "ok"), UNITS[name])
+        yield _number(name, tests[name].where(is_valid(tests)), UNITS[name])
     variables: dict[str, list[Variable]] = {}
     for space in spaces.values():
         for variable in space.variables:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import pandas as pd
 
 from pipeline.artefacts.model_card import ModelCard
+from pipeline.artefacts.tables import is_valid
 from pipeline.report import texts
 from pipeline.report.page import Passage, Section, Table
 
@@ -37,7 +38,7 @@ def _campaigns(tests: pd.DataFrame, labels: Mapping[str, str]) -> Iterator[tuple
     """A row for each scenario, strategy and version."""
     for (scenario, strategy, version), rows in tests.groupby(["scenario", "strategy", "version"], sort=False):
         seeds = ", ".join(map(str, sorted(rows["seed"].unique())))
-        yield labels.get(scenario, scenario), strategy, version, seeds, str(len(rows)), str(int((rows["status"] != "ok").sum()))
+        yield labels.get(scenario, scenario), strategy, version, seeds, str(len(rows)), str(int((~is_valid(rows)).sum()))
 
 
 def _versions(cards: Sequence[ModelCard]) -> Table:

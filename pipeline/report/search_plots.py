@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from pipeline.artefacts.region_results import FailureRegions
 from pipeline.artefacts.search_results import Measures, StrategyMeasures
+from pipeline.artefacts.tables import is_valid
 from pipeline.core.names import count_of
 from pipeline.core.space import Space, Variable
 from pipeline.report.style import (
@@ -45,7 +46,7 @@ def kpi_panels(campaigns: Mapping[str, pd.DataFrame], threshold_s: float, column
     with styled():
         figure, axes = wrapped(len(campaigns), columns, height=3.1, ylabel="adj. TTC (s)")
         for axis, (title, tests) in zip(axes, campaigns.items(), strict=True):
-            chosen = tests[tests["status"] == "ok"]
+            chosen = tests[is_valid(tests)]
             _scatter_modes(axis, chosen)
             batches = chosen.groupby("batch").agg(index=("index", "mean"), adj_ttc_s=("adj_ttc_s", "mean"))
             axis.plot(batches["index"] + 1, batches["adj_ttc_s"], color=INK, linewidth=1.4, label="batch mean", zorder=3)

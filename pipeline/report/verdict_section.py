@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import pandas as pd
 
 from pipeline.artefacts.comparison_results import Comparison, LimitResult, VersionResult
+from pipeline.artefacts.tables import is_valid
 from pipeline.report import texts
 from pipeline.report.failure_tables import CAUSES, base_rate_sentence, braking_held_out, cause_cells
 from pipeline.report.formats import counted, mean_text, share, signed
@@ -102,7 +103,7 @@ def _introduction(comparison: Comparison) -> tuple[str, ...]:
 
 def rounds_part(searched: pd.DataFrame, plots: Sequence[Drawing]) -> Passage:
     """Failures after each round, and what its searches found. searched: rows of all campaigns that versions learn from."""
-    valid, rows = searched[searched["status"] == "ok"], []
+    valid, rows = searched[is_valid(searched)], []
     for (version, strategy), tests in valid.groupby(["version", "strategy"], sort=False):
         failures = int(tests["failure"].sum())
         rows.append((str(version), str(strategy), f"{failures} / {len(tests)}", share(failures / len(tests))))

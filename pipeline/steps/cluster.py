@@ -11,7 +11,7 @@ from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.region_results import FailureRegion
 from pipeline.artefacts.results import write
 from pipeline.artefacts.scenario_space import read_space
-from pipeline.artefacts.tables import read_all_tests, read_signals, write_why
+from pipeline.artefacts.tables import is_valid, read_all_tests, read_signals, write_why
 from pipeline.config.schema import JUDGED, Config
 from pipeline.contract import Files, Job, Step, Wildcards
 from pipeline.core.space import Space
@@ -61,7 +61,7 @@ def run(job: Job) -> None:
 
     info, logical = read_space(job.input("space"))
     table = read_all_tests(job.inputs("tests"))
-    table = table[table["status"] == "ok"].drop_duplicates(list(logical.names), ignore_index=True)
+    table = table[is_valid(table)].drop_duplicates(list(logical.names), ignore_index=True)
     found = find_regions(info, logical, table, job.config.regions)
     regions = regions_of(info, logical, table, found)
     confirmed = _confirmed(job, logical, found)

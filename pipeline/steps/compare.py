@@ -13,7 +13,7 @@ from pipeline.artefacts.results import read, write
 from pipeline.artefacts.scenario_space import read_spaces
 from pipeline.artefacts.search_results import Measures
 from pipeline.artefacts.stamps import remove
-from pipeline.artefacts.tables import read_all_tests, write_tests
+from pipeline.artefacts.tables import is_valid, read_all_tests, write_tests
 from pipeline.config.schema import Config
 from pipeline.contract import Files, Job, Step, Wildcards
 
@@ -103,4 +103,4 @@ def _searched(job: Job) -> Searched:
 
     rows = read_all_tests(job.inputs("searched"))
     spaces = {name: space for name, (_, space) in read_spaces(job.inputs("searched_spaces")).items()}
-    return Searched(rows[rows["status"] == "ok"], spaces, [read(path, FailureRegions) for path in job.inputs("regions")])
+    return Searched(rows[is_valid(rows)], spaces, [read(path, FailureRegions) for path in job.inputs("regions")])

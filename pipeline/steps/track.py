@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.results import read, write
@@ -11,9 +9,7 @@ from pipeline.artefacts.search_results import Measures
 from pipeline.artefacts.tracking_results import TrackedRun, TrackedStudy
 from pipeline.config.schema import Config
 from pipeline.contract import Files, Job, Step, Wildcards
-
-STORE, ARTIFACTS = Path("data/mlflow/mlflow.db"), Path("data/mlflow/artifacts")
-"""Store of the runs without MLFLOW_TRACKING_URI."""
+from pipeline.tracking import ARTIFACTS, STORE, UNTRACKED
 
 
 def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
@@ -29,8 +25,7 @@ def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
 
 
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
-    """All parameters of a study except the bodies of scenarios, which are long, and the exposure, which changes no run."""
-    return tuple(name for name in Config.model_fields if name not in ("scenarios", "front_car", "exposure"))
+    return tuple(name for name in Config.model_fields if name not in UNTRACKED)
 
 
 STEP = Step(

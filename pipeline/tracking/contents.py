@@ -15,23 +15,22 @@ from pipeline.artefacts.comparison_results import Comparison, VersionResult
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.model_card import ModelCard, read_curve
 from pipeline.artefacts.search_results import CampaignMeasures
-from pipeline.artefacts.tables import campaign_of
+from pipeline.artefacts.tables import campaign_of, is_valid
 from pipeline.config.schema import BALANCED_SCENES, NEW_SCENES, Config
 from pipeline.core.lineage import Version
 from pipeline.core.measures import failure_sequence
+from pipeline.detectors.suppression import IOU
+from pipeline.tracking import UNTRACKED
 from pipeline.tracking.registry import Registration
 from pipeline.tracking.runs import Content, DataSet
 
 WEIGHTS = "weights_sha256"
 """Tag of the run of a model version."""
-IOU = 0.45
-"""Overlap of two boxes above which the worse is removed, for detectors that have no such setting."""
 
 
 def study_content(config: Config) -> Content:
-    """The study as the parent of all other runs; its parameters are those of params.yaml without the scenarios' bodies, which are long, and
-    the exposure, which changes no run."""
-    plain = {key: value for key, value in config.model_dump(mode="json").items() if key not in ("scenarios", "front_car", "exposure")}
+    """The study as the parent of all other runs; its parameters are those of params.yaml, except `UNTRACKED`."""
+    plain = {key: value for key, value in config.model_dump(mode="json").items() if key not in UNTRACKED}
     return Content(name=config.study, kind="study", params=dict(_flat(plain)))
 
 
@@ -48,7 +47,7 @@ def campaign_content(study: str, tests: pd.DataFrame, measured: CampaignMeasures
     campaign = campaign_of(tests, path)
     theta = failure_sequence(tests.sort_values("index")["failure"].to_numpy(bool))
     modes = count_modes(tests)
-    metrics = {"tests": len(tests), "errors": int((tests["status"] != "ok").sum()), "failures": modes.total}
+    metrics = {"tests": len(tests), "errors": int((~is_valid(tests)).sum()), "failures": modes.total}
     metrics |= {"failures_by_ttc": modes.by_ttc, **{f"failures_{mode}": count for mode, count in modes}}
     if measured is not None:
         names = ("f_measure", "f_n", "c_measure", "pair_coverage_tests", "pair_coverage_failures", "projection_coverage")

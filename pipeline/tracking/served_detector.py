@@ -17,7 +17,7 @@ import pandas as pd
 from mlflow.pyfunc import PythonModel
 from numpy.typing import NDArray
 
-GREY = 114
+GREY = 114  # As in `detectors.layouts`.
 COLUMNS = ("image", "left", "top", "right", "bottom", "score")
 Floats = NDArray[np.float32]
 

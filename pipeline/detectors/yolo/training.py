@@ -7,14 +7,13 @@ same weights.
 from __future__ import annotations
 
 import copy
-import io
 import math
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import asdict, dataclass
-from functools import cache, cached_property
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -24,8 +23,9 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.optim.swa_utils import get_ema_multi_avg_fn
 
-from pipeline.artefacts.files import program_sha256, read_sealed, write_sealed
+from pipeline.artefacts.files import program_sha256
 from pipeline.artefacts.model_card import CurvePoint
+from pipeline.detectors.yolo.checkpoint import State, resume, save
 from pipeline.detectors.yolo.forward import Forward
 from pipeline.detectors.yolo.loss import Loss, detection_loss
 from pipeline.detectors.yolo.memory import keep_freed_memory
@@ -139,36 +139,6 @@ class Fitted:
     curve: tuple[CurvePoint, ...]
 
 
-@dataclass
-class State:
-    """The content of a checkpoint. best: the averaged weights of the best evaluation; sums: of both losses since the last evaluation."""
-
-    iteration: int
-    model: Yolo
-    average: Yolo
-    optimiser: Optimiser
-    best: dict[str, Tensor]
-    sums: Tensor
-    curve: list[CurvePoint]
-
-    @cached_property
-    def parameters(self) -> list[Tensor]:
-        return list(self.model.parameters())
-
-    @cached_property
-    def averaging(self) -> tuple[list[Tensor], list[Tensor]]:
-        """The averaged weights and those that they follow. They share the networks' memory; listing them takes as long as averaging."""
-        averages, weights = (
-            [value for value in each.state_dict().values() if value.is_floating_point()] for each in (self.average, self.model)
-        )
-        return averages, weights
-
-    def exhausted(self, patience: int) -> bool:
-        """Whether the last `patience` evaluations gave no new best."""
-        scores = [point.ap50 for point in self.curve]
-        return bool(scores) and len(scores) - 1 - int(np.argmax(scores)) >= patience
-
-
 def initial_model(seed: int, model: Callable[[], Yolo] = Yolo) -> Yolo:
     """A network with random weights that depend on the seed alone."""
     with torch.random.fork_rng(devices=[]):
@@ -190,7 +160,7 @@ def fit(model: Yolo, lesson: Lesson, run: Run) -> Fitted:
     state = _start(model, schedule, device)
     identity = lesson.identity + program_sha256("core", "detectors")
     if checkpoint is not None:
-        _resume(checkpoint, identity, state, device)
+        resume(checkpoint, identity, state, device)
     saved, resumed = time.monotonic(), state.iteration
     losses: deque[Loss] = deque(maxlen=20)
     stop = schedule.iterations if validation is None or not state.exhausted(validation.patience) else state.iteration
@@ -208,10 +178,10 @@ def fit(model: Yolo, lesson: Lesson, run: Run) -> Fitted:
                 break
         if checkpoint is not None and time.monotonic() - saved > CHECKPOINT_SECONDS:  # Save after the evaluation: a kill must not lose it.
             _check_finite(losses, state.iteration, schedule)
-            _save(checkpoint, identity, state)
+            save(checkpoint, identity, state)
             saved = time.monotonic()
     if checkpoint is not None and state.iteration > resumed:
-        _save(checkpoint, identity, state)
+        save(checkpoint, identity, state)
     if validation is not None and state.exhausted(validation.patience):
         state.average.load_state_dict(state.best)
     return Fitted(state.average.cpu().eval(), tuple(state.curve))
@@ -283,29 +253,6 @@ def _batches(feed: Feed, start: int, stop: int, device: torch.device) -> Iterato
 def _tensors(batch: Batch, device: torch.device) -> tuple[Tensor, Tensor]:
     """Images (n, 3, h, w) uint8 in the channels-last format, and boxes (n, 4)."""
     return torch.from_numpy(batch[0]).to(device).permute(0, 3, 1, 2), torch.from_numpy(batch[1]).to(device)
-
-
-def _save(path: Path, identity: str, state: State) -> None:
-    buffer = io.BytesIO()
-    parts = {"model": state.model.state_dict(), "average": state.average.state_dict(), "optimiser": state.optimiser.state_dict()}
-    evaluations = {"best": state.best, "sums": state.sums, "curve": [asdict(point) for point in state.curve]}
-    torch.save({"identity": identity, "iteration": state.iteration, **parts, **evaluations}, buffer)
-    write_sealed(path, buffer.getvalue())
-
-
-def _resume(path: Path, identity: str, state: State, device: torch.device) -> None:
-    """Resume from the checkpoint; a damaged or foreign one is ignored."""
-    try:
-        found = torch.load(io.BytesIO(read_sealed(path)), map_location=device, weights_only=True)
-    except InputError:
-        return
-    if found["identity"] != identity:
-        return
-    state.model.load_state_dict(found["model"])
-    state.average.load_state_dict(found["average"])
-    state.optimiser.load_state_dict(found["optimiser"])
-    state.best, state.sums, state.curve = found["best"], found["sums"], [CurvePoint(**point) for point in found["curve"]]
-    state.iteration = int(found["iteration"])
 
 
 def _text(losses: deque[Loss], curve: list[CurvePoint]) -> str:

@@ -8,14 +8,14 @@ import torch
 from pipeline.artefacts.dataset import ImageSet
 from pipeline.core.detections import Detections
 from pipeline.detectors.evaluation import evaluate
-from pipeline.detectors.suppression import reported
+from pipeline.detectors.suppression import IOU, reported
 from pipeline.detectors.yolo.network import Yolo, cells, decode
 from pipeline.detectors.yolo.training import Validation
 
 EVALUATED = 500
 """Number of validation images, spread over the set."""
 BATCH = 50
-LOWEST_SCORE, NMS_IOU = 0.005, 0.45
+LOWEST_SCORE = 0.005
 
 
 def watching(images: ImageSet, every: int, patience: int) -> Validation:
@@ -39,7 +39,7 @@ def detected(model: Yolo, images: ImageSet) -> list[Detections]:
         shown = torch.from_numpy(images.images[first : first + BATCH]).to(device).permute(0, 3, 1, 2).float().div_(255)
         boxes, logits = decode(model(shown.contiguous(memory_format=torch.channels_last)), centres, strides)
         found += [
-            reported("the network in training", b, s, LOWEST_SCORE, NMS_IOU)
+            reported("the network in training", b, s, LOWEST_SCORE, IOU)
             for b, s in zip(boxes.cpu().numpy(), logits.sigmoid().cpu().numpy(), strict=True)
         ]
     return found

@@ -1,0 +1,72 @@
+"""The state of a training and its checkpoint, from which a killed run resumes with the same bits."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from pipeline.artefacts.files import read_sealed, write_sealed
+from pipeline.artefacts.model_card import CurvePoint
+from pipeline.detectors.yolo.network import Yolo
+from pipeline.detectors.yolo.optimiser import Optimiser
+from pipeline.errors import InputError
+
+
+@dataclass
+class State:
+    """The content of a checkpoint. best: the averaged weights of the best evaluation; sums: of both losses since the last evaluation."""
+
+    iteration: int
+    model: Yolo
+    average: Yolo
+    optimiser: Optimiser
+    best: dict[str, Tensor]
+    sums: Tensor
+    curve: list[CurvePoint]
+
+    @cached_property
+    def parameters(self) -> list[Tensor]:
+        return list(self.model.parameters())
+
+    @cached_property
+    def averaging(self) -> tuple[list[Tensor], list[Tensor]]:
+        """The averaged weights and those that they follow. They share the networks' memory; listing them takes as long as averaging."""
+        averages, weights = (
+            [value for value in each.state_dict().values() if value.is_floating_point()] for each in (self.average, self.model)
+        )
+        return averages, weights
+
+    def exhausted(self, patience: int) -> bool:
+        """Whether the last `patience` evaluations gave no new best."""
+        scores = [point.ap50 for point in self.curve]
+        return bool(scores) and len(scores) - 1 - int(np.argmax(scores)) >= patience
+
+
+def save(path: Path, identity: str, state: State) -> None:
+    """Write the checkpoint. identity: digest of the training that it belongs to."""
+    buffer = io.BytesIO()
+    parts = {"model": state.model.state_dict(), "average": state.average.state_dict(), "optimiser": state.optimiser.state_dict()}
+    evaluations = {"best": state.best, "sums": state.sums, "curve": [asdict(point) for point in state.curve]}
+    torch.save({"identity": identity, "iteration": state.iteration, **parts, **evaluations}, buffer)
+    write_sealed(path, buffer.getvalue())
+
+
+def resume(path: Path, identity: str, state: State, device: torch.device) -> None:
+    """Put the content of the checkpoint into a state; a damaged one, or one of another training, is ignored."""
+    try:
+        found = torch.load(io.BytesIO(read_sealed(path)), map_location=device, weights_only=True)
+    except InputError:
+        return
+    if found["identity"] != identity:
+        return
+    state.model.load_state_dict(found["model"])
+    state.average.load_state_dict(found["average"])
+    state.optimiser.load_state_dict(found["optimiser"])
+    state.best, state.sums, state.curve = found["best"], found["sums"], [CurvePoint(**point) for point in found["curve"]]
+    state.iteration = int(found["iteration"])
