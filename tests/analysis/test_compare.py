@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from pipeline.analysis.comparison import base_regions, changed_tests, compare
-from pipeline.analysis.held_out import HeldOut
+from pipeline.analysis.held_out import HeldOut, read_held_out
 from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.failure_counts import Causes
 from pipeline.artefacts.files import read_json
@@ -404,17 +404,18 @@ def test_tests_judged_at_another_threshold_are_refused(tmp_path: Path) -> None:
 
 def test_a_false_activation_does_not_contradict_the_threshold(tmp_path: Path) -> None:
     study = FabricatedStudy(tmp_path).make()
-    path, space = study.held_out_tests[0], study.config.space(study.config.held_out[0])
+    scenario = study.config.held_out[0]
+    path, space, info = study.held_out_tests[0], study.config.space(scenario), ScenarioInfo(scenario, "F1*", "", 1)
     rows = read_tests(path)
     # Without a collision path: a false activation fails however long the TTC, and false positives alone shorten it without a failure.
     rows.loc[0, ["failure", "failure_mode", "adj_ttc_s"]] = [True, "false_activation", 2.0]
     rows.loc[1, ["failure", "failure_mode", "adj_ttc_s", "false_positives"]] = [False, "none", 0.049, 40]
     write_tests(path, rows, space)
-    study.analyse()
+    read_held_out([path], ["base"], {scenario: info}, 0.1, lambda *_: None)
     rows.loc[1, "false_positives"] = 0
     write_tests(path, rows, space)
     with pytest.raises(InputError, match="test 1: expected a failure at an adjusted TTC of"):
-        study.analyse()
+        read_held_out([path], ["base"], {scenario: info}, 0.1, lambda *_: None)
 
 
 def test_a_version_without_campaign_is_named() -> None:
