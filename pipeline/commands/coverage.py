@@ -70,13 +70,13 @@ def _add_projection(parser: argparse.ArgumentParser, points_required: bool) -> N
 
 def run(options: argparse.Namespace) -> int:
     """Run the subcommand and print its result; 1 if `verify` finds the plan not valid."""
-    from pipeline.report import coverage_answers
+    from pipeline.report.coverage_answers import VERBS
 
     _check(options)
     _check_outputs(options)
     try:
         with Progress(f"coverage {options.verb}") as progress:
-            found, text = getattr(coverage_answers, options.verb)(options, progress)
+            found, text = VERBS[options.verb](options, progress)
     except InputError as error:
         raise InputError(in_one_line(str(error))) from error
     print(json.dumps(found, ensure_ascii=False) if options.json else text)

@@ -1,11 +1,14 @@
-"""What `coverage score`, `propose`, `plan`, `verify` and `export` answer: as a mapping for --json, and as text."""
+"""What `coverage score`, `propose`, `plan`, `verify` and `export` answer: as a mapping for --json, and as text.
+
+Each function takes the checked options of its verb (`commands.coverage`).
+"""
 
 from __future__ import annotations
 
 import argparse
 import sys
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import comb
 from pathlib import Path
@@ -36,6 +39,7 @@ from pipeline.core.coverage.verification import verify as verify_rows
 from pipeline.core.space import Ints, Space
 from pipeline.errors import InputError
 from pipeline.progress import Progress
+from pipeline.report.coverage_texts import cell_text, propose_text, row_text, score_text
 from pipeline.report.imperfect_rows import SHOWN, imperfect, imperfect_text
 
 # Solvers are imported where they are used: they take longer to import than a table of a hundred thousand points takes to count.
@@ -43,7 +47,6 @@ if TYPE_CHECKING:
     from pipeline.core.coverage.proposals import Proposal, Proposer
 
 MOST_CELLS = 200_000_000
-SMALLEST = "This is the smallest possible number."
 
 
 def score(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
@@ -72,7 +75,7 @@ def score(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
     }
     if options.figures:
         found["figures"] = [str(path) for path in _draw(options, space, growth(raising, coverage), every[0] if pairs else None)]
-    return found, "\n".join([*imperfect_text(found), _score_text(found, space)])
+    return found, "\n".join([*imperfect_text(found), score_text(found, space)])
 
 
 def propose(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
@@ -111,7 +114,7 @@ def propose(options: argparse.Namespace, progress: Progress) -> tuple[Found, str
         "points": space.names_of(found.categories),
         "existing": existing,
     }
-    text = _propose_text(result, options, (f"{options.k}-projection coverage{_with(space)}", before, after))
+    text = propose_text(result, options.complete, options.heavy_first, (f"{options.k}-projection coverage{_with(space)}", before, after))
     return result, "\n".join([*(imperfect_text(existing) if existing else []), text])
 
 
@@ -126,24 +129,6 @@ def _proposal(proposer: Proposer, rows: Ints, options: argparse.Namespace) -> tu
         return Proposal(added, gain, gain), completion.bound
     found = proposer.propose_exact(rows, options.count, options.seconds) if options.exact else proposer.propose(rows, options.count)
     return Proposal(rows[:0], 0, 0) if found is None else found, proposer.fewest(rows)
-
-
-def _propose_text(found: Found, options: argparse.Namespace, coverage: tuple[str, Coverage, Coverage]) -> str:
-    """coverage: its name, and what it is before and after."""
-    name, before, after = coverage
-    if not found["count"]:
-        return f"{name} is {_percent(before)}: nothing to propose"
-    lines = [f"{name} {_percent(before)}, with {found['count']} more points {_percent(after)}"]
-    if options.complete:
-        needed = found["needed_at_least"]
-        lines.append(SMALLEST if found["optimal"] else f"No fewer than {needed} points complete it.")
-    elif found["optimal"]:
-        lines.append("No other points are worth more." if options.heavy_first else "No other points gain more.")
-    elif options.heavy_first:
-        lines.append(f"The cells that they fill weigh {found['gain']}; none can weigh more than {found['bound']}.")
-    else:
-        lines.append(f"They gain {found['gain']}; no points can gain more than {found['bound']}.")
-    return "\n".join([*lines, "", *_points_table(found["points"])])
 
 
 def plan(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
@@ -185,7 +170,7 @@ def verify(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]
     rows = table.complete()
     checked = verify_rows(rows, space.constraints, Mixed(options.strength, space.extras), progress)
     broken = [
-        f"row {row + 1} breaks the constraint '{space.clause(clause)}': {_row_text(space, rows[row])}" for row, clause in checked.broken
+        f"row {row + 1} breaks the constraint '{space.clause(clause)}': {row_text(space, rows[row])}" for row, clause in checked.broken
     ]
     missing = [cell_names(space, plane, cell) for plane, cell in checked.missing[:LISTED]]
     found: Found = {
@@ -205,7 +190,7 @@ def verify(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]
     lines = [f"not valid: {line}" for line in broken[:SHOWN]]
     if missing:
         lines.append(f"not valid: {len(checked.missing):,} of {checked.cells:,} feasible combinations are missing, among them")
-        lines += [f"  {_cell_text(cell)}" for cell in missing[:SHOWN]]
+        lines += [f"  {cell_text(cell)}" for cell in missing[:SHOWN]]
     return found, "\n".join(lines)
 
 
@@ -277,61 +262,6 @@ def _draw(options: argparse.Namespace, space: Space, shares: list[tuple[int, flo
     return paths
 
 
-def _percent(coverage: Coverage) -> str:
-    return f"{coverage.covered:,}/{coverage.required:,} = {100 * coverage.ratio:.2f} %"
-
-
-def _cell_text(cell: Mapping[str, str]) -> str:
-    return ", ".join(f"{name} = {label}" for name, label in cell.items())
-
-
-def _row_text(space: Space, row: Ints) -> str:
-    return _cell_text(space.names_of(row[None])[0])
-
-
-def _points_table(points: list[dict[str, str]]) -> list[str]:
-    return _table([list(points[0]), *(list(point.values()) for point in points)])
-
-
-def _score_text(found: Found, space: Space) -> str:
-    lines = [f"{found['points']:,} points, {len(space)} conditions, weights combined by {found['operator']}", ""]
-    lines += _table(
-        [["k", "covered", "wanted", "coverage"]]
-        + [[str(x["k"]), f"{x['numerator']:,}", f"{x['denominator']:,}", f"{100 * x['coverage']:.2f} %"] for x in found["by_k"]]
-    )
-    if space.extras:
-        lines += ["", *_extras_text(found)]
-    least = sorted((p for p in found["planes"] if p["coverage"] is not None), key=lambda p: p["coverage"])[:SHOWN]
-    lines += ["", f"Least covered of {len(found['planes'])} planes"]
-    lines += _table(
-        [["plane", "covered", "wanted", "coverage"]]
-        + [[" × ".join(p["conditions"]), f"{p['numerator']:,}", f"{p['denominator']:,}", f"{100 * p['coverage']:.1f} %"] for p in least]
-    )
-    for title, cells in (("uncovered", found["uncovered"]), ("provably infeasible", found["infeasible"])):
-        number = found[f"{title.split()[-1]}_cells"]
-        lines += ["", f"{number:,} cells are {title}{', among them' if number > SHOWN else ':' if number else '.'}"]
-        lines += [f"  {_cell_text(cell)}" for cell in cells[:SHOWN]]
-    if found["next"]:
-        lines += ["", "What to collect next, most useful first"]
-        lines += _points_table(found["next"])
-    lines += [f"drawn: {path}" for path in found.get("figures", ())]
-    return "\n".join(lines)
-
-
-def _extras_text(found: Found) -> list[str]:
-    named = [[f"{x['name']}: {x['strength']} of {' × '.join(x['conditions'])}", x] for x in found["named_planes"]]
-    rows = [[name, f"{x['numerator']:,}", f"{x['denominator']:,}"] for name, x in named]
-    rows += [[_cell_text(x["of"]), f"{min(x['points'], x['weight']):,}", f"{x['weight']:,}"] for x in found["combinations"]]
-    whole = f"{found['numerator']:,}/{found['denominator']:,} = {100 * found['coverage']:.2f} %"
-    return [*_table([["named planes and combinations", "covered", "wanted"], *rows]), f"k = {found['k']} with these: {whole}"]
-
-
-def _table(rows: list[list[str]]) -> list[str]:
-    """Rows as aligned text, the first as the head."""
-    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
-    return ["  " + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-
-
 def _announce_compilation() -> None:
     """Say why the first call on a machine takes longer."""
     from numba import config
@@ -339,3 +269,8 @@ def _announce_compilation() -> None:
     cached = Path(config.CACHE_DIR or Path(arrays.__file__).parent / "__pycache__")
     if not any(cached.rglob("annealing.*.nbi")) or not any(cached.rglob("counting.*.nbi")):
         print(f"compiling the kernels of {counting.__package__}, once on this machine …", file=sys.stderr, flush=True)
+
+
+VERBS: Mapping[str, Callable[[argparse.Namespace, Progress], tuple[Found, str]]] = {
+    verb.__name__: verb for verb in (score, propose, plan, verify, export)
+}
