@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from itertools import combinations
@@ -43,15 +43,22 @@ DETECTION = ("ap50", "recall")
 """Detection metrics that `dvc metrics show` has room for; model.json has all."""
 
 
-def compare(held_out: HeldOut, named: Mapping[str, Bools], digest: str, regions: Sequence[RegionResult], policy: Policy) -> Comparison:
+def compare(
+    held_out: HeldOut,
+    named: Mapping[str, Bools],
+    digest: str,
+    regions: Sequence[RegionResult],
+    policy: Policy,
+    version_of: Callable[[str], Version] = Version.named,
+) -> Comparison:
     """Count failures, compare versions pair by pair and judge them. named: the named groups of tests, name -> (n,) bool. digest: of the
-    sequence. regions: of the base."""
-    results = _Results(held_out, policy)
+    sequence. regions: of the base. version_of: the version of a name."""
+    results = _Results(held_out, policy, version_of)
     versions, groups = held_out.versions, results.groups()
     group_pairs = results.group_pairs(groups)
     over_seeds = {pair.group: pair for pair in group_pairs if pair.against == groups[0].group}
     parts = parts_of(held_out, named)
-    gates = {version: results.gate(version, over_seeds[Version.named(version).group], parts) for version in versions[1:]}
+    gates = {version: results.gate(version, over_seeds[version_of(version).group], parts) for version in versions[1:]}
     base, *others = (results.version(version, gates.get(version)) for version in versions)
     reasons = {other.version: gate_reason(gates[other.version], base, other, over_seeds[other.group], policy) for other in others}
     return Comparison(
@@ -72,9 +79,11 @@ def compare(held_out: HeldOut, named: Mapping[str, Bools], digest: str, regions:
     )
 
 
-def compared_again(held_out: HeldOut, iou: float, first: float, policy: Policy) -> SecondIou:
+def compared_again(
+    held_out: HeldOut, iou: float, first: float, policy: Policy, version_of: Callable[[str], Version] = Version.named
+) -> SecondIou:
     """The groups of versions once more, on the same tests judged at a second IoU instead of the first."""
-    results = _Results(held_out, policy)
+    results = _Results(held_out, policy, version_of)
     groups = results.groups()
     return SecondIou(iou=iou, first=first, groups=groups, group_pairs=results.group_pairs(groups))
 
@@ -85,6 +94,7 @@ class _Results:
 
     held_out: HeldOut
     policy: Policy
+    version_of: Callable[[str], Version]
 
     @cached_property
     def outcomes(self) -> dict[str, SequenceOutcomes]:
@@ -118,7 +128,7 @@ class _Results:
 
     def version(self, version: str, found: Gate | None) -> VersionResult:
         """found: by the gate; None for the base."""
-        outcomes, described = self.outcomes[version], Version.named(version)
+        outcomes, described = self.outcomes[version], self.version_of(version)
         rows = self.held_out.rows(version)
         valid = rows[is_valid(rows)]
         paired = None if version == self.base else self.pair(self.base, version)
@@ -153,7 +163,7 @@ class _Results:
         """Groups of versions that differ only by the seed of retraining (our form of thesis Table 7.2)."""
         members: dict[str, list[str]] = {}
         for version in self.held_out.versions:
-            members.setdefault(Version.named(version).group, []).append(version)
+            members.setdefault(self.version_of(version).group, []).append(version)
         return tuple(self.group(name, versions) for name, versions in members.items())
 
     def group(self, name: str, versions: Sequence[str]) -> GroupResult:
@@ -163,7 +173,7 @@ class _Results:
         parts = {name: [member.at(rows & self.valid) for member in members] for name, rows in self.held_out.scenarios.items()}
         return GroupResult(
             group=name,
-            round=Version.named(versions[0]).round,
+            round=self.version_of(versions[0]).round,
             versions=tuple(versions),
             tests=int(self.valid.sum()),
             failures=failures,

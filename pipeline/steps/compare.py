@@ -79,11 +79,11 @@ def run(job: Job) -> None:
     measures = read(job.input("measures"), Measures)
     first, policy = next(space for _, space in known.values()), Policy(settings.alpha, settings.confidence, settings.margin)
     named = named_groups(first, encode_tests(held_out.rows(versions[0]), first))
-    result = compare(held_out, named, digest, regions, policy).model_copy(update={"base_rates": measures.base_rates})
+    result = compare(held_out, named, digest, regions, policy, config.version).model_copy(update={"base_rates": measures.base_rates})
     if settings.second_iou:
         again = read_held_out(job.inputs("second_iou"), versions, infos, threshold, job.progress)
         ious = settings.second_iou, config.campaign.match_iou
-        result = result.model_copy(update={"second": compared_again(again, *ious, policy)})
+        result = result.model_copy(update={"second": compared_again(again, *ious, policy, config.version)})
     if cards:
         shown, learnt = Frequencies(**config.base_set.rare.model_dump()), cards[0].frequencies
         planted = () if learnt is None else tuple(planted_groups(learnt, _searched(job), held_out, named))

@@ -119,6 +119,8 @@ def test_two_detectors_are_tested_compared_and_shown(folder: Path, capsys: pytes
     measures = read(root / "measures.json", Measures)
     assert [(row.version, row.tests) for row in measures.strategies] == [(name, 6) for name in ("ours", "uniform") for _ in range(2)]
     comparison = read(root / "comparison.json", Comparison)
+    rounds = [version.round for version in comparison.versions] + [group.round for group in comparison.groups]
+    assert rounds == [0] * 4, "neither was retrained"
     assert [(result.version, result.tests) for result in comparison.versions] == [("ours", 6), ("uniform", 6)]
     assert (root / "regions/uniform/F1.json").is_file()
     for name in ("ours", "uniform"):
