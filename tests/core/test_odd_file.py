@@ -237,7 +237,10 @@ SMALL = {"TAXONOMY": {"road": ["city", "rural"], "speed": "float velocity"}, "MO
         ({"MODULES": {"m": {"TITLE": "x"}}}, "MODULES.m: expected at least one of INCLUDE_AND"),
         ({"MODULES": {"m": {"INCLUDE_AND": {"a": "x"}, "INCLUDE_OR": {"a": "x"}}}}, "MODULES.m: expected at most one INCLUDE section"),
         ({"MODULES": {"m": {"INCLUDE_AND": {"AND": {"road": "city"}}}}}, "INCLUDE_AND.AND: expected the other operator inside AND"),
-        ({"MODULES": {"m": {"INCLUDE_AND": {"n": True}}, "n": {"INCLUDE_AND": {"m": True}}}}, "MODULES: every module refers to another"),
+        (
+            {"MODULES": {"m": {"INCLUDE_AND": {"n": True}}, "n": {"INCLUDE_AND": {"m": True}}}},
+            "MODULES: another module refers to each of them; leave at least one",
+        ),
         (
             {"MODULES": {"m": {"INCLUDE_AND": {"n": True}}, "n": {"INCLUDE_AND": {"n": True}}}},
             "MODULES.n: this module refers to itself, by n → n",
