@@ -1,7 +1,7 @@
 """Does the default study end in a shown improvement? Ten of them, each from a fresh clone to the verdict, with a seed of its own.
 
     python benchmarks/default_study.py run 0 1 2        clone, set up, execute and publish these seeds; a quarter of an hour each
-    python benchmarks/default_study.py run 0 --again    publish seed 0 beside its first outcomes, to compare two machines
+    python benchmarks/default_study.py run 0 --again    publish seed 0 beside its first outcomes, to compare two executions
     python benchmarks/default_study.py run 2 --again --ship    and put its versions into models/published
     python benchmarks/default_study.py check            compare a finished `study=published` with the outcomes of these versions
     python benchmarks/default_study.py answer           the tables of docs/results/default.md
@@ -62,7 +62,7 @@ def main() -> None:
     execute = commands.add_parser("run")
     execute.add_argument("seed", type=int, nargs="+", choices=list(SEEDS))
     execute.add_argument("--busy", action="store_true", help="other work slows this machine: record no time")
-    execute.add_argument("--again", action="store_true", help="the seeds are published already: publish another machine's outcomes, too")
+    execute.add_argument("--again", action="store_true", help="the seeds are published already: publish a second execution's outcomes, too")
     execute.add_argument("--ship", action="store_true", help=f"put the versions into {SHIPPED}, for `study=published`")
     execute.add_argument("--keep", action="store_true", help=f"leave the finished clone in {CLONES}")
     commands.add_parser("check")
@@ -177,6 +177,8 @@ def answer(studies: Studies, timed: Sequence[float]) -> str:
         f"in {better['base']} of them, and less than `control` in {better['control']}. Failures of `adaptive` "
         f"minus those of `random`: {ahead}."
     )
+    if len(counts) > 1:
+        head += f" Without seed {next(iter(pieces))}: {mean_difference([count['adaptive'] - count['random'] for count in counts[1:]])}."
     if timed:
         head += f" A study takes {np.median(timed):.1f} minutes (median of {len(timed)} timed runs, {min(timed):.1f} to {max(timed):.1f})."
     lines = [
@@ -218,7 +220,7 @@ def _largest(studies: Studies) -> list[str]:
 
 
 def repeated(studies: Studies, again: Studies) -> list[str]:
-    """How the outcomes of a seed differ between two machines."""
+    """How the outcomes of a seed differ between two executions."""
     lines = []
     for seed, piece in again.outcomes.items():
         first, same = studies.outcomes[seed], _regions(studies, seed).equals(_regions(again, seed))
@@ -227,9 +229,9 @@ def repeated(studies: Studies, again: Studies) -> list[str]:
         took = "" if np.isnan(spent) else f", in {spent:.1f} minutes"
         lines += [
             "",
-            f"Seed {seed} once more, on another machine{took}. The searches found {'the same' if same else 'other'} failure regions.",
+            f"Seed {seed} once more{took}. The searches found {'the same' if same else 'other'} failure regions.",
             "",
-            f"| version | failures | on the other machine | of {len(piece)} outcomes, different |",
+            f"| version | failures | once more | of {len(piece)} outcomes, different |",
             "|---|---|---|---|",
             *(f"| `{name}` | {counts[0][name]} | {counts[1][name]} | {different[name]} |" for name in VERSIONS),
         ]

@@ -66,10 +66,10 @@ def answer(rows: pd.DataFrame) -> str:
     speeds = rows.pivot(index="round", columns="code", values="images_per_s")
     ratios = speeds[TODAY] / speeds[BEFORE]
     met = "as aimed at" if ratios.median() >= AIM else f"short of the {AIM} aimed at"
-    today, before = (f"{speeds[code].median():.0f} ({speeds[code].min()} to {speeds[code].max()})" for code in (TODAY, BEFORE))
+    today, before = (f"{speeds[code].median():.0f} (lowest {speeds[code].min()}, highest {speeds[code].max()})" for code in (TODAY, BEFORE))
     said = (
         f"Today's retraining shows {today} images per second on two cores ({rows['processor'].iloc[0]}), release 0.2's {before}. "
-        f"The median ratio of {len(ratios)} rounds is {ratios.median():.2f} ({ratios.min():.2f} to {ratios.max():.2f}), {met}."
+        f"The median ratio of {len(ratios)} rounds is {ratios.median():.2f} (lowest {ratios.min():.2f}, highest {ratios.max():.2f}), {met}."
     )
     return fill(said, LINE)
 

@@ -34,8 +34,8 @@ from pipeline.errors import InputError
 
 DRAWS = 100_000
 """Conditions drawn from the exposure to measure a share; no test is executed for them."""
-NORMAL = 1.959964
-"""Half the width of a 95 % interval, in standard errors."""
+NORMAL, ONE_SIDED = 1.959964, 1.644854
+"""In standard errors: half the width of a 95 % interval, and the distance of a one-sided 95 % limit."""
 NO_RANDOM = "no random test was executed, and the tests of other strategies give no rate"
 UNCONFIRMED = "no rule was tested by fresh random tests; regions.confirm says how many to execute"
 ONLY_RANDOM = "every test is random: rules that are fitted to these tests cannot be judged by them; add a search to the strategies"
@@ -166,9 +166,12 @@ def share_of(holds: Bools) -> Rate:
 
 
 def mean_of(shares: Floats) -> Rate:
-    """The mean of a share over drawn conditions, with its normal interval."""
-    value, error = float(shares.mean()), NORMAL * float(shares.std()) / np.sqrt(len(shares))
-    return Rate(value, Limits(max(0.0, value - error), min(1.0, value + error), min(1.0, value + error)), len(shares), 0)
+    """The mean of a share over drawn conditions, with its normal interval; with the exact one if all are 0 or all are 1."""
+    value, error = float(shares.mean()), float(shares.std()) / np.sqrt(len(shares))
+    if not error and value in (0.0, 1.0):
+        return share_of(shares == 1)
+    low, high, below = value - NORMAL * error, value + NORMAL * error, value + ONE_SIDED * error
+    return Rate(value, Limits(max(0.0, low), min(1.0, high), min(1.0, below)), len(shares), 0)
 
 
 def scenario_evidence(found: Judged) -> ScenarioEvidence:

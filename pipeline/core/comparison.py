@@ -148,7 +148,10 @@ def pair_groups(before: Sequence[SequenceOutcomes], after: Sequence[SequenceOutc
     else:
         one, several = (first, second) if len(first) == 1 else (second, first)
         p_value = one_against_several(one[0], several.sum(axis=0), len(several))
-    return GroupDifference(int(valid.sum()), _mean(differences.tolist(), confidence, least=-np.inf), p_value)
+    tests, difference = int(valid.sum()), _mean(differences.tolist(), confidence, least=-np.inf)
+    if len(differences) > 1 and not np.ptp(differences):  # Equal seeds tell nothing of their spread, so the mean may be anything.
+        difference = Interval(difference.value, -tests, tests)
+    return GroupDifference(tests, difference, p_value)
 
 
 def group_failures(versions: Sequence[SequenceOutcomes], confidence: float) -> Interval:

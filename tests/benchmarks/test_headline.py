@@ -29,7 +29,7 @@ def test_the_numbers_are_those_of_the_outcomes() -> None:
         (
             [piece(base=20, control=19, fresh=19, balanced=19, random=9 + s, adaptive=2 + s % 2) for s in range(4)],
             MORE,
-            "no more than random",
+            "no benefit over random",
         ),
         (PIECES, [piece(random=5, adaptive=count) for count in (1, 5, 9)], "two retrained bases learn more"),
     ],

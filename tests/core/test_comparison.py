@@ -80,3 +80,10 @@ def test_a_single_version_is_compared_with_each_seed() -> None:
 def test_groups_of_different_sizes_cannot_be_paired() -> None:
     with pytest.raises(ValueError, match="expected groups of equally many versions or a single one, got 2 and 3"):
         pair_groups([outcomes("c")] * 2, [outcomes("c")] * 3, 0.95)
+
+
+def test_equal_differences_of_several_seeds_tell_nothing_of_their_spread() -> None:
+    several = pair_groups([outcomes("cccc")] * 2, [outcomes("c...")] * 2, 0.95).difference
+    assert (several.value, several.low, several.high) == (-3, -4, 4)
+    single = pair_groups([outcomes("cccc")], [outcomes("c...")], 0.95).difference
+    assert single.value == single.low == single.high == -3
