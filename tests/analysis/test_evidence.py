@@ -12,7 +12,18 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.analysis.evidence import NO_RANDOM, ONLY_RANDOM, UNCONFIRMED, Judged, Searched, judged, scenario_evidence, whole
+from pipeline.analysis.evidence import (
+    NO_RANDOM,
+    ONLY_RANDOM,
+    UNCONFIRMED,
+    Judged,
+    Searched,
+    judged,
+    mean_of,
+    scenario_evidence,
+    share_of,
+    whole,
+)
 from pipeline.analysis.stored_rules import stored_rule
 from pipeline.artefacts.evidence import Evidence
 from pipeline.artefacts.failure_counts import Modes
@@ -64,6 +75,14 @@ def world(random: int, searched: int, seed: int = 0, status: Literal["confirmed"
 
 def look(tested: Searched, exposure: str = "uniform") -> Judged:
     return judged(tested, SECTION, read_exposure(exposure))
+
+
+def test_a_share_that_every_draw_has_is_no_certainty() -> None:
+    """As 1,000 tests without a failure: at most 3 / 1,000, by the rule of three."""
+    nothing = mean_of(np.zeros(1000))
+    assert nothing == share_of(np.zeros(1000, bool)) and nothing.limits.below == pytest.approx(0.003, abs=1e-4)
+    half = mean_of(np.tile([0.0, 1.0], 500))
+    assert (half.limits.low, half.limits.below, half.limits.high) == pytest.approx((0.469, 0.526, 0.531), abs=1e-3)
 
 
 def test_the_areas_of_a_known_world() -> None:

@@ -45,7 +45,9 @@ def test_counts_and_p_values_by_hand() -> None:
     assert text.startswith("2 of 10 studies are published. ")
     assert "fails significantly less than the base in 1 of them, and less than `control` in 0. " in said
     # Differences -2 and +7: mean 2.5, standard error 4.5, t quantile 12.706 with one degree of freedom.
-    assert "Failures of `adaptive` minus those of `random`: +2.5 (-54.7 to +59.7). Without seed 0: +7.0. A study takes 15.0 minutes " in said
+    assert (
+        "Failures of `adaptive` minus those of `random`: +2.5 (-54.7 to +59.7). Without seed 0: +7.0. A study takes 15.0 minutes " in said
+    )
     assert "minutes (median of 2 timed runs, 14.0 to 16.0)." in said
 
 

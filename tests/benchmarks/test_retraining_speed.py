@@ -14,7 +14,10 @@ def test_the_ratio_is_that_of_each_round() -> None:
         for code, speed in zip(("today", "0.2"), both, strict=True)
     ]
     said = retraining_speed.answer(pd.DataFrame(rows).assign(processor="a processor")).replace("\n", " ")
-    assert "shows 190 (lowest 150, highest 200) images per second on two cores (a processor), release 0.2's 100 (lowest 50, highest 100)." in said
+    assert (
+        "shows 190 (lowest 150, highest 200) images per second on two cores (a processor), release 0.2's 100 (lowest 50, highest 100)."
+        in said
+    )
     assert said.endswith("The median ratio of 3 rounds is 2.00 (lowest 1.50, highest 3.80), as aimed at.")
 
 
