@@ -44,11 +44,11 @@ def gate_reason(found: Gate, base: VersionResult, version: VersionResult, over_s
         difference = f"{mean.value:+.1f}, {mean.low:+.1f} to {mean.high:+.1f}; p = {over_seeds.p_value:.2g}"
         return f"held back: over all its seeds, {version.group} does not show fewer failures than {base.version} ({difference})"
     if above := found.limits_that_are("above the margin"):
-        return f"held back: {_rises(above)}, more than the margin of {_points(policy.margin)}"
+        return f"held back: {_rises(above)}, more than the margin of {100 * policy.margin:g} points"
     reason = f"passes: significantly fewer failures than {base.version} (p = {p_value:.2g})"
     if found.limits_that_are("within the margin"):
         level = f"{100 * policy.confidence:g} % upper limits"
-        reason += f"; no judged scenario or group rises by more than {_points(policy.margin)} ({level})"
+        reason += f"; the failure rate rises by at most {100 * policy.margin:g} points in each judged scenario and group ({level})"
     small = ", ".join(map(_name, found.limits_that_are("too small to judge")))
     return f"{reason}; too small to judge: {small}" if small else reason
 

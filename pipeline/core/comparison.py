@@ -74,6 +74,10 @@ class SequenceOutcomes:
         return SequenceOutcomes(self.valid[rows], self.failed[rows], self.by_ttc[rows])
 
 
+ROUNDING = 12**-0.5
+"""Standard deviation of what a count of failures leaves out, a uniform part of one test: seeds that count the same still vary."""
+
+
 @dataclass(frozen=True)
 class Interval:
     """A value and the limits of its confidence interval."""
@@ -148,17 +152,12 @@ def pair_groups(before: Sequence[SequenceOutcomes], after: Sequence[SequenceOutc
     else:
         one, several = (first, second) if len(first) == 1 else (second, first)
         p_value = one_against_several(one[0], several.sum(axis=0), len(several))
-    tests, difference = int(valid.sum()), _mean(differences.tolist(), confidence, least=-np.inf)
-    if len(differences) > 1 and not np.ptp(differences):  # Equal seeds tell nothing of their spread, so the mean may be anything.
-        difference = Interval(difference.value, -tests, tests)
-    return GroupDifference(tests, difference, p_value)
+    difference = Interval(float(differences.mean()), *mean_interval(differences, confidence, least_spread=ROUNDING))
+    return GroupDifference(int(valid.sum()), difference, p_value)
 
 
 def group_failures(versions: Sequence[SequenceOutcomes], confidence: float) -> Interval:
     """Failures of a group: the mean over its versions with Student's interval; a single version has no interval, see
     `SequenceOutcomes.rate`."""
-    return _mean([outcomes.failures for outcomes in versions], confidence)
-
-
-def _mean(counts: Sequence[int], confidence: float, least: float = 0) -> Interval:
-    return Interval(float(np.mean(counts)), *mean_interval(counts, confidence, limits=(least, np.inf)))
+    counts = [outcomes.failures for outcomes in versions]
+    return Interval(float(np.mean(counts)), *mean_interval(counts, confidence, limits=(0, np.inf)))

@@ -64,8 +64,11 @@ def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> tu
     return low, high
 
 
-def mean_interval(values: ArrayLike, confidence: float = 0.95, limits: tuple[float, float] = (-np.inf, np.inf)) -> tuple[float, float]:
-    """Student's t interval of the mean of (n,) finite values, one per seed. limits: possible range of the mean.
+def mean_interval(
+    values: ArrayLike, confidence: float = 0.95, limits: tuple[float, float] = (-np.inf, np.inf), least_spread: float = 0.0
+) -> tuple[float, float]:
+    """Student's t interval of the mean of (n,) finite values, one per seed. limits: possible range of the mean. least_spread: the smallest
+    standard deviation to believe.
 
     For two or three seeds it is wide: resampling so few would give little more than the smallest and the largest value. A single value
     gives (value, value): one seed says nothing about the spread, so show n beside the interval.
@@ -77,7 +80,8 @@ def mean_interval(values: ArrayLike, confidence: float = 0.95, limits: tuple[flo
     mean = float(sample.mean())
     if len(sample) == 1:
         return mean, mean
-    half = float(_distributions().t.ppf((1 + confidence) / 2, len(sample) - 1) * sample.std(ddof=1) / np.sqrt(len(sample)))
+    spread = max(sample.std(ddof=1), least_spread)
+    half = float(_distributions().t.ppf((1 + confidence) / 2, len(sample) - 1) * spread / np.sqrt(len(sample)))
     return max(mean - half, limits[0]), min(mean + half, limits[1])
 
 
