@@ -69,8 +69,9 @@ def run(job: Job) -> None:
     config, described = job.config, Version.named(job.wildcards["version"])
     seed = config.retraining.seeds[0] if described.seed is None else described.seed
     truth, weights, checkpoint = job.input("truth"), job.input("weights"), job.scratch / "checkpoint.pt"
-    arms = [arm for arm in config.arms if f"{arm}_filters" in job.reads]
-    scenes = {arm: job.input(f"{arm}_scenes") for arm in config.arms if f"{arm}_scenes" in job.reads}
+    # Not from config.arms: a version does not depend on the names of other arms.
+    arms = [name.removesuffix("_filters") for name in job.reads if name.endswith("_filters")]
+    scenes = {name.removesuffix("_scenes"): job.input(name) for name in job.reads if name.endswith("_scenes")}
     worlds = leakage.refuse_worlds(config, [truth, *scenes.values()], job.inputs("spaces"), job.input("parent"))
     base, validation = (read_dataset(truth.parent, split) for split in ("train", "val"))
     added = None
