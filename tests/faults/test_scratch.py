@@ -144,6 +144,21 @@ def test_only_shards_with_their_own_images_are_resumed(config: Config, rendered:
         assert rendered == [0] and files() == whole
 
 
+def test_shards_of_other_held_out_scenarios_are_rendered_again(config: Config, rendered: list[int], tmp_path: Path) -> None:
+    """Rendering refuses their towns and people, so a shard that was rendered for other ones is not checked yet."""
+    with chdir(ROOT):
+        other = compose("smoke", ["base_set.images=10", "held_out=[F2star]"])
+    with chdir(tmp_path):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(stamps, "made", kill)
+            with pytest.raises(Killed):
+                perform(rendering(config), config)
+        remove_outputs(rendering(config))
+        rendered.clear()
+        perform(rendering(other), other)
+        assert rendered == [0, 1, 2]
+
+
 def test_a_disk_without_second_names_gets_copies(
     config: Config, rendered: list[int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -51,6 +51,11 @@ def test_a_stage_named_after_a_step_records_only_what_its_one_job_makes() -> Non
             assert [(target.step, target.wildcards) for target, _ in jobs] == [(name, ())], f"`snakemake {name}` makes no other job's files"
 
 
+def test_the_stage_of_the_base_depends_on_the_detector_of_any_study() -> None:
+    listed = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]["base"]["deps"]
+    assert [path for path in listed if not path.startswith(("pipeline/", "data/"))] == ["${base.weights}"]
+
+
 @pytest.mark.parametrize("stage", ["search", "versions", "held_out"])
 def test_a_stage_depends_on_the_code_that_its_config_names(stage: str) -> None:
     listed = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"][stage]["deps"]
