@@ -1,6 +1,6 @@
 """Is the world fair? How often the oracle, or another detector, fails in random tests.
 
-`python benchmarks/fairness.py [--tests 300] [--scenario F1 N1] [--detector oracle|blind|everywhere|models/uniform] [--study thesis]
+`python benchmarks/fairness.py [--tests 300] [--scenario F1 N1] [--detector oracle|blind|everywhere|models/uniform] [--study thesis] [--seed 6]
 [--out fairness.csv] [--outcomes fairness.csv.gz] [key=value ...]`
 
 Runs all twelve F scenarios with the car, camera and brake law of a study, and N1 to N4, in which the right answer is not to brake, with
@@ -43,6 +43,7 @@ def main() -> None:
     parser.add_argument("--tests", type=int, default=300, help="tests per scenario")
     parser.add_argument("--scenario", nargs="+", default=[*FAIR, *NO_BRAKING])
     parser.add_argument("--detector", default="oracle", help="oracle, blind, everywhere or the folder of a version")
+    parser.add_argument("--seed", type=int, default=5, help="of the random tests (default: %(default)s)")
     parser.add_argument("--study", default="default", help="whose settings hold (default: %(default)s)")
     parser.add_argument("overrides", nargs="*", metavar="key=value", help="settings of the study to change, such as camera=640x384")
     parser.add_argument("--workers", type=int, default=2)
@@ -54,7 +55,7 @@ def main() -> None:
     model = model_of(options.detector, folder)
     rows, tests = [], []
     for name in options.scenario:
-        planned = plan(name, options.detector, model, options.tests, options.overrides, options.study)
+        planned = plan(name, options.detector, model, options.tests, options.overrides, options.study, options.seed)
         with Progress(name) as progress:
             done = executed(planned, folder / name, options.workers, progress)
             rows.append(row(planned, done, progress))
@@ -76,12 +77,12 @@ def model_of(detector: str, folder: Path) -> Path:
     return folder / "none"
 
 
-def plan(scenario: str, detector: str, model: Path, tests: int, overrides: Sequence[str] = (), study: str = "default") -> CampaignPlan:
+def plan(scenario: str, detector: str, model: Path, tests: int, overrides: Sequence[str] = (), study: str = "default", seed: int = 5) -> CampaignPlan:
     """Random tests of a scenario in one batch, so that no worker waits for another."""
     described = functional_scenario(scenario)
     gate = "truth" if described.asks_to_brake else "detections"
     config = compose(study, [f"aeb.gate={gate}", *([f"detector={detector}"] if detector in SCRIPTED else []), *overrides])
-    campaign = CampaignId(scenario, "random", "base", 5)
+    campaign = CampaignId(scenario, "random", "base", seed)
     return CampaignPlan(
         campaign=campaign,
         space=described.logical_space(),
