@@ -1,7 +1,7 @@
 """Is the world fair? How often the oracle, or another detector, fails in random tests.
 
-`python benchmarks/fairness.py [--tests 300] [--scenario F1 N1] [--detector oracle|blind|everywhere|models/uniform] [--study thesis] [--seed 6]
-[--out fairness.csv] [--outcomes fairness.csv.gz] [key=value ...]`
+`python benchmarks/fairness.py [--tests 300] [--scenario F1 N1] [--detector oracle|blind|everywhere|models/uniform] [--study thesis]
+[--seed 6] [--out fairness.csv] [--outcomes fairness.csv.gz] [key=value ...]`
 
 Runs all twelve F scenarios with the car, camera and brake law of a study, and N1 to N4, in which the right answer is not to brake, with
 `aeb.gate=detections`. Finished tests stay in the folder `--journal`, so the same command resumes a killed run.
@@ -77,7 +77,9 @@ def model_of(detector: str, folder: Path) -> Path:
     return folder / "none"
 
 
-def plan(scenario: str, detector: str, model: Path, tests: int, overrides: Sequence[str] = (), study: str = "default", seed: int = 5) -> CampaignPlan:
+def plan(
+    scenario: str, detector: str, model: Path, tests: int, overrides: Sequence[str] = (), study: str = "default", seed: int = 5
+) -> CampaignPlan:
     """Random tests of a scenario in one batch, so that no worker waits for another."""
     described = functional_scenario(scenario)
     gate = "truth" if described.asks_to_brake else "detections"
