@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
 import cv2
@@ -48,6 +49,19 @@ class Letterbox:
     def back(self, boxes: Floats) -> Floats:
         """Convert boxes (n, 4) of the padded image to pixels of the original image."""
         return np.asarray((boxes - (self.left, self.top, self.left, self.top)) / self.scale, np.float32)
+
+
+def check_alone(path: Path, data: bytes) -> None:
+    """InputError for an ONNX model with weights in files beside it: no digest of the model would change with them."""
+    if b"location" not in data:  # Of a file with weights. Importing onnx takes longer than some tests.
+        return
+    import onnx
+
+    tensors = onnx.load_from_string(data).graph.initializer
+    beside = {entry.value for tensor in tensors for entry in tensor.external_data if entry.key == "location"}
+    if beside:
+        mended = f"python -c \"import onnx; onnx.save(onnx.load('{path}'), '{path}')\""
+        raise InputError(f"{path}: expected one file, but its weights are in {', '.join(sorted(beside))}; put them into it: {mended}")
 
 
 def recognise(shape: Sequence[int | str | None], width: int, height: int) -> Layout | None:

@@ -138,19 +138,6 @@ class OnnxDetector:
         return layouts.person_class(self._model, names, classes or (len(names) or None), declared)
 
 
-def _check_alone(path: Path, data: bytes) -> None:
-    """InputError for a model with weights in files beside it: no digest of the model would change with them."""
-    if b"location" not in data:  # Of a file with weights. Importing onnx takes longer than some tests.
-        return
-    import onnx
-
-    tensors = onnx.load_from_string(data).graph.initializer
-    beside = {entry.value for tensor in tensors for entry in tensor.external_data if entry.key == "location"}
-    if beside:
-        mended = f"python -c \"import onnx; onnx.save(onnx.load('{path}'), '{path}')\""
-        raise InputError(f"{path}: expected one file, but its weights are in {', '.join(sorted(beside))}; put them into it: {mended}")
-
-
 def _session(path: Path, threads: int) -> onnxruntime.InferenceSession:
     if path.suffix in (".pt", ".pth", ".pkl", ".ckpt"):
         raise InputError(f"{path}: a {path.suffix} file can run code when read, so it is not opened; export it to ONNX")
@@ -171,5 +158,5 @@ def _session(path: Path, threads: int) -> onnxruntime.InferenceSession:
     except REFUSALS as error:
         reason = str(error).splitlines()[0]
         raise InputError(f"ONNX Runtime cannot load {path}: {reason}") from error
-    _check_alone(path, data)
+    layouts.check_alone(path, data)
     return session

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
+from pipeline.artefacts.files import read_bytes
 from pipeline.core.detections import Detections
 from pipeline.core.episode import Frame
-from pipeline.detectors.layouts import person_class
+from pipeline.detectors.layouts import check_alone, person_class
 from pipeline.detectors.suppression import IOU, THRESHOLD, Share, inside, reported
 from pipeline.errors import InputError, one_line
 
@@ -18,7 +19,7 @@ class UltralyticsDetector:
 
     model: an .onnx file, or a .pt checkpoint if `trusted`, because reading one can run code. threshold, iou, person: as for `OnnxDetector`.
 
-    InputError if the package or the file is missing, if the file is damaged, or if a checkpoint is not trusted.
+    InputError if the package or the file is missing, if the file is damaged or keeps weights in others, or if a checkpoint is not trusted.
     """
 
     def __init__(
@@ -31,6 +32,8 @@ class UltralyticsDetector:
             )
         if not path.is_file():
             raise InputError(f"{path}: expected a detector file, found none")
+        if path.suffix == ".onnx":
+            check_alone(path, read_bytes(path))
         try:
             from ultralytics import YOLO
         except ImportError as error:

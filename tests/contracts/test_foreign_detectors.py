@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import onnx
 import pytest
 import torch
 from transformers import YolosConfig, YolosForObjectDetection, YolosImageProcessorPil
@@ -87,6 +88,15 @@ def test_an_ultralytics_checkpoint_is_not_read_unless_trusted(tmp_path: Path) ->
         UltralyticsDetector(tmp_path / "best.pt")
     with pytest.raises(InputError, match="expected a detector file, found none"):
         UltralyticsDetector(tmp_path / "best.pt", trusted=True)
+
+
+def test_ultralytics_gets_no_onnx_file_with_its_weights_beside_it(tmp_path: Path) -> None:
+    path = tmp_path / "best.onnx"
+    weights = onnx.numpy_helper.from_array(np.ones(4, np.float32), "weights")
+    graph = onnx.helper.make_graph([], "detector", [], [], [weights])
+    onnx.save(onnx.helper.make_model(graph), path, save_as_external_data=True, location="best.onnx.data", size_threshold=0)
+    with pytest.raises(InputError, match=r"best\.onnx: expected one file, but its weights are in best\.onnx\.data"):
+        UltralyticsDetector(path)
 
 
 def bright(image: Any) -> Any:
