@@ -79,7 +79,7 @@ def fabricated(tests: int, folder: Path) -> Path:
     infos = [ScenarioInfo(name, config.scenarios[name].label, "", 1) for name in spaces]
     data = ReportData(
         version="base",
-        measures=Measures(confidence=0.95, k=2, baseline="random", campaigns=tuple(measured), strategies=groups),
+        measures=Measures(confidence=0.95, baseline="random", campaigns=tuple(measured), strategies=groups),
         regions=tuple(cluster(info, spaces[info.name], by_scenario[info.name], config.regions) for info in infos),
         known={info.name: (info, spaces[info.name]) for info in infos},
         rows=rows,

@@ -15,7 +15,9 @@ from PIL import Image
 
 from pipeline.config.components import make_detector, make_simulator
 from pipeline.config.composing import compose, functional_scenario
+from pipeline.core.distance import relevance
 from pipeline.core.measures import c_measure, failure_sequence, kinds_of, pair_coverage
+from pipeline.core.samplers.meta_model import MetaModelSampler
 from pipeline.core.space import Floats, Space
 from pipeline.core.statistics import wilson_interval
 from pipeline.report.replays import Replay, draw_replay, most_telling_frame
@@ -24,6 +26,10 @@ from pipeline.report.search_plots import kpi_panels, parallel_lines
 GRID = recorded.DATA / "thesis"
 BATCH = 20
 LATE = 500
+REGRESSIONS = ("linear", "network", "gaussian_process")
+CANDIDATES = 2000
+"""Random candidates that the relevance score judges by all tests of a campaign."""
+FIRST = 300
 NAMES = {
     "random": "Random Testing",
     "pairwise": "Pair-wise",
@@ -125,7 +131,8 @@ def markdown(grid: Grid) -> str:
         ("### Kinds of failures: different pairs of person and pose (not in the thesis)", _kinds),
         (f"### Lowest adj. TTC in s, and share of the last {LATE} tests with their most frequent kind in %", _focus),
     ]
-    return "\n".join(f"{heading}\n\n{_table(grid, strategies, scenarios, cell)}\n" for heading, cell in parts) + "\n" + _rates(grid)
+    tables = [f"{heading}\n\n{_table(grid, strategies, scenarios, cell)}\n" for heading, cell in parts]
+    return "\n".join([*tables, _rates(grid), _asked(grid)])
 
 
 def _table(grid: Grid, strategies: Sequence[str], scenarios: Sequence[str], cell: Cell) -> str:
@@ -189,6 +196,22 @@ def _rates(grid: Grid) -> str:
             low, high = wilson_interval(campaign.failures, valid)
             said.append(f"{scenario} {campaign.failures / valid:.1%} ({100 * low:.1f} to {100 * high:.1f})")
     return fill(f"Random tests that fail, with 95 % intervals: {', '.join(said)}.", 150) + "\n"
+
+
+def _asked(grid: Grid) -> str:
+    """Two sentences: how much the relevance score restricts the regressions, and how many pairs some random tests cover."""
+    generator = np.random.default_rng(0)
+    judged = []
+    for ours in (campaign for (_, strategy), campaign in grid.items() if strategy in REGRESSIONS):
+        candidates, failures = ours.space.sample(CANDIDATES, generator), ours.tests["failure"].to_numpy(bool)
+        judged.append(relevance(ours.space, candidates, ours.points, failures, MetaModelSampler.epsilon))
+    kept_out = sum(int((scores <= MetaModelSampler.omega_threshold).sum()) for scores in judged)
+    covered = [100 * pair_coverage(ours.space, ours.points[:FIRST]) for (_, strategy), ours in grid.items() if strategy == "random"]
+    said = (
+        f"Judged by all tests of a regression's campaign, ω keeps out {kept_out} of {CANDIDATES * len(judged):,} random candidates. The "
+        f"first {FIRST} random tests cover {min(covered):.0f} to {max(covered):.0f} % of the pairs."
+    )
+    return fill(said, 150) + "\n"
 
 
 def figures(grid: Grid, threshold_s: float) -> Iterator[tuple[str, Figure]]:

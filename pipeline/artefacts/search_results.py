@@ -82,11 +82,10 @@ class StrategyMeasures(Result):
 
 
 class Measures(Result):
-    """All search campaigns measured. confidence: of every interval. k: of the projection coverage. audit: failure rates without bias, which
-    no adaptive test enters. no_braking: scenarios in which the right answer is not to brake."""
+    """All search campaigns measured. confidence: of every interval. audit: failure rates without bias, which no adaptive test enters.
+    no_braking: scenarios in which the right answer is not to brake."""
 
     confidence: float
-    k: int
     baseline: str
     campaigns: tuple[CampaignMeasures, ...]
     strategies: tuple[StrategyMeasures, ...]

@@ -89,7 +89,7 @@ def _braking(measures: Measures, labels: Mapping[str, str]) -> list[Passage]:
 
 
 def _coverage(measures: Measures, labels: Mapping[str, str], plots: Sequence[Drawing]) -> Passage:
-    headers = ("scenario", "strategy", "pairs in tests", "pairs in failures", f"{measures.k}-projection")
+    headers = ("scenario", "strategy", "pairs in tests", "pairs in failures", "pairs tested three times")
     rows = tuple(
         (
             labels[row.scenario],

@@ -39,7 +39,7 @@ TABLE = _prose("""
     mean over the seeds with Student's interval. Single versions, such as base: count. The count has no interval, because the held-out tests
     are a designed list, not a random sample. The p-values compare versions test by test. For orientation, thesis Table 7.2 counts D_o
     (base) 21, 69, 40, 25; D_r (random) 11, 5, 44, 6; D_a (adaptive) 6, 4, 25, 3 on F1* to F4*. The thesis uses another simulator,
-    detector and number of tests.
+    detector, search and number of tests.
 """)
 PLANTED = _prose("""
     People and poses that the base set shows rarely, so we know what a search ought to find. Frequency: relative to others. Search: failures

@@ -32,7 +32,7 @@ def run(job: Job) -> None:
 
     Raises InputError for a campaign without its space or its baseline of the same seed.
     """
-    from pipeline.analysis.measures import PROJECTION_K, audited, by_strategy, measure_campaign, summarise, theta_table
+    from pipeline.analysis.measures import audited, by_strategy, measure_campaign, summarise, theta_table
 
     baseline, confidence = job.config.strategies[0], job.config.comparison.confidence
     known = read_spaces(job.inputs("spaces"))
@@ -47,7 +47,6 @@ def run(job: Job) -> None:
     groups = tuple(summarise(group, confidence, baseline, independent) for group in by_strategy(measured))
     measures = Measures(
         confidence=confidence,
-        k=PROJECTION_K,
         baseline=baseline,
         campaigns=tuple(measured),
         strategies=groups,

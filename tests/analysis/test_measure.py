@@ -188,7 +188,7 @@ def test_wrong_results_are_refused_by_name(tmp_path: Path) -> None:
     path.write_text('{"confidence": 0.95')
     with pytest.raises(InputError, match="measures.json"):
         read(path, Measures)
-    path.write_text('{"confidence": 0.95, "k": 2, "baseline": "random", "campaigns": [], "strategies": [], "more": 1}')
+    path.write_text('{"confidence": 0.95, "baseline": "random", "campaigns": [], "strategies": [], "more": 1}')
     with pytest.raises(InputError, match="more"):
         read(path, Measures)
 

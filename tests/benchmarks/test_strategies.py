@@ -162,13 +162,14 @@ def write_campaign(path: Path, failures: Collection[int], tests: int) -> None:
 
 
 def test_the_grid_counts_what_was_recorded(tmp_path: Path) -> None:
-    for strategy, failures in (("random", (3,)), ("evolutionary", (1, 2, 5))):
+    for strategy, failures in (("random", (3,)), ("evolutionary", (1, 2, 5)), ("linear", (2,))):
         write_campaign(recorded.path_of("F5", strategy, tmp_path), failures, 40)
     campaigns = grid.read(tmp_path)
     text = grid.markdown(campaigns)
     assert "| random (Random Testing) | 1 / 0 |" in text and "| evolutionary (Evolutionary) | 3 / 24 |" in text
     assert "| evolutionary (Evolutionary) | 0.50 / 0.93 |" in text  # The first failure after 2 tests instead of 4.
     assert "F5 2.5% (0.4 to 12.9)" in text
+    assert "ω keeps out 0 of 2,000 random candidates" in text
     assert [name for name, _ in grid.figures(campaigns, THRESHOLD_S)] == ["random", "random-failures"]
 
 
