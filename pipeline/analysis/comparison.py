@@ -59,6 +59,7 @@ def compare(
     over_seeds = {pair.group: pair for pair in group_pairs if pair.against == groups[0].group}
     parts = parts_of(held_out, named)
     gates = {version: results.gate(version, over_seeds[version_of(version).group], parts) for version in versions[1:]}
+    passing = tuple(version for version, found in gates.items() if found.passes)
     base, *others = (results.version(version, gates.get(version)) for version in versions)
     reasons = {other.version: gate_reason(gates[other.version], base, other, over_seeds[other.group], policy) for other in others}
     return Comparison(
@@ -73,8 +74,9 @@ def compare(
         group_pairs=group_pairs,
         pairs=tuple(results.pair(against, version) for against, version in combinations(versions, 2)),
         regions=tuple(regions),
-        champion=champion(results.outcomes, [version for version, found in gates.items() if found.passes]),
+        champion=champion(results.outcomes, passing),
         gate={base.version: "the reference"} | reasons,
+        passing=passing,
         no_braking=held_out.no_braking,
     )
 

@@ -46,9 +46,11 @@ def gate_reason(found: Gate, base: VersionResult, version: VersionResult, over_s
     if above := found.limits_that_are("above the margin"):
         return f"held back: {_rises(above)}, more than the margin of {100 * policy.margin:g} points"
     reason = f"passes: significantly fewer failures than {base.version} (p = {p_value:.2g})"
-    if found.limits_that_are("within the margin"):
+    if within := {limit.measure for limit in found.limits_that_are("within the margin")}:
         level = f"{100 * policy.confidence:g} % upper limits"
-        reason += f"; the failure rate rises by at most {100 * policy.margin:g} points in each judged scenario and group ({level})"
+        rates = " and ".join(rate for measure, rate in RATES.items() if measure in within)
+        rise = "rises" if len(within) == 1 else "rise"
+        reason += f"; {rates} {rise} by at most {100 * policy.margin:g} points in each judged scenario and group ({level})"
     small = ", ".join(map(_name, found.limits_that_are("too small to judge")))
     return f"{reason}; too small to judge: {small}" if small else reason
 

@@ -99,12 +99,16 @@ def check_output(path: Path, folder: bool = False) -> None:
 
 def read_bytes(path: Path) -> bytes:
     """Read a whole file; InputError if it is missing or unreadable, or if its digest is not the one in its stamp."""
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: expected a readable file, got {error.strerror or error}; make it with snakemake") from error
+    data = _read(path)
     stamps.check(path, data)
     return data
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: expected a readable file, got {error.strerror or error}; make it with snakemake") from error
 
 
 def read_json(path: Path) -> Any:
@@ -123,7 +127,7 @@ def write_sealed(path: Path, data: bytes) -> None:
 
 def read_sealed(path: Path) -> bytes:
     """Read what `write_sealed` wrote; InputError if it is missing, unreadable or damaged."""
-    data = read_bytes(path)
+    data = _read(path)  # To look for its stamp among thousands of tests would take longer than to read it.
     content, line = data[:-DIGEST], data[-DIGEST:]
     if line != f"\n{hashlib.sha256(content).hexdigest()}".encode():
         raise InputError(f"{path}: damaged, its content differs from the digest at its end; delete it and run the same command again")

@@ -58,7 +58,11 @@ DETECTIONS = (
     TEST_ID,
     Column("step", int, "number of the time step"),
     *(Column(side, float, "box of a detection", "px") for side in SIDES),
-    Column("score", float, "its score, 0.05 to 1; those below the detector's threshold are not reported"),
+    Column(
+        "score",
+        float,
+        "its score, from 0.05 or the detector's threshold, if that is lower; those below the threshold are not reported",
+    ),
     Column("in_path", bool, "whether the foot of the box lies in the ego's path"),
 )
 TIMINGS = (

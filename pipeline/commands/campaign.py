@@ -114,11 +114,12 @@ def _run(search: Search, plan: CampaignPlan, threads: int) -> int:
 
     tests, journal = search.folder / "tests.parquet", search.folder / "journal"
     stamp = search.folder / f"{tests.name}{stamps.SUFFIX}"
-    if (made := stamps.read(stamp)) is not None and tests.exists():
+    if (made := stamps.read(stamp)) is not None and all((search.folder / name).exists() for name in made.digests):
         if made.depends != plan.identity:
             raise InputError(
                 f"{search.folder} holds another search, or one by other code; choose another folder with out=, or delete this one"
             )
+        shutil.rmtree(journal, ignore_errors=True)  # A killed run may have left it.
         print(f"{tests} has this search already; delete {search.folder} to execute it again")
         return 0
     stamps.withdraw(stamp)
@@ -129,7 +130,7 @@ def _run(search: Search, plan: CampaignPlan, threads: int) -> int:
         print(f"\nstopped; finished tests are in {journal}, and the same command resumes")
         return STOPPED
     write_bytes(stamp, stamps.made(stamp, plan.identity, [tests.with_name(f"{name}.parquet") for name in TABLES]).text().encode())
-    shutil.rmtree(journal)
+    shutil.rmtree(journal, ignore_errors=True)
     print(summary(plan, done))
     print(f"tables: {search.folder}/tests.parquet, signals, detections, frames and timings")
     return 0

@@ -34,11 +34,10 @@ def run(options: argparse.Namespace) -> int:
     from pipeline.core.reliability import Calibration
     from pipeline.detectors.evaluation import evaluate
     from pipeline.detectors.quantisation import quantise
-    from pipeline.detectors.suppression import THRESHOLD
     from pipeline.detectors.yolo.export import onnx_of
     from pipeline.learning.versions import detect_all
 
-    threshold = float(compose("default", []).detector.get("threshold", THRESHOLD))
+    threshold = compose("default", []).threshold
     calibration = Calibration(**read_card(options.model / "model.json").calibration)
     training, validation = (read_dataset(options.base_set.parent, split) for split in ("train", "val"))
     shown = np.linspace(0, len(training) - 1, min(CALIBRATION_IMAGES, len(training))).astype(int)

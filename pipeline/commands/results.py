@@ -95,7 +95,7 @@ def published(root: Path) -> list[Path]:
 def printed(command: str) -> str:
     """What a command prints; InputError if it fails or is no Python command."""
     words: Sequence[str] = shlex.split(command)
-    if words[0] != "python":
+    if words[:1] != ["python"]:
         raise InputError(f"a block's command must begin with 'python', got '{command}'")
     done = subprocess.run([sys.executable, *words[1:]], capture_output=True, text=True, check=False)
     if done.returncode:

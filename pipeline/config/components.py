@@ -150,14 +150,13 @@ def _inside(variable: Variable, admitted: Admitted) -> bool:
 
 
 def _check_learning(config: Config) -> None:
-    """The strategies that learn from other campaigns, and that do not."""
+    """InputError for a strategy that must learn from other campaigns and cannot, and for one that must not learn at all and does."""
     found = {name: _class(f"samplers.{name}._target_", SAMPLER, section["_target_"]) for name, section in config.samplers.items()}
-    learning = {name for name, made in found.items() if "earlier" in inspect.signature(made).parameters}
     for name in config.campaign.transfer:
-        if name not in learning:
+        if "earlier" not in inspect.signature(found[name]).parameters:
             target = config.samplers[name]["_target_"]
             raise InputError(f"campaign.transfer: '{name}' ({target}) takes no tests of other campaigns: it has no parameter 'earlier'")
-    if (frozen := config.comparison.strategy) in learning:
+    if config.learns(frozen := config.comparison.strategy):
         raise InputError(f"comparison.strategy: '{frozen}' learns from results, so each version would get different tests")
 
 

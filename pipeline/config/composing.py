@@ -55,7 +55,10 @@ def compose(study: str, overrides: Sequence[str]) -> Config:
         except (yaml.YAMLError, UnicodeDecodeError) as error:
             raise InputError(_unreadable() or f"{CONF}: {error}") from error
         except (HydraException, OmegaConfBaseException, ValueError) as error:  # ValueError: a number for a file, as in `camera=640`.
-            shipped = composed([], _scenarios(composed([])))
+            try:
+                shipped = composed([], _scenarios(composed([])))
+            except (HydraException, OmegaConfBaseException, ValueError) as own:
+                raise InputError(f"conf/study/{study}.yaml: {str(own).splitlines()[0]}") from own
             raise InputError(_override_message(shipped, overrides) or f"overrides: {str(error).splitlines()[0]}") from error
     config = validate(plain, "conf/")
     check_components(config)

@@ -261,6 +261,7 @@ class Variable:
         """Plain data without the name; `from_dict` reads it back."""
         known: dict[str, Any] = {"kind": self.kind}
         if self.kind == "categorical":
+            known |= {"unit": self.unit} if self.unit else {}
             known["values"] = list(self.values)
             if self.attributes:
                 known["attributes"] = {name: list(numbers) for name, numbers in self.attributes}

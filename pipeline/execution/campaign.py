@@ -169,7 +169,7 @@ def search(plan: CampaignPlan, sampler: Sampler, log: Journal, workers: Workers,
 def _finished(plan: CampaignPlan, asked: Mapping[int, Floats], log: Journal, workers: Workers) -> Iterator[int]:
     """The index of each test once its outcome is in the journal: first those of an earlier run, then the others in any order."""
     concrete = {index: plan.space.decode(point) for index, point in asked.items()}
-    resumed = [index for index in asked if log.holds(index, concrete[index])]
+    resumed = dict.fromkeys(index for index in asked if log.holds(index, concrete[index]))
     jobs = [Execution(index, log.path(index), concrete[index]) for index in asked if index not in resumed]
     yield from chain(resumed, workers.execute(jobs))
 

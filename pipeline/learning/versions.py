@@ -18,7 +18,6 @@ from pipeline.core.reliability import Calibration, calibration_error, reliabilit
 from pipeline.core.worlds import Worlds
 from pipeline.detectors.evaluation import calibrate, evaluate, judged_scores
 from pipeline.detectors.onnx import OnnxDetector
-from pipeline.detectors.suppression import THRESHOLD
 from pipeline.detectors.yolo.export import export_onnx
 from pipeline.detectors.yolo.network import count_parameters
 from pipeline.detectors.yolo.training import Fitted
@@ -76,7 +75,7 @@ def write_version(config: Config, fitted: Fitted, validation: ImageSet, origin: 
         seed=origin.seed,
         data=origin.data,
         training={key: value if isinstance(value, str) else float(value) for key, value in origin.training.items()},
-        metrics=evaluate(found, validation, float(config.detector.get("threshold", THRESHOLD))) | errors,
+        metrics=evaluate(found, validation, config.threshold) | errors,
         calibration=asdict(calibration),
         reliability={name: tuple((b.score, b.right, b.count) for b in diagram) for name, diagram in diagrams.items()},
         weights_sha256=sha256(weights),

@@ -36,10 +36,9 @@ def run(job: Job) -> None:
     """Write evaluation.json."""
     from pipeline.core.statistics import mcnemar
     from pipeline.detectors.evaluation import evaluate, truths_of
-    from pipeline.detectors.suppression import THRESHOLD
     from pipeline.learning.versions import detect_all
 
-    threshold = float(job.config.detector.get("threshold", THRESHOLD))
+    threshold = job.config.threshold
     known, images = read(job.input("points"), Points), read_dataset(job.input("truth").parent, "val")
     space, each = job.config.front_car.space.space(), job.config.front_car.test_images
     results = []

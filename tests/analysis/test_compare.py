@@ -228,6 +228,14 @@ def test_false_activations_are_limited_apart_from_failures() -> None:
     )
 
 
+def test_a_reason_names_the_rate_that_was_judged() -> None:
+    brake, calm = {"base": "c" * 12, "adaptive": "." * 12}, {"base": "." * 60, "adaptive": "." * 60}
+    judged = compared_on(replace(scenarios(F1star=brake, N1=calm), no_braking=("N1",))).gate["adaptive"]
+    assert "; the rate of false activations rises by at most 10 points in each" in judged and judged.endswith("too small to judge: F1*")
+    both = compared_on(replace(scenarios(F1star={name: row * 5 for name, row in brake.items()}, N1=calm), no_braking=("N1",)))
+    assert "; the failure rate and the rate of false activations rise by at most 10 points in each" in both.gate["adaptive"]
+
+
 def test_a_version_whose_other_seeds_are_no_better_is_held_back() -> None:
     seeds = {"base": "c" * 30 + "." * 30, "adaptive": "." * 60, "adaptive-s1": "c" * 29 + "." * 31}
     result = compared(**seeds)

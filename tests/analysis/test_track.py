@@ -126,7 +126,7 @@ def test_a_later_comparison_moves_the_alias_and_registers_nothing_again(study: F
     worse = tuple(v.model_copy(update={"failures": 99}) if v.version == "adaptive" else v for v in comparison.versions)
     gate = {**comparison.gate, "adaptive": "held back: so"}
     lost = tuple(pair.model_copy(update={"fixes": pair.regressions, "regressions": pair.fixes}) for pair in comparison.pairs)
-    write(path, comparison.model_copy(update={"champion": "base", "gate": gate, "versions": worse, "pairs": lost}))
+    write(path, comparison.model_copy(update={"champion": "base", "gate": gate, "passing": (), "versions": worse, "pairs": lost}))
     run(study)
     champion = store.get_model_version_by_alias("detector", "champion")
     assert champion.tags["version"] == "base"

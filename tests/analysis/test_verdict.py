@@ -95,6 +95,7 @@ def comparison(*, errors: int = 0, against_random: bool = True, seeds: int = 2) 
         regions=(),
         champion="adaptive",
         gate={"base": "the reference", "control": "held back: so", "random": "held back: so", "adaptive": "passes: so"},
+        passing=("adaptive",),
     )
 
 
@@ -212,7 +213,7 @@ def test_a_difference_within_the_variation_of_seeds_is_not_shown() -> None:
 
 def test_the_best_of_several_is_reported_as_chosen_on_these_tests() -> None:
     single = comparison()
-    both = single.model_copy(update={"gate": single.gate | {"random": "passes: so"}})
+    both = single.model_copy(update={"passing": ("random", "adaptive")})
     chosen = "adaptive is the best of 2 versions that pass, chosen on these tests: expect more failures on new tests."
     assert verdict_sentences(both)[1] == chosen
     assert chosen not in verdict_sentences(single)

@@ -15,6 +15,7 @@ from pipeline.detectors.scripted import BlindDetector, EverywhereDetector, Visib
 from pipeline.errors import InputError
 from pipeline.protocols import Detector
 from pipeline.scenarios.functional import FunctionalScenario
+from pipeline.testing import check_simulator
 
 SMALL = ["simulator.camera.width=96", "simulator.camera.height=64", "aeb.gate=detections", "detector=oracle"]
 NO_BRAKING = ("N1", "N2", "N3", "N4")
@@ -37,6 +38,13 @@ def test_only_the_detector_that_sees_people_everywhere_brakes(scenario: str) -> 
         assert test.false_activation_s > 1 and test.speed_loss_mps > 5
     for test in (*found["blind"], *found["oracle"]):
         assert (test.failure, test.false_activations) == (False, 0)
+
+
+@pytest.mark.parametrize("scenario", NO_BRAKING)
+def test_the_simulator_keeps_its_contract(scenario: str) -> None:
+    config, described = compose("default", SMALL), functional_scenario(scenario)
+    simulator = make_simulator(config.simulator, described, config.car)
+    check_simulator(simulator, described.logical_space(), VisiblePixelOracle(), count=1)
 
 
 def test_a_road_on_which_no_braking_would_count_is_refused() -> None:

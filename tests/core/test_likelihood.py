@@ -127,6 +127,17 @@ def test_telling_the_same_batches_again_restores_an_estimator(name: str) -> None
 
 
 @pytest.mark.parametrize("name", MADE)
+def test_an_estimator_that_is_only_told_knows_as_much(name: str) -> None:
+    asking, told = made(name), made(name)
+    for _ in range(12):
+        points = asking.ask()
+        for estimator in (asking, told):
+            estimator.tell(points, low_x(0.1)(points))
+    assert asking.rate() == told.rate()
+    np.testing.assert_array_equal(asking.ask(), told.ask())
+
+
+@pytest.mark.parametrize("name", MADE)
 def test_points_keep_the_constraints(name: str) -> None:
     points = run(made(name, space=CONSTRAINED), low_x(0.1))
     assert len(points) > 100 and CONSTRAINED.violation(points) is None

@@ -40,6 +40,8 @@ def test_plain_data_round_trip() -> None:
     assert Space.from_dict(THESIS.to_dict()) == THESIS
     people = Space((Variable("who", "categorical", values=("a", "b"), attributes=(("height_m", (1.2, 1.8)),)),))
     assert Space.from_dict(people.to_dict()) == people
+    sorts = Space((Variable("sort", "categorical", "class", values=("a", "b")),))
+    assert Space.from_dict(sorts.to_dict()) == sorts
     assert people.to_dict()["who"]["attributes"] == {"height_m": [1.2, 1.8]}
     assert Space.from_dict(CUT.to_dict(), CUT.clauses) == CUT
     assert "weights" not in CUT.to_dict()["fog"] and CUT.to_dict()["fog"]["cuts"] == [20, 50]

@@ -52,8 +52,21 @@ def test_a_finished_search_is_neither_executed_again_nor_overwritten(tmp_path: P
     assert main(["campaign", *WORDS[:2], "budget=40", *WORDS[3:], f"out={tmp_path}"]) == 2
     assert "holds another search, or one by other code" in capsys.readouterr().err
     assert {path: path.stat().st_mtime_ns for path in tmp_path.glob("*.parquet")} == made
-    (tmp_path / "tests.parquet").unlink()
-    assert campaign(tmp_path) == 0 and (tmp_path / "tests.parquet").exists()
+    for name in ("tests.parquet", "timings.parquet"):
+        (tmp_path / name).unlink()
+        assert campaign(tmp_path) == 0 and (tmp_path / name).exists()
+
+
+def test_a_journal_that_a_kill_left_beside_a_finished_search_is_removed(tmp_path: Path) -> None:
+    assert campaign(tmp_path) == 0
+    (tmp_path / "journal").mkdir()
+    assert campaign(tmp_path) == 0 and not (tmp_path / "journal").exists()
+
+
+def test_two_versions_searched_in_one_folder_are_two_detectors(tmp_path: Path) -> None:
+    words = ["scenario=F1", "strategy=random", f"out={tmp_path}"]
+    first, second = (planned(asked([*words, f"model=models/{name}"])) for name in ("uniform", "long_tailed"))
+    assert first.setup.model != second.setup.model and first.setup.model.exists() and first.identity != second.identity
 
 
 def test_a_second_process_waits_and_finds_the_search_done(tmp_path: Path) -> None:

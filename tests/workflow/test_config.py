@@ -204,6 +204,12 @@ def test_scenarios_of_a_comparison_share_their_constraints() -> None:
         compose("default", ["held_out=[F1star,F2star]", "+scenarios.F2star.constraints=[['rain = 0','fog = 0']]"])
 
 
+@pytest.mark.parametrize("strategy", ["evolutionary", "network", "forest"])
+def test_no_strategy_that_learns_chooses_the_held_out_tests(strategy: str) -> None:
+    with pytest.raises(InputError, match=f"comparison.strategy: '{strategy}' learns from results"):
+        compose("default", [f"comparison.strategy={strategy}"])
+
+
 def test_an_unknown_study_names_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["compose", "study=defualt"]) == 2
     assert "there is no study 'defualt'; did you mean 'default'?" in capsys.readouterr().err
@@ -249,3 +255,11 @@ def test_a_wrong_file_of_conf_is_named(tmp_path: Path, monkeypatch: pytest.Monke
         camera.write_bytes(b"# @package simulator.camera\n" + text)
         with pytest.raises(InputError, match=f"^{re.escape(str(camera))}.*{message}"):
             compose("default", [])
+
+
+def test_a_study_that_cannot_be_composed_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shutil.copytree(CONF, tmp_path / "conf")
+    monkeypatch.setattr(composing, "CONF", tmp_path / "conf")
+    (tmp_path / "conf" / "study" / "mine.yaml").write_text("# @package _global_\ngoal: base\n")
+    with pytest.raises(InputError, match=r"^conf/study/mine\.yaml: "):
+        compose("mine", [])

@@ -54,6 +54,7 @@ def test_a_changed_outcome_is_found(page: Path, capsys: pytest.CaptureFixture[st
     ("command", "told"),
     [
         ("rm -r docs", "begin with 'python'"),
+        ("''", "begin with 'python'"),
         ("python none.py", "`python none.py` ended with 2: "),
         ("python silent.py", "`python silent.py` ended with 3\n"),
     ],

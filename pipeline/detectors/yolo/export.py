@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import tempfile
 import warnings
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
-from pipeline.artefacts.files import write_bytes
+from pipeline.artefacts.files import sha256, write_bytes
 from pipeline.artefacts.model_card import read_card
 from pipeline.core.reliability import Calibration
 from pipeline.detectors.yolo.network import Yolo, cells, decode
@@ -17,6 +18,8 @@ from pipeline.detectors.yolo.weights import load_weights
 from pipeline.errors import InputError
 
 OPSET = 17
+DIGITS = 16
+"""Of a digest, in the name of an exported file."""
 
 
 class Deployed(nn.Module):
@@ -40,15 +43,18 @@ class Deployed(nn.Module):
 
 
 def onnx_of(model: Path, folder: Path) -> Path:
-    """The ONNX file of a version's folder; if missing, it is made in `folder` from weights and card."""
+    """The ONNX file of a version's folder; if missing, it is made in `folder` from weights and card, under their digest: two versions
+    exported into one folder are two files."""
     if model.is_file():
         raise InputError(f"{model}: expected the folder of a version, got a file; name {model.parent}")
     if (model / "model.onnx").exists():
         return model / "model.onnx"
-    if not (model / "weights.safetensors").exists():
+    weights, card = model / "weights.safetensors", model / "model.json"
+    if not weights.exists():
         raise InputError(f"{model} holds neither model.onnx nor weights.safetensors")
-    export_version(model / "weights.safetensors", model / "model.json", folder / "model.onnx")
-    return folder / "model.onnx"
+    name = hashlib.sha256(f"{sha256(weights)} {sha256(card)}".encode()).hexdigest()[:DIGITS]
+    export_version(weights, card, folder / f"{name}.onnx")
+    return folder / f"{name}.onnx"
 
 
 def export_version(weights: Path, card: Path, onnx: Path) -> None:

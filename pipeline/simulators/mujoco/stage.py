@@ -24,7 +24,7 @@ from .weather import Weather
 
 
 class Stage:
-    """One world in this process. Poses: metres and degrees in the world frame (x ahead, y left).
+    """One world in this process. Poses: metres and radians in the world frame (x ahead, y left).
 
     walker: the person shown as the pedestrian in this episode.
     """
