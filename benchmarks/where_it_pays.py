@@ -141,7 +141,8 @@ def left(failed: pd.DataFrame, version: str) -> pd.Series:
 def figure(found: Mapping[tuple[str, int], pd.DataFrame]) -> Figure:
     """The share of the base's failures that each version leaves, by number of tests and by base, from the strongest to the weakest.
 
-    A dot is a search, the line joins the means. The intervals of a few searches are in the table: here they would hide the dots.
+    A small dot is a search, a large one the mean; a line joins the means of one base. The intervals of a few searches are in the table:
+    here they would hide the dots.
     """
     with styled():
         drawn, [[executions, strength]] = panels(1, 2, width=4.6, height=3.4)
@@ -157,7 +158,8 @@ def figure(found: Mapping[tuple[str, int], pd.DataFrame]) -> Figure:
             for name, colour in series_colours(["random", "adaptive"]).items():
                 shift = -0.06 if name == "random" else 0.06  # Side by side, so that neither hides the other.
                 shares = [left(failed, name) for failed in points.values()]
-                axis.plot([x + shift for x in range(len(points))], [each.mean() for each in shares], color=colour, label=name)
+                line = "o-" if axis is executions else "o"
+                axis.plot([x + shift for x in range(len(points))], [each.mean() for each in shares], line, color=colour, label=name)
                 for x, each in enumerate(shares):
                     axis.scatter([x + shift] * len(each), each, color=colour, s=18, alpha=0.5, linewidths=0)
             axis.set_xticks(range(len(points)), labels=list(points))

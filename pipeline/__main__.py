@@ -115,6 +115,16 @@ def check_wildcard(wildcard: str, value: str, step: Step, config: Config) -> Non
         raise InputError(f"--{wildcard}: there is no {shown(value)}{nearest(value, known)}")
 
 
+def read_options(top: argparse.ArgumentParser, words: Sequence[str]) -> argparse.Namespace:
+    """The options of a command; its key=value words may stand before and after options, which argparse does not know."""
+    options, left = top.parse_known_args(words)
+    if left and (not hasattr(options, "words") or any(word.startswith("-") or "=" not in word for word in left)):
+        top.error(f"unrecognized arguments: {' '.join(left)}")
+    if left:
+        options.words = [*options.words, *left]
+    return options
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command or a step; returns the exit code."""
     words = list(sys.argv[1:] if arguments is None else arguments)
@@ -123,7 +133,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with nullcontext() if first in ANYWHERE else entered():
             if calls_step(words):
                 return run_step(names(steps)[first], words[1:])
-            options = parser(first).parse_args(words)
+            options = read_options(parser(first), words)
             code: int = options.run(options)
         sys.stdout.flush()
     except BrokenPipeError:  # The reader has seen enough, as in `| head`.

@@ -108,7 +108,7 @@ def _read(path: Path) -> bytes:
     try:
         return path.read_bytes()
     except OSError as error:
-        raise InputError(f"{path}: expected a readable file, got {error.strerror or error}; make it with snakemake") from error
+        raise InputError(f"{path}: expected a readable file, got {error.strerror or error}; ./run makes the files of a study") from error
 
 
 def read_json(path: Path) -> Any:

@@ -246,10 +246,10 @@ def _read(path: Path, name: str, columns: Sequence[str] | None) -> pd.DataFrame:
     try:
         table = file.read(columns=list(columns) if columns is not None else None)
     except (pa.ArrowException, OSError) as error:
-        raise InputError(f"{path}: expected a Parquet file, it is damaged ({error}); delete it and make it again") from error
+        raise InputError(f"{path}: expected a Parquet file, it is damaged ({error}); if a study made it, ./run makes it again") from error
     problem = _problem(table, expected)
     if problem:
-        raise InputError(f"{path}: {problem}; delete it and make it again")
+        raise InputError(f"{path}: {problem}; if a study made it, ./run makes it again")
     frame: pd.DataFrame = table.to_pandas()
     return frame if columns is None else frame[list(columns)]
 
@@ -259,7 +259,9 @@ def _opened(path: Path) -> pq.ParquetFile:
     try:
         return pq.ParquetFile(pa.BufferReader(data), page_checksum_verification=True)
     except (pa.ArrowException, OSError) as error:
-        raise InputError(f"{path}: expected a Parquet file, it is truncated or foreign ({error}); delete it and make it again") from error
+        raise InputError(
+            f"{path}: expected a Parquet file, it is cut or foreign ({error}); if a study made it, ./run makes it again"
+        ) from error
 
 
 def _problem(table: pa.Table, expected: Sequence[Column]) -> str:

@@ -114,13 +114,11 @@ def _run(search: Search, plan: CampaignPlan, threads: int) -> int:
 
     tests, journal = search.folder / "tests.parquet", search.folder / "journal"
     stamp = search.folder / f"{tests.name}{stamps.SUFFIX}"
-    if (made := stamps.read(stamp)) is not None and all((search.folder / name).exists() for name in made.digests):
-        if made.depends != plan.identity:
-            raise InputError(
-                f"{search.folder} holds another search, or one by other code; choose another folder with out=, or delete this one"
-            )
+    made = stamps.read(stamp)
+    check_free(search.folder, plan.identity, made.depends if made else None)
+    if made is not None and all((search.folder / name).exists() for name in made.digests):
         shutil.rmtree(journal, ignore_errors=True)  # A killed run may have left it.
-        print(f"{tests} has this search already; delete {search.folder} to execute it again")
+        print(f"{tests} has this search already; delete {stamp} to execute it again")
         return 0
     stamps.withdraw(stamp)
     try:
@@ -134,6 +132,18 @@ def _run(search: Search, plan: CampaignPlan, threads: int) -> int:
     print(summary(plan, done))
     print(f"tables: {search.folder}/tests.parquet, signals, detections, frames and timings")
     return 0
+
+
+def check_free(folder: Path, identity: str, finished: str | None) -> None:
+    """InputError unless a folder is new or holds the search of this identity. finished: the identity of a finished search in it."""
+    from pipeline.execution.journal import identity_of
+
+    found = finished or identity_of(folder / "journal")
+    if found not in (None, identity):
+        raise InputError(f"{folder} holds another search, or one by other code; choose another folder with out=, or delete this one")
+    others = [entry.name for entry in folder.iterdir() if entry.name not in ("lock", "journal") and entry.suffix != ".onnx"]
+    if found is None and others:
+        raise InputError(f"{folder}: expected a new folder or that of a search, got one with {min(others)}; choose another with out=")
 
 
 def asked(words: Sequence[str]) -> Search:

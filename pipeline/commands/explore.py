@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from pipeline.artefacts.folders import Folders
-from pipeline.config.composing import PARAMS, load
+from pipeline.config.composing import PARAMS, check_study, load
 from pipeline.config.schema import Config
 from pipeline.errors import InputError
 
@@ -47,6 +47,7 @@ def chosen(study: str | None) -> tuple[Config, Path]:
     params = own if study and own.is_file() else PARAMS
     config = load(params)
     if study not in (None, config.study):
+        check_study(study)
         instead = f"python -m pipeline compose study={study}, with the overrides that it was made with"
         raise InputError(f"{params} holds study {config.study}, expected {study}; type: {instead}")
     return config, params

@@ -13,7 +13,7 @@ HELP = "Write one concrete scenario as OpenSCENARIO and OpenDRIVE."
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scenario", help="name of a file in conf/scenario, such as F1")
-    parser.add_argument("assignments", nargs="*", metavar="key=value", help="scenario variables; others have defaults")
+    parser.add_argument("words", nargs="*", metavar="key=value", help="scenario variables; others have defaults")
     parser.add_argument("--out", type=typed, default="scenario", help="name of both files, without suffix (default: %(default)s)")
 
 
@@ -22,7 +22,7 @@ def run(options: argparse.Namespace) -> int:
     from pipeline.artefacts.openscenario import write_openscenario
 
     described = functional_scenario(options.scenario)
-    concrete = concrete_scenario(described.logical_space(), options.assignments)
+    concrete = concrete_scenario(described.logical_space(), options.words)
     for path in write_openscenario(described, concrete, options.out):
         print(path)
     return 0

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.artefacts.job_lock import held
 from pipeline.artefacts.tables import is_valid
-from pipeline.commands.campaign import STOPPED, Search, number, planned, read_words, waiting
+from pipeline.commands.campaign import STOPPED, Search, check_free, number, planned, read_words, waiting
 from pipeline.config.arguments import whole
 from pipeline.config.composing import functional_scenario
 from pipeline.config.exposure import ExposureFile, read_exposure
 from pipeline.config.project import typed
+from pipeline.config.schema import AUDIT
 from pipeline.core.exposure import Exposure
 from pipeline.core.identity import CampaignId
 from pipeline.core.names import nearest
@@ -33,8 +34,6 @@ METHODS = {
     "subset": "pipeline.core.likelihood.subset.SubsetSimulation",
     "importance": "pipeline.core.likelihood.importance.ImportanceSampling",
 }
-INDEPENDENT = "random"
-"""The only strategy whose tests are independent samples of the space."""
 WORDS = """scenario=F1,F2 (or all of the exposure), exposure=town, method=monte_carlo (subset, importance), budget=3000 for each scenario,
 seed=0, model=models/uniform, below=0.001 (monte_carlo stops once that is settled), out=FOLDER; and overrides of the default study"""
 HELP = "Estimate how likely a failure is under an exposure. Ctrl-C stops it; the same command resumes it."
@@ -68,7 +67,9 @@ class Question:
 
     @property
     def folder(self) -> Path:
-        return self.out or Path("data/by_hand/likelihood", Path(self.exposure).stem, self.method, self.model.name, str(self.seed))
+        size = str(self.budget) if self.below is None else f"{self.budget}-below-{self.below:g}"
+        parts = (Path(self.exposure).stem, self.method, self.model.name, str(self.seed), size)
+        return self.out or Path("data/by_hand/likelihood", *parts)
 
 
 def _share(key: str, text: str) -> float:
@@ -153,11 +154,13 @@ def executed(question: Question, exposure: ExposureFile, threads: int) -> dict[s
     for name, plan in plans.items():
         folder, journal = question.folder / name, question.folder / name / "journal"
         with held(folder / "lock", waiting(folder)):
-            if (known := read_rate(folder / "rate.json", plan.identity)) is None:
+            rate = folder / "rate.json"
+            if (known := read_rate(rate, plan.identity)) is None:
+                check_free(folder, plan.identity, "another" if rate.exists() else None)
                 with Progress(f"{name}, {question.method}") as progress:
                     done = run_campaign(plan, folder / "tests.parquet", journal, threads, progress)
                 known = rate_of(plan, done)
-                write_rate(folder / "rate.json", plan.identity, known)
+                write_rate(rate, plan.identity, known)
             shutil.rmtree(journal, ignore_errors=True)
         rates[name] = known
     return rates
@@ -173,7 +176,7 @@ def plan_of(question: Question, scenario: str, exposure: ExposureFile) -> Campai
         if word.lstrip("+~").startswith("samplers."):
             raise InputError(f"{word}: an estimator chooses the tests, so no strategy counts; leave the word out")
     overrides = ("campaign.keep_every=0", *own)
-    search = Search(scenario, INDEPENDENT, question.budget, question.seed, question.model, question.folder / scenario, overrides)
+    search = Search(scenario, AUDIT, question.budget, question.seed, question.model, question.folder / scenario, overrides)
     base = planned(search)
     if not base.setup.scenario.asks_to_brake:
         raise InputError(f"scenario: {scenario} asks the ego not to brake, and an estimator cannot learn from false activations")
@@ -219,9 +222,9 @@ def weighed(folders: Sequence[Path], exposure: ExposureFile) -> dict[str, Rate]:
 
     tables = {path: read_tests(path) for path in tables_below(folders)}
     for path, table in tables.items():
-        for strategy in set(table["strategy"]) - {INDEPENDENT}:
+        for strategy in set(table["strategy"]) - {AUDIT}:
             raise InputError(
-                f"{path}: expected tests of strategy '{INDEPENDENT}', got '{strategy}': its tests are not uniform, independent "
+                f"{path}: expected tests of strategy '{AUDIT}', got '{strategy}': its tests are not uniform, independent "
                 "samples of the space, so they give no rate"
             )
     tests = pd.concat(tables.values())

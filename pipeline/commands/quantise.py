@@ -21,7 +21,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--base-set",
         type=typed,
         default=Path("data/default/base_set/truth.coco.json"),
-        help="truth.coco.json of the base set that sets the ranges and gives the metrics (default: %(default)s)",
+        help="the base set, its folder or truth.coco.json, that sets the ranges and gives the metrics (default: %(default)s)",
     )
     parser.add_argument("--out", type=typed, default="int8.onnx", help="the file (default: %(default)s)")
 
@@ -38,8 +38,9 @@ def run(options: argparse.Namespace) -> int:
     from pipeline.learning.versions import detect_all
 
     threshold = compose("default", []).threshold
+    base_set = options.base_set if options.base_set.is_dir() else options.base_set.parent
     calibration = Calibration(**read_card(options.model / "model.json").calibration)
-    training, validation = (read_dataset(options.base_set.parent, split) for split in ("train", "val"))
+    training, validation = (read_dataset(base_set, split) for split in ("train", "val"))
     shown = np.linspace(0, len(training) - 1, min(CALIBRATION_IMAGES, len(training))).astype(int)
     print("form     AP50   AP50-95  false positives per image")
     with tempfile.TemporaryDirectory() as folder, Progress("quantise") as progress:

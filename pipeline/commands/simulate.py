@@ -28,7 +28,7 @@ HELP = "Execute one concrete scenario and write its replay."
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scenario", help="name of a file in conf/scenario, such as F1")
     parser.add_argument(
-        "assignments", nargs="*", metavar="key=value", help="scenario variables, such as fog=80 'blueprint=M 03'; others have defaults"
+        "words", nargs="*", metavar="key=value", help="scenario variables, such as fog=80 'blueprint=M 03'; others have defaults"
     )
     parser.add_argument("--model", type=typed, default=Path("models/uniform"), help="folder of a model version (default: %(default)s)")
     parser.add_argument("--out", type=typed, default="replay.mp4", help=".mp4 or .gif (default: %(default)s)")
@@ -42,7 +42,7 @@ def run(options: argparse.Namespace) -> int:
     check_replay(options.out)
     study = study_of(options.scenario)
     space = study.space(options.scenario)
-    concrete = concrete_scenario(space, options.assignments)
+    concrete = concrete_scenario(space, options.words)
     with tempfile.TemporaryDirectory() as folder:
         found = episode(Setup.of(study, options.scenario, onnx_of(options.model, Path(folder)), keep_every=1), concrete)
     threshold = study.campaign.failure_threshold_s

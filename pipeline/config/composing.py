@@ -33,8 +33,10 @@ def compose(study: str, overrides: Sequence[str]) -> Config:
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
 
-    if study not in (studies := _choices("study")):
-        raise InputError(f"there is no study {shown(study)}{nearest(study, studies)}")
+    check_study(study)
+    for word in overrides:
+        if word.endswith("={}"):
+            raise InputError(f"{word} changes nothing, because keys are only added; ~{word[:-3]}.KEY removes one")
     samplers = [f"+sampler@samplers.{name}={name}" for name in _choices("sampler")]
     with initialize_config_dir(str(CONF), version_base="1.3"):
 
@@ -63,6 +65,12 @@ def compose(study: str, overrides: Sequence[str]) -> Config:
     config = validate(plain, "conf/")
     check_components(config)
     return config
+
+
+def check_study(name: str) -> None:
+    """InputError unless conf/study/ has a study of this name."""
+    if name not in (known := _choices("study")):
+        raise InputError(f"there is no study {shown(name)}{nearest(name, known)}")
 
 
 def _unreadable() -> str:

@@ -41,7 +41,8 @@ def message(error: ValidationError, model: type[BaseModel], prefix: str = "") ->
     if first["type"] == "missing":
         return f"key '{key}' is missing"
     # Our own errors say what came.
-    got = "" if first["type"] == "value_error" or isinstance(first["input"], dict) else f", got {shown(first['input'])}"
+    silent = first["type"] == "value_error" or (isinstance(first["input"], dict) and first["input"])
+    got = "" if silent else f", got {shown(first['input'])}"
     return f"{key}: {text}{got}" if key else text + got
 
 

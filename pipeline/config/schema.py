@@ -119,7 +119,9 @@ class Config(Section):
             _known("campaign.transfer", name, self.strategies)
         _known("comparison.strategy", self.comparison.strategy, self.samplers)
         for arm, source in self.arms.items() if self.goal == "report" else ():
-            _known(f"arms.{arm}", source, (*self.strategies, BASE_SET, NEW_SCENES, BALANCED_SCENES))
+            if source not in (*self.strategies, BASE_SET, NEW_SCENES, BALANCED_SCENES):
+                mended = f"add it to strategies, set arms.{arm} to one of {', '.join(self.strategies)}, or remove the arm with ~arms.{arm}"
+                raise ValueError(f"arms.{arm}: '{source}' is not in strategies, so it supplies no frames; {mended}")
         return self
 
     @model_validator(mode="after")

@@ -121,6 +121,11 @@ class Journal:
         shutil.rmtree(self._folder)
 
 
+def identity_of(folder: Path) -> str | None:
+    """The identity that a journal's folder is bound to; None without one."""
+    return _identity(mark) if (mark := folder / "identity").exists() else None
+
+
 def _identity(mark: Path) -> str:
     try:
         return read_sealed(mark).decode()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import tempfile
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -86,7 +87,7 @@ def make_page(config: Config, data: ReportData, figures: Mapping[str, Figure], p
     spaces = dict(data.spaces) | {name: config.space(name) for name in config.held_out}
     drawings: dict[str, Drawing] = {}
     for done, (name, figure) in enumerate(figures.items(), 1):
-        drawings[name] = _drawing(figure, name)
+        drawings[name] = _drawing(figure, name, data)
         progress(done, len(figures), f"figure {name}")
     fixes, pair = _changes(data.compared, spaces)
     budget = config.report.replays
@@ -115,7 +116,7 @@ def make_page(config: Config, data: ReportData, figures: Mapping[str, Figure], p
     title = "Where does the detector fail, and did retraining help?" if data.cards else "Where does the detector fail?"
     shown = tuple(section for section in found if section is not None)
     tested = set(every["scenario"])
-    table = explorer(every, {name: space for name, space in spaces.items() if name in tested}, data.regions, frames)
+    table = explorer(every, data.every_label, {name: space for name, space in spaces.items() if name in tested}, data.regions, frames)
     return Page(config.study, _headline(data), shown, title, table, _first(config, data, executed, bool(filmed)))
 
 
@@ -144,7 +145,7 @@ def _settings(config: Config) -> list[tuple[str, str]]:
         "vehicle": config.vehicle.model_dump(),
     }
     flat = {f"{name}.{key}": value for name, section in sections.items() for key, value in section.items()}
-    return [(key, "null" if value is None else str(value)) for key, value in (judged | flat).items()]
+    return [(key, value if isinstance(value, str) else json.dumps(value)) for key, value in (judged | flat).items()]
 
 
 def _detector(config: Config, data: ReportData, version: str) -> Detector:
@@ -162,7 +163,7 @@ def _changes(compared: ComparedVersions | None, spaces: Mapping[str, Space]) -> 
 
 def _headline(data: ReportData) -> str:
     if data.compared is not None:
-        return verdict_section.headline(data.compared.comparison)
+        return " ".join([verdict_section.headline(data.compared.comparison), *sections.largest_regions(data.regions)])
     return sections.headline(data.regions, data.measures.base_rates)
 
 
@@ -171,7 +172,7 @@ def _verdict(data: ReportData, drawings: Mapping[str, Drawing], stills: Sequence
         return None
     rounds = verdict_section.rounds_part(data.learnt, [drawings["rounds"]]) if "rounds" in drawings else None
     plots = _named(drawings, "comparison", "histogram")
-    return verdict_section.verdict_section(data.compared.comparison, data.compared.changes, plots, rounds, stills, films)
+    return verdict_section.verdict_section(data.compared.comparison, data.compared.named_changes, plots, rounds, stills, films)
 
 
 def _cards(data: ReportData, frames: KeptFrames, films: Mapping[str, Sequence[Film]], reported_from: float) -> dict[str, tuple[Card, ...]]:
@@ -194,8 +195,14 @@ def _search(data: ReportData, drawings: Mapping[str, Drawing]) -> Section:
     return sections.search_section(data.measures, data.white_box, data.labels, plots, covered, data.pairs)
 
 
-def _drawing(figure: Figure, name: str) -> Drawing:
-    return Drawing.of(figure, texts.FIGURES[name.partition("_")[0]])
+def _drawing(figure: Figure, name: str, data: ReportData) -> Drawing:
+    kind = name.partition("_")[0]
+    words = [texts.FIGURES[kind]]
+    if any(len(row.seeds) > 1 for row in data.measures.strategies):
+        words += filter(None, [texts.SEARCHES.get(kind)])
+    if data.compared is not None and data.compared.comparison.seeds > 1:
+        words += filter(None, [texts.TRAININGS.get(kind)])
+    return Drawing.of(figure, " ".join(words))
 
 
 def _named(drawings: Mapping[str, Drawing], *names: str) -> list[Drawing]:

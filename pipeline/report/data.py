@@ -37,6 +37,11 @@ class ComparedVersions:
         """From the three files; InputError that names the one that is truncated or of another kind."""
         return cls(read(comparison, Comparison), read_tests(table), read_changes(changes))
 
+    @property
+    def named_changes(self) -> pd.DataFrame:
+        """The changes with `test_id`, the test as the version executed it."""
+        return self.changes.merge(self.tests[["scenario", "index", "version", "test_id"]], how="left")
+
 
 @dataclass(frozen=True)
 class ReportData:

@@ -7,9 +7,11 @@ from html import escape
 from math import ceil
 
 from pipeline.artefacts.evidence import Area, Areas, Coverage, Domain, Evidence, OpenRegion, Risk, ScenarioEvidence
+from pipeline.report.failure_tables import CAUSES, MIXED
 from pipeline.report.formats import percent
 from pipeline.report.fresh_counts import fresh_counts
 from pipeline.report.page import Drawing, Page, Passage, Section, Table
+from pipeline.report.region_cards import NOT_EXECUTED
 
 NAMES = {
     "known_unsafe": "known unsafe",
@@ -137,9 +139,8 @@ def _regions(found: ScenarioEvidence) -> Passage:
 
 def _region(region: OpenRegion) -> tuple[str, ...]:
     tested = region.confirmation
-    fresh = (fresh_counts(tested.inside), fresh_counts(tested.outside)) if tested else ("none executed", "none executed")
-    cause = region.cause.replace("_", " ")
-    return region.name, region.rule, cause, str(region.failures), percent(region.share), region.status, *fresh
+    fresh = (fresh_counts(tested.inside), fresh_counts(tested.outside)) if tested else (NOT_EXECUTED, NOT_EXECUTED)
+    return region.name, region.rule, CAUSES.get(region.cause, MIXED), str(region.failures), percent(region.share), region.status, *fresh
 
 
 def _identity(evidence: Evidence) -> Table:

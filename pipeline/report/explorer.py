@@ -41,9 +41,11 @@ class Explorer:
     thumbnails: str
 
 
-def explorer(tests: pd.DataFrame, spaces: Mapping[str, Space], regions: Iterable[FailureRegions], frames: KeptFrames) -> Explorer:
-    """The rows of tests.parquet of several campaigns. spaces: of their scenarios. frames: of campaigns with thumbnails."""
-    fields = list(_fields(tests, spaces, regions))
+def explorer(
+    tests: pd.DataFrame, labels: Mapping[str, str], spaces: Mapping[str, Space], regions: Iterable[FailureRegions], frames: KeptFrames
+) -> Explorer:
+    """The rows of tests.parquet of several campaigns. labels, spaces: of their scenarios. frames: of campaigns with thumbnails."""
+    fields = list(_fields(tests.assign(scenario=tests["scenario"].map(labels)), spaces, regions))
     content = {"colours": {**{MODE_NAMES[mode]: colour for mode, colour in MODE_COLOURS.items()}, "error": "#8f98a3"}, "fields": fields}
     packed = gzip.compress(json.dumps(content, allow_nan=False, separators=(",", ":")).encode(), mtime=0)
     return Explorer(texts.EXPLORER, base64.b64encode(packed).decode(), json.dumps(_thumbnails(tests, frames)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
@@ -168,8 +169,15 @@ class Page:
 def render(page: Page) -> str:
     """The page as HTML; texts and cells are escaped."""
     loader = FileSystemLoader(Path(__file__).parent)
-    environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment = Environment(
+        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, finalize=_with_units
+    )
     return environment.get_template("page.html.jinja").render(page=page, asset=_asset, first_how=texts.FIRST)
+
+
+def _with_units(value: Any) -> Any:
+    """Text in which no line begins with a per cent sign."""
+    return value.replace(" %", "\u00a0%") if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
 def _asset(name: str) -> Markup:

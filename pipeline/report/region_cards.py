@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import floor
 
 import pandas as pd
 
@@ -104,7 +105,7 @@ def _facts(region: FailureRegion, found: FailureRegions) -> list[tuple[str, str]
         ("held back", NONE if held_back.rate is None else f"{held_back.failures} / {held_back.tests} = {share(held_back.rate)}"),
         ("covered by the rule", share(region.recall)),
         *_confirmation(region.confirmation),
-        ("failure modes", ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in region.modes if count)),
+        ("failure modes", ", ".join(f"{count} {MODE_NAMES[name]}" for name, count in region.modes if count)),
         ("found by", ", ".join(f"{count} {name}" for name, count in region.strategies.items())),
         *([("not solvable with this camera", str(len(unsolvable)))] if unsolvable else []),
     ]
@@ -138,13 +139,18 @@ def _picture(test: str, shown: Shown) -> Picture:
     """The frame, less sharp than it was kept, so that many fit on the page."""
     moment = shown.moments[test]
     scored = [(box, score, "reported" if score >= shown.reported_from else "unreported") for box, score in moment.detections[:BOXES]]
-    boxes = [Box(*box, kind=kind, label=f"{score:.2f}") for box, score, kind in scored]
+    boxes = [Box(*box, kind=kind, label=_score(score)) for box, score, kind in reversed(scored)]  # The best one on top.
     truth = [Box(*moment.truth, kind="truth")] if moment.truth else []
     words = f"{shown.ends[test]}. {_words(moment, shown.reported_from)}"
     return Picture(test, jpeg_uri(decode_jpeg(moment.image)), moment.size, (*truth, *boxes), words)
 
 
+def _score(score: float) -> str:
+    """Rounded down, so that no score below the threshold looks like it."""
+    return f"{floor(100 * score + 1e-9) / 100:.2f}"
+
+
 def _words(moment: Moment, reported_from: float) -> str:
     reported = sum(score >= reported_from for _, score in moment.detections)
-    best = f", best score {moment.detections[0][1]:.2f}" if moment.detections else ""
+    best = f", best score {_score(moment.detections[0][1])}" if moment.detections else ""
     return f"Pedestrian {'in sight' if moment.truth else 'hidden'}; reported detections: {reported}{best}."

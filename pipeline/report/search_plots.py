@@ -127,8 +127,7 @@ def parallel_lines(groups: Mapping[str, pd.DataFrame], space: Space, title: str)
             if len(rows) == 0:
                 continue
             heights = np.column_stack([_heights(variable, rows[variable.name]) for variable in space.variables])
-            alpha = float(np.clip(6 / len(rows), 0.3, 0.9))
-            many = len(rows) > DRAWN_AS_SHAPES
+            many, alpha = len(rows) > DRAWN_AS_SHAPES, 0.45 if name == first else 0.85
             lines = axis.plot(np.arange(len(space)), heights.T, color=colours[name], alpha=alpha, linewidth=1.3, rasterized=many)
             lines[0].set_label(f"{name} ({len(rows)})")
         _vertical_axes(axis, space)
@@ -147,9 +146,9 @@ def _heights(variable: Variable, column: pd.Series) -> np.ndarray:
 
 def _vertical_axes(axis: Axes, space: Space) -> None:
     for position, variable in enumerate(space.variables):
-        axis.axvline(position, color=INK, linewidth=0.8, alpha=0.6, zorder=0)
+        axis.plot([position] * 2, [0, 1], color=INK, linewidth=0.8, alpha=0.6, zorder=0)
         low, high = (variable.labels[0], variable.labels[-1]) if variable.values else (variable.low, variable.high)
-        for height, value, side in ((-0.04, low, "top"), (1.04, high, "bottom")):
+        for height, value, side in ((-0.01, low, "top"), (1.01, high, "bottom")):
             text = value if isinstance(value, str) else f"{value:g}"
             axis.text(position + 0.04, height, text, ha="left", va=side, fontsize=8)
     titles = [name.replace("_", "\n") + (f"\n({unit})" if unit else "") for name, unit in space.units.items()]

@@ -8,11 +8,13 @@ import pandas as pd
 
 from pipeline.analysis.frame_criteria import MEANINGS
 from pipeline.analysis.pair_shares import PairShare
+from pipeline.analysis.region_sentence import subject
 from pipeline.artefacts.calibration_results import DetectorCalibration
 from pipeline.artefacts.model_card import ModelCard
 from pipeline.artefacts.region_results import FailureRegions
 from pipeline.artefacts.search_results import BaseRate, Measures, StrategyMeasures
 from pipeline.artefacts.white_box_results import WhiteBoxMeasures, WhiteBoxSet
+from pipeline.core.names import count_of
 from pipeline.report import texts
 from pipeline.report.failure_tables import CAUSES, NONE, base_rate_sentence, braking_in_search, cause_cells, rate_text
 from pipeline.report.formats import censored, decimal, mean_text, percent, share
@@ -32,6 +34,15 @@ def _scenario_headline(regions: FailureRegions) -> str:
     if regions.failures == regions.tests > 0:
         return f"{regions.label}: every test fails ({regions.tests} of {regions.tests})."
     return f"{regions.label}: {regions.failures} of {regions.tests} tests fail; failure regions: {len(regions.regions)}."
+
+
+def largest_regions(found: Sequence[FailureRegions]) -> list[str]:
+    """`Largest failure regions of the search: F1: children at most 1.25 m tall (19 failures).`; nothing without a region."""
+    named = []
+    for regions, largest in ((one, one.regions[0]) for one in found if one.regions):
+        who = subject(largest.conditions)
+        named.append(f"{regions.label}: {who[0].lower()}{who[1:]} ({count_of(len(largest.members), 'failure')})")
+    return [f"Largest failure {'region' if len(named) == 1 else 'regions'} of the search: {'; '.join(named)}."] if named else []
 
 
 def search_section(
@@ -118,8 +129,10 @@ def _of(part: int, whole: int) -> str:
 
 def _white_box(measures: WhiteBoxMeasures) -> Passage:
     headers = ("strategy", "images", "active neurons", "sections", "strongly active", "top", "pairs")
-    how = texts.WHITE_BOX.format(neurons=measures.neurons, layers=measures.layers, images=measures.training_images)
-    return Passage("Coverage of the detector's neurons", how, Table(headers, tuple(map(_white_box_row, measures.sets))))
+    how = texts.WHITE_BOX.format(neurons=f"{measures.neurons:,}", layers=measures.layers, images=measures.training_images)
+    return Passage(
+        "Coverage of the detector's neurons", how, Table(headers, tuple(map(_white_box_row, measures.sets)), numbers=(2, 3, 4, 5, 6))
+    )
 
 
 def _white_box_row(shown: WhiteBoxSet) -> tuple[str, ...]:
@@ -170,6 +183,8 @@ def _frames(filters: Mapping[str, pd.DataFrame], border: Sequence[Drawing]) -> P
 def _kept(table: pd.DataFrame, reason: str) -> str:
     rows = table[table["reason"] == reason]
     kept = int(rows["kept"].sum())
+    if rows.empty:
+        return NONE
     if kept == len(rows):
         return f"{kept} kept"
     return f"{len(rows)} rejected" if kept == 0 else f"{kept} kept, {len(rows) - kept} rejected"

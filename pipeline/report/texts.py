@@ -71,8 +71,8 @@ HELD_OUT_REGIONS = _prose("""
     The rules are fitted to the failures of {base}. This alone makes every other version look better inside them.
 """)
 CHANGES = _prose("""
-    Tests whose outcome differs between {base} and {of}, regressions first. The table shows {shown} of the {all} rows in changes.csv,
-    which covers all versions.
+    Tests whose outcome differs between {base} and {of}, regressions first: {shown} of {chosen}. changes.csv has all {all} changes, of
+    every version.
 """)
 NO_FIX = _prose("""
     No fix can be shown: no other version shown here passes a held-out test that {base} fails.
@@ -168,28 +168,24 @@ FIGURES = {
         Share of the held-out tests that fail, by failure mode.
     """),
     "histogram": _prose("""
-        Number of tests by adj. TTC, for base and the newest versions; with several seeds of retraining, the mean over them.
-        Further right is safer.
+        Number of tests by adj. TTC, for base and the newest versions. Further right is safer.
     """),
     "theta": _prose("""
-        Failures found after each test; steeper is better. The line is the mean over seeds, the band runs from minimum to
-        maximum.
+        Failures found after each test; steeper is better.
     """),
     "coverage": _prose("""
-        Left: how much of the scenario space the tests cover. Right: how varied the failures are. Thin lines: intervals over
-        seeds.
+        Left: how much of the scenario space the tests cover. Right: how varied the failures are.
     """),
     "pairs": _prose("""
         For each pair of variables, the share of their feasible pairs of categories that the search covers, all strategies together.
         Left: in at least one test. Right: in at least one failure. Low numbers on the left show where nobody has looked yet.
     """),
     "rounds": _prose("""
-        Failures on the held-out sequence after each round; round 0 is base. Bars: Student's intervals over the seeds of
-        retraining.
+        Failures on the held-out sequence after each round; round 0 is base.
     """),
     "border": _prose("""
-        Frames closest to the filter's thresholds, each cropped around the pedestrian. Green: kept. Red: rejected. Overrule the
-        frames that you would judge otherwise.
+        Frames closest to the filter's thresholds, each cropped around the pedestrian (blue box), with its visible pixels and its
+        contrast in grey levels, 0 to 255. Green: kept. Red: rejected. Overrule the frames that you would judge otherwise.
     """),
     "detection": _prose("""
         Higher is better. A detector can be better on single images and still brake too late. The verdict above decides.
@@ -202,7 +198,7 @@ FIGURES = {
     """),
     "kpi": _prose("""
         One point per test, in order of execution. Tests at or below the dashed line fail; unnecessary braking fails above it, too.
-        Marker shapes: seeds. Solid line: mean of each batch; it should fall for an adaptive strategy.
+        Solid line: mean of each batch; it should fall for an adaptive strategy.
     """),
     "failures": _prose("""
         One line per failure, through its value of each variable. Lines of one colour form one region. Where they run close
@@ -210,3 +206,14 @@ FIGURES = {
     """),
 }
 """By the first part of a figure's name."""
+SEARCHES = {
+    "theta": "The line is the mean over seeds, the band runs from minimum to maximum.",
+    "coverage": "Thin lines: intervals over seeds.",
+    "kpi": "Marker shapes: seeds.",
+}
+"""More about a figure of searches with several seeds."""
+TRAININGS = {
+    "histogram": "Of several seeds of retraining: their mean.",
+    "rounds": "Bars: Student's intervals over the seeds of retraining.",
+}
+"""More about a figure of versions retrained with several seeds."""

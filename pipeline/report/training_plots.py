@@ -7,13 +7,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from pipeline.artefacts.calibration_results import Diagram
 from pipeline.core.lineage import Version
 from pipeline.report.border import Case
 from pipeline.report.style import INK, UNASSIGNED, legend_below, panels, series_colours, styled
 
-KEPT, REJECTED = "#2a9d78", "#c9372c"
+KEPT, REJECTED, TRUTH = "#2a9d78", "#c9372c", "#468cff"
 LABELLED = 5
 """With more bars side by side, their numbers would overlap."""
 FEWEST = 10
@@ -35,7 +36,10 @@ def border_sheet(cases: Sequence[Case], columns: int = 8) -> Figure:
             axis.grid(False)
             for spine in axis.spines.values():
                 spine.set(visible=True, color=KEPT if case.kept else REJECTED, linewidth=2.5)
-            axis.set_title(f"{case.visible_pixels} px, {case.contrast:.0f} grey", fontsize=7.5, fontweight="normal", loc="center")
+            left, top, right, bottom = case.box
+            axis.add_patch(Rectangle((left - 2, top - 2), right - left + 4, bottom - top + 4, fill=False, color=TRUTH, linewidth=0.8))
+            words = f"{case.test_id}\nstep {case.step}: {case.visible_pixels} px, contrast {case.contrast:.0f}"
+            axis.set_title(words, fontsize=5.5, fontweight="normal", loc="center")
     return figure
 
 
@@ -56,8 +60,8 @@ def reliability_diagrams(diagrams: Mapping[str, Mapping[str, Diagram]]) -> Figur
             bins = np.array([one for one in diagrams[version].get(name, ()) if one[2] >= FEWEST]).reshape(-1, 3)
             scores, right, counts = bins.T
             colour, style = (UNASSIGNED, "--") if name == "uncalibrated" else (colours[group], "-")
-            axis.plot(scores, right, color=colour, linestyle=style, linewidth=1.4, label=label)
-            axis.scatter(scores, right, s=6 + 60 * counts / counts.max(initial=1), color=colour, zorder=3)
+            axis.plot(scores, right, color=colour, linestyle=style, linewidth=1.4, label=label, clip_on=False)
+            axis.scatter(scores, right, s=6 + 60 * counts / counts.max(initial=1), color=colour, zorder=3, clip_on=False)
         for axis, title in zip(axes[0], (f"{first}, before and after calibration", "all versions, calibrated"), strict=True):
             axis.plot([0, 1], [0, 1], color=INK, linewidth=0.8, zorder=1)
             axis.set(title=title, xlabel="confidence", xlim=(0, 1), ylim=(0, 1))

@@ -59,7 +59,11 @@ def verdict_sentences(comparison: Comparison) -> list[str]:
         sentences.append(f"{chosen}: expect more failures on new tests.")
     sentences += [_group_sentence(comparison, pair) for pair in comparison.group_pairs if _rivals(pair)]
     sentences += second_sentences(comparison)
-    sentences += [f"{version} {reason}." for version, reason in comparison.gate.items() if version != comparison.versions[0].version]
+    sentences += [
+        f"{version} {reason.replace('held back', 'is held back', 1)}."
+        for version, reason in comparison.gate.items()
+        if version != comparison.versions[0].version
+    ]
     errors = ", ".join(f"{result.errors} of {result.version}" for result in comparison.versions if result.errors)
     if errors:
         sentences.append(f"Tests that ended in an error do not count: {errors}. Failures by scenario leave them out for every version.")

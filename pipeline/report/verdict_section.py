@@ -12,6 +12,7 @@ from pipeline.report import texts
 from pipeline.report.failure_tables import CAUSES, base_rate_sentence, braking_held_out, cause_cells
 from pipeline.report.formats import counted, mean_text, share, signed
 from pipeline.report.page import BeforeAfter, Drawing, Film, Passage, Section, Table
+from pipeline.report.style import MODE_NAMES
 from pipeline.report.verdict import HEADERS, group_headers, group_rows, holds, planted_rows, verdict_rows, verdict_sentences
 
 CHANGES = 20
@@ -27,19 +28,20 @@ def headline(comparison: Comparison) -> str:
     parts += [base_rate_sentence(comparison.base_rates), *_against_base(comparison)]
     parts += _at_second_iou(comparison)
     if comparison.seeds > 1:
-        parts.append(f"Numbers in brackets: mean failures over {comparison.seeds} seeds of retraining.")
+        parts.append(f"Failures of retrained versions are means over {comparison.seeds} seeds of retraining.")
     return " ".join(filter(None, parts))
 
 
 def _against_base(comparison: Comparison) -> list[str]:
     """A sentence for each verdict on groups that some group has."""
-    failures = {group.group: f"{group.group} ({mean_text(group.failures.value)})" for group in comparison.groups}
-    pairs = [pair for pair in comparison.group_pairs if pair.against == comparison.groups[0].group]
+    failures = {group.group: f"{group.group} {mean_text(group.failures.value)}" for group in comparison.groups}
+    base = comparison.groups[0].group
+    pairs = [pair for pair in comparison.group_pairs if pair.against == base]
     shown = [pair for pair in pairs if pair.shown(comparison.alpha)]
     by_verdict = {
-        "Fewer failures": [pair for pair in shown if pair.difference.value < 0],
-        "More failures": [pair for pair in shown if pair.difference.value > 0],
-        "No difference shown": [pair for pair in pairs if pair not in shown],
+        f"Fewer failures than {base}": [pair for pair in shown if pair.difference.value < 0],
+        f"More failures than {base}": [pair for pair in shown if pair.difference.value > 0],
+        f"No difference from {base} shown": [pair for pair in pairs if pair not in shown],
     }
     return [f"{verdict}: {', '.join(failures[pair.group] for pair in chosen)}." for verdict, chosen in by_verdict.items() if chosen]
 
@@ -66,7 +68,7 @@ def verdict_section(
     stills: Sequence[BeforeAfter],
     replays: Sequence[Film],
 ) -> Section:
-    """The comparison of the model versions. changes: rows of changes.csv. rounds: `rounds_part`, if there are several. stills: of fixes."""
+    """The comparison of the model versions. changes: of changes.csv, with `test_id`. rounds: `rounds_part`, or None. stills: of fixes."""
     base = comparison.versions[0].version
     parts = [
         Passage(table=Table(HEADERS, tuple(verdict_rows(comparison)), numbers=(1, 2, 3))),
@@ -227,19 +229,19 @@ def _changes(changes: pd.DataFrame, comparison: Comparison) -> Passage:
         ("test", "version", "change", "adj. TTC", "failure mode", "false positives"),
         tuple(_change_row(row) for _, row in shown.iterrows()),
         numbers=(3,),
+        codes=(0,),
     )
     of = f"the champion {comparison.champion}" if released else "another version"
-    return Passage(
-        "Fixes and regressions", texts.CHANGES.format(base=comparison.versions[0].version, of=of, shown=len(shown), all=len(changes)), table
-    )
+    text = texts.CHANGES.format(base=comparison.versions[0].version, of=of, shown=len(shown), chosen=len(chosen), all=len(changes))
+    return Passage("Fixes and regressions", text, table)
 
 
 def _change_row(row: pd.Series) -> tuple[str, ...]:
     return (
-        f"{row['scenario']}-{row['index']:05d}",
+        row["test_id"],
         row["version"],
         row["change"],
         f"{row['adj_ttc_s_before']:.2f} to {row['adj_ttc_s_after']:.2f} s",
-        f"{row['failure_mode_before']} to {row['failure_mode_after']}".replace("_", " "),
+        f"{MODE_NAMES[row['failure_mode_before']]} to {MODE_NAMES[row['failure_mode_after']]}",
         f"{row['false_positives_before']} to {row['false_positives_after']}",
     )

@@ -32,7 +32,8 @@ def rows(study: FabricatedStudy) -> pd.DataFrame:
 def made(study: FabricatedStudy, rows: pd.DataFrame) -> Explorer:
     regions = [read(path, FailureRegions) for path in study.regions]
     spaces = {name: study.config.space(name) for name in (*study.config.search, *study.config.held_out)}
-    return explorer(rows, spaces, regions, KeptFrames([path.with_name("frames.parquet") for path in study.search_tests]))
+    labels = {name: study.config.scenarios[name].label for name in spaces}
+    return explorer(rows, labels, spaces, regions, KeptFrames([path.with_name("frames.parquet") for path in study.search_tests]))
 
 
 @pytest.fixture(scope="module")

@@ -126,7 +126,7 @@ def test_pictures_are_kept_frames_of_its_failures(
             image = decode_jpeg(kept[kept["test_id"] == one.test_id].iloc[0]["image"])
             assert one.size == image.shape[1::-1]
             assert one.boxes[0] == Box(*TRUTH, kind="truth")
-            assert [(box.kind, box.label) for box in one.boxes[1:]] == [("reported", "0.90"), ("unreported", "0.30")]
+            assert [(box.kind, box.label) for box in one.boxes[1:]] == [("unreported", "0.30"), ("reported", "0.90")]
             assert f"adj. TTC {outcomes.loc[one.test_id, 'adj_ttc_s']:.2f} s" in one.words and "reported detections: 1, best" in one.words
 
 
@@ -138,7 +138,7 @@ def test_a_card_without_frames_says_so(found: FailureRegions) -> None:
 
 
 def test_the_page_shows_a_card_and_the_command_of_a_failure(made: tuple[Card, ...]) -> None:
-    text = render(Page("smoke", "headline", (Section("Failure regions", (), (Passage("F1", cards=made),)),)))
+    text = render(Page("smoke", "headline", (Section("Failure regions", (), (Passage("F1", cards=made),)),))).replace("\u00a0", " ")
     assert "People in &lt;fog&gt; fail." in text and text.count("<article") == len(made)
     for card in made:
         assert f'data-region="{card.name}"' in text and f"<code>python -m pipeline replay {card.test}</code>" in text

@@ -133,7 +133,7 @@ def test_a_later_comparison_moves_the_alias_and_registers_nothing_again(study: F
     # The version is unchanged, its description is new.
     again = store.get_model_version("detector", held.version)
     assert again.tags["failures"] == "99"
-    assert "- adaptive held back: so." in again.description and "| **adaptive** | **99 / " in again.description
+    assert "- adaptive is held back: so." in again.description and "| **adaptive** | **99 / " in again.description
     assert store.get_run(again.run_id).data.metrics["failures"] == 99
     experiment = store.get_experiment_by_name("blindspot/default").experiment_id
     best = store.search_logged_models([experiment], order_by=[{"field_name": "metrics.failures", "ascending": False}])

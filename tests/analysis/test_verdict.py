@@ -158,7 +158,7 @@ def test_first_line_names_the_scenario_and_last_the_next_step() -> None:
 
 def test_sentences_name_level_and_adaptive_against_random() -> None:
     champion, against, *reasons = verdict_sentences(comparison(seeds=1))
-    assert reasons == ["control held back: so.", "random held back: so.", "adaptive passes: so."]
+    assert reasons == ["control is held back: so.", "random is held back: so.", "adaptive passes: so."]
     assert champion == (
         "★ champion: adaptive. p: exact McNemar test against base on the same tests. "
         "A difference is shown at p ≤ 0.05, not corrected for several comparisons."

@@ -14,6 +14,7 @@ import pandas as pd
 import pytest
 
 from pipeline.__main__ import main
+from pipeline.artefacts.files import read_sealed, write_sealed
 from pipeline.artefacts.job_lock import held
 from pipeline.commands.campaign import STOPPED, asked, planned
 
@@ -67,6 +68,27 @@ def test_two_versions_searched_in_one_folder_are_two_detectors(tmp_path: Path) -
     words = ["scenario=F1", "strategy=random", f"out={tmp_path}"]
     first, second = (planned(asked([*words, f"model=models/{name}"])) for name in ("uniform", "long_tailed"))
     assert first.setup.model != second.setup.model and first.setup.model.exists() and first.identity != second.identity
+
+
+def test_no_search_loses_the_tests_of_another_or_files_of_others(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    unfinished, foreign = tmp_path / "unfinished", tmp_path / "foreign"
+    write_sealed(unfinished / "journal" / "identity", b"of another search")
+    write_sealed(foreign / "tests.parquet", b"of somebody else")
+    assert campaign(unfinished) == 2
+    assert f"{unfinished} holds another search, or one by other code; choose another folder" in capsys.readouterr().err
+    assert campaign(foreign) == 2
+    assert f"{foreign}: expected a new folder or that of a search, got one with tests.parquet" in capsys.readouterr().err
+    assert (unfinished / "journal" / "identity").exists() and read_sealed(foreign / "tests.parquet") == b"of somebody else"
+
+
+def test_words_may_stand_before_and_after_options(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = [*WORDS[:3], "--threads", "1", *WORDS[3:], f"out={tmp_path}"]
+    assert main(["campaign", *words]) == 0
+    assert "of 60 tests fail" in capsys.readouterr().out
+    for wrong in ("--thread=1", "oracle"):
+        with pytest.raises(SystemExit, match="2"):
+            main(["campaign", *words, wrong])
+        assert f"unrecognized arguments: {wrong}" in capsys.readouterr().err
 
 
 def test_a_second_process_waits_and_finds_the_search_done(tmp_path: Path) -> None:

@@ -53,7 +53,13 @@ def test_a_camera_is_chosen_by_its_name() -> None:
         ("+campaign.testss=3", "unknown key 'campaign.testss'; did you mean 'tests'?"),
         ("campaign.tests=0", "campaign.tests: expected at least 1, got 0"),
         ("strategies=[random,forst]", "strategies: there is no 'forst'; did you mean 'forest'?"),
-        ("arms.adaptive=pairwise", "arms.adaptive: there is no 'pairwise'"),
+        (
+            "arms.adaptive=pairwise",
+            "arms.adaptive: 'pairwise' is not in strategies, so it supplies no frames; add it to strategies, set arms",
+        ),
+        ("strategies=[mixed]", "arms.random: 'random' is not in strategies, so it supplies no frames"),
+        ("arms={}", "arms={} changes nothing, because keys are only added; ~arms.KEY removes one"),
+        ("strategies=[]", "strategies: expected at least 1, got []"),
         ("+arms.base=random", "arms: 'base' is the version before retraining; choose another name"),
         ("+arms.new-one=random", "arms.new-one: expected letters, digits and _, at most 60, for use in paths, got 'new-one'"),
         (

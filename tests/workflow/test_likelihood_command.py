@@ -13,6 +13,7 @@ from pipeline.__main__ import main
 from pipeline.artefacts.files import write_json
 from pipeline.artefacts.likelihood import read_rate, write_rate
 from pipeline.commands.campaign import STOPPED
+from pipeline.commands.likelihood import asked
 from pipeline.core.likelihood.rate import Limits, Rate
 from pipeline.errors import InputError
 from pipeline.progress import Progress
@@ -48,6 +49,18 @@ def test_a_stopped_estimate_resumes_and_a_finished_one_executes_nothing(
     assert again.out == first and "120/120" not in again.err
     assert main(["likelihood", *words]) == 2
     assert "exposure: it has no share of scenario 'F1'" in capsys.readouterr().err
+
+
+def test_no_estimate_loses_the_tests_of_another(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["scenario=F1", "exposure=uniform"]
+    assert likelihood(tmp_path, *words) == 0
+    made = (tmp_path / "F1" / "rate.json").read_bytes()
+    capsys.readouterr()
+    assert likelihood(tmp_path, *words, "seed=1") == 2
+    assert "holds another search, or one by other code; choose another folder with out=" in capsys.readouterr().err
+    assert (tmp_path / "F1" / "rate.json").read_bytes() == made
+    own = {asked([*words, *more]).folder for more in ([], ["budget=200"], ["below=0.1"], ["seed=1"])}
+    assert len(own) == 4
 
 
 @pytest.mark.parametrize("wrong", [{"value": 1.2}, {"value": "0.1"}, {"limits": {}}, {"more": 1}])

@@ -77,8 +77,14 @@ def test_simulate_films_one_test(tmp_path: Path, capsys: pytest.CaptureFixture[s
         (["verify", "--folder", "nowhere"], "--folder: expected the folder of a study, found no folder nowhere"),
         (["export-scenario", "F1", "fog=-1"], "fog must be in [0, 100] %, got -1.0"),
         (
+            ["export-frames", "nowhere.parquet", "--out", "README.md"],
+            "README.md: expected a folder to write in, got a file; choose another --out",
+        ),
+        (["simulate", "F1", "--model", "README.md"], "README.md: expected the folder of a version, got a file\n"),
+        (["explore", "nothing"], "there is no study 'nothing'"),
+        (
             ["export-frames", "nowhere.parquet"],
-            "nowhere.parquet: expected a readable file, got No such file or directory; make it with snakemake",
+            "nowhere.parquet: expected a readable file, got No such file or directory; ./run makes the files of a study",
         ),
     ],
 )

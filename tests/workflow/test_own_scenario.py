@@ -80,7 +80,14 @@ def conf(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 @pytest.fixture(scope="module")
 def study(conf: Path, tmp_path_factory: pytest.TempPathFactory) -> StudyFolder:
     """A study with the campaign of the pair-wise strategy on the own scenario."""
-    overrides = ["search=[G1]", "strategies=[pairwise,mixed]", "simulator=analytic", "detector=oracle", "campaign.tests=24"]
+    overrides = [
+        "search=[G1]",
+        "strategies=[pairwise,mixed]",
+        "arms.random=pairwise",
+        "simulator=analytic",
+        "detector=oracle",
+        "campaign.tests=24",
+    ]
     study = StudyFolder.composed(tmp_path_factory.mktemp("study"), "smoke", overrides)
     for scenario in ("G1", "F1star"):
         assert study.run("define-space", scenario=scenario) == 0

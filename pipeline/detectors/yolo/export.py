@@ -46,7 +46,8 @@ def onnx_of(model: Path, folder: Path) -> Path:
     """The ONNX file of a version's folder; if missing, it is made in `folder` from weights and card, under their digest: two versions
     exported into one folder are two files."""
     if model.is_file():
-        raise InputError(f"{model}: expected the folder of a version, got a file; name {model.parent}")
+        version = any((model.parent / name).exists() for name in ("model.onnx", "weights.safetensors"))
+        raise InputError(f"{model}: expected the folder of a version, got a file{f'; name {model.parent}' if version else ''}")
     if (model / "model.onnx").exists():
         return model / "model.onnx"
     weights, card = model / "weights.safetensors", model / "model.json"

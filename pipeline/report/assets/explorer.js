@@ -73,10 +73,11 @@
   function column(field) {
     const isNumber = Boolean(field.numbers);
     return {
-      title: words(field), titleFormatter: plain, field: field.name, frozen: field.name === "test", sorter: isNumber ? "number" : "string",
+      title: words(field), titleFormatter: plain, field: field.name, frozen: field.name === "test" && innerWidth > 700, sorter: isNumber ? "number" : "string",
       sorterParams: { alignEmptyValues: "bottom" }, hozAlign: isNumber ? "right" : "left", formatter: plain,
       headerFilter: "input", headerFilterFunc: matches, headerFilterPlaceholder: isNumber ? "< 0.1" : "text",
-      minWidth: isNumber ? 84 : 110,
+      // Test names differ in their last digits.
+      minWidth: isNumber ? 84 : field.name === "test" ? 9 + 7.9 * Math.max(...field.known.map(name => name.length)) : 110,
     };
   }
 
@@ -97,15 +98,17 @@
 
   // `text`, `a | b`, `< 0.1`, `>= 40`, `= M 03`, `5 .. 10`
   function matches(term, value) {
-    return term.split("|").some(part => matchesOne(part.trim(), value));
+    const parts = term.split("|").map(part => part.trim()).filter(Boolean);
+    return !parts.length || parts.some(part => matchesOne(part, value));
   }
 
   function matchesOne(term, value) {
     const range = /^(-?[\d.]+)\s*\.\.\s*(-?[\d.]+)$/.exec(term), comparison = /^(<=|>=|<|>|=)\s*(.+)$/.exec(term);
     if (range) return within(value, Number(range[1]), Number(range[2]));
     if (!comparison) return shown(value).toLowerCase().includes(term.toLowerCase());
-    const [, sign, text] = comparison, limit = typeof value === "number" ? Number(text) : text;
     if (value === null) return false;
+    if (typeof value !== "number") return comparison[1] === "=" && value.toLowerCase() === comparison[2].toLowerCase();
+    const sign = comparison[1], limit = parseFloat(comparison[2].replace(",", "."));  // "5 %" and "1,5" are numbers, too.
     return { "<": value < limit, "<=": value <= limit, ">": value > limit, ">=": value >= limit, "=": value === limit }[sign];
   }
 
@@ -133,8 +136,10 @@
   }
 
   function say(left) {
-    const count = all => `${all.length} tests, ${all.filter(failed).length} failures`;
-    at("explorer-count").textContent = left.length === rows.length ? count(rows) : `${count(left)} of ${count(rows)}`;
+    const fails = rows.filter(failed).length.toLocaleString("en"), all = rows.length.toLocaleString("en");
+    const found = left.filter(failed).length.toLocaleString("en");
+    at("explorer-count").textContent = left.length === rows.length ? `${all} tests, ${fails} failures`
+      : `${left.length.toLocaleString("en")} of ${all} tests, ${found} of ${fails} failures`;
   }
 
   function failed(row) {
@@ -192,7 +197,7 @@
     scatter.setOption({
       animation: false, aria: { enabled: true }, textStyle: { color: ink }, brush: { xAxisIndex: 0, yAxisIndex: 0, throttleType: "debounce" },
       grid: { left: 56, right: 20, top: 30, bottom: 44 }, tooltip: { formatter: ({ value }) => value[3] },
-      xAxis: { type: "value", name: "number of the test in its campaign", nameLocation: "middle", nameGap: 26, ...drawnIn(ink) },
+      xAxis: { type: "value", name: "index of the test in its campaign", nameLocation: "middle", nameGap: 26, ...drawnIn(ink) },
       yAxis: { type: "value", name: "adj. TTC (s)", ...drawnIn(ink) },
       series: ends(some).map(([end, ended]) => ({
         type: "scatter", name: end, symbolSize: end === PASSED ? 4 : 7, itemStyle: { color: colours[end], opacity: end === PASSED ? 0.45 : 0.9 },
@@ -228,15 +233,20 @@
 
   function label() {
     for (const input of document.querySelectorAll("#explorer-table input")) {
-      const title = input.closest(".tabulator-col").querySelector(".tabulator-col-title").textContent;
-      input.setAttribute("aria-label", `Filter ${title}`);
+      const title = input.closest(".tabulator-col").querySelector(".tabulator-col-title");
+      input.setAttribute("aria-label", `Filter ${title.textContent}`);
+      Object.assign(title, { tabIndex: 0, role: "button", onkeydown: event => { if (event.key === "Enter") title.click(); } });
     }
   }
 
   function reachable(row) {
     const element = row.getElement();
     element.tabIndex = 0;
-    element.onkeydown = event => { if (event.key === "Enter") choose(row.getData()); };
+    element.onkeydown = event => {
+      if (event.key !== "Enter") return;
+      choose(row.getData());
+      at("explorer-one").querySelector(".copy").focus();
+    };
   }
 
   function choose(row) {
@@ -296,6 +306,10 @@
     for (const film of films) {
       film.onplay = () => films.forEach(other => { if (other.paused && !other.ended) other.play().catch(() => {}); });
       film.onpause = () => { if (!film.ended) films.forEach(other => other.pause()); };
+      // Seen side by side, they show the same moment.
+      film.ontimeupdate = () => films.forEach(other => {
+        if (!film.ended && !other.ended && film.currentTime - other.currentTime > 0.15) film.currentTime = other.currentTime;
+      });
       film.onended = () => setTimeout(() => { if (ended()) films.forEach(other => { other.currentTime = 0; other.play().catch(() => {}); }); }, 1500);
     }
     if (!matchMedia("(prefers-reduced-motion: reduce)").matches) films[0]?.play().catch(() => {});
@@ -308,6 +322,8 @@
     reset();
     table.setHeaderFilterValue("region", `= ${card.dataset.region}`);
     label();
+    at("explorer-count").tabIndex = -1;
+    at("explorer-count").focus({ preventScroll: true });
     at("explorer-count").scrollIntoView({ block: "center" });
   }
 
