@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.analysis.failure_regions import cluster
+from pipeline.analysis.failure_regions import _representatives, cluster
 from pipeline.artefacts.region_results import FailureRegions
 from pipeline.artefacts.results import read
 from pipeline.artefacts.scenario_space import ScenarioInfo
@@ -21,7 +21,7 @@ from pipeline.simulators.analytic import AnalyticSimulator
 from pipeline.testing import CAR
 from tests.analysis.fabricated import FabricatedStudy, make_tests
 from tests.scenarios import scenario_with
-from tests.spaces import THESIS
+from tests.spaces import SMALL, THESIS
 
 SPACE = Space((Variable("fog", "continuous", "%", 0, 100, 10), Variable("sun_altitude", "continuous", "deg", -20, 90, 10)))
 KEYS = {"scenario": "F", "strategy": "random", "version": "base", "seed": 0}
@@ -114,3 +114,11 @@ def test_step_on_files(tmp_path: Path) -> None:
         assert len(members) + len(result.isolated) == result.failures > 0
         assert result.regions
         assert "fog" in result.regions[0].rule
+
+
+def test_the_worst_failure_is_the_hardest_contact() -> None:
+    points = np.array([[x, 0, 1, 0] for x in (1.0, 2, 3, 9)])
+    rows = pd.DataFrame([SMALL.decode(point) for point in points]).assign(test_id=list("abcd"), strategy="s", seed=0)
+    rows = rows.assign(impact_speed_mps=[0.0, 2, 8, np.nan], adj_ttc_s=[0.01, 0.05, 0.05, 0.05])
+    found = {one.role: one.test_id for one in _representatives(SMALL, rows, points)}
+    assert found == {"medoid": "b", "worst": "c", "furthest": "d"}

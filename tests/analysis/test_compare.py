@@ -358,7 +358,9 @@ def test_step_on_files(tmp_path: Path) -> None:
     assert {name: metrics[name]["failures"] for name in versions} == {name: version.failures for name, version in versions.items()}
     assert metrics["held_out/base.json"].keys() == {"failures", "tests", "failure_rate", "ap50", "recall"}
     assert metrics["held_out/base.json"]["ap50"] == 0.88
-    assert metrics["search/F1-random.json"]["tests"] > 0 and metrics["search/F1-random.json"]["tests_to_first_failure"] >= 1
+    searched = pd.concat(read_tests(path) for path in study.search_tests if path.parts[-5:-3] == ("F1", "random"))
+    assert metrics["search/F1-random.json"]["tests"] == (searched["status"] == "ok").sum() < len(searched)
+    assert metrics["search/F1-random.json"]["tests_to_first_failure"] >= 1
     text = verdict_table(result, study.root / "report.html")
     assert "adaptive ★" in text
     assert "F1*" in text
@@ -430,3 +432,39 @@ def test_a_version_without_campaign_is_named() -> None:
     tests = {("F1star", "base"): table({"base": ".."})}
     with pytest.raises(InputError, match="expected a campaign of version 'control' on held-out scenario 'F1star'"):
         HeldOut(("base", "control"), LABELS, tests).digest({"F1star": []})
+
+
+VARIABLES = {"F1star": ["fog"]}
+
+
+def digest_of(**changes: str | int) -> str:
+    tests = table({"base": "c.", "adaptive": ".."}).assign(fog=[0.1234567890123, 20.0] * 2)
+    changed = tests.assign(**{name: np.where(tests["version"] == "adaptive", value, tests[name]) for name, value in changes.items()})
+    return held_out(changed).digest(VARIABLES)
+
+
+def test_the_digest_of_a_sequence_knows_its_scenario_and_every_digit_of_its_values() -> None:
+    tests = table({"base": "c."}).assign(fog=[0.1234567890123, 20.0])
+    other = tests.assign(fog=[0.1234567890124, 20.0])
+    renamed = tests.assign(scenario="F2star")
+    digests = {held_out(tests).digest(VARIABLES), held_out(other).digest(VARIABLES), held_out(renamed).digest({"F2star": ["fog"]})}
+    assert len(digests) == 3 and digest_of() in digests
+
+
+@pytest.mark.parametrize(("name", "value"), [("seed", 1), ("strategy", "random"), ("index", 7)])
+def test_a_sequence_of_another_seed_or_strategy_is_refused(name: str, value: str | int) -> None:
+    with pytest.raises(InputError, match=f"version 'adaptive' on scenario 'F1star', test .*: {name} must be"):
+        digest_of(**{name: value})
+
+
+def test_an_error_is_no_failure_whatever_its_row_says() -> None:
+    found = held_out(table({"base": "ce."}).assign(failure=True, failure_mode="contact")).outcomes("base")
+    assert (found.tests, found.failures, int(found.by_ttc.sum())) == (2, 2, 2)
+
+
+def test_the_tests_of_a_version_are_read_in_the_order_of_the_sequence(tmp_path: Path) -> None:
+    study = FabricatedStudy(tmp_path).make()
+    path, space, info = study.held_out_tests[0], study.config.space("F1star"), ScenarioInfo("F1star", "F1*", "", 1)
+    write_tests(path, read_tests(path).iloc[::-1], space)
+    read = read_held_out([path], ["base"], {"F1star": info}, 0.1, lambda *_: None)
+    assert [test.index for test in read.tests] == list(range(60))

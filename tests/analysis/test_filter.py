@@ -128,3 +128,21 @@ def test_repeated_views_of_an_episode_are_kept_once() -> None:
     assert judged["reason"].tolist() == ["few_pixels", "visible", "visible", "visible", "visible", "near_duplicate", "visible"]
     # Empty frames are also kept once.
     assert judge(frames.assign(visible_pixels=0), SECTION)["reason"].tolist()[:3] == ["negative", "near_duplicate", "negative"]
+
+
+def test_a_frame_exactly_at_a_limit_is_kept() -> None:
+    frames = FRAMES.head(2).assign(visible_pixels=20, whole_pixels=[20, 200], contrast=50.0)
+    assert judge(frames, SECTION)["kept"].tolist() == [True, True]
+
+
+def test_a_pedestrian_who_has_moved_half_a_box_or_drifts_away_is_seen_anew() -> None:
+    frames = pd.DataFrame({"test_id": "a", "image": [IMAGE] * 5, "step": range(5), "visible_pixels": 500, "whole_pixels": 500})
+    frames = frames.assign(contrast=50.0, confidence=0.0, visible_top=10.0, visible_bottom=60.0)
+    # Boxes 20 wide: 10 apart is an IoU of a third; then 1 to the right from frame to frame, and 3 are an IoU of 17 / 23.
+    left = np.array([10.0, 20, 21, 22, 23])
+    assert judge(frames.assign(visible_left=left, visible_right=left + 20), SECTION)["kept"].tolist() == [True, True, False, False, True]
+
+
+def test_equal_frames_of_two_tests_are_both_kept() -> None:
+    frames = FRAMES.iloc[[4, 4]].assign(visible_right=20.0, visible_bottom=20.0)
+    assert [judge(frames.assign(test_id=names), SECTION)["kept"].tolist() for names in (["a", "b"], "a")] == [[True, True], [True, False]]

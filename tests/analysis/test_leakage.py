@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.artefacts.dataset import TRUTH_FILE, ImageSet, Record, image_set, read_worlds, write_truth
+from pipeline.artefacts.dataset import TRUTH_FILE, ImageSet, Record, image_set, read_worlds, write_image, write_truth
 from pipeline.artefacts.filter_table import COLUMNS, write_filter
 from pipeline.artefacts.model_card import read_card, write_card
 from pipeline.artefacts.scenario_space import ScenarioInfo, write_space
-from pipeline.artefacts.tables import read_frames
+from pipeline.artefacts.tables import read_frames, write_frames
 from pipeline.config.composing import compose
 from pipeline.core.lineage import Version
 from pipeline.core.truth import Truth
 from pipeline.errors import InputError
 from pipeline.execution.image_sets import SHARD_IMAGES
-from pipeline.learning.added_frames import Campaigns, Source, choose
+from pipeline.learning.added_frames import Campaigns, Scenes, Source, choose
 from pipeline.learning.frame_filter import judge
 from pipeline.learning.leakage import refuse_frames, refuse_learnt, refuse_worlds
 from pipeline.scenarios.people import fingerprint
@@ -162,3 +163,51 @@ def test_the_base_set_lists_the_worlds_of_its_images(tmp_path: Path) -> None:
     shown = read_worlds(study / "base_set")
     assert shown.towns == {town.fingerprint for town, _ in worlds}
     assert shown.people == {fingerprint(people) for _, people in worlds}
+
+
+@dataclass(frozen=True)
+class Pool:
+    """A source with so many frames with a pedestrian, and as many without."""
+
+    frames: int
+
+    def pool(self) -> pd.DataFrame:
+        rows = {"test_id": "t", "step": range(2 * self.frames), "empty": np.arange(2 * self.frames) % 2 == 0}
+        return pd.DataFrame({**rows, "group": "", "scenario": "F1", "weight": 1.0})
+
+    def read(self, chosen: pd.DataFrame) -> ImageSet:
+        return noise(len(chosen), 0)
+
+
+@pytest.mark.parametrize(("added", "round", "frames"), [(4, 1, 4), (4, 2, 8), (100, 1, 20), (100, 2, 20)])
+def test_all_arms_get_as_many_frames_as_the_poorest_can_give_and_more_each_round(added: int, round: int, frames: int) -> None:
+    config = compose("default", [f"retraining.added_frames={added}", "retraining.empty_share=0.5"])
+    sources: dict[str, Source] = {"random": Pool(10), "adaptive": Pool(50)}
+    assert {len(choose(config, sources, Version(arm, round), seed=0)) for arm in sources} == {frames}
+
+
+def test_the_digest_of_added_frames_knows_their_pixels(tmp_path: Path) -> None:
+    study = FabricatedStudy(tmp_path).make()
+    path = study.paths(study.files.search("frames.parquet", strategy="random"))[0]
+    source, frames = campaigns(study, "random", tmp_path / "none.csv"), read_frames(path)
+    chosen = frames[["test_id", "step"]].head(3)
+    before = source.read(chosen).digest
+    write_frames(path, frames.assign(image=[frames["image"].iloc[1], *frames["image"].iloc[1:]]))
+    assert source.read(chosen).digest != before
+
+
+def test_new_scenes_are_drawn_if_their_pedestrian_is_as_visible_as_the_filter_demands(tmp_path: Path) -> None:
+    config = compose("default", [])
+    pixels = config.filter.min_visible_pixels
+    contrast = config.filter.min_detectability / pixels**0.5
+    box, worlds = (8.0, 4.0, 16.0, 20.0), {"town": "a", "people": "b"}
+    shown = [
+        Truth(),
+        Truth(box, box, pixels, 90, contrast + 1e-6),
+        Truth(box, box, pixels - 1, 90, 90),
+        Truth(box, box, pixels, 90, contrast - 1),
+    ]
+    for index, truth in enumerate(shown):
+        write_image(tmp_path, "train", index, noise(1, index).images[0], truth)
+    write_truth(tmp_path, [Record("train", index, 64, 32, truth, worlds) for index, truth in enumerate(shown)])
+    assert Scenes(config, tmp_path / TRUTH_FILE).pool()["step"].tolist() == [0, 1]

@@ -202,3 +202,35 @@ def test_value_outside_the_space_names_the_test() -> None:
 
 RNG = np.random.default_rng(0)
 SPACE_OF_STUDY = Space((Variable("fog", "continuous", "%", 0, 100, 10), Variable("sun_altitude", "continuous", "deg", -20, 90, 10)))
+
+
+def test_a_test_that_ended_in_an_error_covers_no_pair() -> None:
+    own = rows("forest", [2], errors=[1]).assign(fog=[100.0, 0, 0, 0, 0], gait=["run", *["walk"] * 4])
+    tables = {CampaignId("F", "random", "base", 0): rows("random", [3]), CampaignId("F", "forest", "base", 0): own}
+    found = measure_campaign(CampaignId("F", "forest", "base", 0), tables, {"F": SPACE}, "random")
+    assert found.pair_coverage_tests == found.pair_coverage_failures == pytest.approx(1 / 6)
+
+
+def test_an_error_is_in_no_rate_of_a_strategy() -> None:
+    forest = measured([1, 2], [4], errors=[3])
+    assert over_seeds(forest, forest).rate.value == 0.5
+    random = forest.model_copy(update={"strategy": "random", "c_measure": None})
+    assert over_seeds(random, random).rate.value == 0.5
+
+
+def test_only_independent_tests_have_the_exact_interval_whichever_is_the_baseline() -> None:
+    forest = measured([1, 2], [4])
+    assert summarise([forest], 0.95, "forest", ()).rate.low == 0.4, "one seed has no interval"
+    assert summarise([forest], 0.95, "random", {"forest"}).rate.low == pytest.approx(0.0527, abs=1e-4)
+
+
+def test_the_interval_of_the_saved_tests_contains_their_mean() -> None:
+    found = over_seeds(measured([1], [4]), measured([3], [4])).c_measure
+    # A quarter and three quarters of the tests are needed: 0.5 ± 12.706 * 0.25, and no cost is below 0.
+    assert found is not None and (found.value, found.high) == (0.5, 1) and found.low == pytest.approx(0.5 - 3.1766, abs=1e-3)
+
+
+def test_the_mean_curve_ends_with_the_shortest_campaign() -> None:
+    short = measured([1], [4]).model_copy(update={"theta": (1, 1, 1), "seed": 1})
+    (name,) = [name for name in theta_table([measured([1, 2, 5], [4]), short]) if name != "tests"]
+    assert theta_table([measured([1, 2, 5], [4]), short])[name].tolist() == [1, 1.5, 1.5]

@@ -84,3 +84,12 @@ def test_regions_are_groups_and_failures_outside_are_another() -> None:
     assert len(found) == failed.sum()
     assert {found[f"F-a-base-0-{i:05d}"] for i in range(40)} == {"F region 1"}
     assert "F, isolated" in found.values()
+
+
+def test_the_share_of_empty_frames_is_rounded_to_the_nearest_number() -> None:
+    rows = selection.pool(ROWS, dict.fromkeys(TESTS["test_id"], ""), SCENARIOS)
+    assert [int(selection.draw(rows, count, 0.25, seed=0)["empty"].sum()) for count in (30, 31, 33)] == [8, 8, 8]
+
+
+def test_a_frame_that_the_filter_rejects_is_in_no_pool() -> None:
+    assert set(selection.pool(ROWS, dict.fromkeys(TESTS["test_id"], ""), SCENARIOS)["step"]) == {0, 2, 4}

@@ -125,3 +125,11 @@ def test_the_order_takes_the_row_with_the_most_new_pairs() -> None:
         assert len(new(row)) == max(len(new(other)) for other in order[position:])
         covered |= new(row)
     assert order_by_new_pairs(rows[:0]).tolist() == []
+
+
+def test_a_row_that_breaks_a_constraint_makes_an_array_invalid_and_covers_nothing() -> None:
+    constraints = Constraints((2, 2, 2), ((Literal(0, 0, False), Literal(1, 0, False)),))
+    found = verify(np.array([[0, 0, 1]]), constraints, 2)
+    assert found.broken == ((0, 0),) and ((0, 2), (0, 1)) in found.missing and found.infeasible == 1
+    every = verify(np.array(list(np.ndindex(2, 2, 2))), constraints, 2)
+    assert every.missing == () and not every.valid

@@ -55,3 +55,7 @@ def test_only_followed_detections_brake() -> None:
 def test_a_law_is_checked(changes: dict[str, Any], name: str) -> None:
     with pytest.raises(ValueError, match=name):
         Aeb(**THESIS | changes)
+
+
+def test_a_score_at_the_lowest_that_brakes_brakes() -> None:
+    assert demands([[0.5], [0.4375]], brakes_from=0.5) == [0.5, 0]

@@ -123,3 +123,15 @@ def test_just_outside_a_bound_of_an_integer_is_the_next_one() -> None:
     space = Space((Variable("lanes", "integer", low=1, high=4, step=1), Variable("rain", "continuous", low=0, high=100, step=10)))
     points = draw_just_outside(space, Rule((Condition(0, 1, 2),)), 50, np.random.default_rng(0))
     assert (points[:, 0] == 3).all() and len(points) == 50
+
+
+def test_each_rule_that_is_confirmed_makes_it_easier_for_the_next() -> None:
+    # One in 70 and one in 20: of two rules the first needs half of alpha, the second all of it.
+    first, second = (Counted(4, 4), Counted(4, 0)), (Counted(3, 3), Counted(3, 0))
+    assert confirmed([second, first], 0.0501) == [True, True]
+    assert confirmed([second, first], 0.0499) == [False, True] and confirmed([first, first], 0.028) == [False, False]
+
+
+def test_just_outside_an_arc_reaches_across_the_ends_of_the_range() -> None:
+    angles = draw_just_outside(SMALL, Rule((Condition(1, 330, 355),)), 500, np.random.default_rng(0))[:, 1]
+    assert (((angles >= 294) & (angles < 330)) | (angles > 355) | (angles <= 31)).all() and (angles <= 31).any()

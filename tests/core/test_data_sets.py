@@ -9,8 +9,10 @@ from typing import Any
 
 import pytest
 
+from pipeline.artefacts.openlabel_tags import Said
 from pipeline.artefacts.point_table import PointTable, read_points
 from pipeline.artefacts.space_file import read_space_file
+from pipeline.core.variable import Variable
 from pipeline.errors import InputError
 
 
@@ -256,3 +258,8 @@ def test_wrong_kitti_lines_are_refused(line: str, message: str, tmp_path: Path) 
     lay(tmp_path / "set", {**KITTI, "label_2/000003.txt": f"{CAR.format('0', 0)}\n{line}\n"})
     with pytest.raises(InputError, match=message):
         points(tmp_path, KITTI_SPACE, "set")
+
+
+def test_a_tag_holds_in_the_first_and_the_last_frame_of_its_interval() -> None:
+    said = Said(Variable("lit", "categorical", values=("no", "yes")), "yes", ((3, 3), (5, 6)))
+    assert [said.holds(frame) for frame in range(2, 8)] == [False, True, False, True, True, False]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.core.samplers.evolutionary import EvolutionarySampler, impacts
+from pipeline.core.samplers.evolutionary import EvolutionarySampler, _moved, impacts
 from pipeline.core.space import Floats, Space, Variable
 from tests.spaces import CONSTRAINED, SMALL
 
@@ -95,3 +95,8 @@ def test_variables_with_more_impact_change_more_often() -> None:
 def test_wrong_settings_are_named(settings: dict[str, float], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         EvolutionarySampler(SMALL, 0, **settings)  # type: ignore[arg-type]
+
+
+def test_an_integer_moves_by_at_least_one_however_small_the_step() -> None:
+    lanes, steps = Variable("lanes", "integer", "", 1, 100, 1), np.array([0.001, -0.001, 0.03, 0.02])
+    assert _moved(lanes, np.array([50.0, 50, 50, 100]), steps, np.zeros(4)).tolist() == [51, 49, 53, 100]

@@ -63,6 +63,11 @@ def test_groups_share_their_part_evenly() -> None:
     assert marginal(PEOPLE, {"kind": "groups", "groups": groups}).shares == pytest.approx([0.1, 0.45, 0.45])
 
 
+def test_a_range_of_a_group_ends_where_that_of_the_next_begins() -> None:
+    groups = [{"where": {"height": [0, 1.7]}, "share": 0.1}, {"where": {"height": [1.7, 3]}, "share": 0.9}]
+    assert marginal(PEOPLE, {"kind": "groups", "groups": groups}).shares == pytest.approx([0.1, 0.45, 0.45])
+
+
 def test_a_regime_replaces_what_is_common() -> None:
     points = draws(MIXED)
     only_a = points[:, 3] == 0

@@ -80,3 +80,13 @@ def test_the_champion_fails_least_on_the_tests_that_all_executed() -> None:
     assert champion(versions, ["one", "two", "three"]) == "two"
     assert champion(versions, ["one", "three"]) == "one"
     assert champion(versions, []) == "base"
+
+
+def test_an_error_of_a_version_that_is_held_back_counts_for_no_champion() -> None:
+    versions = {"base": outcomes("cccc"), "two": outcomes(".c.."), "one": outcomes("c..."), "held back": outcomes("e...")}
+    assert champion(versions, ["two", "one"]) == "one", "without the first test, one never fails"
+
+
+def test_a_limit_has_the_confidence_of_the_policy_and_not_that_of_its_tests() -> None:
+    found = limit_rise(BASE, outcomes("c" * 31 + "." * 29), ALL, Policy(alpha=0.05, confidence=0.8, margin=0.1))
+    assert found.limit == pytest.approx(wilson_interval(1, 60, 0.6)[1]), "one-sided 80 % are two-sided 60 %"

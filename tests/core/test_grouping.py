@@ -125,3 +125,14 @@ def test_a_space_of_few_categories_has_regions_too() -> None:
 def test_points_and_failures_must_have_equal_length() -> None:
     with pytest.raises(ValueError, match=rf"points must be \(3, {len(SMALL)}\), got \(2, {len(SMALL)}\)"):
         Outcomes(SMALL, SMALL.sample(2, np.random.default_rng(0)), np.zeros(3, bool))
+
+
+def test_a_failure_is_no_neighbour_of_its_own() -> None:
+    # One of the two others, and half of the one other.
+    assert described_radius(SPACE, 3, 1.0) == described_radius(SPACE, 2, 0.5)
+
+
+def test_if_nine_in_ten_tests_fail_a_rule_still_tells_them_from_the_others() -> None:
+    points = SMALL.sample(300, np.random.default_rng(0))
+    (group,) = groups_of(Outcomes(SMALL, points, points[:, 0] > 1))
+    assert group.rule.text(SMALL) == "x >= 1 m" and group.members.sum() == (points[:, 0] > 1).sum()

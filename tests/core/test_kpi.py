@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pipeline.core.kpi import KPIS, NO_KPI, Kpi, evaluate, told, ttc
+from pipeline.core.kpi import KPIS, NO_KPI, Kpi, evaluate, running_adj_ttc, told, ttc
 from pipeline.core.signals import SIGNALS
 
 Signals = dict[str, NDArray[Any]]
@@ -147,3 +147,31 @@ def test_false_positives_of_an_average_frame_depend_on_neither_duration_nor_fram
     assert one.false_positives_per_frame == other.false_positives_per_frame == 0.5
     assert one.adj_ttc_per_frame_s == other.adj_ttc_per_frame_s == pytest.approx(2 / 1.5)
     assert one.adj_ttc_s > other.adj_ttc_s
+
+
+def test_a_contact_off_the_collision_path_is_a_failure_and_no_false_activation() -> None:
+    result = kpi(on_collision_path=[0, 0], conflict_distance_m=[4, 0], contact=[0, 1], demand_mps2=[7, 0])
+    assert (result.failure, result.failure_mode, result.adj_ttc_s) == (True, "contact", 0)
+
+
+def test_the_running_adjusted_ttc_counts_all_false_positives_so_far() -> None:
+    table = signals(false_positives=[1, 0, 2, 0], on_collision_path=[1, 1, 1, 0])
+    assert running_adj_ttc(table) == pytest.approx([0.2, 0.15, 0.05, np.nan], nan_ok=True)
+
+
+def test_speed_lost_on_the_way_to_or_from_a_collision_path_is_no_unnecessary_loss() -> None:
+    result = kpi(on_collision_path=[0, 0, 1, 0, 0], ego_speed_mps=[10, 9, 7, 4, 4], conflict_distance_m=[5, 4, 3, 2, 1])
+    assert result.speed_loss_mps == 1
+
+
+def test_a_pedestrian_who_leaves_as_the_ego_arrives_leaves_no_time() -> None:
+    assert kpi(on_collision_path=[1, 1, 0, 0], conflict_distance_m=[2, 1, 0, 0]).post_encroachment_s == 0
+
+
+def test_a_false_activation_that_lasts_until_the_end_ends_with_the_test() -> None:
+    result = kpi(on_collision_path=[0] * 4, demand_mps2=[0, 0, 6, 6])
+    assert (result.false_activations, result.false_activation_s) == pytest.approx((1, 0.1))
+
+
+def test_a_ttc_at_the_threshold_is_late_whatever_the_false_positives() -> None:
+    assert kpi(conflict_distance_m=[4, 1], false_positives=[1, 0]).failure_mode == "late"

@@ -232,3 +232,29 @@ def test_wrong_settings_are_told() -> None:
         with pytest.raises(ValueError) as error:  # noqa: PT011
             made("monte_carlo", **settings)  # type: ignore[arg-type]
         assert told in str(error.value)
+
+
+def test_an_estimate_that_rests_on_five_failures_has_four_degrees_of_freedom() -> None:
+    limits = spread(0.01, 5.0)
+    assert (limits.low, limits.high) == pytest.approx((0.01 * np.exp(-2.77645 / 5**0.5), 0.01 * np.exp(2.77645 / 5**0.5)), rel=1e-5)
+    assert limits.below == pytest.approx(0.01 * np.exp(2.13185 / 5**0.5), rel=1e-5)
+
+
+def test_failures_that_come_after_half_of_the_budget_leave_all_tests_random() -> None:
+    estimator = made("importance", budget=200, batch_size=20)
+    run(estimator, lambda points: np.where(np.arange(len(points)) % 8 == 0, -1.0, 1.0))  # Three of 20: 20 after 140 tests.
+    assert estimator.rate().note == FEW and estimator.rate().limits == exact(30, 200)
+
+
+def test_a_weight_that_no_test_shows_leaves_the_limit_open() -> None:
+    """Nine in ten conditions on the road lie in a thousandth of the space, where no uniform test was."""
+    rare = {"variables": {"x": {"kind": "histogram", "edges": [0, 9.99, 10], "shares": [0.1, 0.9]}}}
+    points = SMALL.sample(200, np.random.default_rng(0)) * [0.99, 1, 1, 1]
+    assert reweighted(Exposure.from_dict(SMALL, rare), points, np.zeros(200, bool)).limits.below == 1
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_a_kpi_at_the_threshold_is_a_failure(name: str) -> None:
+    estimator = made(name)
+    run(estimator, lambda points: np.zeros(len(points)))
+    assert estimator.rate().failures == estimator.rate().tests > 0

@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.core.boxes import Box
 from pipeline.core.detections import Detections
-from pipeline.core.matching import match
+from pipeline.core.matching import Criterion, match, on_pedestrian
 from pipeline.core.truth import Truth
 
 BOX = (10.0, 10.0, 20.0, 30.0)
@@ -45,3 +45,15 @@ def test_match_without_a_pedestrian_or_without_detections() -> None:
 
 def test_an_iou_of_exactly_a_half_is_a_localisation_error() -> None:
     assert match(said((10, 10, 20, 20)), VISIBLE).outcomes == ("localisation",)
+
+
+def test_a_detection_below_the_threshold_is_neither_right_nor_wrong() -> None:
+    found = said((100, 10, 110, 30), (10, 10, 20, 18), BOX, scores=(0.5, 0.49, 0.3))
+    result = match(found, VISIBLE, Criterion(threshold=0.5))
+    assert result.outcomes == ("far", "unreported", "unreported")
+    assert (result.confidence, result.overlap, result.any_confidence) == pytest.approx((0, 0, 0.3))
+
+
+def test_the_brake_follows_what_matches_and_nothing_at_the_limit_itself() -> None:
+    found = said((10, 10, 20, 20), BOX, scores=(0.9, 0.1))
+    assert on_pedestrian(found, VISIBLE, Criterion(threshold=0.5)).tolist() == [False, True]

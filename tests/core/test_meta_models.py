@@ -145,3 +145,9 @@ def test_random_tests_fill_a_batch_without_relevant_candidates() -> None:
 def test_wrong_settings_are_named(settings: dict[str, float], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         LinearSampler(SMALL, 0, **settings)  # type: ignore[arg-type]
+
+
+def test_hyperparameters_are_chosen_after_the_first_batch_and_kept_for_some() -> None:
+    sampler, points = Constant(LINE, 0, batch_size=8, tune_every=5), np.zeros((48, 1))
+    kpi = np.where(np.arange(48) < 8, 1.0, 0.0)  # Equal KPIs count as a half; later, most are the lowest.
+    assert [sampler._hyperparameters(index, points, kpi)["value"] for index in (1, 5, 6)] == [0.5, 0.5, 0.0]

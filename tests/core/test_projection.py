@@ -76,3 +76,10 @@ def test_uncountable_points_are_refused() -> None:
         projection_coverage(FIGURE_1, Demand(Constraints((2, 3, 3)), 2))
     with pytest.raises(ValueError, match="whole numbers from 0"):
         projection_coverage(FIGURE_1, Demand(Constraints(CUBE), 2, [[1, 1, -1]] * 3))
+
+
+def test_only_minus_one_is_an_unknown_category() -> None:
+    unknown = projection_coverage(np.array([[-1, 0, 0]]), Demand(Constraints(CUBE), 1))
+    assert (unknown.covered, unknown.required) == (2, 9)
+    with pytest.raises(ValueError, match=r"point 0: category of variable 0 must be in \[0, 3\), got -2"):
+        projection_coverage(np.array([[-2, 0, 0]]), Demand(Constraints(CUBE), 1))

@@ -52,3 +52,7 @@ def test_diagram_and_error_by_hand() -> None:
     assert reliability([], []) == () and calibration_error(()) == 0.0
     with pytest.raises(ValueError, match="must be lists of equal length"):
         reliability([0.1, 0.2], [True])
+
+
+def test_a_bin_ends_where_the_next_begins() -> None:
+    assert [b.count for b in reliability([0.0, 0.099, 0.1, 0.16, 0.2, 0.99, 1.0], [True] * 7)] == [2, 2, 1, 2]

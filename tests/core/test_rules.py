@@ -38,3 +38,9 @@ def test_words_form_a_phrase_in_the_order_of_their_declaration() -> None:
     child, crouching = Condition(7, values=(1,), text="child", order=3), Condition(6, values=(2,), text="crouching", order=1)
     rule = Rule((Condition(0, 40, 100), child, crouching))
     assert rule.text(THESIS) == "crouching child and rain >= 40 %"
+
+
+def test_an_interval_admits_both_of_its_bounds_also_across_the_ends_of_a_circle() -> None:
+    values = np.array([59.9, 60, 60.1, 299.9, 300, 300.1])
+    assert Condition(1, 60, 300).admits(values).tolist() == [False, True, True, True, True, False]
+    assert Condition(1, 300, 60).admits(values).tolist() == [True, True, False, False, True, True]

@@ -87,3 +87,8 @@ def test_understated_scores_are_raised_and_ignored_people_do_not_count() -> None
     found = hits + [said((PERSON, 0.1))] + [said((AWAY, 0.1))] * 9 + [said((PERSON, 0.1))] * 40
     calibration = calibrate(found, images(*[VISIBLE] * 20, *[TINY] * 40))
     assert calibration.apply([0.5, 0.1]) == pytest.approx([0.9, 0.1], abs=0.01)
+
+
+def test_a_score_at_the_threshold_counts() -> None:
+    found = [said((PERSON, 0.5))]
+    assert [evaluate(found, images(VISIBLE), threshold)["recall"] for threshold in (0.5, 0.5000001)] == [1, 0]

@@ -14,6 +14,7 @@ from pipeline.core.episode import Frame
 from pipeline.core.truth import Truth
 from pipeline.detectors.layouts import Layout, Letterbox, class_names, recognise
 from pipeline.detectors.onnx import OnnxDetector
+from pipeline.detectors.suppression import CANDIDATES, reported
 from pipeline.errors import InputError, SimulationError
 from pipeline.testing import check_detector
 
@@ -233,3 +234,14 @@ def test_non_finite_values_are_an_error(output: np.ndarray, where: tuple[int, in
     output[where] = value
     with pytest.raises(SimulationError, match="returns values that are not finite"):
         OnnxDetector(export(tmp_path / "a.onnx", output), 0.5).detect(Frame(IMAGE, Truth()))
+
+
+def test_a_score_at_the_threshold_is_reported() -> None:
+    box = np.array([[0, 0, 9, 9]], np.float32)
+    assert [len(reported("it", box, np.array([0.5], np.float32), threshold, 0.45).scores) for threshold in (0.5, 0.51)] == [1, 0]
+
+
+def test_of_too_many_boxes_the_best_are_reported() -> None:
+    left = np.arange(CANDIDATES + 20, dtype=np.float32) * 10
+    boxes, scores = np.column_stack([left, 0 * left, left + 9, 0 * left + 9]), np.linspace(0.1, 0.9, CANDIDATES + 20, dtype=np.float32)
+    assert reported("it", boxes, scores, 0.05, 0.45).scores.tolist() == sorted(scores.tolist(), reverse=True)[:CANDIDATES]

@@ -6,14 +6,19 @@ from pathlib import Path
 
 import numpy as np
 import onnx
+import pytest
 import torch
 from torch import nn
 
+from pipeline.__main__ import main
+from pipeline.artefacts.dataset import TRUTH_FILE, Record, Split, write_image, write_truth
+from pipeline.core.truth import Truth
 from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.quantisation import quantise
 from pipeline.detectors.yolo.export import export_onnx
 from pipeline.detectors.yolo.network import Architecture, Yolo
 from pipeline.detectors.yolo.training import initial_model
+from tests.studies import ROOT
 
 
 def telling(network: Yolo) -> None:
@@ -44,3 +49,17 @@ def test_quantisation_keeps_scores_and_stores_8_bit_convolutions(tmp_path: Path)
     model = onnx.load(str(small))
     weights = {tensor.name: tensor.data_type for tensor in model.graph.initializer}
     assert sum(kind == onnx.TensorProto.INT8 for kind in weights.values()) > 10
+
+
+def test_the_command_writes_the_int8_form_and_prints_the_metrics_of_both(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    records, splits, rng = [], list[Split](["train", "train", "val"]), np.random.default_rng(0)
+    for index, split in enumerate(splits):
+        write_image(tmp_path, split, index, rng.integers(0, 255, (192, 320, 3), dtype=np.uint8), Truth())
+        records.append(Record(split, index, 320, 192, Truth(), {"town": "a", "people": "b"}))
+    write_truth(tmp_path, records)
+    out = tmp_path / "int8.onnx"
+    words = ["--model", str(ROOT / "models/uniform"), "--base-set", str(tmp_path / TRUTH_FILE), "--out", str(out)]
+    assert main(["quantise", *words]) == 0
+    printed = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in printed[1:3]] == ["float32", "int8"] and printed[3].startswith("on 1 validation images")
+    assert any(tensor.data_type == onnx.TensorProto.INT8 for tensor in onnx.load(str(out)).graph.initializer)

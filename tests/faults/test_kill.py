@@ -1,20 +1,31 @@
-"""kill -9 in training, filtering and registration: the next run resumes, makes no duplicates and reads no partial file."""
+"""kill -9 in training, filtering, registration and executions: the next run resumes, makes no duplicates and reads no partial file."""
 
 from __future__ import annotations
 
 import io
+import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+import pytest
 import torch
 
 from pipeline.artefacts.files import read_sealed
 from pipeline.artefacts.filter_table import read_filter
 from pipeline.artefacts.model_card import read_card
+from pipeline.core.detections import Detections
+from pipeline.core.episode import Episode, Frame
+from pipeline.core.space import Value
 from pipeline.detectors.yolo.weights import load_weights
+from pipeline.protocols import Detector
+from pipeline.simulators.analytic import AnalyticSimulator
 from tests.analysis.fabricated import FabricatedStudy
+from tests.studies import ROOT, StudyFolder, arguments
+from tests.workflow.test_campaign import OVERRIDES, analytic_study
 
 TRAIN = """
 import sys
@@ -75,7 +86,45 @@ print(Tracker(Path(sys.argv[1]) / "m.db", Path(sys.argv[1]) / "artifacts", "e", 
 """
 
 
-def killed(script: str, *arguments: Path, after_s: float = 0.0, until: Path | None = None) -> bool:
+STEP = """
+import os
+import sys
+from pipeline.__main__ import main
+os.chdir(sys.argv[1])
+print("ready", flush=True)
+sys.exit(main(sys.argv[2:]))
+"""
+EXECUTED = "executed"
+"""The file in which `Noted` notes its executions."""
+NOTED = f"simulator._target_={__name__}.Noted"
+
+
+class Noted(AnalyticSimulator):
+    """Executes slowly enough to be killed between two tests, and notes each execution."""
+
+    def execute(
+        self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0, noise: Mapping[str, Value] | None = None
+    ) -> Episode:
+        time.sleep(0.1)
+        episode = super().execute(concrete, detector, keep_every)
+        with Path(EXECUTED).open("a") as file:
+            file.write(".")
+        return episode
+
+
+class Large:
+    """Draws its box twice as wide as the pedestrian: at an IoU above a half it matches nothing."""
+
+    def __init__(self, model: str) -> None: ...
+
+    def detect(self, frame: Frame) -> Detections:
+        if frame.truth.visible_box is None:
+            return Detections.none()
+        left, top, right, bottom = frame.truth.visible_box
+        return Detections(np.array([(left, top, 2 * right - left, bottom)], np.float32), np.ones(1, np.float32))
+
+
+def killed(script: str, *arguments: Path | str, after_s: float = 0.0, until: Path | None = None) -> bool:
     """Run a script and kill it a given time after it is ready, or once a file exists; returns whether it was still running."""
     process = subprocess.Popen([sys.executable, "-c", script, *map(str, arguments)], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
@@ -90,7 +139,7 @@ def killed(script: str, *arguments: Path, after_s: float = 0.0, until: Path | No
     return alive
 
 
-def finish(script: str, *arguments: Path) -> None:
+def finish(script: str, *arguments: Path | str) -> None:
     done = subprocess.run([sys.executable, "-c", script, *map(str, arguments)], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
 
@@ -164,3 +213,41 @@ def test_in_registration(tmp_path: Path) -> None:
     for version in versions:
         (file,) = Path(version.source.removeprefix("file://")).glob("*.json")
         assert file.read_text() == version.tags["version"]
+
+
+def resumed(whole: StudyFolder, cut: StudyFolder, step: str, until: tuple[str, ...], **wildcards: str) -> int:
+    """How many tests a step executes twice if it is killed once each of these files of its journal exists."""
+    words = arguments(step, 1, **wildcards)
+    for study in (whole, cut):
+        (study.root / EXECUTED).write_text("")
+    finish(STEP, whole.root, *words)
+    for path in until:
+        assert killed(STEP, cut.root, *words, until=cut / "journal" / path), "the step ended before it could be killed"
+    finish(STEP, cut.root, *words)
+    assert not list((cut / "journal").rglob("*.npz")), "the journal is removed"
+    return len((cut.root / EXECUTED).read_text()) - len((whole.root / EXECUTED).read_text())
+
+
+def test_in_confirming_and_explaining_regions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    small = ["seeds=[0]", "campaign.tests=160", "strategies=[mixed]", "~arms.random", "regions.confirm=4", "regions.explain=2"]
+    study = analytic_study(tmp_path / "whole", *small)
+    assert study.run("campaign", kind="campaigns", scenario="F1", strategy="mixed", version="base", seed=0) == 0
+    shutil.copytree(tmp_path / "whole", tmp_path / "cut", symlinks=True)
+    whole, cut = (StudyFolder.composed(tmp_path / name, "smoke", [*OVERRIDES, *small, NOTED]) for name in ("whole", "cut"))
+    until = ("cluster/base/F1/confirm/000003.npz", "cluster/base/F1/explain/without/000003.npz")
+    assert resumed(whole, cut, "cluster", until, scenario="F1", version="base") <= len(until)
+    for name in ("F1.json", "F1.parquet"):
+        assert (cut / f"regions/base/{name}").read_bytes() == (whole / f"regions/base/{name}").read_bytes()
+
+
+def test_in_judging_at_a_second_iou(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    small = ["comparison.tests=8", "comparison.second_iou=0.7", f"detector._target_={__name__}.Large"]
+    whole, cut = (analytic_study(tmp_path / name, *small, NOTED) for name in ("whole", "cut"))
+    test = {"scenario": "F1star", "strategy": "pairwise", "version": "base", "seed": "0"}
+    for study in (whole, cut):
+        assert study.run("campaign", 1, kind="held_out", **test) == 0
+    assert resumed(whole, cut, "second-iou", ("second_iou/F1star/pairwise/base/0/000003.npz",), **test) <= 1
+    path = "held_out/F1star/pairwise/base/0/second_iou.parquet"
+    assert (cut / path).read_bytes() == (whole / path).read_bytes()

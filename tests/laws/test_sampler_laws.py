@@ -157,3 +157,48 @@ def test_wrong_arguments_are_named(make: Strategy) -> None:
         make(SMALL, -1)
     with pytest.raises(ValueError, match=r"points must have shape \(2, 4\), got \(1, 4\)"):
         make(SMALL, 0).tell(np.zeros((1, 4)), np.zeros(2))
+
+
+@pytest.mark.parametrize("name", sorted(strategies().keys() - {"forest"}))  # Its refinements magnify the last bit.
+def test_a_kpi_at_the_threshold_is_a_failure_like_one_just_below_it(name: str) -> None:
+    """A false activation is told as a KPI at the threshold itself, see `pipeline.core.kpi.told`."""
+    make, asked = strategies()[name], []
+    for at in (0.1, np.nextafter(0.1, 0)):
+        sampler = make(SMALL, 3, batch_size=20)
+        for _ in range(3):
+            points = sampler.ask()
+            sampler.tell(points, np.where(points[:, 0] > 6, at, 1.0))
+        asked.append(sampler.ask())
+    assert asked[0] == pytest.approx(asked[1])
+
+
+def test_a_forest_values_a_pair_by_the_square_of_its_failures() -> None:
+    assert ForestSampler._gain(np.array([[0, 1], [1, 1]]), np.array([0.0, 1.0])) == pytest.approx([(1 + 0.25) / 2, 0.25])
+
+
+def test_a_forest_picks_another_kind_of_failure_before_the_same_kind_again() -> None:
+    sampler = ForestSampler(SMALL, 0, batch_size=2, candidates=3, kinds=0, explore=0, exploitation=0, trees=1, votes=1)
+    candidates = np.array([[1.2, 40, 1, 0], [1.3, 42, 1, 0], [7.0, 200, 4, 2]])
+    chosen = sampler._pick(candidates, np.array([[0.9, 0.9, 0.5]]), candidates[:0], np.zeros(0, bool), np.random.default_rng(0))
+    assert chosen.tolist() == [0, 2]
+
+
+def test_a_forest_mutates_the_failures_once_there_are_enough() -> None:
+    line = Space(tuple(Variable(name, "continuous", "m", 0, 10, 1) for name in "abcde"))
+    tested, kpi = line.sample(20, np.random.default_rng(1)), np.where(np.arange(20) < 6, 0.1, 1.0)
+    children = ForestSampler(line, 0, mutants=1.0, candidates=50)._candidate_set(tested, kpi, np.random.default_rng(0))
+    assert len(children) == 50 and (children[:, None] == tested[None, :6]).any(axis=2).any(axis=1).all()
+
+
+def test_a_forest_tells_earlier_campaigns_apart() -> None:
+    told = SMALL.sample(5, np.random.default_rng(7))
+    taught = ForestSampler(SMALL, 0, earlier=[(told, kpi_of(told)), (told, kpi_of(told))])
+    assert [taught._inputs(told, campaign)[0, -3:].tolist() for campaign in range(3)] == np.eye(3).tolist()
+
+
+def test_a_mixture_searches_with_the_settings_of_the_published_versions_and_all_that_it_knows() -> None:
+    told = SMALL.sample(20, np.random.default_rng(7))
+    guide = MixedSampler(SMALL, 5, failure_threshold_s=0.3, earlier=[(told, kpi_of(told))])._guide
+    assert (guide.seed, guide.batch_size, guide.failure_threshold_s, len(guide.earlier)) == (5, 10, 0.3, 1)
+    assert (guide.candidates, guide.mutants, guide.refinements, guide.trees) == (3000, 0.75, 0, 60)
+    assert (guide.kinds, guide.explore, guide.explore_until, guide.exploitation, guide.diverse) == (0.1, 0.1, 1, 0, True)

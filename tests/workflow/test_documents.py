@@ -10,6 +10,9 @@ from pathlib import Path
 import pytest
 
 from pipeline.__main__ import parser
+from pipeline.commands.pictures import README_ROWS
+from pipeline.config.composing import CONF
+from pipeline.simulators.mujoco.contact_sheet import WEATHERS
 
 ROOT = Path(__file__).resolve().parents[2]
 LONGEST_LINE = 160
@@ -86,3 +89,9 @@ def test_an_unknown_command_is_found() -> None:
     block = "python -m pipeline coverage scored --k 2\npython -m pipeline compose study=x"
     text = f"Type `python -m pipeline simulat F1`, then:\n```sh\n{block}\n```"
     assert unknown_commands(text, parser()) == ["simulat", "coverage scored"]
+
+
+def test_the_pictures_of_all_scenarios_are_those_that_the_command_draws() -> None:
+    scenarios = {path.stem for path in (CONF / "scenario").glob("[!_]*.yaml")}
+    assert {path.stem for path in (ROOT / "docs/images").glob("[FN]*.jpg")} == scenarios >= README_ROWS.keys()
+    assert WEATHERS.keys() >= {weather for weathers in README_ROWS.values() for weather in weathers}

@@ -361,6 +361,26 @@ def test_a_newly_held_out_town_is_checked_again() -> None:
         assert first.stamp(step, wildcards) != other.stamp(step, wildcards), step
 
 
+def test_a_persons_changed_table_makes_the_filter_and_the_versions_that_learn_from_it_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "models").symlink_to(ROOT / "models")
+
+    def stamps(row: str) -> dict[Target, str]:
+        Path("mine.csv").write_text(f"test_id,step,keep\n{row}")
+        made = Stamps(Jobs(compose("default", []).model_copy(update={"filter": OVERRULED}), step_names()))
+        return {job: made.stamp(job.step, dict(job.wildcards)) for job, _ in made.jobs.in_order()}
+
+    first, other = stamps(""), stamps("F1-random-base-0-00001,0,false\n")
+    changed = {job for job in first if first[job] != other[job]}
+    assert {job.step for job in changed if dict(job.wildcards).get("version") == "base"} == {"filter"}
+    assert {dict(job.wildcards)["version"] for job in changed if job.step == "retrain"} == {"random", "adaptive"}
+
+
+OVERRULED = compose("default", []).filter.model_copy(update={"overrules": "mine.csv"})
+
+
 def test_another_tracking_server_is_sent_everything(monkeypatch: pytest.MonkeyPatch) -> None:
     before = today().stamp("track", {})
     monkeypatch.setenv("MLFLOW_TRACKING_URI", "http://127.0.0.1:5001")
