@@ -118,10 +118,10 @@ def check_wildcard(wildcard: str, value: str, step: Step, config: Config) -> Non
 def read_options(top: argparse.ArgumentParser, words: Sequence[str]) -> argparse.Namespace:
     """The options of a command; its key=value words may stand before and after options, which argparse does not know."""
     options, left = top.parse_known_args(words)
-    if left and (not hasattr(options, "words") or any(word.startswith("-") or "=" not in word for word in left)):
-        top.error(f"unrecognized arguments: {' '.join(left)}")
+    if wrong := [word for word in left if word.startswith("-") or "=" not in word or not hasattr(options, "words")]:
+        top.error(f"unrecognized arguments: {' '.join(wrong)}")
     if left:
-        options.words = [*options.words, *left]
+        options.words += left
     return options
 
 

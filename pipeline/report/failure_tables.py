@@ -60,8 +60,8 @@ def braking_held_out(comparison: Comparison) -> list[tuple[str, ...]]:
 
 
 def rate_text(rate: BaseRate) -> str:
-    """`2.5 % (1.2 to 5.1) of 160`."""
-    return f"{percent(rate.rate)} of {rate.tests:,}"
+    """`4 / 160 = 2.5 % (0.7 to 6.3)`."""
+    return f"{rate.failures:,} / {rate.tests:,} = {percent(rate.rate)}"
 
 
 def base_rate_sentence(rates: Sequence[BaseRate], labels: Mapping[str, str] | None = None) -> str:

@@ -144,7 +144,7 @@ def regions_section(
     found: Sequence[FailureRegions], rates: Sequence[BaseRate], plots: Mapping[str, Drawing], cards: Mapping[str, Sequence[Card]]
 ) -> Section:
     """Where the searched version fails, scenario by scenario. rates: its base failure rates. cards: by scenario."""
-    bases = {rate.scenario: f" Base failure rate: {rate_text(rate)} {rate.strategy} tests." for rate in rates}
+    bases = {rate.scenario: f" Base failure rate: {rate_text(rate)}, {rate.strategy} tests." for rate in rates}
     parts = tuple(_scenario_regions(r, bases.get(r.scenario, ""), plots, cards[r.scenario]) for r in found)
     return Section("Failure regions", (texts.REGIONS,), parts)
 

@@ -235,9 +235,11 @@ def test_of_many_base_failure_rates_the_lowest_and_the_highest_are_told() -> Non
         BaseRate(scenario=f"F{n}", version="base", strategy="random", tests=60, failures=n, rate=Estimate(value=n / 60, low=0.01, high=0.2))
         for n in (2, 3, 1, 6)
     ]
-    text = "Base failure rate (base, random tests): from F1 1.7 % (1.0 to 20.0) of 60 to F6 10.0 % (1.0 to 20.0) of 60, in 4 scenarios."
+    text = (
+        "Base failure rate (base, random tests): from F1 1 / 60 = 1.7 % (1.0 to 20.0) to F6 6 / 60 = 10.0 % (1.0 to 20.0), in 4 scenarios."
+    )
     assert base_rate_sentence(rates) == text
-    assert "F2 3.3 %" in base_rate_sentence(rates[:3]) and "scenarios" not in base_rate_sentence(rates[:3])
+    assert "F2 2 / 60 = 3.3 %" in base_rate_sentence(rates[:3]) and "scenarios" not in base_rate_sentence(rates[:3])
 
 
 def test_the_verdict_says_the_base_failure_rate_and_which_base_it_stands_on() -> None:
@@ -246,7 +248,7 @@ def test_the_verdict_says_the_base_failure_rate_and_which_base_it_stands_on() ->
     )
     told = comparison().model_copy(update={"base_rates": (rate,), "trained_on": RARE, "base_set": EVEN})
     assert verdict_sentences(told)[:2] == [
-        "Base failure rate (base, random tests): F1 2.5 % (1.8 to 3.4) of 1,600.",
+        "Base failure rate (base, random tests): F1 40 / 1,600 = 2.5 % (1.8 to 3.4).",
         "base was trained on a long-tailed base set (children 0.15 and crouching people 0.15 times as frequent as others); "
         "this study's base set is a uniform base set (all people and poses equally frequent).",
     ]

@@ -85,10 +85,9 @@ def test_words_may_stand_before_and_after_options(tmp_path: Path, capsys: pytest
     words = [*WORDS[:3], "--threads", "1", *WORDS[3:], f"out={tmp_path}"]
     assert main(["campaign", *words]) == 0
     assert "of 60 tests fail" in capsys.readouterr().out
-    for wrong in ("--thread=1", "oracle"):
-        with pytest.raises(SystemExit, match="2"):
-            main(["campaign", *words, wrong])
-        assert f"unrecognized arguments: {wrong}" in capsys.readouterr().err
+    with pytest.raises(SystemExit, match="2"):
+        main(["campaign", *words, "--budget=9"])
+    assert "unrecognized arguments: --budget=9" in capsys.readouterr().err
 
 
 def test_a_second_process_waits_and_finds_the_search_done(tmp_path: Path) -> None:
