@@ -32,7 +32,7 @@ from pipeline.artefacts.search_results import Measures
 from pipeline.artefacts.tables import is_valid
 from pipeline.config.sections import Regions
 from pipeline.core import comparison as core
-from pipeline.core.comparison import Bools, Interval, SequenceOutcomes, Verdict, judge
+from pipeline.core.comparison import Bools, Interval, SequenceOutcomes
 from pipeline.core.gate import Gate, Part, Policy, champion, gate
 from pipeline.core.lineage import Version
 from pipeline.core.space import Space
@@ -125,9 +125,6 @@ class _Results:
             p_value=found.p_value,
         )
 
-    def judge(self, paired: VersionPair) -> Verdict:
-        return judge(len(paired.fixes), len(paired.regressions), paired.p_value, self.policy.alpha)
-
     def version(self, version: str, found: Gate | None) -> VersionResult:
         """found: by the gate; None for the base."""
         outcomes, described = self.outcomes[version], self.version_of(version)
@@ -147,7 +144,7 @@ class _Results:
             rate=outcomes.rate,
             change=0 if paired is None else len(paired.regressions) - len(paired.fixes),
             paired=paired,
-            verdict="baseline" if paired is None else self.judge(paired),
+            verdict="baseline" if paired is None else paired.verdict(self.policy.alpha),
             limits=() if found is None else tuple(LimitResult(**asdict(limit)) for limit in found.limits),
         )
 

@@ -14,7 +14,7 @@ from pipeline.artefacts.files import read_bytes, write_bytes
 from pipeline.artefacts.model_card import Frequencies
 from pipeline.artefacts.results import Estimate, Result
 from pipeline.artefacts.search_results import BaseRate
-from pipeline.core.comparison import SequenceTest, Verdict
+from pipeline.core.comparison import SequenceTest, Verdict, judge
 from pipeline.core.gate import Judgement, Measure
 from pipeline.errors import InputError
 
@@ -35,6 +35,10 @@ class VersionPair(Result):
     fixes: tuple[TestName, ...]
     regressions: tuple[TestName, ...]
     p_value: float
+
+    def verdict(self, alpha: float) -> Verdict:
+        """See `pipeline.core.comparison.judge`."""
+        return judge(len(self.fixes), len(self.regressions), self.p_value, alpha)
 
 
 class ScenarioResult(Result):

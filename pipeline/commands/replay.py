@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 import pandas as pd
 
-from pipeline.artefacts.calibration_results import read_calibration
 from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.points import concrete
 from pipeline.artefacts.recorded_tests import params_of, recorded
@@ -37,9 +35,9 @@ def run(options: argparse.Namespace) -> int:
     folders = Folders(config)
     row = recorded(folders, options.test)
     scenario, version = str(row["scenario"]), str(row["version"])
-    space, calibration = config.space(scenario), read_calibration(folders.calibrations([version]))
-    setup, test = Setup.of(config, scenario, Path(folders.detector(version)), calibration, keep_every=1), concrete(row, space)
-    again = episode(setup, test)
+    space = config.space(scenario)
+    test = concrete(row, space)
+    again = episode(Setup.recorded(folders, scenario, version, keep_every=1), test)
     threshold_s = config.campaign.failure_threshold_s
     replay = Replay(again, options.test, test, threshold_s, space.units)
     render_replay(replay, options.out, replay.frames_per_second)

@@ -130,7 +130,6 @@ def valid_tests(folder: Path) -> pd.DataFrame:
 
 def judged(folder: Path, config: Config, car: Car, options: argparse.Namespace) -> dict[str, int]:
     """Failures of a campaign with another car, by cause: as driven, and with --drive as the car would have driven."""
-    from pipeline.artefacts.calibration_results import read_calibration
     from pipeline.artefacts.folders import Folders
     from pipeline.artefacts.tables import campaign_of, read_tests
     from pipeline.execution.again import driven_again, judged_again
@@ -142,9 +141,7 @@ def judged(folder: Path, config: Config, car: Car, options: argparse.Namespace) 
     again = judged_again(folder, car, threshold)
     tests, left = again.tests, len(again.others)
     if options.drive and again.others:
-        folders = Folders(config)
-        model, calibration = Path(folders.detector(campaign.version)), read_calibration(folders.calibrations([campaign.version]))
-        setup = replace(Setup.of(config, campaign.scenario, model, calibration), car=car)
+        setup = replace(Setup.recorded(Folders(config), campaign.scenario, campaign.version), car=car)
         label = f"{campaign.scenario}, IoU {car.criterion.iou:g}, threshold {car.criterion.threshold:g}"
         with tempfile.TemporaryDirectory() as scratch, Progress(label) as progress:
             executor = Executor(setup, Path(scratch) / "journal", options.workers, progress)

@@ -11,8 +11,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pipeline.artefacts.calibration_results import DetectorCalibration
+from pipeline.artefacts.calibration_results import DetectorCalibration, read_calibration
 from pipeline.artefacts.files import program_sha256, sha256
+from pipeline.artefacts.folders import Folders
 from pipeline.config.components import make_detector, make_simulator
 from pipeline.config.schema import Config
 from pipeline.config.sections import Limits
@@ -58,6 +59,12 @@ class Setup:
         """The setup of a study's scenario, by name. calibration: of the model, if the study calibrates it."""
         detector = as_tested(config.detector, calibration)
         return Setup(config.simulator, config.scenarios[scenario], detector, model, config.car, config.limits, keep_every)
+
+    @staticmethod
+    def recorded(folders: Folders, scenario: str, version: str, *, keep_every: int = 0) -> Setup:
+        """The setup with which a study has tested a version: its detector, calibrated as then."""
+        calibration = read_calibration(folders.calibrations([version]))
+        return Setup.of(folders.config, scenario, Path(folders.detector(version)), calibration, keep_every=keep_every)
 
     @property
     def identity(self) -> str:

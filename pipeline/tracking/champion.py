@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from pipeline.artefacts.comparison_results import Comparison, VersionPair
-from pipeline.core.comparison import Verdict, judge
+from pipeline.artefacts.comparison_results import Comparison
 from pipeline.tracking.contents import WEIGHTS
 from pipeline.tracking.registry import Registry
 
@@ -33,14 +32,10 @@ def successor(comparison: Comparison, holder: str | None) -> tuple[str | None, s
 def fails_less(comparison: Comparison, version: str, other: str) -> bool:
     """Whether a version fails significantly less than another (exact McNemar test); ValueError if they were not compared."""
     if (pair := comparison.pair(version, other)) is not None:
-        return _verdict(pair, comparison.alpha) == "better"
+        return pair.verdict(comparison.alpha) == "better"
     if (pair := comparison.pair(other, version)) is not None:
-        return _verdict(pair, comparison.alpha) == "worse"
+        return pair.verdict(comparison.alpha) == "worse"
     raise ValueError(f"expected both {version} and {other} in the comparison")
-
-
-def _verdict(pair: VersionPair, alpha: float) -> Verdict:
-    return judge(len(pair.fixes), len(pair.regressions), pair.p_value, alpha)
 
 
 def point_champion(registry: Registry, model: str, compared: Comparison, numbers: Mapping[str, str], weights: Mapping[str, str]) -> str:
