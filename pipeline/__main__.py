@@ -116,7 +116,7 @@ def check_wildcard(wildcard: str, value: str, step: Step, config: Config) -> Non
 
 
 def read_options(top: argparse.ArgumentParser, words: Sequence[str]) -> argparse.Namespace:
-    """The options of a command; its key=value words may stand before and after options, which argparse does not know."""
+    """The options of a command. argparse takes no key=value words on both sides of an option, so those that it leaves are added here."""
     options, left = top.parse_known_args(words)
     if wrong := [word for word in left if word.startswith("-") or "=" not in word or not hasattr(options, "words")]:
         top.error(f"unrecognized arguments: {' '.join(wrong)}")

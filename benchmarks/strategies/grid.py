@@ -26,7 +26,7 @@ from pipeline.report.search_plots import kpi_panels, parallel_lines
 GRID = recorded.DATA / "thesis"
 BATCH = 20
 LATE = 500
-REGRESSIONS = ("linear", "network", "gaussian_process")
+META_MODELS = ("linear", "network", "gaussian_process")
 CANDIDATES = 2000
 """Random candidates that the relevance score judges by all tests of a campaign."""
 FIRST = 300
@@ -132,7 +132,7 @@ def markdown(grid: Grid) -> str:
         (f"### Lowest adj. TTC in s, and share of the last {LATE} tests with their most frequent kind in %", _focus),
     ]
     tables = [f"{heading}\n\n{_table(grid, strategies, scenarios, cell)}\n" for heading, cell in parts]
-    return "\n".join([*tables, _rates(grid), _asked(grid)])
+    return "\n".join([*tables, _rates(grid), _relevance_and_pairs(grid)])
 
 
 def _table(grid: Grid, strategies: Sequence[str], scenarios: Sequence[str], cell: Cell) -> str:
@@ -198,18 +198,19 @@ def _rates(grid: Grid) -> str:
     return fill(f"Random tests that fail, with 95 % intervals: {', '.join(said)}.", 150) + "\n"
 
 
-def _asked(grid: Grid) -> str:
-    """Two sentences: how much the relevance score restricts the regressions, and how many pairs some random tests cover."""
+def _relevance_and_pairs(grid: Grid) -> str:
+    """Two sentences: how much the relevance score restricts the meta-models, and how many pairs some random tests cover."""
     generator = np.random.default_rng(0)
     judged = []
-    for ours in (campaign for (_, strategy), campaign in grid.items() if strategy in REGRESSIONS):
+    for ours in (campaign for (_, strategy), campaign in grid.items() if strategy in META_MODELS):
         candidates, failures = ours.space.sample(CANDIDATES, generator), ours.tests["failure"].to_numpy(bool)
         judged.append(relevance(ours.space, candidates, ours.points, failures, MetaModelSampler.epsilon))
     kept_out = sum(int((scores <= MetaModelSampler.omega_threshold).sum()) for scores in judged)
     covered = [100 * pair_coverage(ours.space, ours.points[:FIRST]) for (_, strategy), ours in grid.items() if strategy == "random"]
     said = (
-        f"Judged by all tests of a regression's campaign, ω keeps out {kept_out} of {CANDIDATES * len(judged):,} random candidates. The "
-        f"first {FIRST} random tests cover {min(covered):.0f} to {max(covered):.0f} % of the pairs."
+        f"Judged by all tests of a campaign of `linear`, `network` or `gaussian_process`, ω keeps out {kept_out} of "
+        f"{CANDIDATES * len(judged):,} random candidates. The first {FIRST} random tests cover {min(covered):.0f} to "
+        f"{max(covered):.0f} % of the pairs."
     )
     return fill(said, 150) + "\n"
 

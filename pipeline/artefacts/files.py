@@ -127,7 +127,7 @@ def write_sealed(path: Path, data: bytes) -> None:
 
 def read_sealed(path: Path) -> bytes:
     """Read what `write_sealed` wrote; InputError if it is missing, unreadable or damaged."""
-    data = _read(path)  # To look for its stamp among thousands of tests would take longer than to read it.
+    data = _read(path)  # Looking for its stamp among thousands of tests would take longer than reading it.
     content, line = data[:-DIGEST], data[-DIGEST:]
     if line != f"\n{hashlib.sha256(content).hexdigest()}".encode():
         raise InputError(f"{path}: damaged, its content differs from the digest at its end; delete it and run the same command again")

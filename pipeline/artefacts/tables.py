@@ -61,7 +61,7 @@ DETECTIONS = (
     Column(
         "score",
         float,
-        "its score, from 0.05 or the detector's threshold, if that is lower; those below the threshold are not reported",
+        "its score, at least 0.05, or the detector's threshold if that is lower; a detection below the threshold is not reported",
     ),
     Column("in_path", bool, "whether the foot of the box lies in the ego's path"),
 )
@@ -246,7 +246,9 @@ def _read(path: Path, name: str, columns: Sequence[str] | None) -> pd.DataFrame:
     try:
         table = file.read(columns=list(columns) if columns is not None else None)
     except (pa.ArrowException, OSError) as error:
-        raise InputError(f"{path}: expected a Parquet file, it is damaged ({error}); if a study made it, ./run makes it again") from error
+        raise InputError(
+            f"{path}: expected a Parquet file, got a damaged one ({error}); if a study made it, ./run makes it again"
+        ) from error
     problem = _problem(table, expected)
     if problem:
         raise InputError(f"{path}: {problem}; if a study made it, ./run makes it again")
@@ -260,7 +262,7 @@ def _opened(path: Path) -> pq.ParquetFile:
         return pq.ParquetFile(pa.BufferReader(data), page_checksum_verification=True)
     except (pa.ArrowException, OSError) as error:
         raise InputError(
-            f"{path}: expected a Parquet file, it is cut or foreign ({error}); if a study made it, ./run makes it again"
+            f"{path}: expected a Parquet file, got a truncated or foreign one ({error}); if a study made it, ./run makes it again"
         ) from error
 
 

@@ -118,7 +118,7 @@ def _run(search: Search, plan: CampaignPlan, threads: int) -> int:
     check_free(search.folder, plan.identity, made.depends if made else None)
     if made is not None and all((search.folder / name).exists() for name in made.digests):
         shutil.rmtree(journal, ignore_errors=True)  # A killed run may have left it.
-        print(f"{tests} has this search already; delete {stamp} to execute it again")
+        print(f"{tests} has this search already; delete {search.folder} to execute it again")
         return 0
     stamps.withdraw(stamp)
     try:

@@ -21,7 +21,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--base-set",
         type=typed,
         default=Path("data/default/base_set/truth.coco.json"),
-        help="the base set, its folder or truth.coco.json, that sets the ranges and gives the metrics (default: %(default)s)",
+        help="folder or truth.coco.json of the base set that sets the ranges and gives the metrics (default: %(default)s)",
     )
     parser.add_argument("--out", type=typed, default="int8.onnx", help="the file (default: %(default)s)")
 

@@ -35,8 +35,8 @@ def compose(study: str, overrides: Sequence[str]) -> Config:
 
     check_study(study)
     for word in overrides:
-        if word.endswith("={}"):
-            raise InputError(f"{word} changes nothing, because keys are only added; ~{word[:-3]}.KEY removes one")
+        if word.endswith("={}") and not word.startswith("+"):
+            raise InputError(f"{word} changes nothing, because an override only adds keys; ~{word[:-3]}.KEY removes one")
     samplers = [f"+sampler@samplers.{name}={name}" for name in _choices("sampler")]
     with initialize_config_dir(str(CONF), version_base="1.3"):
 

@@ -119,9 +119,11 @@ class Config(Section):
             _known("campaign.transfer", name, self.strategies)
         _known("comparison.strategy", self.comparison.strategy, self.samplers)
         for arm, source in self.arms.items() if self.goal == "report" else ():
-            if source not in (*self.strategies, BASE_SET, NEW_SCENES, BALANCED_SCENES):
-                mended = f"add it to strategies, set arms.{arm} to one of {', '.join(self.strategies)}, or remove the arm with ~arms.{arm}"
-                raise ValueError(f"arms.{arm}: '{source}' is not in strategies, so it supplies no frames; {mended}")
+            if source not in (sources := (*self.strategies, BASE_SET, NEW_SCENES, BALANCED_SCENES)):
+                remedy = (
+                    f"add it to strategies, set arms.{arm} to another source, or remove the arm with ~arms.{arm}{nearest(source, sources)}"
+                )
+                raise ValueError(f"arms.{arm}: '{source}' is not in strategies, so it supplies no frames; {remedy}")
         return self
 
     @model_validator(mode="after")

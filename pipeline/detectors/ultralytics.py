@@ -19,7 +19,8 @@ class UltralyticsDetector:
 
     model: an .onnx file, or a .pt checkpoint if `trusted`, because reading one can run code. threshold, iou, person: as for `OnnxDetector`.
 
-    InputError if the package or the file is missing, if the file is damaged or keeps weights in others, or if a checkpoint is not trusted.
+    InputError if the package or the file is missing, if the file is damaged or keeps its weights in another file, or if a checkpoint is not
+    trusted.
     """
 
     def __init__(

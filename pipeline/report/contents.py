@@ -64,10 +64,8 @@ def draw_figures(data: ReportData, strategies: Sequence[str], threshold_s: float
     if data.cards:
         metrics = {card.version: card.metrics for card in data.cards}
         figures["detection"] = training_plots.detection_bars(metrics, sections.METRICS)
-        figures["reliability"] = training_plots.reliability_diagrams({card.version: card.reliability for card in data.cards})
-    if data.calibrations:
-        diagrams = {version: found.reliability for version, found in data.calibrations.items()}
-        figures["reliability"] = training_plots.reliability_diagrams(diagrams)
+    if data.reliability:
+        figures["reliability"] = training_plots.reliability_diagrams(data.reliability)
     return figures
 
 

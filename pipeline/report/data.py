@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 
 from pipeline.analysis.pair_shares import PairShare, pair_shares
-from pipeline.artefacts.calibration_results import DetectorCalibration
+from pipeline.artefacts.calibration_results import DetectorCalibration, Diagram
 from pipeline.artefacts.comparison_results import Comparison, read_changes
 from pipeline.artefacts.model_card import ModelCard
 from pipeline.artefacts.points import encode_tests
@@ -68,6 +68,12 @@ class ReportData:
     cards: tuple[ModelCard, ...] = ()
     border: tuple[Case, ...] = ()
     calibrations: Mapping[str, DetectorCalibration] = field(default_factory=dict)
+
+    @property
+    def reliability(self) -> Mapping[str, Mapping[str, Diagram]]:
+        """Reliability diagrams by version: of the study's own calibrations, else those on the cards."""
+        own = {version: found.reliability for version, found in self.calibrations.items()}
+        return own or {card.version: card.reliability for card in self.cards}
 
     @property
     def spaces(self) -> dict[str, Space]:

@@ -170,13 +170,13 @@ def render(page: Page) -> str:
     """The page as HTML; texts and cells are escaped."""
     loader = FileSystemLoader(Path(__file__).parent)
     environment = Environment(
-        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, finalize=_with_units
+        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, finalize=_unbroken
     )
     return environment.get_template("page.html.jinja").render(page=page, asset=_asset, first_how=texts.FIRST)
 
 
-def _with_units(value: Any) -> Any:
-    """Text in which no line begins with a per cent sign."""
+def _unbroken(value: Any) -> Any:
+    """The text with no-break spaces before per cent signs, so that no line begins with one."""
     return value.replace(" %", "\u00a0%") if isinstance(value, str) and not isinstance(value, Markup) else value
 
 

@@ -37,11 +37,11 @@ def _scenario_headline(regions: FailureRegions) -> str:
 
 
 def largest_regions(found: Sequence[FailureRegions]) -> list[str]:
-    """`Largest failure regions of the search: F1: children at most 1.25 m tall (19 failures).`; nothing without a region."""
+    """`Largest failure region of the search: children at most 1.25 m tall in F1 (19 failures).`; nothing without a region."""
     named = []
     for regions, largest in ((one, one.regions[0]) for one in found if one.regions):
         who = subject(largest.conditions)
-        named.append(f"{regions.label}: {who[0].lower()}{who[1:]} ({count_of(len(largest.members), 'failure')})")
+        named.append(f"{who[0].lower()}{who[1:]} in {regions.label} ({count_of(len(largest.members), 'failure')})")
     return [f"Largest failure {'region' if len(named) == 1 else 'regions'} of the search: {'; '.join(named)}."] if named else []
 
 

@@ -71,8 +71,8 @@ HELD_OUT_REGIONS = _prose("""
     The rules are fitted to the failures of {base}. This alone makes every other version look better inside them.
 """)
 CHANGES = _prose("""
-    Tests whose outcome differs between {base} and {of}, regressions first: {shown} of {chosen}. changes.csv has all {all} changes, of
-    every version.
+    Tests whose outcome differs between {base} and {of}, regressions first: {shown} of {chosen}. changes.csv has all {all} changes of all
+    versions.
 """)
 NO_FIX = _prose("""
     No fix can be shown: no other version shown here passes a held-out test that {base} fails.
@@ -97,15 +97,15 @@ SEARCH = _prose("""
     other. Their rates, and all other values, have Student's interval over seeds, and none with one seed.
 """)
 MEASURES = _prose("""
-    Base failure rate: how often the searched version fails random tests of the scenario, which no search chose, and their number.
+    Base failure rate: failures / tests of the searched version among random tests of the scenario, which no search chose.
     F: tests until the first failure. C: share of tests saved compared with {baseline}, for as many failures as {baseline} found. 1
     is best; below 0 is slower than {baseline}. If {baseline} found none, the test after its last one counts as its first failure.
     Censored: a campaign that ended before it found so many failures. It counts as needing more tests than it had (Kaplan-Meier, mean
     restricted to the longest campaign). If all are censored, F is larger and C smaller than shown.
 """)
 COVERAGE = _prose("""
-    Pairs: share of all pairs of variable categories that at least one test, or one failure, covers. Projection: the same, but each
-    pair needs three tests.
+    Pairs: share of all pairs of variable categories that at least one test, or one failure, covers. Pairs tested three times: the same,
+    but each pair counts up to three tests.
 """)
 WHITE_BOX = _prose("""
     Response of the base detector's {neurons} neurons to the images of each strategy, compared with {images} training images. A
@@ -207,13 +207,13 @@ FIGURES = {
 }
 """By the first part of a figure's name."""
 SEARCHES = {
-    "theta": "The line is the mean over seeds, the band runs from minimum to maximum.",
+    "theta": "The line is the mean over the seeds; the band runs from minimum to maximum.",
     "coverage": "Thin lines: intervals over seeds.",
     "kpi": "Marker shapes: seeds.",
 }
 """More about a figure of searches with several seeds."""
 TRAININGS = {
-    "histogram": "Of several seeds of retraining: their mean.",
+    "histogram": "Retrained versions: mean over the seeds of retraining.",
     "rounds": "Bars: Student's intervals over the seeds of retraining.",
 }
 """More about a figure of versions retrained with several seeds."""

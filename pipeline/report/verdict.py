@@ -54,13 +54,13 @@ def verdict_sentences(comparison: Comparison) -> list[str]:
         f"★ champion: {comparison.champion}. p: exact McNemar test against {comparison.versions[0].version} on the same tests. "
         f"A difference is shown at p ≤ {alpha}, not corrected for several comparisons."
     )
-    if (passing := sum(map(comparison.passes, comparison.gate))) > 1:
+    if (passing := len(comparison.passing)) > 1:
         chosen = f"{comparison.champion} is the best of {passing} versions that pass, chosen on these tests"
         sentences.append(f"{chosen}: expect more failures on new tests.")
     sentences += [_group_sentence(comparison, pair) for pair in comparison.group_pairs if _rivals(pair)]
     sentences += second_sentences(comparison)
     sentences += [
-        f"{version} {reason.replace('held back', 'is held back', 1)}."
+        f"{version} {'' if comparison.passes(version) else 'is '}{reason}."
         for version, reason in comparison.gate.items()
         if version != comparison.versions[0].version
     ]

@@ -41,7 +41,7 @@ def _against_base(comparison: Comparison) -> list[str]:
     by_verdict = {
         f"Fewer failures than {base}": [pair for pair in shown if pair.difference.value < 0],
         f"More failures than {base}": [pair for pair in shown if pair.difference.value > 0],
-        f"No difference from {base} shown": [pair for pair in pairs if pair not in shown],
+        f"Not shown to differ from {base}": [pair for pair in pairs if pair not in shown],
     }
     return [f"{verdict}: {', '.join(failures[pair.group] for pair in chosen)}." for verdict, chosen in by_verdict.items() if chosen]
 

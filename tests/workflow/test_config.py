@@ -58,7 +58,7 @@ def test_a_camera_is_chosen_by_its_name() -> None:
             "arms.adaptive: 'pairwise' is not in strategies, so it supplies no frames; add it to strategies, set arms",
         ),
         ("strategies=[mixed]", "arms.random: 'random' is not in strategies, so it supplies no frames"),
-        ("arms={}", "arms={} changes nothing, because keys are only added; ~arms.KEY removes one"),
+        ("arms={}", "arms={} changes nothing, because an override only adds keys; ~arms.KEY removes one"),
         ("strategies=[]", "strategies: expected at least 1, got []"),
         ("+arms.base=random", "arms: 'base' is the version before retraining; choose another name"),
         ("+arms.new-one=random", "arms.new-one: expected letters, digits and _, at most 60, for use in paths, got 'new-one'"),

@@ -65,7 +65,7 @@ class ImportanceSampling(Estimator):
         return points[chosen]
 
     def tell(self, points: Floats, kpi: Floats) -> None:
-        self.ask()  # The weights of these points, also if another instance asked for them.
+        self.ask()  # Sets the weights of these points, even if another instance asked for them.
         if self._learning:
             self._random += len(kpi)
         super().tell(points, kpi)

@@ -69,7 +69,7 @@ class SubsetSimulation(Estimator):
         return np.where(feasible[:, None], after, before)
 
     def tell(self, points: Floats, kpi: Floats) -> None:
-        self.ask()  # The latent values of these points, also if another instance asked for them.
+        self.ask()  # Sets the latent values of these points, even if another instance asked for them.
         super().tell(points, kpi)
         if len(kpi) < len(self._asked):
             return

@@ -43,11 +43,11 @@ class Deployed(nn.Module):
 
 
 def onnx_of(model: Path, folder: Path) -> Path:
-    """The ONNX file of a version's folder; if missing, it is made in `folder` from weights and card, under their digest: two versions
-    exported into one folder are two files."""
+    """The ONNX file of a version's folder; if missing, it is exported to `folder`, named by the digest of weights and card, so that
+    versions never overwrite each other."""
     if model.is_file():
-        version = any((model.parent / name).exists() for name in ("model.onnx", "weights.safetensors"))
-        raise InputError(f"{model}: expected the folder of a version, got a file{f'; name {model.parent}' if version else ''}")
+        is_version = any((model.parent / name).exists() for name in ("model.onnx", "weights.safetensors"))
+        raise InputError(f"{model}: expected the folder of a version, got a file{f'; name {model.parent}' if is_version else ''}")
     if (model / "model.onnx").exists():
         return model / "model.onnx"
     weights, card = model / "weights.safetensors", model / "model.json"

@@ -102,13 +102,18 @@
     return !parts.length || parts.some(part => matchesOne(part, value));
   }
 
+  // "5 %" and "1,5" are numbers, too.
+  function number(text) {
+    return parseFloat(text.replace(",", "."));
+  }
+
   function matchesOne(term, value) {
-    const range = /^(-?[\d.]+)\s*\.\.\s*(-?[\d.]+)$/.exec(term), comparison = /^(<=|>=|<|>|=)\s*(.+)$/.exec(term);
-    if (range) return within(value, Number(range[1]), Number(range[2]));
+    const range = /^(-?[\d.,]+)\s*%?\s*\.\.\s*(-?[\d.,]+)\s*%?$/.exec(term), comparison = /^(<=|>=|<|>|=)\s*(.+)$/.exec(term);
+    if (range) return within(value, number(range[1]), number(range[2]));
     if (!comparison) return shown(value).toLowerCase().includes(term.toLowerCase());
     if (value === null) return false;
-    if (typeof value !== "number") return comparison[1] === "=" && value.toLowerCase() === comparison[2].toLowerCase();
-    const sign = comparison[1], limit = parseFloat(comparison[2].replace(",", "."));  // "5 %" and "1,5" are numbers, too.
+    const [, sign, text] = comparison, limit = number(text);
+    if (typeof value !== "number") return sign === "=" && value.toLowerCase() === text.toLowerCase();
     return { "<": value < limit, "<=": value <= limit, ">": value > limit, ">=": value >= limit, "=": value === limit }[sign];
   }
 
