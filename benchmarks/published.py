@@ -1,6 +1,6 @@
 """Prints tables of docs/results from the outcomes that are published beside them.
 
-    python benchmarks/published.py oracle | base-rates | learning | length | digests | blamed
+    python benchmarks/published.py oracle | base-rates | learning | length | digests | blamed | again
 
 `python -m pipeline results write` puts them into the pages.
 """
@@ -37,6 +37,7 @@ def main() -> None:
         "length": length,
         "digests": digests,
         "blamed": blamed,
+        "again": again,
     }
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("table", choices=list(tables))
@@ -96,6 +97,18 @@ def blamed() -> str:
     names = " and ".join(looser["scenario"].unique())
     changed = f"With `campaign.match_iou=0.3`, the same tests of {names} have {after}, instead of {before}."
     return "\n".join([*lines, "", fill(said, LINE), "", fill(changed, LINE)])
+
+
+def again() -> str:
+    """Failures of the long-tailed base in more random tests, and those from false positives alone, there and in both lists together."""
+    first, more = (pd.read_csv(RESULTS / f"fairness-long-tailed{name}.csv.gz") for name in ("", "-again"))
+    lines = header("scenario", "failures", "of these, from false positives alone")
+    for name, rows in [*more.groupby("scenario"), ("all", more), ("all, with the first 2,400", pd.concat([first, more]))]:
+        valid = rows[rows["outcome"] != ERROR]
+        failed = valid[valid["outcome"] == FAILED]
+        alone = int((failed["failure_mode"] == "false_positives").sum())
+        lines.append(line(str(name), [(len(failed), len(valid)), (alone, len(failed))]))
+    return "\n".join(lines)
 
 
 def line(name: str, counts: Sequence[tuple[int, int]]) -> str:
