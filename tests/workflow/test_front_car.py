@@ -100,7 +100,7 @@ def test_both_detectors_have_equal_training_and_the_same_tests(study: Path) -> N
 
 
 def test_the_page_shows_the_table_the_growth_and_the_images(study: Path) -> None:
-    page = (study / "front_car.html").read_text()
+    page = (study / "front_car.html").read_text().replace("\u00a0", " ")
     for text in ("100 % 2-projection coverage", "69 of 69", "weather × lanes", "E5", "By operating condition"):
         assert text in page
     for name in ("table", "growth", "gallery", "by_condition"):
