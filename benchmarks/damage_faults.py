@@ -21,7 +21,6 @@ from pipeline.artefacts import stamps, tables
 from pipeline.artefacts.comparison_results import Comparison, read_changes
 from pipeline.artefacts.dataset import Record, read_dataset, write_image, write_truth
 from pipeline.artefacts.filter_table import read_filter
-from pipeline.artefacts.folders import VERSION
 from pipeline.artefacts.model_card import read_card, read_curve
 from pipeline.artefacts.region_results import FailureRegions
 from pipeline.artefacts.results import read
@@ -30,6 +29,7 @@ from pipeline.artefacts.search_results import Measures
 from pipeline.artefacts.white_box_results import WhiteBoxMeasures
 from pipeline.config.composing import compose
 from pipeline.contract import order_of, perform
+from pipeline.core.lineage import VERSION_FILES
 from pipeline.core.truth import Truth
 from pipeline.detectors.onnx import OnnxDetector
 from pipeline.detectors.yolo.export import onnx_of
@@ -99,7 +99,7 @@ def tiny_study() -> Path:
     root = Path(jobs.folders.root)
     shutil.copytree(SHIPPED, root / "models/base", ignore=shutil.ignore_patterns("README.md"))
     onnx_of(root / "models/base", root / "models/base")
-    stamp(root / "models/base/model.json.stamp", *(root / "models/base" / name for name in VERSION.values()))
+    stamp(root / "models/base/model.json.stamp", *(root / "models/base" / name for name in VERSION_FILES.values()))
     _images(root / "base_set")
     return root
 

@@ -28,10 +28,11 @@ from outcomes import TEST, failures, mean_difference, of_study, p_text, valid, w
 
 from pipeline.analysis.region_sentence import subject
 from pipeline.artefacts.comparison_results import Comparison
-from pipeline.artefacts.folders import VERSION, Folders
+from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.region_results import FailureRegions, RuleCondition
 from pipeline.artefacts.results import read
 from pipeline.config.composing import PARAMS, compose, load
+from pipeline.core.lineage import VERSION_FILES
 from pipeline.core.statistics import mcnemar
 
 PUBLISHED = Path("docs/results/default")
@@ -115,7 +116,7 @@ def ship(clone: Path) -> None:
         target = SHIPPED / version
         target.mkdir(parents=True, exist_ok=True)
         for kind in ("weights", "card", "curve"):
-            shutil.copyfile(clone / folders.model(version, VERSION[kind]), target / VERSION[kind])
+            shutil.copyfile(clone / folders.model(version, VERSION_FILES[kind]), target / VERSION_FILES[kind])
 
 
 def check(here: pd.DataFrame, there: pd.DataFrame) -> str:

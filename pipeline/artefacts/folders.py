@@ -6,12 +6,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from pipeline.config.schema import AUDIT, Config
-from pipeline.core.lineage import Version
+from pipeline.core.lineage import VERSION_FILES, WEIGHTS_SUFFIX, Version
 
-VERSION = {"card": "model.json", "weights": "weights.safetensors", "onnx": "model.onnx", "curve": "curve.csv"}
-"""The files of a model version."""
-WEIGHTS = ".safetensors"
-"""The suffix of our weights. Tests load an ONNX file that is made from them and from the card beside them."""
 AUDITS = "campaigns/audit"
 """The folder of the audit's campaigns."""
 
@@ -55,7 +51,7 @@ class Folders:
     def shipped(self) -> dict[str, str]:
         """The files of the shipped detector, if the base version is made from it."""
         folder = self.config.base.weights
-        named = {f"shipped_{kind}": f"{folder}/{name}" for kind, name in VERSION.items() if kind != "onnx"}
+        named = {f"shipped_{kind}": f"{folder}/{name}" for kind, name in VERSION_FILES.items() if kind != "onnx"}
         return named if self.config.base.source == "shipped" else {}
 
     @property
@@ -82,7 +78,7 @@ class Folders:
     def version(self, version: str, folder: str | None = None) -> dict[str, str]:
         """The files of a model version."""
         root = folder or ("models" if version == "base" else "retrained/models")
-        return {kind: f"{self.root}/{root}/{version}/{name}" for kind, name in VERSION.items()}
+        return {kind: f"{self.root}/{root}/{version}/{name}" for kind, name in VERSION_FILES.items()}
 
     def regions(self, version: str, scenario: str) -> str:
         """The failure regions of a version on a scenario."""
@@ -180,7 +176,7 @@ class Folders:
         if self.config.goal != "detectors":
             return self.model(version, "model.onnx")
         file = self.config.tested[version]
-        return self.exported(version) if file.endswith(WEIGHTS) else file
+        return self.exported(version) if file.endswith(WEIGHTS_SUFFIX) else file
 
     def exported(self, version: str) -> str:
         """The ONNX file of weights that the study only tests."""

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.artefacts.files import sha256, write_bytes
-from pipeline.artefacts.folders import VERSION, WEIGHTS, Folders
+from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.run_lock import hold
 from pipeline.commands.verify import withdraw_damaged
 from pipeline.config.arguments import whole
@@ -24,6 +24,7 @@ from pipeline.config.composing import compose, dump, validate
 from pipeline.config.project import typed
 from pipeline.config.schema import Config
 from pipeline.contract import VERDICT_FOLLOWS
+from pipeline.core.lineage import VERSION_FILES, WEIGHTS_SUFFIX
 from pipeline.detectors.function import source_of
 from pipeline.errors import InputError, SimulationError
 
@@ -84,7 +85,7 @@ def study_of(files: Sequence[Path], chosen: Config, calibrate: bool = False) -> 
     chosen: the study whose scenarios, strategies and budgets it takes. calibrate: whether their confidences are calibrated first.
     """
     digests = [sha256(path) for path in files]
-    titles = [path.resolve().parent.name if path.suffix == WEIGHTS else path.name.removesuffix(".onnx") for path in files]
+    titles = [path.resolve().parent.name if path.suffix == WEIGHTS_SUFFIX else path.name.removesuffix(".onnx") for path in files]
     stems = [re.sub("[^A-Za-z0-9]", "_", title).strip("_")[:LONGEST_STEM] or "detector" for title in titles]
     names = [stem if stems.count(stem) == 1 else f"{stem}_{digest[:4]}" for stem, digest in zip(stems, digests, strict=True)]
     if len(set(names)) < len(names):
@@ -115,7 +116,7 @@ def _checker(config: Config, calls: Calls) -> Callable[[Path], None]:
     def check_one(model: Path) -> None:
         try:
             with tempfile.TemporaryDirectory() as folder:
-                file = _exported(model, Path(folder)) if model.suffix == WEIGHTS else model
+                file = _exported(model, Path(folder)) if model.suffix == WEIGHTS_SUFFIX else model
                 check_detector(GuardedDetector(make_detector(config.detector, file), calls), width, height)
         except AssertionError as error:
             raise InputError(f"{model}: {error}") from error
@@ -133,7 +134,7 @@ def _exported(weights: Path, folder: Path) -> Path:
     """The ONNX file of a version of ours, made in `folder`."""
     from pipeline.detectors.yolo.export import export_version
 
-    export_version(weights, weights.with_name(VERSION["card"]), folder / "model.onnx")
+    export_version(weights, weights.with_name(VERSION_FILES["card"]), folder / "model.onnx")
     return folder / "model.onnx"
 
 

@@ -13,11 +13,11 @@ from typing import Any, get_type_hints
 from pydantic import BaseModel, ConfigDict, ValidationError, create_model
 from pydantic.errors import PydanticUserError
 
-from pipeline.artefacts.folders import VERSION, WEIGHTS
 from pipeline.config.messages import message
 from pipeline.config.schema import AUDIT, Config
 from pipeline.config.targets import named
 from pipeline.core.car import Car
+from pipeline.core.lineage import VERSION_FILES, WEIGHTS_SUFFIX
 from pipeline.core.names import nearest
 from pipeline.core.space import Space, Variable
 from pipeline.errors import InputError, shown
@@ -104,12 +104,12 @@ def _check_files(config: Config) -> None:
     if config.filter.overrules is not None and not Path(config.filter.overrules).is_file():
         raise InputError(f"filter.overrules: expected a CSV, found no file {config.filter.overrules}")
     for kind in ("weights", "card", "curve") if config.base.source == "shipped" or config.goal == "front_car" else ():
-        if not (file := Path(config.base.weights, VERSION[kind])).is_file():
+        if not (file := Path(config.base.weights, VERSION_FILES[kind])).is_file():
             raise InputError(f"base.weights: expected the folder of a detector, found no file {file}")
     for name, path in config.tested.items() if config.goal == "detectors" else ():
         if not Path(path).exists():
             raise InputError(f"tested.{name}: expected the file or folder of a detector, found no {path}")
-        if path.endswith(WEIGHTS) and not (card := Path(path).with_name(VERSION["card"])).is_file():
+        if path.endswith(WEIGHTS_SUFFIX) and not (card := Path(path).with_name(VERSION_FILES["card"])).is_file():
             raise InputError(f"tested.{name}: expected the card of these weights beside them, found no {card}")
 
 

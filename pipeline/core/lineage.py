@@ -1,4 +1,4 @@
-"""The model versions of a study: their names, their parents and the campaigns that feed them (thesis chapter 7).
+"""The model versions of a study: their names, files and parents, and the campaigns that feed them (thesis chapter 7).
 
 `base` (D_o) is tested first. Each round retrains a version of every arm from its predecessor: `random` (D_r) and `adaptive` (D_a) on frames
 of campaigns against it, `control` on no new data. Retraining with several seeds makes several versions of each arm.
@@ -13,6 +13,10 @@ from dataclasses import dataclass, replace
 from pipeline.errors import InputError
 
 BASE = "base"
+VERSION_FILES = {"card": "model.json", "weights": "weights.safetensors", "onnx": "model.onnx", "curve": "curve.csv"}
+"""The files of a model version."""
+WEIGHTS_SUFFIX = ".safetensors"
+"""Of our weights. Tests load an ONNX file that is made from them and from the card beside them."""
 NAME = re.compile(r"(\w+)(?:-r([2-9]|[1-9]\d+))?(?:-s(\d+))?")
 
 

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from pathlib import PurePosixPath
 
-from pipeline.artefacts.folders import VERSION, Folders
+from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.model_card import read_card
 from pipeline.artefacts.scenario_space import read_spaces
 from pipeline.contract import Files, Job, Step, Wildcards
+from pipeline.core.lineage import VERSION_FILES
 
 
 def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
     weights = PurePosixPath(folders.config.tested[wildcards["version"]])
-    card = weights.with_name(VERSION["card"])
+    card = weights.with_name(VERSION_FILES["card"])
     return {"weights": str(weights), "card": str(card), "spaces": folders.spaces(folders.config.held_out)}
 
 

@@ -93,6 +93,12 @@ def test_filters_count_as_the_tables_do(page: Page, rows: pd.DataFrame) -> None:
     expect(count).to_have_text(counted(rows))
 
 
+@pytest.mark.parametrize(("text", "chosen"), [("> 62,5 %", 62.5), ("> 62.5", 62.5), ("> 1,000", 1000), ("> 1,0", 1)])
+def test_a_filter_reads_numbers_as_people_write_them(page: Page, rows: pd.DataFrame, text: str, chosen: float) -> None:
+    type_filter(page, "fog (%)", text)
+    expect(page.locator("#explorer-count")).to_have_text(counted(rows, rows["fog"] > chosen))
+
+
 def test_texts_of_a_study_are_no_html(study: FabricatedStudy, tmp_path: Path) -> None:
     page = (study.root / "report.html").read_text()
     data = re.findall(r'id="explorer-data"[^>]*>([^<]+)<', page)[0]

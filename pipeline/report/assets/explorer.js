@@ -102,9 +102,9 @@
     return !parts.length || parts.some(part => matchesOne(part, value));
   }
 
-  // "5 %" and "1,5" are numbers, too.
+  // "5 %", "1,5" and, as this page writes thousands, "1,000" are numbers, too.
   function number(text) {
-    return parseFloat(text.replace(",", "."));
+    return parseFloat(/^-?[1-9]\d{0,2}(,\d{3})+(?!\d)/.test(text) ? text.replaceAll(",", "") : text.replace(",", "."));
   }
 
   function matchesOne(term, value) {
