@@ -27,8 +27,7 @@ CAUSES = _prose("""
     Unnecessary braking: emergency braking without a collision path.
 """)
 BRAKING = _prose("""
-    In these scenarios the right answer is not to brake. A false activation is emergency braking: consecutive frames that demand at least
-    5 m/s². A test with one is a failure. Mean duration: per false activation. Mean speed loss: per test with one.
+    In these scenarios the right answer is not to brake. A false activation (unnecessary braking) is a run of frames that demand at least 5 m/s² without a collision path. A test with one is a failure. Mean duration: per false activation. Mean speed loss: per test with one.
 """)
 SECOND_IOU = _prose("""
     Detections match the pedestrian above an IoU of {first:g}. Does the verdict depend on it? Here, the same tests are judged at
@@ -50,7 +49,7 @@ LIMITS = _prose("""
     How far a version's failure rate may be above that of {base}: one-sided upper {confidence:g} % limit of the rise (Tango's score
     method for pairs). It treats the tests as a sample of tests like these. The gate holds a version back if a limit is above the
     margin of {margin:g} percentage points. Too small: even without any difference, so few tests could not show a rise within the margin.
-    They do not hold a version back. Groups pool the scenarios and overlap.
+    Such scenarios and groups hold no version back. Groups pool the scenarios and overlap.
 """)
 PAIRS = _prose("""
     Fixes: tests that the version passes and the other one ("against") fails. Regressions: the reverse. p: exact McNemar test on the tests
@@ -118,8 +117,7 @@ REGIONS = _prose("""
     A region is a group of failures, of one cause if possible, that a rule sets apart from the passing tests. Failures that no rule sets
     apart are isolated. "every test" means that (nearly) all tests fail. Lift: the share of failures inside the rule, divided by that of all
     tests. The rule is fitted to these tests, and the search gathers tests near failures. So the share of failures inside is
-    optimistic and has no interval. Held back: the same share for rules that are fitted without the tests they are judged on. A rule is
-    not confirmed until fresh random tests inside and just outside it are executed. A failure is not solvable if full braking from
+    optimistic and has no interval. Held back: the same share for rules that are fitted without the tests they are judged on. A rule is confirmed if fresh random tests inside it fail significantly more often than those just outside. A failure is not solvable if full braking from
     the first frame in which a person could see the pedestrian comes too late. No single-image detector can fix such a failure with
     this camera. Covered by the rule: share of the region's failures. Fresh tests: failures / tests with exact intervals. Pictures: a
     decisive moment of up to four failures, as the campaign saw it. Blue: the true pedestrian. Red: detections with their score; dashed
@@ -152,7 +150,7 @@ SEEDS = _prose("""
 """)
 NOT_SHOWN = (
     "The simulator and its camera stand for the road. Nothing here was recorded on a real road.",
-    "Each test has one pedestrian, and the ego brakes as the settings say. Other road users follow fixed plans.",
+    "Each test has at most one pedestrian, and the ego brakes as the settings say. Other road users follow fixed plans.",
     "A search looks where failures are. Only random tests give a failure rate, and it holds for the conditions that they were drawn from.",
     "A rule that is not confirmed is judged by the tests to which it was fitted.",
     "A full heat map says that each pair of categories occurred, not that the detector is safe there.",
