@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 import pandas as pd
@@ -25,7 +26,7 @@ from pipeline.config.sections import Regions
 from pipeline.core.coverage.projection import Demand, projection_coverage
 from pipeline.core.exposure import Exposure
 from pipeline.core.grouping import group_failures
-from pipeline.core.likelihood.rate import Limits, Rate, combined, exact
+from pipeline.core.likelihood.rate import TAIL, Limits, Rate, combined, exact
 from pipeline.core.likelihood.reweighted import reweighted
 from pipeline.core.rules import Bools, Rule
 from pipeline.core.shown import shown_share
@@ -34,8 +35,8 @@ from pipeline.errors import InputError
 
 DRAWS = 100_000
 """Conditions drawn from the exposure to measure a share; no test is executed for them."""
-NORMAL, ONE_SIDED = 1.959964, 1.644854
-"""In standard errors: half the width of a 95 % interval, and the distance of a one-sided 95 % limit."""
+NORMAL, ONE_SIDED = (NormalDist().inv_cdf(1 - tail) for tail in (TAIL, 2 * TAIL))
+"""In standard errors: half the width of an interval, and the distance of a one-sided limit."""
 NO_RANDOM = "no random test was executed, and the tests of other strategies give no rate"
 UNCONFIRMED = "no rule was tested by fresh random tests; regions.confirm says how many to execute"
 ONLY_RANDOM = "every test is random: rules that are fitted to these tests cannot be judged by them; add a search to the strategies"
@@ -104,7 +105,7 @@ class Judged:
 
 def judged(tested: Searched, section: Regions, exposure: ExposureFile) -> Judged:
     """The shares of one scenario. section: how its regions were found."""
-    road = Exposure.from_dict(tested.space, exposure.plain)
+    road = exposure.of(tested.info.name, tested.space)
     points = road.sample(DRAWS, np.random.default_rng(0))
     inside = {region.name: stored_rule(tested.space, region.conditions).holds(points) for region in tested.regions.regions}
     failure, hidden, missing = _risks(tested, section, None if exposure.uniform else road)

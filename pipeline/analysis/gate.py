@@ -22,8 +22,8 @@ def parts_of(held_out: HeldOut, groups: Mapping[str, Bools]) -> list[Part]:
     """
     calm = np.isin([test.scenario for test in held_out.tests], held_out.no_braking)
     measures: dict[Measure, Bools] = {"failures": ~calm, "false activations": calm}
-    places = {held_out.labels[name]: rows for name, rows in held_out.scenarios.items()} | dict(groups)
-    parts = [Part(name, measure, rows & of) for measure, of in measures.items() for name, rows in places.items()]
+    places = [*((held_out.labels[name], rows) for name, rows in held_out.scenarios.items()), *groups.items()]
+    parts = [Part(name, measure, rows & of) for measure, of in measures.items() for name, rows in places]
     return [part for part in parts if part.rows.any()]
 
 

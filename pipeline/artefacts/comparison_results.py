@@ -232,6 +232,6 @@ def read_changes(path: Path) -> pd.DataFrame:
     """Read changes.csv; InputError that names the file if it is missing, damaged or no table."""
     data = read_bytes(path)
     try:
-        return pd.read_csv(io.BytesIO(data))
+        return pd.read_csv(io.BytesIO(data), keep_default_na=False, na_values=[""])  # A version may be called "null".
     except ValueError as error:
         raise InputError(f"{path}: expected a table, got {error}; make it again") from error

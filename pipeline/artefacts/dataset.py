@@ -221,7 +221,7 @@ def read_dataset(root: Path, split: Split) -> ImageSet:
     except (KeyError, TypeError) as error:
         raise InputError(f"{path} is not the truth file of a base set ({error!r}); make it again with render_base") from error
     if not images:
-        raise InputError(f"{path} has no images of the split '{split}'; raise base_set.images or base_set.validation_share")
+        raise InputError(f"{path} has no images of the split '{split}'; it needs more images, or another validation share")
     digest = hashlib.sha256(read_bytes(path))
     pixels = np.empty((len(images), *shapes[0]), np.uint8)  # Filled in place: a second copy might not fit into memory.
     for place, image in zip(pixels, images, strict=True):

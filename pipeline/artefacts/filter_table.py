@@ -1,4 +1,4 @@
-"""data/<study>/filter/<strategy>.csv: every kept frame of the campaigns, whether training may use it, and why."""
+"""filter/<strategy>/<version>.csv: every kept frame of a strategy's campaigns against a version, whether training may use it, and why."""
 
 from __future__ import annotations
 

@@ -44,7 +44,8 @@ class Folders:
         """The report's plots."""
         each = [f"{kind}_{scenario}" for scenario in self.config.search for kind in ("kpi", "pairs", "failures")]
         rounds = ["rounds"] if self.config.retraining.rounds > 1 else []
-        names = ("theta", "coverage", "comparison", "detection", "histogram", "reliability", "border", *rounds, *each)
+        border = ["border"] if self.config.sources else []
+        names = ("theta", "coverage", "comparison", "detection", "histogram", "reliability", *border, *rounds, *each)
         return [f"{self.root}/plots/{name}.png" for name in names]
 
     @property

@@ -17,10 +17,8 @@ from pipeline.config.composing import functional_scenario
 from pipeline.config.exposure import ExposureFile, read_exposure
 from pipeline.config.project import typed
 from pipeline.config.schema import AUDIT
-from pipeline.core.exposure import Exposure
 from pipeline.core.identity import CampaignId
 from pipeline.core.names import nearest
-from pipeline.core.space import Space
 from pipeline.errors import InputError
 from pipeline.progress import Progress
 from pipeline.scenarios.parts import SEEDS
@@ -180,19 +178,11 @@ def plan_of(question: Question, scenario: str, exposure: ExposureFile) -> Campai
     base = planned(search)
     if not base.setup.scenario.asks_to_brake:
         raise InputError(f"scenario: {scenario} asks the ego not to brake, and an estimator cannot learn from false activations")
-    distribution(exposure, scenario, base.space)
+    exposure.of(scenario, base.space)
     campaign = CampaignId(scenario, question.method, question.model.name, question.seed)
     below = {} if question.below is None else {"below": question.below}
     known = {"exposure": exposure.plain, "budget": question.budget, "failure_threshold_s": base.failure_threshold_s, **below}
     return replace(base, campaign=campaign, strategy={"_target_": METHODS[question.method], **known}, strategy_seed=sampler_seed(campaign))
-
-
-def distribution(exposure: ExposureFile, scenario: str, space: Space) -> Exposure:
-    """The exposure of a scenario's space; InputError if it does not fit."""
-    try:
-        return Exposure.from_dict(space, exposure.plain)
-    except ValueError as error:
-        raise InputError(f"exposure for {scenario}: {error}") from error
 
 
 def rate_of(plan: CampaignPlan, done: Sequence[Executed]) -> Rate:
@@ -237,7 +227,7 @@ def weighed(folders: Sequence[Path], exposure: ExposureFile) -> dict[str, Rate]:
             raise InputError(f"--from: {scenario} has no test without an error")
         space = functional_scenario(str(scenario)).logical_space()
         points, failed = encode_tests(valid, space), valid["failure"].to_numpy(bool)
-        rates[str(scenario)] = reweighted(distribution(exposure, str(scenario), space), points, failed, len(rows) - len(valid))
+        rates[str(scenario)] = reweighted(exposure.of(str(scenario), space), points, failed, len(rows) - len(valid))
     return rates
 
 

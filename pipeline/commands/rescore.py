@@ -77,9 +77,9 @@ def asked(config: Config, options: argparse.Namespace) -> list[Car]:
     """The study's car at each threshold and IoU; InputError for one out of range."""
     from pipeline.analysis.rescoring import with_criterion
 
-    thresholds = options.threshold or [config.threshold]
-    if min(thresholds) < STORED_FROM:
-        raise InputError(f"--threshold must be at least {STORED_FROM}, the lowest score that tests store; got {min(thresholds)}")
+    thresholds, lowest = options.threshold or [config.threshold], min(STORED_FROM, config.threshold)
+    if min(thresholds) < lowest:
+        raise InputError(f"--threshold must be at least {lowest:g}, the lowest score that the study's tests store; got {min(thresholds):g}")
     try:
         return [with_criterion(config.car, iou, threshold) for threshold in thresholds for iou in options.iou]
     except ValueError as error:

@@ -95,6 +95,8 @@ def check_components(config: Config) -> None:
                 raise InputError(f"samplers.{name}: {error}") from error
     _check_files(config)
     _check_learning(config)
+    for scenario in config.search if config.goal in ("report", "detectors") else ():
+        config.exposure.of(scenario, config.space(scenario))
     if config.audited and not config.independent(AUDIT):
         raise InputError(f"samplers.{AUDIT}: the audit needs a class whose tests are independent; or set campaign.audit=0")
 

@@ -11,7 +11,9 @@ from pydantic import AfterValidator, Field, ValidationError, model_validator
 from pipeline.config.messages import message
 from pipeline.config.sections import Section
 from pipeline.config.yaml_text import read_yaml
+from pipeline.core.exposure import Exposure
 from pipeline.core.names import nearest
+from pipeline.core.space import Space
 from pipeline.errors import InputError
 
 FOLDER = Path(__file__).resolve().parents[1] / "conf" / "exposure"
@@ -68,6 +70,13 @@ class ExposureFile(Section):
         """The distribution without its sources, for `pipeline.core.exposure.Exposure.from_dict`."""
         regimes = {name: {"share": regime.share, "variables": _numbers(regime.variables)} for name, regime in self.regimes.items()}
         return {"variables": _numbers(self.variables), "regimes": regimes}
+
+    def of(self, scenario: str, space: Space) -> Exposure:
+        """The exposure of a scenario's space; InputError if it does not fit."""
+        try:
+            return Exposure.from_dict(space, self.plain)
+        except ValueError as error:
+            raise InputError(f"exposure for {scenario}: {error}") from error
 
     def shares(self, scenarios: Sequence[str]) -> list[float]:
         """How often each of some scenarios occurs, given that one of them does; InputError for one without a share."""

@@ -143,6 +143,10 @@ class Config(Section):
             for entry in entries:
                 if entries.count(entry) > 1:
                     raise ValueError(f"{key}: expected different entries, got {shown(entry)} twice")
+        by_label: dict[str, str] = {}
+        for name in (*self.search, *self.held_out):
+            if (other := by_label.setdefault(label := self.scenarios[name].label, name)) != name:
+                raise ValueError(f"scenarios.{name}.label: {other} has the label {shown(label)}, too; choose another")
         return self
 
     @model_validator(mode="after")

@@ -88,7 +88,7 @@ class _Priced:
 
 def _of_variable(index: int, variable: Variable, column: Floats) -> Iterator[Description]:
     if variable.kind != "categorical":
-        yield _Interval(Condition(index), column, *_bounds(variable), variable.cyclic)
+        yield _Interval(Condition(index), column, *_bounds(variable), variable.cyclic, single=variable.kind == "integer")
         return
     yield _Values(index, column, variable.size)
     for name, numbers in variable.attributes:
@@ -114,7 +114,7 @@ def _of_pair(space: Space, pair: tuple[int, int], points: Floats) -> Iterator[De
         return
     for sign in (1, -1):
         column = points[:, pair[0]] + sign * points[:, pair[1]]
-        yield _Interval(Condition(pair[0], other=pair[1], sign=sign), column, *_bounds(combined(first, second, sign)))
+        yield _Interval(Condition(pair[0], other=pair[1], sign=sign), column, *_bounds(combined(first, second, sign)), single=False)
 
 
 def _bounds(variable: Variable) -> tuple[Floats, Floats]:
@@ -138,13 +138,17 @@ def _open_ends(prices: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class _Interval:
-    """Intervals of a column (n,) between bounds (b,) with their prices, (b,); both ends are included. about: a condition on the column."""
+    """Intervals of a column (n,) between bounds (b,) with their prices, (b,); both ends are included. about: a condition on the column.
+
+    single: whether an interval may be one number, which random values of a continuous variable never are.
+    """
 
     about: Condition
     column: Floats
     bounds: Floats
     prices: Floats
     cyclic: bool = False
+    single: bool = True
 
     def best(self, inside: Bools, failed: Bools) -> Offer | None:
         found = self.ends(inside, failed)
@@ -161,6 +165,8 @@ class _Interval:
         else:
             support, hits = support * (1 - self._backwards), hits * (1 - self._backwards)
         gains = likelihood_gain(hits, support, failed) - self._pair_prices
+        if not self.single:
+            np.fill_diagonal(gains, IMPOSSIBLE)
         best = float(gains.max())
         if best == IMPOSSIBLE:
             return None

@@ -103,6 +103,8 @@ def marginal(variable: Variable, plain: Mapping[str, Any]) -> Marginal:
         raise ValueError(f"{variable.name}: kind '{kind}' is for a variable that is {' or '.join(FOR[kind])}, this one is {variable.kind}")
     try:
         return KINDS[kind](variable, **body)
+    except KeyError as error:
+        raise ValueError(f"{variable.name}: key {error} is missing") from error
     except TypeError as error:
         raise ValueError(f"{variable.name}: {str(error).partition('() ')[2] or error}") from error
     except ValueError as error:

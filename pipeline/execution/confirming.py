@@ -45,8 +45,12 @@ class FreshTests:
         return tuple(self._with(one.region, *pair, holds) for one, pair, holds in zip(found, pairs, status, strict=True))
 
     def _drawn(self, found: Found) -> tuple[Floats, Floats]:
+        """Points inside and just outside; none of either if the constraints leave hardly any inside, so that the rule stays unconfirmed."""
         rng, rule = found.rng("confirm"), found.group.rule
-        return draw_inside(self.space, rule, self.tests, rng), draw_just_outside(self.space, rule, self.tests, rng)
+        try:
+            return draw_inside(self.space, rule, self.tests, rng), draw_just_outside(self.space, rule, self.tests, rng)
+        except ValueError:
+            return np.zeros((0, len(self.space))), np.zeros((0, len(self.space)))
 
     def _outcomes(self, points: Floats) -> list[Outcome]:
         return self.executor.outcomes([self.space.decode(point) for point in points])

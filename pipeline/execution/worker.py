@@ -61,11 +61,18 @@ class Worker(Generic[Task, Result]):
         self._process.start()
         theirs.close()
         self._ready = False
+        self._first: Task | None = None
 
     def give(self, task: Task) -> None:
         """Let the process execute a task."""
         self._task_s = self._call_s = 0.0
         self._seen = self._calls.value
+        if self._ready:
+            self._send(task)
+        else:  # It does not listen yet, and sending a large task would wait for it without a limit.
+            self._first = task
+
+    def _send(self, task: Task) -> None:
         with suppress(OSError):  # If it died while it had nothing to do, `look` tells.
             self.connection.send(task)
 
@@ -87,6 +94,8 @@ class Worker(Generic[Task, Result]):
             return self._died()
         if not self._ready:
             self._ready, self._task_s = True, 0.0
+            if self._first is not None:
+                self._send(self._first)
         return said
 
     def _broken(self, seconds: float, limits: Limits | None) -> Broken | None:

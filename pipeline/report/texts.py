@@ -27,7 +27,8 @@ CAUSES = _prose("""
     Unnecessary braking: emergency braking without a collision path.
 """)
 BRAKING = _prose("""
-    In these scenarios the right answer is not to brake. A false activation (unnecessary braking) is a run of frames that demand at least 5 m/s² without a collision path. A test with one is a failure. Mean duration: per false activation. Mean speed loss: per test with one.
+    In these scenarios the right answer is not to brake. A false activation (unnecessary braking) is a run of frames that demand at least 5
+    m/s² without a collision path. A test with one is a failure. Mean duration: per false activation. Mean speed loss: per test with one.
 """)
 SECOND_IOU = _prose("""
     Detections match the pedestrian above an IoU of {first:g}. Does the verdict depend on it? Here, the same tests are judged at
@@ -116,14 +117,15 @@ WHITE_BOX = _prose("""
 REGIONS = _prose("""
     A region is a group of failures, of one cause if possible, that a rule sets apart from the passing tests. Failures that no rule sets
     apart are isolated. "every test" means that (nearly) all tests fail. Lift: the share of failures inside the rule, divided by that of all
-    tests. The rule is fitted to these tests, and the search gathers tests near failures. So the share of failures inside is
-    optimistic and has no interval. Held back: the same share for rules that are fitted without the tests they are judged on. A rule is confirmed if fresh random tests inside it fail significantly more often than those just outside. A failure is not solvable if full braking from
-    the first frame in which a person could see the pedestrian comes too late. No single-image detector can fix such a failure with
-    this camera. Covered by the rule: share of the region's failures. Fresh tests: failures / tests with exact intervals. Pictures: a
-    decisive moment of up to four failures, as the campaign saw it. Blue: the true pedestrian. Red: detections with their score; dashed
-    ones are below the detector's threshold. Bars: failures of the region that pass with this one change, all else being equal, the
-    noise of the camera included; with exact intervals. "Other noise" changes only the noise: a change that repairs no more than that
-    explains nothing. Click a card to see its failures in the table of every test.
+    tests. The rule is fitted to these tests, and the search gathers tests near failures. So the share of failures inside is optimistic and
+    has no interval. Held back: the same share for rules that are fitted without the tests they are judged on. A rule is confirmed if fresh
+    random tests inside it fail significantly more often than those just outside. A failure is not solvable if full braking from the first
+    frame in which a person could see the pedestrian comes too late. No single-image detector can fix such a failure with this camera.
+    Covered by the rule: share of the region's failures. Fresh tests: failures / tests with exact intervals. Pictures: a decisive moment of
+    up to four failures, as the campaign saw it. Blue: the true pedestrian. Red: detections with their score; dashed ones are below the
+    detector's threshold. Bars: failures of the region that pass with this one change, all else being equal, the noise of the camera
+    included; with exact intervals. "Other noise" changes only the noise: a change that repairs no more than that explains nothing. Click a
+    card to see its failures in the table of every test.
 """)
 NO_FAILURES = _prose("""
     No test failed, so there are no regions. Run more tests, or look at the smallest adj. TTC in the figures of the search.

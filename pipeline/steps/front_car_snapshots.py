@@ -13,6 +13,7 @@ from pipeline.artefacts.front_car_results import Points
 from pipeline.artefacts.results import read
 from pipeline.config.schema import Config
 from pipeline.contract import Job, Step
+from pipeline.errors import InputError
 from pipeline.execution.pool import in_order
 
 TOWNS = 3
@@ -56,6 +57,11 @@ def run(job: Job) -> None:
         shown = [dict(point.values) for point in chosen]
         each, more = divmod(config.front_car.images, len(shown))
         counts, share, stream = [each + (i < more) for i in range(len(shown))], config.front_car.validation_share, LEARNING
+        if not 1 <= round(each * share) < each:
+            raise InputError(
+                f"front_car.images: expected enough for a training and a validation image of each of {len(shown)} points, at a validation "
+                f"share of {share:g}; got {config.front_car.images}"
+            )
     jobs = _jobs(config, shown, counts, share, stream, root)
     records: list[Record] = []
     total = sum(counts)

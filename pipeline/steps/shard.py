@@ -5,6 +5,7 @@ from __future__ import annotations
 from pipeline.artefacts.tables import TABLES
 from pipeline.contract import Job, Step
 from pipeline.core.shards import Shard
+from pipeline.errors import InputError
 from pipeline.steps import campaign
 
 STEP = Step(
@@ -21,5 +22,11 @@ def run(job: Job) -> None:
     """Execute the shard's tests and write their tables."""
     from pipeline.execution.campaign import run_campaign
 
-    plan = campaign.planned(job, shard=Shard.named(job.wildcards["shard"]))
+    if job.config.learns(strategy := job.wildcards["strategy"]):
+        raise InputError(f"strategy: {strategy} learns from all tests, so its campaign has no shards")
+    try:
+        shard = Shard.named(job.wildcards["shard"])
+    except ValueError as error:
+        raise InputError(f"shard: {error}") from error
+    plan = campaign.planned(job, shard=shard)
     run_campaign(plan, job.output("tests"), job.scratch, job.threads, job.progress)

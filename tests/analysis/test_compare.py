@@ -12,7 +12,7 @@ import pytest
 
 from pipeline.analysis.comparison import base_regions, changed_tests, compare
 from pipeline.analysis.held_out import HeldOut, read_held_out
-from pipeline.artefacts.comparison_results import Comparison
+from pipeline.artefacts.comparison_results import Comparison, read_changes, write_changes
 from pipeline.artefacts.failure_counts import Causes
 from pipeline.artefacts.files import read_json
 from pipeline.artefacts.results import read, write
@@ -341,6 +341,12 @@ def test_failures_are_counted_in_the_regions_of_the_base() -> None:
     tests["base"].loc[:9, ["status", "failure"]] = ["error", False]
     (fewer,) = base_regions(sequence, spaces, compose("default", []).regions)
     assert fewer.failures == {"base": 20, "adaptive": 0} and fewer.tests == region.tests - 10, "errors of the base count for no version"
+
+
+def test_a_version_that_reads_like_no_value_keeps_its_name(tmp_path: Path) -> None:
+    write_changes(tmp_path / "changes.csv", pd.DataFrame({"version": ["null", "NA"], "base_mode": ["contact", None]}))
+    assert read_changes(tmp_path / "changes.csv")["version"].tolist() == ["null", "NA"]
+    assert read_changes(tmp_path / "changes.csv")["base_mode"].isna().tolist() == [False, True]
 
 
 def test_step_on_files(tmp_path: Path) -> None:

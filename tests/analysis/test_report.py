@@ -16,6 +16,7 @@ from matplotlib.container import ErrorbarContainer
 from pipeline.analysis.pair_shares import pair_shares
 from pipeline.artefacts.comparison_results import Comparison, PlantedGroup
 from pipeline.artefacts.files import sha256
+from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.model_card import read_card
 from pipeline.artefacts.points import encode_tests
 from pipeline.artefacts.region_results import FailureRegions
@@ -23,13 +24,14 @@ from pipeline.artefacts.results import Estimate, read
 from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.artefacts.search_results import Measures
 from pipeline.artefacts.tables import read_tests
+from pipeline.config.composing import compose
 from pipeline.core.measures import pair_coverage
 from pipeline.core.space import Space, Variable
 from pipeline.detectors.scripted import VisiblePixelOracle
 from pipeline.report import sections, texts
 from pipeline.report.border import nearest
 from pipeline.report.comparison_plots import failures_by_round, kpi_histogram
-from pipeline.report.contents import draw_figures, make_page
+from pipeline.report.contents import border_cases, draw_figures, make_page
 from pipeline.report.data import ReportData
 from pipeline.report.examples import choose_fixes, choose_regions, choose_regression
 from pipeline.report.failure_tables import CAUSES, rate_text
@@ -284,6 +286,12 @@ def test_border_cases_are_nearest_to_the_thresholds_and_half_are_kept() -> None:
     judged = judged.assign(step=range(7), reason=["visible"] * 4 + ["few_pixels", "low_contrast", "visible"])
     chosen = nearest(judged, 20, 60, 4)
     assert chosen["step"].tolist() == [2, 0, 4, 5]
+
+
+def test_a_study_whose_versions_learn_from_no_test_has_no_border_cases() -> None:
+    config = compose("smoke", ["~arms.random", "~arms.adaptive", "+arms.fresh=new_scenes"])
+    assert border_cases(config, {}, []) == ()
+    assert not any("border" in path for path in Folders(config).plots)
 
 
 def test_not_solvable_failures_are_counted(study: FabricatedStudy, page: str) -> None:

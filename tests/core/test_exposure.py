@@ -128,6 +128,7 @@ def test_a_deep_night_counts_as_the_lowest_altitude() -> None:
         (X, {"kind": "shares", "shares": {}}, "kind 'shares' is for a variable that is categorical, this one is continuous"),
         (KIND, {"kind": "shares", "shares": {"a": 1, "d": 0}}, "shares must name every category; missing ['b', 'c'], unknown ['d']"),
         (PEOPLE, {"kind": "groups", "groups": [{"where": {"heigt": [0, 2]}, "share": 1}]}, "no attribute 'heigt'; did you mean 'height'?"),
+        (PEOPLE, {"kind": "groups", "groups": [{"share": 1}]}, "key 'where' is missing"),
         (PEOPLE, {"kind": "groups", "groups": [{"where": {"height": [1.5, 2]}, "share": 1}]}, "in one group, but child is in 0"),
         (X, {"kind": "sun", "latitude_deg": 50, "hours": [1]}, "hours must be 24 numbers from 0, not all 0, got [1]"),
     ],

@@ -66,6 +66,15 @@ def test_integers_categories_and_cuts_have_rules_too(space, condition, text) -> 
     assert find_rule(space, points, condition.holds(points)).rule.text(space) == text
 
 
+def test_no_rule_is_a_single_number_of_a_continuous_variable() -> None:
+    points = SPACE.sample(400, np.random.default_rng(2))
+    points[:60, FOG] = 100
+    points[60:, FOG] *= 0.9
+    rule = find_rule(SPACE, points, np.arange(400) < 60, WORDS).rule
+    assert [condition.subject(SPACE).name for condition in rule.conditions] == ["fog"]
+    assert rule.conditions[0].low < rule.conditions[0].high == 100
+
+
 def test_no_rule_pays_for_labels_at_random_or_without_two_outcomes() -> None:
     rng = np.random.default_rng(0)
     points = SPACE.sample(60, rng)

@@ -132,7 +132,7 @@ def test_other_size_is_named(tmp_path: Path) -> None:
         ('{"images": [{}], "annotations": []}', " is not the truth file of a base set (KeyError("),
         ("[]", " is not the truth file of a base set (TypeError("),
         ("{", ": expected JSON, got a truncated or foreign file"),
-        ('{"images": [], "annotations": []}', " has no images of the split 'train'; raise base_set.images"),
+        ('{"images": [], "annotations": []}', " has no images of the split 'train'; it needs more images"),
     ],
 )
 def test_foreign_truth_is_named(tmp_path: Path, text: str, message: str) -> None:

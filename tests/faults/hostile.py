@@ -149,5 +149,11 @@ def counting(_: Calls) -> Callable[[int], list[int]]:
     return threads
 
 
+def greedy(calls: Calls) -> Callable[[bytes], int]:
+    """Takes memory without end before it can be given a task."""
+    eat()
+    return len
+
+
 def unmakeable(calls: Calls) -> Callable[[int], int]:
     os._exit(3)

@@ -117,6 +117,12 @@ def test_a_process_that_cannot_start_ends_the_work() -> None:
         list(pool.run([1]))
 
 
+def test_limits_hold_while_a_process_starts_however_large_its_task_is() -> None:
+    said = "^a worker process cannot start: took more than 500 MB of memory$"
+    with Pool(1, hostile.greedy, LOOSE.model_copy(update={"memory_mb": 500})) as pool, pytest.raises(InputError, match=said):
+        list(pool.run([bytes(5 * hostile.MB)]))
+
+
 @pytest.mark.parametrize(
     ("limits", "harm", "reason"),
     [({"test_s": 1}, hostile.sleep, "timed out after 1 s"), ({"memory_mb": 400}, hostile.eat, "took more than 400 MB of memory")],

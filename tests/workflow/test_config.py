@@ -169,6 +169,8 @@ def test_a_camera_is_chosen_by_its_name() -> None:
         ("campaign.tests='80'", "campaign.tests: expected a whole number, got '80'"),
         ("campaign.tests=true", "campaign.tests: expected a whole number, got True"),
         ("campaign.failure_threshold_s=nan", "campaign.failure_threshold_s: expected a finite number, got nan"),
+        ("scenarios.F1star.label=F2", "scenarios.F1star.label: F2 has the label 'F2', too; choose another"),
+        ("+exposure.variables.rian={kind: normal, mean: 0, deviation: 1, source: a public statistic}", "exposure for F1: "),
         ("base_set.validation_share=1.5", "base_set.validation_share: expected less than 0.9, got 1.5"),
     ],
 )

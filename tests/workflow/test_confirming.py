@@ -5,14 +5,23 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from pipeline.analysis.failure_regions import Found
 from pipeline.artefacts.region_results import FailureRegions
 from pipeline.artefacts.results import read
 from pipeline.artefacts.tables import read_tests
+from pipeline.config.composing import compose
 from pipeline.core.episode import Episode
+from pipeline.core.grouping import Group
+from pipeline.core.rules import Condition, Rule
 from pipeline.core.space import Value
 from pipeline.errors import SimulationError
+from pipeline.execution.confirming import FreshTests
+from pipeline.execution.points import Executor
+from pipeline.execution.workers import Setup
+from pipeline.progress import Progress
 from pipeline.protocols import Detector
 from pipeline.report.kept_frames import KeptFrames
 from pipeline.report.region_cards import Shown, cards, pictured
@@ -59,6 +68,17 @@ def test_every_rule_has_its_fresh_tests_and_errors_apart(found: FailureRegions) 
                 assert fresh.rate.low <= fresh.rate.value == fresh.failures / fresh.tests <= fresh.rate.high
     (fog,) = [region for region in found.regions if "fog >= " in region.rule and "sun_altitude <= " in region.rule]
     assert fog.status == "confirmed" and fog.confirmation is not None and fog.confirmation.inside.errors > 0
+
+
+def test_a_rule_that_hardly_any_point_meets_is_not_confirmed(found: FailureRegions, tmp_path: Path) -> None:
+    config = compose("smoke", ["simulator=analytic", "detector=oracle"])
+    setup = Setup(config.simulator, config.scenarios["F1"], config.detector, tmp_path, config.car, config.limits)
+    space = config.space("F1")
+    narrow = Rule((Condition(space.names.index("fog"), 99.99999, 100),))
+    fresh = FreshTests(space, Executor(setup, tmp_path / "journal", 1, Progress("cluster")), 0.1, FRESH, 0.95)
+    (region,) = fresh.confirm([Found(found.regions[0], Group("mixed", np.zeros(0, bool), narrow))])
+    assert region.status == "not confirmed"
+    assert region.confirmation is not None and region.confirmation.inside.tests == region.confirmation.outside.tests == 0
 
 
 def test_the_report_says_what_confirms_a_rule(found: FailureRegions) -> None:

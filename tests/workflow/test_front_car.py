@@ -35,6 +35,13 @@ def config() -> Config:
     return compose("front_car", ["base.weights=models/uniform", *SMALL])
 
 
+def test_too_few_images_for_a_validation_image_of_each_point_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    study = StudyFolder.composed(tmp_path, "front_car", [*SMALL, "front_car.images=20", "front_car.validation_share=0.15"])
+    assert study.run("front-car-points") == 0
+    assert study.run("front-car-snapshots", version="covered") == 2
+    assert "front_car.images: expected enough for a training and a validation image of each" in capsys.readouterr().err
+
+
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory, config: Config) -> Path:
     folder = StudyFolder.of(tmp_path_factory.mktemp("front_car"), config)

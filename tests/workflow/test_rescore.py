@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 import shutil
 from collections.abc import Mapping
 from contextlib import chdir
@@ -118,6 +119,12 @@ def test_tests_are_driven_again_with_another_criterion(study: StudyFolder, law: 
     (row,) = pd.read_csv(table).to_dict("records")
     other = executed(tmp_path / "again", [*law, "campaign.match_iou=0.2", "detector.threshold=0.3"])
     assert row["failures"] == read_tests(folder(other) / "tests.parquet")["failure"].sum()
+
+
+def test_the_threshold_of_a_detector_without_one_is_zero(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    study = executed(tmp_path, ["detector=oracle", "detector._target_=pipeline.detectors.scripted.VisiblePixelOracle"])
+    assert rescore(study, "--iou", "0.5") == 0
+    assert re.search(r"threshold +iou .*\n +base +0\.0 +0\.5 ", capsys.readouterr().out)
 
 
 @pytest.mark.parametrize(

@@ -100,6 +100,18 @@ def test_a_missing_shard_is_an_error_that_names_its_file(tmp_path: Path, capsys:
     assert "shards/campaigns/F1/random/base/3/1of2" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("strategy", "shard", "told"),
+    [("random", "9of3", "shard: a shard must be 1 to 3 of 3, got 9of3"), ("mixed", "1of3", "strategy: mixed learns from all tests")],
+)
+def test_a_shard_that_is_no_part_is_refused(
+    tmp_path: Path, strategy: str, shard: str, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study = analytic_study(tmp_path, f"campaign.shards={COUNT}")
+    assert study.run("shard", shard=shard, **key(strategy)) == 2
+    assert told in capsys.readouterr().err
+
+
 def test_the_number_of_shards_makes_only_tracking_out_of_date() -> None:
     one, many = (stamps(Jobs(compose("smoke", [f"campaign.shards={shards}"]), step_names())) for shards in (1, 16))
     # Tracking records the whole config.
