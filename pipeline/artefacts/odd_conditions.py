@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import inf
+from math import ceil, floor, inf
 from typing import Any
 
 from pipeline.artefacts.odd_numbers import Bounds, bounds, in_unit
@@ -24,21 +24,30 @@ def categories_meant(concept: Concept, counted: Concept, variable: Variable, tex
         return _literals(concept, variable, text)
     own = bounds(text)
     if variable.kind == "categorical":
-        return set(literals_within(counted, own, concept.unit_type))
+        inside = literals_within(counted, own, concept.unit_type)
+        if own.low == own.high and not inside:
+            raise ValueError(f"{text} is a single number, which is no literal of {variable.name}; use a range")
+        return set(inside)
     own = in_unit(own, variable.unit, concept.unit_type)
     ends = ends_of(concept, own)
     low, high = (ends[0] if own.low > -inf else -inf), (ends[-1] if own.high < inf else inf)
     if low == high:
         raise ValueError(f"{text} is a single number, which is not a category; use a range")
     starts = [variable.low, *(variable.cuts or ())]
+    if not {low, high} <= {*starts, -inf, inf}:
+        raise ValueError(f"{text} cuts through a category of {variable.name}; cut {variable.name} at its ends")
     return {part for part, (start, end) in enumerate(zip(starts, [*starts[1:], inf], strict=True)) if low <= start and end <= high}
 
 
 def ends_of(concept: Concept, own: Bounds) -> list[float]:
-    """Where categories begin and end so that bounds hold for whole ones: for whole numbers, after a number that is still inside."""
-    low = own.low + (1 if concept.whole and own.above else 0)
-    high = own.high + (1 if concept.whole and not own.below else 0)
-    return [end for end in (low, high) if abs(end) < inf]
+    """Where categories begin and end so that bounds hold for whole ones: for whole numbers, at the first inside and the first after it."""
+
+    def first(number: float, after: bool) -> float:
+        if not concept.whole or abs(number) == inf:
+            return number
+        return float(floor(number) + 1 if after else ceil(number))
+
+    return [end for end in (first(own.low, own.above), first(own.high, not own.below)) if abs(end) < inf]
 
 
 def _literals(concept: Concept, variable: Variable, text: str) -> set[int]:

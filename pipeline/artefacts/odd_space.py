@@ -113,10 +113,11 @@ class _Odd:
     def _cutting(self, where: str, key: str, plain: Any, grows: bool) -> Expression:
         name = self._taxonomy.find(where, key)
         concept = self._taxonomy.concepts[name]
-        if concept.is_number and isinstance(plain, str) and plain not in UNKNOWN and self._ordered(name) is None:
-            with _at(where):
-                own = bounds(plain)
-            self._cut(where, name, own)
+        for text in plain if isinstance(plain, list) else [plain]:
+            if concept.is_number and isinstance(text, str) and text not in UNKNOWN and self._ordered(name) is None:
+                with _at(where):
+                    own = bounds(text)
+                self._cut(where, name, own)
         return Every(())
 
     def _cut(self, where: str, name: str, own: Bounds) -> None:

@@ -13,9 +13,11 @@ import pytest
 import yaml
 
 from pipeline.artefacts.model_export import write_model
+from pipeline.artefacts.odd_conditions import categories_meant
 from pipeline.artefacts.odd_numbers import bounds, converted
+from pipeline.artefacts.odd_taxonomy import Concept
 from pipeline.artefacts.space_formats import read_space_of_any_format
-from pipeline.core.space import Space
+from pipeline.core.space import Space, Variable
 from pipeline.errors import InputError
 
 EXAMPLE = Path(__file__).parents[2] / "docs/howto/standard-odds/odd.yaml"
@@ -194,6 +196,53 @@ def test_inactive_modules_are_as_if_they_were_not_there(tmp_path: Path) -> None:
     assert space.clauses == (("a != y",), ("b != y",))
 
 
+@pytest.mark.parametrize(
+    ("section", "labels", "clause"),
+    [
+        ({"EXCLUDE_AND": {"speed": ["> 60 km/h"]}}, ("[0, 30)", "[30, 60)", "[60, inf]"), ("speed != [60, inf]",)),
+        ({"INCLUDE_AND": {"speed": ["< 60 km/h"]}}, ("[0, 30)", "[30, 60)", "[60, inf]"), ("speed != [60, inf]",)),
+        (
+            {"INCLUDE_AND": {"speed": ["< 10 km/h", "> 60 km/h"]}},
+            ("[0, 10)", "[10, 30)", "[30, 60)", "[60, inf]"),
+            ("speed = [0, 10)", "speed = [60, inf]"),
+        ),
+    ],
+)
+def test_bounds_in_a_list_cut_like_bounds_alone(section: Any, labels: tuple[str, ...], clause: tuple[str, ...], tmp_path: Path) -> None:
+    coverage = {"CUTS": {"speed": ["30 km/h"]}}
+    space = read(tmp_path, {"TAXONOMY": {"speed": "float velocity"}, "MODULES": {"m": section}, "COVERAGE": coverage})
+    assert space.variables[0].labels == labels and space.clauses == (clause,)
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "first_inside"),
+    [("> 3.5 m/s", "m/s", 4), ("> 3 m/s", "m/s", 4), (">= 3.5 m/s", "m/s", 4), (">= 3 m/s", "m/s", 3), ("> 30 mph", "km/h", 49)],
+)
+def test_whole_numbers_begin_at_the_first_inside(text: str, unit: str, first_inside: int, tmp_path: Path) -> None:
+    coverage = {"CUTS": {"speed": [f"90 {unit}"]}}
+    space = read(
+        tmp_path, {"TAXONOMY": {"speed": "integer velocity"}, "MODULES": {"m": {"EXCLUDE_AND": {"speed": text}}}, "COVERAGE": coverage}
+    )
+    allowed = space.constraints.holds(space.categorise(np.array([[first_inside - 1.0], [first_inside]])))
+    assert space.variables[0].unit == unit and allowed.tolist() == [True, False]
+
+
+@pytest.mark.parametrize(
+    ("text", "first_outside"), [("< 3.5 m/s", 4), ("<= 3.5 m/s", 4), ("< 3 m/s", 3), ("<= 3 m/s", 4), ("[2.5 .. 3.5] m/s", 4)]
+)
+def test_whole_numbers_end_after_the_last_inside(text: str, first_outside: int, tmp_path: Path) -> None:
+    space = read(tmp_path, {"TAXONOMY": {"speed": "integer velocity"}, "MODULES": {"m": {"INCLUDE_AND": {"speed": text}}}})
+    assert space.constraints.holds(space.categorise(np.array([[first_outside - 1.0], [first_outside]]))).tolist() == [True, False]
+
+
+def test_bounds_inside_a_category_are_refused() -> None:
+    concept, speed = Concept(("speed",), unit_type="velocity"), Variable("speed", "continuous", "m/s", 0, np.inf, cuts=(10,))
+    assert categories_meant(concept, concept, speed, "< 10 m/s") == {0}
+    for text in ("< 20 m/s", "> 5 m/s", "[10 .. 20] m/s"):
+        with pytest.raises(ValueError, match="cuts through a category of speed"):
+            categories_meant(concept, concept, speed, text)
+
+
 def test_units_are_converted() -> None:
     assert converted(36, "km/h", "m/s", "velocity") == 10 and converted(50, "km/h", "mph", "velocity") == pytest.approx(31.0686, abs=1e-4)
     assert converted(32, "F", "C", "temperature") == 0 and converted(0, "C", "K", "temperature") == 273.15
@@ -267,6 +316,13 @@ SMALL = {"TAXONOMY": {"road": ["city", "rural"], "speed": "float velocity"}, "MO
                 "MODULES": {"m": {"INCLUDE_AND": {"r": "< 3 m", "speed": "< 3 m/s"}}},
             },
             "INCLUDE_AND.r: this cuts through the literal b of l",
+        ),
+        (
+            {
+                "TAXONOMY": {"r": "float length", "l": {"a": {"r": "[0 .. 2] m"}, "b": {"r": "> 2 m"}}},
+                "MODULES": {"m": {"EXCLUDE_AND": {"r": "2 m"}}},
+            },
+            "EXCLUDE_AND.r: 2 m is a single number, which is no literal of l; use a range",
         ),
     ],
 )
