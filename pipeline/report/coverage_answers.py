@@ -52,9 +52,9 @@ MOST_CELLS = 200_000_000
 def score(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
     """Coverage of a table of points."""
     space = _read_space(options, "k")
+    demand = _demand(options, space)
     table = read_points(options.points, space, metadata=options.metadata)
     _announce_compilation()
-    demand = Demand(space.constraints, options.k, space.weights, options.operator, space.extras)
     by_strength = [replace(demand, k=k, extras=space.extras.of(k)) for k in range(1, options.k + 1)]
     pairs = [replace(demand, k=2, extras=NOTHING)] if options.figures and len(space) > 1 else []
     demands = [*pairs, *by_strength, *([demand] if space.extras else [])]
@@ -85,7 +85,7 @@ def propose(options: argparse.Namespace, progress: Progress) -> tuple[Found, str
     space = _read_space(options, "k")
     if options.count < 1:
         raise InputError(f"--count must be at least 1, got {options.count}")
-    demand = Demand(space.constraints, options.k, space.weights, options.operator, space.extras)
+    demand = _demand(options, space)
     _announce_compilation()
     rows, existing = np.zeros((0, len(space)), np.int64), {}
     if options.points is not None:
@@ -215,6 +215,14 @@ def _read_space(options: argparse.Namespace, option: str) -> Space:
         raise InputError(f"--{option} = {k}: about {cells:.2g} cells are more than the {MOST_CELLS:.0e} that fit; choose a smaller one")
     _check_extras(options.space, space)
     return space
+
+
+def _demand(options: argparse.Namespace, space: Space) -> Demand:
+    """What --k and --operator ask for; InputError for weights that are too large for it."""
+    try:
+        return Demand(space.constraints, options.k, space.weights, options.operator, space.extras)
+    except ValueError as error:
+        raise InputError(f"{options.space}: {error}") from error
 
 
 def _cells(sizes: Sequence[int], k: int) -> float:

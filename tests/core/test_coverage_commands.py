@@ -270,6 +270,15 @@ def test_weights_of_zero_are_refused(folder: Path, capsys: pytest.CaptureFixture
     assert "zero.yaml: coverage is undefined: the weights of all feasible cells sum to 0" in capsys.readouterr().err
 
 
+def test_weights_too_large_for_k_are_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    heavy = ", ".join(f"{name}: {{values: [x, y], weights: {{y: 1000}}}}" for name in "abcdefg")
+    (folder / "heavy.yaml").write_text(f"variables: {{{heavy}}}")
+    (folder / "one.csv").write_text("a,b,c,d,e,f,g\n" + ",".join("x" * 7) + "\n")
+    for verb in ("score", "propose"):
+        assert main(["coverage", verb, "--space", str(folder / "heavy.yaml"), "--points", str(folder / "one.csv"), "--k", "7"]) == 2
+        assert "heavy.yaml: k = 7: the weights of a plane sum to 1,001 × 1,001" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("words", [["blindspot"], ["python", "-m", "pipeline"]], ids=" ".join)
 def test_the_usage_names_the_command_as_it_was_typed(words: list[str]) -> None:
     program, *rest = words

@@ -78,6 +78,16 @@ def test_uncountable_points_are_refused() -> None:
         projection_coverage(FIGURE_1, Demand(Constraints(CUBE), 2, [[1, 1, -1]] * 3))
 
 
+def test_weights_that_do_not_fit_into_64_bits_are_refused() -> None:
+    for k, most in ((6, 4_000), (7, 1_001)):
+        weights = [[1000] * 4] * 6 if k == 6 else [[1, 1000]] * 7
+        with pytest.raises(ValueError, match=f"k = {k}: the weights of a plane sum to {most:,} × .*, expected less than 2\\^63"):
+            Demand(Constraints(tuple(map(len, weights))), k, weights)
+        assert Demand(Constraints(tuple(map(len, weights))), k, weights, "sum").k == k
+    nothing = np.zeros((0, 6), dtype=np.int64)
+    assert projection_coverage(nothing, Demand(Constraints((2,) * 6), 6, [[1, 1000]] * 6)).required == 1001**6
+
+
 def test_only_minus_one_is_an_unknown_category() -> None:
     unknown = projection_coverage(np.array([[-1, 0, 0]]), Demand(Constraints(CUBE), 1))
     assert (unknown.covered, unknown.required) == (2, 9)

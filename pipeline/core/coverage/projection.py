@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache, reduce
+from math import prod
 from typing import Literal
 
 import numpy as np
@@ -38,7 +39,11 @@ class Demand:
     def __post_init__(self) -> None:
         if not 1 <= self.k <= len(self.sizes):
             raise ValueError(f"k must be in [1, {len(self.sizes)}], got {self.k}")
-        self.weight_arrays()
+        sums, most = [sum(array.tolist()) for array in self.weight_arrays()], max([self.k, *(one.strength for one in self.extras.planes)])
+        heaviest = sorted(sums, reverse=True)[:most]
+        if self.combine == "product" and prod(heaviest) >= 1 << 63:
+            weights = " × ".join(f"{weight:,}" for weight in heaviest)
+            raise ValueError(f"k = {most}: the weights of a plane sum to {weights}, expected less than 2^63; choose a smaller k or weights")
 
     @property
     def sizes(self) -> tuple[int, ...]:
