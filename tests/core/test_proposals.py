@@ -65,6 +65,14 @@ def test_the_bound_of_heavy_points_has_the_unit_of_their_gain(seed: int) -> None
     assert found is not None and found.optimal and found.gain == max(worth)
 
 
+def test_heavy_points_are_worth_products_of_the_largest_weights() -> None:
+    for k in (3, 4):
+        proposer = Proposer(Demand(Constraints((2, 2, 2, 2)), k, [[1, 999]] * 4), heavy_first=True)
+        found = proposer.propose(np.zeros((0, 4), int))
+        assert found is not None and found.categories.tolist() == [[1, 1, 1, 1]]
+        assert found.gain == found.bound == (4 * 999**3 if k == 3 else 999**4)
+
+
 @pytest.mark.parametrize("count", [1, 2, 3])
 def test_a_batch_gains_at_least_what_single_points_gain_and_no_more_than_its_bound(count: int) -> None:
     start = np.array([[2, 0, 0, 0], [0, 1, 1, 1]])

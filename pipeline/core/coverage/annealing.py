@@ -84,7 +84,7 @@ def seed_kernels(seed: int) -> None:
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def best_row(grid: Grid, starts: Int32s, worth: Int32s, held: Bools, sweeps: int) -> Int32s:
+def best_row(grid: Grid, starts: Int32s, worth: Int32s | Ints, held: Bools, sweeps: int) -> Int32s:
     """See `Problem.best_row`."""
     n, best_gain = starts.shape[1], -1
     best = starts[0].copy()
@@ -110,7 +110,7 @@ def best_row(grid: Grid, starts: Int32s, worth: Int32s, held: Bools, sweeps: int
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def _improve(grid: Grid, row: Int32s, column: int, worth: Int32s) -> bool:
+def _improve(grid: Grid, row: Int32s, column: int, worth: Int32s | Ints) -> bool:
     """Give a column its most valuable category; returns whether the row's worth increased. Ties are broken at random."""
     size, lines, step = grid.sizes[column], grid.lines, grid.lines.step
     gains = np.zeros(size, np.int64)

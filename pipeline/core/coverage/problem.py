@@ -63,7 +63,7 @@ class Problem:
         """Number of cells that each row alone covers, (rows,)."""
         return np.asarray(annealing.unique_cells(self.grid, rows, self.counts(rows)), np.int64)
 
-    def best_row(self, starts: Int32s, worth: Int32s, held: Bools, sweeps: int, seed: int) -> Int32s:
+    def best_row(self, starts: Int32s, worth: Int32s | Ints, held: Bools, sweeps: int, seed: int) -> Int32s:
         """The most valuable row that coordinate ascent reaches from the starts; (n,).
 
         starts: (m, n) feasible rows. worth: (cells,) of a row in each cell; a row's worth is the sum over its cells. held: (n,) columns

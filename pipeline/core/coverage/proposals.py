@@ -164,8 +164,8 @@ class Proposer:
             places.append((plane, columns.tolist(), categories.tolist()))
         return _Wanting(places, missing[cells], self._worth(missing)[cells])
 
-    def _worth(self, missing: Ints) -> Int32s:
-        return np.where(missing > 0, self._wanted if self._heavy_first else 1, 0).astype(np.int32)
+    def _worth(self, missing: Ints) -> Ints:
+        return np.where(missing > 0, self._wanted if self._heavy_first else 1, 0)
 
     def _best(self, missing: Ints) -> Int32s:
         """The best single row found."""
@@ -199,7 +199,8 @@ class Proposer:
     def _bound(self, missing: Ints, count: int) -> int:
         """Upper bound of a gain: a point lies in one cell of each plane, so it gains at most the worth of the best cell, and no more
         than is missing."""
-        worth, first = self._worth(missing), self._problem.first
+        # A heavy cell may be worth the square of its weight, which only Python's whole numbers hold.
+        worth, first = self._worth(missing).astype(object if self._heavy_first else np.int64), self._problem.first
         return int(np.minimum(count * np.maximum.reduceat(worth, first), np.add.reduceat(missing * worth, first)).sum())
 
 
@@ -209,7 +210,7 @@ class _Wanting:
 
     places: list[tuple[int, list[int], list[int]]]
     missing: Ints
-    worth: Int32s
+    worth: Ints
 
 
 def _solve(wanted: _Wanting, constraints: Constraints, count: int, time_limit_s: float) -> tuple[Int32s | None, int]:
