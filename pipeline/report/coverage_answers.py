@@ -10,7 +10,6 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from math import comb
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -211,7 +210,8 @@ def _read_space(options: argparse.Namespace, option: str) -> Space:
         raise InputError(f"--{option} must be in [1, {len(space)}], the number of conditions; got {k}")
     if options.verb == "plan" and k > STRONGEST:
         raise InputError(f"--strength must be in [1, {STRONGEST}], got {k}")
-    if (cells := _cells(space.sizes, k)) > MOST_CELLS:
+    by_strength = _cells(space.sizes, k)
+    if (cells := sum(by_strength) if options.verb == "score" else by_strength[-1]) > MOST_CELLS:
         raise InputError(f"--{option} = {k}: about {cells:.2g} cells are more than the {MOST_CELLS:.0e} that fit; choose a smaller one")
     _check_extras(options.space, space)
     return space
@@ -225,9 +225,13 @@ def _demand(options: argparse.Namespace, space: Space) -> Demand:
         raise InputError(f"{options.space}: {error}") from error
 
 
-def _cells(sizes: Sequence[int], k: int) -> float:
-    """About how many cells the planes of k conditions have."""
-    return comb(len(sizes), k) * float(np.exp(k * np.mean(np.log(np.asarray(sizes, float)))))
+def _cells(sizes: Sequence[int], k: int) -> list[float]:
+    """How many cells the planes of 1 to k conditions have: the sums of the products of that many sizes."""
+    cells = [1.0] + [0.0] * k
+    for size in sizes:
+        for strength in range(k, 0, -1):
+            cells[strength] += cells[strength - 1] * size
+    return cells[1:]
 
 
 def _check_extras(path: Path, space: Space) -> None:
@@ -236,7 +240,7 @@ def _check_extras(path: Path, space: Space) -> None:
     single = space.extras.combinations
     parts += [(f"combinations[{i}]", one.variables, len(one.variables)) for i, one in enumerate(single, start=1)]
     for key, variables, strength in parts:
-        if (cells := _cells([space.sizes[v] for v in variables], strength)) > MOST_CELLS:
+        if (cells := _cells([space.sizes[v] for v in variables], strength)[-1]) > MOST_CELLS:
             raise InputError(f"{path}: {key}: about {cells:.2g} cells are more than the {MOST_CELLS:.0e} that fit; choose fewer conditions")
 
 

@@ -189,6 +189,15 @@ def test_a_space_that_cannot_be_planned_is_refused_with_the_number_of_points(fol
     )
 
 
+def test_cells_are_counted_before_the_work(folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    space, points = folder / "space.yaml", folder / "points.csv"
+    # Sizes 3, 2, 2 and 2: 9 categories, 30 pairs, 44 triples.
+    for most, verb, k, code in ((39, "score", 2, 0), (38, "score", 2, 2), (44, "propose", 3, 0), (43, "propose", 3, 2)):
+        monkeypatch.setattr("pipeline.report.coverage_answers.MOST_CELLS", most)
+        assert main(["coverage", verb, "--space", str(space), "--points", str(points), "--k", str(k)]) == code
+        assert (f"--k = {k}: about {most + 1} cells are more than" in capsys.readouterr().err) == (code == 2)
+
+
 def test_planes_with_too_many_cells_are_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     names, values = "abcdef", ", ".join(map(str, range(100)))
     head = "variables: {" + ", ".join(f"{name}: {{values: [{values}]}}" for name in names) + "}\n"
