@@ -31,6 +31,15 @@ def test_counts_are_right_with_and_without_batches(sizes: tuple[int, ...], k: in
         assert all(plane[cell] == expected[cell] for cell in np.ndindex(plane.shape))
 
 
+def test_a_condition_with_thousands_of_categories_costs_no_memory_beside_its_own_cells() -> None:
+    sizes, points = (60_000, 4, 4, 4), FEW_POINTS
+    rows = np.column_stack([np.random.default_rng(0).integers(0, size, points) for size in sizes])
+    counts = CellCounts(sizes, 3)
+    counts.add(rows)  # The square of the sizes, as bit sets, would be terabytes, which no machine has.
+    expected = Counter(map(tuple, rows[:, 1:].tolist()))
+    assert all(counts.plane(3)[cell] == expected[cell] for cell in np.ndindex(4, 4, 4))
+
+
 def test_k_out_of_range_is_refused() -> None:
     with pytest.raises(ValueError, match=r"k must be in \[1, 2\], got 3"):
         CellCounts((2, 2), 3)

@@ -200,7 +200,7 @@ def _triples(points: _Bits, pairs: _Cells, cells: _Cells) -> None:
     bits, first, sizes, _ = points
     wanted = cells.wanted
     n, words = len(sizes), bits.shape[1]
-    most = sizes.max()
+    most = (first[1:] - first[:-1]).max()
     both = np.zeros((most * most, BLOCK_WORDS), np.uint64)
     inner_start = _inner_start(sizes, wanted)
     inner = np.zeros(inner_start[-1], np.int64)
