@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.core.constraints import Constraints, Literal
+from pipeline.core.coverage import completion
 from pipeline.core.coverage.projection import Demand, projection_coverage
 from pipeline.core.coverage.proposals import Proposer
 
@@ -102,6 +103,13 @@ def test_one_projection_is_completed_by_the_fewest_points() -> None:
     assert len(added.categories) == proposer.fewest(data) == added.bound == 4
     both = np.vstack([data, added.categories])
     assert projection_coverage(both, Demand(free, 1, weights)).ratio == 1
+
+
+def test_a_completion_may_combine_more_conditions_than_a_plan(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(completion, "MOST_KINDS", 0)  # Larger domains are not listed.
+    demand, start = Demand(Constraints((2,) * 8), 7), np.zeros((1, 8), int)
+    added = Proposer(demand).completion(start)
+    assert projection_coverage(np.vstack([start, added.categories]), demand).ratio == 1 and added.bound == 127
 
 
 @pytest.mark.parametrize("weights", [None, [[1, 2, 1], [1, 1], [3, 1], [1, 1]]])

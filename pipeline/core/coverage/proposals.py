@@ -14,7 +14,7 @@ from pipeline.core.constraints import Constraints
 from pipeline.core.coverage.arrays import covering_array
 from pipeline.core.coverage.completion import Completion, Task, bound_of_part, whole_programme
 from pipeline.core.coverage.grid import Int32s
-from pipeline.core.coverage.mixed import all_planes, copy_for
+from pipeline.core.coverage.mixed import STRONGEST, all_planes, copy_for
 from pipeline.core.coverage.problem import INFEASIBLE, feasible_row, lay_out
 from pipeline.core.coverage.projection import Demand, check_points
 from pipeline.core.variable import Ints
@@ -139,7 +139,7 @@ class Proposer:
         return found if found.smallest else found.better(self._quick_completion(points))
 
     def _quick_completion(self, points: Ints) -> Completion:
-        if self._wanted.max() > 1 or not self._wanted[self._problem.required].all() or (points < 0).any():
+        if self._problem.strength > STRONGEST or self._wanted.max() > 1 or not self._wanted[self._problem.required].all() or (points < 0).any():
             return self._one_by_one(points)
         array = covering_array(self._demand.constraints, self._demand.mixed, seeds=points, seed=int(self._rng.integers(2**31)))
         return Completion(array.rows[len(points) :], array.lower_bound - len(points))
