@@ -38,6 +38,9 @@ def read_columns(plain: Any) -> tuple[str, str | None]:
 
 def sequence_space(space: Space, frames: tuple[Variable, ...], rules: Mapping[str, Rule], columns: tuple[str, str | None]) -> SequenceSpace:
     """A space whose variables are computed by rules, or stay the same over a sequence. frames: the variables of a frame alone."""
+    # A table that has both names would be one of frames and one of points.
+    if both := [variable.name for variable in frames if variable.name in rules]:
+        raise ValueError(f"variables.{both[0]}: expected another name, because a condition of frames has this one")
     steady = tuple(variable for variable in space.variables if variable.name not in rules)
     one = Space((*frames, *steady))
     lasting = {variable.name: Throughout(len(frames) + place, variable.labels) for place, variable in enumerate(steady)}

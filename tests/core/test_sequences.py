@@ -146,6 +146,7 @@ def _written(folder: Path, text: str) -> Path:
         ((", then: sky = sun", ""), "variables.rain_then_sun.then: expected a condition on a frame such as rain >= 40, got null"),
         (("course: speed", "course: sky"), "variables.speed_course.course: expected a condition with an interval and cuts"),
         (("course: speed", "course: sped"), "variables.speed_course.course: there is no condition of frames sped; did you mean 'speed'?"),
+        (("speed_course:", "speed:"), "variables.speed: expected another name, because a condition of frames has this one"),
         (("order: [sky = sun, speed >= 6]", "order: sky = sun"), "variables.sun_or_fast.order: expected two conditions"),
         (("{both: 2}", "{up: 2}"), "variables.speed_course.weights: there is no category 'up'"),
         (
