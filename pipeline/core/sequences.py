@@ -17,6 +17,8 @@ from pipeline.core.variable import Floats, Ints
 
 UNKNOWN = -1
 NEVER = np.iinfo(np.int64).max
+RESOLUTION_S = 1e-6
+"""Resolution of times; the differences of times are rounded, by less."""
 
 
 @dataclass(frozen=True)
@@ -105,9 +107,9 @@ class Then:
         places = np.arange(len(frames.time_s))
         # Of all frames before one, the last in which the first condition holds is the nearest.
         last = np.maximum.accumulate(np.where(where(self.first, frames.categories), places, -1))
-        before = np.concatenate([[-1], last[:-1]])
+        before = np.concatenate([[-1], last])[: len(last)]
         same = (before >= 0) & (frames.sequence[before] == frames.sequence)
-        near = frames.time_s - frames.time_s[before] <= self.within_s
+        near = frames.time_s - frames.time_s[before] <= self.within_s + RESOLUTION_S
         return frames.any(same & near & where(self.then, frames.categories))
 
 

@@ -120,6 +120,18 @@ def test_a_plan_of_sequences_is_a_table_of_points(tmp_path: Path) -> None:
     assert main(["coverage", "verify", "--space", str(space), "--points", str(plan), "--strength", "2"]) == 0
 
 
+def test_an_end_of_the_time_is_within_it_however_its_difference_is_rounded() -> None:
+    for start in (0.1, 0.6, 4.3, 1.8e9):
+        near, far = start + 0.2, start + 0.20001
+        frames = Frames(np.array([[0, 0], [1, 0], [0, 0], [1, 0]]), np.array([start, near, start, far]), np.array([0, 0, 1, 1]), 2)
+        assert Then(RAIN, SUN, 0.2).outcomes(frames).tolist() == [1, 0]
+
+
+def test_points_are_proposed_from_an_empty_table_of_frames(tmp_path: Path) -> None:
+    code, text = said(tmp_path, "propose", table=TABLE.splitlines()[0] + "\n")
+    assert code == 0 and json.loads(text)["before"]["numerator"] == 0 and json.loads(text)["count"] == 1
+
+
 def test_times_may_be_timestamps_and_one_table_one_sequence(tmp_path: Path) -> None:
     space = read_space_file(_written(tmp_path, SPACE.replace(", by: drive", "").replace("  road: {values: [city, rural]}\n", "")))
     stamps = [datetime(2026, 1, 1, 12, 0, second, tzinfo=UTC) for second in (5, 4)]

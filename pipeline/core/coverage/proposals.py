@@ -139,7 +139,12 @@ class Proposer:
         return found if found.smallest else found.better(self._quick_completion(points))
 
     def _quick_completion(self, points: Ints) -> Completion:
-        if self._problem.strength > STRONGEST or self._wanted.max() > 1 or not self._wanted[self._problem.required].all() or (points < 0).any():
+        if (
+            self._problem.strength > STRONGEST
+            or self._wanted.max() > 1
+            or not self._wanted[self._problem.required].all()
+            or (points < 0).any()
+        ):
             return self._one_by_one(points)
         array = covering_array(self._demand.constraints, self._demand.mixed, seeds=points, seed=int(self._rng.integers(2**31)))
         return Completion(array.rows[len(points) :], array.lower_bound - len(points))
