@@ -10,9 +10,11 @@ import pytest
 from pipeline.core.constraints import Constraints, Literal
 from pipeline.core.coverage.arrays import Effort, covering_array
 from pipeline.core.coverage.certified import certified_array
-from pipeline.core.coverage.mixed import Combination, Extras, Mixed, NamedPlanes
+from pipeline.core.coverage.mixed import Combination, Extras, Mixed, NamedPlanes, all_planes, copy_for
+from pipeline.core.coverage.problem import lay_out
 from pipeline.core.coverage.projection import Demand, planes, projection_coverage
 from pipeline.core.coverage.proposals import Proposer
+from pipeline.core.coverage.repair import repaired
 from pipeline.core.coverage.verification import verify
 from pipeline.core.variable import Ints
 
@@ -63,6 +65,14 @@ def test_the_verifier_finds_what_a_plan_of_the_lower_strength_lacks() -> None:
     rows = covering_array(LINKED, 2).rows
     lacking = {(plane, cell) for plane, cell in wanted_cells(LINKED, mixed) if not shown(rows, {(plane, cell)})}
     assert lacking and set(verify(rows, LINKED, mixed).missing) == lacking
+
+
+def test_a_row_is_repaired_although_its_plane_is_filled_up() -> None:
+    chain = tuple((Literal(i, 0), Literal(i + 1, 1)) for i in range(5))
+    planes = all_planes(6, Mixed(2, Extras((NamedPlanes("all", tuple(range(6)), 6),))))
+    grid, row = lay_out(copy_for(Constraints((2,) * 6, chain), planes), planes).grid, np.zeros(7, np.int32)
+    # As Python, which checks the bounds of arrays. Cell 3 of the first plane: categories 1 and 1, from which all others follow.
+    assert repaired.py_func(grid, row, (0, 3)) and row.tolist() == [1] * 6 + [0]
 
 
 @pytest.mark.parametrize("effort", [Effort(), Effort(polish_s=0.5)])

@@ -13,7 +13,8 @@ from pipeline.core.coverage.grid import Clauses, Grid, Int32s
 def repaired(grid: Grid, row: Int32s, cell: tuple[int, int]) -> bool:
     """Put a row into a cell and change each other column at most once until no clause is broken; returns whether that succeeds."""
     plane, rest = cell
-    clauses, todo = grid.clauses, np.empty(len(row), np.int32)
+    # The column that fills up a smaller plane is in it several times.
+    clauses, todo = grid.clauses, np.empty(len(row) + grid.planes.shape[1], np.int32)
     held, done, end = np.zeros(len(row), np.bool_), 0, grid.planes.shape[1]
     for position in range(end):
         column = grid.planes[plane, position]
