@@ -37,7 +37,8 @@ def open_csv(path: Path, wanted: Sequence[str]) -> tuple[tuple[str, ...], Iterat
     places = column_places(path, header, wanted)
     if not places and len(header) == 1 and (found := [name for separator, name in SEPARATORS.items() if separator in header[0]]):
         raise InputError(f"{path}: expected commas between the columns, got {found[0]}")
-    return header, _batches(path, len(header), places, rest, blocks)
+    # Arrow takes no column at all for all columns.
+    return header, _batches(path, len(header), places, rest, blocks) if places else iter(())
 
 
 def column_places(path: Path, header: Sequence[str], wanted: Sequence[str]) -> dict[str, int]:

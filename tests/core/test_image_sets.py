@@ -74,6 +74,8 @@ def test_a_row_twice_must_agree(space: Space, tmp_path: Path) -> None:
         points(tmp_path, space, "set", META + ",rainy\n")
     with pytest.raises(InputError, match=r"meta.csv: expected a column file_name, got name, weather"):
         points(tmp_path, space, "set", "name,weather\na,sunny\n")
+    with pytest.raises(InputError, match=r"meta.csv: expected a column file_name, got filename, Weather"):
+        points(tmp_path, space, "set", "filename,Weather\na,sunny\n")
     with pytest.raises(InputError, match=r"meta.csv: expected a column for each condition; there is none for weather"):
         points(tmp_path, space, "set", META.replace("weather", "wether"))
 
