@@ -74,9 +74,11 @@ class ExposureFile(Section):
     def of(self, scenario: str, space: Space) -> Exposure:
         """The exposure of a scenario's space; InputError if it does not fit."""
         try:
-            return Exposure.from_dict(space, self.plain)
+            found = Exposure.from_dict(space, self.plain)
+            found.check()
         except ValueError as error:
             raise InputError(f"exposure for {scenario}: {error}") from error
+        return found
 
     def shares(self, scenarios: Sequence[str]) -> list[float]:
         """How often each of some scenarios occurs, given that one of them does; InputError for one without a share."""

@@ -50,6 +50,10 @@ class Exposure:
         marginals = tuple(tuple(marginal(v, one[v.name]) if v.name in one else uniform(v) for v in space.variables) for one in named)
         return Exposure(space, shares, marginals)
 
+    def check(self) -> None:
+        """ValueError if the constraints exclude almost all of it."""
+        _ = self._left_over
+
     @property
     def latent_size(self) -> int:
         return 1 + len(self.space)
@@ -98,4 +102,6 @@ class Exposure:
         rng = np.random.default_rng(0)
         both = [self.space.scale(rng.random((DRAWS, len(self.space)))), self.points(rng.random((DRAWS, self.latent_size)))]
         even, exposed = (float(self.space.constraints.holds(self.space.categorise(points)).mean()) for points in both)
+        if not exposed:
+            raise ValueError("the constraints exclude almost all of the exposure")
         return even / exposed

@@ -91,6 +91,17 @@ def test_points_keep_the_constraints_and_the_ratio_knows_what_they_exclude() -> 
     assert exposure.ratio(CONSTRAINED.sample(200_000, np.random.default_rng(1))).mean() == pytest.approx(1, abs=0.03)
 
 
+def test_an_exposure_that_the_constraints_exclude_is_refused(tmp_path: Path) -> None:
+    text = "description: d\nvariables: {kind: {kind: shares, shares: {a: 1, b: 0, c: 0}, source: none is known}}"
+    (tmp_path / "mine.yaml").write_text(text)
+    read, space = read_exposure(str(tmp_path / "mine.yaml")), Space(SMALL.variables, (("kind != a",),))
+    with pytest.raises(InputError, match="exposure for F1: the constraints exclude almost all of the exposure"):
+        read.of("F1", space)
+    with pytest.raises(ValueError, match="the constraints exclude almost all of the exposure"):
+        Exposure.from_dict(space, read.plain).ratio(space.sample(1, np.random.default_rng(0)))
+    assert read.of("F1", SMALL).space is SMALL
+
+
 def test_every_number_of_an_exposure_says_where_it_comes_from() -> None:
     for path in FOLDER.glob("*.yaml"):
         read = read_exposure(path.stem)
