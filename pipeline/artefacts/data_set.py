@@ -9,6 +9,8 @@ from typing import Any
 
 from pipeline.errors import InputError, shown
 
+IMAGE_SETS = "JSON of COCO, BDD100K or OpenLABEL, or a folder of YOLO, KITTI, nuScenes or OpenLABEL"
+"""What `image_sets.read_images` reads."""
 NOT_APPLICABLE = "not_applicable"
 """The category of an attribute whose parent is absent."""
 

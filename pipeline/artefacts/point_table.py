@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from pipeline.artefacts.data_set import IMAGE_SETS
 from pipeline.artefacts.image_sets import read_images
 from pipeline.artefacts.sequence_table import sequences
 from pipeline.artefacts.table_categories import Fault, Meanings
@@ -41,7 +42,7 @@ class PointTable:
     @property
     def faults(self) -> tuple[Fault, ...]:
         """Why rows so far have no category, then the constraints that they break."""
-        broken = sorted(self._broken.values(), key=lambda fault: fault.row)
+        broken = sorted(self._broken.values(), key=_row)
         return tuple([fault for column in self._meanings for fault in column.faults()] + broken)
 
     def counting(self, strict: bool = False) -> Iterator[Ints]:
@@ -52,7 +53,7 @@ class PointTable:
         for rows, keeps in self._read():
             yield rows if keeps.all() else rows[keeps]
         if strict and (faults := self.faults):
-            raise InputError(f"{self.path}: {self.told(faults[0])}")
+            raise InputError(f"{self.path}: {self.told(min(faults, key=_row))}")
         if self.rows and not self.points:
             raise InputError(f"{self.path}: every row breaks a constraint; {self.told(self.faults[-1])}")
 
@@ -64,7 +65,7 @@ class PointTable:
         """All rows, also those that break a constraint; InputError that names the first row without a category for each condition."""
         rows = self._together(rows for rows, _ in self._read())
         if faults := [fault for fault in self.faults if not fault.left_out]:
-            raise InputError(f"{self.path}: {self.told(faults[0])}")
+            raise InputError(f"{self.path}: {self.told(min(faults, key=_row))}")
         return rows
 
     def known(self) -> Ints:
@@ -112,8 +113,12 @@ class PointTable:
         return f"breaks the {which}: {where}"
 
 
+def _row(fault: Fault) -> int:
+    return fault.row
+
+
 def read_points(path: Path, space: Space, *, metadata: Path | None = None, empty: bool = False) -> PointTable:
-    """The points of a table: CSV, parquet, JSON of COCO, BDD100K or OpenLABEL, or a folder of YOLO, KITTI or nuScenes.
+    """The points of a table: CSV, parquet, JSON of COCO, BDD100K or OpenLABEL, or a folder of YOLO, KITTI, nuScenes or OpenLABEL.
 
     Images are points. Their conditions are columns of `metadata`, a table with `file_name`, or what the data set itself says, such as
     `objects`, the number of annotations. Of a space of sequences, a table may hold frames. Other columns are ignored. empty: whether a
@@ -128,7 +133,7 @@ def read_points(path: Path, space: Space, *, metadata: Path | None = None, empty
         table.images, table.unused = images.names, images.unused
         return table
     if metadata is not None:
-        raise InputError(f"{path}: --metadata goes with COCO's JSON and folders of YOLO labels; a table has the conditions as columns")
+        raise InputError(f"{path}: --metadata goes with {IMAGE_SETS}; a table has the conditions as columns")
     if isinstance(space, SequenceSpace) and len(open_table(path, space.names).columns) < len(space.names):
         return _sequences(path, space, empty)
     return PointTable(path, space, _opened(path, space.names), empty)

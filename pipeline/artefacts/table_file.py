@@ -16,12 +16,13 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.artefacts.csv_batches import column_places, open_csv
+from pipeline.artefacts.data_set import IMAGE_SETS
 from pipeline.artefacts.files import write_bytes
 from pipeline.errors import InputError
 
 CSV, PARQUET = ("", ".csv", ".txt"), (".parquet", ".pq")
 READ = "a CSV or parquet table"
-ALL_READ = f"{', '.join((*CSV[1:], *PARQUET))}, COCO's .json and folders of YOLO labels"
+ALL_READ = f"{', '.join((*CSV[1:], *PARQUET))}, {IMAGE_SETS}"
 UNQUOTED = re.compile(r'[^\s",\ufeff]([^",\r\n]*[^\s",])?', re.ASCII)
 BATCH_ROWS = 1 << 17
 BUFFER = 1 << 20

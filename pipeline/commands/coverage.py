@@ -7,6 +7,7 @@ import json
 from math import inf
 from pathlib import Path
 
+from pipeline.artefacts.data_set import IMAGE_SETS
 from pipeline.core.names import in_one_line
 from pipeline.errors import InputError
 from pipeline.progress import Progress
@@ -58,7 +59,7 @@ def _add_projection(parser: argparse.ArgumentParser, points_required: bool) -> N
         "--points",
         type=Path,
         required=points_required,
-        help="CSV, parquet, JSON of COCO, BDD100K or OpenLABEL, or a folder of YOLO, KITTI, nuScenes or OpenLABEL",
+        help=f"CSV, parquet, {IMAGE_SETS}",
     )
     parser.add_argument("--metadata", type=Path, help="for images: a table with file_name and the conditions of each image")
     parser.add_argument("--strict", action="store_true", help="refuse a table with rows that are partial or break a constraint")

@@ -231,7 +231,7 @@ def test_planes_with_too_many_cells_are_refused(folder: Path, capsys: pytest.Cap
         (["propose", "--complete", "--exact"], "leave out --exact"),
         (["propose", "--complete", "--seconds", "0"], "leave out --seconds"),
         (["propose", "--metadata", "points.csv"], "--metadata gives the conditions of images; name the images by --points"),
-        (["score", "--points", "points.csv", "--metadata", "points.csv"], "--metadata goes with COCO's JSON and folders of YOLO labels"),
+        (["score", "--points", "points.csv", "--metadata", "points.csv"], "--metadata goes with JSON of COCO, BDD100K or OpenLABEL"),
         (["score", "--points", "broken.csv"], "row 1 breaks the constraint 'lanes = 2 or current_lane != 2'"),
         (["score", "--points", "empty.json"], "by --metadata"),
     ],

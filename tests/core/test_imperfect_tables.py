@@ -71,6 +71,14 @@ def test_strict_refuses_an_imperfect_row(folder: Path, capsys: pytest.CaptureFix
     assert "row 2 breaks the constraint" in said(capsys, folder, "score", "points.csv", "--strict", code=2)
 
 
+def test_the_first_imperfect_row_is_named_whichever_its_column(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "points.csv").write_text(HEAD + "sunny,3,1,1\nsunny,3,7,1\nundefined,3,1,1\n")
+    for words in (["score", "points.csv", "--strict"], ["verify", "points.csv"]):
+        assert "points.csv: row 2: lanes must be one of 1, 2, got 7" in said(capsys, folder, *words, code=2)
+    (folder / "points.csv").write_text(HEAD + "sunny,3,1,2\nundefined,3,1,1\n")
+    assert "points.csv: row 1 breaks the constraint" in said(capsys, folder, "score", "points.csv", "--strict", code=2)
+
+
 def test_the_text_lists_the_causes(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "points.csv").write_text(HEAD + "sunny,3,1,1\nundefined,60,2,2\nundefined,60,1,2\n")
     assert main(["coverage", "score", "--space", str(folder / "space.yaml"), "--points", str(folder / "points.csv")]) == 0
@@ -105,7 +113,7 @@ def test_a_plan_with_a_broken_constraint_is_not_valid(folder: Path, capsys: pyte
         ("p.csv", HEAD.replace(",", ";") + "sunny;3;1;1\n", "expected commas between the columns, got semicolons"),
         ("p.csv", HEAD.replace(",", "\t") + "sunny\t3\t1\t1\n", "expected commas between the columns, got tabs"),
         ("p.csv", HEAD + 'sunny,3,"1,1\nsunny,3,1,1\n', "a quote is opened and never closed"),
-        ("p.xlsx", "PK", "expected a CSV or parquet table, got .xlsx; what can be read: .csv, .txt, .parquet, .pq, COCO's .json"),
+        ("p.xlsx", "PK", "expected a CSV or parquet table, got .xlsx; what can be read: .csv, .txt, .parquet, .pq, JSON of COCO, BDD100K"),
         ("p.jsonl", "{}", "expected a CSV or parquet table, got .jsonl"),
         ("p.parquet", HEAD, "p.parquet: expected a CSV or parquet table, got Parquet magic bytes not found"),
         ("p.json", "[" * 100_000, "expected JSON"),
