@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.core.constraints import Constraints
+from pipeline.core.constraints import Constraints, satisfied
 from pipeline.core.variable import Ints
 
 
@@ -14,8 +14,8 @@ def broken_clauses(constraints: Constraints, points: Ints) -> Ints:
     A point with unknown categories may break no single clause and still have no feasible completion; then it gets the number of clauses.
     """
     found = np.full(len(points), -1, np.int64)
-    for index in reversed(range(len(constraints.clauses))):
-        found[~Constraints(constraints.sizes, (constraints.clauses[index],)).holds(points)] = index
+    for index, clause in reversed(list(enumerate(constraints.clauses))):
+        found[~satisfied(clause, points)] = index
     named = sorted(constraints.named)
     unsure = (found < 0) & (points[:, named] < 0).any(axis=1)
     if unsure.any():

@@ -48,7 +48,6 @@ class SubsetSimulation(Estimator):
         self._reached, self._bound, self._width = 1.0, np.inf, 0.6
         self._above = Limits(0.0, 1.0, 1.0)
         self._asked: Floats = np.zeros((0, self._exposure.latent_size))
-        self._left: list[int] = []
         self._end = ""
 
     def ask(self) -> Floats:
