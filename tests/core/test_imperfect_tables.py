@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from pipeline.__main__ import main
-from pipeline.artefacts.table_categories import Meanings
+from pipeline.artefacts.table_categories import HINTED, Meanings
 from pipeline.core.space import Variable
 
 SPACE = """
@@ -164,6 +164,15 @@ def test_numbers_of_single_precision_and_times_mean_what_they_say_in_a_csv() -> 
     when = Variable("t", "continuous", low=1_700_000_000, high=1_700_003_600, cuts=(1_700_001_800,))
     texts = pa.chunked_array([["2023-11-14T22:13:20", "2023-11-14 23:00:00Z", "2023-11-14", "soon"]])
     assert list(Meanings(when).categories(texts)) == [0, 1, -1, -1]
+
+
+def test_the_most_frequent_wrong_names_and_the_first_get_a_hint() -> None:
+    weather = Meanings(Variable("weather", "categorical", values=("sunny", "rainy")))
+    wrong = ["sunnny", *(f"sunny{i}" for i in range(40)), *(f"rainy{i}" for i in range(HINTED))]
+    weather.categories(pa.chunked_array([[*wrong, *(text for text in wrong if text.startswith("rainy"))]]))
+    hints = [fault.text for fault in weather.faults() if "did you mean" in fault.text]
+    assert len(weather.faults()) == len(wrong) and len(hints) == 1 + HINTED
+    assert "(did you mean 'sunny'?), got 'sunnny'" in hints[0] and all("'rainy'" in text for text in hints[1:])
 
 
 def test_a_spelling_that_means_two_names_means_none() -> None:
