@@ -58,20 +58,20 @@ def read_constraints(text: str, variables: Sequence[Variable]) -> list[Statement
 
 
 def _tokens(text: str) -> list[Token]:
-    tokens, place = [], 0
+    tokens, place, line = [], 0, 1
     while place < len(text):
-        line = text.count("\n", 0, place) + 1
         if text[place].isspace():
+            line += text[place] == "\n"
             place += 1
         elif match := TOKEN.match(text, place):
             kind, shown = str(match.lastgroup), match[0]
             if kind in ("name", "text"):
                 shown = re.sub(r"\\(.)", r"\1", shown[1:-1])
             tokens.append(Token(kind, shown.upper() if kind == "word" else shown, line))
-            place = match.end()
+            line, place = line + match[0].count("\n"), match.end()
         else:
             raise ValueError(f"line {line}: expected a constraint, got {text[place : place + 20].splitlines()[0]!r}")
-    return [*tokens, Token("end", "the end", text.count("\n") + 1)]
+    return [*tokens, Token("end", "the end", line)]
 
 
 def is_numeric(values: Sequence[str]) -> bool:
