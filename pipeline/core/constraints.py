@@ -103,12 +103,24 @@ class Constraints:
 
 def contradiction(sizes: tuple[int, ...], constraints: Sequence[Sequence[Clause]]) -> tuple[int, ...]:
     """Indices of a minimal set of contradicting constraints, which no point satisfies together; each is a list of clauses."""
-    core = tuple(range(len(constraints)))
-    for index in core:
-        fewer = tuple(i for i in core if i != index)
-        if not Constraints(sizes, tuple(clause for i in fewer for clause in constraints[i])).satisfiable({}):
-            core = fewer
-    return core
+    # One solver for all subsets: each constraint holds if a variable of its own has category 1.
+    clauses = tuple((*clause, Literal(len(sizes) + i, 0)) for i, several in enumerate(constraints) for clause in several)
+    encoding = _Encoding((*sizes, *(2 for _ in constraints)), clauses)
+
+    def core(of: Sequence[int]) -> set[int] | None:
+        found = encoding.core({len(sizes) + i: 1 for i in of})
+        return None if found is None else {variable - len(sizes) for variable in found}
+
+    left = list(range(len(constraints)))
+    needed = core(left) or set(left)
+    for index in range(len(constraints)):
+        if index in needed:
+            found = core([i for i in left if i != index])
+            if found is None:
+                continue
+            needed = found
+        left.remove(index)
+    return tuple(left)
 
 
 def satisfied(clause: Clause, categories: Ints) -> Bools:
@@ -214,6 +226,13 @@ class _Encoding:
             free = chosen or [c for c in range(size) if (variable, c) not in self._proposition]
             row.append(free[0] if rng is None else free[int(rng.integers(len(free)))])
         return row
+
+    def core(self, fixed: Mapping[int, int]) -> set[int] | None:
+        """Variables whose fixed categories no feasible row has together; None if some row has all of them."""
+        variable_of = {literal: variable for variable, category in fixed.items() for literal in self._assumptions(variable, category)}
+        if self._solver.solve(assumptions=list(variable_of)):
+            return None
+        return {variable_of[literal] for literal in self._solver.get_core() or ()}
 
     def cells(self, variables: tuple[int, ...]) -> Bools:
         """Feasible cells of a plane: the product of the feasible cells of its parts in different components."""

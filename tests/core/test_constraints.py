@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
+from pysat.solvers import Solver
 
 from pipeline.core import constraints
-from pipeline.core.constraints import Constraints, Literal
+from pipeline.core.constraints import Constraints, Literal, contradiction
 from pipeline.core.space import Space
 from tests.spaces import SMALL, THESIS
 
@@ -36,6 +38,22 @@ def test_feasible_cells_agree_with_brute_force(paired: int, monkeypatch: pytest.
             expected = np.zeros([SIZES[v] for v in pair], bool)
             expected[feasible[:, pair[0]], feasible[:, pair[1]]] = True
             assert np.array_equal(limits.feasible_cells(pair), expected)
+
+
+def test_a_contradiction_takes_one_solver_and_leaves_out_the_first_constraints_that_it_can(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = []
+
+    def solver(**given: Any) -> Any:
+        made.append(given)
+        return Solver(**given)
+
+    monkeypatch.setattr(constraints, "Solver", solver)
+    chain = [[(Literal(i, 0), Literal(i + 1, 1))] for i in range(99)]
+    ends = [[(Literal(0, 1),)], [(Literal(0, 0),)], [(Literal(99, 0),)]]
+    # The chain contradicts its ends, and so do the two constraints on its beginning, which come before its end.
+    assert contradiction((2,) * 100, [*chain, *ends]) == (99, 100) and len(made) == 1
+    assert contradiction((2,) * 100, [ends[0], ends[1], *chain, ends[2]]) == (0, *range(2, 102))
+    assert len(made) == 2
 
 
 def test_complete_gives_a_feasible_row_that_agrees() -> None:
