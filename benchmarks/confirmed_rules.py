@@ -76,7 +76,7 @@ def run(rules: pd.DataFrame, workers: int) -> Iterator[dict[str, object]]:
         shutil.rmtree(folder)
         counts = {"stated_tests": stated.tests, "stated_failures": stated.failures}
         checked = {"check_tests": checks.tests, "check_failures": checks.failures}
-        yield {"seed": rule.seed, "number": rule.number, **counts, **checked}
+        yield {"seed": rule.seed, "scenario": rule.scenario, "conditions": rule.conditions, **counts, **checked}
 
 
 def publish(seed: int, rows: Sequence[dict[str, object]], path: Path = PUBLISHED) -> None:
@@ -84,13 +84,19 @@ def publish(seed: int, rows: Sequence[dict[str, object]], path: Path = PUBLISHED
     if path.exists():
         earlier = pd.read_csv(path)
         made = pd.concat([earlier[earlier["seed"] != seed], made])
-    made.sort_values(["seed", "number"]).to_csv(path, index=False)
+    made.sort_values("seed", kind="stable").to_csv(path, index=False)
 
 
 def answer(rules: pd.DataFrame, outcomes: pd.DataFrame) -> str:
-    """Every rule with its stated interval and the rate of the other tests, and in how many it lies inside."""
+    """Every rule with its stated interval and the rate of the other tests, and in how many it lies inside.
+
+    SystemExit for outcomes of a rule that is published no more.
+    """
     lines, held, within = [], 0, 0
-    for rule in distinct(rules).merge(outcomes, on=["seed", "number"]).itertuples():
+    both = distinct(rules).merge(outcomes, on=["seed", "scenario", "conditions"])
+    if len(both) < len(outcomes):
+        raise SystemExit(f"{PUBLISHED}: {len(outcomes) - len(both)} of {len(outcomes)} rules are not in {RULES}; run these seeds again")
+    for rule in both.itertuples():
         stated = Counted(rule.stated_tests, rule.stated_failures)
         low, high = stated.interval(CONFIDENCE)
         rate, precision = rule.check_failures / rule.check_tests, rule.failures_inside / rule.tests_inside

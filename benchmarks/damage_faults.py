@@ -80,7 +80,7 @@ def damage(flips: int, seed: int) -> list[Row]:
             kind,
             counts[kind, "flips"],
             counts[kind, "unseen"],
-            {f"seen by {who}": counts[kind, way] for who, way in (("readers", "read"), ("verify", "verify"))},
+            {who: counts[kind, way] for who, way in (("seen by readers", "read"), ("seen by verify", "verify"), ("unseen", "unseen"))},
         )
         for kind in sorted({kind for kind, _ in counts})
     ]

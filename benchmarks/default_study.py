@@ -38,11 +38,14 @@ from pipeline.core.statistics import mcnemar
 PUBLISHED = Path("docs/results/default")
 AGAIN = PUBLISHED / "again"
 CLONES = Path(".cache/default_study")
+EXECUTED = Path(".cache/executed_for")
+"""In a finished clone, the folder that publishes it."""
 SHIPPED = Path("models/published")
 SHIPPED_VERSIONS = ("base", "random", "adaptive")
 SEEDS = range(10)
 VERSIONS = ["base", "control", "random", "adaptive"]
 ALPHA = 0.05
+REGION = ["seed", "scenario", "cause", "failures", "tests_inside", "failures_inside", "conditions"]
 PLANTED = ("children", "crouching")
 LINE = 128
 """Length of a line of prose."""
@@ -87,6 +90,7 @@ def main() -> None:
 def run(seed: int, timed: bool, folder: Path) -> Path:
     """Execute a default study in a clone of HEAD, publish its outcomes in a folder, and return the clone. A resumed study is not timed."""
     clone = CLONES / str(seed)
+    check_clone(clone, folder)
     timed &= not clone.exists()
     begin = time.monotonic()
     if not clone.exists():
@@ -95,18 +99,32 @@ def run(seed: int, timed: bool, folder: Path) -> Path:
     subprocess.run(["bash", "-c", f"./run setup && .venv/bin/{study} && ./run"], cwd=clone, check=True)
     minutes = (time.monotonic() - begin) / 60 if timed else np.nan
     publish(clone, seed, minutes, folder)
+    (clone / EXECUTED).write_text(str(folder))
     return clone
+
+
+def check_clone(clone: Path, folder: Path) -> None:
+    """SystemExit if a clone that is already there cannot become the study that the folder publishes: then `./run` would do nothing."""
+    if not clone.exists():
+        return
+    heads = [subprocess.run(["git", "rev-parse", "HEAD"], cwd=each, check=True, capture_output=True).stdout for each in (clone, ".")]
+    if heads[0] != heads[1]:
+        raise SystemExit(f"{clone} is a clone of another commit; delete it to execute the study once more")
+    if (executed := clone / EXECUTED).exists() and executed.read_text() != str(folder):
+        raise SystemExit(f"{clone} is the execution that {executed.read_text()} publishes; delete it to execute the study once more")
 
 
 def publish(clone: Path, seed: int, minutes: float, folder: Path) -> None:
     """Publish the outcomes, the verdict and the failure regions of a finished study."""
-    write(of_study(load(clone / PARAMS), clone), folder / f"{seed}.csv.gz")
+    folder.mkdir(parents=True, exist_ok=True)
+    outcomes = of_study(load(clone / PARAMS), clone)
     champion = read(clone / "data/default/comparison.json", Comparison).champion
     verdicts = folder / "verdicts.csv"
     rows = pd.read_csv(verdicts) if verdicts.exists() else pd.DataFrame(columns=["seed"])
     row = pd.DataFrame([{"seed": seed, "champion": champion, "minutes": round(minutes, 1)}])
     pd.concat([rows[rows["seed"] != seed], row]).sort_values("seed").to_csv(verdicts, index=False)
     publish_regions(clone / "data/default", seed, folder / "regions.csv")
+    write(outcomes, folder / f"{seed}.csv.gz")  # Last: a seed with outcomes is published.
 
 
 def ship(clone: Path) -> None:
@@ -145,7 +163,7 @@ def publish_regions(study: Path, seed: int, path: Path) -> None:
         for of_scenario in found
         for region in of_scenario.regions
     ]
-    table = pd.DataFrame(rows)
+    table = pd.DataFrame(rows, columns=REGION)
     if path.exists():
         earlier = pd.read_csv(path)
         table = pd.concat([earlier[earlier["seed"] != seed], table])

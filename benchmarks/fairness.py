@@ -3,7 +3,7 @@
 `python benchmarks/fairness.py [--tests 300] [--scenario F1 N1] [--detector oracle|blind|everywhere|models/uniform] [--study thesis]
 [--seed 6] [--out fairness.csv] [--outcomes fairness.csv.gz] [key=value ...]`
 
-Runs all twelve F scenarios with the car, camera and brake law of a study, and N1 to N4, in which the right answer is not to brake, with
+Runs F1 to F8 and F1* to F4* with the car, camera and brake law of a study, and N1 to N4, in which the right answer is not to brake, with
 `aeb.gate=detections`. Finished tests stay in the folder `--journal`, so the same command resumes a killed run.
 """
 

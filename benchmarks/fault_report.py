@@ -36,6 +36,9 @@ def table(rows: Sequence[Row]) -> str:
 
 def keep(rows: Sequence[Row], path: Path = PUBLISHED) -> None:
     """Publish the rows: a line for each outcome of a fault in a place. They replace those of the same kinds of fault."""
+    for row in rows:
+        if row.count and not sum(row.outcomes.values()):
+            raise ValueError(f"{row.fault}, {row.where}: {row.count} faults without an outcome would not be published")
     fresh = {row.fault for row in rows}
     kept = [row for row in published(path) if row.fault not in fresh] if path.exists() else []
     with path.open("w", newline="") as file:

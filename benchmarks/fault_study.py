@@ -82,16 +82,16 @@ class FaultStudy:
     """A clone in a folder, which is made anew unless it is of HEAD. overrides: the study, its name first. data: the study's folder."""
 
     def __init__(self, folder: Path, overrides: Sequence[str] = TINY) -> None:
-        self.folder = folder
+        self.folder = folder.resolve()
         self.data = folder / "data" / overrides[0].removeprefix("study=")
-        self._environment = {**os.environ, "PYTHONPATH": str(folder), "CORES": "2"}
+        self._environment = {**os.environ, "PYTHONPATH": str(self.folder), "CORES": "2"}
         head = _said(["git", "rev-parse", "HEAD"], ROOT)
         if not (folder / ".venv/ready").exists() or _said(["git", "rev-parse", "HEAD"], folder) != head:
             shutil.rmtree(folder, ignore_errors=True)
             subprocess.run(["git", "clone", "--quiet", ROOT, folder], check=True)
             self._link_environment()
-            self.python("-m", "pipeline", "compose", *overrides)
             (folder / ".venv/ready").touch()
+        self.python("-m", "pipeline", "compose", *overrides)
 
     def _link_environment(self) -> None:
         """Use the packages that are installed here: the clone's pins are the same."""

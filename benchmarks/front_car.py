@@ -18,7 +18,7 @@ from __future__ import annotations
 import argparse
 import shutil
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from contextlib import chdir
 from dataclasses import dataclass
 from pathlib import Path
@@ -122,14 +122,14 @@ def learnt(folder: Path) -> list[Learnt]:
     ]
 
 
-def run(seeds: Iterable[int], overrides: Sequence[str]) -> None:
+def run(seeds: Iterable[int]) -> None:
     """Execute and publish seeds; published ones are left as they are."""
     shipped = Path("models/uniform").resolve()
     for seed in seeds:
         known = published()
         if seed in set(known["seed"]):
             continue
-        config = compose("front_car", [f"base.weights={shipped}", f"front_car.seed={seed}", *overrides])
+        config = compose("front_car", [f"base.weights={shipped}", f"front_car.seed={seed}"])
         rows = [vars(one) | {"seed": seed, "right": "".join(map(str, one.right.astype(int)))} for one in study(config)]
         table = pd.concat([known, pd.DataFrame(rows)[list(known)]]).sort_values("seed", kind="stable")
         write_bytes(PUBLISHED, table.to_csv(index=False, lineterminator="\n", float_format="%.4f").encode())
@@ -175,11 +175,10 @@ def main() -> None:
     commands = parser.add_subparsers(dest="command", required=True)
     of_run = commands.add_parser("run")
     of_run.add_argument("seeds", type=int, nargs="+")
-    of_run.add_argument("--set", nargs="+", default=[], metavar="key=value", help="of the configuration, such as front_car.images=2000")
     commands.add_parser("answer")
     options = parser.parse_args()
     if options.command == "run":
-        run(options.seeds, options.set)
+        run(options.seeds)
     else:
         print(answer(published()))
 

@@ -33,7 +33,7 @@ from pipeline.core.space import Floats, Space, Variable
 from pipeline.sources import code_digest
 
 OUT = Path("docs/results/likelihood.csv")
-DONE = Path("build/likelihood")
+DONE = Path(".cache/likelihood")
 KINDS = tuple("abcdefgh")
 SPACE = Space(
     (

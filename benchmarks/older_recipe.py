@@ -81,7 +81,8 @@ def repeated(config: Config, recipe: Older, threads: int) -> pd.DataFrame:
     older = config.model_copy(update={"study": recipe.study, "retraining": config.retraining.model_copy(update={"iterations": steps})})
     today, root = of_study(config), Path(Folders(older).root)
     if not root.exists():
-        shutil.copytree(Folders(config).root, root)
+        shutil.rmtree(half := root.with_name(f"{root.name}.half"), ignore_errors=True)
+        shutil.copytree(Folders(config).root, half).rename(root)
     vars(retraining).update(CROP_SHARE=1.0, fit=_every_layer)
     held_out = {"kind": "held_out", "strategy": config.comparison.strategy, "seed": str(config.comparison.seed)}
     for version in VERSIONS:

@@ -117,7 +117,7 @@ def line(name: str, counts: Sequence[tuple[int, int]]) -> str:
 
 def learning() -> str:
     """Average precision at the end of each training in learning.csv."""
-    rows = pd.read_csv(RESULTS / "learning.csv").groupby("training", sort=False).tail(1)
+    rows = pd.read_csv(RESULTS / "learning.csv").groupby(["training", "images"], sort=False).tail(1)
     lines = header("training", "images shown", "AP50", "AP50-95", "CPU-s")
     for row in rows.sort_values("shown", kind="stable").itertuples():
         lines.append(f"| {row.training} | {row.shown:,} | {row.new_ap50:.3f} | {row.new_ap50_95:.3f} | {row.cpu_s:.0f} |")

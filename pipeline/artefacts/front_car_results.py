@@ -41,8 +41,7 @@ class DetectorResult(Result):
 
 
 class Evaluation(Result):
-    """evaluation.json. p_value: of the exact McNemar test whether both detectors get equally many test snapshots right."""
+    """evaluation.json."""
 
     threshold: float
-    p_value: float
     detectors: tuple[DetectorResult, ...]

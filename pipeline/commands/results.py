@@ -28,6 +28,7 @@ from pipeline.errors import InputError
 from pipeline.progress import Progress
 
 HELP = "Check that the published numbers follow from the published outcomes, or write them."
+MARK = re.compile(r"^<!-- made by:", re.MULTILINE)
 BLOCK = re.compile(r"^<!-- made by: (?P<command>.+?) -->\n(?P<text>.*?)^<!-- end -->$", re.MULTILINE | re.DOTALL)
 
 
@@ -41,6 +42,7 @@ def run(options: argparse.Namespace) -> int:
     pages = options.page or published(Path())
     if options.action == "write":
         for page in pages:
+            list(blocks(page))  # Its marks are whole.
             write_bytes(page, BLOCK.sub(_filled, text_of(page)).encode())
         return 0
     found = [block for page in pages for block in blocks(page)]
@@ -73,8 +75,11 @@ class Block:
 
 
 def blocks(page: Path) -> Iterator[Block]:
-    """The blocks of a page."""
+    """The blocks of a page; InputError if it has none, or a broken one."""
     text = text_of(page)
+    begun, whole = len(MARK.findall(text)), len(BLOCK.findall(text))
+    if begun != whole or not begun:
+        raise InputError(f"{page}: expected blocks from `<!-- made by: COMMAND -->` to `<!-- end -->`, got {begun} begun and {whole} whole")
     for found in BLOCK.finditer(text):
         yield Block(page, found["command"], found["text"], text[: found.start()].count("\n") + 1)
 
@@ -89,7 +94,7 @@ def text_of(page: Path) -> str:
 
 def published(root: Path) -> list[Path]:
     """The pages with blocks."""
-    return [page for page in (root / "README.md", *sorted(root.glob("docs/**/*.md"))) if BLOCK.search(page.read_text())]
+    return [page for page in (root / "README.md", *sorted(root.glob("docs/**/*.md"))) if MARK.search(page.read_text())]
 
 
 def printed(command: str) -> str:

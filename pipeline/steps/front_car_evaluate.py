@@ -34,7 +34,6 @@ STEP = Step(
 
 def run(job: Job) -> None:
     """Write evaluation.json."""
-    from pipeline.core.statistics import mcnemar
     from pipeline.detectors.evaluation import evaluate, truths_of
     from pipeline.learning.versions import detect_all
 
@@ -59,8 +58,7 @@ def run(job: Job) -> None:
             )
         )
         job.progress(done, len(models), f"{card.version}: right on {sum(right)} of {len(right)}")
-    wrong = [[not right for point in result.points for right in point.right] for result in results]
-    write(job.output("evaluation"), Evaluation(threshold=threshold, p_value=mcnemar(*wrong).p_value, detectors=tuple(results)))
+    write(job.output("evaluation"), Evaluation(threshold=threshold, detectors=tuple(results)))
 
 
 def _right(detections: Detections, truth: Truth, threshold: float) -> bool:

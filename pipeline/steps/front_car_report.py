@@ -54,5 +54,5 @@ def run(job: Job) -> None:
     for done, (name, figure) in enumerate(figures.items(), 1):
         save_png(figure, plots[name])
         job.progress(done, len(figures) + 1, name)
-    write_bytes(job.output("page"), render(draw.page(job.config.study, known, result, figures, job.config.comparison.confidence)).encode())
+    write_bytes(job.output("page"), render(draw.page(job.config.study, known, result, figures)).encode())
     job.progress(len(figures) + 1, len(figures) + 1, job.output("page").name)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+from pathlib import Path
 
 import default_study
 import numpy as np
@@ -86,6 +88,23 @@ def test_outcomes_of_another_machine_are_compared_test_by_test() -> None:
     assert "Seed 0 once more. The searches" in " ".join(untimed)
     assert "found other failure regions" in " ".join(default_study.repeated(studies, Studies({0: again}, verdicts, others)))
     assert not default_study.repeated(studies, NONE)
+
+
+def test_one_execution_is_not_published_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    commit = ["git", "-c", "user.name=x", "-c", "user.email=x@y", "commit", "--quiet", "--allow-empty", "-m", "x"]
+    for command in (["git", "init", "--quiet"], commit, ["git", "clone", "--quiet", ".", "0"]):
+        subprocess.run(command, check=True)
+    default_study.check_clone(Path("absent"), Path("again"))
+    default_study.check_clone(Path("0"), Path("again"))
+    (Path("0") / default_study.EXECUTED).parent.mkdir()
+    (Path("0") / default_study.EXECUTED).write_text("default")
+    default_study.check_clone(Path("0"), Path("default"))
+    with pytest.raises(SystemExit, match="is the execution that default publishes"):
+        default_study.check_clone(Path("0"), Path("again"))
+    subprocess.run(commit, check=True)
+    with pytest.raises(SystemExit, match="is a clone of another commit"):
+        default_study.check_clone(Path("0"), Path("default"))
 
 
 def test_shipped_versions_are_compared_with_their_published_outcomes() -> None:

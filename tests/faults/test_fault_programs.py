@@ -6,8 +6,16 @@ from pathlib import Path
 
 import pytest
 from cluster_faults import SUBMITTED
+from fault_report import Row, keep
 from fault_study import Run
 from repair_faults import judged
+
+
+def test_faults_without_an_outcome_are_not_left_out(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"^bit flip, \*\.png: 20 faults without an outcome"):
+        keep([Row("bit flip", "*.png", 20, 20, {"seen by readers": 0})], tmp_path / "faults.csv")
+    assert not (tmp_path / "faults.csv").exists()
+
 
 FILES = [Path("data/smoke/space/F1.json"), Path("data/smoke/measures.json")]
 NAMED = [f"{file}: damaged or edited; the next run makes it again" for file in FILES]

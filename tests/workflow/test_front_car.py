@@ -118,7 +118,7 @@ def test_a_value_that_no_point_has_is_no_row(config: Config) -> None:
     space = config.front_car.space.space()
     values = {variable.name: str(variable.labels[0]) for variable in space.variables}
     tested = DetectorResult(version="a", learnt_points=1, images=2, metrics={}, points=(Judged(values=values, right=(True, False)),))
-    (axis,) = by_condition(Evaluation(threshold=0.5, p_value=1, detectors=(tested, tested)), space).axes
+    (axis,) = by_condition(Evaluation(threshold=0.5, detectors=(tested, tested)), space).axes
     assert [label.get_text() for label in axis.get_yticklabels()] == [f"{k.replace('_', ' ')}: {v}" for k, v in values.items()]
 
 

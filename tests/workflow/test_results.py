@@ -50,6 +50,18 @@ def test_a_changed_outcome_is_found(page: Path, capsys: pytest.CaptureFixture[st
     assert "page    | 2 |\n  command | 3 |" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("mark", ["<!-- End -->", "<!-- end-->", ""])
+def test_a_block_without_its_end_is_found(page: Path, mark: str, capsys: pytest.CaptureFixture[str]) -> None:
+    page.write_text(page.read_text().replace("| 2 |", "| 3 |").replace("<!-- end -->", mark))
+    assert main(["results", "verify"]) == 2
+    assert "docs/found.md: expected blocks from" in capsys.readouterr().err
+
+
+def test_a_named_page_without_blocks_is_refused(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["results", "verify", "README.md"]) == 2
+    assert "got 0 begun and 0 whole" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("command", "told"),
     [

@@ -30,6 +30,11 @@ def script(path: Path, text: str) -> None:
     path.chmod(0o755)
 
 
+def fit_python(folder: Path, text: str) -> None:
+    """A stand-in for the Python of a checkout, which runs the text unless it is asked for its version."""
+    script(folder / ".venv/bin/python", f'case "$1" in -c) exit ;; -V) echo Python 3.11.2; exit ;; esac\n{text}')
+
+
 @pytest.fixture
 def checkout(tmp_path: Path) -> Path:
     """A checkout with only the files of the setup."""
@@ -44,7 +49,8 @@ def ready(checkout: Path) -> Path:
     """A checkout after setup, with a stand-in for snakemake that prints its call."""
     stamp = hashlib.sha256(b"".join((checkout / name).read_bytes() for name in SETUP[1:])).hexdigest()
     script(checkout / ".venv/bin/snakemake", 'echo "snakemake $*"; echo "HOME of caches: $XDG_CACHE_HOME"; exit "${CODE:-0}"')
-    script(checkout / ".venv/bin/python", 'echo "python $*"')
+    fit_python(checkout, 'echo "python $*"')
+    script(checkout / ".venv/bin/pip", f'exec "{checkout}/.venv/bin/python" "$0" "$@"')  # As pip writes it for a path with spaces.
     script(checkout / ".venv/bin/dvc", 'echo "dvc $*"')
     (checkout / ".venv/blindspot.stamp").write_text(f"{stamp}  - {checkout}\n")
     (checkout / ".cache/gl").mkdir(parents=True)
@@ -65,8 +71,9 @@ def test_help_needs_no_setup(checkout: Path) -> None:
     assert not (checkout / ".venv").exists()
 
 
-def test_an_unfit_python_ends_with_one_message(checkout: Path) -> None:
-    done = call(checkout, "setup", PYTHON="/nonexistent/python3.9")
+@pytest.mark.parametrize("state", ["checkout", "ready"])
+def test_an_unfit_python_ends_with_one_message(state: str, request: pytest.FixtureRequest) -> None:
+    done = call(request.getfixturevalue(state), "setup", PYTHON="/nonexistent/python3.9")
     assert done.returncode == 2
     assert done.stderr.splitlines() == [
         "blindspot: needs Python 3.11 to 3.13, found /nonexistent/python3.9; type: sudo apt-get install -y python3 python3-venv"
@@ -184,7 +191,7 @@ def test_a_part_of_the_locks_of_dvc_is_removed(finished: Path, text: str, stays:
 
 def test_damaged_files_are_found_before_the_run_that_makes_them_again(finished: Path) -> None:
     for code, begins, ends in ((1, ["python", "snakemake"], 0), (2, ["python"], 2)):
-        script(finished / ".venv/bin/python", f'echo "python $*"; case "$3" in verify) exit {code};; esac')
+        fit_python(finished, f'echo "python $*"; case "$3" in verify) exit {code};; esac')
         done = call(finished)
         lines = done.stdout.splitlines()
         assert lines[0] == "python -m pipeline verify" and [line.split()[0] for line in lines[:2]] == begins
@@ -240,7 +247,7 @@ def test_a_disk_without_locks_does_not_lock(ready: Path, tmp_path: Path) -> None
 
 def test_without_root_a_missing_library_gives_one_command_to_type(ready: Path) -> None:
     shutil.rmtree(ready / ".cache/gl")
-    script(ready / ".venv/bin/python", "echo 'blindspot: no OpenGL library works here' >&2; exit 2")
+    fit_python(ready, "echo 'blindspot: no OpenGL library works here' >&2; exit 2")
     script(ready / "user/id", "echo 1000")
     done = call(ready, "-n", PATH=f"{ready}/user:/usr/bin:/bin")
     assert done.returncode == 2
@@ -252,7 +259,7 @@ def test_without_root_a_missing_library_gives_one_command_to_type(ready: Path) -
 
 def test_a_faulty_program_is_not_reported_as_a_missing_library(ready: Path) -> None:
     shutil.rmtree(ready / ".cache/gl")
-    script(ready / ".venv/bin/python", "echo 'ModuleNotFoundError: mujoco' >&2; exit 1")
+    fit_python(ready, "echo 'ModuleNotFoundError: mujoco' >&2; exit 1")
     done = call(ready, "-n")
     assert done.returncode == 2
     assert done.stderr == "ModuleNotFoundError: mujoco\n"

@@ -182,6 +182,15 @@ def test_detectors_of_one_name_are_told_apart_by_content(tmp_path: Path) -> None
         test_detector.study_of([models[0], models[0]], chosen)
 
 
+def test_the_path_of_a_file_may_look_like_an_override(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    output = yolov8()
+    output[0, 4, 3] = np.nan
+    (folder / "lr=0.01").mkdir()
+    path = export(folder / "lr=0.01/broken.onnx", output)
+    assert main(["test-detector", str(path), *SMALL]) == 2
+    assert "broken.onnx returns values that are not finite" in capsys.readouterr().err
+
+
 def test_a_function_needs_no_file_and_random_testing_alone_is_enough(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (folder / "blind_function.py").write_text("def detect(image):\n    return [], []\n")
     monkeypatch.setenv("PYTHONPATH", f"{ROOT}:{folder}")
