@@ -1,6 +1,6 @@
 """Prints tables of docs/results from the outcomes that are published beside them.
 
-    python benchmarks/published.py oracle | base-rates | learning | length | digests | blamed | again
+    python benchmarks/published.py oracle | base-rates | learning | length | digests | blamed | again | stricter
 
 `python -m pipeline results write` puts them into the pages.
 """
@@ -38,6 +38,7 @@ def main() -> None:
         "digests": digests,
         "blamed": blamed,
         "again": again,
+        "stricter": stricter,
     }
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("table", choices=list(tables))
@@ -108,6 +109,20 @@ def again() -> str:
         failed = valid[valid["outcome"] == FAILED]
         alone = int((failed["failure_mode"] == "false_positives").sum())
         lines.append(line(str(name), [(len(failed), len(valid)), (alone, len(failed))]))
+    return "\n".join(lines)
+
+
+def stricter() -> str:
+    """Failures and those from false positives alone in the same tests: of both bases, and of one with a stricter threshold."""
+    lists = {"uniform, 0.8": "default", "long-tailed, 0.8": "long-tailed", "long-tailed, 0.9": "long-tailed-0.9"}
+    lines = header("base, threshold", "failures", "on F3", "from false positives alone")
+    for name, file in lists.items():
+        rows = pd.read_csv(RESULTS / f"fairness-{file}.csv.gz")
+        valid = rows[rows["outcome"] != ERROR]
+        failed, third = valid[valid["outcome"] == FAILED], valid[valid["scenario"] == "F3"]
+        alone = int((failed["failure_mode"] == "false_positives").sum())
+        counts = [(len(failed), len(valid)), (int((third["outcome"] == FAILED).sum()), len(third)), (alone, len(failed))]
+        lines.append(line(name, counts))
     return "\n".join(lines)
 
 
