@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, get_type_hints
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError, create_model
 from pydantic.errors import PydanticUserError
 
@@ -82,6 +83,7 @@ def check_components(config: Config) -> None:
     """
     component("simulator", SIMULATOR, config.simulator)
     _check_needs(config)
+    _check_points(config)
     _check_noise(config)
     component("detector", DETECTOR, config.detector)
     _check_threshold(config)
@@ -128,6 +130,15 @@ def _check_needs(config: Config) -> None:
             if admitted and not _inside(variables[name], admitted):
                 wanted = f"values among {', '.join(map(str, admitted))}" if isinstance(admitted[0], str) else f"numbers in {list(admitted)}"
                 raise InputError(f"{key}: {target} takes {wanted}, got {shown(variables[name].to_dict())}")
+
+
+def _check_points(config: Config) -> None:
+    """The constraints of each scenario leave enough of its space to draw points from."""
+    for scenario in (*config.search, *config.held_out):
+        try:
+            config.space(scenario).sample(1, np.random.default_rng(0))
+        except InputError as error:
+            raise InputError(f"scenarios.{scenario}.{error}") from error
 
 
 def _check_noise(config: Config) -> None:

@@ -8,9 +8,9 @@ import numpy as np
 
 from pipeline.core.counted import Counted
 from pipeline.core.rules import Bools, Condition, Rule
-from pipeline.core.space import MAX_DRAWS, Floats, Space, Variable
+from pipeline.core.space import Floats, Space, Variable
 
-CHUNK = 1000
+CHUNK, MAX_DRAWS = 1000, 1000
 MARGIN = 0.1
 """How far beyond a bound "just outside" reaches, as a share of the variable's range."""
 Filter = Callable[[Floats], Bools]

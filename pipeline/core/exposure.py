@@ -11,7 +11,8 @@ import numpy as np
 
 from pipeline.core.marginals import Marginal, marginal, uniform
 from pipeline.core.names import nearest
-from pipeline.core.space import MAX_DRAWS, Floats, Space
+from pipeline.core.rejection import feasible
+from pipeline.core.space import Floats, Space
 
 DRAWS = 200_000
 """Draws that tell how much of a distribution the constraints leave."""
@@ -69,15 +70,14 @@ class Exposure:
 
     def latents(self, count: int, rng: np.random.Generator) -> Floats:
         """(count, 1 + d) latent numbers of independent points that break no constraint."""
-        latent = rng.random((count, self.latent_size))
+
+        def draw(size: int) -> Floats:
+            return rng.random((size, self.latent_size))
+
         if not self.space.clauses:
-            return latent
-        for _ in range(MAX_DRAWS):
-            broken = ~self.space.constraints.holds(self.space.categorise(self.points(latent)))
-            if not broken.any():
-                return latent
-            latent[broken] = rng.random((int(broken.sum()), self.latent_size))
-        raise ValueError(f"no feasible point in {MAX_DRAWS} draws: the constraints exclude almost all of the exposure")
+            return draw(count)
+        holds = self.space.constraints.holds
+        return feasible(draw, lambda latent: holds(self.space.categorise(self.points(latent))), count, "all of the exposure")
 
     def sample(self, count: int, rng: np.random.Generator) -> Floats:
         """(count, d) independent points of the exposure that break no constraint."""

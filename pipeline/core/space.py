@@ -12,10 +12,10 @@ import numpy as np
 from pipeline.core.constraint_language import read_constraint
 from pipeline.core.constraints import Clause, Constraints, contradiction, parse_literal
 from pipeline.core.coverage.mixed import NOTHING, Extras
+from pipeline.core.rejection import feasible
 from pipeline.core.variable import Floats, Ints, Kind, Value, Variable
 
 __all__ = ["Floats", "Ints", "Kind", "Space", "Value", "Variable", "Written"]
-MAX_DRAWS = 1000
 Written = str | tuple[str, ...]
 """A constraint: a text of the constraint language, or a clause, of which one literal `variable = category` or `variable != category`
 must hold."""
@@ -83,16 +83,14 @@ class Space:
         return len(self.variables)
 
     def sample(self, count: int, rng: np.random.Generator) -> Floats:
-        """(count, d) feasible points, independent and uniform (thesis Table 6.1, row 1)."""
-        points = self.scale(rng.random((count, len(self))))
+        """(count, d) feasible points, independent and uniform (thesis Table 6.1, row 1); InputError if the constraints leave hardly any."""
+
+        def draw(size: int) -> Floats:
+            return self.scale(rng.random((size, len(self))))
+
         if not self.clauses:
-            return points
-        for _ in range(MAX_DRAWS):
-            broken = ~self.constraints.holds(self.categorise(points))
-            if not broken.any():
-                return points
-            points[broken] = self.scale(rng.random((int(broken.sum()), len(self))))
-        raise ValueError(f"no feasible point in {MAX_DRAWS} draws: the constraints exclude almost the whole space")
+            return draw(count)
+        return feasible(draw, lambda points: self.constraints.holds(self.categorise(points)), count, "the whole space")
 
     def scale(self, unit: Floats) -> Floats:
         """Convert (n, d) numbers in [0, 1) to points."""

@@ -102,6 +102,14 @@ def test_an_exposure_that_the_constraints_exclude_is_refused(tmp_path: Path) -> 
     assert read.of("F1", SMALL).space is SMALL
 
 
+def test_an_exposure_that_the_constraints_nearly_exclude_is_drawn_or_refused_by_name() -> None:
+    narrow = Space(SMALL.variables, (("x = 3",), ("angle = 30",), ("count = 2",), ("kind = a",)))
+    assert narrow.violation(Exposure.from_dict(narrow, MIXED).sample(500, np.random.default_rng(0))) is None
+    never = Exposure.from_dict(narrow, {"variables": {"kind": {"kind": "shares", "shares": {"a": 0, "b": 1, "c": 0}}}})
+    with pytest.raises(InputError, match="^constraints: they exclude almost all of the exposure: "):
+        never.sample(1, np.random.default_rng(0))
+
+
 def test_every_number_of_an_exposure_says_where_it_comes_from() -> None:
     for path in FOLDER.glob("*.yaml"):
         read = read_exposure(path.stem)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.core.space import Space, Variable
+from pipeline.errors import InputError
 from tests.spaces import CONSTRAINED, CUT, SMALL, THESIS
 
 
@@ -86,8 +87,17 @@ def test_samples_are_free_samples_that_keep_the_constraints() -> None:
 def test_an_almost_empty_space_is_refused() -> None:
     grains = tuple(Variable(name, "integer", "", 0, 1000, 1) for name in "abc")
     space = Space(grains, tuple((f"{name} = 7",) for name in "abc"))
-    with pytest.raises(ValueError, match="no feasible point in 1000 draws: the constraints exclude almost the whole space"):
+    with pytest.raises(InputError, match="^constraints: they exclude almost the whole space: none of [0-9]+ random points keeps them$"):
         space.sample(1, np.random.default_rng(0))
+
+
+def test_narrow_constraints_leave_independent_uniform_points() -> None:
+    narrow = Space(THESIS.variables, (("blueprint = W 01",), ("animation = crouching",)))
+    points = narrow.sample(3000, np.random.default_rng(0))
+    assert narrow.violation(points) is None and len(np.unique(points, axis=0)) == 3000
+    middle, span = (np.array([of(v.high, v.low) for v in THESIS.variables[:6]]) for of in (lambda a, b: (a + b) / 2, lambda a, b: a - b))
+    assert ((points[:, :6] - middle) / span).mean(axis=0) == pytest.approx(0, abs=0.03)
+    assert ((points[:, :6] - middle) / span).std(axis=0) == pytest.approx(12**-0.5, abs=0.01)
 
 
 def test_a_scenario_that_breaks_a_constraint_is_named_with_the_values_of_its_clause() -> None:

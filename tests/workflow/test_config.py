@@ -107,6 +107,11 @@ def test_a_camera_is_chosen_by_its_name() -> None:
             "+scenarios.F1.constraints=['if fog > 50 then animation = crouchin']",
             "constraint 'if fog > 50 then animation = crouchin', character 30: category must be one of walking, texting, crouching,",
         ),
+        (
+            "+scenarios.F1.constraints=[['rain = 50'],['fog = 50'],['sun_azimuth = 30'],['sun_altitude = 30'],['pedestrian_shift = 0'],"
+            "['pedestrian_speed = 1'],['blueprint = W 01']]",
+            "scenarios.F1.constraints: they exclude almost the whole space: none of",
+        ),
         ("front_car.space.constraints=['current_lane <= lane']", "character 17: expected a number or a variable after <=, got 'lane'"),
         ("front_car.space.constraints=['current_lane >= lanes']", "must exclude the second of one lane"),
         ("front_car.space.constraints=[['lanes = 1'],['lanes = 2']]", "these contradict each other, so no point is left: [lanes = 1]"),
