@@ -84,6 +84,18 @@ def test_results_of_other_scenarios_guide_the_first_batch() -> None:
     assert first[:, 0].mean() > blind[:, 0].mean() + 1  # The KPI falls with x.
 
 
+def test_pairs_that_the_constraints_exclude_are_neither_explored_nor_missed_among_failures() -> None:
+    tested = CONSTRAINED.sample(5000, np.random.default_rng(0))
+    assert pair_coverage(CONSTRAINED, tested) == 1
+    asked = []
+    for explore in (0, 1):
+        sampler = ForestSampler(CONSTRAINED, 0, explore=explore, explore_until=1)
+        sampler.tell(tested, kpi_of(tested))
+        asked.append(sampler.ask())
+    assert np.array_equal(*asked)
+    assert sampler._worth(sampler._shown(tested)) == sampler.exploitation
+
+
 @pytest.mark.parametrize("uniform", [0.0, 0.3, 0.5, 1.0])
 def test_a_mixture_draws_its_share_at_random_and_guides_the_rest(uniform: float) -> None:
     samplers = [MixedSampler(SMALL, 0, batch_size=10, uniform=uniform) for _ in range(2)]

@@ -156,10 +156,10 @@ class ForestSampler(BatchSampler):
     def _pick(self, candidates: Floats, votes: Floats, points: Floats, failed: NDArray[np.bool_], rng: np.random.Generator) -> Ints:
         """Positions of the `batch_size` candidates to test. votes: (trees, n) failure probability by each tree."""
         pairs, tested = self._pairs(candidates), self._pairs(points)
-        shown, untested = self._shown(points[failed]), np.ones(self._pair_count)
+        shown, untested = self._shown(points[failed]), self._possible.astype(float)
         untested[tested.ravel()] = 0
         free, expected, chosen = np.ones(len(candidates), dtype=bool), votes.mean(axis=0), []
-        explored = round(self.explore * self.batch_size) if untested.mean() > 1 - self.explore_until else 0
+        explored = round(self.explore * self.batch_size) if untested[self._possible].mean() > 1 - self.explore_until else 0
         kinds, worth = round(self.kinds * self.batch_size), self._worth(shown)
         for slot in range(self.batch_size):
             chance = votes[rng.integers(len(votes), size=self.votes)].mean(axis=0) if self.diverse else expected
@@ -185,7 +185,7 @@ class ForestSampler(BatchSampler):
 
     def _worth(self, shown: Floats) -> float:
         """What a failure is worth beside its gain."""
-        return self.exploitation * float((shown > 0).mean()) ** 2
+        return self.exploitation * float((shown > 0)[self._possible].mean()) ** 2
 
     def _shown(self, failures: Floats) -> Floats:
         """How many of the failures (n, d) show each pair of categories."""
@@ -209,6 +209,13 @@ class ForestSampler(BatchSampler):
     def _pair_count(self) -> int:
         sizes = self.space.sizes
         return sizes[0] if len(sizes) == 1 else sum(a * b for a, b in combinations(sizes, 2))
+
+    @cached_property
+    def _possible(self) -> NDArray[np.bool_]:
+        """(pair_count,) the pairs of categories that some feasible point shows."""
+        d = len(self.space)
+        planes = combinations(range(d), min(2, d))
+        return np.concatenate([self.space.constraints.feasible_cells(plane).ravel() for plane in planes])
 
     @cached_property
     def _categorical(self) -> NDArray[np.bool_]:
