@@ -34,7 +34,7 @@ class Simulator(Protocol):
     order and any process. A simulator that cannot execute a scenario raises `SimulationError`.
 
     A class may declare `needs`, a mapping from the variables that a scenario must have to what it admits of each (`Admitted`). A study that
-    does not meet it is refused before anything runs.
+    does not meet it is refused before anything runs, and, if the class declares `closed` as True, one with any other variable, too.
     """
 
     def execute(

@@ -118,11 +118,14 @@ def _check_files(config: Config) -> None:
 
 
 def _check_needs(config: Config) -> None:
-    """The variables of each scenario are those that the simulator needs."""
+    """The variables of each scenario are those that the simulator needs; it uses others if it is not closed."""
     target = config.simulator["_target_"]
-    needs: Mapping[str, Admitted] = getattr(_class("simulator._target_", SIMULATOR, target), "needs", {})
+    simulator = _class("simulator._target_", SIMULATOR, target)
+    needs: Mapping[str, Admitted] = getattr(simulator, "needs", {})
     for scenario in (*config.search, *config.held_out):
         variables = {variable.name: variable for variable in config.space(scenario).variables}
+        if unused := [name for name in variables if name not in needs and getattr(simulator, "closed", False)]:
+            raise InputError(f"scenarios.{scenario}.space.{unused[0]}: {target} does not use this variable")
         for name, admitted in needs.items():
             key = f"scenarios.{scenario}.space.{name}"
             if name not in variables:

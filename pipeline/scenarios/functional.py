@@ -34,6 +34,8 @@ RESERVED = {
     *("test", "region", "end", "number"),
 }
 """Columns of tests.parquet and of the report's table beside the variables."""
+BODIES = {"ego", "pedestrian", "street", "world"}
+"""What a world's own bodies are called, alone or before an underscore, as in `ego_mass`."""
 
 
 class Ego(Part):
@@ -154,6 +156,13 @@ class FunctionalScenario(Part):
             raise ValueError(f"'{taken[0]}' is a column of every table of tests already; choose another name")
         Space.from_dict(plain)
         return plain
+
+    @field_validator("actors")
+    @classmethod
+    def _bodies(cls, actors: dict[str, Actor]) -> dict[str, Actor]:
+        if taken := [name for name in actors if name.partition("_")[0] in BODIES]:
+            raise ValueError(f"'{taken[0]}' is the name of a body that every world has; choose another name")
+        return actors
 
     @model_validator(mode="after")
     def _can_be_tested(self) -> FunctionalScenario:

@@ -108,6 +108,10 @@ def test_a_camera_is_chosen_by_its_name() -> None:
             "constraint 'if fog > 50 then animation = crouchin', character 30: category must be one of walking, texting, crouching,",
         ),
         (
+            "+scenarios.F1.space.wind={kind: continuous, low: 0, high: 20, step: 5, unit: m/s}",
+            "scenarios.F1.space.wind: pipeline.simulators.mujoco.simulator.MujocoSimulator does not use this variable",
+        ),
+        (
             "+scenarios.F1.constraints=[['rain = 50'],['fog = 50'],['sun_azimuth = 30'],['sun_altitude = 30'],['pedestrian_shift = 0'],"
             "['pedestrian_speed = 1'],['blueprint = W 01']]",
             "scenarios.F1.constraints: they exclude almost the whole space: none of",
@@ -120,6 +124,15 @@ def test_a_camera_is_chosen_by_its_name() -> None:
         ("scenarios.F1.actors.bus.x_m=-40", "actors.bus: is off the road at (-40.0, -5.2) after 0 s"),
         ("scenarios.F1.actors.bus.kind=tram", "scenarios.F1.actors.bus.kind: expected 'hatchback', 'saloon',"),
         ("+scenarios.F1.actors.bus.speed_kmh=-1", "scenarios.F1.actors.bus.speed_kmh: expected at least 0"),
+        ("+scenarios.F1.actors.ego={kind: saloon, x_m: 60, y_m: 1.75}", "F1.actors: 'ego' is the name of a body that every world has"),
+        (
+            "+scenarios.F1.actors.pedestrian_head={kind: saloon, x_m: 60, y_m: 1.75}",
+            "F1.actors: 'pedestrian_head' is the name of a body that every world has",
+        ),
+        (
+            "+scenarios.F1.actors.street_main={kind: saloon, x_m: 60, y_m: 1.75}",
+            "F1.actors: 'street_main' is the name of a body that every world has",
+        ),
         ("scenarios.F1.actors.oncoming.x_m=16.5", "actors.parked_far: overlaps oncoming at the start"),
         ("+scenarios.F1.ego.path=[[-80,-9],[0,-1.75],[80,5.5]]", "scenarios.F1: ego.path: leaves the road at (-"),
         ("+scenarios.F1.ego.path=[[-80,-1.75],[2,-1.75],[3,4],[4,-1.75]]", "scenarios.F1: ego.path: corners of radius 7.75 m do not fit"),

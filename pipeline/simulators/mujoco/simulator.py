@@ -51,6 +51,7 @@ class MujocoSimulator:
         "blueprint": (),
     }
     """The variables that a scenario must have."""
+    closed: ClassVar[bool] = True
 
     def __init__(self, scenario: FunctionalScenario, car: Car, camera: CameraSettings | None = None) -> None:
         self._scenario, self._car = scenario, car
