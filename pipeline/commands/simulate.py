@@ -75,6 +75,6 @@ def concrete_scenario(space: Space, assignments: Sequence[str]) -> dict[str, Val
         except ValueError as error:
             raise InputError(f"{name}: expected a number, got '{text}'") from error
     try:
-        return space.decode(space.encode(values))  # Types as in a campaign: the values' text, 0 or 0.0, seeds rain and grain.
+        return space.decode(space.encode(values))  # 0 and 0.0 are one scenario.
     except ValueError as error:
         raise InputError(str(error)) from error

@@ -67,6 +67,16 @@ def test_unbraked_ego_and_pedestrian_meet_at_the_conflict_point(world: Any) -> N
     assert np.hypot(x - scenario.pedestrian.at[0], y - scenario.pedestrian.at[1]) < 0.1
 
 
+def test_the_python_type_of_a_number_changes_nothing() -> None:
+    scenario = described("F1")
+    space, simulator = scenario.logical_space(), MujocoSimulator(scenario, CAR)
+    whole = {v.name: np.int64(1) if v.kind != "categorical" else v.values[0] for v in space.variables} | {"pedestrian_shift": 0, "rain": 30}
+    exact = space.decode(space.encode(whole))
+    kept = [simulator.execute(one, BlindDetector(), 9, noise).frames for one in (whole, exact) for noise in (None, whole, exact)]
+    simulator.close()
+    assert all(np.array_equal(a.frame.image, b.frame.image) for other in kept[1:] for a, b in zip(kept[0], other, strict=True))
+
+
 def test_the_ego_follows_its_path(world: Any) -> None:
     simulator, space, scenario = world
     signals = simulator.execute(space.decode(space.sample(1, np.random.default_rng(5))[0]), BlindDetector()).signals

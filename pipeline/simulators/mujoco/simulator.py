@@ -63,9 +63,9 @@ class MujocoSimulator:
         self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0, noise: Mapping[str, Value] | None = None
     ) -> Episode:
         """Execute one concrete scenario; see `pipeline.protocols.Simulator`."""
-        self._space.encode(concrete)
-        loop = _Loop(self._stage, self._scenario, self._car, concrete, self._settings)
-        return loop.run(detector, keep_every, np.random.default_rng(_seed(concrete if noise is None else noise)))
+        own, seeding = (self._space.decode(self._space.encode(one)) for one in (concrete, concrete if noise is None else noise))
+        loop = _Loop(self._stage, self._scenario, self._car, own, self._settings)
+        return loop.run(detector, keep_every, np.random.default_rng(_seed(seeding)))
 
     def close(self) -> None:
         """Free the GL context."""
@@ -259,6 +259,6 @@ class _Delayed:
 
 
 def _seed(concrete: Mapping[str, Value]) -> int:
-    """A seed that depends on the concrete scenario alone, so that a replay has the same rain."""
+    """A seed that depends on the concrete scenario alone, so that a replay has the same rain; 0 and 0.0 differ, so decode it first."""
     text = json.dumps(dict(concrete), sort_keys=True)
     return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "little")
