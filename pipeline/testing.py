@@ -32,7 +32,9 @@ def check_sampler(factory: Callable[[], Sampler], space: Space, batches: int = 4
     for _ in range(batches):
         points = first.ask()
         assert points.ndim == 2 and points.shape[1] == len(space), f"ask must return (b, {len(space)}), got {points.shape}"
-        assert len(points) > 0, "ask must return at least one point"
+        assert len(points) > 0 or history, "the first ask must return at least one point"
+        if not len(points):  # The campaign ends.
+            break
         assert np.isfinite(points).all() and (points >= low).all() and (points <= high).all(), "ask must stay within the space"
         assert space.violation(points) is None, "ask must keep the constraints"
         assert np.array_equal(points, first.ask()), "ask twice without tell must give the same points"

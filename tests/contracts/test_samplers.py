@@ -21,6 +21,24 @@ def test_samplers_keep_the_contract(make: Strategy, space: Space) -> None:
     check_sampler(lambda: make(space, 5), space)
 
 
+class Planned(RandomSampler):
+    """Ends after two batches."""
+
+    def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
+        return self.space.sample(self.batch_size if index < 2 else 0, rng)
+
+
+class Silent(RandomSampler):
+    """Never has a point."""
+
+    def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
+        return self.space.sample(0, rng)
+
+
+def test_a_sampler_may_end_the_campaign() -> None:
+    check_sampler(lambda: Planned(SMALL, 0), SMALL)
+
+
 class Forgetful(RandomSampler):
     """Draws new points on every ask."""
 
@@ -45,7 +63,13 @@ class Heedless(RandomSampler):
 
 
 @pytest.mark.parametrize(
-    ("make", "message"), [(Forgetful, "ask twice"), (Outside, "within the space"), (Heedless, "ask must keep the constraints")]
+    ("make", "message"),
+    [
+        (Forgetful, "ask twice"),
+        (Outside, "within the space"),
+        (Heedless, "ask must keep the constraints"),
+        (Silent, "at least one point"),
+    ],
 )
 def test_the_checker_finds_faulty_samplers(make: type[BatchSampler], message: str) -> None:
     with pytest.raises(AssertionError, match=message):
