@@ -42,7 +42,7 @@ class HuggingFaceDetector:
             self._network = AutoModelForObjectDetection.from_pretrained(self._model, use_safetensors=True, **safe)
         except Exception as error:  # A foreign folder can make the library raise any exception.
             raise InputError(f"Transformers cannot load {model} as an object detector: {one_line(error)}") from error
-        self._network.eval().requires_grad_(False)
+        self._network.float().eval().requires_grad_(False)
         names = {int(number): str(name) for number, name in self._network.config.id2label.items()}
         self._person = person_class(self._model, names, len(names), person)
 

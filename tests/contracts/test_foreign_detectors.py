@@ -24,7 +24,7 @@ from pipeline.testing import check_detector
 IMAGE = np.random.default_rng(0).integers(0, 255, (192, 320, 3), dtype=np.uint8)
 
 
-def save(folder: Path, person: str = "person", broken: bool = False) -> Path:
+def save(folder: Path, person: str = "person", broken: bool = False, half: bool = False) -> Path:
     """A tiny model with random weights, saved as a user would save it."""
     torch.manual_seed(0)
     names = {0: "car", 1: person, 2: "tree"}
@@ -36,7 +36,7 @@ def save(folder: Path, person: str = "person", broken: bool = False) -> Path:
     with torch.no_grad():
         bias = network.class_labels_classifier.layers[-1].bias
         bias.copy_(torch.tensor([0.0, torch.nan if broken else 4.0, 0.0, 0.0]))
-    network.save_pretrained(folder)
+    (network.half() if half else network).save_pretrained(folder)
     YolosImageProcessorPil(size={"height": 192, "width": 320}).save_pretrained(folder)
     return folder
 
@@ -47,6 +47,12 @@ def test_a_hugging_face_model_keeps_the_contract(tmp_path: Path) -> None:
     found = detector.detect(Frame(IMAGE, Truth()))
     assert len(found.scores) >= 1 and found.scores[0] > 0.9
     assert len(HuggingFaceDetector(tmp_path / "model", threshold=0.3, person="tree").detect(Frame(IMAGE, Truth())).scores) == 0
+
+
+def test_a_hugging_face_model_in_half_precision_finds_the_same(tmp_path: Path) -> None:
+    exact, half = (HuggingFaceDetector(save(tmp_path / str(half), half=half), threshold=0.3) for half in (False, True))
+    first, second = (detector.detect(Frame(IMAGE, Truth())) for detector in (exact, half))
+    assert len(first.scores) and second.scores == pytest.approx(first.scores, abs=0.01)
 
 
 def test_non_finite_hugging_face_values_raise_a_simulation_error(tmp_path: Path) -> None:
