@@ -141,6 +141,12 @@ def decode(layout: Layout, output: Any, person: int) -> tuple[Floats, Floats]:
     return np.concatenate([middle - half, middle + half], axis=1), scores
 
 
+def largest(layout: Layout, output: Any) -> float:
+    """The largest coordinate of the boxes of all classes in one image's output; 0 if there are none."""
+    boxes = (np.asarray(output, np.float32).T if layout == "yolov8" else np.asarray(output, np.float32))[:, :4]
+    return float(np.abs(boxes).max(initial=0))
+
+
 def classes_of(layout: Layout, shape: Sequence[int | str | None]) -> int | None:
     """Number of classes of an output; None if its shape leaves it open."""
     extent = {"yolov5": shape[2], "yolov8": shape[1]}.get(layout)

@@ -79,8 +79,9 @@ class OnnxDetector:
         width, height = self._image_size(image.shape[1], image.shape[0])
         padded, box = Letterbox.fit(image, width, height)
         tensor = (np.ascontiguousarray(padded.transpose(2, 0, 1)[None], np.float32) / 255).astype(self._float)
-        boxes, scores = layouts.decode(self._layout, self._run(None, tensor)[0][0], self._person)
-        if len(boxes) and 0 < (largest := float(np.abs(boxes).max())) <= SMALLEST_BOXES:
+        output = self._run(None, tensor)[0][0]
+        boxes, scores = layouts.decode(self._layout, output, self._person)
+        if 0 < (largest := layouts.largest(self._layout, output)) <= SMALLEST_BOXES:
             raise InputError(f"{self._model}: expected boxes in pixels of its {width} by {height} input, got none beyond {largest:.3g}")
         return inside(box.back(boxes), scores, image.shape[1], image.shape[0])
 

@@ -177,6 +177,13 @@ def test_names_that_do_not_fit_the_output_are_named(tmp_path: Path) -> None:
         OnnxDetector(export(tmp_path / "b.onnx", yolov8(), "{'a': 'person'}"))
 
 
+def test_a_tiny_box_of_a_person_among_boxes_in_pixels_is_no_sign_of_relative_boxes(tmp_path: Path) -> None:
+    output = end_to_end()
+    output[0, :, 5] = 2
+    output[0, 0] = [0.2, 0.1, 1.6, 1.9, 0.01, 0]
+    assert not len(OnnxDetector(export(tmp_path / "a.onnx", output), 0.5).detect(Frame(IMAGE, Truth())).scores)
+
+
 @pytest.mark.parametrize("make", [yolov8, yolov5, end_to_end])
 def test_logits_and_relative_boxes_are_refused(make: Any, tmp_path: Path) -> None:
     logits = make()
