@@ -13,7 +13,7 @@ from pipeline.artefacts.front_car_results import Points
 from pipeline.artefacts.results import read
 from pipeline.config.schema import Config
 from pipeline.contract import Job, Step
-from pipeline.errors import InputError
+from pipeline.errors import InputError, SimulationError
 from pipeline.execution.pool import in_order
 
 TOWNS = 3
@@ -100,10 +100,13 @@ def _render(job: TownJob) -> list[Record]:
     settings = CameraSettings.model_validate(camera)
     rendered = snapshots(town_seed, [(values, seed) for values, seed, _, _ in shots], settings)
     records = []
-    for (_, _, split, index), snapshot in zip(shots, rendered, strict=True):
-        write_image(root, split, index, snapshot.image, snapshot.truth)
-        write_classes(root, split, index, snapshot.classes)
-        records.append(Record(split, index, settings.width, settings.height, snapshot.truth, snapshot.attributes))
+    try:
+        for (_, _, split, index), snapshot in zip(shots, rendered, strict=True):
+            write_image(root, split, index, snapshot.image, snapshot.truth)
+            write_classes(root, split, index, snapshot.classes)
+            records.append(Record(split, index, settings.width, settings.height, snapshot.truth, snapshot.attributes))
+    except SimulationError as error:
+        raise InputError(f"simulator.camera: {error}; take more pixels or a narrower view") from error
     flush_all()
     write_json(root / "segments" / "classes.json", dict(enumerate(CLASSES)))
     return records

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from pipeline.config.composing import compose
+from pipeline.errors import InputError
 from pipeline.scenarios.streets import Town, streets
 from pipeline.simulators.mujoco.lens import CameraSettings
 from pipeline.simulators.mujoco.snapshots import CLASSES, Snapshot, snapshots
 from pipeline.simulators.mujoco.stage import Stage
 from pipeline.simulators.mujoco.weather import Weather
+from pipeline.steps.front_car_snapshots import _render
 
 SPACE = compose("front_car", []).front_car.space
 POINTS = [
@@ -36,6 +40,13 @@ def test_snapshots_show_the_conditions_of_their_points(shown: list[Snapshot]) ->
         assert (float(snapshot.attributes["rain"]) > 0) == (point["weather"] == "rainy")
         for part in ("sky", "road", "lane marking", "pavement", "building"):
             assert (snapshot.classes == CLASSES.index(part)).sum() > 50, (part, point)
+
+
+def test_a_camera_that_cannot_show_the_vehicles_is_named(tmp_path: Path) -> None:
+    camera = {**CameraSettings().model_dump(), "width": 64, "height": 64, "hfov_deg": 120.0}
+    shots = [({**CURVY[-1], "weather": kind}, (3,), "train", i) for i, kind in enumerate(("sunny", "cloudy", "rainy") * 4)]
+    with pytest.raises(InputError, match="^simulator.camera: no arrangement of .*; take more pixels or a narrower view$"):
+        _render((5, shots, camera, tmp_path))  # type: ignore[arg-type]
 
 
 def test_the_box_is_that_of_the_segmentation(shown: list[Snapshot]) -> None:
