@@ -68,6 +68,11 @@ class Town(Part):
             raise ValueError(f"bus_bay must run from a smaller to a larger x, got {self.bus_bay}")
         if self.junction is None and any(crosswalk.street == "side" for crosswalk in self.crosswalks):
             raise ValueError("crosswalks: one lies on the side street, but the town has no junction")
+        for crosswalk in self.crosswalks:
+            street = streets(self)[crosswalk.street == "side"]
+            if not street.start <= crosswalk.at_m <= street.end:
+                limits = f"[{street.start:g}, {street.end:g}]"
+                raise ValueError(f"crosswalks: at_m must be in {limits} on the {street.name} street, got {crosswalk.at_m:g}")
         if self.curvature_1pm and (self.junction or self.rails_x_m is not None):
             raise ValueError("curvature_1pm: a street with a junction or a train line must be straight")
         gaps = [(gap.start, gap.end) for gap in streets(self)[0].gaps if gap.side == -1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import Any, Literal
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from pydantic import ValidationError
 from pipeline.config.composing import CONF, functional_scenario
 from pipeline.core.paths import Path
 from pipeline.scenarios.streets import CORNER_RADIUS, Junction, Town, on_asphalt, streets
+from pipeline.simulators.mujoco import buildings
 
 NAMES = sorted(path.stem for path in (CONF / "scenario").glob("[FN]*.yaml"))
 
@@ -80,6 +82,16 @@ def test_a_curved_street_keeps_its_lanes(curvature: float) -> None:
             assert on_asphalt(town, pose.x, pose.y) is inside, (u, v)
 
 
+@pytest.mark.parametrize("x_m", [-20, -14, 14, 20])
+def test_no_house_stands_on_the_rails_beside_a_junction(x_m: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    town, houses = Town(seed=3, junction=Junction(x_m=0, side="left"), rails_x_m=x_m), []
+    monkeypatch.setattr(buildings, "_build", lambda _, house: houses.append(house.us))
+    for seed in range(20):
+        buildings.add(Mock(), town, streets(town)[0], 1, np.random.default_rng(seed))
+    for middle in (0, x_m):
+        assert all(end < middle - 1.5 or begin > middle + 1.5 for begin, end in houses)
+
+
 @pytest.mark.parametrize(
     ("town", "message"),
     [
@@ -88,6 +100,11 @@ def test_a_curved_street_keeps_its_lanes(curvature: float) -> None:
         ({"bus_bay": (5, -5)}, "bus_bay must run from a smaller to a larger x"),
         ({"bus_bay": (0, 20), "junction": {"x_m": 10, "side": "right"}}, "overlaps the junction"),
         ({"crosswalks": ({"street": "side", "at_m": 9},)}, "the town has no junction"),
+        ({"crosswalks": ({"at_m": 151},)}, r"crosswalks: at_m must be in \[-75, 150\] on the main street, got 151"),
+        (
+            {"crosswalks": ({"street": "side", "at_m": -1},), "junction": {"x_m": 10, "side": "right"}},
+            r"crosswalks: at_m must be in \[0, 85\] on the side street, got -1",
+        ),
         ({"trees": ((0, 1),)}, "stands on the road"),
         ({"junction": {"x_m": 10, "side": "north"}}, "'left' or 'right'"),
         ({"lanes_ahead": 3}, "less than or equal to 2"),

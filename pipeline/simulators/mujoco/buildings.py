@@ -40,14 +40,16 @@ def add(site: Site, town: Town, street: Street, side: int, rng: np.random.Genera
     # The main street's corner houses also front the side street; the side street's houses begin behind them.
     u = street.start - 10 if street.name == "main" else PAVEMENT_WIDTH + style.setback + HOUSE_DEPTH + 4
     clear = PAVEMENT_WIDTH + style.setback - CORNER_RADIUS + 0.5
+    gaps = sorted((gap for gap in street.gaps if gap.side == side), key=lambda gap: gap.start)
     while u < street.end:
         width = rng.uniform(*style.widths)
         wall, floors = int(rng.integers(len(style.walls))), int(rng.integers(style.storeys[0], style.storeys[1] + 1))
-        gap = next((g for g in street.gaps if g.side == side and g.start - clear < u + width and u < g.end + clear), None)
-        if gap:
-            u = gap.end + clear if u + 8 > gap.start - clear else u
-            if u < gap.start:
-                width = gap.start - clear - u
+        for gap in gaps:
+            if gap.start - clear < u + width and u < gap.end + clear:
+                if u + 8 > gap.start - clear:
+                    u = gap.end + clear
+                else:
+                    width = gap.start - clear - u
         v = front + rng.uniform(0, 1.2)
         _build(parts, _House((u, u + width), (side * v, side * (v + HOUSE_DEPTH)), wall, floors, int(rng.integers(len(style.roofs)))))
         for _ in range(floors):
