@@ -95,7 +95,7 @@ class AebSection(Section):
     brakes_from: float | None = Field(ge=0, le=1)
     """Lowest score that brakes; null means the detector's own threshold, 0.05 every stored detection."""
     votes: int = Field(ge=1, le=20)
-    """The brake acts if at least this many of the last `window` frames ask for it."""
+    """The brake acts if the newest frame asks for it, and at least this many of the last `window` frames do."""
     window: int = Field(ge=1, le=20)
     """Number of frames that vote."""
     margin_m: float = Field(ge=0, le=5)

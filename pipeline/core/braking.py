@@ -58,8 +58,8 @@ class Aeb:
 
     gate: the detections that it follows: those that match the true pedestrian (`truth`, thesis section 5.3) or those in the ego's path
     (`detections`). law: the demand is the best score (`confidence`, thesis section 5.3), or 1 (`threshold`). brakes_from: lowest score that
-    brakes, in [0, 1]. votes, window: it brakes if at least `votes` of the last `window` frames ask for it. margin_m: metres beside the ego
-    that still belong to its path.
+    brakes, in [0, 1]. votes, window: it brakes if the newest frame asks for it, and at least `votes` of the last `window` frames do.
+    margin_m: metres beside the ego that still belong to its path.
     """
 
     gate: GateKind

@@ -1,4 +1,7 @@
-"""The state of a training and its checkpoint, from which a killed run resumes with the same bits."""
+"""The state of a training and its checkpoint, from which a killed run resumes.
+
+With the same number of threads on the same kind of processor, it resumes with the same bits.
+"""
 
 from __future__ import annotations
 

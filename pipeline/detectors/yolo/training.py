@@ -1,7 +1,7 @@
 """Training: AdamW or Muon, cosine schedule, averaged weights, bfloat16; first on crops, then on full frames.
 
 The budget counts pixels, not seconds, and a batch depends only on its number, so a killed run resumes from its checkpoint and reaches the
-same weights.
+same weights: to the last bit with the same number of threads on the same kind of processor.
 """
 
 from __future__ import annotations

@@ -140,7 +140,7 @@ class Camera:
         camera = self._view.fixedcamid
         axes = self._data.cam_xmat[camera].reshape(3, 3)
         centres = (self._data.geom_xpos[self._pedestrian_geoms] - self._data.cam_xpos[camera]) @ axes
-        # rbound is for the reference height; blueprints reach 1.3 times that.
+        # rbound is for the reference height; parts of people reach 1.374 times that.
         radius = 1.4 * self._model.geom_rbound[self._pedestrian_geoms]
         depth = -centres[:, 2]
         if depth.max() < 0.2:

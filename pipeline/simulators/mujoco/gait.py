@@ -22,7 +22,7 @@ STANDING_BELOW_MPS = 0.2
 
 @dataclass(frozen=True)
 class Posture:
-    """Joint angles in radians, and the drop of the hips in metres at the reference height."""
+    """Joint angles in radians, and the change of the hips' height, at most 0, in metres at the reference height."""
 
     angles: dict[str, float]
     drop: float = 0.0
