@@ -98,8 +98,7 @@ def _overlap(boxes: Floats, truth: Floats) -> Floats:
 def _demand(tests: pd.Series, asked: Floats, aeb: Aeb) -> Floats:
     """Brake demand of each row from the best score that asks for it, over the frames that vote."""
     votes = pd.Series(asked > 0, dtype=float).groupby(tests.to_numpy()).rolling(aeb.window, min_periods=1).sum().droplevel(0).sort_index()
-    braking = (asked > 0) & (votes.to_numpy() >= aeb.votes)
-    return np.where(braking, 1.0 if aeb.law == "threshold" else asked, 0.0)
+    return aeb.demand(asked, votes.to_numpy())
 
 
 def with_criterion(car: Car, iou: float, threshold: float) -> Car:

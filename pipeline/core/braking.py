@@ -77,6 +77,12 @@ class Aeb:
         if not 0 <= self.margin_m <= 5:
             raise ValueError(f"margin_m must be in [0, 5] m, got {self.margin_m}")
 
+    def demand(self, best: ArrayLike, asking: ArrayLike) -> NDArray[np.float64]:
+        """Brake demand in [0, 1]. best: the newest frame's best score that asks for it, 0 for none. asking: number of the last `window`
+        frames that ask."""
+        score = np.asarray(best, dtype=float)
+        return np.where((score > 0) & (np.asarray(asking) >= self.votes), 1.0 if self.law == "threshold" else score, 0.0)
+
 
 class EmergencyBrake:
     """The emergency brake during one test: remembers the frames that its law needs."""
@@ -91,6 +97,4 @@ class EmergencyBrake:
         scores = np.asarray(detections.scores, dtype=float)
         best = float(scores[followed & (scores >= aeb.brakes_from)].max(initial=0.0))
         self._asked.append(best > 0)
-        if best <= 0 or sum(self._asked) < aeb.votes:
-            return 0.0
-        return 1.0 if aeb.law == "threshold" else best
+        return float(aeb.demand(best, sum(self._asked)))

@@ -21,7 +21,7 @@ from pipeline.core.signals import SIGNALS, TimeStep, box_signals
 from pipeline.core.space import Floats, Value
 from pipeline.core.truth import Truth
 from pipeline.protocols import Admitted, Detector
-from pipeline.scenarios.functional import FunctionalScenario
+from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, FunctionalScenario
 
 WIDTH, HEIGHT = 320, 192
 """As the default camera's images, on which the shipped detectors were trained."""
@@ -125,7 +125,7 @@ def _step(frame: Frame, distance: float, speed: float, braking: bool, walked: fl
     return replace(
         NOTHING,
         time_s=frame.time_s,
-        ego_x_m=-distance - 2.5,
+        ego_x_m=-distance - EGO_HALF_LENGTH_M,
         ego_y_m=-1.75,
         ego_speed_mps=speed,
         pedestrian_y_m=-1.75 + walked,

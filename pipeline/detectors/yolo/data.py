@@ -17,6 +17,7 @@ import torch
 from numpy.typing import NDArray
 
 from pipeline.artefacts.dataset import ImageSet
+from pipeline.detectors.layouts import GREY
 
 Images = NDArray[np.uint8]
 Boxes = NDArray[np.float32]
@@ -138,8 +139,8 @@ def show(image: Images, view: View, size: tuple[int, int]) -> Images:
         return np.asarray(cv2.flip(part, 1), np.uint8) if view.flipped else part
     centred = mapping(view, size)
     centred[:, 2] += centred[:, :2] @ (0.5, 0.5) - 0.5  # OpenCV puts (0, 0) at a pixel's middle, boxes at its corner.
-    # Grey beyond the image, as in `detectors.layouts`: a reflection would show unlabelled people.
-    shown = cv2.warpAffine(image, centred, size, flags=cv2.INTER_LINEAR, borderValue=(114, 114, 114))
+    # Grey beyond the image: a reflection would show unlabelled people.
+    shown = cv2.warpAffine(image, centred, size, flags=cv2.INTER_LINEAR, borderValue=(GREY,) * 3)
     return np.asarray(shown, np.uint8)
 
 

@@ -12,7 +12,7 @@ from pipeline.core.paths import Pose
 from pipeline.core.space import Value
 from pipeline.core.truth import Truth
 from pipeline.errors import SimulationError
-from pipeline.scenarios.functional import HALF_LENGTHS_M, Actor, VehicleKind
+from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, HALF_LENGTHS_M, Actor, VehicleKind
 from pipeline.scenarios.people import population
 from pipeline.scenarios.streets import LANE_WIDTH, Street, Town, streets
 
@@ -153,7 +153,7 @@ class _Photographer:
     def _gap(self, name: str, limits: tuple[float, float], rng: np.random.Generator) -> float:
         """Metres along the street from the ego's middle to that of a vehicle."""
         half = HALF_LENGTHS_M[FLEET[int(name.removeprefix("vehicle"))]]
-        return half + 2.5 + float(np.exp(rng.uniform(*np.log(limits))))
+        return half + EGO_HALF_LENGTH_M + float(np.exp(rng.uniform(*np.log(limits))))
 
     def _pose(self, u: float, v: float, rng: np.random.Generator, turned: float = 0.0) -> Pose:
         pose = self._street.pose(u, v)
