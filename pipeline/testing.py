@@ -13,7 +13,7 @@ from pipeline.core.car import Car
 from pipeline.core.detections import Detections
 from pipeline.core.episode import Episode, Frame
 from pipeline.core.matching import COCO, Criterion, match
-from pipeline.core.space import Space
+from pipeline.core.space import Floats, Space
 from pipeline.core.truth import Truth
 from pipeline.protocols import Detector, Sampler, Simulator
 
@@ -28,7 +28,8 @@ def check_sampler(factory: Callable[[], Sampler], space: Space, batches: int = 4
     """
     low = np.array([0 if v.kind == "categorical" else v.low for v in space.variables])
     high = np.array([v.size - 1 if v.kind == "categorical" else v.high for v in space.variables])
-    first, history = factory(), []
+    first = factory()
+    history: list[tuple[Floats, Floats]] = []
     for _ in range(batches):
         points = first.ask()
         assert points.ndim == 2 and points.shape[1] == len(space), f"ask must return (b, {len(space)}), got {points.shape}"

@@ -70,7 +70,8 @@ def test_unbraked_ego_and_pedestrian_meet_at_the_conflict_point(world: Any) -> N
 def test_the_python_type_of_a_number_changes_nothing() -> None:
     scenario = described("F1")
     space, simulator = scenario.logical_space(), MujocoSimulator(scenario, CAR)
-    whole = {v.name: np.int64(1) if v.kind != "categorical" else v.values[0] for v in space.variables} | {"pedestrian_shift": 0, "rain": 30}
+    whole: dict[str, Any] = {v.name: v.values[0] if v.values else np.int64(1) for v in space.variables}
+    whole |= {"pedestrian_shift": 0, "rain": 30}
     exact = space.decode(space.encode(whole))
     kept = [simulator.execute(one, BlindDetector(), 9, noise).frames for one in (whole, exact) for noise in (None, whole, exact)]
     simulator.close()

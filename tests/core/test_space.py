@@ -95,9 +95,10 @@ def test_narrow_constraints_leave_independent_uniform_points() -> None:
     narrow = Space(THESIS.variables, (("blueprint = W 01",), ("animation = crouching",)))
     points = narrow.sample(3000, np.random.default_rng(0))
     assert narrow.violation(points) is None and len(np.unique(points, axis=0)) == 3000
-    middle, span = (np.array([of(v.high, v.low) for v in THESIS.variables[:6]]) for of in (lambda a, b: (a + b) / 2, lambda a, b: a - b))
-    assert ((points[:, :6] - middle) / span).mean(axis=0) == pytest.approx(0, abs=0.03)
-    assert ((points[:, :6] - middle) / span).std(axis=0) == pytest.approx(12**-0.5, abs=0.01)
+    low, high = (np.array([getattr(v, end) for v in THESIS.variables[:6]]) for end in ("low", "high"))
+    shares = (points[:, :6] - low) / (high - low)
+    assert shares.mean(axis=0) == pytest.approx(np.full(6, 0.5), abs=0.03)
+    assert shares.std(axis=0) == pytest.approx(np.full(6, 12**-0.5), abs=0.01)
 
 
 def test_a_scenario_that_breaks_a_constraint_is_named_with_the_values_of_its_clause() -> None:

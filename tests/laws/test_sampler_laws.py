@@ -92,7 +92,7 @@ def test_pairs_that_the_constraints_exclude_are_neither_explored_nor_missed_amon
         sampler = ForestSampler(CONSTRAINED, 0, explore=explore, explore_until=1)
         sampler.tell(tested, kpi_of(tested))
         asked.append(sampler.ask())
-    assert np.array_equal(*asked)
+    assert np.array_equal(asked[0], asked[1])
     assert sampler._worth(sampler._shown(tested)) == sampler.exploitation
 
 
