@@ -4,6 +4,7 @@ import copy
 import io
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -105,6 +106,21 @@ def test_a_killed_training_reaches_the_same_weights(muon: bool, tmp_path: Path, 
     for damaged in (b"damaged", b"", b"\x80", b"q\xff\x01.", b"K\x01."):
         checkpoint.write_bytes(damaged)
         assert same(uninterrupted, fit(small(), Lesson(schedule, feed, "a"), Run(checkpoint, threads=1)).model)
+
+
+@pytest.mark.parametrize(("size", "share"), [((320, 192), 1 / 4), ((640, 384), 1 / 16)])
+def test_the_rate_follows_the_pixels_of_crops(size: tuple[int, int], share: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    lessons: list[Lesson] = []
+    monkeypatch.setattr(recipe, "fit", lambda model, lesson, run: lessons.append(lesson))
+    monkeypatch.setattr(recipe, "initial_model", Mock())
+    monkeypatch.setattr(recipe, "watching", Mock())
+    monkeypatch.setattr(recipe, "hardness", lambda images, most: np.ones(1, int))
+    numbers = dict.fromkeys(("seed", "batch_size", "oversampling", "validate_every", "patience"), 1)
+    config = {**numbers, "crop_iterations": 1600, "frame_iterations": 400, "learning_rate": 1e-2}
+    images: Any = Mock(size=size, digest="a")
+    train_from_scratch(images, np.zeros(1, np.int64), images, config, ALONE)
+    shown = 1600 * share / (1600 * share + 400)
+    assert lessons[0].schedule.rate(1600) == pytest.approx(1e-2 * (0.01 + 0.99 * 0.5 * (1 + np.cos(np.pi * shown))))
 
 
 def test_schedule_warms_up_and_falls() -> None:

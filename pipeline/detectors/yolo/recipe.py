@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -32,7 +33,8 @@ def train_from_scratch(images: ImageSet, indices: NDArray[np.int64], validation:
     seed, size = int(config["seed"]), int(config["batch_size"])
     iterations = int(config["crop_iterations"]), int(config["frame_iterations"])
     warm_up = min(WARM_UP, round(WARM_UP_SHARE * sum(iterations)))
-    schedule = Schedule(*iterations, float(config["learning_rate"]), warm_up=warm_up, muon=True)
+    share = math.prod(CROP_SIZE) / math.prod(images.size)
+    schedule = Schedule(*iterations, float(config["learning_rate"]), warm_up=warm_up, muon=True, crop_share=share)
     repeats = hardness(images, int(config["oversampling"]))[indices]
     crops, frames = (Stream(indices, repeats, (seed, phase)) for phase in (CROP_PHASE, FRAME_PHASE))
 

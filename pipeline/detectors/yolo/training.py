@@ -48,10 +48,10 @@ AHEAD = 4
 class Schedule:
     """Length and learning rate of a training.
 
-    crop_iterations, frame_iterations: batches of crops, then of full frames; a crop has a quarter of a frame's pixels. learning_rate: its
-    peak, after `warm_up` iterations; it falls as a cosine of the pixels shown to `final_share` of it. averaging: limit of the decay of the
-    averaged weights, in [0, 1). frozen_statistics: keep the normalisation's statistics, which short runs on few images would spoil.
-    muon: for the hidden kernels, instead of AdamW.
+    crop_iterations, frame_iterations: batches of crops, then of full frames. learning_rate: its peak, after `warm_up` iterations; it falls
+    as a cosine of the pixels shown to `final_share` of it. averaging: limit of the decay of the averaged weights, in [0, 1).
+    frozen_statistics: keep the normalisation's statistics, which short runs on few images would spoil. muon: for the hidden kernels,
+    instead of AdamW. crop_share: a crop's pixels as a share of a frame's.
     """
 
     crop_iterations: int
@@ -63,6 +63,7 @@ class Schedule:
     averaging: float = 0.9985
     frozen_statistics: bool = False
     muon: bool = False
+    crop_share: float = 0.25
 
     def __post_init__(self) -> None:
         if min(self.crop_iterations, self.frame_iterations) < 0 or self.iterations < 1:
@@ -85,7 +86,7 @@ class Schedule:
     def rate(self, iteration: int) -> float:
         """Learning rate of an iteration, counted from 0."""
         crops, frames = min(iteration, self.crop_iterations), max(0, iteration - self.crop_iterations)
-        share = (crops / 4 + frames) / (self.crop_iterations / 4 + self.frame_iterations)
+        share = (crops * self.crop_share + frames) / (self.crop_iterations * self.crop_share + self.frame_iterations)
         cosine = self.final_share + (1 - self.final_share) * 0.5 * (1 + math.cos(math.pi * share))
         return self.learning_rate * cosine * min(1.0, (iteration + 1) / max(self.warm_up, 1))
 
