@@ -149,10 +149,10 @@ def outcomes(planned: CampaignPlan, done: Sequence[tuple[dict[str, float | str],
 
 
 def commands(scenario: str, done: Sequence[tuple[dict[str, float | str], Kpi | None]]) -> Iterator[str]:
-    """A command for each failure that shows it."""
+    """A command for each failure that executes it in the default study; add `--model` for another detector than models/uniform."""
     for concrete, kpi in done:
         if kpi is not None and kpi.failure:
-            words = [f"'{key}={value}'" if isinstance(value, str) else f"{key}={value:.4g}" for key, value in concrete.items()]
+            words = [f"'{key}={value}'" if isinstance(value, str) else f"{key}={value!r}" for key, value in concrete.items()]
             yield f"{kpi.failure_mode}, {kpi.cause}: python -m pipeline simulate {scenario} {' '.join(words)}"
 
 

@@ -27,7 +27,7 @@ STEP = Step(
         "page": f"{folders.root}/front_car.html",
         "plots": [f"{folders.root}/plots/{name}.png" for name in FIGURES],
     },
-    sections=("study", "front_car.space", "front_car.images", "comparison.confidence"),
+    sections=("study", "front_car.space", "front_car.images"),
 )
 
 

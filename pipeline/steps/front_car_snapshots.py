@@ -57,10 +57,10 @@ def run(job: Job) -> None:
         shown = [dict(point.values) for point in chosen]
         each, more = divmod(config.front_car.images, len(shown))
         counts, share, stream = [each + (i < more) for i in range(len(shown))], config.front_car.validation_share, LEARNING
-        if not 1 <= round(each * share) < each:
+        if not each or not any(round(count * share) for count in counts):
             raise InputError(
-                f"front_car.images: expected enough for a training and a validation image of each of {len(shown)} points, at a validation "
-                f"share of {share:g}; got {config.front_car.images}"
+                f"front_car.images: expected an image of each of {len(shown)} points and, at a validation share of {share:g}, a validation "
+                f"image, got {config.front_car.images}"
             )
     jobs = _jobs(config, shown, counts, share, stream, root)
     records: list[Record] = []
