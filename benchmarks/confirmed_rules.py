@@ -52,6 +52,8 @@ def main() -> None:
         return
     for seed in options.seed:
         publish(seed, list(run(distinct(rules[rules["seed"] == seed]), options.workers)))
+        for folder in JOURNALS.glob(f"{seed}-*"):
+            shutil.rmtree(folder)
 
 
 def distinct(rules: pd.DataFrame) -> pd.DataFrame:
@@ -73,7 +75,6 @@ def run(rules: pd.DataFrame, workers: int) -> Iterator[dict[str, object]]:
         with Progress(f"seed {rule.seed}, rule {rule.number}") as progress:
             outcomes = Executor(setup, folder, workers, progress).outcomes(points)
         stated, checks = (counted(part, config.campaign.failure_threshold_s) for part in (outcomes[:STATED], outcomes[STATED:]))
-        shutil.rmtree(folder)
         counts = {"stated_tests": stated.tests, "stated_failures": stated.failures}
         checked = {"check_tests": checks.tests, "check_failures": checks.failures}
         yield {"seed": rule.seed, "scenario": rule.scenario, "conditions": rule.conditions, **counts, **checked}

@@ -3,7 +3,7 @@
     python benchmarks/likelihood.py run [--repeats 400] [--only subset] [--processes 2]   writes docs/results/likelihood.csv
     python benchmarks/likelihood.py show                                                  prints its table
 
-Finished estimates stay in build/likelihood until the method's code changes, so the same command resumes a killed run.
+Finished estimates stay in .cache/likelihood until the method's code or this file changes, so the same command resumes a killed run.
 
 The space has seven variables and two regimes. The failures are a half-space, a box, two separate modes at opposite ends of a variable, and
 one rare category; two modes that near misses do not announce alike come last.
@@ -12,6 +12,7 @@ one rare category; two modes that near misses do not announce alike come last.
 from __future__ import annotations
 
 import argparse
+import hashlib
 import multiprocessing
 from collections.abc import Callable, Iterator, Mapping
 from multiprocessing.pool import Pool
@@ -22,6 +23,7 @@ import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
+from pipeline.artefacts.files import sha256
 from pipeline.core.exposure import Exposure
 from pipeline.core.likelihood.estimator import Estimator
 from pipeline.core.likelihood.importance import ImportanceSampling
@@ -199,7 +201,8 @@ def estimates(method: str, repeats: int, pool: Pool) -> pd.DataFrame:
 
 def stored(method: str) -> Path:
     """The file of a method's finished estimates."""
-    return DONE / f"{method} {code_digest(f'pipeline.core.likelihood.{METHODS[method][1]}')[:12]}.csv"
+    code = code_digest(f"pipeline.core.likelihood.{METHODS[method][1]}") + sha256(Path(__file__))
+    return DONE / f"{method} {hashlib.sha256(code.encode()).hexdigest()[:12]}.csv"
 
 
 def summary(rows: pd.DataFrame) -> dict[str, Any]:

@@ -87,7 +87,8 @@ def steps_per_second(recipe: Recipe, images: ImageSet, count: int, seconds: floa
 def _fit(recipe: Recipe, iterations: int, feed: Feed, run: Run) -> None:
     model = initial_model(0)
     model.stage4.requires_grad_(recipe.all_layers)
-    fit(model, Lesson(Schedule(0, iterations, 1e-3, frozen_statistics=recipe.retraining), feed), run)
+    schedule = Schedule(0, iterations, 1e-3, frozen_statistics=recipe.retraining, muon=not recipe.retraining)
+    fit(model, Lesson(schedule, feed), run)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,8 @@ from pipeline.artefacts.files import write_bytes
 from pipeline.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[1]
-STORED = Path(".cache/digests.json")
+STORED = Path(f".cache/digests-{hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:12]}.json")
+"""Digests of code by those of files, for as long as this file finds them in the same way."""
 BESIDE = ("*.jinja", "assets/*.js", "assets/*.css")
 BEGINS = (tokenize.ENCODING, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT)
 """The tokens after which a statement begins."""

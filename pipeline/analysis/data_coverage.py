@@ -35,9 +35,11 @@ def fraction(coverage: Coverage) -> Found:
 
 
 def details(space: Space, every: Sequence[Plane]) -> Found:
-    """Coverage of each plane, and the cells that still want points or that no feasible point reaches."""
+    """Coverage of each plane, the least first, and the cells that still want points or that no feasible point reaches."""
+    least = sorted(every, key=lambda plane: plane.coverage.ratio if plane.coverage else np.inf)
     return {
-        "planes": [_plane(space, plane) for plane in every[:LISTED]],
+        "plane_count": len(every),
+        "planes": [_plane(space, plane) for plane in least[:LISTED]],
         "uncovered_cells": sum(int(_wanting(plane).sum()) for plane in every),
         "uncovered": list(islice(_cells(space, every, _wanting), LISTED)),
         "infeasible_cells": sum(int(_infeasible(plane).sum()) for plane in every),

@@ -10,14 +10,15 @@ from pipeline.core.likelihood.rate import one_in
 
 ASSUMPTIONS = (
     "The simulator and its camera stand for the road. Nothing here was recorded on a real road.",
-    "Each test has one pedestrian, and the ego brakes as the settings say; other road users follow fixed plans.",
-    "A test fails if its adjusted time-to-collision is at most {threshold:g} s.",
+    "Each test has at most one pedestrian, and the ego brakes as the settings say; other road users follow fixed plans.",
+    "A test fails if its adjusted time-to-collision is at most {threshold:g} s or, where the right answer is not to brake, by any false "
+    "activation.",
     "The conditions of the road are distributed as the exposure says.",
     "Random tests are independent, and their number was fixed before the first.",
     "Tests that ended in an error would have failed as often as the others.",
 )
 LIMITS = (
-    "A rate is per encounter with a pedestrian in that scenario, not per hour or kilometre.",
+    "A rate is per encounter in that scenario, not per hour or kilometre.",
     "The tests of searches look where failures are. They find regions and count for coverage, but enter no rate.",
     "Known safe counts only combinations of categories that a passed test covers. Other tests of the same combination may fail: that risk "
     "is part of the unknown unsafe area.",
@@ -50,7 +51,7 @@ def _sentence(who: str, failure: Risk, hidden: Risk, exposure: ExposureFile) -> 
         return f"{who}: no claim, because {failure.missing}."
     text = f"{who}: 95 % sure that the failure rate is below {one_in(failure.below)}"
     if hidden.below is not None:
-        text += f"; separately, 95 % sure that it is below {one_in(hidden.below)} outside the known failure regions"
+        text += f"; separately, 95 % sure that fewer than {one_in(hidden.below)} of all encounters are failures outside the searches' rules"
     return f"{text}; {failure.tests:,} random tests; exposure: {exposure.description}."
 
 

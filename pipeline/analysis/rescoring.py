@@ -58,7 +58,7 @@ def _judged(signals: pd.DataFrame, detections: pd.DataFrame, car: Car) -> pd.Dat
     table = detections.merge(signals, on=KEY, how="left", validate="many_to_one", suffixes=("", "_signal"))
     found = table[list(SIDES)].to_numpy(float)
     seen, whole = (_overlap(found, table[[f"{kind}_{side}" for side in SIDES]].to_numpy(float)) for kind in ("visible", "whole"))
-    reported, matches = table["score"] >= car.criterion.threshold, seen > car.criterion.iou
+    reported, matches = table["score"] >= np.float32(car.criterion.threshold), seen > car.criterion.iou
     hidden = ~visible(table["visible_pixels"], table["contrast"]) & (np.maximum(seen, whole) > TOUCH_IOU)
     # Rows are sorted by descending score within a frame, so the first match is the best.
     first = reported & matches & ~(table[KEY].assign(hit=reported & matches).groupby(KEY)["hit"].cumsum() > 1)
@@ -72,7 +72,7 @@ def _judged(signals: pd.DataFrame, detections: pd.DataFrame, car: Car) -> pd.Dat
 def _per_frame(judged: pd.DataFrame, car: Car) -> dict[str, pd.Series]:
     """The signals of each frame that has detections, and the score that asks the brake, `asked`."""
     followed = judged["in_path"] if car.aeb.gate == "detections" else judged["matches"]
-    asks = followed & (judged["score"] >= car.aeb.brakes_from)
+    asks = followed & (judged["score"] >= np.float32(car.aeb.brakes_from))
     scores = judged.assign(
         confidence=judged["score"].where(judged["first"], 0.0),
         any_confidence=judged["score"].where(judged["matches"], 0.0),

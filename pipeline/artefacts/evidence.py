@@ -29,8 +29,8 @@ class Risk(Area):
 
 
 class Areas(Result):
-    """The areas of the thesis' Figure 8.1. `known_unsafe`, `known_safe` and `unknown` add up to 1; `unknown_unsafe` is the risk that hides
-    in the last two."""
+    """The areas of the thesis' Figure 8.1. `known_unsafe`, `known_safe` and `unknown` add up to 1. The rules of `unknown_unsafe` are fitted
+    to the tests of searches alone, so a part of it may lie in `known_unsafe`."""
 
     known_unsafe: Area = Field(description="Conditions inside the rule of a failure region.")
     confirmed: Area = Field(description="The part of known_unsafe that fresh random tests confirmed.")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from pathlib import Path
 
 import pandas as pd
@@ -43,7 +44,7 @@ def _read(path: Path, columns: tuple[str, ...], flag: str) -> pd.DataFrame:
     for row, (value, step) in enumerate(zip(table[flag], table["step"], strict=True), 2):
         if str(value).strip().lower() not in TRUE | FALSE:
             raise InputError(f"{path}, line {row}: {flag} must be true or false, got {value!r}")
-        if not str(step).strip().isdigit():
+        if not re.fullmatch("[0-9]{1,18}", str(step).strip()):
             raise InputError(f"{path}, line {row}: step must be a whole number, got {step!r}")
     if table["test_id"].isna().any():
         raise InputError(f"{path}, line {int(table['test_id'].isna().argmax()) + 2}: test_id is missing")

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from pipeline.artefacts.files import read_json, write_json
 from pipeline.core.space import Space
@@ -50,21 +51,29 @@ def write_space(path: Path, info: ScenarioInfo, space: Space) -> None:
             "people": info.people,
             "asks_to_brake": info.asks_to_brake,
             "sizes": dict(zip(space.names, space.sizes, strict=True)),
-            "variables": space.to_dict(),
-            **({"constraints": list(space.clauses)} if space.clauses else {}),
+            **plain_space(space),
         },
     )
 
 
+def plain_space(space: Space) -> dict[str, Any]:
+    """The variables and the constraints of a space as plain data; `space_of` reads them back."""
+    return {"variables": space.to_dict(), **({"constraints": list(space.clauses)} if space.clauses else {})}
+
+
+def space_of(described: Mapping[str, Any]) -> Space:
+    """The space of plain data as from `plain_space`; KeyError, TypeError, ValueError or AttributeError for other data."""
+    return Space.from_dict(described["variables"], described.get("constraints", ()))
+
+
 def read_space(path: Path) -> tuple[ScenarioInfo, Space]:
     """Read a space; InputError that names the file if it is missing, truncated or not a space."""
-    plain = read_json(path)
+    found = read_json(path)
     try:
-        if plain["format"] != FORMAT:
-            raise ValueError(f"format must be {FORMAT}, got {plain['format']!r}")
-        named = (plain[key] for key in ("scenario", "label", "description", "pairs", "town", "people"))
-        info = ScenarioInfo(*named, asks_to_brake=plain["asks_to_brake"])
-        return info, Space.from_dict(plain["variables"], plain.get("constraints", ()))
+        if found["format"] != FORMAT:
+            raise ValueError(f"format must be {FORMAT}, got {found['format']!r}")
+        named = (found[key] for key in ("scenario", "label", "description", "pairs", "town", "people"))
+        return ScenarioInfo(*named, asks_to_brake=found["asks_to_brake"]), space_of(found)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(f"{path}: expected a scenario space, got {error!r}; make it again with define-space") from error
 

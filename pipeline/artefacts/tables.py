@@ -6,6 +6,7 @@ Every write and every read checks the schema. Equal rows give equal bytes; wall-
 from __future__ import annotations
 
 import io
+import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from pipeline.artefacts.files import read_bytes, write_bytes
+from pipeline.artefacts.scenario_space import plain_space, space_of
 from pipeline.core.boxes import Box
 from pipeline.core.columns import Column, columns
 from pipeline.core.episode import FrameDetections, KeptFrame
@@ -52,7 +54,7 @@ FRAMES = (
     Column("whole_pixels", int, "pixels that would be visible without occluders", "px"),
     Column("contrast", float, "mean difference in grey levels between the pedestrian's visible pixels and their surroundings"),
     Column("false_positives", int, "false positives of the detector in this frame"),
-    Column("confidence", float, "score of its best detection on the pedestrian, 0 if there is none"),
+    Column("confidence", float, "score of its best detection on the pedestrian, reported or not, 0 if there is none"),
 )
 DETECTIONS = (
     TEST_ID,
@@ -93,13 +95,22 @@ WHY = (
 
 
 def write_tests(path: Path, tests: pd.DataFrame, space: Space) -> None:
-    """Write one row per test, in the given order: `TESTS`, then one column per scenario variable (categories by name)."""
-    _write(path, tests, TESTS, space.variables)
+    """Write one row per test, in the given order: `TESTS`, then one column per scenario variable (categories by name). The file's metadata
+    have the space that the tests were drawn from."""
+    _write(path, tests, TESTS, space)
 
 
 def read_tests(path: Path, columns: Sequence[str] | None = None) -> pd.DataFrame:
     """Read tests.parquet, or some of its columns; InputError that names the file if it is truncated or not such a table."""
     return _read(path, "tests", columns)
+
+
+def space_of_tests(path: Path) -> Space:
+    """The space that the tests of tests.parquet were drawn from; InputError if the file does not say."""
+    try:
+        return space_of(json.loads((_opened(path).schema_arrow.metadata or {})[b"space"]))
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(f"{path}: expected the space of its tests in its metadata; make the campaign again") from error
 
 
 def is_valid(tests: pd.DataFrame) -> pd.Series[bool]:
@@ -193,7 +204,7 @@ def frame_row(kept: KeptFrame) -> dict[str, Any]:
     for kind, box in (("visible", truth.visible_box), ("whole", truth.whole_box)):
         row |= {f"{kind}_{side}": value for side, value in zip(SIDES, box or (np.nan,) * 4, strict=True)}
     row |= {name: getattr(truth, name) for name in ("visible_pixels", "whole_pixels", "contrast")}
-    return row | {"false_positives": kept.matching.false_positives, "confidence": kept.matching.confidence}
+    return row | {"false_positives": kept.matching.false_positives, "confidence": kept.matching.any_confidence}
 
 
 def frame_truth(row: pd.Series) -> Truth:
@@ -217,13 +228,14 @@ def _variable_field(variable: Variable) -> pa.Field:
     return pa.field(variable.name, kind, nullable=False, metadata={"unit": variable.unit} if variable.unit else None)
 
 
-def _write(path: Path, frame: pd.DataFrame, expected: Sequence[Column], variables: Sequence[Variable] = ()) -> None:
-    schema = pa.schema([*map(_field, expected), *map(_variable_field, variables)])
+def _write(path: Path, frame: pd.DataFrame, expected: Sequence[Column], space: Space | None = None) -> None:
+    schema = pa.schema([*map(_field, expected), *map(_variable_field, space.variables if space else ())])
     missing, unknown = set(schema.names) - set(frame.columns), set(frame.columns) - set(schema.names)
     if missing or unknown:
         raise ValueError(f"{path.name} must have columns {schema.names}; missing {sorted(missing)}, unknown {sorted(unknown)}")
     arrays = [pa.array(frame[field.name], field.type, from_pandas=True) for field in schema]
-    table = pa.table(arrays, schema=schema.with_metadata({"blindspot": FORMAT}))
+    about = {"blindspot": FORMAT, **({"space": json.dumps(plain_space(space))} if space else {})}
+    table = pa.table(arrays, schema=schema.with_metadata(about))
     problem = _problem(table, expected)
     if problem:
         raise ValueError(f"{path.name}: {problem}")

@@ -141,7 +141,9 @@ def check_free(folder: Path, identity: str, finished: str | None) -> None:
     found = finished or identity_of(folder / "journal")
     if found not in (None, identity):
         raise InputError(f"{folder} holds another search, or one by other code; choose another folder with out=, or delete this one")
-    others = [entry.name for entry in folder.iterdir() if entry.name not in ("lock", "journal") and entry.suffix != ".onnx"]
+    # A killed export leaves a temporary file.
+    own = ("lock", "journal", "*.onnx", ".*.onnx.*.tmp")
+    others = [entry.name for entry in folder.iterdir() if not any(map(entry.match, own))]
     if found is None and others:
         raise InputError(f"{folder}: expected a new folder or that of a search, got one with {min(others)}; choose another with out=")
 

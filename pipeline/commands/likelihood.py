@@ -13,7 +13,6 @@ from pipeline.artefacts.job_lock import held
 from pipeline.artefacts.tables import is_valid
 from pipeline.commands.campaign import STOPPED, Search, check_free, number, planned, read_words, waiting
 from pipeline.config.arguments import whole
-from pipeline.config.composing import functional_scenario
 from pipeline.config.exposure import ExposureFile, read_exposure
 from pipeline.config.project import typed
 from pipeline.config.schema import AUDIT
@@ -25,6 +24,7 @@ from pipeline.scenarios.parts import SEEDS
 
 if TYPE_CHECKING:
     from pipeline.core.likelihood.rate import Rate
+    from pipeline.core.space import Space
     from pipeline.execution.campaign import CampaignPlan, Executed
 
 METHODS = {
@@ -207,7 +207,7 @@ def weighed(folders: Sequence[Path], exposure: ExposureFile) -> dict[str, Rate]:
 
     from pipeline.artefacts.points import encode_tests
     from pipeline.artefacts.recorded_tests import tables_below
-    from pipeline.artefacts.tables import read_tests
+    from pipeline.artefacts.tables import read_tests, space_of_tests
     from pipeline.core.likelihood.reweighted import reweighted
 
     tables = {path: read_tests(path) for path in tables_below(folders)}
@@ -220,12 +220,17 @@ def weighed(folders: Sequence[Path], exposure: ExposureFile) -> dict[str, Rate]:
     tests = pd.concat(tables.values())
     if len(versions := sorted(set(tests["version"]))) > 1:
         raise InputError(f"--from: expected tests of one version, got {', '.join(versions)}")
+    spaces: dict[str, Space] = {}
+    for path, table in tables.items():
+        for scenario in set(table["scenario"]):
+            if spaces.setdefault(scenario, space := space_of_tests(path)) != space:
+                raise InputError(f"--from: expected tests of one space of {scenario}, got another one in {path}")
     rates = {}
     for scenario, rows in tests.groupby("scenario"):
         valid = rows[is_valid(rows)]
         if valid.empty:
             raise InputError(f"--from: {scenario} has no test without an error")
-        space = functional_scenario(str(scenario)).logical_space()
+        space = spaces[str(scenario)]
         points, failed = encode_tests(valid, space), valid["failure"].to_numpy(bool)
         rates[str(scenario)] = reweighted(exposure.of(str(scenario), space), points, failed, len(rows) - len(valid))
     return rates

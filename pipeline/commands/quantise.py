@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.config.project import typed
+from pipeline.errors import InputError
 from pipeline.progress import Progress
 
 HELP = "Write the int8 form of our detector and print its loss of average precision."
@@ -39,8 +40,11 @@ def run(options: argparse.Namespace) -> int:
 
     threshold = compose("default", []).threshold
     base_set = options.base_set if options.base_set.is_dir() else options.base_set.parent
-    calibration = Calibration(**read_card(options.model / "model.json").calibration)
+    card = read_card(options.model / "model.json")
+    calibration = Calibration(**card.calibration)
     training, validation = (read_dataset(base_set, split) for split in ("train", "val"))
+    if training.size != card.input_size:
+        raise InputError(f"--base-set: expected images of {card.input_size} px, as the detector was trained on, got {training.size}")
     shown = np.linspace(0, len(training) - 1, min(CALIBRATION_IMAGES, len(training))).astype(int)
     print("form     AP50   AP50-95  false positives per image")
     with tempfile.TemporaryDirectory() as folder, Progress("quantise") as progress:

@@ -21,6 +21,7 @@ from pipeline.config.sections import (
     Filter,
     HeldOutSequence,
     Limits,
+    Plain,
     Regions,
     Report,
     Retraining,
@@ -66,7 +67,7 @@ class Config(Section):
     goal: Literal["report", "base", "front_car", "detectors"]
     """`report` runs the loop, `base` stops at the trained base detector, `front_car` runs the front-car study, `detectors` tests the
     detectors in `tested` and retrains none."""
-    tested: dict[Name, str]
+    tested: dict[Name, Plain]
     """The detectors that goal `detectors` tests, by name and file; the others are compared with the first."""
     calibrate: bool
     """Whether goal `detectors` calibrates the detectors' confidences on the validation images of the base set before it tests them."""

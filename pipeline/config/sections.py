@@ -26,7 +26,14 @@ def _in_project(path: str) -> str:
     return path
 
 
-InProject = Annotated[str, AfterValidator(_in_project)]
+def _plain(path: str) -> str:
+    if {"{", "}"} & set(path):
+        raise ValueError(f"expected a path without braces, which Snakemake takes for wildcards, got {shown(path)}")
+    return path
+
+
+Plain = Annotated[str, AfterValidator(_plain)]
+InProject = Annotated[Plain, AfterValidator(_in_project)]
 
 
 class Section(BaseModel):

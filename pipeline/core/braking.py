@@ -94,7 +94,7 @@ class EmergencyBrake:
     def demand(self, detections: Detections, followed: NDArray[np.bool_]) -> float:
         """Brake demand in [0, 1] after a frame. followed: (n,) whether the gate lets a detection through."""
         aeb = self._aeb
-        scores = np.asarray(detections.scores, dtype=float)
-        best = float(scores[followed & (scores >= aeb.brakes_from)].max(initial=0.0))
+        asking = followed & (detections.scores >= aeb.brakes_from)
+        best = float(detections.scores[asking].max(initial=0.0))
         self._asked.append(best > 0)
         return float(aeb.demand(best, sum(self._asked)))

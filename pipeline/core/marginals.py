@@ -37,7 +37,7 @@ class Marginal:
         """A marginal of a continuous or integer variable; a part of an integer variable has the whole numbers from its lower end to below
         its upper end, the last part also that end. A cyclic variable's upper bound counts as its lower bound."""
         ends, mass = np.asarray(edges, float), _checked(shares)
-        if len(ends) != len(mass) + 1 or (np.diff(ends) <= 0).any() or ends[0] < variable.low or ends[-1] > variable.high:
+        if len(ends) != len(mass) + 1 or not (np.diff(ends) > 0).all() or ends[0] < variable.low or ends[-1] > variable.high:
             raise ValueError(
                 f"edges must rise within [{variable.low:g}, {variable.high:g}], one more than shares ({len(mass)}), got {ends.tolist()}"
             )
@@ -155,6 +155,8 @@ def _groups(variable: Variable, groups: Sequence[Mapping[str, Any]]) -> Marginal
     mass, taken = np.zeros(variable.size), np.zeros(variable.size, int)
     for group in groups:
         members = np.ones(variable.size, bool)
+        if not isinstance(group["where"], Mapping):
+            raise ValueError(f"where must be ranges of attributes by name, got {group['where']!r}")
         for name, (low, high) in group["where"].items():
             if name not in attributes:
                 raise ValueError(f"there is no attribute '{name}'{nearest(name, attributes)}")

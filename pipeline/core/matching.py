@@ -79,7 +79,8 @@ def match(detections: Detections, truth: Truth, criterion: Criterion = COCO) -> 
     """
     scores = np.asarray(detections.scores, dtype=float)
     seen, whole = _overlap(detections, truth.visible_box), _overlap(detections, truth.whole_box)
-    reported, matches = scores >= criterion.threshold, seen > criterion.iou
+    # In single precision, as detectors compare: in double, a score of 0.9 is less than 0.9.
+    reported, matches = detections.scores >= criterion.threshold, seen > criterion.iou
     best = _best(scores, matches & reported)
     hardly = truth.barely_visible
     outcomes: list[DetectionOutcome] = [

@@ -251,6 +251,8 @@ class Variable:
             return float(self.values.index(str(value)))
         if isinstance(value, str) or not np.isfinite(value) or not self.low <= value <= self.high:
             raise ValueError(f"{self.name} must be in [{number_text(self.low)}, {number_text(self.high)}] {self.unit}, got {value!r}")
+        if self.kind == "integer" and value != int(value):
+            raise ValueError(f"{self.name} must be a whole number, got {value!r}")
         return float(value)
 
     def decode(self, number: float) -> Value:

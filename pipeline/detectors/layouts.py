@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -57,11 +57,20 @@ def check_alone(path: Path, data: bytes) -> None:
         return
     import onnx
 
-    tensors = onnx.load_from_string(data).graph.initializer
+    tensors = _tensors(onnx.load_from_string(data).graph)
     beside = {entry.value for tensor in tensors for entry in tensor.external_data if entry.key == "location"}
     if beside:
         mended = f"python -c \"import onnx; onnx.save(onnx.load('{path}'), '{path}')\""
         raise InputError(f"{path}: expected one file, but its weights are in {', '.join(sorted(beside))}; put them into it: {mended}")
+
+
+def _tensors(graph: Any) -> Iterator[Any]:
+    """The constants of an ONNX graph and of the graphs in it."""
+    yield from graph.initializer
+    for attribute in (each for node in graph.node for each in node.attribute):
+        yield from (attribute.t, *attribute.tensors)
+        for inner in (attribute.g, *attribute.graphs):
+            yield from _tensors(inner)
 
 
 def recognise(shape: Sequence[int | str | None], width: int, height: int) -> Layout | None:
@@ -97,7 +106,7 @@ def class_names(metadata: Mapping[str, str]) -> dict[int, str]:
         plain = ast.literal_eval(metadata["names"])
         items = plain.items() if isinstance(plain, dict) else enumerate(plain) if isinstance(plain, list) else ()
         return {int(number): str(name) for number, name in items}
-    except (KeyError, TypeError, ValueError, SyntaxError, MemoryError, RecursionError):
+    except (KeyError, TypeError, ValueError, SyntaxError, MemoryError, OverflowError, RecursionError):
         return {}
 
 

@@ -49,8 +49,8 @@ class Outcome:
 
     @staticmethod
     def error(reason: str, simulate_s: float = 0.0) -> Outcome:
-        """The outcome of an error."""
-        return Outcome({}, detection_columns(()), (), simulate_s, reason)
+        """The outcome of an error. A reason with half a character, as in the name of a file that is not UTF-8, is escaped."""
+        return Outcome({}, detection_columns(()), (), simulate_s, reason.encode("utf-8", "backslashreplace").decode())
 
     @property
     def is_error(self) -> bool:

@@ -41,8 +41,6 @@ def nearest(judged: pd.DataFrame, min_visible_pixels: int, min_detectability: fl
     pixels = np.log2(rows["visible_pixels"] / max(min_visible_pixels, 1))
     detectability = np.log2(rows["contrast"].clip(lower=0.01) * np.sqrt(rows["visible_pixels"]) / max(min_detectability, 0.01))
     ordered = rows.assign(border=np.minimum(pixels, detectability).abs()).sort_values(["border", "test_id", "step"], kind="stable")
-    # Strategies that share a seed share their first random tests: the same frame would come twice.
-    ordered = ordered.drop_duplicates(["visible_pixels", "contrast"])
     if ordered.empty:
         return ordered
     return pd.concat([group.drop_duplicates("test_id").head(count // 2) for _, group in ordered.groupby("kept", sort=False)])

@@ -40,8 +40,8 @@ def score_text(found: Found, space: Space) -> str:
     )
     if space.extras:
         lines += ["", *_extras_text(found)]
-    least = sorted((p for p in found["planes"] if p["coverage"] is not None), key=lambda p: p["coverage"])[:SHOWN]
-    lines += ["", f"Least covered of {len(found['planes'])} planes"]
+    least = [p for p in found["planes"] if p["coverage"] is not None][:SHOWN]
+    lines += ["", f"Least covered of {found['plane_count']:,} planes"]
     lines += _table(
         [["plane", "covered", "wanted", "coverage"]]
         + [[" × ".join(p["conditions"]), f"{p['numerator']:,}", f"{p['denominator']:,}", f"{100 * p['coverage']:.1f} %"] for p in least]

@@ -63,20 +63,21 @@ def choose_regions(found: Sequence[FailureRegions], version: str, limit: int) ->
 
 
 def choose_regression(comparison: Comparison, table: pd.DataFrame, spaces: Mapping[str, Space]) -> list[Chosen]:
-    """A regression of one retrained version, the champion if it is one, with base and that version, in this order.
+    """A regression of one retrained version, with base and that version, in this order: the champion's, or that of the version with the
+    fewest failures that changes any outcome.
 
     table: rows of comparison.parquet. Empty without a regression.
     """
-    paired = _changed(comparison)
+    paired = next((pair for pair in _ranked(comparison) if pair.fixes or pair.regressions), None)
     if paired is None or not paired.regressions:
         return []
     return _both(comparison, paired, (paired.regressions[0], "regression"), table, spaces)
 
 
 def choose_fixes(comparison: Comparison, table: pd.DataFrame, spaces: Mapping[str, Space], limit: int) -> list[Fix]:
-    """At most `limit` fixes of the version that `choose_regression` shows. They cover as many groups that the base set shows rarely as
-    possible, then as many other named groups; the first in the sequence wins a tie."""
-    paired = _changed(comparison)
+    """At most `limit` fixes of one retrained version: the champion, or the one with the fewest failures that has any. They cover as many
+    groups that the base set shows rarely as possible, then as many other named groups; the first in the sequence wins a tie."""
+    paired = next((pair for pair in _ranked(comparison) if pair.fixes), None)
     if paired is None:
         return []
     rare = {group.group for group in comparison.planted}
@@ -91,11 +92,10 @@ def choose_fixes(comparison: Comparison, table: pd.DataFrame, spaces: Mapping[st
     return chosen
 
 
-def _changed(comparison: Comparison) -> VersionPair | None:
-    """The retrained version whose changes are shown, beside base: the champion, or the one with the fewest failures, if it changes any
-    outcome."""
-    ranked = sorted((r for r in comparison.versions if r.paired), key=lambda r: (r.version != comparison.champion, r.failures))
-    return next((r.paired for r in ranked if r.paired and (r.paired.fixes or r.paired.regressions)), None)
+def _ranked(comparison: Comparison) -> list[VersionPair]:
+    """The retrained versions beside base: the champion first, then those with the fewest failures."""
+    ranked = sorted(comparison.versions, key=lambda result: (result.version != comparison.champion, result.failures))
+    return [result.paired for result in ranked if result.paired]
 
 
 def _groups(test: SequenceTest, table: pd.DataFrame, space: Space) -> set[str]:

@@ -83,7 +83,7 @@ def _isolated(name: str, members: Sequence[str], tests: Sequence[str], shown: Sh
     return Card(
         name=name,
         tag="no region",
-        text="Failures that no rule sets apart from the passing tests.",
+        text="Failures in no region. Some may lie inside the rule of a region whose failures have another cause.",
         rule="",
         members=len(members),
         facts=(("failures", str(len(members))),),

@@ -115,8 +115,8 @@ WHITE_BOX = _prose("""
     coverage does not mean that everything is tested.
 """)
 REGIONS = _prose("""
-    A region is a group of failures, of one cause if possible, that a rule sets apart from the passing tests. Failures that no rule sets
-    apart are isolated. "every test" means that (nearly) all tests fail. Lift: the share of failures inside the rule, divided by that of all
+    A region is a group of failures, of one cause if possible, that a rule sets apart from the passing tests. Failures in no region are
+    isolated. "every test" means that (nearly) all tests fail. Lift: the share of failures inside the rule, divided by that of all
     tests. The rule is fitted to these tests, and the search gathers tests near failures. So the share of failures inside is optimistic and
     has no interval. Held back: the same share for rules that are fitted without the tests they are judged on. A rule is confirmed if fresh
     random tests inside it fail significantly more often than those just outside. A failure is not solvable if full braking from the first

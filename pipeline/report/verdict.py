@@ -24,7 +24,7 @@ def verdict_table(comparison: Comparison, report: Path | None = None) -> str:
     scenarios = " + ".join(comparison.scenarios.values())
     lines = [f"Held out: {scenarios}; the same tests for every version\n", *aligned([HEADERS, *verdict_rows(comparison)])]
     if len(comparison.groups) < len(comparison.versions) or len(comparison.scenarios) > 1:
-        lines += ["", f"Failures by scenario, {_averaged(comparison)}\n", *aligned([group_headers(comparison), *group_rows(comparison)])]
+        lines += ["", f"Failures by scenario{_averaged(comparison)}\n", *aligned([group_headers(comparison), *group_rows(comparison)])]
     if planted := planted_rows(comparison):
         lines += ["", "Planted blind spots: people and poses that the base set shows rarely\n", *aligned(planted)]
     if braking := braking_held_out(comparison):
@@ -158,7 +158,7 @@ def _kind(comparison: Comparison) -> str:
 
 def group_headers(comparison: Comparison) -> tuple[str, ...]:
     """Headers of `group_rows`."""
-    return "version", *comparison.scenarios.values(), "all", "ratio to base"
+    return "version", *comparison.scenarios.values(), "all", f"ratio to {comparison.versions[0].version}"
 
 
 def group_rows(comparison: Comparison) -> list[tuple[str, ...]]:
@@ -175,8 +175,10 @@ def group_rows(comparison: Comparison) -> list[tuple[str, ...]]:
 
 
 def _averaged(comparison: Comparison) -> str:
+    if comparison.base_set is None:
+        return ""
     seeds = comparison.seeds
-    return f"means over {seeds} seeds of retraining with Student's intervals" if seeds > 1 else "one seed of retraining"
+    return f", means over {seeds} seeds of retraining with Student's intervals" if seeds > 1 else ", one seed of retraining"
 
 
 def planted_rows(comparison: Comparison) -> list[tuple[str, ...]]:

@@ -9,10 +9,14 @@ from pipeline.artefacts.model_card import read_card
 from pipeline.artefacts.scenario_space import read_spaces
 from pipeline.contract import Files, Job, Step, Wildcards
 from pipeline.core.lineage import VERSION_FILES
+from pipeline.errors import InputError
 
 
 def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
-    weights = PurePosixPath(folders.config.tested[wildcards["version"]])
+    tested, version = folders.config.tested, wildcards["version"]
+    if version not in tested:
+        raise InputError(f"version: '{version}' is no tested detector; known are {', '.join(tested) or 'none'}")
+    weights = PurePosixPath(tested[version])
     card = weights.with_name(VERSION_FILES["card"])
     return {"weights": str(weights), "card": str(card), "spaces": folders.spaces(folders.config.held_out)}
 

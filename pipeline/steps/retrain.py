@@ -9,17 +9,19 @@ from pipeline.config.schema import BASE_SET, Config, held_out_worlds
 from pipeline.config.sections import Retraining
 from pipeline.contract import Files, Job, Step, Wildcards
 from pipeline.core.lineage import Version
+from pipeline.errors import InputError
 
 
 def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
     config, version = folders.config, wildcards["version"]
+    if (own := Version.named(version).arm) not in config.arms:
+        raise InputError(f"version: '{version}' is not retrained; the study's arms are {', '.join(config.arms)}")
     files: dict[str, Files] = {
         **folders.dataset("base_set"),
         "parent": folders.parent(version, "model.json"),
         "weights": folders.parent(version, "weights.safetensors"),
         "spaces": folders.spaces(config.search),
     }
-    own = Version.named(version).arm
     if config.arms[own] == BASE_SET:
         return files
     for arm, source in config.arms.items():

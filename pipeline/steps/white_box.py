@@ -42,13 +42,13 @@ def run(job: Job) -> None:
     kept = {strategy: kept_frames(job.inputs(f"frames_{strategy}")) for strategy in job.config.strategies}
     if without := [strategy for strategy, frames in kept.items() if not frames]:
         raise InputError(f"frames.parquet of {', '.join(without)}: expected kept frames, got none; set campaign.keep_every to 1 or more")
-    count = min(FRAMES, *map(len, kept.values()))
     training, validation = (read_dataset(job.input("truth").parent, split).images for split in ("train", "val"))
+    count = min(FRAMES, len(validation), *map(len, kept.values()))
     total = 2 + len(kept)
     training = training[drawn(len(training), min(PROFILED, len(training)))]
     profile = profile_of(network, training)
     job.progress(1, total, "profile of the training images")
-    images = {"validation images": validation[drawn(len(validation), min(count, len(validation)))]}
+    images = {"validation images": validation[drawn(len(validation), count)]}
     images |= {strategy: np.stack([decode_jpeg(every[i]) for i in drawn(len(every), count)]) for strategy, every in kept.items()}
     sets = []
     for name, batch in images.items():

@@ -56,6 +56,9 @@ with warnings.catch_warnings():  # MLflow asks for hints that it would take for 
             padded[top : top + rows, left : left + columns] = image if scale == 1 else cv2.resize(image, (columns, rows))
             boxes, scores = (output[0] for output in self._session.run(["boxes", "scores"], {"image": padded[None]}))
             boxes = np.clip((boxes - (left, top, left, top)) / scale, 0, (width, height, width, height)).astype(np.float32)
+            # Of a box in the grey border, nothing is left.
+            real = (boxes[:, 2:] > boxes[:, :2]).all(axis=1)
+            boxes, scores = boxes[real], scores[real]
             for kept in suppressed(boxes, np.where(scores >= threshold, scores, -1), iou):
                 yield boxes[kept], scores[kept]
 

@@ -39,8 +39,9 @@ class Stamps:
         step = self.jobs.contracts[name]
         sections = {key: self.value(key) for key in step.depends(self.jobs.config, wildcards)}
         environment = {variable: os.environ.get(variable, "") for variable in step.environment}
-        own = [sections, dict(wildcards), environment]
-        digest = hashlib.sha256(json.dumps(own, sort_keys=True).encode())
+        # Unsorted: the order of a space's variables determines its tests.
+        own = [sections, dict(sorted(wildcards.items())), environment]
+        digest = hashlib.sha256(json.dumps(own).encode())
         parts = {key: _short(value) for key, value in (*_leaves(sections), *environment.items())}
         for module in sorted(self.modules(name, sections)):
             digest.update((code := code_digest(module)).encode())

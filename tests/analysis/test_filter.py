@@ -86,6 +86,8 @@ def test_a_person_overrules(tmp_path: Path) -> None:
         ("F1-mixed-base-0-00060,1,true", "line 2: expected a kept frame"),
         ("F1-random-base-0-00001,1,maybe", "line 2: keep must be true or false, got 'maybe'"),
         ("F1-random-base-0-00001,1.5,true", "line 2: step must be a whole number"),
+        ("F1-random-base-0-00001,²,true", "line 2: step must be a whole number"),
+        (f"F1-random-base-0-00001,{10**20},true", "line 2: step must be a whole number"),
         (",1,true", "line 2: test_id is missing"),
         ("F1-random-base-0-00001,x,true", "line 2: step must be a whole number, got 'x'"),
         (

@@ -108,6 +108,7 @@ def test_isolated_failures_have_a_card_beside(found: FailureRegions, made: tuple
     last = made[-1]
     assert (last.name, last.members, last.rule) == ("F1 isolated", len(found.isolated), "")
     assert last.test in found.isolated
+    assert last.text == "Failures in no region. Some may lie inside the rule of a region whose failures have another cause."
     none = found.model_copy(update={"isolated": ()})
     assert "F1 isolated" not in [card.name for card in cards(none, pictured(none, KeptFrames([])), Shown({}, {}, {}, 0.5))]
 

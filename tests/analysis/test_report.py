@@ -189,6 +189,18 @@ def test_fixes_show_rare_groups_first_and_then_other_groups(study: FabricatedStu
     assert choose_fixes(comparison.model_copy(update={"versions": comparison.versions[:1]}), table, spaces, 3) == []
 
 
+def test_fixes_of_the_next_version_are_shown_if_the_best_has_none(study: FabricatedStudy) -> None:
+    comparison = read(study.root / "comparison.json", Comparison)
+    table, spaces = read_tests(study.root / "comparison.parquet"), {"F1star": study.config.space("F1star")}
+    base, best, *_ = sorted(comparison.versions, key=lambda version: (version.paired is not None, version.version != comparison.champion))
+    assert best.paired is not None
+    worse = best.paired.model_copy(update={"version": "control", "fixes": (), "regressions": best.paired.fixes[:1]})
+    control = best.model_copy(update={"version": "control", "failures": best.failures - 1, "paired": worse})
+    both = comparison.model_copy(update={"versions": (base, control, best), "champion": "base"})
+    assert [fix.after.version for fix in choose_fixes(both, table, spaces, 1)] == [best.version]
+    assert [chosen.version for chosen in choose_regression(both, table, spaces)] == ["base", "control"]
+
+
 def test_first_screen_shows_a_person_a_place_and_both_films(study: FabricatedStudy, page: str) -> None:
     first = page.partition("<main>")[0]
     comparison = read(study.root / "comparison.json", Comparison)
@@ -281,7 +293,7 @@ def test_border_cases_are_nearest_to_the_thresholds_and_half_are_kept() -> None:
         ("d", 19, 40, False),
         ("e", 400, 1, False),
     ]
-    rows.append(("f", 25, 40, True))  # The frame of test a, found by another strategy.
+    rows.append(("f", 25, 40, True))  # Another frame, although its numbers are those of test a's.
     judged = pd.DataFrame(rows, columns=["test_id", "visible_pixels", "contrast", "kept"])
     judged = judged.assign(step=range(7), reason=["visible"] * 4 + ["few_pixels", "low_contrast", "visible"])
     chosen = nearest(judged, 20, 60, 4)

@@ -323,6 +323,20 @@ def test_a_served_detector_reports_what_a_tested_one_does() -> None:
         assert np.array_equal(boxes[kept], expected.boxes) and np.array_equal(scores[kept], expected.scores)
 
 
+def test_a_served_detector_drops_boxes_in_the_border_as_a_tested_one_does() -> None:
+    from pipeline.tracking.served_detector import ServedDetector
+
+    class Session:
+        def run(self, *_: object) -> list[np.ndarray]:
+            """Two boxes in an image of 320x192 pixels, the first in the border above one of 320x120."""
+            return [np.array([[[10, 0, 40, 20], [10, 60, 40, 120]]], np.float32), np.array([[0.9, 0.8]], np.float32)]
+
+    served = ServedDetector()
+    served._session, served._width, served._height = Session(), 320, 192
+    found = list(served._found(np.zeros((120, 320, 3), np.uint8), 0.1, 0.45))
+    assert [(*box.tolist(), float(score)) for box, score in found] == [pytest.approx((10, 24, 40, 84, 0.8))]
+
+
 def test_an_interrupted_registration_leaves_one_model_and_one_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tracker, file = Tracker(tmp_path / "m.db", tmp_path / "artifacts", "e", {}), tmp_path / "model.json"
     registry = Registry(tracker)

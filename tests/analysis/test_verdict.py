@@ -147,7 +147,18 @@ def test_columns_are_aligned_under_their_headers() -> None:
 def test_failures_by_scenario_are_means_over_seeds() -> None:
     assert group_headers(comparison()) == ("version", "F1*", "all", "ratio to base")
     assert group_rows(comparison()) == [("base", "20", "20", "1.00"), ("adaptive", "8 (6–10)", "8 (6–10)", "0.40")]
-    assert "means over 2 seeds of retraining" in verdict_table(comparison(), Path("report.html"))
+    retrained = comparison().model_copy(update={"base_set": Frequencies(children=1, crouching=1)})
+    assert "Failures by scenario, means over 2 seeds of retraining" in verdict_table(retrained, Path("report.html"))
+
+
+def test_detectors_that_were_not_retrained_have_no_seeds_of_retraining() -> None:
+    tested = comparison()
+    first = tested.versions[0].model_copy(update={"version": "mine"})
+    scenarios = {"F1star": "F1*", "F2star": "F2*"}
+    counts = [group.model_copy(update={"scenarios": dict.fromkeys(scenarios, group.failures)}) for group in tested.groups]
+    several = {"base_set": None, "versions": (first, *tested.versions[1:]), "scenarios": scenarios, "groups": tuple(counts)}
+    text = verdict_table(tested.model_copy(update=several))
+    assert "Failures by scenario\n" in text and "ratio to mine" in text and "retraining" not in text
 
 
 def test_first_line_names_the_scenario_and_last_the_next_step() -> None:

@@ -59,3 +59,8 @@ def test_a_law_is_checked(changes: dict[str, Any], name: str) -> None:
 
 def test_a_score_at_the_lowest_that_brakes_brakes() -> None:
     assert demands([[0.5], [0.4375]], brakes_from=0.5) == [0.5, 0]
+
+
+@pytest.mark.parametrize("score", [0.7, 0.9])
+def test_it_brakes_though_single_precision_makes_a_score_smaller(score: float) -> None:
+    assert demands([[score]], brakes_from=score) == [pytest.approx(score)]

@@ -14,7 +14,7 @@ from pipeline.artefacts import tables as campaign
 from pipeline.core.detections import Detections
 from pipeline.core.episode import Frame, KeptFrame
 from pipeline.core.identity import CampaignId
-from pipeline.core.matching import Matching
+from pipeline.core.matching import Criterion, Matching, match
 from pipeline.core.space import Space, Variable
 from pipeline.core.truth import Truth
 from pipeline.errors import InputError
@@ -123,3 +123,10 @@ def test_a_frames_truth_survives_a_round_trip(truth: Truth) -> None:
     row = campaign.frame_row(kept)
     assert {"test_id", "image", *row} == {column.name for column in campaign.FRAMES}
     assert campaign.frame_truth(pd.Series(row)) == truth
+
+
+def test_the_confidence_of_a_kept_frame_is_that_of_a_detection_too_weak_to_be_reported() -> None:
+    truth = Truth((10.0, 10.0, 20.0, 30.0), (10.0, 10.0, 20.0, 30.0), 200, 200, 50.0)
+    found = Detections(np.array([truth.visible_box], np.float32), np.array([0.5], np.float32))
+    kept = KeptFrame(0, Frame(np.zeros((8, 8, 3), np.uint8), truth), found, match(found, truth, Criterion(0.5, 0.8)))
+    assert kept.matching.confidence == 0 and campaign.frame_row(kept)["confidence"] == 0.5

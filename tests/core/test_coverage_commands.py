@@ -70,6 +70,17 @@ def test_score_draws_and_prints(folder: Path, capsys: pytest.CaptureFixture[str]
         assert np.asarray(Image.open(folder / "figures" / f"{name}.png")).std() > 10
 
 
+def test_the_least_covered_planes_are_those_of_all(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    names = [f"c{i}" for i in range(20)]
+    (folder / "wide.yaml").write_text(f"variables: {{{', '.join(f'{name}: {{values: [x, y]}}' for name in names)}}}")
+    rows = [["x" if j > 16 or i >> j % 5 & 1 else "y" for j in range(20)] for i in range(32)]
+    (folder / "wide.csv").write_text("\n".join(map(",".join, [names, *rows])))
+    words = ["score", "--space", str(folder / "wide.yaml"), "--points", str(folder / "wide.csv"), "--k", "3"]
+    assert said(capsys, *words)["planes"][0]["conditions"] == ["c17", "c18", "c19"]
+    assert main(["coverage", *words]) == 0
+    assert "Least covered of 1,140 planes" in (text := capsys.readouterr().out) and "c17 × c18 × c19" in text
+
+
 def test_labels_with_one_name_in_two_folders_are_two_images(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "space.yaml").write_text("variables: {weather: {values: [sunny, rainy]}, objects: {interval: [0, 9], cuts: [1, 3]}}")
     for name, count in (("train/1", 3), ("val/1", 0)):

@@ -142,6 +142,8 @@ def test_a_deep_night_counts_as_the_lowest_altitude() -> None:
             {"kind": "histogram", "edges": [0, 11], "shares": [1]},
             "edges must rise within [0, 10], one more than shares (1), got [0.0, 11.0]",
         ),
+        (X, {"kind": "histogram", "edges": [0, float("nan")], "shares": [1]}, "edges must rise within [0, 10]"),
+        (PEOPLE, {"kind": "groups", "groups": [{"where": None, "share": 1}]}, "where must be ranges of attributes by name, got None"),
         (X, {"kind": "histogram", "shares": [1]}, "x: missing 1 required positional argument: 'edges'"),
         (X, {"kind": "normal", "mean": 1, "deviation": 0}, "deviation must be above 0, got 0"),
         (X, {"kind": "shares", "shares": {}}, "kind 'shares' is for a variable that is categorical, this one is continuous"),

@@ -224,6 +224,32 @@ def test_uniform_tests_are_reweighted_to_the_exposure() -> None:
         reweighted(exposure, points[:0], np.zeros(0, bool))
 
 
+def test_errors_where_the_road_seldom_is_leave_the_rate_of_the_other_conditions() -> None:
+    points = SMALL.sample(20_000, np.random.default_rng(0))
+    valid = points[points[:, 0] < 1]  # A tenth of the tests, but a fifth of the exposure.
+    rate = reweighted(Exposure.from_dict(SMALL, EXPOSURE), valid, valid[:, 0] < 0.5, 20_000 - len(valid))
+    assert rate.value == pytest.approx(0.5, rel=0.1) and rate.limits.low < 0.5 < rate.limits.high
+    elsewhere = {"variables": {"x": {"kind": "histogram", "edges": [5, 10], "shares": [1]}}}
+    assert reweighted(Exposure.from_dict(SMALL, elsewhere), valid, valid[:, 0] < 0.5, 1).limits == Limits(0, 1, 1)
+
+
+def test_errors_that_the_search_avoids_leave_the_rate_of_the_other_conditions() -> None:
+    fails, found = low_x(0.1), []
+    for seed in range(5):
+        estimator = made("importance", seed)
+        run(estimator, lambda points: np.where(points[:, 0] > 5, np.nan, fails(points)))
+        assert estimator.rate().note != FEW
+        found.append(estimator.rate().value)
+    assert np.mean(found) == pytest.approx(0.1 / (1 - 0.8 * 5 / 9), rel=0.1)
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_errors_alone_allow_no_claim(name: str) -> None:
+    estimator = made(name)
+    run(estimator, lambda points: np.full(len(points), np.nan))
+    assert estimator.rate().limits.below == 1
+
+
 def test_wrong_settings_are_told() -> None:
     for settings, told in (
         ({"budget": 99}, "budget must be at least 100 tests, got 99"),

@@ -57,3 +57,9 @@ def test_a_detection_below_the_threshold_is_neither_right_nor_wrong() -> None:
 def test_the_brake_follows_what_matches_and_nothing_at_the_limit_itself() -> None:
     found = said((10, 10, 20, 20), BOX, scores=(0.9, 0.1))
     assert on_pedestrian(found, VISIBLE, Criterion(threshold=0.5)).tolist() == [False, True]
+
+
+@pytest.mark.parametrize("threshold", [0.5, 0.7, 0.9, 0.95])
+def test_a_detection_with_the_score_of_the_threshold_is_reported(threshold: float) -> None:
+    # In single precision, 0.7, 0.9 and 0.95 are less than in double.
+    assert match(said(BOX, scores=[threshold]), VISIBLE, Criterion(threshold=threshold)).outcomes == ("true_positive",)

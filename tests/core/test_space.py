@@ -122,6 +122,7 @@ def test_contradictory_constraints_are_refused_with_a_minimal_set_of_clauses() -
     [
         ({"x": 11.0}, r"x must be in \[0, 10\] m, got 11"),
         ({"x": float("nan")}, "x must be in"),
+        ({"count": 2.5}, "count must be a whole number, got 2.5"),
         ({"kind": "z"}, "kind must be one of a, b, c; got 'z'"),
         ({"y": 1.0}, r"unknown \['y'\]"),
     ],

@@ -227,6 +227,10 @@ def test_class_names_that_nest_too_deeply_are_none() -> None:
     assert class_names({"names": "-" * 20_000 + "1"}) == {}
 
 
+def test_class_names_with_an_infinite_number_are_none() -> None:
+    assert class_names({"names": "{1e999: 'person'}"}) == {}
+
+
 def final() -> np.ndarray:
     """The same street in an end-to-end output: left, top, right, bottom, score, class."""
     output = np.zeros((1, 300, 6), np.float32)

@@ -9,7 +9,7 @@ import numpy as np
 import onnx
 import pytest
 import torch
-from onnx import TensorProto, helper
+from onnx import TensorProto, helper, numpy_helper
 
 from pipeline.config.components import make_detector
 from pipeline.core.boxes import iou
@@ -131,6 +131,26 @@ def test_weights_in_another_file_are_refused_until_they_are_inside(file: Path, t
     (tmp_path / "best.onnx.data").unlink()
     mended, whole = (OnnxDetector(one, 0.001).detect_images(images(1))[0] for one in (path, file))
     assert np.array_equal(mended.scores, whole.scores) and len(whole.scores)
+
+
+@pytest.mark.parametrize("inside", ["a branch", "a node"])
+def test_weights_in_another_file_are_found_wherever_the_graph_has_them(
+    inside: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)  # ONNX Runtime looks for a branch's weights here.
+    weights = numpy_helper.from_array(np.zeros((4, 4), np.float32), "weights")
+    output = helper.make_tensor_value_info("out", TensorProto.FLOAT, [4, 4])
+    node = helper.make_node("Constant", [], ["out"], value=weights)
+    if inside == "a branch":
+        branch = helper.make_graph([helper.make_node("Identity", ["weights"], ["out"])], "branch", [], [output], [weights])
+        node = helper.make_node("If", ["yes"], ["out"], then_branch=branch, else_branch=branch)
+    yes = numpy_helper.from_array(np.array(True), "yes")
+    image = helper.make_tensor_value_info("image", TensorProto.FLOAT, [1, 3, 4, 4])
+    graph = helper.make_graph([node], "graph", [image], [output], [yes])
+    model, path = helper.make_model(graph, ir_version=10, opset_imports=[helper.make_opsetid("", 17)]), tmp_path / "best.onnx"
+    onnx.save(model, path, save_as_external_data=True, location="best.data", size_threshold=10)
+    with pytest.raises(InputError, match=r"best\.onnx: expected one file, but its weights are in best\.data"):
+        OnnxDetector(path)
 
 
 @pytest.mark.parametrize(

@@ -63,3 +63,12 @@ def test_the_command_writes_the_int8_form_and_prints_the_metrics_of_both(tmp_pat
     printed = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in printed[1:3]] == ["float32", "int8"] and printed[3].startswith("on 1 validation images")
     assert any(tensor.data_type == onnx.TensorProto.INT8 for tensor in onnx.load(str(out)).graph.initializer)
+
+
+def test_images_of_another_camera_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for index, split in enumerate(list[Split](["train", "val"])):
+        write_image(tmp_path, split, index, np.zeros((96, 160, 3), np.uint8), Truth())
+    splits = list[Split](["train", "val"])
+    write_truth(tmp_path, [Record(split, i, 160, 96, Truth(), {"town": "a", "people": "b"}) for i, split in enumerate(splits)])
+    assert main(["quantise", "--model", str(ROOT / "models/uniform"), "--base-set", str(tmp_path)]) == 2
+    assert "--base-set: expected images of (320, 192) px" in capsys.readouterr().err

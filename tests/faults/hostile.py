@@ -41,6 +41,10 @@ def complain() -> None:
     raise RuntimeError("no")
 
 
+def mumble() -> None:
+    raise RuntimeError("no " + b"d\xe9tour.png".decode("utf-8", "surrogateescape"))
+
+
 def leave() -> None:
     sys.exit("good bye")
 
@@ -60,6 +64,7 @@ ACTS: dict[int, tuple[Callable[[], Any], str]] = {
     5: (leave, "Hostile.detect failed: SystemExit: good bye"),
     6: (nan, "Hostile.detect failed: ValueError: boxes must be finite"),
     7: (nothing, "Hostile.detect must return Detections, got NoneType"),
+    8: (mumble, r"Hostile.detect failed: RuntimeError: no d\udce9tour.png"),
 }
 """What `Hostile` does in tests of this number, and the reason of their error."""
 number = 0

@@ -154,6 +154,21 @@ def test_verify_names_what_is_damaged_and_withdraws_its_stamp(study: Path, tmp_p
     assert not (tmp_path / "copy/comparison.json").exists() and main(words) == 0
 
 
+def test_a_job_that_ends_beside_a_check_keeps_its_stamp(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file, stamp, digest = tmp_path / "a.json", tmp_path / "a.json.stamp", stamps.digest
+    file.write_text("{}")
+    stamp.write_text(stamps.made(stamp, "before", [file]).text())
+
+    def late(path: Path) -> str:
+        monkeypatch.setattr(stamps, "digest", digest)
+        file.write_text("[]")
+        stamp.write_text(stamps.made(stamp, "now", [file]).text())
+        return digest(path)
+
+    monkeypatch.setattr(stamps, "digest", late)
+    assert not list(stamps.damaged(tmp_path))
+
+
 def test_a_deleted_image_is_damage_because_its_folder_stands(study: Path, tmp_path: Path) -> None:
     shutil.copytree(study / "base_set/images", tmp_path / "images")
     listed, image = tmp_path / "truth.coco.json.stamp", sorted((tmp_path / "images").rglob("*.jpg"))[0]

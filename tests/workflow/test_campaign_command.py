@@ -81,6 +81,11 @@ def test_no_search_loses_the_tests_of_another_or_files_of_others(tmp_path: Path,
     assert (unfinished / "journal" / "identity").exists() and read_sealed(foreign / "tests.parquet") == b"of somebody else"
 
 
+def test_a_search_resumes_after_a_kill_while_it_exports_its_detector(tmp_path: Path) -> None:
+    (tmp_path / ".0123456789abcdef.onnx.4242.tmp").touch()
+    assert campaign(tmp_path) == 0
+
+
 def test_words_may_stand_before_and_after_options(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = [*WORDS[:3], "--threads", "1", *WORDS[3:], f"out={tmp_path}"]
     assert main(["campaign", *words]) == 0

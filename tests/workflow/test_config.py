@@ -156,6 +156,7 @@ def test_a_camera_is_chosen_by_its_name() -> None:
             "base.weights: expected a path inside the project (link outside files into it)",
         ),
         ("filter.overrules=/etc/passwd", "filter.overrules: expected a path inside the project"),
+        ("+tested.mine='a{1}.onnx'", "tested.mine: expected a path without braces, which Snakemake takes for wildcards, got 'a{1}.onnx'"),
         ("~detector.threshold", "key 'detector.threshold' is missing: the study judges and brakes by it, too"),
         ("simulator.camera.width=abc", "simulator.camera.width: expected a whole number, got 'abc'"),
         ("simulator.camera.width=0", "simulator.camera.width: expected at least 64, got 0"),

@@ -29,7 +29,7 @@ from pipeline.detectors.yolo import weights
 from pipeline.detectors.yolo.export import onnx_of
 from pipeline.workflow.jobs import Jobs, flat, step_names
 from pipeline.workflow.stamping import Stamps
-from tests.studies import ROOT
+from tests.studies import ROOT, StudyFolder
 
 WEIGHTS = "models/uniform/weights.safetensors"
 # At 10 s every test fails: a region has replays, which read the simulator and the detector.
@@ -243,3 +243,9 @@ def test_ctrl_c_ends_a_command_in_one_line(
     monkeypatch.setattr("pipeline.commands.versions.run", interrupted)
     assert main(words) == 130
     assert capsys.readouterr().err == f"blindspot {words[0]}: {told}\n"
+
+
+@pytest.mark.parametrize(("step", "told"), [("retrain", "'base' is not retrained"), ("export", "'base' is no tested detector")])
+def test_a_version_that_a_step_cannot_make_is_named(step: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert StudyFolder.composed(tmp_path, "smoke").run(step, version="base") == 2
+    assert told in capsys.readouterr().err

@@ -7,11 +7,13 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import pyarrow.parquet as pq
 import pytest
 
 from pipeline.__main__ import main
 from pipeline.artefacts.files import write_json
 from pipeline.artefacts.likelihood import read_rate, write_rate
+from pipeline.artefacts.tables import space_of_tests
 from pipeline.commands.campaign import STOPPED
 from pipeline.commands.likelihood import asked
 from pipeline.core.likelihood.rate import Limits, Rate
@@ -83,6 +85,25 @@ def test_random_campaigns_are_weighed_and_searches_refused(tmp_path: Path, capsy
     assert "under this exposure, 60 uniform tests are worth" in said and "failure probability unknown" in said and "no claim" in said
     assert main(["likelihood", "exposure=town", "--from", str(tmp_path)]) == 2
     assert "expected tests of strategy 'random', got 'forest'" in capsys.readouterr().err
+
+
+def test_random_tests_are_weighed_in_the_space_that_they_were_drawn_from(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for high in (50, 100):
+        words = ["scenario=F1", "strategy=random", "budget=60", *ANALYTIC, f"scenarios.F1.space.fog.high={high}", "--threads", "1"]
+        assert main(["campaign", *words, f"out={tmp_path / str(high)}"]) == 0
+    exposure = tmp_path / "dense.yaml"
+    exposure.write_text(
+        "description: Dense fog.\nvariables: {fog: {kind: histogram, edges: [50, 100], shares: [1], source: Assumed by this test.}}\n"
+    )
+    assert main(["likelihood", f"exposure={exposure}", "--from", str(tmp_path / "50")]) == 2
+    assert "edges must rise within [0, 50]" in capsys.readouterr().err
+    assert main(["likelihood", f"exposure={exposure}", "--from", str(tmp_path / "100")]) == 0
+    assert main(["likelihood", "exposure=uniform", "--from", str(tmp_path)]) == 2
+    assert "--from: expected tests of one space of F1, got another one in " in capsys.readouterr().err
+    table = pq.read_table(path := tmp_path / "50" / "tests.parquet")
+    pq.write_table(table.replace_schema_metadata({}), path)
+    with pytest.raises(InputError, match=r"tests\.parquet: expected the space of its tests in its metadata; make the campaign again"):
+        space_of_tests(path)
 
 
 @pytest.mark.parametrize(

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -172,6 +174,35 @@ def test_stamps_decide_what_runs_again(tmp_path: Path) -> None:
     scenario = compose("smoke", ["scenarios.F2.label=another"])
     (folder / "params.yaml").write_text(dump(scenario, "test"))
     assert planned(folder, "spaces") == {"spaces": 1, "define_space": 1}
+
+
+def test_a_job_that_outlives_its_snakemake_is_not_done_again(tmp_path: Path) -> None:
+    folder = copy(tmp_path, compose("smoke", []))
+    words = [sys.executable, "-m", "snakemake", "--cores", "1", "spaces"]
+    first = subprocess.Popen(words, cwd=folder, env={**os.environ, "PYTHONPATH": str(folder)}, stderr=subprocess.DEVNULL)
+    awaited(folder / ".snakemake/scripts", "*.py")
+    time.sleep(0.3)  # The job has begun; it takes a second to import.
+    first.kill()
+    first.wait()
+    awaited(folder / "data/smoke/space", "*.stamp")
+    assert planned(folder, "spaces") == {"spaces": 1, "define_space": 2}
+
+
+def awaited(folder: Path, pattern: str) -> None:
+    """Wait until a folder holds such a file."""
+    until = time.monotonic() + 60
+    while not any(folder.glob(pattern)):
+        assert time.monotonic() < until
+        time.sleep(0.01)
+
+
+def test_the_order_of_variables_counts_because_it_determines_the_tests() -> None:
+    config = compose("default", [])
+    plain = json.loads(config.model_dump_json())
+    plain["scenarios"]["F1"]["space"] = dict(reversed(plain["scenarios"]["F1"]["space"].items()))
+    other = Config.model_validate_json(json.dumps(plain))
+    first, second = (Stamps(Jobs(one, step_names())).stamp("define_space", {"scenario": "F1"}) for one in (config, other))
+    assert first != second and config.space("F1") != other.space("F1")
 
 
 def made(folder: Path, config: Config) -> Jobs:

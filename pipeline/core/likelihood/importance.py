@@ -76,13 +76,17 @@ class ImportanceSampling(Estimator):
     def rate(self) -> Rate:
         if self._random == len(self._kpi):
             return self._rate(self._failures / max(self._tests, 1), exact(self._failures, self._tests), FEW)
-        valid = ~np.isnan(self._kpi) & (np.arange(len(self._kpi)) >= self._random)
-        failed, tests = self._weights[valid & (self._kpi <= self.failure_threshold_s)], int(valid.sum())
+        later = np.arange(len(self._kpi)) >= self._random
+        valid = ~np.isnan(self._kpi) & later
+        failed, tests = self._weights[valid & (self._kpi <= self.failure_threshold_s)], float(valid.sum())
+        if valid.sum() < later.sum():
+            # The rate is that of the conditions without errors, which tests that search failures may meet more or less often than the road.
+            tests = float(later.sum() * self._weights[valid].sum() / self._weights[later].sum())
         if not len(failed) or failed.sum() ** 2 < ENOUGH_FAILURES * (failed @ failed):
             return self._rate(min(1.0, float(failed.sum()) / max(tests, 1)), bounded(failed, 1 / DEFENSIVE, max(tests, 1)))
         value = min(1.0, float(failed.sum()) / tests)
         # Each pool is itself a sample, whose error all tests from it share.
-        shares = np.bincount(self._pool_of[valid]) / tests
+        shares = np.bincount(self._pool_of[valid]) / valid.sum()
         pools = value * max(1 - value, 1 / tests) / self.pool * float(shares @ shares)
         variance = max(float(failed @ failed) / tests - value**2, 0.0) / tests + pools
         return self._rate(value, spread(value, value**2 / variance))

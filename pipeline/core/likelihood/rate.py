@@ -90,12 +90,12 @@ def spread(value: float, effective: float) -> Limits:
     return Limits(*(float(min(1.0, value * np.exp(by))) for by in (-reach, reach, one_sided)))
 
 
-def bounded(weights: Floats, largest: float, tests: int) -> Limits:
+def bounded(weights: Floats, largest: float, tests: float) -> Limits:
     """Limits of a mean of weighted failures that hold whatever bounded weights the unseen failures have.
 
-    weights: (f,) of the failures among `tests`. largest: bound of any weight. A gamma distribution with the weighted sum's variance,
-    shifted by one failure of the largest weight; with equal weights, exact for a Poisson count. Source: Fay & Feuer 1997, Statistics in
-    Medicine 16:791.
+    weights: (f,) of the failures. largest: bound of any weight. tests: the weight of all tests, their number if weights are 1 on average. A
+    gamma distribution with the weighted sum's variance, shifted by one failure of the largest weight; with equal weights, exact for a
+    Poisson count. Source: Fay & Feuer 1997, Statistics in Medicine 16:791.
     """
     value, variance, most = float(weights.sum()) / tests, float(weights @ weights) / tests**2, largest / tests
 

@@ -107,7 +107,7 @@ class SubsetSimulation(Estimator):
         if begin.mean() > 0.5:
             begin = states < self._bound
         if not begin.any():
-            self._end, self._above = FLAT, exact(0, self._size) if self._reached == 1 else self._above
+            self._end, self._above = FLAT, exact(0, int(np.isfinite(states).sum())) if self._reached == 1 else self._above
             return
         self._bound = float(states[begin].max())
         self._reached *= float(begin.mean())

@@ -114,7 +114,7 @@
     if (value === null) return false;
     const [, sign, text] = comparison, limit = number(text);
     if (typeof value !== "number") return sign === "=" && value.toLowerCase() === text.toLowerCase();
-    return { "<": value < limit, "<=": value <= limit, ">": value > limit, ">=": value >= limit, "=": value === limit }[sign];
+    return { "<": value < limit, "<=": value <= limit, ">": value > limit, ">=": value >= limit, "=": value === limit || shown(value) === text }[sign];
   }
 
   function within(value, low, high) {
