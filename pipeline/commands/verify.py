@@ -16,14 +16,15 @@ HELP = "Check the study's files against their digests. The stamps of damaged fil
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--folder", type=typed, help="folder of a study (default: that of the study in params.yaml)")
+    parser.add_argument("--params", type=typed, default=PARAMS, help="params.yaml of the study (default: %(default)s)")
+    parser.add_argument("--folder", type=typed, help="folder of a study (default: that of --params)")
 
 
 def run(options: argparse.Namespace) -> int:
     """Verify the study; returns 1 if a file is damaged."""
     if options.folder and not options.folder.is_dir():
         raise InputError(f"--folder: expected the folder of a study, found no folder {options.folder}")
-    folder = options.folder or Path(Folders(load(PARAMS)).root)
+    folder = options.folder or Path(Folders(load(options.params)).root)
     if withdraw_damaged(folder):
         return 1
     stamped = sum(len(stamp.digests) for path in folder.rglob(f"*{stamps.SUFFIX}") if (stamp := stamps.read(path)))

@@ -194,8 +194,13 @@ def test_damaged_files_are_found_before_the_run_that_makes_them_again(finished: 
         fit_python(finished, f'echo "python $*"; case "$3" in verify) exit {code};; esac')
         done = call(finished)
         lines = done.stdout.splitlines()
-        assert lines[0] == "python -m pipeline verify" and [line.split()[0] for line in lines[:2]] == begins
+        assert lines[0] == "python -m pipeline verify --params params.yaml" and [line.split()[0] for line in lines[:2]] == begins
         assert done.returncode == ends
+
+
+@pytest.mark.parametrize("words", [["--configfile", "data/x/params.yaml"], ["--configfile=data/x/params.yaml", "search"]])
+def test_a_run_of_another_study_verifies_that_one(words: list[str], ready: Path) -> None:
+    assert call(ready, *words).stdout.splitlines()[0] == "python -m pipeline verify --params data/x/params.yaml"
 
 
 def test_a_partial_run_prints_no_verdict(ready: Path) -> None:
