@@ -42,7 +42,7 @@ class Simulator(Protocol):
     ) -> Episode:
         """Execute one concrete scenario; keep every `keep_every`-th frame, none if it is 0.
 
-        noise: the concrete scenario whose random numbers it has, such as the camera's grain; its own if None.
+        noise: the concrete scenario whose random numbers it has, such as the camera's grain; its own if None. Further keys change them.
         """
         ...
 

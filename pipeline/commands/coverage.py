@@ -26,7 +26,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     propose = _verb(verbs, "propose", "The next points that raise coverage most.")
     _add_projection(propose, points_required=False)
     propose.add_argument("--count", type=int, help="how many (default: 1)")
-    propose.add_argument("--complete", action="store_true", help="as many as full coverage needs: the fewest, or a bound")
+    propose.add_argument("--complete", action="store_true", help="as many as full coverage needs: the fewest, or few and a bound")
     propose.add_argument("--exact", action="store_true", help="use 0-1 programming: the optimum, or the best found in time and a bound")
     propose.add_argument("--heavy-first", action="store_true", help="prefer heavy cells to many cells")
     propose.add_argument("--output", type=Path, help="CSV or parquet file for the points")
@@ -36,8 +36,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     plan.add_argument("--cpu-seconds", type=float, help="time limit of polish in processor time, for the same effort on a busy machine")
     plan.add_argument("--include", type=Path, help="table of points that must be in the plan")
     plan.add_argument("--output", type=Path, help="CSV or parquet file for the plan")
-    for timed, verb in ((propose, "propose"), (plan, "plan")):
-        timed.add_argument("--seconds", type=float, help=f"time limit of --exact or polish (default: {SECONDS[verb]})")
+    for timed, verb, limited in ((propose, "propose", "--exact"), (plan, "plan", "polish")):
+        timed.add_argument("--seconds", type=float, help=f"time limit of {limited} (default: {SECONDS[verb]})")
         timed.add_argument("--seed", type=int, default=0, help="random seed (default: %(default)s)")
     verify = _verb(verbs, "verify", "Check a plan independently of the code that made it; exit code 1 if it is not valid.")
     verify.add_argument("--points", type=Path, required=True, help="the plan: CSV or parquet")

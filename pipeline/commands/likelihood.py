@@ -32,8 +32,9 @@ METHODS = {
     "subset": "pipeline.core.likelihood.subset.SubsetSimulation",
     "importance": "pipeline.core.likelihood.importance.ImportanceSampling",
 }
-WORDS = """scenario=F1,F2 (or all of the exposure), exposure=town, method=monte_carlo (subset, importance), budget=3000 for each scenario,
-seed=0, model=models/uniform, below=0.001 (monte_carlo stops once that is settled), out=FOLDER; and overrides of the default study"""
+WORDS = """scenario=F1,F2 (scenario=all: those of the exposure), exposure=town, method=monte_carlo (subset, importance), budget=3000 for
+each scenario, seed=0, model=models/uniform, below=0.001 (monte_carlo stops once that is settled), out=FOLDER; and overrides of
+the default study"""
 HELP = "Estimate how likely a failure is under an exposure. Ctrl-C stops it; the same command resumes it."
 
 

@@ -20,11 +20,11 @@ MODES = _prose("""
     plus the number of false positives (Eq. 5.3). "By TTC alone" counts the failures that remain without this division.
 """)
 CAUSES = _prose("""
-    Every failure has one cause. Never seen: no detection touches the pedestrian. The next three judge the frames in which a person could
-    see the pedestrian and braking would still have helped; the most frequent one counts. Seen too late: no detection, or the brake follows
-    too late or too weakly. Box disagrees: a box on the pedestrian that does not fit. Confidence too low: a fitting box that is not
-    reported. False positives: Eq. 5.3 alone makes the failure. Not solvable by the camera: no such frame comes in time.
-    Unnecessary braking: emergency braking without a collision path.
+    Every failure has one cause. Never seen: no reported box touches the pedestrian, and no weaker one fits it. The next three judge the
+    frames in which a person could see the pedestrian and braking would still have helped; the most frequent one counts. Seen too late: no
+    detection, or the brake follows too late or too weakly. Box disagrees: a box on the pedestrian that does not fit. Confidence too low: a
+    fitting box that is not reported. False positives: Eq. 5.3 alone makes the failure. Not solvable by the camera: no such frame comes in
+    time. Unnecessary braking: emergency braking without a collision path.
 """)
 BRAKING = _prose("""
     In these scenarios the right answer is not to brake. A false activation (unnecessary braking) is a run of frames that demand at least 5
@@ -119,8 +119,9 @@ REGIONS = _prose("""
     isolated. "every test" means that (nearly) all tests fail. Lift: the share of failures inside the rule, divided by that of all
     tests. The rule is fitted to these tests, and the search gathers tests near failures. So the share of failures inside is optimistic and
     has no interval. Held back: the same share for rules that are fitted without the tests they are judged on. A rule is confirmed if fresh
-    random tests inside it fail significantly more often than those just outside. A failure is not solvable if full braking from the first
-    frame in which a person could see the pedestrian comes too late. No single-image detector can fix such a failure with this camera.
+    random tests inside it fail significantly more often than those just outside. A failure is not solvable if full
+    braking comes too late from every frame in which a person could see the pedestrian. No single-image detector can fix such a failure
+    with this camera.
     Covered by the rule: share of the region's failures. Fresh tests: failures / tests with exact intervals. Pictures: a decisive moment of
     up to four failures, as the campaign saw it. Blue: the true pedestrian. Red: detections with their score; dashed ones are below the
     detector's threshold. Bars: failures of the region that pass with this one change, all else being equal, the noise of the camera

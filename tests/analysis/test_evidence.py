@@ -139,7 +139,7 @@ def test_where_no_estimate_is_possible_the_file_says_why() -> None:
 
 def test_errors_are_in_no_share() -> None:
     tested = world(random=100, searched=100)
-    broken = tested.tests["test_id"].isin(["random-0", "random-1"])
+    broken = tested.tests["test_id"].isin(["random-0", "random-1", "mixed-0"])  # The last is of a search.
     failure = scenario_evidence(look(replace(tested, tests=tested.tests.assign(status=np.where(broken, "error", "ok"))))).failure
     assert (failure.tests, failure.errors) == (98, 2)
 

@@ -74,7 +74,9 @@ def test_the_python_type_of_a_number_changes_nothing() -> None:
     whole |= {"pedestrian_shift": 0, "rain": 30}
     exact = space.decode(space.encode(whole))
     kept = [simulator.execute(one, BlindDetector(), 9, noise).frames for one in (whole, exact) for noise in (None, whole, exact)]
+    other = simulator.execute(exact, BlindDetector(), 9, {**exact, "noise": "other"}).frames
     simulator.close()
+    assert not any(np.array_equal(a.frame.image, b.frame.image) for a, b in zip(kept[0], other, strict=True))
     assert all(np.array_equal(a.frame.image, b.frame.image) for other in kept[1:] for a, b in zip(kept[0], other, strict=True))
 
 

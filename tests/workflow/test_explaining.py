@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from contextlib import chdir
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,12 +21,14 @@ from pipeline.config.composing import load
 from pipeline.core.episode import Episode
 from pipeline.core.space import Value
 from pipeline.errors import SimulationError
+from pipeline.execution import explaining
 from pipeline.execution.points import Executor
 from pipeline.execution.workers import Setup
 from pipeline.progress import Progress
 from pipeline.protocols import Detector
 from pipeline.report.kept_frames import KeptFrames
 from pipeline.report.region_cards import Shown, cards, pictured
+from pipeline.scenarios.changes import CONTROL, Change
 from pipeline.simulators.analytic import AnalyticSimulator
 from tests.studies import StudyFolder
 from tests.workflow.test_campaign import analytic_study
@@ -44,6 +47,17 @@ class BreaksInClearWeather(AnalyticSimulator):
         if concrete["fog"] == 0 and float(concrete["rain"]) > 50:
             raise SimulationError("no fog, but rain")
         return super().execute(concrete, detector, keep_every)
+
+
+class ShowsItsNoise(AnalyticSimulator):
+    """Its ego stands as many metres aside as the text of its noise has characters."""
+
+    def execute(
+        self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0, noise: Mapping[str, Value] | None = None
+    ) -> Episode:
+        episode = super().execute(concrete, detector, keep_every)
+        aside = np.full(len(episode.signals["time_s"]), float(len(str(concrete if noise is None else noise))))
+        return replace(episode, signals={**episode.signals, "ego_y_m": aside})
 
 
 class WithoutNoise:
@@ -90,7 +104,9 @@ def test_the_planted_cause_is_the_first_repair(found: FailureRegions) -> None:
         (about,) = [names for begin, names in CAUSES.items() if region.rule.startswith(begin)]
         first = region.why.repairs[0]
         assert set(first.values) <= about, f"{region.rule}: {first.change}"
-        assert first.repaired >= 0.8 * first.tests > 0 and region.why.control.repaired == 0
+        assert first.repaired >= 0.8 * first.tests > 0
+        control = region.why.control
+        assert control.repaired == control.errors == 0 < control.tests
 
 
 def test_every_number_comes_from_the_rows(found: FailureRegions, rows: pd.DataFrame) -> None:
@@ -146,6 +162,20 @@ def test_a_killed_call_resumes(study: StudyFolder, tmp_path: Path) -> None:
             np.testing.assert_equal(dict(resumed.signals), dict(uninterrupted.signals))
         Executor(setup, tmp_path / "journal", 1, progress).outcomes(points, points[::-1])
         assert others[0].stat().st_mtime_ns != kept[others[0]], "other noise, other outcomes"
+
+
+def test_a_changed_test_has_the_noise_of_the_failure_and_the_control_another(study: StudyFolder, tmp_path: Path) -> None:
+    config = load(study.root / "params.yaml")
+    simulator = {"_target_": f"{__name__}.{ShowsItsNoise.__qualname__}"}
+    setup = Setup(simulator, config.scenarios["F1"], config.detector, study / "models/base/model.onnx", config.car, config.limits)
+    (point,) = (config.space("F1").decode(one) for one in config.space("F1").sample(1, np.random.default_rng(0)))
+    clear = {**point, "fog": 0.0}
+    failure, change = explaining.Failure("region", "test", point), Change("no fog", {"fog": 0.0})
+    noises = [explaining._Changed(failure, *of).noise for of in ((change, clear), (CONTROL, point))]
+    with Progress("test") as progress:
+        outcomes = Executor(setup, tmp_path / "journal", 1, progress).outcomes([clear, point], noises)
+    own, other = (outcome.signals["ego_y_m"][0] for outcome in outcomes)
+    assert own == len(str(point)) < other
 
 
 def _first_cells(sizes: tuple[int, ...]) -> NDArray[np.int64]:

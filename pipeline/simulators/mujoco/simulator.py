@@ -63,7 +63,9 @@ class MujocoSimulator:
         self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0, noise: Mapping[str, Value] | None = None
     ) -> Episode:
         """Execute one concrete scenario; see `pipeline.protocols.Simulator`."""
-        own, seeding = (self._space.decode(self._space.encode(one)) for one in (concrete, concrete if noise is None else noise))
+        own = self._space.decode(self._space.encode(concrete))
+        given = own if noise is None else noise
+        seeding = {**given, **{v.name: v.decode(v.encode(given[v.name])) for v in self._space.variables}}
         loop = _Loop(self._stage, self._scenario, self._car, own, self._settings)
         return loop.run(detector, keep_every, np.random.default_rng(_seed(seeding)))
 
