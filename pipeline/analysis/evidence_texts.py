@@ -34,7 +34,7 @@ RETRAINED = (
 
 
 def claim(version: str, scenarios: Sequence[ScenarioEvidence], whole: Whole | None, exposure: ExposureFile) -> str:
-    """What the numbers allow to claim, in words."""
+    """What the numbers allow us to claim, in words."""
     if whole is not None and len(scenarios) > 1:
         return _sentence(f"Detector {version} in {_listed(scenarios)}", whole.failure, whole.areas.unknown_unsafe, exposure)
     return " ".join(

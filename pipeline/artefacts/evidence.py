@@ -36,7 +36,7 @@ class Areas(Result):
     confirmed: Area = Field(description="The part of known_unsafe that fresh random tests confirmed.")
     known_safe: Area = Field(description="Conditions outside all rules whose combinations were shown by passed tests.")
     unknown: Area = Field(description="Conditions outside all rules whose combinations were shown by no passed test.")
-    unknown_unsafe: Risk = Field(description="Failures outside all rules.")
+    unknown_unsafe: Risk = Field(description="Probability of a failure outside all rules.")
 
 
 class Coverage(Result):

@@ -45,8 +45,8 @@ class Inside(Result):
 
 
 class Fresh(Result):
-    """Fresh random tests. failures: of `tests` that ended well. errors: tests whose simulation broke, in neither number. rate: failures per
-    test with its exact interval (Clopper-Pearson); null without tests."""
+    """Fresh random tests. failures: of the `tests` without an error. errors: tests that ended in an error, in neither number.
+    rate: failures per test with its exact interval (Clopper-Pearson); null without tests."""
 
     tests: int
     failures: int
@@ -55,8 +55,8 @@ class Fresh(Result):
 
 
 class Confirmation(Result):
-    """Fresh random tests inside and just outside a rule. confidence: of each rate's interval. p_value: chance of so many failures inside if
-    both failure rates were one (Fisher's exact test, one-sided)."""
+    """Fresh random tests inside and just outside a rule. confidence: of each rate's interval. p_value: chance of at least so many failures
+    inside if both failure rates were equal (Fisher's exact test, one-sided)."""
 
     confidence: float
     inside: Fresh

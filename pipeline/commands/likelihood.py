@@ -126,7 +126,7 @@ def _check_weighs(words: Sequence[str]) -> None:
     """InputError for a word that says nothing to tests that exist."""
     for key in (word.partition("=")[0] for word in words):
         if key not in ("exposure", "below"):
-            raise InputError(f"{key}: --from executes nothing and weighs the tests in its folders; leave the word out")
+            raise InputError(f"{key}: --from executes nothing and weights the tests in its folders; leave the word out")
 
 
 def scenarios_of(question: Question, exposure: ExposureFile) -> list[str]:
@@ -238,7 +238,7 @@ def weighed(folders: Sequence[Path], exposure: ExposureFile) -> dict[str, Rate]:
 
 
 def answer(rates: Mapping[str, Rate], question: Question, exposure: ExposureFile) -> str:
-    """The rates, the system's if there are several, and what they allow to claim."""
+    """The rates, the system's if there are several, and what they allow us to claim."""
     from pipeline.core.likelihood.rate import combined, sentence
 
     shares = exposure.shares(list(rates))

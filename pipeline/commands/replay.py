@@ -19,7 +19,7 @@ HELP = "Execute a test of the study again, write its replay and compare the resu
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("test", metavar="TEST_ID", help="as in tests.parquet and on the report, such as F1-forest-base-0-00012")
+    parser.add_argument("test", metavar="TEST_ID", help="as in tests.parquet and in the report, such as F1-forest-base-0-00012")
     parser.add_argument("--params", type=typed, help=f"configuration of the study (default: {PARAMS}, or the study that has the test)")
     parser.add_argument("--out", type=typed, default="replay.mp4", help=".mp4 or .gif (default: %(default)s)")
 

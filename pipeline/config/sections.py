@@ -96,11 +96,11 @@ class AebSection(Section):
     """The law of the automatic emergency brake."""
 
     gate: GateKind
-    """`truth` follows the detections that match the true pedestrian, as the thesis does; `detections` any detection in the ego's path."""
+    """`truth` follows the detections that match the true pedestrian, as the thesis does; `detections` follows any in the ego's path."""
     law: LawKind
     """`confidence` brakes in proportion to the best score, as the thesis does; `threshold` brakes fully."""
     brakes_from: float | None = Field(ge=0, le=1)
-    """Lowest score that brakes; null means the detector's own threshold, 0.05 every stored detection."""
+    """Lowest score that brakes; null means the detector's own threshold; at 0.05, every stored detection brakes."""
     votes: int = Field(ge=1, le=20)
     """The brake acts if the newest frame asks for it, and at least this many of the last `window` frames do."""
     window: int = Field(ge=1, le=20)

@@ -84,8 +84,8 @@ def _values(variable: Variable, filters: Sequence[Filter], count: int, rng: np.r
 
 
 def more_inside(inside: Counted, outside: Counted) -> float:
-    """Fisher's exact test, one-sided: the chance of so many failures inside if the failure rate inside and outside were one. In [0, 1]; 1
-    if one side has no tests."""
+    """Fisher's exact test, one-sided: the chance of at least so many failures inside if the failure rates inside and outside were equal.
+    In [0, 1]; 1 if one side has no tests."""
     if not inside.tests or not outside.tests:
         return 1.0
     from scipy.stats import hypergeom

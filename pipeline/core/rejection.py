@@ -32,7 +32,7 @@ def feasible(draw: Callable[[int], Floats], holds: Callable[[Floats], NDArray[np
     drawn, found = count, count - len(missing)
     while len(missing):
         if not found and drawn >= MAX_DRAWS:
-            raise InputError(f"constraints: they exclude almost {whole}: none of {drawn} random points keeps them")
+            raise InputError(f"constraints: they exclude almost {whole}: none of {drawn} random points satisfies them")
         tries = max(1, min(drawn // (10 * (found + 1)), BLOCK // len(missing)))
         block = draw(len(missing) * tries)
         good = holds(block).reshape(len(missing), tries)

@@ -26,8 +26,8 @@ HIDDEN = "#e8912d"
 NO_ESTIMATE = "no estimate"
 HOW = (
     "The areas of Figure 8.1 of the thesis (ISO 21448), as shares of the exposure's probability. Known unsafe, known safe and unknown add "
-    "up to 100 %. Unknown unsafe is the share of failures outside all rules: its bar shows the interval. Its rules are fitted to the tests "
-    "of searches alone, so they differ from those listed below, and a part of it may lie in the known unsafe area."
+    "up to 100 %. Unknown unsafe is the probability of a failure outside all rules: its bar shows the interval. Its rules are fitted to "
+    "the tests of searches alone, so they differ from those listed below, and a part of it may lie in the known unsafe area."
 )
 WIDTH, BAR, LEFT = 640, 26, 130
 

@@ -11,7 +11,7 @@ from pipeline.report.formats import percent
 
 CAUSES = {
     "never_seen": "never seen",
-    "too_late": "seen too late",
+    "too_late": "too late",
     "box": "box disagrees",
     "confidence": "confidence too low",
     "false_positives": "false positives",

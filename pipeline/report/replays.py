@@ -133,7 +133,7 @@ def outcome_text(kpi: Kpi) -> str:
     return {
         "none": "no failure",
         "contact": f"contact at {kpi.impact_speed_mps:.1f} m/s",
-        "late": "too late",
+        "late": "late",
         "false_positives": "false positives alone",
         "false_activation": "unnecessary braking",
     }[kpi.failure_mode]

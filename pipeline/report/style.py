@@ -29,7 +29,7 @@ MODE_COLOURS: Mapping[str, str] = {
 }
 MODE_NAMES: Mapping[str, str] = {
     "contact": "contact",
-    "late": "too late (TTC alone)",
+    "late": "late (TTC alone)",
     "false_positives": "false positives alone",
     "false_activation": "unnecessary braking",
     "none": "no failure",

@@ -21,7 +21,7 @@ MODES = _prose("""
 """)
 CAUSES = _prose("""
     Every failure has one cause. Never seen: no reported box touches the pedestrian, and no weaker one fits it. The next three judge the
-    frames in which a person could see the pedestrian and braking would still have helped; the most frequent one counts. Seen too late: no
+    frames in which a person could see the pedestrian and braking would still have helped; the most frequent one counts. Too late: no
     detection, or the brake follows too late or too weakly. Box disagrees: a box on the pedestrian that does not fit. Confidence too low: a
     fitting box that is not reported. False positives: Eq. 5.3 alone makes the failure. Not solvable by the camera: no such frame comes in
     time. Unnecessary braking: emergency braking without a collision path.
@@ -35,11 +35,11 @@ SECOND_IOU = _prose("""
     {second:g} from their stored detections. Those in which the car would have braked differently are executed again.
 """)
 TABLE = _prose("""
-    Failures on each held-out scenario. A test that ended in an error for any version is left out. Versions retrained with several seeds:
-    mean over the seeds with Student's interval. Single versions, such as base: count. The count has no interval, because the held-out tests
-    are a designed list, not a random sample. The p-values compare versions test by test. For orientation, thesis Table 7.2 counts D_o
-    (base) 21, 69, 40, 25; D_r (random) 11, 5, 44, 6; D_a (adaptive) 6, 4, 25, 3 on F1* to F4*. The thesis uses another simulator,
-    detector, search and number of tests.
+    Failures on each held-out scenario. A test that ended in an error for any version is left out. Versions retrained with several seeds
+    have the mean over the seeds with Student's interval. Single versions, such as base, have a count without an interval, because the
+    held-out tests are a designed list, not a random sample. The p-values compare versions test by test. For orientation, thesis
+    Table 7.2 counts D_o (base) 21, 69, 40, 25; D_r (random) 11, 5, 44, 6; D_a (adaptive) 6, 4, 25, 3 on F1* to F4*. The thesis
+    uses another simulator, detector, search and number of tests.
 """)
 PLANTED = _prose("""
     People and poses that the base set shows rarely, so we know what a search ought to find. Frequency: relative to others. Search: failures

@@ -11,7 +11,7 @@ from pipeline.core.lineage import Version
 from pipeline.report.failure_tables import base_rate_sentence, braking_held_out
 from pipeline.report.formats import aligned, counted, interval
 
-HEADERS = ("version", "failures / tests", "change", "p", "verdict")
+HEADERS = ("version", "failures / tests", "difference", "p", "verdict")
 
 
 def verdict_rows(comparison: Comparison) -> list[tuple[str, ...]]:

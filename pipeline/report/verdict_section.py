@@ -118,7 +118,7 @@ def _modes(versions: Sequence[VersionResult], plots: Sequence[Drawing]) -> Passa
         "version",
         "failures",
         "contact",
-        "too late",
+        "late",
         "by TTC alone",
         "false positives alone",
         "unnecessary braking",

@@ -54,7 +54,7 @@ class Jobs:
 
     def __post_init__(self) -> None:
         if self.config.goal == "report" and not self.config.campaign.keep_every:
-            raise InputError("campaign.keep_every must be at least 1, or no frame is left to train on, got 0")
+            raise InputError("campaign.keep_every must be at least 1, got 0: no frame would be left to train on")
 
     @cached_property
     def folders(self) -> Folders:

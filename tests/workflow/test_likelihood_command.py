@@ -121,7 +121,7 @@ def test_random_tests_are_weighed_in_the_space_that_they_were_drawn_from(tmp_pat
         (["samplers.random.batch_size=9"], "samplers.random.batch_size=9: an estimator chooses the tests"),
         (["campaign.tests=9"], "campaign.tests: the tests of this command do not depend on it"),
         (["budget"], "expected key=value, got 'budget'"),
-        (["scenario=F1", "--from", "nowhere"], "scenario: --from executes nothing and weighs the tests in its folders"),
+        (["scenario=F1", "--from", "nowhere"], "scenario: --from executes nothing and weights the tests in its folders"),
         (["aeb.votes=2", "--from", "nowhere"], "aeb.votes: --from executes nothing"),
         (["--from", "nowhere"], "nowhere: expected campaigns, found no tests.parquet"),
     ],

@@ -462,7 +462,7 @@ def test_only_a_whole_run_prints_its_verdict(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_a_search_without_kept_frames_is_refused_at_the_start() -> None:
-    with pytest.raises(InputError, match=r"^campaign\.keep_every must be at least 1, or no frame is left to train on, got 0$"):
+    with pytest.raises(InputError, match=r"^campaign\.keep_every must be at least 1, got 0: no frame would be left to train on$"):
         jobs_of("default", "campaign.keep_every=0")
 
 

@@ -1,4 +1,4 @@
-"""A failure rate with its intervals, and the sentence that says what it allows to claim."""
+"""A failure rate with its intervals, and the sentence that says what it allows us to claim."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def combined(rates: Sequence[Rate], shares: Sequence[float]) -> Rate:
 
 
 def sentence(rate: Rate, exposure: str) -> str:
-    """What a rate allows to claim, in words."""
+    """What a rate allows us to claim, in words."""
     if rate.limits.below >= 1:
         return f"no claim: these {rate.tests:,} tests say too little about exposure '{exposure}'; execute tests of that exposure"
     return f"95 % sure: below {one_in(rate.limits.below)} under exposure '{exposure}', after {rate.tests:,} tests"

@@ -11,7 +11,8 @@ from pipeline.core.space import Floats
 
 @dataclass(eq=False, repr=False, kw_only=True)
 class GaussianProcessSampler(MetaModelSampler):
-    """Predicts the KPI by the posterior mean of a Gaussian process with a radial basis function kernel (Eq. 7 and .11 to .15).
+    """Predicts the KPI by the posterior mean of a Gaussian process with a radial basis function kernel (thesis
+    Appendix B, Eq. (7) and (.11) to (.15)).
 
     The search and its other parameters are those of `pipeline.core.samplers.meta_model.MetaModelSampler`.
 
