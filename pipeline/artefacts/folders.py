@@ -10,6 +10,8 @@ from pipeline.core.lineage import VERSION_FILES, WEIGHTS_SUFFIX, Version
 
 AUDITS = "campaigns/audit"
 """The folder of the audit's campaigns."""
+SHARDS = "shards"
+"""The folder of the parts of campaigns that separate jobs executed."""
 
 
 @dataclass(frozen=True)

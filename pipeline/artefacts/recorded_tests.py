@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline.artefacts.folders import Folders
+from pipeline.artefacts.folders import SHARDS, Folders
 from pipeline.artefacts.tables import read_tests
 from pipeline.config.composing import load
 from pipeline.core.names import nearest
@@ -67,8 +67,8 @@ def campaigns(folders: Folders) -> Mapping[str, Path]:
 
 
 def tables_below(folders: Sequence[Path]) -> list[Path]:
-    """Every tests.parquet below some folders, sorted; InputError if there is none."""
-    paths = sorted({path for folder in folders for path in folder.rglob("tests.parquet")})
-    if not paths:
-        raise InputError(f"{', '.join(map(str, folders))}: expected campaigns, found no tests.parquet")
-    return paths
+    """Every tests.parquet below some folders, sorted; InputError for a folder without one. A campaign has the tests of its shards."""
+    found = {folder: [path for path in folder.rglob("tests.parquet") if SHARDS not in path.parts] for folder in folders}
+    if empty := [str(folder) for folder, paths in found.items() if not paths]:
+        raise InputError(f"{', '.join(empty)}: expected campaigns, found no tests.parquet")
+    return sorted({path for paths in found.values() for path in paths})

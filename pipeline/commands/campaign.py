@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.artefacts.job_lock import held
+from pipeline.artefacts.stamps import SUFFIX
 from pipeline.artefacts.tables import TABLES
 from pipeline.config.arguments import whole
 from pipeline.config.composing import study_of
@@ -97,6 +98,7 @@ READ: dict[str, Callable[[str, str], Any]] = {
 def run(options: argparse.Namespace) -> int:
     """Execute the campaign with its progress, write its tables and print what was found."""
     search = asked(options.words)
+    check_folder(search.folder, (*UNFINISHED, f"tests.parquet{SUFFIX}"))
     plan = planned(search)
     with held(search.folder / "lock", waiting(search.folder)):
         return _run(search, plan, options.threads)
@@ -134,6 +136,18 @@ def _run(search: Search, plan: CampaignPlan, threads: int) -> int:
     return 0
 
 
+# A killed export leaves a temporary file.
+UNFINISHED = ("lock", "journal", "*.onnx", ".*.onnx.*.tmp")
+"""Files in the folder of a search before it has tables."""
+
+
+def check_folder(folder: Path, ours: Sequence[str]) -> None:
+    """InputError for a folder with files, none of which is ours, before anything is written there."""
+    found = list(folder.iterdir()) if folder.is_dir() else []
+    if found and not any(entry.match(own) for entry in found for own in ours):
+        raise InputError(_foreign(folder, found))
+
+
 def check_free(folder: Path, identity: str, finished: str | None) -> None:
     """InputError unless a folder is new or holds the search of this identity. finished: the identity of a finished search in it."""
     from pipeline.execution.journal import identity_of
@@ -141,11 +155,13 @@ def check_free(folder: Path, identity: str, finished: str | None) -> None:
     found = finished or identity_of(folder / "journal")
     if found not in (None, identity):
         raise InputError(f"{folder} holds another search, or one by other code; choose another folder with out=, or delete this one")
-    # A killed export leaves a temporary file.
-    own = ("lock", "journal", "*.onnx", ".*.onnx.*.tmp")
-    others = [entry.name for entry in folder.iterdir() if not any(map(entry.match, own))]
+    others = [entry for entry in folder.iterdir() if not any(map(entry.match, UNFINISHED))]
     if found is None and others:
-        raise InputError(f"{folder}: expected a new folder or that of a search, got one with {min(others)}; choose another with out=")
+        raise InputError(_foreign(folder, others))
+
+
+def _foreign(folder: Path, found: Sequence[Path]) -> str:
+    return f"{folder}: expected a new folder or that of a search, got one with {min(found).name}; choose another with out="
 
 
 def asked(words: Sequence[str]) -> Search:

@@ -115,5 +115,9 @@ def _check_outputs(options: argparse.Namespace) -> None:
     if output := getattr(options, "output", None):
         format_of(output, options.format) if options.verb == "export" else check_format(output)
         check_output(output)
+        for name in ("space", "points", "include", "metadata"):
+            given = getattr(options, name, None)
+            if given is not None and given.exists() and output.exists() and output.samefile(given):
+                raise InputError(f"--output: expected another file than --{name}, got {output}")
     if figures := getattr(options, "figures", None):
         check_output(figures, folder=True)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.artefacts.job_lock import held
 from pipeline.artefacts.tables import is_valid
-from pipeline.commands.campaign import STOPPED, Search, check_free, number, planned, read_words, waiting
+from pipeline.commands.campaign import STOPPED, UNFINISHED, Search, check_folder, check_free, number, planned, read_words, waiting
 from pipeline.config.arguments import whole
 from pipeline.config.exposure import ExposureFile, read_exposure
 from pipeline.config.project import typed
@@ -44,8 +44,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--from",
         dest="folders",
-        type=typed,
         nargs="+",
+        metavar="FOLDER",
         help="execute nothing; weight the tests of these `random` campaigns by the exposure",
     )
 
@@ -101,12 +101,13 @@ READ: dict[str, Callable[[str, str], Any]] = {
 
 def run(options: argparse.Namespace) -> int:
     """Estimate the rate of every scenario, print each and that of the system."""
-    question = asked(options.words)
-    if options.folders:
-        _check_weighs(options.words)
+    folders, words = _told_apart(options.folders or [], options.words)
+    question = asked(words)
+    if folders:
+        _check_weighs(words)
     exposure = read_exposure(question.exposure)
     try:
-        rates = weighed(options.folders, exposure) if options.folders else executed(question, exposure, options.threads)
+        rates = weighed(folders, exposure) if folders else executed(question, exposure, options.threads)
     except KeyboardInterrupt:
         print(f"\nstopped; finished tests are in {question.folder}, and the same command resumes")
         return STOPPED
@@ -120,6 +121,12 @@ def asked(words: Sequence[str]) -> Question:
     if question.below is not None and question.method != "monte_carlo":
         raise InputError(f"below: only monte_carlo stops once a limit is settled, got method={question.method}")
     return question
+
+
+def _told_apart(after: Sequence[str], words: Sequence[str]) -> tuple[list[Path], list[str]]:
+    """The folders of `--from` and all words: a word may also stand after the folders."""
+    late = [text for text in after if "=" in text and not typed(text).exists()]
+    return [typed(text) for text in after if text not in late], [*words, *late]
 
 
 def _check_weighs(words: Sequence[str]) -> None:
@@ -148,6 +155,8 @@ def executed(question: Question, exposure: ExposureFile, threads: int) -> dict[s
 
     names = scenarios_of(question, exposure)
     exposure.shares(names)
+    for name in names:
+        check_folder(question.folder / name, (*UNFINISHED, "rate.json"))
     plans = {name: plan_of(question, name, exposure) for name in names}
     rates: dict[str, Rate] = {}
     for name, plan in plans.items():
@@ -226,6 +235,9 @@ def weighed(folders: Sequence[Path], exposure: ExposureFile) -> dict[str, Rate]:
         for scenario in set(table["scenario"]):
             if spaces.setdefault(scenario, space := space_of_tests(path)) != space:
                 raise InputError(f"--from: expected tests of one space of {scenario}, got another one in {path}")
+    twice = tests[tests.duplicated("test_id")]
+    if len(twice):
+        raise InputError(f"--from: {twice.iloc[0]['test_id']} is in two of the tables; leave one of them out, since a test counts once")
     rates = {}
     for scenario, rows in tests.groupby("scenario"):
         valid = rows[is_valid(rows)]

@@ -15,7 +15,7 @@ import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from difflib import ndiff
@@ -99,7 +99,10 @@ def published(root: Path) -> list[Path]:
 
 def printed(command: str) -> str:
     """What a command prints; InputError if it fails or is no Python command."""
-    words: Sequence[str] = shlex.split(command)
+    try:
+        words = shlex.split(command)
+    except ValueError as error:
+        raise InputError(f"a block's command must be one that a shell reads, got '{command}': {error}") from error
     if words[:1] != ["python"]:
         raise InputError(f"a block's command must begin with 'python', got '{command}'")
     done = subprocess.run([sys.executable, *words[1:]], capture_output=True, text=True, check=False)

@@ -28,7 +28,9 @@ def run(options: argparse.Namespace) -> int:
     if withdraw_damaged(folder):
         return 1
     stamped = sum(len(stamp.digests) for path in folder.rglob(f"*{stamps.SUFFIX}") if (stamp := stamps.read(path)))
-    print(f"{folder}: {count_of(stamped, 'stamped file')}, none damaged")
+    if options.folder and not stamped:
+        raise InputError(f"--folder: expected the folder of a study, found no stamped file in {folder}")
+    print(f"{folder}: {count_of(stamped, 'stamped file') + ', none damaged' if stamped else 'not made yet, so nothing to verify'}")
     return 0
 
 

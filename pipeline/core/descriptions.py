@@ -119,9 +119,12 @@ def _of_pair(space: Space, pair: tuple[int, int], points: Floats) -> Iterator[De
 
 def _bounds(variable: Variable) -> tuple[Floats, Floats]:
     """Bounds (b,) that a condition on a numeric variable may have, and the price of each: a round number costs less than a precise one."""
-    whole = variable.kind == "integer"
-    rounded = max(1.0, np.floor(variable.rounding)) if whole else max(variable.rounding, (variable.high - variable.low) / LEVELS / 2)
-    precise = 1.0 if whole else rounded / PRECISE
+    rounded = max(variable.rounding, (variable.high - variable.low) / LEVELS / 2)
+    precise = rounded / PRECISE
+    if variable.kind == "integer":
+        narrow = variable.high - variable.low <= 2 * LEVELS * PRECISE  # Then each number may be a bound.
+        precise = 1.0 if narrow else max(1.0, np.floor(precise))
+        rounded = max(1.0, np.floor(variable.rounding)) if narrow else precise * PRECISE
     bounds = np.append(np.arange(variable.low, variable.high - precise / 2, precise), variable.high)
     steps = (bounds - variable.low) / rounded
     is_round = np.abs(steps - np.round(steps)) < 1e-6
@@ -243,7 +246,8 @@ def _readable(numbers: Floats) -> Floats:
     exact = (known[-1] - known[0]) / LEVELS
     power = 10.0 ** np.floor(np.log10(exact))
     unit = power * next(step for step in (1, 2, 5, 10) if step * power >= exact)
-    return np.asarray(np.arange(np.floor(known[0] / unit), np.ceil(known[-1] / unit) + 1) * unit)
+    # A text shows a bound without the rounding error of its product, so it must have none.
+    return np.asarray(np.round(np.arange(np.floor(known[0] / unit), np.ceil(known[-1] / unit) + 1) * unit, DIGITS))
 
 
 @dataclass(frozen=True)
@@ -257,11 +261,19 @@ class _Values:
     def best(self, inside: Bools, failed: Bools) -> Offer | None:
         column = self.column.astype(np.int64)
         support, hits = np.bincount(column[inside], minlength=self.size), np.bincount(column[inside & failed], minlength=self.size)
-        # For a convex measure the best set is a prefix of the values ordered by their rate (Breiman et al. 1984, theorem 4.5).
-        order = np.argsort(-hits / np.maximum(support, 1), kind="stable")
-        order = order[hits[order] > 0][: self.size - 1]
-        if not len(order):
+        with_hits = np.flatnonzero(hits)
+        if not len(with_hits):
             return None
+        # For a convex measure the best set is a prefix of the values ordered by their rate (Breiman et al. 1984, theorem 4.5). But values
+        # have a price, so one with many failures may pay more than several with a single one: the second order is by what each pays.
+        rate = hits / np.maximum(support, 1)
+        alone = likelihood_gain(hits, support, failed)
+        offers = [self._prefix(with_hits[np.argsort(-by[with_hits], kind="stable")], hits, support, failed) for by in (rate, alone)]
+        return max((offer for offer in offers if offer is not None), key=lambda offer: offer.gain, default=None)
+
+    def _prefix(self, order: NDArray[np.int64], hits: NDArray[np.int64], support: NDArray[np.int64], failed: Bools) -> Offer | None:
+        """The best of the sets that hold the first values of an order; hits, support: (size,)."""
+        order = order[: self.size - 1]
         count = np.arange(1, len(order) + 1)
         prices = gammaln(self.size + 1) - gammaln(count + 1) - gammaln(self.size - count + 1) + np.log(self.size)
         gains = likelihood_gain(np.cumsum(hits[order]), np.cumsum(support[order]), failed) - prices

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -53,7 +52,9 @@ class Exposure:
 
     def check(self) -> None:
         """ValueError if the constraints exclude almost all of it."""
-        _ = self._left_over
+        drawn = self.points(np.random.default_rng(0).random((DRAWS, self.latent_size)))
+        if self.space.clauses and not self.space.constraints.holds(self.space.categorise(drawn)).any():
+            raise ValueError("the constraints exclude almost all of the exposure")
 
     @property
     def latent_size(self) -> int:
@@ -84,24 +85,13 @@ class Exposure:
         return self.points(self.latents(count, rng))
 
     def ratio(self, points: Floats) -> Floats:
-        """How many times as likely each of (n, d) feasible points is as among uniform random tests, (n,)."""
+        """How many times as likely each of (n, d) feasible points is as among uniform random tests, (n,). With constraints, times a factor
+        that all points share: how much they exclude of the exposure and of uniform tests is not known."""
         columns = list(range(len(self.space)))
         each = [np.prod([one[j].ratio(points[:, j]) for j in columns], axis=0) for one in self.marginals]
-        return np.asarray(self.shares @ np.array(each) * self._left_over)
+        return np.asarray(self.shares @ np.array(each))
 
     @property
     def largest_ratio(self) -> float:
         """A bound of `ratio`."""
-        return float(self.shares @ [np.prod([one.largest_ratio for one in marginals]) for marginals in self.marginals]) * self._left_over
-
-    @cached_property
-    def _left_over(self) -> float:
-        """Feasible share of the uniform distribution over that of the exposure, from draws with a fixed seed."""
-        if not self.space.clauses:
-            return 1.0
-        rng = np.random.default_rng(0)
-        both = [self.space.scale(rng.random((DRAWS, len(self.space)))), self.points(rng.random((DRAWS, self.latent_size)))]
-        even, exposed = (float(self.space.constraints.holds(self.space.categorise(points)).mean()) for points in both)
-        if not exposed:
-            raise ValueError("the constraints exclude almost all of the exposure")
-        return even / exposed
+        return float(self.shares @ [np.prod([one.largest_ratio for one in marginals]) for marginals in self.marginals])

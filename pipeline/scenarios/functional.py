@@ -166,7 +166,8 @@ class FunctionalScenario(Part):
 
     @model_validator(mode="after")
     def _can_be_tested(self) -> FunctionalScenario:
-        self.logical_space()
+        if (count := len(self.logical_space())) < 2:  # Coverage and diversity count pairs of categories.
+            raise ValueError(f"space: expected at least two variables, `people` included, got {count}")
         return self
 
     @model_validator(mode="after")

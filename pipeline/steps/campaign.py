@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.artefacts.calibration_results import read_calibration
-from pipeline.artefacts.folders import AUDITS, Folders
+from pipeline.artefacts.folders import AUDITS, SHARDS, Folders
 from pipeline.artefacts.scenario_space import read_space
 from pipeline.artefacts.tables import TABLES
 from pipeline.config.schema import JUDGED, Config
@@ -38,7 +38,7 @@ def _shards(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
     """The tables of the jobs that share the campaign, by table; none if one job executes it."""
     config = folders.config
     shards = [] if config.learns(wildcards["strategy"]) else Shard.of(_tests(config, wildcards), config.campaign.shards)
-    root = f"{folders.root}/shards/{FOLDER.format(**wildcards)}"
+    root = f"{folders.root}/{SHARDS}/{FOLDER.format(**wildcards)}"
     return {f"shard_{name}": [f"{root}/{shard}/{name}.parquet" for shard in shards] for name in TABLES}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pipeline.artefacts.folders import SHARDS
 from pipeline.artefacts.tables import TABLES
 from pipeline.contract import Job, Step
 from pipeline.core.shards import Shard
@@ -11,7 +12,7 @@ from pipeline.steps import campaign
 STEP = Step(
     "Execute a part of a campaign; a killed part resumes.",
     reads=campaign.reads,
-    writes=lambda folders: {name: f"{folders.root}/shards/{campaign.FOLDER}/{{shard}}/{name}.parquet" for name in TABLES},
+    writes=lambda folders: {name: f"{folders.root}/{SHARDS}/{campaign.FOLDER}/{{shard}}/{name}.parquet" for name in TABLES},
     sections=campaign.sections,
     wildcards={**campaign.KINDS, "shard": Shard.PATTERN},
     parallel=True,

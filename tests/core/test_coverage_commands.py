@@ -278,6 +278,18 @@ def test_outputs_are_checked_before_the_work(
     assert message in error and len(error.splitlines()) == 1 and sorted(folder.iterdir()) == before
 
 
+@pytest.mark.parametrize(
+    ("words", "option"),
+    [(["propose", "--points"], "points"), (["plan", "--include"], "include"), (["export", "--space"], "space")],
+)
+def test_no_output_replaces_an_input(words: list[str], option: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    given = folder / ("space.yaml" if option == "space" else "points.csv")
+    before = given.read_bytes()
+    space = [] if option == "space" else ["--space", str(folder / "space.yaml")]
+    assert main(["coverage", *words, str(given), *space, "--output", str(folder / "." / given.name)]) == 2
+    assert f"--output: expected another file than --{option}, got " in capsys.readouterr().err and given.read_bytes() == before
+
+
 def test_the_strongest_plan_combines_six_conditions(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "eight.yaml").write_text("variables: {" + ", ".join(f"{name}: {{values: [x, y]}}" for name in "abcdefgh") + "}")
     assert main(["coverage", "plan", "--space", str(folder / "eight.yaml"), "--strength", "7"]) == 2

@@ -14,7 +14,7 @@ from pipeline.core.likelihood.monte_carlo import MonteCarlo
 from pipeline.core.likelihood.rate import Limits, Rate, anytime, bounded, combined, exact, one_in, sentence, spread
 from pipeline.core.likelihood.reweighted import reweighted
 from pipeline.core.likelihood.subset import FLAT, SHORT, SubsetSimulation, family_limits, moved
-from pipeline.core.space import Floats
+from pipeline.core.space import Floats, Space, Variable
 from tests.spaces import CONSTRAINED, SMALL
 
 Kpi = Callable[[Floats], Floats]
@@ -222,6 +222,18 @@ def test_uniform_tests_are_reweighted_to_the_exposure() -> None:
     assert "20,000 uniform tests are worth" in rate.note
     with pytest.raises(ValueError, match="at least one test"):
         reweighted(exposure, points[:0], np.zeros(0, bool))
+
+
+def test_the_rate_holds_where_constraints_leave_little() -> None:
+    """With 30 values each of `a` and `b`, 0.2 % of all combinations are feasible."""
+    names = [f"v{i}" for i in range(30)]
+    a, b, c = (Variable(name, "categorical", values=tuple(values)) for name, values in (("a", names), ("b", names), ("c", "xy")))
+    space = Space((a, b, c), (("a = v0", "a = v1"), ("b = v0",)))
+    points = space.sample(20_000, np.random.default_rng(1))
+    often = {"v0": 0.5, **dict.fromkeys(names[1:], 0.5 / 29)}
+    exposure = {"a": {"kind": "shares", "shares": often}, "c": {"kind": "shares", "shares": {"x": 0.9, "y": 0.1}}}
+    rate = reweighted(Exposure.from_dict(space, {"variables": exposure}), points, points[:, 2] == 0)
+    assert rate.limits.low <= 0.9 <= rate.limits.high and rate.value == pytest.approx(0.9, abs=0.02)
 
 
 def test_errors_where_the_road_seldom_is_leave_the_rate_of_the_other_conditions() -> None:

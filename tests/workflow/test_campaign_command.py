@@ -78,6 +78,7 @@ def test_no_search_loses_the_tests_of_another_or_files_of_others(tmp_path: Path,
     assert f"{unfinished} holds another search, or one by other code; choose another folder" in capsys.readouterr().err
     assert campaign(foreign) == 2
     assert f"{foreign}: expected a new folder or that of a search, got one with tests.parquet" in capsys.readouterr().err
+    assert [path.name for path in foreign.iterdir()] == ["tests.parquet"]
     assert (unfinished / "journal" / "identity").exists() and read_sealed(foreign / "tests.parquet") == b"of somebody else"
 
 

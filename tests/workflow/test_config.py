@@ -7,11 +7,13 @@ import shutil
 from pathlib import Path
 
 import pytest
+from pydantic import ValidationError
 
 from pipeline.__main__ import main
 from pipeline.config import composing
-from pipeline.config.composing import CONF, compose, dump, load
+from pipeline.config.composing import CONF, compose, dump, functional_scenario, load
 from pipeline.errors import InputError
+from pipeline.scenarios.functional import FunctionalScenario
 
 STUDIES = sorted(path.stem for path in (CONF / "study").glob("*.yaml"))
 
@@ -290,3 +292,10 @@ def test_a_study_that_cannot_be_composed_is_named(tmp_path: Path, monkeypatch: p
     (tmp_path / "conf" / "study" / "mine.yaml").write_text("# @package _global_\ngoal: base\n")
     with pytest.raises(InputError, match=r"^conf/study/mine\.yaml: "):
         compose("mine", [])
+
+
+def test_a_scenario_of_one_variable_is_refused() -> None:
+    plain = functional_scenario("F1").model_dump()
+    one = {**plain, "people": None, "space": {"fog": plain["space"]["fog"]}}
+    with pytest.raises(ValidationError, match="space: expected at least two variables, `people` included, got 1"):
+        FunctionalScenario.model_validate(one)

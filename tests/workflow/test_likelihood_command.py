@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -53,6 +54,14 @@ def test_a_stopped_estimate_resumes_and_a_finished_one_executes_nothing(
     assert "exposure: it has no share of scenario 'F1'" in capsys.readouterr().err
 
 
+def test_a_folder_of_others_is_left_as_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (foreign := tmp_path / "F1").mkdir()
+    (foreign / "notes.txt").write_text("mine")
+    assert likelihood(tmp_path, "scenario=F1", "exposure=uniform") == 2
+    assert f"{foreign}: expected a new folder or that of a search, got one with notes.txt" in capsys.readouterr().err
+    assert [path.name for path in foreign.iterdir()] == ["notes.txt"]
+
+
 def test_no_estimate_loses_the_tests_of_another(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["scenario=F1", "exposure=uniform"]
     assert likelihood(tmp_path, *words) == 0
@@ -83,6 +92,18 @@ def test_random_campaigns_are_weighed_and_searches_refused(tmp_path: Path, capsy
     assert main(["likelihood", "exposure=town", "--from", str(tmp_path / "random")]) == 0
     said = capsys.readouterr().out
     assert "under this exposure, 60 uniform tests are worth" in said and "failure probability unknown" in said and "no claim" in said
+    assert main(["likelihood", "--from", str(tmp_path / "random"), "exposure=town"]) == 0 and capsys.readouterr().out == said
+    assert main(["likelihood", "--from", str(tmp_path / "random"), "exposure=twon"]) == 2
+    assert "exposure: there is no 'twon'" in capsys.readouterr().err
+    assert main(["likelihood", "--from", str(tmp_path / "random"), str(tmp_path / "rnadom")]) == 2
+    assert f"{tmp_path / 'rnadom'}: expected campaigns, found no tests.parquet" in capsys.readouterr().err
+    shutil.copytree(tmp_path / "random", tmp_path / "again" / "shards" / "0")
+    assert main(["likelihood", "--from", str(tmp_path / "again")]) == 2
+    (tmp_path / "again" / "shards").rename(tmp_path / "again" / "copy")
+    capsys.readouterr()
+    assert main(["likelihood", "--from", str(tmp_path / "random"), str(tmp_path / "again")]) == 2
+    assert "--from: F1-random-uniform-0-00000 is in two of the tables; leave one of them out" in capsys.readouterr().err
+    shutil.rmtree(tmp_path / "again")
     assert main(["likelihood", "exposure=town", "--from", str(tmp_path)]) == 2
     assert "expected tests of strategy 'random', got 'forest'" in capsys.readouterr().err
 
@@ -148,5 +169,5 @@ def test_wrong_words_are_told_before_any_work(words: list[str], told: str, capsy
 def test_wrong_exposure_files_are_told(text: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text(text, encoding="latin-1")
-    assert main(["likelihood", f"exposure={path}", f"out={tmp_path}", *ANALYTIC]) == 2
+    assert main(["likelihood", f"exposure={path}", f"out={tmp_path / 'rates'}", *ANALYTIC]) == 2
     assert told in capsys.readouterr().err

@@ -75,6 +75,7 @@ def test_simulate_films_one_test(tmp_path: Path, capsys: pytest.CaptureFixture[s
         (["stages", "--out", "docs"], "docs: expected a file or nothing, got a folder"),
         (["reference", "--out", "README.md"], "README.md: expected a folder to write in, got a file"),
         (["verify", "--folder", "nowhere"], "--folder: expected the folder of a study, found no folder nowhere"),
+        (["verify", "--folder", "docs"], "--folder: expected the folder of a study, found no stamped file in docs"),
         (["export-scenario", "F1", "fog=-1"], "fog must be in [0, 100] %, got -1.0"),
         (
             ["export-frames", "nowhere.parquet", "--out", "README.md"],

@@ -69,6 +69,7 @@ def test_a_named_page_without_blocks_is_refused(page: Path, capsys: pytest.Captu
         ("''", "begin with 'python'"),
         ("python none.py", "`python none.py` ended with 2: "),
         ("python silent.py", "`python silent.py` ended with 3\n"),
+        ('python -c "print(1)', "must be one that a shell reads, got 'python -c \"print(1)': No closing quotation"),
     ],
 )
 def test_a_command_that_does_not_work_is_named(page: Path, command: str, told: str, capsys: pytest.CaptureFixture[str]) -> None:

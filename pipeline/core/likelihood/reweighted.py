@@ -18,13 +18,14 @@ def reweighted(exposure: Exposure, points: Floats, failed: NDArray[np.bool_], er
 
     points, failed: (n, d) and (n,), of tests without an error. Each test has the weight exposure / uniform: a test that the road shows
     often counts for many. The interval holds whatever weights unseen failures have, so it is wide where few tests have most of the weight.
-    With errors, the rate is that of the conditions without: they may be rarer or more frequent on the road than in the uniform tests.
+    With errors, the rate is that of the conditions without: they may be rarer or more frequent on the road than in the uniform tests. With
+    constraints, the weights are known up to a factor, so they are divided by their mean.
     """
     if not len(points):
         raise ValueError("expected at least one test without an error")
     weights = exposure.ratio(points)
     worth = weights.sum() ** 2 / max(float(weights @ weights), 1e-300)
-    tests = max(float(weights.sum()), TINY) if errors else len(points)
+    tests = max(float(weights.sum()), TINY) if errors or exposure.space.clauses else len(points)
     limits = bounded(weights[failed], exposure.largest_ratio, tests)
     note = f"under this exposure, {len(points):,} uniform tests are worth {worth:,.0f}"
     value = min(1.0, float(weights[failed].sum()) / tests)
