@@ -28,7 +28,7 @@ def run(options: argparse.Namespace) -> int:
     """Print whether the test ends as recorded; exit code 1 if it does not."""
     from pipeline.execution.once import episode
     from pipeline.execution.workers import Setup
-    from pipeline.report.replays import Replay, check_replay, render_replay
+    from pipeline.report.replays import Replay, check_replay, outcome_text, render_replay
 
     check_replay(options.out)
     config = load(options.params or params_of(options.test, PARAMS))
@@ -43,8 +43,7 @@ def run(options: argparse.Namespace) -> int:
     render_replay(replay, options.out, replay.frames_per_second)
     found = kpi.evaluate(again.signals, threshold_s)
     changed = differences(row, found)
-    ended = found.failure_mode if found.failure else "no failure"
-    print(f"{options.out}: {ended}, adj. TTC {found.adj_ttc_s:.2f} s, {', '.join(changed) or 'as recorded'}")
+    print(f"{options.out}: {outcome_text(found)}, adj. TTC {found.adj_ttc_s:.2f} s, {', '.join(changed) or 'as recorded'}")
     return 1 if changed else 0
 
 

@@ -37,7 +37,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Execute the scenario with the detector, write the replay and print the result as one line."""
     from pipeline.detectors.yolo.export import onnx_of
-    from pipeline.report.replays import Replay, check_replay, render_replay
+    from pipeline.report.replays import Replay, check_replay, outcome_text, render_replay
 
     check_replay(options.out)
     study = study_of(options.scenario)
@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
     replay = Replay(found, title, concrete, threshold, space.units)
     render_replay(replay, options.out, replay.frames_per_second)
     result = kpi.evaluate(found.signals, threshold)
-    print(f"{options.out}: {result.failure_mode if result.failure else 'no failure'}, adj. TTC {result.adj_ttc_s:.2f} s")
+    print(f"{options.out}: {outcome_text(result)}, adj. TTC {result.adj_ttc_s:.2f} s")
     return 0
 
 
