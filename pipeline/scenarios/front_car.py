@@ -89,3 +89,8 @@ class FrontCar(Part):
     """Number of training steps of each detector, from the shipped detector's weights."""
     learning_rate: float = Field(gt=0, lt=1)
     """Peak learning rate of the schedule."""
+
+    def images_of(self, points: int) -> list[int]:
+        """How many of `images` show each of several points, as equal as possible."""
+        each, more = divmod(self.images, points)
+        return [each + (i < more) for i in range(points)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from itertools import accumulate
 
 import numpy as np
 from PIL import Image
@@ -41,8 +42,7 @@ def run(job: Job) -> None:
     known, result = read(job.input("points"), Points), read(job.input("evaluation"), Evaluation)
     space = job.config.front_car.space.space()
     categories = space.categorise(np.array([space.encode(dict(point.values)) for point in known.points]))
-    each, more = divmod(job.config.front_car.images, len(known.points))
-    first = [i * each + min(i, more) for i in range(len(known.points))]
+    first = [0, *accumulate(job.config.front_car.images_of(len(known.points)))][:-1]
     images = [decode_jpeg(read_bytes(image_path(root, "train", index))) for index in first]
     classes = [np.asarray(Image.open(io.BytesIO(read_bytes(segments_path(root, "train", index))))) for index in first]
     figures = {

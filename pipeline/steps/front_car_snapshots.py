@@ -55,9 +55,8 @@ def run(job: Job) -> None:
     else:
         chosen = known.points[: known.existing] if version == "existing" else known.points
         shown = [dict(point.values) for point in chosen]
-        each, more = divmod(config.front_car.images, len(shown))
-        counts, share, stream = [each + (i < more) for i in range(len(shown))], config.front_car.validation_share, LEARNING
-        if not each or not any(round(count * share) for count in counts):
+        counts, share, stream = config.front_car.images_of(len(shown)), config.front_car.validation_share, LEARNING
+        if not all(counts) or not any(round(count * share) for count in counts):
             raise InputError(
                 f"front_car.images: expected an image of each of {len(shown)} points and, at a validation share of {share:g}, a validation "
                 f"image, got {config.front_car.images}"

@@ -67,6 +67,10 @@ def test_five_random_points_and_proposals_cover_every_pair(study: Path, config: 
         assert ((cells != "") == space.constraints.feasible_cells(chosen)).all()
 
 
+def test_points_share_the_images_as_evenly_as_possible(config: Config) -> None:
+    assert config.front_car.model_copy(update={"images": 20}).images_of(7) == [3, 3, 3, 3, 3, 3, 2]
+
+
 def test_each_set_has_its_snapshots(study: Path, config: Config) -> None:
     for version, train, val in (("existing", 20, 13), ("covered", 33, None), ("test", 0, 72)):
         folder = study / "snapshots" / version
