@@ -136,9 +136,8 @@ class Folders:
     @property
     def later_searches(self) -> list[str]:
         """The tests of the campaigns that later rounds train on: each arm's strategy against its earlier versions."""
-        sources = self.config.sources
-        tested = dict.fromkeys(v for version in self.config.versions for v in version.tested if v.arm in sources)
-        return [path for v in tested for path in self.search("tests.parquet", strategy=sources[v.arm], version=str(v))]
+        later = self.config.later.items()
+        return [path for version, strategy in later for path in self.search("tests.parquet", strategy=strategy, version=version)]
 
     def held_out(self, name: str) -> list[str]:
         """The file `name` of the comparison's campaigns."""

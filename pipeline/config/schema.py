@@ -245,9 +245,15 @@ class Config(Section):
         return not {NEW_SCENES, BALANCED_SCENES}.isdisjoint(self.arms.values())
 
     @property
+    def later(self) -> dict[str, str]:
+        """The retrained versions that later rounds search, each with the strategy of its arm."""
+        sources = self.sources
+        return {str(v): sources[v.arm] for version in self.versions for v in version.tested if v.arm in sources}
+
+    @property
     def searched(self) -> frozenset[tuple[str, str]]:
         """Strategy and version of every search campaign, those of later rounds included."""
-        later = {(self.sources[v.arm], str(v)) for version in self.versions for v in version.tested if v.arm in self.sources}
+        later = {(strategy, version) for version, strategy in self.later.items()}
         return frozenset(later.union((strategy, "base") for strategy in self.strategies))
 
     @property
