@@ -1,4 +1,4 @@
-"""The base set on disk: YOLO layout for every trainer, truth.coco.json for every evaluator.
+"""Labelled images on disk: YOLO layout for every trainer, truth.coco.json for every evaluator.
 
 images/{train,val}/NNNNNN.jpg, labels/{train,val}/NNNNNN.txt, dataset.yaml and truth.coco.json lie under one root.
 """
@@ -219,7 +219,7 @@ def read_dataset(root: Path, split: Split) -> ImageSet:
         truths = [_truth(image, annotations.get(image["id"])) for image in images]
         shapes = [(int(image["height"]), int(image["width"]), 3) for image in images]
     except (KeyError, TypeError) as error:
-        raise InputError(f"{path} is not the truth file of a base set ({error!r}); make it again with render_base") from error
+        raise InputError(f"{path} is not the truth file of a data set ({error!r}); ./run makes it again") from error
     if not images:
         raise InputError(f"{path} has no images of the split '{split}'; it needs more images, or another validation share")
     digest = hashlib.sha256(read_bytes(path))
@@ -236,7 +236,7 @@ def read_worlds(root: Path) -> Worlds:
         shown = [image["attributes"] for image in read_json(path)["images"]]
         return Worlds(*(frozenset(str(attributes[key]) for attributes in shown) for key in ("town", "people")))
     except (KeyError, TypeError) as error:
-        raise InputError(f"{path} does not list the towns and people that its images show; make it again with render_base") from error
+        raise InputError(f"{path} does not list the towns and people that its images show; ./run makes it again") from error
 
 
 def image_path(root: Path, split: Split, index: int) -> Path:
@@ -317,7 +317,7 @@ def _read_image(path: Path, shape: tuple[int, ...], digest: Any) -> NDArray[np.u
     try:
         pixels = decode_jpeg(data)
     except ValueError as error:
-        raise InputError(f"{path}: expected a JPEG image, got {error}; make the base set again") from error
+        raise InputError(f"{path}: expected a JPEG image, got {error}; ./run makes it again") from error
     if pixels.shape != shape:
         raise InputError(f"{path} must be {shape[1]}x{shape[0]}, got {pixels.shape[1]}x{pixels.shape[0]}")
     digest.update(data)
