@@ -14,6 +14,7 @@ from pipeline.artefacts.dataset import decode_jpeg
 from pipeline.config.sections import Filter
 from pipeline.core.boxes import iou
 from pipeline.core.signals import SIDES
+from pipeline.core.visibility import detectability
 
 Bools = NDArray[np.bool_]
 KEPT = {"visible": "pedestrian visible", "negative": "no pedestrian in the image"}
@@ -57,10 +58,8 @@ def _barely_in_view(frames: pd.DataFrame, _: Bools, __: Filter) -> Bools:
 
 
 def _low_contrast(frames: pd.DataFrame, _: Bools, section: Filter) -> Bools:
-    """Contrast in grey levels times the square root of the visible pixels, because the eye detects a fainter object if it is larger
-    (Rose, The sensitivity performance of the human eye, 1948)."""
-    detectability = _column(frames, "contrast") * np.sqrt(_column(frames, "visible_pixels"))
-    return shows(frames) & (detectability < section.min_detectability)
+    shown = detectability(_column(frames, "visible_pixels"), _column(frames, "contrast"))
+    return shows(frames) & (shown < section.min_detectability)
 
 
 def _near_duplicate(frames: pd.DataFrame, kept: Bools, _: Filter) -> Bools:

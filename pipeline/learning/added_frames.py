@@ -17,6 +17,7 @@ from pipeline.artefacts.scenario_space import read_spaces
 from pipeline.artefacts.tables import frame_truth, read_all_tests, read_frames
 from pipeline.config.schema import Config
 from pipeline.core.lineage import Version
+from pipeline.core.visibility import detectability
 from pipeline.errors import InputError
 from pipeline.learning import selection
 
@@ -76,7 +77,7 @@ class Scenes:
         """The images without a pedestrian, and those with one that is as visible as the filter demands of a frame."""
         images, section = read_dataset(self.truth.parent, "train"), self.config.filter
         pixels, place = images.visible_pixels, np.arange(len(images))
-        clear = (pixels >= section.min_visible_pixels) & (images.contrast * np.sqrt(pixels) >= section.min_detectability)
+        clear = (pixels >= section.min_visible_pixels) & (detectability(pixels, images.contrast) >= section.min_detectability)
         rows = pd.DataFrame({"test_id": "", "step": place, "empty": pixels == 0, "group": selection.ANY, "scenario": "", "weight": 1.0})
         return rows[rows["empty"] | clear].reset_index(drop=True)
 

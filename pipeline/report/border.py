@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pipeline.artefacts.dataset import decode_jpeg
 from pipeline.artefacts.tables import read_frames
 from pipeline.core.signals import SIDES
+from pipeline.core.visibility import detectability
 
 JUDGED = ("visible", "few_pixels", "low_contrast")
 """Reasons that the two thresholds decide."""
@@ -39,8 +40,8 @@ def nearest(judged: pd.DataFrame, min_visible_pixels: int, min_detectability: fl
     """Up to `count` rows of a filter table, half of them kept, nearest to the thresholds by ratio; one a test, the nearest first."""
     rows = judged[judged["reason"].isin(JUDGED)]
     pixels = np.log2(rows["visible_pixels"] / max(min_visible_pixels, 1))
-    detectability = np.log2(rows["contrast"].clip(lower=0.01) * np.sqrt(rows["visible_pixels"]) / max(min_detectability, 0.01))
-    ordered = rows.assign(border=np.minimum(pixels, detectability).abs()).sort_values(["border", "test_id", "step"], kind="stable")
+    clear = np.log2(detectability(rows["visible_pixels"], rows["contrast"].clip(lower=0.01)) / max(min_detectability, 0.01))
+    ordered = rows.assign(border=np.minimum(pixels, clear).abs()).sort_values(["border", "test_id", "step"], kind="stable")
     if ordered.empty:
         return ordered
     return pd.concat([group.drop_duplicates("test_id").head(count // 2) for _, group in ordered.groupby("kept", sort=False)])
