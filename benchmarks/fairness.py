@@ -24,7 +24,7 @@ from pipeline.core.identity import CampaignId
 from pipeline.core.kpi import NO_KPI, Kpi
 from pipeline.core.statistics import wilson_interval
 from pipeline.detectors.yolo.export import onnx_of
-from pipeline.execution.campaign import CampaignPlan, sampler_seed, search
+from pipeline.execution.campaign import CampaignPlan, search
 from pipeline.execution.journal import Journal
 from pipeline.execution.workers import Setup, Workers
 from pipeline.progress import Progress
@@ -91,7 +91,6 @@ def plan(
         tests=tests,
         failure_threshold_s=config.campaign.failure_threshold_s,
         strategy={**config.samplers["random"], "batch_size": tests},
-        strategy_seed=sampler_seed(campaign),
         setup=Setup(config.simulator, described, config.detector, model, config.car, config.limits),
     )
 

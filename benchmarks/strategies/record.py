@@ -30,7 +30,7 @@ from pipeline.core.names import nearest
 from pipeline.core.space import Floats, Space
 from pipeline.detectors.yolo.export import onnx_of
 from pipeline.errors import InputError
-from pipeline.execution.campaign import CampaignPlan, Executed, sampler_seed, search
+from pipeline.execution.campaign import CampaignPlan, Executed, search
 from pipeline.execution.journal import Journal
 from pipeline.execution.workers import Setup, Workers
 from pipeline.progress import Progress
@@ -122,7 +122,6 @@ def campaign_plan(config: Config, folder: Path, campaign: CampaignId, settings: 
         tests=tests,
         failure_threshold_s=config.campaign.failure_threshold_s,
         strategy=settings,
-        strategy_seed=sampler_seed(campaign),
         setup=Setup(config.simulator, described, config.detector, onnx_of(BASE, folder), config.car, config.limits),
     )
 

@@ -191,7 +191,7 @@ def read_words(words: Sequence[str], readers: Mapping[str, Callable[[str, str], 
 def planned(search: Search) -> CampaignPlan:
     """The campaign of a search; exports its detector into the search's folder."""
     from pipeline.detectors.yolo.export import onnx_of
-    from pipeline.execution.campaign import CampaignPlan, sampler_seed
+    from pipeline.execution.campaign import CampaignPlan
     from pipeline.execution.workers import Setup
 
     config = study_of(search.scenario, search.overrides)
@@ -205,7 +205,6 @@ def planned(search: Search) -> CampaignPlan:
         tests=search.budget,
         failure_threshold_s=config.campaign.failure_threshold_s,
         strategy=config.samplers[search.strategy],
-        strategy_seed=sampler_seed(campaign),
         setup=Setup.of(config, search.scenario, onnx_of(search.model, search.folder), keep_every=config.campaign.keep_every),
     )
 

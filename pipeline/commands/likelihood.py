@@ -176,8 +176,6 @@ def executed(question: Question, exposure: ExposureFile, threads: int) -> dict[s
 
 def plan_of(question: Question, scenario: str, exposure: ExposureFile) -> CampaignPlan:
     """The campaign that an estimator asks for."""
-    from pipeline.execution.campaign import sampler_seed
-
     others = tuple(f"scenarios.{name}." for name in scenarios_of(question, exposure) if name != scenario)
     own = (word for word in question.overrides if not word.lstrip("+~").startswith(others))
     for word in question.overrides:
@@ -192,7 +190,7 @@ def plan_of(question: Question, scenario: str, exposure: ExposureFile) -> Campai
     campaign = CampaignId(scenario, question.method, question.model.name, question.seed)
     below = {} if question.below is None else {"below": question.below}
     known = {"exposure": exposure.plain, "budget": question.budget, "failure_threshold_s": base.failure_threshold_s, **below}
-    return replace(base, campaign=campaign, strategy={"_target_": METHODS[question.method], **known}, strategy_seed=sampler_seed(campaign))
+    return replace(base, campaign=campaign, strategy={"_target_": METHODS[question.method], **known})
 
 
 def rate_of(plan: CampaignPlan, done: Sequence[Executed]) -> Rate:

@@ -37,17 +37,22 @@ from pipeline.protocols import Sampler
 @dataclass(frozen=True)
 class CampaignPlan:
     """What a campaign executes. strategy: its section of the config. earlier: tests.parquet of the campaigns that its strategy learns
-    from. shard: the part to execute, if the strategy does not learn; None is the whole campaign."""
+    from. shard: the part to execute, if the strategy does not learn; None is the whole campaign. frozen: see `sampler_seed`."""
 
     campaign: CampaignId
     space: Space
     tests: int
     failure_threshold_s: float
     strategy: Mapping[str, Any]
-    strategy_seed: int
     setup: Setup
     earlier: Sequence[Path] = ()
     shard: Shard | None = None
+    frozen: bool = False
+
+    @property
+    def strategy_seed(self) -> int:
+        """The seed of its sampler."""
+        return sampler_seed(self.campaign, self.frozen)
 
     @property
     def indices(self) -> range:

@@ -98,21 +98,20 @@ def _named(wildcards: Wildcards) -> CampaignId:
 
 def planned(job: Job, earlier: Sequence[Path] = (), shard: Shard | None = None) -> CampaignPlan:
     """The plan of a job's campaign; InputError if its model is missing."""
-    from pipeline.execution.campaign import CampaignPlan, sampler_seed
+    from pipeline.execution.campaign import CampaignPlan
 
     config, model, wildcards = job.config, job.input("model"), job.wildcards
     campaign = _named(wildcards)
     if not model.exists():
         raise InputError(f"{model}: expected the detector of version '{campaign.version}', found none; train it first")
-    held_out = wildcards["kind"] == HELD_OUT
     return CampaignPlan(
         campaign=campaign,
         space=read_space(job.input("space"))[1],
         tests=_tests(config, wildcards),
         failure_threshold_s=config.campaign.failure_threshold_s,
         strategy=config.samplers[campaign.strategy],
-        strategy_seed=sampler_seed(campaign, frozen=held_out),
         earlier=earlier,
         shard=shard,
+        frozen=wildcards["kind"] == HELD_OUT,
         setup=setup(job, 0 if wildcards["kind"] in (HELD_OUT, AUDITS) else config.campaign.keep_every),
     )

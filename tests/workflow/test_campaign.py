@@ -201,7 +201,7 @@ def test_a_journal_at_another_failure_threshold_is_discarded(tmp_path: Path) -> 
     space, strategy = config.space("F1"), compose("thesis", []).samplers["evolutionary"]
     assert "failure_threshold_s" not in strategy  # It is told which tests failed, so its tests depend on the threshold all the same.
     plans = [
-        CampaignPlan(CampaignId("F1", "evolutionary", "base", 3), space, 24, threshold_s, strategy, 0, setup) for threshold_s in (0.1, 0.5)
+        CampaignPlan(CampaignId("F1", "evolutionary", "base", 3), space, 24, threshold_s, strategy, setup) for threshold_s in (0.1, 0.5)
     ]
     assert plans[0].identity != plans[1].identity
 
