@@ -17,8 +17,12 @@ Filter = Callable[[Floats], Bools]
 """Which values (n,) of a condition's column are wanted, as (n,)."""
 
 
+class NarrowError(ValueError):
+    """A rule admits hardly any feasible point."""
+
+
 def draw_inside(space: Space, rule: Rule, count: int, rng: np.random.Generator) -> Floats:
-    """(count, d) feasible points inside a rule, independent and uniform; ValueError if it admits hardly any."""
+    """(count, d) feasible points inside a rule, independent and uniform; NarrowError if it admits hardly any."""
     return _drawn(space, [(condition, condition.admits) for condition in rule.conditions], count, rng)
 
 
@@ -33,7 +37,7 @@ def draw_just_outside(space: Space, rule: Rule, count: int, rng: np.random.Gener
         kept = [(condition, condition.admits) for condition in rule.conditions if condition is not broken]
         try:
             nearby.append(_drawn(space, [(broken, _beyond(broken, broken.subject(space))), *kept], count, rng))
-        except ValueError:  # Such as an adult who is a child.
+        except NarrowError:  # Such as an adult who is a child.
             continue
     if not nearby:
         return np.zeros((0, len(space)))
@@ -68,7 +72,7 @@ def _drawn(space: Space, wanted: Sequence[tuple[Condition, Filter]], count: int,
             if condition.sign:
                 kept &= holds(condition.column(drawn))
         points = np.concatenate([points, drawn[kept]])
-    raise ValueError(f"no {count} feasible points in {MAX_DRAWS} draws: the constraints exclude almost all that the rule admits")
+    raise NarrowError(f"no {count} feasible points in {MAX_DRAWS} draws: the constraints exclude almost all that the rule admits")
 
 
 def _values(variable: Variable, filters: Sequence[Filter], count: int, rng: np.random.Generator) -> Floats:
@@ -80,7 +84,7 @@ def _values(variable: Variable, filters: Sequence[Filter], count: int, rng: np.r
         values = np.concatenate([values, drawn])
         if len(values) >= count:
             return values[:count]
-    raise ValueError(f"{variable.name}: the rule admits hardly any value")
+    raise NarrowError(f"{variable.name}: the rule admits hardly any value")
 
 
 def more_inside(inside: Counted, outside: Counted) -> float:

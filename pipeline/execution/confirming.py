@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.analysis.failure_regions import Found
 from pipeline.artefacts.region_results import Confirmation, FailureRegion, Fresh
 from pipeline.artefacts.results import Estimate
-from pipeline.core.confirmation import confirmed, draw_inside, draw_just_outside, more_inside
+from pipeline.core.confirmation import NarrowError, confirmed, draw_inside, draw_just_outside, more_inside
 from pipeline.core.counted import Counted
 from pipeline.core.space import Floats, Space
 from pipeline.execution.journal import Outcome
@@ -49,7 +49,7 @@ class FreshTests:
         rng, rule = found.rng("confirm"), found.group.rule
         try:
             return draw_inside(self.space, rule, self.tests, rng), draw_just_outside(self.space, rule, self.tests, rng)
-        except ValueError:
+        except NarrowError:
             return np.zeros((0, len(self.space))), np.zeros((0, len(self.space)))
 
     def _outcomes(self, points: Floats) -> list[Outcome]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, fisher_exact
 
-from pipeline.core.confirmation import MARGIN, confirmed, draw_inside, draw_just_outside, more_inside
+from pipeline.core.confirmation import MARGIN, NarrowError, confirmed, draw_inside, draw_just_outside, more_inside
 from pipeline.core.counted import Counted
 from pipeline.core.grouping import Outcomes, group_failures
 from pipeline.core.rules import Condition, Rule
@@ -53,9 +53,18 @@ def test_infeasible_points_are_not_drawn() -> None:
     rule = Rule((Condition(3, values=(0,)),))
     points = draw_inside(CONSTRAINED, rule, 100, np.random.default_rng(0))
     assert (points[:, 2] == 1).all() and CONSTRAINED.violation(points) is None
-    with pytest.raises(ValueError, match="the constraints exclude almost all that the rule admits"):
+    with pytest.raises(NarrowError, match="the constraints exclude almost all that the rule admits"):
         draw_inside(CONSTRAINED, Rule((Condition(3, values=(0,)), Condition(2, 2, 5))), 5, np.random.default_rng(0))
     assert draw_just_outside(SMALL, Rule(()), 5, np.random.default_rng(0)).shape == (0, 4)
+
+
+def test_an_error_other_than_a_narrow_rule_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise ValueError("operands could not be broadcast together")
+
+    monkeypatch.setattr(Variable, "scale", refuse)
+    with pytest.raises(ValueError, match="broadcast"):
+        draw_just_outside(SMALL, Rule((Condition(1, 10, 20),)), 5, np.random.default_rng(0))
 
 
 def test_conditions_on_the_same_variable_are_broken_one_at_a_time() -> None:

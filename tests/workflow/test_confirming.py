@@ -9,15 +9,16 @@ import numpy as np
 import pytest
 
 from pipeline.analysis.failure_regions import Found
-from pipeline.artefacts.region_results import FailureRegions
+from pipeline.artefacts.region_results import FailureRegion, FailureRegions
 from pipeline.artefacts.results import read
 from pipeline.artefacts.tables import read_tests
-from pipeline.config.composing import compose
+from pipeline.config.composing import compose, functional_scenario
 from pipeline.core.episode import Episode
 from pipeline.core.grouping import Group
 from pipeline.core.rules import Condition, Rule
 from pipeline.core.space import Value
 from pipeline.errors import SimulationError
+from pipeline.execution import confirming
 from pipeline.execution.confirming import FreshTests
 from pipeline.execution.points import Executor
 from pipeline.execution.workers import Setup
@@ -70,15 +71,26 @@ def test_every_rule_has_its_fresh_tests_and_errors_apart(found: FailureRegions) 
     assert fog.status == "confirmed" and fog.confirmation is not None and fog.confirmation.inside.errors > 0
 
 
-def test_a_rule_that_hardly_any_point_meets_is_not_confirmed(found: FailureRegions, tmp_path: Path) -> None:
+def confirm(condition: Condition, found: FailureRegions, folder: Path) -> tuple[FailureRegion, ...]:
     config = compose("smoke", ["simulator=analytic", "detector=oracle"])
-    setup = Setup(config.simulator, config.scenarios["F1"], config.detector, tmp_path, config.car, config.limits)
-    space = config.space("F1")
-    narrow = Rule((Condition(space.names.index("fog"), 99.99999, 100),))
-    fresh = FreshTests(space, Executor(setup, tmp_path / "journal", 1, Progress("cluster")), 0.1, FRESH, 0.95)
-    (region,) = fresh.confirm([Found(found.regions[0], Group("mixed", np.zeros(0, bool), narrow))])
+    setup = Setup(config.simulator, config.scenarios["F1"], config.detector, folder, config.car, config.limits)
+    fresh = FreshTests(config.space("F1"), Executor(setup, folder / "journal", 1, Progress("cluster")), 0.1, FRESH, 0.95)
+    return fresh.confirm([Found(found.regions[0], Group("mixed", np.zeros(0, bool), Rule((condition,))))])
+
+
+def test_a_rule_that_hardly_any_point_meets_is_not_confirmed(found: FailureRegions, tmp_path: Path) -> None:
+    (region,) = confirm(Condition(functional_scenario("F1").logical_space().names.index("fog"), 99.99999, 100), found, tmp_path)
     assert region.status == "not confirmed"
     assert region.confirmation is not None and region.confirmation.inside.tests == region.confirmation.outside.tests == 0
+
+
+def test_an_error_other_than_a_narrow_rule_is_not_hidden(found: FailureRegions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise ValueError("operands could not be broadcast together")
+
+    monkeypatch.setattr(confirming, "draw_inside", refuse)
+    with pytest.raises(ValueError, match="broadcast"):
+        confirm(Condition(0, 0, 100), found, tmp_path)
 
 
 def test_the_report_says_what_confirms_a_rule(found: FailureRegions) -> None:
