@@ -78,9 +78,9 @@ class HeldOut:
 
 
 def read_held_out(
-    paths: Sequence[Path], versions: Sequence[str], infos: Mapping[str, ScenarioInfo], threshold: float, progress: OnProgress
+    paths: Sequence[Path], versions: Sequence[str], infos: Mapping[str, ScenarioInfo], threshold_s: float, progress: OnProgress
 ) -> HeldOut:
-    """Read tests.parquet of every scenario and version. infos: of the held-out scenarios. threshold: of the adjusted TTC, seconds.
+    """Read tests.parquet of every scenario and version. infos: of the held-out scenarios. threshold_s: of the adjusted TTC.
 
     Raises InputError if a test was judged with another threshold.
     """
@@ -89,22 +89,22 @@ def read_held_out(
         rows = read_tests(path).sort_values("index", ignore_index=True)
         campaign = campaign_of(rows, path)
         if infos[campaign.scenario].asks_to_brake:
-            _check_threshold(rows, threshold, path)
+            _check_threshold(rows, threshold_s, path)
         tables[campaign.scenario, campaign.version] = rows
         progress(done, len(paths), f"{campaign.scenario}/{campaign.version}")
     labels = {name: info.label for name, info in infos.items()}
     return HeldOut(tuple(versions), labels, tables, tuple(name for name, info in infos.items() if not info.asks_to_brake))
 
 
-def _check_threshold(rows: pd.DataFrame, threshold: float, path: Path) -> None:
+def _check_threshold(rows: pd.DataFrame, threshold_s: float, path: Path) -> None:
     # Without a collision path, a false activation decides, and false positives alone may shorten the adjusted TTC.
     decided = np.where(rows["failure"], rows["failure_mode"] != "false_activation", rows["false_positives"] == 0)
     judged = rows[is_valid(rows) & decided]
-    different = judged[judged["failure"] != (judged["adj_ttc_s"] <= threshold)]
+    different = judged[judged["failure"] != (judged["adj_ttc_s"] <= threshold_s)]
     if len(different):
         row = different.iloc[0]
         raise InputError(
-            f"{path}, test {row['index']}: expected a failure at an adjusted TTC of {threshold:g} s or below "
+            f"{path}, test {row['index']}: expected a failure at an adjusted TTC of {threshold_s:g} s or below "
             f"(campaign.failure_threshold_s), got {row['adj_ttc_s']:.3g} s and failure {bool(row['failure'])}; execute it again"
         )
 

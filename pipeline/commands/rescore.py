@@ -136,16 +136,16 @@ def judged(folder: Path, config: Config, car: Car, options: argparse.Namespace) 
     from pipeline.execution.points import Executor
     from pipeline.execution.workers import Setup
 
-    path, threshold = folder / "tests.parquet", config.campaign.failure_threshold_s
+    path, threshold_s = folder / "tests.parquet", config.campaign.failure_threshold_s
     campaign = campaign_of(read_tests(path), path)
-    again = judged_again(folder, car, threshold)
+    again = judged_again(folder, car, threshold_s)
     tests, left = again.tests, len(again.others)
     if options.drive and again.others:
         setup = replace(Setup.recorded(Folders(config), campaign.scenario, campaign.version), car=car)
         label = f"{campaign.scenario}, IoU {car.criterion.iou:g}, threshold {car.criterion.threshold:g}"
         with tempfile.TemporaryDirectory() as scratch, Progress(label) as progress:
             executor = Executor(setup, Path(scratch) / "journal", options.workers, progress)
-            tests, left = driven_again(again, config.space(campaign.scenario), threshold, executor), 0
+            tests, left = driven_again(again, config.space(campaign.scenario), threshold_s, executor), 0
     valid = tests[is_valid(tests)]
     failed = valid[valid["failure"].astype(bool)]
     causes = failed["cause"].value_counts().sort_index()

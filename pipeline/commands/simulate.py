@@ -45,11 +45,11 @@ def run(options: argparse.Namespace) -> int:
     concrete = concrete_scenario(space, options.words)
     with tempfile.TemporaryDirectory() as folder:
         found = episode(Setup.of(study, options.scenario, onnx_of(options.model, Path(folder)), keep_every=1), concrete)
-    threshold = study.campaign.failure_threshold_s
+    threshold_s = study.campaign.failure_threshold_s
     title = f"{study.scenarios[options.scenario].label}, detector {options.model}"
-    replay = Replay(found, title, concrete, threshold, space.units)
+    replay = Replay(found, title, concrete, threshold_s, space.units)
     render_replay(replay, options.out, replay.frames_per_second)
-    result = kpi.evaluate(found.signals, threshold)
+    result = kpi.evaluate(found.signals, threshold_s)
     print(f"{options.out}: {outcome_text(result)}, adj. TTC {result.adj_ttc_s:.2f} s")
     return 0
 

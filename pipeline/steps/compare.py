@@ -72,8 +72,8 @@ def run(job: Job) -> None:
     infos = {name: info for name, (info, _) in known.items()}
     cards = [read_card(path) for path in job.inputs("models")]
     refuse_learnt(cards, [info for info, _ in known.values()])
-    versions, threshold = [card.version for card in cards] or list(config.tested), config.campaign.failure_threshold_s
-    held_out = read_held_out(job.inputs("tests"), versions, infos, threshold, job.progress)
+    versions, threshold_s = [card.version for card in cards] or list(config.tested), config.campaign.failure_threshold_s
+    held_out = read_held_out(job.inputs("tests"), versions, infos, threshold_s, job.progress)
     digest = held_out.digest({name: space.names for name, (_, space) in known.items()})
     regions = base_regions(held_out, known, config.regions)
     measures = read(job.input("measures"), Measures)
@@ -81,7 +81,7 @@ def run(job: Job) -> None:
     named = named_groups(first, encode_tests(held_out.rows(versions[0]), first))
     result = compare(held_out, named, digest, regions, policy, config.version).model_copy(update={"base_rates": measures.base_rates})
     if settings.second_iou:
-        again = read_held_out(job.inputs("second_iou"), versions, infos, threshold, job.progress)
+        again = read_held_out(job.inputs("second_iou"), versions, infos, threshold_s, job.progress)
         ious = settings.second_iou, config.campaign.match_iou
         result = result.model_copy(update={"second": compared_again(again, *ious, policy, config.version)})
     if cards:
