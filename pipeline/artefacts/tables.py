@@ -128,9 +128,9 @@ def write_signals(path: Path, signals: pd.DataFrame) -> None:
     _write(path, signals, SIGNAL_TABLE)
 
 
-def read_signals(path: Path, columns: Sequence[str] | None = None) -> pd.DataFrame:
+def read_signals(path: Path) -> pd.DataFrame:
     """Read signals.parquet; InputError that names the file if it is truncated or not such a table."""
-    return _read(path, "signals", columns)
+    return _read(path, "signals")
 
 
 def write_detections(path: Path, detections: pd.DataFrame) -> None:
@@ -138,9 +138,9 @@ def write_detections(path: Path, detections: pd.DataFrame) -> None:
     _write(path, detections, DETECTIONS)
 
 
-def read_detections(path: Path, columns: Sequence[str] | None = None) -> pd.DataFrame:
+def read_detections(path: Path) -> pd.DataFrame:
     """Read detections.parquet; InputError that names the file if it is truncated or not such a table."""
-    return _read(path, "detections", columns)
+    return _read(path, "detections")
 
 
 def write_frames(path: Path, frames: pd.DataFrame) -> None:
@@ -160,7 +160,7 @@ def write_timings(path: Path, timings: pd.DataFrame) -> None:
 
 def read_timings(path: Path) -> pd.DataFrame:
     """Read timings.parquet; InputError that names the file if it is truncated or not such a table."""
-    return _read(path, "timings", None)
+    return _read(path, "timings")
 
 
 def write_campaign(out: Path, rows_of: Callable[[str], pd.DataFrame], space: Space) -> None:
@@ -180,7 +180,7 @@ def _filled(rows: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
 
 def read_campaigns(tests: Sequence[Path], name: str) -> pd.DataFrame:
     """The rows of a table, as in `TABLES`, of several campaigns, one after the other. tests: of each, its tests.parquet."""
-    return pd.concat([_read(path.with_name(f"{name}.parquet"), name, None) for path in tests], ignore_index=True)
+    return pd.concat([_read(path.with_name(f"{name}.parquet"), name) for path in tests], ignore_index=True)
 
 
 def write_why(path: Path, rows: pd.DataFrame) -> None:
@@ -244,7 +244,7 @@ def _write(path: Path, frame: pd.DataFrame, expected: Sequence[Column], space: S
     write_bytes(path, buffer.getvalue())
 
 
-def _read(path: Path, name: str, columns: Sequence[str] | None) -> pd.DataFrame:
+def _read(path: Path, name: str, columns: Sequence[str] | None = None) -> pd.DataFrame:
     expected = TABLES[name]
     wanted = {column.name: TYPES[column.kind] for column in expected}
     file = _opened(path)

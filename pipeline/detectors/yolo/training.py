@@ -38,6 +38,9 @@ from pipeline.progress import OnProgress
 Batch = tuple[NDArray[np.uint8], NDArray[np.float32]]
 Feed = Callable[[int], Batch]
 CHECKPOINT_SECONDS = 45.0
+WEIGHT_DECAY = 0.03
+FINAL_SHARE = 0.01
+"""The last learning rate as a share of the peak."""
 FINITE_EVERY = 10
 """Iterations between reads of the loss, because each read makes a GPU wait; every checkpoint also reads it."""
 AHEAD = 4
@@ -49,7 +52,7 @@ class Schedule:
     """Length and learning rate of a training.
 
     crop_iterations, frame_iterations: batches of crops, then of full frames. learning_rate: its peak, after `warm_up` iterations; it falls
-    as a cosine of the pixels shown to `final_share` of it. averaging: limit of the decay of the averaged weights, in [0, 1).
+    as a cosine of the pixels shown to `FINAL_SHARE` of it. averaging: limit of the decay of the averaged weights, in [0, 1).
     frozen_statistics: keep the normalisation's statistics, which short runs on few images would spoil. muon: for the hidden kernels,
     instead of AdamW. crop_share: a crop's pixels as a share of a frame's.
     """
@@ -57,9 +60,7 @@ class Schedule:
     crop_iterations: int
     frame_iterations: int
     learning_rate: float
-    weight_decay: float = 0.03
     warm_up: int = 200
-    final_share: float = 0.01
     averaging: float = 0.9985
     frozen_statistics: bool = False
     muon: bool = False
@@ -87,7 +88,7 @@ class Schedule:
         """Learning rate of an iteration, counted from 0."""
         crops, frames = min(iteration, self.crop_iterations), max(0, iteration - self.crop_iterations)
         share = (crops * self.crop_share + frames) / (self.crop_iterations * self.crop_share + self.frame_iterations)
-        cosine = self.final_share + (1 - self.final_share) * 0.5 * (1 + math.cos(math.pi * share))
+        cosine = FINAL_SHARE + (1 - FINAL_SHARE) * 0.5 * (1 + math.cos(math.pi * share))
         return self.learning_rate * cosine * min(1.0, (iteration + 1) / max(self.warm_up, 1))
 
 
@@ -212,7 +213,7 @@ def _start(model: Yolo, schedule: Schedule, device: torch.device) -> State:
         for module in model.modules():
             if isinstance(module, nn.BatchNorm2d):
                 module.eval()
-    optimiser = Optimiser(model, schedule.weight_decay, schedule.muon)
+    optimiser = Optimiser(model, WEIGHT_DECAY, schedule.muon)
     return State(0, model, copy.deepcopy(model).eval(), optimiser, {}, torch.zeros(2, device=device), [])
 
 
