@@ -138,7 +138,6 @@ def summarise(group: Sequence[CampaignMeasures], confidence: float, baseline: st
         causes=_total([c.causes for c in group]),
         false_activations=_total([c.false_activations for c in group]),
         rate=_pooled_rate(group, confidence) if first.strategy in independent else mean(list(map(_rate, group)), 0, 1),
-        failures_per_campaign=mean([float(c.failures) for c in group]),
         f_measure=Estimate(value=found.value, low=found.low, high=found.high),
         f_measure_censored=found.censored,
         c_measure=None if cost is None else Estimate(value=1 - cost.value, low=1 - cost.high, high=1 - cost.low),

@@ -71,7 +71,6 @@ class StrategyMeasures(Result):
     causes: Causes
     false_activations: FalseActivations
     rate: Estimate
-    failures_per_campaign: Estimate
     f_measure: Estimate
     f_measure_censored: int
     c_measure: Estimate | None
