@@ -11,8 +11,9 @@ import pandas as pd
 
 from pipeline.analysis.measures import count_modes
 from pipeline.analysis.named_groups import named_groups
+from pipeline.artefacts.failure_counts import Count
 from pipeline.artefacts.points import concrete, encode_tests
-from pipeline.artefacts.region_results import FailureRegion, FailureRegions, Inside, Representative, Role, RuleCondition
+from pipeline.artefacts.region_results import FailureRegion, FailureRegions, Representative, Role, RuleCondition
 from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.config.sections import Regions
 from pipeline.core.distance import mixed_distance
@@ -98,7 +99,7 @@ def _region(name: str, tested: _Tested, group: Group) -> FailureRegion:
         precision=hits / support,
         lift=hits / support / float(outcomes.failed.mean()),
         recall=float(inside[members].mean()),
-        held_back=Inside(tests=tests, failures=failures),
+        held_back=Count(tests=tests, failures=failures),
         groups=tuple(name for name, belongs in named_groups(outcomes.space, outcomes.points[inside]).items() if belongs.all()),
         representatives=_representatives(outcomes.space, rows, outcomes.points[members]),
     )

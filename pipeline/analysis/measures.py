@@ -164,9 +164,8 @@ def _pooled_rate(group: Sequence[CampaignMeasures], confidence: float) -> Estima
 
 
 def _exact(counted: Counted, confidence: float) -> Estimate:
-    """A failure rate with its exact interval (Clopper-Pearson)."""
-    low, high = counted.interval(confidence)
-    return Estimate(value=counted.failures / max(1, counted.tests), low=low, high=high)
+    """A failure rate with its exact interval; 0 in [0, 1] without tests."""
+    return Estimate.of(counted, confidence) or Estimate(value=0, low=0, high=1)
 
 
 def audited(tables: Mapping[CampaignId, pd.DataFrame], confidence: float) -> tuple[BaseRate, ...]:

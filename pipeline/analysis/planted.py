@@ -10,7 +10,8 @@ import pandas as pd
 
 from pipeline.analysis.held_out import HeldOut
 from pipeline.analysis.named_groups import named_groups
-from pipeline.artefacts.comparison_results import Count, PlantedGroup
+from pipeline.artefacts.comparison_results import PlantedGroup
+from pipeline.artefacts.failure_counts import Count
 from pipeline.artefacts.model_card import Frequencies
 from pipeline.artefacts.points import encode_tests
 from pipeline.artefacts.region_results import FailureRegions

@@ -9,7 +9,7 @@ from typing import Annotated
 import pandas as pd
 from pydantic import BeforeValidator, PlainSerializer
 
-from pipeline.artefacts.failure_counts import Causes, FalseActivations, Modes
+from pipeline.artefacts.failure_counts import Causes, Count, FalseActivations, Modes
 from pipeline.artefacts.files import read_bytes, write_bytes
 from pipeline.artefacts.model_card import Frequencies
 from pipeline.artefacts.results import Estimate, Result
@@ -154,13 +154,6 @@ class RegionResult(Result):
     rule: str
     tests: int
     failures: dict[str, int]
-
-
-class Count(Result):
-    """Valid tests, and how many of them fail."""
-
-    tests: int
-    failures: int
 
 
 class PlantedGroup(Result):

@@ -1,8 +1,20 @@
-"""Counts that the results of a search and of a comparison share: failures by mode and by cause, and unnecessary braking."""
+"""Counts that the results of searches, regions and comparisons share: tests, failures by mode and by cause, and unnecessary braking."""
 
 from __future__ import annotations
 
 from pipeline.artefacts.results import Result
+
+
+class Count(Result):
+    """Valid tests, of which `failures` fail."""
+
+    tests: int
+    failures: int
+
+    @property
+    def rate(self) -> float | None:
+        """Failures per test; None without tests."""
+        return self.failures / self.tests if self.tests else None
 
 
 class Modes(Result):

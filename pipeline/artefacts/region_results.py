@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pipeline.artefacts.failure_counts import Modes
+from pipeline.artefacts.failure_counts import Count, Modes
 from pipeline.artefacts.results import Estimate, Result
 
 Role = Literal["medoid", "worst", "furthest"]
@@ -30,18 +30,6 @@ class RuleCondition(Result):
     low: float | None = None
     high: float | None = None
     values: tuple[str, ...] = ()
-
-
-class Inside(Result):
-    """The tests inside rules: `tests`, of which `failures` fail."""
-
-    tests: int
-    failures: int
-
-    @property
-    def rate(self) -> float | None:
-        """Failures per test; None without tests."""
-        return self.failures / self.tests if self.tests else None
 
 
 class Fresh(Result):
@@ -136,7 +124,7 @@ class FailureRegion(Result):
     precision: float
     lift: float
     recall: float
-    held_back: Inside
+    held_back: Count
     status: Literal["confirmed", "not confirmed"] = "not confirmed"
     confirmation: Confirmation | None = None
     why: Why | None = None

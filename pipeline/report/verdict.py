@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from pipeline.artefacts.comparison_results import Comparison, Count, GroupPair, VersionPair, VersionResult
+from pipeline.artefacts.comparison_results import Comparison, GroupPair, VersionPair, VersionResult
+from pipeline.artefacts.failure_counts import Count
 from pipeline.artefacts.model_card import Frequencies
 from pipeline.core.lineage import Version
 from pipeline.report.failure_tables import base_rate_sentence, braking_held_out

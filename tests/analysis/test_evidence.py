@@ -26,9 +26,9 @@ from pipeline.analysis.evidence import (
 )
 from pipeline.analysis.stored_rules import stored_rule
 from pipeline.artefacts.evidence import Evidence
-from pipeline.artefacts.failure_counts import Modes
+from pipeline.artefacts.failure_counts import Count, Modes
 from pipeline.artefacts.files import read_json, sha256
-from pipeline.artefacts.region_results import FailureRegion, FailureRegions, Inside, Representative, RuleCondition
+from pipeline.artefacts.region_results import FailureRegion, FailureRegions, Representative, RuleCondition
 from pipeline.artefacts.results import read
 from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.artefacts.tables import read_tests
@@ -65,7 +65,7 @@ def world(random: int, searched: int, seed: int = 0, status: Literal["confirmed"
     medoid = Representative(test_id="mixed-0", role="medoid", strategy="mixed", seed=0, adj_ttc_s=0.0, concrete={})
     region = FailureRegion(
         name="one", cause="box", members=("mixed-0",), modes=Modes(), strategies={}, rule="x <= 2 m", conditions=(FOUND,), support=1,
-        failures_inside=1, precision=1, lift=1, recall=1, held_back=Inside(tests=0, failures=0), status=status, representatives=(medoid,),
+        failures_inside=1, precision=1, lift=1, recall=1, held_back=Count(tests=0, failures=0), status=status, representatives=(medoid,),
     )  # fmt: skip
     regions = FailureRegions(
         scenario="S", label="S", tests=1, failures=1, failure_rate=1, connected=1, regions=(region,), isolated=(), not_solvable=()

@@ -9,7 +9,8 @@ import pandas as pd
 
 from pipeline.analysis.failure_regions import cluster
 from pipeline.analysis.planted import Searched
-from pipeline.artefacts.comparison_results import Comparison, Count
+from pipeline.artefacts.comparison_results import Comparison
+from pipeline.artefacts.failure_counts import Count
 from pipeline.artefacts.model_card import read_card, write_card
 from pipeline.artefacts.results import read
 from pipeline.artefacts.scenario_space import ScenarioInfo

@@ -8,7 +8,8 @@ import pandas as pd
 import pytest
 
 from pipeline.artefacts.dataset import decode_jpeg
-from pipeline.artefacts.region_results import Confirmation, FailureRegions, Fresh, Inside, Repair, Seen, Why
+from pipeline.artefacts.failure_counts import Count
+from pipeline.artefacts.region_results import Confirmation, FailureRegions, Fresh, Repair, Seen, Why
 from pipeline.artefacts.results import Estimate, read
 from pipeline.artefacts.tables import read_frames, read_tests
 from pipeline.report.kept_frames import KeptFrames
@@ -68,7 +69,7 @@ def found(study: FabricatedStudy) -> FailureRegions:
                 p_value=0.033,
             ),
             "why": Why(sentence="People in <fog> fail.", seen=SEEN, confidence=0.95, repairs=(repair,), control=control),
-            "held_back": Inside(tests=8, failures=6),
+            "held_back": Count(tests=8, failures=6),
         }
     )
     return made.model_copy(update={"regions": (told, *others), "isolated": last.members})
