@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from pipeline.config.project import typed
+from pipeline.report.formats import in_columns
 from pipeline.tracking import STORE
 
 HELP = "Print the registered model versions with their failures."
@@ -20,7 +21,5 @@ def run(options: argparse.Namespace) -> int:
     from pipeline.tracking.registry import registered
 
     rows = [COLUMNS, *(tuple(row.get(name, "") for name in COLUMNS) for row in registered(options.store))]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+    print("\n".join(in_columns(rows)))
     return 0

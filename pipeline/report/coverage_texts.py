@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pipeline.analysis.data_coverage import Found
 from pipeline.core.coverage.projection import Coverage
 from pipeline.core.space import Ints, Space
+from pipeline.report.formats import in_columns
 from pipeline.report.imperfect_rows import SHOWN
 
 SMALLEST = "This is the smallest possible number."
@@ -67,8 +68,7 @@ def _extras_text(found: Found) -> list[str]:
 
 def _table(rows: list[list[str]]) -> list[str]:
     """Rows as aligned text, the first as the head."""
-    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
-    return ["  " + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    return [f"  {line}" for line in in_columns(rows)]
 
 
 def propose_text(found: Found, complete: bool, heavy_first: bool, coverage: tuple[str, Coverage, Coverage]) -> str:

@@ -55,8 +55,13 @@ def decimal(value: float | None) -> str:
     return "n/a" if value is None else f"{value:.3f}"
 
 
+def in_columns(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Lines with aligned cells."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+
+
 def aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:
     """Lines of a table; its first row holds the headers."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-    return [lines[0], "  ".join("─" * width for width in widths), *lines[1:]]
+    rule = tuple("─" * max(map(len, column)) for column in zip(*rows, strict=True))
+    return in_columns([rows[0], rule, *rows[1:]])
