@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import tempfile
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -68,12 +69,9 @@ def _failures(config: Config, scenario: str, model: Path, tests: int, workers: i
     sampler = instantiate(config.samplers["pairwise"], _partial_=True, _convert_="all")(space=space, seed=seed)
     points = np.concatenate([_asked(sampler) for _ in range(-(-tests // config.samplers["pairwise"]["batch_size"]))])[:tests]
     log = journal.Journal(folder / scenario, scenario, Progress(scenario))
-    pool = Workers(workers, Setup(config.simulator, moved, config.detector, model, config.car, config.limits))
-    try:
+    with closing(Workers(workers, Setup(config.simulator, moved, config.detector, model, config.car, config.limits))) as pool:
         for _ in pool.execute([Execution(i, log.path(i), space.decode(point)) for i, point in enumerate(points)]):
             pass
-    finally:
-        pool.close()
     outcomes = [log.read(i) for i in range(tests)]
     if errors := [outcome.reason for outcome in outcomes if outcome.is_error]:
         raise SystemExit(f"{scenario}: {len(errors)} tests ended in an error: {errors[0]}")

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -97,11 +98,8 @@ def plan(
 
 def executed(planned: CampaignPlan, folder: Path, workers: int, progress: Progress) -> list[tuple[dict[str, float | str], Kpi | None]]:
     """Every test with its KPIs, None for an error."""
-    pool = Workers(workers, planned.setup)
-    try:
+    with closing(Workers(workers, planned.setup)) as pool:
         done = search(planned, planned.sampler(), Journal(folder, planned.identity, progress), pool, progress)
-    finally:
-        pool.close()
     return [(dict(planned.space.decode(test.point)), None if test.outcome.is_error else test.kpi) for test in done]
 
 

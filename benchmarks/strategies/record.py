@@ -15,6 +15,7 @@ import argparse
 import json
 import shutil
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -128,13 +129,11 @@ def campaign_plan(config: Config, folder: Path, campaign: CampaignId, settings: 
 
 def record_campaign(plan: CampaignPlan, sampler: Sampler, path: Path, folder: Path, threads: int) -> None:
     """Execute a campaign, resuming from the journal in `folder`, and write its table."""
-    workers, campaign = Workers(threads, plan.setup), plan.campaign
-    try:
-        with Progress(f"{campaign.scenario} {campaign.strategy} {campaign.seed}") as progress:
-            log = Journal(folder, plan.identity, progress)
-            table = _table(plan, search(plan, OnGrid(sampler, plan.space), log, workers, progress))
-    finally:
-        workers.close()
+    campaign = plan.campaign
+    label = f"{campaign.scenario} {campaign.strategy} {campaign.seed}"
+    with closing(Workers(threads, plan.setup)) as workers, Progress(label) as progress:
+        log = Journal(folder, plan.identity, progress)
+        table = _table(plan, search(plan, OnGrid(sampler, plan.space), log, workers, progress))
     recorded.write(table, path)
     shutil.rmtree(folder)
     print(f"{path}: {len(table)} tests, {int(table['failure'].sum())} failures, {int((table['status'] == 'error').sum())} errors")

@@ -7,6 +7,7 @@ import json
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import asdict, dataclass, field
 from itertools import chain
 from pathlib import Path
@@ -121,12 +122,9 @@ def run_campaign(plan: CampaignPlan, out: Path, journal: Path, threads: int, pro
     worker processes; they change no table but the timings. InputError if the strategy asks for no test, NoResultError if every test ended
     in an error; neither for a shard, because its campaign may have a result.
     """
-    log = Journal(journal, plan.identity, progress)
-    sampler, workers = plan.sampler(), Workers(threads, plan.setup)
-    try:
+    log, sampler = Journal(journal, plan.identity, progress), plan.sampler()
+    with closing(Workers(threads, plan.setup)) as workers:
         done = search(plan, sampler, log, workers, progress)
-    finally:
-        workers.close()
     errors = [test.outcome.reason for test in done if test.outcome.is_error]
     if plan.shard is None and len(errors) == len(done):
         log.remove()  # Errors that a person has to mend first are not resumed.

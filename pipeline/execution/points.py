@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,14 +28,12 @@ class Executor:
 
     def outcomes(self, points: Sequence[Concrete], noises: Sequence[Concrete] = ()) -> list[Outcome]:
         """The outcome of each concrete scenario. noises: the concrete scenarios whose noise they have, their own by default."""
-        log, workers = Journal(self.journal, _identity(self.setup, points, noises), self.progress), Workers(self.threads, self.setup)
+        log = Journal(self.journal, _identity(self.setup, points, noises), self.progress)
         given: Sequence[Concrete | None] = noises or [None] * len(points)
         jobs = [Execution(i, log.path(i), point, noise) for i, (point, noise) in enumerate(zip(points, given, strict=True)) if i not in log]
-        try:
+        with closing(Workers(self.threads, self.setup)) as workers:
             for done, _ in enumerate(workers.execute(jobs), 1 + len(points) - len(jobs)):
                 self.progress(done, len(points))
-        finally:
-            workers.close()
         return [log.read(i) for i in range(len(points))]
 
 
