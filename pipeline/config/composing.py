@@ -18,10 +18,11 @@ from pipeline.config.yaml_text import read_yaml
 from pipeline.core.names import nearest
 from pipeline.errors import InputError, shown
 from pipeline.scenarios.functional import FunctionalScenario
+from pipeline.scenarios.people import FIRST_RANDOM
 
 CONF = Path(__file__).resolve().parents[1] / "conf"
 PARAMS = Path("params.yaml")
-NOBODY = 999
+NOBODY = FIRST_RANDOM - 1
 """A population that no scenario and no base set uses."""
 
 

@@ -35,6 +35,8 @@ Pattern = Literal["plain", "vest", "band"]
 
 SEED = 20_231
 OF_EACH_SEX, CHILDREN_OF_EACH_SEX = 37, 4
+FIRST_RANDOM = 1000
+"""The first number of the populations that random scenes draw; scenarios use smaller numbers."""
 VARIABLE = "blueprint"
 """The scenario variable that names the person."""
 

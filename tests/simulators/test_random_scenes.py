@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pipeline.config.sections import Rarity
-from pipeline.scenarios.people import fingerprint, person
+from pipeline.scenarios.people import FIRST_RANDOM, fingerprint, person
 from pipeline.simulators.mujoco import random_scenes
 
 
@@ -38,4 +38,4 @@ def test_conditions_describe_the_person() -> None:
 def test_each_shard_draws_its_own_town_and_people() -> None:
     worlds = [random_scenes._world(np.random.default_rng([0, shard])) for shard in range(400)]
     assert len({town.fingerprint for town, _ in worlds}) == len({people for _, people in worlds}) == 400
-    assert all(people >= random_scenes.FIRST_PEOPLE for _, people in worlds)
+    assert all(people >= FIRST_RANDOM for _, people in worlds)

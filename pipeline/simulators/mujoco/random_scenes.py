@@ -15,7 +15,7 @@ from pipeline.core.paths import Path, Pose
 from pipeline.core.truth import Truth
 from pipeline.errors import InputError
 from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M, HALF_LENGTHS_M, Actor, VehicleKind
-from pipeline.scenarios.people import fingerprint, population
+from pipeline.scenarios.people import FIRST_RANDOM, fingerprint, population
 from pipeline.scenarios.streets import END_X, LANE_WIDTH, START_X, Junction, Street, Town, streets
 
 from . import gait
@@ -26,8 +26,6 @@ from .stage import Stage, weather_of
 PEDESTRIAN_SHARE = 0.88
 BESIDE_VEHICLE_SHARE = 0.35
 TURNING_SHARE = 0.4
-FIRST_PEOPLE = 1000
-"""The lowest number of a random population; lower ones are for scenarios."""
 NEAREST_M, FARTHEST_M = 2.8, 46.0
 OUT_OF_SIGHT = Pose(-500, 0, 0)
 FLEET: tuple[VehicleKind, ...] = ("bus", "hatchback", "saloon", "van", "hatchback", "saloon", "hatchback")
@@ -67,7 +65,7 @@ def scenes(shard: int, count: int, base_set: BaseSet, settings: CameraSettings, 
 
 def _world(rng: np.random.Generator) -> tuple[Town, int]:
     """A random town and the number of a random population."""
-    return _town(rng), int(rng.integers(FIRST_PEOPLE, 2**31))
+    return _town(rng), int(rng.integers(FIRST_RANDOM, 2**31))
 
 
 def _town(rng: np.random.Generator) -> Town:
