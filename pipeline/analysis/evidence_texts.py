@@ -8,9 +8,12 @@ from pipeline.artefacts.evidence import Risk, ScenarioEvidence, Whole
 from pipeline.config.exposure import ExposureFile
 from pipeline.core.likelihood.rate import one_in
 
+SIMULATED = "The simulator and its camera stand for the road. Nothing here was recorded on a real road."
+ROAD_USERS = "Each test has at most one pedestrian, and the ego brakes as the settings say; other road users follow fixed plans."
+FITTED = "A rule that is not confirmed is judged by the very tests to which it was fitted."
 ASSUMPTIONS = (
-    "The simulator and its camera stand for the road. Nothing here was recorded on a real road.",
-    "Each test has at most one pedestrian, and the ego brakes as the settings say; other road users follow fixed plans.",
+    SIMULATED,
+    ROAD_USERS,
     "A test fails if its adjusted time-to-collision is at most {threshold:g} s or, where the right answer is not to brake, by any false "
     "activation.",
     "The conditions of the road are distributed as the exposure says.",
@@ -22,7 +25,7 @@ LIMITS = (
     "The tests of searches look where failures are. They find regions and count for coverage, but enter no rate.",
     "Known safe counts only combinations of categories that a passed test covers. Other tests of the same combination may fail: that risk "
     "is part of the unknown unsafe area.",
-    "A rule that is not confirmed is judged by the very tests to which it was fitted.",
+    FITTED,
     "Each interval holds for its own number, not for all numbers together.",
 )
 WEIGHED = "Random tests are uniform. They are weighted by the exposure, so a few of them may carry most of the weight."

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pipeline.analysis.evidence_texts import FITTED, ROAD_USERS, SIMULATED
+
 
 def _prose(text: str) -> str:
     return " ".join(text.split())
@@ -152,10 +154,10 @@ SEEDS = _prose("""
     The same seeds, settings and files give the same tests. A test that ended in an error counts in no rate.
 """)
 NOT_SHOWN = (
-    "The simulator and its camera stand for the road. Nothing here was recorded on a real road.",
-    "Each test has at most one pedestrian, and the ego brakes as the settings say. Other road users follow fixed plans.",
+    SIMULATED,
+    ROAD_USERS,
     "A search looks where failures are. Only random tests give a failure rate, and it holds for the conditions that they were drawn from.",
-    "A rule that is not confirmed is judged by the tests to which it was fitted.",
+    FITTED,
     "A full heat map says that each pair of categories occurred, not that the detector is safe there.",
     "The version's evidence page gives the failure rate under the chosen exposure, and what may be claimed.",
 )
