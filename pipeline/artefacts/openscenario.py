@@ -1,7 +1,8 @@
 """A concrete scenario as ASAM OpenDRIVE 1.6 and OpenSCENARIO XML 1.1, to replay a finding in CARLA or esmini.
 
 Exported: streets, junction, crosswalks, every road user's start and unbraked motion, sun, fog and rain. Not exported: houses, trees, the
-pedestrian's looks and animation, and the braking, which depends on the detector.
+crosswalk that our camera shows on a main street without crosswalks, junction and rails, the pedestrian's looks and animation, and the
+braking, which depends on the detector.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from pipeline.core.space import Value
 from pipeline.core.visibility import visual_range_m
 from pipeline.errors import InputError
 from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M, HALF_LENGTHS_M, HALF_WIDTHS_M, FunctionalScenario
-from pipeline.scenarios.streets import LANE_WIDTH, PAVEMENT_WIDTH, Street, Town, streets
+from pipeline.scenarios.streets import CROSSWALK_M, LANE_WIDTH, PAVEMENT_WIDTH, Street, Town, streets
 
 DATE = "2026-01-01T00:00:00"
 """Fixed, so the same scenario gives the same files."""
@@ -215,9 +216,10 @@ def _objects(road: Xml.Element, town: Town, street: Street, first: float) -> int
             "roll": 0.0,
             "orientation": "none",
         }
-        crosswalk = _add(objects, "object", id=i, type="crosswalk", name="zebra", s=s, length=3.0, width=wide, **flat)
+        crosswalk = _add(objects, "object", id=i, type="crosswalk", name="zebra", s=s, length=CROSSWALK_M, width=wide, **flat)
         outline = _add(crosswalk, "outline", id=0)
-        for u, v in ((-1.5, -wide / 2), (1.5, -wide / 2), (1.5, wide / 2), (-1.5, wide / 2)):
+        half = CROSSWALK_M / 2
+        for u, v in ((-half, -wide / 2), (half, -wide / 2), (half, wide / 2), (-half, wide / 2)):
             _add(outline, "cornerLocal", u=u, v=v, z=0.0, height=0.0)
     return len(inside)
 

@@ -15,7 +15,7 @@ from pipeline.core.footprints import Rectangle
 from pipeline.core.paths import Pose
 from pipeline.errors import InputError
 from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M, FunctionalScenario
-from pipeline.scenarios.streets import CORNER_RADIUS, LANE_WIDTH, PAVEMENT_WIDTH, Street, Town, streets
+from pipeline.scenarios.streets import CORNER_RADIUS, CROSSWALK_M, LANE_WIDTH, PAVEMENT_WIDTH, RAIL_M, Street, Town, streets
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -107,11 +107,12 @@ def _street_map(axes: Axes, town: Town) -> None:
             axes.plot(*_along(street, v).T, color=MARKING, linewidth=1, dashes=(6, 6))
     for crosswalk in town.crosswalks:
         street = next(one for one in every if one.name == crosswalk.street)
-        for v in np.arange(-street.right + 0.5, street.left - 0.6, 1.0):
-            corners = [(-1.5, v), (1.5, v), (1.5, v + 0.5), (-1.5, v + 0.5)]
+        half = CROSSWALK_M / 2
+        for v in street.stripes():
+            corners = [(-half, v), (half, v), (half, v + 0.5), (-half, v + 0.5)]
             axes.fill(*np.array([street.world(crosswalk.at_m + u, side) for u, side in corners]).T, color=MARKING, linewidth=0)
     if town.rails_x_m is not None:
-        for x in (town.rails_x_m - 0.72, town.rails_x_m + 0.72):
+        for x in (town.rails_x_m - RAIL_M, town.rails_x_m + RAIL_M):
             axes.axvline(x, color=VEHICLE, linewidth=1.2)
     for x, y in town.trees:
         axes.fill(*_disc(x, y, 1.2).T, color=TREE, linewidth=0)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from pipeline.core.paths import Piece, Pose
@@ -21,6 +22,10 @@ PAVEMENT_WIDTH = 3.0
 BAY_DEPTH = 3.1
 CORNER_RADIUS = 6.0
 """Radius of the kerbs where two streets meet."""
+CROSSWALK_M = 3.0
+"""Width of a crosswalk, along its street."""
+RAIL_M = 0.72
+"""Distance of each rail from the middle of the train line."""
 START_X, END_X = -75.0, 150.0
 SIDE_LENGTH = 85.0
 SHARPEST = 1 / 50
@@ -153,6 +158,10 @@ class Street:
             return self.left
         beside_bay = self.bay is not None and (u is None or self.bay[0] <= u <= self.bay[1])
         return self.right + (BAY_DEPTH if beside_bay else 0)
+
+    def stripes(self) -> NDArray[np.float64]:
+        """v of the right edge of each stripe of a crosswalk; a stripe is 0.5 m wide."""
+        return np.arange(-self.right + 0.5, self.left - 0.6, 1.0)
 
     def open(self, side: int, u: float, margin: float = 0.0) -> bool:
         """Whether a gap interrupts this side within `margin` of u."""

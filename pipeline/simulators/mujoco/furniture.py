@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from pipeline.scenarios.streets import CORNER_RADIUS, PAVEMENT_WIDTH, START_X, Street, Town, streets
+from pipeline.scenarios.streets import CORNER_RADIUS, PAVEMENT_WIDTH, RAIL_M, START_X, Street, Town, streets
 
 from .mesh import Mesh, place
 from .style import STYLES, Style
@@ -92,7 +92,7 @@ def add_rails(spec: mujoco.MjSpec, town: Town, x: float) -> None:
         gravel.quad((x - 2.2, low, 0.03), (4.4, 0, 0), (0, high - low, 0), (0, 0, 1, 1), cell=2)
     gravel.add_to(spec, "gravel")
     place(world, "gravel", "gravel")
-    for dx in (-0.72, 0.72):
+    for dx in (-RAIL_M, RAIL_M):
         world.add_geom(type=GEOM.mjGEOM_BOX, size=(0.04, 60, 0.02), pos=(x + dx, 0, 0.0), rgba=(0.5, 0.46, 0.43, 1), castshadow=False)
         for low, high in ((-60.0, -main.right), (main.left, 60.0)):
             world.add_geom(

@@ -13,7 +13,7 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 
-from pipeline.scenarios.streets import CORNER_RADIUS, END_X, LANE_WIDTH, PAVEMENT_WIDTH, START_X, Street, Town, streets
+from pipeline.scenarios.streets import CORNER_RADIUS, CROSSWALK_M, END_X, LANE_WIDTH, PAVEMENT_WIDTH, START_X, Street, Town, streets
 
 from . import bending, buildings, furniture, textures, vegetation
 from .mesh import Mesh, Site, place
@@ -188,8 +188,8 @@ def _markings(site: Site, town: Town, street: Street, rng: np.random.Generator) 
             lines.quad((0.4, v, LINE_Z), (0.4, 0, 0), (0, 0.45, 0), (0, 0, 1, 1))
     crosswalks = [crosswalk.at_m for crosswalk in town.crosswalks if crosswalk.street == street.name]
     if street.name == "main" and not crosswalks and not street.gaps:
-        crosswalks = [float(rng.choice([-38.0, 34.0, 48.0])) + 1.5]
+        crosswalks = [float(rng.choice([-38.0, 34.0, 48.0])) + CROSSWALK_M / 2]
     for at in crosswalks:
-        for v in np.arange(-street.right + 0.5, street.left - 0.6, 1.0):
-            lines.quad((at - 1.5, v, LINE_Z + 0.001), (3.0, 0, 0), (0, 0.5, 0), (0, 0, 1, 1), cell=1.5)
+        for v in street.stripes():
+            lines.quad((at - CROSSWALK_M / 2, v, LINE_Z + 0.001), (CROSSWALK_M, 0, 0), (0, 0.5, 0), (0, 0, 1, 1), cell=1.5)
     site.put(f"{street.name}_markings", lines, "marking")
