@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.core.statistics import mcnemar, mean_interval, one_against_several, sign_flip
+from pipeline.core.statistics import mcnemar_p_value, mean_interval, one_against_several, sign_flip
 
 Bools = NDArray[np.bool_]
 Verdict = Literal["baseline", "better", "worse", "no difference shown"]
@@ -131,8 +131,8 @@ def judge(fixes: int, regressions: int, p_value: float, alpha: float) -> Verdict
 def pair(before: SequenceOutcomes, after: SequenceOutcomes) -> VersionDifference:
     """Compare two versions test by test."""
     valid = before.valid & after.valid
-    outcome = mcnemar(before.failed[valid], after.failed[valid])
-    return VersionDifference(valid & before.failed & ~after.failed, valid & ~before.failed & after.failed, outcome.tests, outcome.p_value)
+    fixed, regressed = valid & before.failed & ~after.failed, valid & ~before.failed & after.failed
+    return VersionDifference(fixed, regressed, int(valid.sum()), mcnemar_p_value(int(fixed.sum()), int(regressed.sum())))
 
 
 def pair_groups(before: Sequence[SequenceOutcomes], after: Sequence[SequenceOutcomes], confidence: float) -> GroupDifference:

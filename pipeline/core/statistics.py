@@ -21,26 +21,11 @@ def _distributions() -> Any:
 
 @dataclass(frozen=True)
 class Paired:
-    """Failures of two model versions on the same tests, and the exact McNemar test of their difference.
+    """Two model versions on the same tests: `fixes` fail only before, `regressions` only after. p_value: see `mcnemar_p_value`."""
 
-    both, regressions, fixes, neither: number of tests that fail before and after, only after, only before, never. p_value: two-sided, in
-    [0, 1]; the probability of a split of the discordant tests at least this uneven if both versions were equal.
-    """
-
-    both: int
-    regressions: int
     fixes: int
-    neither: int
+    regressions: int
     p_value: float
-
-    @property
-    def tests(self) -> int:
-        return self.both + self.regressions + self.fixes + self.neither
-
-    @property
-    def change(self) -> int:
-        """Failures after minus failures before."""
-        return self.regressions - self.fixes
 
 
 def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
@@ -167,12 +152,15 @@ def mcnemar(before: ArrayLike, after: ArrayLike) -> Paired:
     first, second = np.asarray(before, dtype=bool), np.asarray(after, dtype=bool)
     if first.shape != second.shape or first.ndim != 1:
         raise ValueError(f"before and after must be lists of equal length, got shapes {first.shape} and {second.shape}")
-    regressions, fixes = int(np.sum(~first & second)), int(np.sum(first & ~second))
-    return Paired(int(np.sum(first & second)), regressions, fixes, int(np.sum(~first & ~second)), mcnemar_p_value(fixes, regressions))
+    fixes, regressions = int(np.sum(first & ~second)), int(np.sum(~first & second))
+    return Paired(fixes, regressions, mcnemar_p_value(fixes, regressions))
 
 
 def mcnemar_p_value(fixes: int, regressions: int) -> float:
-    """Two-sided p-value of the exact McNemar test, from the numbers of tests that only one and only the other version fails."""
+    """Two-sided p-value of the exact McNemar test, in [0, 1]: the probability of a split at least this uneven if both versions were equal.
+
+    fixes, regressions: number of tests that only one, and only the other version fails.
+    """
     discordant = fixes + regressions
     return float(_distributions().binomtest(fixes, discordant).pvalue) if discordant else 1.0
 
