@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -16,6 +16,9 @@ from pipeline.config.messages import message
 from pipeline.core.worlds import Worlds
 from pipeline.errors import InputError
 
+RARE = "rare_"
+"""Prefix of the frequencies among a card's figures."""
+
 
 class Frequencies(Result):
     """How often a base set shows children and crouching people, relative to others."""
@@ -27,6 +30,16 @@ class Frequencies(Result):
     def uniform(self) -> bool:
         """Whether all people and poses are equally frequent; otherwise the base set is long-tailed."""
         return self.children == self.crouching == 1
+
+    def figures(self) -> dict[str, float]:
+        """Its entries in the card of a base."""
+        return {f"{RARE}{name}": frequency for name, frequency in self.model_dump().items()}
+
+    @staticmethod
+    def of(figures: Mapping[str, object]) -> Frequencies | None:
+        """What the `training` of a card says; None if it says nothing."""
+        shown = {name: figures.get(f"{RARE}{name}") for name in Frequencies.model_fields}
+        return None if None in shown.values() else Frequencies.model_validate(shown)
 
 
 class ModelCard(BaseModel):
@@ -60,8 +73,7 @@ class ModelCard(BaseModel):
     @property
     def frequencies(self) -> Frequencies | None:
         """The people and poses of the base set that it was trained on; None if the card does not say."""
-        shown = {name: self.training.get(f"rare_{name}") for name in Frequencies.model_fields}
-        return None if None in shown.values() else Frequencies.model_validate(shown)
+        return Frequencies.of(self.training)
 
     @property
     def worlds(self) -> Worlds:

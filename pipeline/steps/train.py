@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pipeline.artefacts.dataset import read_dataset
-from pipeline.artefacts.model_card import read_card, read_curve
+from pipeline.artefacts.model_card import Frequencies, read_card, read_curve
 from pipeline.config.schema import Config, held_out_worlds
 from pipeline.contract import Job, Step, Wildcards
 
@@ -48,8 +48,8 @@ def run(job: Job) -> None:
         images, worlds = read_dataset(truth.parent, "train"), leakage.refuse_worlds(config, [truth], [])
         settings = config.training.model_dump()
         fitted = train_from_scratch(images, usable(images), validation, settings, Run(checkpoint, job.threads, job.progress))
-        rare = {f"rare_{name}": frequency for name, frequency in config.base_set.rare.model_dump().items()}
-        taken = {"images": len(images), **rare, **settings}
+        rare = Frequencies(**config.base_set.rare.model_dump())
+        taken = {"images": len(images), **rare.figures(), **settings}
         origin = Origin("base", None, {"base_set": images.digest}, taken, config.training.seed, worlds)
     write_version(config, fitted, validation, origin, job.output("card"), job.progress)
     job.progress(1, 1, "evaluated")
