@@ -18,7 +18,7 @@ from pipeline.scenarios.people import population
 from pipeline.scenarios.streets import Town
 from pipeline.simulators.mujoco import gait, pedestrian, textures, world
 from pipeline.simulators.mujoco.backscatter import Backscatter
-from pipeline.simulators.mujoco.camera import Camera
+from pipeline.simulators.mujoco.camera import Camera, _contrast
 from pipeline.simulators.mujoco.culling import HIDDEN_GROUP, Culling
 from pipeline.simulators.mujoco.furniture import lamp_positions
 from pipeline.simulators.mujoco.lens import CameraSettings, Lens
@@ -154,6 +154,15 @@ def test_the_visible_box_is_that_of_a_segmentation_render(stage: Stage, x: float
     assert truth.visible_box is not None
     assert np.abs(np.subtract(box, truth.visible_box)).max() <= 1
     assert abs(int(mask.sum()) - truth.visible_pixels) <= 0.03 * mask.sum() + 2
+
+
+def test_contrast_is_the_difference_to_the_median_of_the_ring_around_the_box() -> None:
+    image = np.zeros((192, 320, 3), np.uint8)
+    for beside, grey in ((4, 60), (2, 40), (0, 90)):  # The outer half of the ring has more pixels than the inner one.
+        image[70 - beside : 100 + beside, 100 - beside : 120 + beside] = grey
+    image[70:80, 100:120] = 30
+    assert _contrast(image, np.ones((30, 20), bool), 100, 70, (100.0, 70.0, 120.0, 100.0)) == 30
+    assert _contrast(image, np.ones((192, 320), bool), 0, 0, (0.0, 0.0, 320.0, 192.0)) == 0
 
 
 @pytest.mark.parametrize("weather", [Weather(sun_azimuth=120, sun_altitude=30), Weather(fog=50, sun_altitude=-15)], ids=["day", "night"])

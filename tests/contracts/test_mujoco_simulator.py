@@ -5,19 +5,25 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 import yaml
 
 from pipeline.core import kpi
+from pipeline.core.detections import Detections
+from pipeline.core.paths import Pose
 from pipeline.core.space import Value
 from pipeline.core.visibility import MIN_VISIBLE_PIXELS
 from pipeline.detectors.scripted import BlindDetector, VisiblePixelOracle
 from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, FunctionalScenario
-from pipeline.simulators.mujoco.simulator import MujocoSimulator
+from pipeline.simulators.mujoco.lens import CameraSettings
+from pipeline.simulators.mujoco.simulator import MujocoSimulator, _Loop, _State
+from pipeline.simulators.mujoco.world import CAMERA_X_M, CAMERA_Z_M
 from pipeline.testing import CAR, check_simulator
 
 CONF = Path(__file__).resolve().parents[2] / "conf" / "scenario"
@@ -167,6 +173,25 @@ def test_occluded_scenarios_show_the_pedestrian_later_than_open_ones() -> None:
         seen[name] = float(signals["time_s"][hidden[-1] + 1]) if len(hidden) else 0.0
         assert signals["visible_pixels"][-2] > 500
     assert min(seen[name] for name in ("F1", "F1star", "F6", "F7")) > max(seen[name] for name in ("F3", "F4", "F3star", "F4star")) + 0.5
+
+
+@pytest.mark.parametrize(("margin_m", "in_path"), [(0.34, [False, True, False]), (0.35, [True, True, False])])
+def test_a_detection_is_in_the_path_up_to_the_margin(margin_m: float, in_path: list[bool]) -> None:
+    """In a left turn with a radius of 9 m, the road 5 m ahead lies hypot(9, 5) - 9 = 1.296 m to the right of the path.
+
+    1.5 m further to the left it lies 0.01 m, 1.5 m further to the right 2.63 m to the right of the path.
+    """
+    scenario, focal_px = described("F5"), 240.0
+    space, route = scenario.logical_space(), scenario.ego.route()
+    concrete = space.decode(space.sample(1, np.random.default_rng(0))[0])
+    car = replace(CAR, aeb=replace(CAR.aeb, margin_m=margin_m))
+    loop = _Loop(Mock(camera=Mock(focal_px=focal_px)), scenario, car, concrete, CameraSettings())
+    per_metre = focal_px / (5 - CAMERA_X_M)
+    boxes = [(160 + x - 4, 60, 160 + x + 4, 96 + CAMERA_Z_M * per_metre) for x in (0, -1.5 * per_metre, 1.5 * per_metre)]
+    found = Detections(np.array(boxes, np.float32), np.array([0.9, 0.8, 0.7], np.float32))
+    turning = 62.75 + 9 * np.pi / 8  # A quarter of the turn, which begins after 62.75 m.
+    state = _State(0.0, turning, route.at(turning), 0.0, Pose(0, 0, 0))
+    assert loop._in_path(found, state).tolist() == in_path
 
 
 def test_a_replay_in_another_process_gives_the_same_bits(tmp_path: Path) -> None:

@@ -56,6 +56,7 @@ def test_other_modes_are_their_own_cause(mode: str) -> None:
         ([30, 20, 10], [0, 29, 90], [0, 20, 20], False),
         ([30, 20, 10], [90, 90, 90], [7, 7, 20], False),
         ([30, 17.7, 10], [0, 30, 0], [0, 8, 0], True),
+        ([30, 17.6, 10], [0, 30, 0], [0, 8, 0], False),
     ],
 )
 def test_a_person_must_see_the_pedestrian_in_time(distance: list[float], pixels: list[int], contrast: list[float], expected: bool) -> None:

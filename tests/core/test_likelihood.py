@@ -86,6 +86,7 @@ def test_the_system_rate_weighs_the_scenarios() -> None:
     # These shares sum to a little more than 1.
     every = combined([Rate(1.0, exact(5, 5), 5, 5)] * 3, [share / 0.3 for share in (0.05, 0.2, 0.05)])
     assert (every.value, every.limits.high) == (1, 1)
+    assert system.limits.below == pytest.approx(0.025 + np.hypot(0.25 * 0.05, 0.75 * 0.02))
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pipeline.config.composing import compose
 from pipeline.config.sections import Rarity
 from pipeline.scenarios.people import FIRST_RANDOM, fingerprint, person
 from pipeline.simulators.mujoco import random_scenes
+from pipeline.steps.render_scenes import _section
 
 
 def conditions(rare: Rarity, count: int) -> list[dict[str, Any]]:
@@ -39,3 +41,12 @@ def test_each_shard_draws_its_own_town_and_people() -> None:
     worlds = [random_scenes._world(np.random.default_rng([0, shard])) for shard in range(400)]
     assert len({town.fingerprint for town, _ in worlds}) == len({people for _, people in worlds}) == 400
     assert all(people >= FIRST_RANDOM for _, people in worlds)
+
+
+def test_new_scenes_show_other_worlds_than_the_base_set_and_balanced_ones_all_people_alike() -> None:
+    config = compose("default", ["retraining.added_frames=10", "retraining.rounds=2"])
+    base, new, other = config.base_set, _section(config, "new_scenes", 0), _section(config, "new_scenes", 1)
+    balanced = _section(config, "balanced_scenes", 0)
+    assert len({base.seed, new.seed, other.seed}) == 3 and new.seed == balanced.seed > base.seed + 1000
+    assert new.rare == base.rare != balanced.rare == Rarity(children=1, crouching=1)
+    assert (new.images, new.validation_share) == (30, 0)
