@@ -211,3 +211,16 @@ def test_new_scenes_are_drawn_if_their_pedestrian_is_as_visible_as_the_filter_de
         write_image(tmp_path, "train", index, noise(1, index).images[0], truth)
     write_truth(tmp_path, [Record("train", index, 64, 32, truth, worlds) for index, truth in enumerate(shown)])
     assert Scenes(config, tmp_path / TRUTH_FILE).pool()["step"].tolist() == [0, 1]
+
+
+def test_the_scenes_that_are_drawn_are_those_that_are_read(tmp_path: Path) -> None:
+    shades = (0, 50, 100, 150)
+    for index, shade in enumerate(shades):
+        write_image(tmp_path, "train", index, np.full((32, 64, 3), shade, np.uint8), Truth())
+    worlds = {"town": "a", "people": "b"}
+    write_truth(tmp_path, [Record("train", index, 64, 32, Truth(), worlds) for index in range(len(shades))])
+    source = Scenes(compose("default", []), tmp_path / TRUTH_FILE)
+    chosen = source.pool().iloc[[3, 1]]
+    read = source.read(chosen)
+    assert read.images.mean((1, 2, 3)) == pytest.approx([150, 50], abs=1)
+    assert read.digest != source.read(chosen.iloc[::-1]).digest

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import math
+
 import pytest
 import torch
 
@@ -82,3 +84,23 @@ def test_a_batch_without_pedestrians_has_a_finite_loss() -> None:
     loss = detection_loss(guesses(TRUTH), torch.zeros(1, len(CENTRES)), NOBODY, CENTRES, STRIDES)
     assert torch.isfinite(loss.total)
     assert loss.boxes == 0
+
+
+def test_the_loss_by_hand() -> None:
+    """All cells show half of the box, so the five that take it have a target of 0.5 each, together 2.5."""
+    boxes, logits = guesses(torch.tensor([[16.0, 8.0, 40.0, 32.0]])), torch.zeros(1, len(CENTRES))
+    target = assign(boxes, logits, TRUTH, CENTRES, STRIDES)
+    assert target[target > 0].tolist() == pytest.approx([0.5] * TOP)
+    loss = detection_loss(boxes, logits, TRUTH, CENTRES, STRIDES)
+    assert loss.scores.item() == pytest.approx(len(CENTRES) * math.log(2) / 2.5)
+    assert loss.boxes.item() == pytest.approx(0.5)
+    assert loss.total.item() == pytest.approx(loss.scores.item() + 5 * 0.5)
+
+
+def test_of_equal_boxes_the_one_with_the_highest_score_is_best_aligned() -> None:
+    logits = torch.zeros(1, len(CENTRES))
+    inside = int(torch.argmin((CENTRES - torch.tensor([28.0, 36.0])).abs().sum(1)))
+    logits[0, inside] = 4.0
+    target = assign(guesses(TRUTH), logits, TRUTH, CENTRES, STRIDES)
+    assert target.argmax() == inside
+    assert target[target > 0].sort().values.tolist() == pytest.approx([(0.5 * (1 + math.exp(-4))) ** 0.5] * (TOP - 1) + [1])

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -92,6 +94,23 @@ def test_flipping_mirrors_image_and_box() -> None:
     assert left == 1
 
 
+@pytest.mark.parametrize("size", [SIZE, (64, 64)])
+def test_half_of_the_examples_are_flipped(size: tuple[int, int]) -> None:
+    image, truth = scene((60, 30, 76, 66))
+    image[30:66, 60:68] = (20, 20, 250)  # Its left half is blue.
+    shown, boxes = batch(image_set([(image, truth)]), np.zeros(100, np.int64), size, (0,), relit=0.0)
+    whole = boxes[:, 2] - boxes[:, 0] > 12
+    blue = np.array([np.argwhere(example[..., 2] > 200)[:, 1].mean() for example in shown[whole]])
+    assert 0.3 < (blue > (boxes[whole, 0] + boxes[whole, 2]) / 2).mean() < 0.7
+
+
+def test_a_crop_that_cuts_a_pedestrian_to_less_than_a_quarter_is_drawn_again() -> None:
+    boxes = batch(people().take(np.array([0])), np.zeros(400, np.int64), (32, 32), (0,), relit=0.0)[1]
+    left, top, right, bottom = boxes[boxes[:, 2] > boxes[:, 0]].T
+    smallest = 16 * 36 * np.exp(-0.25) ** 2  # The whole box at the smallest scale.
+    assert ((right - left) * (bottom - top)).min() > 0.25 * smallest
+
+
 def test_a_cut_box_keeps_its_visible_part() -> None:
     _, truth = scene((10, 40, 20, 64))
     matrix = mapping(on_pixels(View((47.2, 48), 1.0, False), (64, 64)), (64, 64))
@@ -111,6 +130,15 @@ def test_tiny_pedestrians_are_left_out_and_hard_ones_repeated() -> None:
     assert hardness(images, 3).tolist() == [3, 3, 1, 1]
     near = image_set([scene((40, 10, 70, 90)), scene((0, 30, 20, 60))])
     assert hardness(near, 2).tolist() == [2, 2]
+
+
+def test_each_kind_of_hard_image_is_repeated() -> None:
+    area = (48, 20, 68, 60)
+    plain = scene(area)[1]
+    plain, faint = replace(plain, contrast=16.0), replace(plain, contrast=15.9)
+    wide, right, tall = (scene(box)[1] for box in ((40, 20, 71, 60), (100, 20, 127, 60), (40, 20, 60, 69)))
+    images = image_set([(scene(area)[0], truth) for truth in (plain, faint, wide, right, tall)])
+    assert hardness(images, 3).tolist() == [1, 3, 3, 3, 3]
 
 
 def test_a_stream_shows_everything_once_an_epoch_from_any_start() -> None:

@@ -18,7 +18,10 @@ from pipeline.config.composing import compose
 from pipeline.config.schema import Config
 from pipeline.core.coverage.projection import Demand
 from pipeline.core.coverage.proposals import Proposer
+from pipeline.core.truth import Truth
 from pipeline.report.front_car_page import by_condition, first_covering
+from pipeline.steps.front_car_evaluate import _right
+from tests.detectors.test_evaluation import AWAY, PERSON, said
 from tests.studies import StudyFolder
 
 SMALL = [
@@ -116,6 +119,16 @@ def test_the_page_shows_the_table_the_growth_and_the_images(study: Path) -> None
         assert text in page
     for name in ("table", "growth", "gallery", "by_condition"):
         assert np.asarray(Image.open(study / "plots" / f"{name}.png")).std() > 5
+
+
+def test_a_detector_is_right_if_it_finds_the_vehicle_that_is_there_and_nothing_else() -> None:
+    answers = [said((PERSON, 0.9)), said((PERSON, 0.9), (AWAY, 0.8)), said(), said((PERSON, 0.4)), said((AWAY, 0.9))]
+    for truth, right in (
+        (Truth(PERSON, PERSON, 800, 800, 50.0), [True, False, False, False, False]),
+        (Truth(PERSON, PERSON, 20, 20, 50.0), [True, False, True, True, False]),  # Too small for a person to see.
+        (Truth(), [False, False, True, True, False]),
+    ):
+        assert [_right(answer, truth, 0.5) for answer in answers] == right
 
 
 def test_a_value_that_no_point_has_is_no_row(config: Config) -> None:
