@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from functools import partial
 from pathlib import Path
+from unittest.mock import Mock
 
 import pandas as pd
 import pytest
@@ -14,10 +15,11 @@ from pipeline.commands.simulate import concrete_scenario
 from pipeline.config.composing import compose
 from pipeline.config.sections import Limits
 from pipeline.errors import InputError
-from pipeline.execution.journal import Journal, Outcome
+from pipeline.execution import pool
+from pipeline.execution.journal import Journal, Outcome, write
 from pipeline.execution.once import episode
 from pipeline.execution.pool import Pool, in_order
-from pipeline.execution.worker import Broken
+from pipeline.execution.worker import CONTEXT, Broken, Done, Make, Worker
 from pipeline.execution.workers import Execution, Setup, Workers
 from pipeline.progress import Progress
 from pipeline.steps import calibrate
@@ -131,6 +133,37 @@ def test_a_process_over_a_limit_is_ended(limits: dict[str, float], harm: object,
     with Pool(1, hostile.harms, LOOSE.model_copy(update=limits)) as pool:
         ((_, result),) = pool.run([harm])  # type: ignore[list-item]
     assert isinstance(result, Broken) and result.reason == reason
+
+
+def test_an_outcome_that_was_written_before_its_process_died_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log, workers = Journal(tmp_path / "journal", "x", Progress("test")), Workers(1, hostile_setup(tmp_path, LOOSE))
+    write(log.path(0), Outcome.error("of the test itself"), {})
+    monkeypatch.setattr(Pool, "run", lambda self, jobs: iter([(0, Broken("process died", again=True))]))
+    assert list(workers.execute([Execution(0, log.path(0), {})])) == [0]
+    assert log.read(0).reason == "of the test itself"
+
+
+def test_the_limit_of_a_test_does_not_count_the_start_of_its_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    ours, theirs = CONTEXT.Pipe()
+    monkeypatch.setattr(CONTEXT, "Pipe", lambda: (ours, Mock()))
+    monkeypatch.setattr(CONTEXT, "Process", Mock())
+    started: Worker[str, None] = Worker(Mock())
+    started.give("task")
+    limits = LOOSE.model_copy(update={"test_s": 5})
+    assert started.look(9, limits) is None
+    theirs.send(None)
+    assert started.look(0, limits) is None and theirs.poll() and theirs.recv() == "task"
+    assert started.look(4, limits) is None
+    assert started.look(4, limits) == Broken("timed out after 5 s", again=False)
+
+
+def test_the_time_in_which_a_run_was_suspended_does_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = iter([0.0, 3600.0])
+    monkeypatch.setattr(pool, "time", Mock(monotonic=lambda: next(clock)))
+    monkeypatch.setattr(pool, "Worker", lambda _: Mock(connection=CONTEXT.Pipe()[0], look=lambda seconds, _: Done(seconds)))
+    make: Make[int, float] = Mock()
+    with Pool(1, make) as suspended:
+        assert list(suspended.run([7])) == [(0, pool.LONGEST_TICK_S)]
 
 
 def test_a_process_works_with_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import chdir
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -192,3 +193,21 @@ def test_a_campaign_killed_while_its_tables_are_hashed_executes_no_test_again(
     monkeypatch.setattr(Workers, "execute", none)
     assert study.run("campaign", **key()) == 0
     assert same(folder(one_worker), folder(study)) and not journal(study).exists()
+
+
+def test_the_shards_of_other_settings_or_code_are_rendered_again(
+    config: Config, rendered: list[int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def shards(drawing: image_sets.Drawing) -> list[int]:
+        rendered.clear()
+        image_sets.render_images(drawing, tmp_path / "scratch", tmp_path / "out", 1, lambda *_: None)
+        return list(rendered)
+
+    one, every = image_sets.Drawing(config.base_set, config.camera, {}), [0, 1, 2]
+    assert (shards(one), shards(one)) == (every, [])
+    assert shards(replace(one, camera={**config.camera, "hfov_deg": 70.0})) == every
+    assert shards(replace(one, section=config.base_set.model_copy(update={"seed": 9}))) == every
+    assert shards(replace(one, unseen={"a town": "F1star"})) == every
+    assert shards(one) == every
+    monkeypatch.setattr(image_sets, "program_sha256", lambda: "other code")
+    assert shards(one) == every

@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,7 @@ from pipeline.core.measures import kinds_of
 from pipeline.core.names import count_of
 from pipeline.core.space import Value
 from pipeline.errors import SimulationError
+from pipeline.execution import workers
 from pipeline.execution.campaign import CampaignPlan, sampler_seed
 from pipeline.execution.workers import Setup
 from pipeline.progress import Progress
@@ -186,9 +187,29 @@ def test_units_are_in_the_file(one_worker: StudyFolder) -> None:
     assert read_space(one_worker / "space/F1.json")[1].names == tuple(schema.names[-8:])
 
 
-def test_a_journal_of_another_model_is_discarded(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_outcome_depends_on_everything_that_executes_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("one", "two"):
+        (tmp_path / name).write_text(name)
+    config, other = (compose("smoke", ["simulator=analytic", "detector=oracle", f"aeb.brakes_from={score}"]) for score in (0.3, 0.4))
+    setup = Setup(config.simulator, config.scenarios["F1"], config.detector, tmp_path / "one", config.car, config.limits)
+    others: dict[str, Any] = {
+        "simulator": {**config.simulator, "more": 1},
+        "scenario": config.scenarios["F2"],
+        "detector": {**config.detector, "more": 1},
+        "model": tmp_path / "two",
+        "car": other.car,
+        "limits": config.limits.model_copy(update={"frame_s": 1}),
+        "keep_every": 3,
+    }
+    assert set(others) == {field.name for field in fields(Setup)}
+    identities = {setup.identity, *(replace(setup, **{name: value}).identity for name, value in others.items())}
+    monkeypatch.setattr(workers, "program_sha256", lambda: "other code")
+    assert len(identities | {setup.identity}) == 1 + len(others) + 1
+
+
+def test_a_journal_of_another_campaign_is_discarded(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     study = analytic_study(tmp_path)
-    write_sealed(journal(study) / "identity", b"of another model")
+    write_sealed(journal(study) / "identity", b"of another campaign")
     (journal(study) / "000000.npz").write_bytes(b"foreign")
     assert study.run("campaign", **key()) == 0
     assert "the journal belonged to another configuration, model or code and was discarded" in capsys.readouterr().err

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -27,6 +29,8 @@ from pipeline.protocols import Detector
 from pipeline.report.kept_frames import KeptFrames
 from pipeline.report.region_cards import Shown, cards, pictured
 from pipeline.simulators.analytic import AnalyticSimulator
+from tests.analysis.test_evidence import world
+from tests.spaces import SMALL
 from tests.workflow.test_campaign import analytic_study
 
 FRESH = 12
@@ -91,6 +95,17 @@ def test_an_error_other_than_a_narrow_rule_is_not_hidden(found: FailureRegions, 
     monkeypatch.setattr(confirming, "draw_inside", refuse)
     with pytest.raises(ValueError, match="broadcast"):
         confirm(Condition(0, 0, 100), found, tmp_path)
+
+
+@pytest.mark.parametrize(("confidence", "status"), [(0.95, "not confirmed"), (0.7, "confirmed")])
+def test_a_rule_is_confirmed_at_the_confidence_of_the_study(confidence: float, status: str) -> None:
+    """Failures in 3 of 4 tests inside and 1 of 4 outside have a chance of 17 / 70 = 0.24 by Fisher's test."""
+    failures = [True, True, True, False, True, False, False, False]
+    executor: Any = Mock()
+    executor.outcomes.return_value = [Mock(is_error=False, kpi=Mock(return_value=Mock(failure=failure))) for failure in failures]
+    found = Found(world(9, 9).regions.regions[0], Group("box", np.zeros(0, bool), Rule((Condition(0, 2, 4),))))
+    (region,) = FreshTests(SMALL, executor, 0.1, 4, confidence).confirm([found])
+    assert region.status == status
 
 
 def test_the_report_says_what_confirms_a_rule(found: FailureRegions) -> None:

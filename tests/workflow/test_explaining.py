@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from contextlib import chdir
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pandas as pd
@@ -14,11 +15,14 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.__main__ import main
+from pipeline.analysis.failure_regions import Found, outcomes_of
 from pipeline.artefacts.region_results import FailureRegion, FailureRegions, Repair
 from pipeline.artefacts.results import read
 from pipeline.artefacts.tables import UNCHANGED
 from pipeline.config.composing import load
 from pipeline.core.episode import Episode
+from pipeline.core.grouping import Group
+from pipeline.core.rules import Rule
 from pipeline.core.space import Value
 from pipeline.errors import SimulationError
 from pipeline.execution import explaining
@@ -30,6 +34,7 @@ from pipeline.report.kept_frames import KeptFrames
 from pipeline.report.region_cards import Shown, cards, pictured
 from pipeline.scenarios.changes import CONTROL, Change
 from pipeline.simulators.analytic import AnalyticSimulator
+from tests.analysis.test_evidence import world
 from tests.studies import StudyFolder
 from tests.workflow.test_campaign import analytic_study
 
@@ -131,6 +136,15 @@ def test_every_number_comes_from_the_rows(found: FailureRegions, rows: pd.DataFr
             (one,) = [r for r in (*region.why.repairs, region.why.control) if r.change == change]
             assert (one.repaired, one.tests) == (int(repaired), int(tests))
     assert any(repair.errors for region in found.regions for repair in _repairs(region)), "executions that broke are counted apart"
+
+
+def test_no_failure_is_chosen_twice() -> None:
+    tested, executor = world(8, 0), Mock()
+    region = tested.regions.regions[0].model_copy(update={"members": tuple(tested.tests["test_id"])})
+    found = Found(region, Group("box", np.ones(8, bool), Rule(())))
+    outcomes = outcomes_of(tested.space, tested.tests)
+    chosen = explaining.Counterfactuals(executor, 0.1, FAILURES).chosen(found, tested.tests.set_index("test_id"), outcomes)
+    assert len({failure.test_id for failure in chosen}) == len(chosen) == FAILURES
 
 
 def test_the_report_shows_the_text_and_a_bar_for_each_change(found: FailureRegions) -> None:
