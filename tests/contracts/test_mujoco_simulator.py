@@ -179,7 +179,7 @@ def test_occluded_scenarios_show_the_pedestrian_later_than_open_ones() -> None:
 def test_a_detection_is_in_the_path_up_to_the_margin(margin_m: float, in_path: list[bool]) -> None:
     """In a left turn with a radius of 9 m, the road 5 m ahead lies hypot(9, 5) - 9 = 1.296 m to the right of the path.
 
-    1.5 m further to the left it lies 0.01 m, 1.5 m further to the right 2.63 m to the right of the path.
+    3 m further to the left it lies 1.19 m to the left, 1.5 m further to the right 2.63 m to the right of the path.
     """
     scenario, focal_px = described("F5"), 240.0
     space, route = scenario.logical_space(), scenario.ego.route()
@@ -187,9 +187,9 @@ def test_a_detection_is_in_the_path_up_to_the_margin(margin_m: float, in_path: l
     car = replace(CAR, aeb=replace(CAR.aeb, margin_m=margin_m))
     loop = _Loop(Mock(camera=Mock(focal_px=focal_px)), scenario, car, concrete, CameraSettings())
     per_metre = focal_px / (5 - CAMERA_X_M)
-    boxes = [(160 + x - 4, 60, 160 + x + 4, 96 + CAMERA_Z_M * per_metre) for x in (0, -1.5 * per_metre, 1.5 * per_metre)]
+    boxes = [(160 + x - 4, 60, 160 + x + 4, 96 + CAMERA_Z_M * per_metre) for x in (0, -3 * per_metre, 1.5 * per_metre)]
     found = Detections(np.array(boxes, np.float32), np.array([0.9, 0.8, 0.7], np.float32))
-    turning = 62.75 + 9 * np.pi / 8  # A quarter of the turn, which begins after 62.75 m.
+    turning = 62.75 + 9 * np.pi * 3 / 16  # In the middle of the turn, which begins after 62.75 m.
     state = _State(0.0, turning, route.at(turning), 0.0, Pose(0, 0, 0))
     assert loop._in_path(found, state).tolist() == in_path
 

@@ -203,11 +203,15 @@ def test_the_shards_of_other_settings_or_code_are_rendered_again(
         image_sets.render_images(drawing, tmp_path / "scratch", tmp_path / "out", 1, lambda *_: None)
         return list(rendered)
 
-    one, every = image_sets.Drawing(config.base_set, config.camera, {}), [0, 1, 2]
-    assert (shards(one), shards(one)) == (every, [])
-    assert shards(replace(one, camera={**config.camera, "hfov_deg": 70.0})) == every
-    assert shards(replace(one, section=config.base_set.model_copy(update={"seed": 9}))) == every
-    assert shards(replace(one, unseen={"a town": "F1star"})) == every
-    assert shards(one) == every
+    drawing, every = image_sets.Drawing(config.base_set, config.camera, {}), [0, 1, 2]
+    assert (shards(drawing), shards(drawing)) == (every, [])
+    changes: list[dict[str, Any]] = [
+        {"camera": {**config.camera, "hfov_deg": 70.0}},
+        {"section": config.base_set.model_copy(update={"seed": 9})},
+        {"unseen": {"a town": "F1star"}},
+    ]
+    for change in changes:
+        drawing = replace(drawing, **change)
+        assert shards(drawing) == every
     monkeypatch.setattr(image_sets, "program_sha256", lambda: "other code")
-    assert shards(one) == every
+    assert shards(drawing) == every
