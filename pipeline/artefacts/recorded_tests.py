@@ -68,7 +68,7 @@ def campaigns(folders: Folders) -> Mapping[str, Path]:
 
 def tables_below(folders: Sequence[Path]) -> list[Path]:
     """Every tests.parquet below some folders, sorted; InputError for a folder without one. A campaign has the tests of its shards."""
-    found = {folder: [path for path in folder.rglob("tests.parquet") if SHARDS not in path.parts] for folder in folders}
+    found = {one: [path for path in one.rglob("tests.parquet") if SHARDS not in path.relative_to(one).parts] for one in folders}
     if empty := [str(folder) for folder, paths in found.items() if not paths]:
         raise InputError(f"{', '.join(empty)}: expected campaigns, found no tests.parquet")
     return sorted({path for paths in found.values() for path in paths})

@@ -262,7 +262,7 @@ class _Values:
         column = self.column.astype(np.int64)
         support, hits = np.bincount(column[inside], minlength=self.size), np.bincount(column[inside & failed], minlength=self.size)
         with_hits = np.flatnonzero(hits)
-        if not len(with_hits):
+        if not len(with_hits) or self.size == 1:
             return None
         # For a convex measure the best set is a prefix of the values ordered by their rate (Breiman et al. 1984, theorem 4.5). But values
         # have a price, so one with many failures may pay more than several with a single one: the second order is by what each pays.

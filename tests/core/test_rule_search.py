@@ -87,6 +87,13 @@ def test_a_name_with_many_failures_pays_no_more_for_others_by_chance(seed: int) 
     assert offer is not None and offer.gain >= alone - 1e-9 and offer.condition.values[0] == 1
 
 
+def test_a_variable_of_one_value_says_nothing() -> None:
+    space = Space((Variable("kind", "categorical", values=("only",)), SMALL.variables[0]))
+    points = space.sample(200, np.random.default_rng(0))
+    failed = points[:, 1] > space.variables[1].high / 2
+    assert [condition.subject(space).name for condition in find_rule(space, points, failed).rule.conditions] == [SMALL.names[0]]
+
+
 def test_a_wide_integer_has_as_many_bounds_as_a_number() -> None:
     for high, step in ((5_000, 250), (100_000, 5_000)):
         whole, real = (_bounds(Variable("d", kind, "", 0, high, step=step))[0] for kind in ("integer", "continuous"))

@@ -14,6 +14,7 @@ import pytest
 from pipeline.__main__ import main
 from pipeline.artefacts.files import write_json
 from pipeline.artefacts.likelihood import read_rate, write_rate
+from pipeline.artefacts.recorded_tests import tables_below
 from pipeline.artefacts.tables import space_of_tests
 from pipeline.commands.campaign import STOPPED
 from pipeline.commands.likelihood import asked
@@ -171,3 +172,11 @@ def test_wrong_exposure_files_are_told(text: str, told: str, tmp_path: Path, cap
     path.write_text(text, encoding="latin-1")
     assert main(["likelihood", f"exposure={path}", f"out={tmp_path / 'rates'}", *ANALYTIC]) == 2
     assert told in capsys.readouterr().err
+
+
+def test_a_project_in_a_folder_called_shards_has_its_tests(tmp_path: Path) -> None:
+    below = tmp_path / "shards" / "project"
+    for name in ("campaigns/0", "shards/campaigns/0"):
+        (below / name).mkdir(parents=True)
+        (below / name / "tests.parquet").touch()
+    assert tables_below([below]) == [below / "campaigns/0/tests.parquet"]
