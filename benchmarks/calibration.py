@@ -29,7 +29,9 @@ SHIPPED = Path("models/uniform")
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--tests", type=int, default=100, help="tests per scenario")
     parser.add_argument("--scenario", nargs="+", default=["F1", "F2"])
     options = parser.parse_args()
@@ -40,17 +42,25 @@ def main() -> None:
     results: dict[str, list[kpi.Kpi]] = {"as trained": [], "calibrated": []}
     with tempfile.TemporaryDirectory() as folder:
         detectors = {}
-        for name, chosen, threshold in (("as trained", Calibration(), raw), ("calibrated", calibration, used)):
+        for name, chosen, threshold in (
+            ("as trained", Calibration(), raw),
+            ("calibrated", calibration, used),
+        ):
             export_onnx(Path(folder) / f"{name}.onnx", model, card.input_size, chosen)
             detectors[name] = OnnxDetector(Path(folder) / f"{name}.onnx", threshold=threshold)
         for scenario in options.scenario:
             described = functional_scenario(scenario)
             space = described.logical_space()
             simulator = MujocoSimulator(described, compose("default", []).car)
-            for point in space.sample(options.tests, np.random.default_rng(sampler_seed(CampaignId(scenario, "random", "base", 0)))):
+            for point in space.sample(
+                options.tests,
+                np.random.default_rng(sampler_seed(CampaignId(scenario, "random", "base", 0))),
+            ):
                 for name, detector in detectors.items():
                     episode = simulator.execute(space.decode(point), detector)
-                    results[name].append(kpi.evaluate(episode.signals, study.campaign.failure_threshold_s))
+                    results[name].append(
+                        kpi.evaluate(episode.signals, study.campaign.failure_threshold_s)
+                    )
             simulator.close()
     for name, threshold in (("as trained", raw), ("calibrated", used)):
         found = results[name]
@@ -60,7 +70,9 @@ def main() -> None:
             f"{np.mean(contacts) if contacts else 0:.1f} m/s, mean TTC {np.mean([r.ttc_s for r in found]):.2f} s"
         )
     paired = mcnemar(*([r.failure for r in results[name]] for name in ("as trained", "calibrated")))
-    print(f"calibration: {paired.fixes} fixes, {paired.regressions} regressions (exact McNemar p = {paired.p_value:.2g})")
+    print(
+        f"calibration: {paired.fixes} fixes, {paired.regressions} regressions (exact McNemar p = {paired.p_value:.2g})"
+    )
 
 
 if __name__ == "__main__":

@@ -28,12 +28,27 @@ Judged = tuple[NDArray[np.float64], NDArray[np.bool_]]
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("versions", type=Path, nargs="*", default=[Path("models/uniform")], metavar="FOLDER")
-    parser.add_argument("--base-set", type=Path, required=True, help="truth.coco.json of a rendered base set")
-    parser.add_argument("--images", type=int, nargs="+", default=[450, 900, 1800, 3600], help="images in a subset (default: %(default)s)")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "versions", type=Path, nargs="*", default=[Path("models/uniform")], metavar="FOLDER"
+    )
+    parser.add_argument(
+        "--base-set", type=Path, required=True, help="truth.coco.json of a rendered base set"
+    )
+    parser.add_argument(
+        "--images",
+        type=int,
+        nargs="+",
+        default=[450, 900, 1800, 3600],
+        help="images in a subset (default: %(default)s)",
+    )
     options = parser.parse_args()
-    validation, used = read_dataset(options.base_set.parent, "val"), float(compose("default", []).detector["threshold"])
+    validation, used = (
+        read_dataset(options.base_set.parent, "val"),
+        float(compose("default", []).detector["threshold"]),
+    )
     print(f"{'version':14}{'images':>8}{'their confidence':>18}{'standard deviation':>20}")
     for folder in options.versions:
         judged = judged_by_image(folder, validation)
@@ -41,9 +56,15 @@ def main() -> None:
         raw = 1 / (1 + np.exp(-(np.log(used / (1 - used)) - whole.offset) / whole.slope))
         rng = np.random.default_rng(0)
         for count in (count for count in options.images if count < len(judged)):
-            parts = [fitted([judged[i] for i in rng.choice(len(judged), count, replace=False)]) for _ in range(PARTS)]
+            parts = [
+                fitted([judged[i] for i in rng.choice(len(judged), count, replace=False)])
+                for _ in range(PARTS)
+            ]
             found = np.array([float(part.apply(raw)) for part in parts])
-            print(f"{read_card(folder / 'model.json').version:14}{count:8}{found.mean():18.3f}{found.std():20.3f}", flush=True)
+            print(
+                f"{read_card(folder / 'model.json').version:14}{count:8}{found.mean():18.3f}{found.std():20.3f}",
+                flush=True,
+            )
 
 
 def judged_by_image(folder: Path, images: ImageSet) -> list[Judged]:
@@ -56,7 +77,9 @@ def judged_by_image(folder: Path, images: ImageSet) -> list[Judged]:
 
 
 def joined(judged: list[Judged]) -> Judged:
-    return np.concatenate([scores for scores, _ in judged]), np.concatenate([right for _, right in judged])
+    return np.concatenate([scores for scores, _ in judged]), np.concatenate(
+        [right for _, right in judged]
+    )
 
 
 def fitted(judged: list[Judged]) -> Calibration:

@@ -34,7 +34,9 @@ SLURM = (
     *("--slurm-init-seconds-before-status-checks", "5"),
 )
 """Words of `./run`: no accounting here, and short jobs are asked for more often than every 40 s."""
-SUBMITTED = re.compile(r"Job \S+ has been submitted with SLURM jobid (?P<number>\d+) \(log: (?P<log>.*/(?:rule|group)_(?P<name>\w+)/.*)\)")
+SUBMITTED = re.compile(
+    r"Job \S+ has been submitted with SLURM jobid (?P<number>\d+) \(log: (?P<log>.*/(?:rule|group)_(?P<name>\w+)/.*)\)"
+)
 DOWN_S = 25.0
 """Time for which the node is down: SLURM takes a batch job for lost that a node does not know 20 s after its start."""
 RUNS = 4
@@ -81,10 +83,19 @@ FAULTS: tuple[tuple[str, str, Callable[[str, subprocess.Popen[str]], None]], ...
 
 def main() -> int:
     """Make the study twice and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--study", default=SMALLEST, help="default: %(default)s")
-    parser.add_argument("--folder", type=Path, default=Path(".cache/faults"), help="for the clone (default: %(default)s)")
-    parser.add_argument("--keep", action="store_true", help="publish the rows beside docs/results/faults.md")
+    parser.add_argument(
+        "--folder",
+        type=Path,
+        default=Path(".cache/faults"),
+        help="for the clone (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--keep", action="store_true", help="publish the rows beside docs/results/faults.md"
+    )
     options = parser.parse_args()
     slurm("sinfo")
     overrides = TINY if options.study == SMALLEST else (f"study={options.study}",)
@@ -132,7 +143,11 @@ def watched(process: subprocess.Popen[str], done: list[str]) -> int:
             continue
         step, job = found["name"], found["number"]
         say(f"{step} is SLURM's job {job}")
-        if len(done) < len(FAULTS) and step == FAULTS[len(done)][1] and at_work(step, job, Path(found["log"])):
+        if (
+            len(done) < len(FAULTS)
+            and step == FAULTS[len(done)][1]
+            and at_work(step, job, Path(found["log"]))
+        ):
             name, _, act = FAULTS[len(done)]
             say(f"{name}, while {step} is at work")
             act(job, process)
@@ -143,29 +158,52 @@ def watched(process: subprocess.Popen[str], done: list[str]) -> int:
 def at_work(step: str, job: str, log: Path) -> bool:
     """Wait until a job reports progress, such as `campaign 3/12`; False if it has ended."""
     progress = re.compile(rf"^{step} \d+/\d+", re.MULTILINE)
-    while (state := slurm("squeue", "--noheader", "--format=%T", f"--jobs={job}")) in ("PENDING", "RUNNING"):
+    while (state := slurm("squeue", "--noheader", "--format=%T", f"--jobs={job}")) in (
+        "PENDING",
+        "RUNNING",
+    ):
         if state == "RUNNING" and log.exists() and progress.search(log.read_text()):
             return True
         time.sleep(0.2)
     return False
 
 
-def compared(name: str, whole: Outcome, study: FaultStudy, done: list[str], code: int) -> Iterator[Row]:
+def compared(
+    name: str, whole: Outcome, study: FaultStudy, done: list[str], code: int
+) -> Iterator[Row]:
     """A row for each fault and one for the files. A last `./run` may make nothing: it only prints the verdict and records with DVC."""
     last = study.run()
     outcome = study.outcome()
     differences = outcome.differences(whole)
-    made = sorted({phase for phase, _ in last.phases} & {path.stem for path in (study.folder / "pipeline/steps").glob("*.py")})
+    made = sorted(
+        {phase for phase, _ in last.phases}
+        & {path.stem for path in (study.folder / "pipeline/steps").glob("*.py")}
+    )
     wrong = [f"exit codes {code} and {last.code}"] if code or last.code else []
-    wrong += [*(f"differs: {part}" for part in differences), *(f"made again: {step}" for step in made)]
+    wrong += [
+        *(f"differs: {part}" for part in differences),
+        *(f"made again: {step}" for step in made),
+    ]
     say("; ".join(wrong) or "the same study")
     for fault, _, _ in FAULTS:
         times = done.count(fault)
-        yield Row(f"SLURM, {name}", fault, times, times if wrong else 0, {"differs" if wrong else "same bits": times})
+        yield Row(
+            f"SLURM, {name}",
+            fault,
+            times,
+            times if wrong else 0,
+            {"differs" if wrong else "same bits": times},
+        )
     same = sum(outcome.files.get(path) == digest for path, digest in whole.files.items())
     clocks = sum(str(path).endswith(CLOCKS) for path in study.data.rglob("*"))
     unlike = sum(part in whole.files or part in outcome.files for part in differences)
-    yield Row(f"SLURM, {name}", "files", same + clocks + unlike, unlike, {"same file": same, "clock": clocks, "other file": unlike})
+    yield Row(
+        f"SLURM, {name}",
+        "files",
+        same + clocks + unlike,
+        unlike,
+        {"same file": same, "clock": clocks, "other file": unlike},
+    )
 
 
 def slurm(*command: str) -> str:
@@ -182,16 +220,25 @@ def _daemon() -> int:
 
 def _processes(job: str) -> list[int]:
     """The processes of a job: its slurmstepd, then those below it, of which each comes before its children."""
-    parents = {int(pid): int(parent) for pid, parent in (line.split() for line in slurm("ps", "-e", "-o", "pid=,ppid=").splitlines())}
+    parents = {
+        int(pid): int(parent)
+        for pid, parent in (
+            line.split() for line in slurm("ps", "-e", "-o", "pid=,ppid=").splitlines()
+        )
+    }
     found = [pid for pid in parents if _words(pid).startswith(f"slurmstepd: [{job}.")]
     for pid in found:
-        found += [child for child, parent in parents.items() if parent == pid and child not in found]
+        found += [
+            child for child, parent in parents.items() if parent == pid and child not in found
+        ]
     return found
 
 
 def _words(pid: int) -> str:
     try:
-        return Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
+        return (
+            Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
+        )
     except OSError:
         return ""
 

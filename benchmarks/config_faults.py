@@ -40,10 +40,51 @@ from pipeline.workflow.jobs import Jobs, step_names
 
 Keys = tuple[str | int, ...]
 HOSTILE: tuple[str, ...] = (
-    *("`id`", "$(id)", "../../x", "a/b/../../..", "x\ny", "-rf", "a b", "", "caf\u00e9", "{x}", "x" * 10_000, ".*", "a;b", "\x00"),
+    *(
+        "`id`",
+        "$(id)",
+        "../../x",
+        "a/b/../../..",
+        "x\ny",
+        "-rf",
+        "a b",
+        "",
+        "caf\u00e9",
+        "{x}",
+        "x" * 10_000,
+        ".*",
+        "a;b",
+        "\x00",
+    ),
 )
-ODD: tuple[Any, ...] = ("abc", "12", True, None, [], {}, -1, 1.5, [[1]], {"a": 1}, 10**30, float("nan"), float("inf"), -(10**9), *HOSTILE)
-TARGETS = ("builtins.type", "os.system", "pipeline.protocols.Detector", "nowhere.X", "x", "", ".", "pipeline.core.car.Car", "json")
+ODD: tuple[Any, ...] = (
+    "abc",
+    "12",
+    True,
+    None,
+    [],
+    {},
+    -1,
+    1.5,
+    [[1]],
+    {"a": 1},
+    10**30,
+    float("nan"),
+    float("inf"),
+    -(10**9),
+    *HOSTILE,
+)
+TARGETS = (
+    "builtins.type",
+    "os.system",
+    "pipeline.protocols.Detector",
+    "nowhere.X",
+    "x",
+    "",
+    ".",
+    "pipeline.core.car.Car",
+    "json",
+)
 SAMPLERS: dict[str, tuple[Any, ...]] = {
     "batch_size": (-3, 0, 1001, 2.5, True, "20"), "k": (0, 99, -1), "explore": (1.5, -0.1, "x"), "step": (0, 2), "initial": (0, -1),
     "parents": (0,), "impact": (2,), "kappa": (-1, float("nan")), "epsilon": (0, -1), "omega_threshold": (0, 5), "uniform": (7,),
@@ -53,7 +94,13 @@ VARIABLES: dict[str, tuple[Any, ...]] = {
     "kind": ("continous", 3, None), "low": ("x", 1e6, True, float("nan")), "high": (-1e6, None, float("inf")), "step": (0, -1, "1", 1e6),
     "cyclic": ("yes", 1), "unit": (3,), "cuts": ([5], "x", [50, 20]), "values": ([], "a", [1]), "weights": ([1], "x"), "stp": (1,),
 }  # fmt: skip
-CLASSES = (CoverageSampler, ForestSampler, EvolutionarySampler, GaussianProcessSampler, MixedSampler)
+CLASSES = (
+    CoverageSampler,
+    ForestSampler,
+    EvolutionarySampler,
+    GaussianProcessSampler,
+    MixedSampler,
+)
 HINTS = {name: hint for made in CLASSES for name, hint in get_type_hints(made).items()}
 HINTS |= get_type_hints(OnnxDetector.__init__, include_extras=True)
 """The annotations of the parameters of strategies and of the default detector, which agree on the names that they share."""
@@ -87,7 +134,9 @@ def fits(value: Any, hint: Any) -> bool | None:
         if not isinstance(value, list):
             return False
         each = [arguments[0]] * len(value) if arguments[-1] is Ellipsis else list(arguments)
-        return len(each) == len(value) and _all([fits(*pair) for pair in zip(value, each, strict=True)])
+        return len(each) == len(value) and _all(
+            [fits(*pair) for pair in zip(value, each, strict=True)]
+        )
     if origin is dict or (isinstance(hint, type) and issubclass(hint, BaseModel)):
         return None if isinstance(value, dict) else False
     if hint in (bool, str, NoneType):
@@ -112,9 +161,20 @@ def _meets(value: Any, limit: Any) -> bool | None:
         return isinstance(value, list | dict | str) and len(value) >= limit.min_length
     if not isinstance(value, int | float):
         return None if value is None else False
-    signs: dict[type, Any] = {Ge: lambda a, b: a >= b, Gt: lambda a, b: a > b, Le: lambda a, b: a <= b, Lt: lambda a, b: a < b}
-    bound = next(iter(vars(limit).values())) if hasattr(limit, "__dict__") else getattr(limit, limit.__slots__[0])
-    return bool(value % bound == 0 if isinstance(limit, MultipleOf) else signs[type(limit)](value, bound))
+    signs: dict[type, Any] = {
+        Ge: lambda a, b: a >= b,
+        Gt: lambda a, b: a > b,
+        Le: lambda a, b: a <= b,
+        Lt: lambda a, b: a < b,
+    }
+    bound = (
+        next(iter(vars(limit).values()))
+        if hasattr(limit, "__dict__")
+        else getattr(limit, limit.__slots__[0])
+    )
+    return bool(
+        value % bound == 0 if isinstance(limit, MultipleOf) else signs[type(limit)](value, bound)
+    )
 
 
 def hint_at(path: Keys) -> Any:
@@ -128,10 +188,19 @@ def hint_at(path: Keys) -> Any:
 
 def _hint(hint: Any, path: Keys) -> Any:
     for part in path:
-        inner = next((a for a in (hint, *get_args(hint)) if isinstance(a, type) and issubclass(a, BaseModel)), None)
+        inner = next(
+            (
+                a
+                for a in (hint, *get_args(hint))
+                if isinstance(a, type) and issubclass(a, BaseModel)
+            ),
+            None,
+        )
         if inner is not None and part in inner.model_fields:
             field = inner.model_fields[str(part)]
-            hint = Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
+            hint = (
+                Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
+            )
         elif get_origin(hint) is dict:
             hint = get_args(hint)[1]
         else:
@@ -149,7 +218,22 @@ def keys(plain: Any, path: Keys = ()) -> Iterator[Keys]:
 def mutations(plain: dict[str, Any], count: int, seed: int) -> Iterator[Mutation]:
     """Seeded mutations of a valid config."""
     rng = np.random.default_rng(seed)
-    paths, makers = list(keys(plain)), (_value, _value, _value, _bound, _misspelt, _dropped, _renamed, _component, _variable, _text, _text)
+    paths, makers = (
+        list(keys(plain)),
+        (
+            _value,
+            _value,
+            _value,
+            _bound,
+            _misspelt,
+            _dropped,
+            _renamed,
+            _component,
+            _variable,
+            _text,
+            _text,
+        ),
+    )
     while count:
         made = makers[rng.integers(len(makers))](copy.deepcopy(plain), paths, rng)
         if made is not None:
@@ -179,14 +263,24 @@ def _bound(plain: Any, paths: list[Keys], rng: np.random.Generator) -> Mutation 
     while not (bounds := _bounds(hint_at(path))):
         path = _pick(paths, rng)
     bound = _pick(bounds, rng)
-    value = _pick([bound, bound - 1, bound + 1, bound + 0.001, bound - 0.001, -bound, bound * 1000], rng)
+    value = _pick(
+        [bound, bound - 1, bound + 1, bound + 0.001, bound - 0.001, -bound, bound * 1000], rng
+    )
     return Mutation("limit", str(path[-1]), _put(plain, path, value), fits(value, hint_at(path)))
 
 
 def _bounds(hint: Any) -> list[Any]:
     """The numbers that limit an annotation, wherever in it they stand."""
-    found = [getattr(hint, name) for name in ("ge", "gt", "le", "lt") if getattr(hint, name, None) is not None]
-    return found + [bound for each in (*get_args(hint), *getattr(hint, "metadata", ())) for bound in _bounds(each)]
+    found = [
+        getattr(hint, name)
+        for name in ("ge", "gt", "le", "lt")
+        if getattr(hint, name, None) is not None
+    ]
+    return found + [
+        bound
+        for each in (*get_args(hint), *getattr(hint, "metadata", ()))
+        for bound in _bounds(each)
+    ]
 
 
 def _misspelt(plain: Any, paths: list[Keys], rng: np.random.Generator) -> Mutation | None:
@@ -194,7 +288,9 @@ def _misspelt(plain: Any, paths: list[Keys], rng: np.random.Generator) -> Mutati
     name = str(path[-1]) + _pick(("s", "_", "2"), rng)
     hint = hint_at(path[:-1]) if len(path) > 1 else Config
     known = isinstance(hint, type) and issubclass(hint, BaseModel)
-    return Mutation("unknown key", name, _put(plain, (*path[:-1], name), 1), False if known else None)
+    return Mutation(
+        "unknown key", name, _put(plain, (*path[:-1], name), 1), False if known else None
+    )
 
 
 def _dropped(plain: Any, paths: list[Keys], rng: np.random.Generator) -> Mutation | None:
@@ -207,12 +303,25 @@ def _dropped(plain: Any, paths: list[Keys], rng: np.random.Generator) -> Mutatio
         "missing key",
         str(path[-1]),
         plain,
-        False if len(path) == 1 or (path[2:3] == ("space",) and path[3:] in ((), *((name,) for name in NEEDED))) else None,
+        False
+        if len(path) == 1
+        or (path[2:3] == ("space",) and path[3:] in ((), *((name,) for name in NEEDED)))
+        else None,
     )
 
 
 def _renamed(plain: Any, paths: list[Keys], rng: np.random.Generator) -> Mutation | None:
-    table = _pick((("scenarios",), ("samplers",), ("arms",), ("scenarios", "F1", "actors"), ("scenarios", "F1", "space"), ("tested",)), rng)
+    table = _pick(
+        (
+            ("scenarios",),
+            ("samplers",),
+            ("arms",),
+            ("scenarios", "F1", "actors"),
+            ("scenarios", "F1", "space"),
+            ("tested",),
+        ),
+        rng,
+    )
     inner = plain
     for part in table:
         inner = inner[part]
@@ -221,11 +330,17 @@ def _renamed(plain: Any, paths: list[Keys], rng: np.random.Generator) -> Mutatio
 
 
 def _component(plain: Any, paths: list[Keys], rng: np.random.Generator) -> Mutation | None:
-    section = _pick(("simulator", "detector", *(f"samplers.{name}" for name in plain["samplers"])), rng)
+    section = _pick(
+        ("simulator", "detector", *(f"samplers.{name}" for name in plain["samplers"])), rng
+    )
     path = tuple(section.split("."))
     if rng.random() < 0.4 or section in ("simulator", "detector"):
-        return Mutation("class", path[0], _put(plain, (*path, "_target_"), _pick(TARGETS, rng)), False)
-    name = _pick([name for name in plain["samplers"][path[1]] if name in SAMPLERS] + ["seed", "space"], rng)
+        return Mutation(
+            "class", path[0], _put(plain, (*path, "_target_"), _pick(TARGETS, rng)), False
+        )
+    name = _pick(
+        [name for name in plain["samplers"][path[1]] if name in SAMPLERS] + ["seed", "space"], rng
+    )
     return Mutation("setting", name, _put(plain, (*path, name), _pick(SAMPLERS[name], rng)), False)
 
 
@@ -233,7 +348,12 @@ def _variable(plain: Any, paths: list[Keys], rng: np.random.Generator) -> Mutati
     name, key = _pick(("rain", "sun_azimuth", "animation"), rng), _pick(list(VARIABLES), rng)
     if (name == "animation") != (key == "values"):
         return None
-    return Mutation("variable", key, _put(plain, ("scenarios", "F1", "space", name, key), _pick(VARIABLES[key], rng)), False)
+    return Mutation(
+        "variable",
+        key,
+        _put(plain, ("scenarios", "F1", "space", name, key), _pick(VARIABLES[key], rng)),
+        False,
+    )
 
 
 def _text(plain: Any, paths: list[Keys], rng: np.random.Generator) -> Mutation | None:
@@ -243,7 +363,12 @@ def _text(plain: Any, paths: list[Keys], rng: np.random.Generator) -> Mutation |
     line = int(rng.integers(len(lines) - 1))
     choice = int(rng.integers(5))
     if choice == 0:
-        return Mutation("not UTF-8", "UTF-8", text[:at] + bytes([_pick((0xFF, 0xE9, 0xC3), rng)]) + text[at:], False)
+        return Mutation(
+            "not UTF-8",
+            "UTF-8",
+            text[:at] + bytes([_pick((0xFF, 0xE9, 0xC3), rng)]) + text[at:],
+            False,
+        )
     if choice == 1:
         twice = next(i for i in range(line, -1, -1) if lines[i][:1].isalpha())
         name = lines[twice].split(b":")[0]
@@ -253,7 +378,12 @@ def _text(plain: Any, paths: list[Keys], rng: np.random.Generator) -> Mutation |
     if choice == 3:
         return Mutation("line gone", "", b"\n".join([*lines[:line], *lines[line + 1 :]]), None)
     return Mutation(
-        "one sign", "", text[:at] + _pick((b":", b"{", b"]", b"&", b"*a", b"!", b"%", b"\t", b"\x00", b"?"), rng) + text[at + 1 :], None
+        "one sign",
+        "",
+        text[:at]
+        + _pick((b":", b"{", b"]", b"&", b"*a", b"!", b"%", b"\t", b"\x00", b"?"), rng)
+        + text[at + 1 :],
+        None,
     )
 
 
@@ -273,7 +403,11 @@ def outcome(mutation: Mutation, folder: Path) -> str:
         said = one_line(error)
         if mutation.key[:40] in str(error) and len(said) <= LONGEST_MESSAGE + 1:
             return "refused"
-        return f"refused, key not named: {said}" if mutation.valid is False else f"refused by another key's rule: {said}"
+        return (
+            f"refused, key not named: {said}"
+            if mutation.valid is False
+            else f"refused by another key's rule: {said}"
+        )
     except Exception as error:
         return f"traceback: {type(error).__name__}: {str(error)[:200]}"
     return "wrongly accepted" if mutation.valid is False else "accepted"
@@ -300,6 +434,8 @@ def configs(count: int, seed: int) -> list[Row]:
     rows = []
     for what in sorted({what for what, _ in found}):
         ways = {result: number for (kind, result), number in sorted(found.items()) if kind == what}
-        wrong = sum(number for result, number in ways.items() if result.startswith(("traceback", "wrongly")))
+        wrong = sum(
+            number for result, number in ways.items() if result.startswith(("traceback", "wrongly"))
+        )
         rows.append(Row("config", what, sum(ways.values()), wrong, ways))
     return rows

@@ -39,7 +39,9 @@ CONFIDENCE = 0.95
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     commands = parser.add_subparsers(dest="command", required=True)
     execute = commands.add_parser("run")
     execute.add_argument("seed", type=int, nargs="+")
@@ -48,7 +50,11 @@ def main() -> None:
     options = parser.parse_args()
     rules = pd.read_csv(RULES)
     if options.command == "answer":
-        print(answer(rules, pd.read_csv(PUBLISHED)) if PUBLISHED.exists() else "No rule is checked yet.")
+        print(
+            answer(rules, pd.read_csv(PUBLISHED))
+            if PUBLISHED.exists()
+            else "No rule is checked yet."
+        )
         return
     for seed in options.seed:
         publish(seed, list(run(distinct(rules[rules["seed"] == seed]), options.workers)))
@@ -68,16 +74,34 @@ def run(rules: pd.DataFrame, workers: int) -> Iterator[dict[str, object]]:
     for rule in rules.itertuples():
         described = functional_scenario(rule.scenario)
         space, name = described.logical_space(), f"{rule.seed} {rule.scenario} {rule.conditions}"
-        rng = np.random.default_rng(int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big"))
-        points = [space.decode(point) for point in draw_inside(space, stored_rule(space, stored(rule.conditions)), STATED + CHECKS, rng)]
-        setup = Setup(config.simulator, described, config.detector, MODEL, config.car, config.limits)
+        rng = np.random.default_rng(
+            int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big")
+        )
+        points = [
+            space.decode(point)
+            for point in draw_inside(
+                space, stored_rule(space, stored(rule.conditions)), STATED + CHECKS, rng
+            )
+        ]
+        setup = Setup(
+            config.simulator, described, config.detector, MODEL, config.car, config.limits
+        )
         folder = JOURNALS / f"{rule.seed}-{rule.number}"
         with Progress(f"seed {rule.seed}, rule {rule.number}") as progress:
             outcomes = Executor(setup, folder, workers, progress).outcomes(points)
-        stated, checks = (counted(part, config.campaign.failure_threshold_s) for part in (outcomes[:STATED], outcomes[STATED:]))
+        stated, checks = (
+            counted(part, config.campaign.failure_threshold_s)
+            for part in (outcomes[:STATED], outcomes[STATED:])
+        )
         counts = {"stated_tests": stated.tests, "stated_failures": stated.failures}
         checked = {"check_tests": checks.tests, "check_failures": checks.failures}
-        yield {"seed": rule.seed, "scenario": rule.scenario, "conditions": rule.conditions, **counts, **checked}
+        yield {
+            "seed": rule.seed,
+            "scenario": rule.scenario,
+            "conditions": rule.conditions,
+            **counts,
+            **checked,
+        }
 
 
 def publish(seed: int, rows: Sequence[dict[str, object]], path: Path = PUBLISHED) -> None:
@@ -96,14 +120,26 @@ def answer(rules: pd.DataFrame, outcomes: pd.DataFrame) -> str:
     lines, held, within = [], 0, 0
     both = distinct(rules).merge(outcomes, on=["seed", "scenario", "conditions"])
     if len(both) < len(outcomes):
-        raise SystemExit(f"{PUBLISHED}: {len(outcomes) - len(both)} of {len(outcomes)} rules are not in {RULES}; run these seeds again")
+        raise SystemExit(
+            f"{PUBLISHED}: {len(outcomes) - len(both)} of {len(outcomes)} rules are not in {RULES}; run these seeds again"
+        )
     for rule in both.itertuples():
         stated = Counted(rule.stated_tests, rule.stated_failures)
         low, high = stated.interval(CONFIDENCE)
-        rate, precision = rule.check_failures / rule.check_tests, rule.failures_inside / rule.tests_inside
+        rate, precision = (
+            rule.check_failures / rule.check_tests,
+            rule.failures_inside / rule.tests_inside,
+        )
         holds = low <= rate <= high
         held, within = held + holds, within + (low <= precision <= high)
-        cells = (rule.seed, rule.scenario, subject(stored(rule.conditions)), f"{precision:.0%}", f"{low:.0%} to {high:.0%}", f"{rate:.0%}")
+        cells = (
+            rule.seed,
+            rule.scenario,
+            subject(stored(rule.conditions)),
+            f"{precision:.0%}",
+            f"{low:.0%} to {high:.0%}",
+            f"{rate:.0%}",
+        )
         lines.append(f"| {' | '.join(map(str, cells))} | {'yes' if holds else 'no'} |")
     head = (
         f"The rate of {CHECKS} other tests lies in the stated interval for {held} of {len(lines)} rules. "

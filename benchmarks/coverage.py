@@ -77,9 +77,14 @@ OUT = Path(__file__).parents[1] / "docs" / "results" / "coverage.csv"
 
 def arrays(seconds: float, models: Path | None, only: Collection[str]) -> None:
     """Record sizes: quick, and polished for so many seconds of processor time."""
-    problems = [(name, Constraints(sizes), strength, others, best) for name, (sizes, strength, others, best) in SPACES.items()]
+    problems = [
+        (name, Constraints(sizes), strength, others, best)
+        for name, (sizes, strength, others, best) in SPACES.items()
+    ]
     for path in sorted(models.glob("*.yaml")) if models else []:
-        problems.append((path.stem, read_space_file(path).constraints, 2, *PUBLISHED.get(path.stem, (0, 0))))
+        problems.append(
+            (path.stem, read_space_file(path).constraints, 2, *PUBLISHED.get(path.stem, (0, 0)))
+        )
     order = [name for name, *_ in problems]
     for clauses in ((), ((Literal(0, 0), Literal(1, 0)),)):
         covering_array(Constraints((2, 2, 2, 2), clauses), 2, effort=Effort(0.1))  # Compiles.
@@ -93,7 +98,13 @@ def arrays(seconds: float, models: Path | None, only: Collection[str]) -> None:
         for array in (quick, polished):
             checked = verify(array.rows, limits, strength)
             assert checked.valid and checked.cells == array.cells, name
-        row = {"space": name, "cells": quick.cells, "others": others, "best": best, "bound": polished.lower_bound}
+        row = {
+            "space": name,
+            "cells": quick.cells,
+            "others": others,
+            "best": best,
+            "bound": polished.lower_bound,
+        }
         row |= {
             "quick": quick.size,
             "quick_s": round(taken, 2),
@@ -121,13 +132,17 @@ def record(row: dict[str, object], order: list[str]) -> None:
     """Write a row into the recorded table, in place of the one of the same space."""
     known = pd.read_csv(OUT).to_dict("records") if OUT.exists() else []
     rows = [other for other in known if other["space"] != row["space"]] + [row]
-    rows.sort(key=lambda found: order.index(found["space"]) if found["space"] in order else len(order))
+    rows.sort(
+        key=lambda found: order.index(found["space"]) if found["space"] in order else len(order)
+    )
     pd.DataFrame(rows).to_csv(OUT, index=False)
 
 
 def sizes() -> None:
     """Print the recorded sizes as the page's table."""
-    print("| space | cells | other tools | best known | bound | quick | seconds | polished | reached after | limit |")
+    print(
+        "| space | cells | other tools | best known | bound | quick | seconds | polished | reached after | limit |"
+    )
     print("|---|---|---|---|---|---|---|---|---|---|")
     for row in pd.read_csv(OUT).itertuples():
         known = " | ".join(str(number or "") for number in (row.others, row.best))
@@ -156,11 +171,27 @@ def tables() -> None:
     for rows, suffix in ((10**6, "parquet"), (10**6, "csv"), (10**7, "parquet")):
         with TemporaryDirectory() as folder:
             space, table = Path(folder) / "space.yaml", Path(folder) / f"points.{suffix}"
-            space.write_text("variables:\n" + "".join(f"  c{i}: {{values: {[*NAMES]}}}\n" for i in range(50)))
+            space.write_text(
+                "variables:\n" + "".join(f"  c{i}: {{values: {[*NAMES]}}}\n" for i in range(50))
+            )
             _write_names(table, rows)
-            command = [sys.executable, "-m", "pipeline", "coverage", "score", "--space", str(space), "--points", str(table), "--k", "3"]
+            command = [
+                sys.executable,
+                "-m",
+                "pipeline",
+                "coverage",
+                "score",
+                "--space",
+                str(space),
+                "--points",
+                str(table),
+                "--k",
+                "3",
+            ]
             begun = time.perf_counter()
-            process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            process = subprocess.Popen(
+                command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+            )
             _, code, used = os.wait4(process.pid, 0)
             seconds, megabytes = time.perf_counter() - begun, used.ru_maxrss / 1024
             if code:
@@ -173,20 +204,36 @@ def _write_names(path: Path, rows: int) -> None:
     """A table of 50 columns of random names, written in pieces."""
     rng, columns = np.random.default_rng(0), [f"c{i}" for i in range(50)]
     schema = pa.schema([(column, pa.string()) for column in columns])
-    with pq.ParquetWriter(path, schema) if path.suffix == ".parquet" else pa_csv.CSVWriter(path, schema) as writer:
+    with (
+        pq.ParquetWriter(path, schema)
+        if path.suffix == ".parquet"
+        else pa_csv.CSVWriter(path, schema) as writer
+    ):
         for _ in range(rows // TABLE_PIECE):
             places = rng.integers(0, len(NAMES), (50, TABLE_PIECE))
-            writer.write_table(pa.table([pa.array(NAMES).take(pa.array(row)) for row in places], schema))
+            writer.write_table(
+                pa.table([pa.array(NAMES).take(pa.array(row)) for row in places], schema)
+            )
 
 
 def cells() -> None:
     """Feasible pairs of 50 conditions with 100 random clauses of three literals."""
     rng = random.Random(1)
     for values in (2, 4):
-        clauses = tuple(tuple(Literal(v, rng.randrange(values), rng.random() < 0.5) for v in rng.sample(range(50), 3)) for _ in range(100))
+        clauses = tuple(
+            tuple(
+                Literal(v, rng.randrange(values), rng.random() < 0.5)
+                for v in rng.sample(range(50), 3)
+            )
+            for _ in range(100)
+        )
         constraints, begun = Constraints((values,) * 50, clauses), time.perf_counter()
-        feasible = sum(int(constraints.feasible_cells(pair).sum()) for pair in combinations(range(50), 2))
-        print(f"feasible pairs, 50 conditions of {values} values, 100 clauses: {feasible} in {1000 * (time.perf_counter() - begun):.0f} ms")
+        feasible = sum(
+            int(constraints.feasible_cells(pair).sum()) for pair in combinations(range(50), 2)
+        )
+        print(
+            f"feasible pairs, 50 conditions of {values} values, 100 clauses: {feasible} in {1000 * (time.perf_counter() - begun):.0f} ms"
+        )
 
 
 def proposals() -> None:
@@ -201,7 +248,9 @@ def proposals() -> None:
         exact = proposer.propose_exact(rows[:known], time_limit_s=20)
         assert quick is not None and exact is not None
         solver = f"after 20 s of HiGHS {exact.gain}, at most {exact.bound}"
-        print(f"proposal, 50 conditions, {known} points there: gain {quick.gain} in {1000 * taken:.0f} ms; {solver}")
+        print(
+            f"proposal, 50 conditions, {known} points there: gain {quick.gain} in {1000 * taken:.0f} ms; {solver}"
+        )
     from pipeline.config.composing import compose
 
     domain = compose("front_car", []).front_car.space
@@ -215,25 +264,50 @@ def proposals() -> None:
         single.append(sum(1 for _ in front.complete(points, exact=True)))
         batches.append(_fewest(front, points))
     nothing = _fewest(front, every[:0])
-    print(f"front-car domain, 20 draws of 5 points: an exact proposal takes at most {1000 * slowest:.0f} ms;")
+    print(
+        f"front-car domain, 20 draws of 5 points: an exact proposal takes at most {1000 * slowest:.0f} ms;"
+    )
     batch = f"{np.mean(batches):.1f} (at most {max(batches)}) in a batch"
-    print(f"  to full coverage {np.mean(single):.1f} points one by one, {batch}; from nothing {nothing}")
+    print(
+        f"  to full coverage {np.mean(single):.1f} points one by one, {batch}; from nothing {nothing}"
+    )
 
 
 def _fewest(proposer: Proposer, points: np.ndarray) -> int:
     """Points that a batch needs for full coverage."""
     missing = int(proposer.missing(points).sum())
-    return next(n for n in range(1, 20) if (found := proposer.propose(points, n)) is not None and found.gain == missing)
+    return next(
+        n
+        for n in range(1, 20)
+        if (found := proposer.propose(points, n)) is not None and found.gain == missing
+    )
 
 
 def main() -> None:
     """Run the parts that are named, or all."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parts: dict[str, Callable[[], None]] = {"sizes": sizes, "counting": counting, "tables": tables, "cells": cells, "proposals": proposals}
-    parser.add_argument("parts", nargs="*", metavar="PART", help=f"arrays, {', '.join(parts)} (default: all)")
-    parser.add_argument("--cpu-seconds", type=float, default=60.0, help="processor time to polish an array (default: %(default)s)")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parts: dict[str, Callable[[], None]] = {
+        "sizes": sizes,
+        "counting": counting,
+        "tables": tables,
+        "cells": cells,
+        "proposals": proposals,
+    }
+    parser.add_argument(
+        "parts", nargs="*", metavar="PART", help=f"arrays, {', '.join(parts)} (default: all)"
+    )
+    parser.add_argument(
+        "--cpu-seconds",
+        type=float,
+        default=60.0,
+        help="processor time to polish an array (default: %(default)s)",
+    )
     parser.add_argument("--models", type=Path, help="folder of space files")
-    parser.add_argument("--only", nargs="+", default=[], metavar="NAME", help="arrays: only these spaces")
+    parser.add_argument(
+        "--only", nargs="+", default=[], metavar="NAME", help="arrays: only these spaces"
+    )
     options = parser.parse_args()
     parts = {"arrays": lambda: arrays(options.cpu_seconds, options.models, options.only), **parts}
     for part in options.parts or parts:

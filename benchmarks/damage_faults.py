@@ -40,8 +40,22 @@ from pipeline.workflow.stamping import Stamps
 
 SHIPPED = Path(__file__).resolve().parents[1] / "models" / "uniform"
 OVERRIDES = [
-    *("simulator=analytic", "detector=oracle", "goal=detectors", "+tested.one=one.onnx", "+tested.other=other.onnx", "held_out=[F1star]"),
-    *("search=[F1]", "strategies=[random]", "seeds=[0]", "campaign.tests=20", "comparison.tests=20", "report.replays=0"),
+    *(
+        "simulator=analytic",
+        "detector=oracle",
+        "goal=detectors",
+        "+tested.one=one.onnx",
+        "+tested.other=other.onnx",
+        "held_out=[F1star]",
+    ),
+    *(
+        "search=[F1]",
+        "strategies=[random]",
+        "seeds=[0]",
+        "campaign.tests=20",
+        "comparison.tests=20",
+        "report.replays=0",
+    ),
     *("comparison.second_iou=null", "base.weights=models/uniform"),
 ]
 IMAGES = 4
@@ -80,7 +94,14 @@ def damage(flips: int, seed: int) -> list[Row]:
             kind,
             counts[kind, "flips"],
             counts[kind, "unseen"],
-            {who: counts[kind, way] for who, way in (("seen by readers", "read"), ("seen by verify", "verify"), ("unseen", "unseen"))},
+            {
+                who: counts[kind, way]
+                for who, way in (
+                    ("seen by readers", "read"),
+                    ("seen by verify", "verify"),
+                    ("unseen", "unseen"),
+                )
+            },
         )
         for kind in sorted({kind for kind, _ in counts})
     ]
@@ -95,11 +116,17 @@ def tiny_study() -> Path:
     stamps = Stamps(jobs)
     for target, _ in jobs.in_order():
         wildcards = dict(target.wildcards)
-        perform(order_of(target.step, jobs.config, wildcards, stamps.stamp(target.step, wildcards)), jobs.config)
+        perform(
+            order_of(target.step, jobs.config, wildcards, stamps.stamp(target.step, wildcards)),
+            jobs.config,
+        )
     root = Path(jobs.folders.root)
     shutil.copytree(SHIPPED, root / "models/base", ignore=shutil.ignore_patterns("README.md"))
     onnx_of(root / "models/base", root / "models/base")
-    stamp(root / "models/base/model.json.stamp", *(root / "models/base" / name for name in VERSION_FILES.values()))
+    stamp(
+        root / "models/base/model.json.stamp",
+        *(root / "models/base" / name for name in VERSION_FILES.values()),
+    )
     _images(root / "base_set")
     return root
 
@@ -111,12 +138,24 @@ def stamp(path: Path, *outputs: Path) -> None:
 
 def _images(root: Path) -> None:
     """A data set of noise."""
-    rng, truth = np.random.default_rng(0), Truth((20.0, 10.0, 40.0, 50.0), (20.0, 10.0, 40.0, 50.0), 800, 800, 30.0)
+    rng, truth = (
+        np.random.default_rng(0),
+        Truth((20.0, 10.0, 40.0, 50.0), (20.0, 10.0, 40.0, 50.0), 800, 800, 30.0),
+    )
     records = [Record("train", index, 96, 64, truth) for index in range(IMAGES)]
     for record in records:
-        write_image(root, record.split, record.index, rng.integers(0, 255, (64, 96, 3), dtype=np.uint8), truth)
+        write_image(
+            root,
+            record.split,
+            record.index,
+            rng.integers(0, 255, (64, 96, 3), dtype=np.uint8),
+            truth,
+        )
     write_truth(root, records)
-    stamp(root / "truth.coco.json.stamp", *(root / name for name in ("truth.coco.json", "dataset.yaml", "images", "labels")))
+    stamp(
+        root / "truth.coco.json.stamp",
+        *(root / name for name in ("truth.coco.json", "dataset.yaml", "images", "labels")),
+    )
 
 
 def damaged(root: Path, flips: int, rng: np.random.Generator) -> Counter[tuple[str, str]]:
@@ -127,7 +166,10 @@ def damaged(root: Path, flips: int, rng: np.random.Generator) -> Counter[tuple[s
         kind, file = files[flip % len(files)]
         whole = file.read_bytes()
         file.write_bytes(flipped(whole, int(rng.integers(8 * len(whole)))))
-        seen = {"read": kind in READERS and not readable(kind, file), "verify": any(found == file for found, _ in stamps.damaged(root))}
+        seen = {
+            "read": kind in READERS and not readable(kind, file),
+            "verify": any(found == file for found, _ in stamps.damaged(root)),
+        }
         file.write_bytes(whole)
         counts.update([(kind, "flips"), *((kind, way) for way, it in seen.items() if it)])
         counts.update([(kind, "unseen")] if not any(seen.values()) else [])
@@ -136,7 +178,11 @@ def damaged(root: Path, flips: int, rng: np.random.Generator) -> Counter[tuple[s
 
 def artefacts(root: Path) -> Iterator[tuple[str, Path]]:
     """Every file of a study that is not empty, with its kind: a key of `READERS`, or its suffix."""
-    for file in sorted(path for path in root.rglob("*") if path.is_file() and path.stat().st_size and "journal" not in path.parts):
+    for file in sorted(
+        path
+        for path in root.rglob("*")
+        if path.is_file() and path.stat().st_size and "journal" not in path.parts
+    ):
         yield next((kind for kind in READERS if file.match(kind)), f"*{file.suffix}"), file
 
 

@@ -61,14 +61,28 @@ class Studies:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     commands = parser.add_subparsers(dest="command", required=True)
     execute = commands.add_parser("run")
     execute.add_argument("seed", type=int, nargs="+", choices=list(SEEDS))
-    execute.add_argument("--busy", action="store_true", help="other work slows this machine: record no time")
-    execute.add_argument("--again", action="store_true", help="the seeds are published already: publish a second execution's outcomes, too")
-    execute.add_argument("--ship", action="store_true", help=f"put the versions into {SHIPPED}, for `study=published`")
-    execute.add_argument("--keep", action="store_true", help=f"leave the finished clone in {CLONES}")
+    execute.add_argument(
+        "--busy", action="store_true", help="other work slows this machine: record no time"
+    )
+    execute.add_argument(
+        "--again",
+        action="store_true",
+        help="the seeds are published already: publish a second execution's outcomes, too",
+    )
+    execute.add_argument(
+        "--ship",
+        action="store_true",
+        help=f"put the versions into {SHIPPED}, for `study=published`",
+    )
+    execute.add_argument(
+        "--keep", action="store_true", help=f"leave the finished clone in {CLONES}"
+    )
     commands.add_parser("check")
     commands.add_parser("answer")
     options = parser.parse_args()
@@ -77,7 +91,9 @@ def main() -> None:
         print(check(of_study(config), pd.read_csv(AGAIN / f"{config.comparison.seed}.csv.gz")))
     elif options.command == "answer":
         studies, again = published(), published(AGAIN)
-        print("\n".join([answer(studies, timed_minutes(studies, again)), *repeated(studies, again)]))
+        print(
+            "\n".join([answer(studies, timed_minutes(studies, again)), *repeated(studies, again)])
+        )
     else:
         for seed in options.seed:
             clone = run(seed, not options.busy, AGAIN if options.again else PUBLISHED)
@@ -96,7 +112,9 @@ def run(seed: int, timed: bool, folder: Path) -> Path:
     if not clone.exists():
         subprocess.run(["git", "clone", "--quiet", ".", clone], check=True)
     study = f"python -m pipeline compose study=default seeds=[{seed}] retraining.seeds=[{seed}] comparison.seed={seed}"
-    subprocess.run(["bash", "-c", f"./run setup && .venv/bin/{study} && ./run"], cwd=clone, check=True)
+    subprocess.run(
+        ["bash", "-c", f"./run setup && .venv/bin/{study} && ./run"], cwd=clone, check=True
+    )
     minutes = (time.monotonic() - begin) / 60 if timed else np.nan
     publish(clone, seed, minutes, folder)
     (clone / EXECUTED).write_text(str(folder))
@@ -107,11 +125,20 @@ def check_clone(clone: Path, folder: Path) -> None:
     """SystemExit if a clone that is already there cannot become the study that the folder publishes: then `./run` would do nothing."""
     if not clone.exists():
         return
-    heads = [subprocess.run(["git", "rev-parse", "HEAD"], cwd=each, check=True, capture_output=True).stdout for each in (clone, ".")]
+    heads = [
+        subprocess.run(
+            ["git", "rev-parse", "HEAD"], cwd=each, check=True, capture_output=True
+        ).stdout
+        for each in (clone, ".")
+    ]
     if heads[0] != heads[1]:
-        raise SystemExit(f"{clone} is a clone of another commit; delete it to execute the study once more")
+        raise SystemExit(
+            f"{clone} is a clone of another commit; delete it to execute the study once more"
+        )
     if (executed := clone / EXECUTED).exists() and executed.read_text() != str(folder):
-        raise SystemExit(f"{clone} is the execution that {executed.read_text()} publishes; delete it to execute the study once more")
+        raise SystemExit(
+            f"{clone} is the execution that {executed.read_text()} publishes; delete it to execute the study once more"
+        )
 
 
 def publish(clone: Path, seed: int, minutes: float, folder: Path) -> None:
@@ -134,16 +161,25 @@ def ship(clone: Path) -> None:
         target = SHIPPED / version
         target.mkdir(parents=True, exist_ok=True)
         for kind in ("weights", "card", "curve"):
-            shutil.copyfile(clone / folders.model(version, VERSION_FILES[kind]), target / VERSION_FILES[kind])
+            shutil.copyfile(
+                clone / folders.model(version, VERSION_FILES[kind]), target / VERSION_FILES[kind]
+            )
 
 
 def check(here: pd.DataFrame, there: pd.DataFrame) -> str:
     """How the outcomes of the shipped versions, executed here, differ from the published ones; SystemExit if the tests are others."""
     if not here[TEST].equals(there[TEST]):
-        raise SystemExit("expected the published held-out tests, got others; compose study=published without changes")
-    lines = [f"| version | failures | published | of {len(here)} outcomes, different |", "|---|---|---|---|"]
+        raise SystemExit(
+            "expected the published held-out tests, got others; compose study=published without changes"
+        )
+    lines = [
+        f"| version | failures | published | of {len(here)} outcomes, different |",
+        "|---|---|---|---|",
+    ]
     for name in SHIPPED_VERSIONS:
-        lines.append(f"| `{name}` | {failures(here)[name]} | {failures(there)[name]} | {here[name].ne(there[name]).sum()} |")
+        lines.append(
+            f"| `{name}` | {failures(here)[name]} | {failures(there)[name]} | {here[name].ne(there[name]).sum()} |"
+        )
     return "\n".join(lines)
 
 
@@ -167,20 +203,35 @@ def publish_regions(study: Path, seed: int, path: Path) -> None:
     if path.exists():
         earlier = pd.read_csv(path)
         table = pd.concat([earlier[earlier["seed"] != seed], table])
-    table.sort_values(["seed", "failures"], ascending=[True, False], kind="stable").to_csv(path, index=False)
+    table.sort_values(["seed", "failures"], ascending=[True, False], kind="stable").to_csv(
+        path, index=False
+    )
 
 
 def published(folder: Path = PUBLISHED) -> Studies:
     """The studies that a folder holds; none before the first."""
-    outcomes = {seed: pd.read_csv(folder / f"{seed}.csv.gz") for seed in SEEDS if (folder / f"{seed}.csv.gz").exists()}
+    outcomes = {
+        seed: pd.read_csv(folder / f"{seed}.csv.gz")
+        for seed in SEEDS
+        if (folder / f"{seed}.csv.gz").exists()
+    }
     if not outcomes:
         return Studies({}, pd.DataFrame(), pd.DataFrame())
-    return Studies(outcomes, pd.read_csv(folder / "verdicts.csv", index_col="seed"), pd.read_csv(folder / "regions.csv"))
+    return Studies(
+        outcomes,
+        pd.read_csv(folder / "verdicts.csv", index_col="seed"),
+        pd.read_csv(folder / "regions.csv"),
+    )
 
 
 def timed_minutes(*several: Studies) -> list[float]:
     """Of all timed runs."""
-    return [float(value) for studies in several if len(studies.verdicts) for value in studies.verdicts["minutes"].dropna()]
+    return [
+        float(value)
+        for studies in several
+        if len(studies.verdicts)
+        for value in studies.verdicts["minutes"].dropna()
+    ]
 
 
 def answer(studies: Studies, timed: Sequence[float]) -> str:
@@ -188,7 +239,10 @@ def answer(studies: Studies, timed: Sequence[float]) -> str:
     pieces, verdicts = studies.outcomes, studies.verdicts
     if not pieces:
         return "No study is published."
-    better = {name: sum(p_value(piece, name) <= ALPHA for piece in pieces.values()) for name in ("base", "control")}
+    better = {
+        name: sum(p_value(piece, name) <= ALPHA for piece in pieces.values())
+        for name in ("base", "control")
+    }
     counts = [failures(piece) for piece in pieces.values()]
     ahead = mean_difference([count["adaptive"] - count["random"] for count in counts])
     head = (
@@ -207,7 +261,9 @@ def answer(studies: Studies, timed: Sequence[float]) -> str:
         "|---|---|---|---|---|---|---|---|---|---|",
     ]
     for (seed, piece), count in zip(pieces.items(), counts, strict=True):
-        counted = " | ".join(str(number) for number in (seed, len(valid(piece)), *(count[name] for name in VERSIONS)))
+        counted = " | ".join(
+            str(number) for number in (seed, len(valid(piece)), *(count[name] for name in VERSIONS))
+        )
         spent = verdicts.loc[seed, "minutes"]
         took = "not timed" if np.isnan(spent) else f"{spent:.1f}"
         p_values = f"{p_text(p_value(piece, 'base'))} | {p_text(p_value(piece, 'control'))}"
@@ -226,7 +282,9 @@ def _largest(studies: Studies) -> list[str]:
         largest = found.iloc[0]
         text = subject(stored(largest["conditions"]))
         named += any(group in text.lower() for group in PLANTED)
-        counts = " | ".join(str(largest[name]) for name in ("failures", "tests_inside", "failures_inside"))
+        counts = " | ".join(
+            str(largest[name]) for name in ("failures", "tests_inside", "failures_inside")
+        )
         rows.append(f"| {seed} | {len(found)} | {text} | {counts} |")
     head = f"The largest region's sentence names a planted group, children or crouching people, in {named} of {len(rows)} searches."
     return [
@@ -243,7 +301,10 @@ def repeated(studies: Studies, again: Studies) -> list[str]:
     lines = []
     for seed, piece in again.outcomes.items():
         first, same = studies.outcomes[seed], _regions(studies, seed).equals(_regions(again, seed))
-        counts, different = (failures(first), failures(piece)), first[VERSIONS].ne(piece[VERSIONS]).sum()
+        counts, different = (
+            (failures(first), failures(piece)),
+            first[VERSIONS].ne(piece[VERSIONS]).sum(),
+        )
         spent = again.verdicts.loc[seed, "minutes"]
         took = "" if np.isnan(spent) else f", in {spent:.1f} minutes"
         lines += [
@@ -252,7 +313,10 @@ def repeated(studies: Studies, again: Studies) -> list[str]:
             "",
             f"| version | failures | once more | of {len(piece)} outcomes, different |",
             "|---|---|---|---|",
-            *(f"| `{name}` | {counts[0][name]} | {counts[1][name]} | {different[name]} |" for name in VERSIONS),
+            *(
+                f"| `{name}` | {counts[0][name]} | {counts[1][name]} | {different[name]} |"
+                for name in VERSIONS
+            ),
         ]
     return lines
 

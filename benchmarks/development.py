@@ -35,7 +35,9 @@ PEOPLE = 3
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("version", nargs="+", type=Path)
     parser.add_argument("--tests", type=int, default=60, help="tests per scenario")
     parser.add_argument("--scenario", nargs="+", default=["F1", "F2", "F3"])
@@ -49,33 +51,63 @@ def main() -> None:
             own.mkdir()
             model = onnx_of(version, own)
             for scenario in options.scenario:
-                failed[version] += _failures(config, scenario, model, options.tests, options.workers, own)
+                failed[version] += _failures(
+                    config, scenario, model, options.tests, options.workers, own
+                )
                 done = i * len(options.scenario) * options.tests + len(failed[version])
-                progress(done, len(options.version) * len(options.scenario) * options.tests, f"{version}: {sum(failed[version])} failures")
-    print(f"{'failures':>8}  {'by scenario':<{4 * len(options.scenario)}}{'fixes':>7}{'regressions':>13}{'McNemar p':>11}  version")
+                progress(
+                    done,
+                    len(options.version) * len(options.scenario) * options.tests,
+                    f"{version}: {sum(failed[version])} failures",
+                )
+    print(
+        f"{'failures':>8}  {'by scenario':<{4 * len(options.scenario)}}{'fixes':>7}{'regressions':>13}{'McNemar p':>11}  version"
+    )
     first = failed[options.version[0]]
     for version, found in failed.items():
         paired = mcnemar(first, found)
-        parts = "".join(f"{int(np.sum(part)):>4}" for part in np.split(np.array(found), len(options.scenario)))
-        print(f"{sum(found):>8}  {parts}{paired.fixes:>7}{paired.regressions:>13}{paired.p_value:>11.2g}  {version}")
+        parts = "".join(
+            f"{int(np.sum(part)):>4}" for part in np.split(np.array(found), len(options.scenario))
+        )
+        print(
+            f"{sum(found):>8}  {parts}{paired.fixes:>7}{paired.regressions:>13}{paired.p_value:>11.2g}  {version}"
+        )
 
 
-def _failures(config: Config, scenario: str, model: Path, tests: int, workers: int, folder: Path) -> list[bool]:
+def _failures(
+    config: Config, scenario: str, model: Path, tests: int, workers: int, folder: Path
+) -> list[bool]:
     """Whether each test fails, in the order of the pair-wise sequence."""
     described = config.scenarios[scenario]
-    moved = described.model_copy(update={"town": described.town.model_copy(update=TOWN), "people": PEOPLE})
+    moved = described.model_copy(
+        update={"town": described.town.model_copy(update=TOWN), "people": PEOPLE}
+    )
     space = moved.logical_space()
     seed = sampler_seed(CampaignId(scenario, "pairwise", "base", 3), frozen=True)
-    sampler = instantiate(config.samplers["pairwise"], _partial_=True, _convert_="all")(space=space, seed=seed)
-    points = np.concatenate([_asked(sampler) for _ in range(-(-tests // config.samplers["pairwise"]["batch_size"]))])[:tests]
+    sampler = instantiate(config.samplers["pairwise"], _partial_=True, _convert_="all")(
+        space=space, seed=seed
+    )
+    points = np.concatenate(
+        [_asked(sampler) for _ in range(-(-tests // config.samplers["pairwise"]["batch_size"]))]
+    )[:tests]
     log = journal.Journal(folder / scenario, scenario, Progress(scenario))
-    with closing(Workers(workers, Setup(config.simulator, moved, config.detector, model, config.car, config.limits))) as pool:
-        for _ in pool.execute([Execution(i, log.path(i), space.decode(point)) for i, point in enumerate(points)]):
+    with closing(
+        Workers(
+            workers,
+            Setup(config.simulator, moved, config.detector, model, config.car, config.limits),
+        )
+    ) as pool:
+        for _ in pool.execute(
+            [Execution(i, log.path(i), space.decode(point)) for i, point in enumerate(points)]
+        ):
             pass
     outcomes = [log.read(i) for i in range(tests)]
     if errors := [outcome.reason for outcome in outcomes if outcome.is_error]:
         raise SystemExit(f"{scenario}: {len(errors)} tests ended in an error: {errors[0]}")
-    return [kpi.evaluate(outcome.signals, config.campaign.failure_threshold_s).failure for outcome in outcomes]
+    return [
+        kpi.evaluate(outcome.signals, config.campaign.failure_threshold_s).failure
+        for outcome in outcomes
+    ]
 
 
 def _asked(sampler: Any) -> Any:

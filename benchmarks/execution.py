@@ -45,11 +45,15 @@ def timed(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
 
 def main() -> None:
     """Measure and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--tests", type=int, default=40, help="tests per scenario")
     parser.add_argument("--scenario", nargs="+", default=["F1", "F2"])
     parser.add_argument("--model", type=Path, default=Path("models/uniform"))
-    parser.add_argument("--camera", default="320x192", help="name of a file in conf/camera (default: %(default)s)")
+    parser.add_argument(
+        "--camera", default="320x192", help="name of a file in conf/camera (default: %(default)s)"
+    )
     options = parser.parse_args()
     config = compose("default", [f"camera={options.camera}"])
     camera.Camera.shoot = timed("frame", camera.Camera.shoot)  # type: ignore[method-assign]
@@ -59,7 +63,11 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         onnx, settings = Path(folder) / "model.onnx", config.simulator["camera"]
         # At the camera's size, whatever size the weights learnt from: the cost is the same.
-        export_onnx(onnx, load_weights(options.model / "weights.safetensors"), (settings["width"], settings["height"]))
+        export_onnx(
+            onnx,
+            load_weights(options.model / "weights.safetensors"),
+            (settings["width"], settings["height"]),
+        )
         for name in options.scenario:
             measure(config, name, options.tests, OnnxDetector(onnx, threshold=config.threshold))
 
@@ -71,7 +79,9 @@ def measure(config: Config, name: str, tests: int, detector: OnnxDetector) -> No
     cv2.setNumThreads(1)  # As in worker processes; waiting threads count as CPU time.
     simulator = make_simulator(config.simulator, described, config.car)
     assert isinstance(simulator, MujocoSimulator)
-    simulator.execute(space.decode(space.sample(1, np.random.default_rng(0))[0]), detector)  # Warm up.
+    simulator.execute(
+        space.decode(space.sample(1, np.random.default_rng(0))[0]), detector
+    )  # Warm up.
     SPENT.clear()
     whole, frames = [], 0
     for point in space.sample(tests, np.random.default_rng(1)):
@@ -81,10 +91,17 @@ def measure(config: Config, name: str, tests: int, detector: OnnxDetector) -> No
         frames += len(episode.signals["time_s"]) - 1
     simulator.close()
     render = SPENT["frame"] - SPENT["ground truth"] - SPENT["weather"]
-    parts = {"render": render, "ground truth": SPENT["ground truth"], "weather": SPENT["weather"], "inference": SPENT["inference"]}
+    parts = {
+        "render": render,
+        "ground truth": SPENT["ground truth"],
+        "weather": SPENT["weather"],
+        "inference": SPENT["inference"],
+    }
     parts["rest"] = sum(whole) - sum(parts.values())
     spread = f"median; mean {np.mean(whole):.2f}, longest {max(whole):.2f}"
-    print(f"{name}: {np.median(whole):.2f} CPU-s per test ({spread}), {frames / tests:.1f} frames per test")
+    print(
+        f"{name}: {np.median(whole):.2f} CPU-s per test ({spread}), {frames / tests:.1f} frames per test"
+    )
     for part, seconds in parts.items():
         print(f"  {part:<13}{seconds / frames * 1e3:6.2f} ms per frame {seconds / sum(whole):6.1%}")
 

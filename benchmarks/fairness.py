@@ -33,20 +33,39 @@ from pipeline.progress import Progress
 FAIR = [f"F{number}" for number in range(1, 9)] + [f"F{number}star" for number in range(1, 5)]
 NO_BRAKING = [f"N{number}" for number in range(1, 5)]
 SCRIPTED = ("oracle", "blind", "everywhere")
-HOW = ("failure_mode", "cause", "false_positives_far", "false_positives_localisation", "false_positives_duplicate")
+HOW = (
+    "failure_mode",
+    "cause",
+    "false_positives_far",
+    "false_positives_localisation",
+    "false_positives_duplicate",
+)
 SHOWN = 3
 """Failures of a scenario that are printed as commands."""
 
 
 def main() -> None:
     """Execute random tests and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--tests", type=int, default=300, help="tests per scenario")
     parser.add_argument("--scenario", nargs="+", default=[*FAIR, *NO_BRAKING])
-    parser.add_argument("--detector", default="oracle", help="oracle, blind, everywhere or the folder of a version")
-    parser.add_argument("--seed", type=int, default=5, help="of the random tests (default: %(default)s)")
-    parser.add_argument("--study", default="default", help="whose settings hold (default: %(default)s)")
-    parser.add_argument("overrides", nargs="*", metavar="key=value", help="settings of the study to change, such as camera=640x384")
+    parser.add_argument(
+        "--detector", default="oracle", help="oracle, blind, everywhere or the folder of a version"
+    )
+    parser.add_argument(
+        "--seed", type=int, default=5, help="of the random tests (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--study", default="default", help="whose settings hold (default: %(default)s)"
+    )
+    parser.add_argument(
+        "overrides",
+        nargs="*",
+        metavar="key=value",
+        help="settings of the study to change, such as camera=640x384",
+    )
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--journal", type=Path, default=Path("data/fairness"))
     parser.add_argument("--out", type=Path, help="CSV of the table")
@@ -56,7 +75,15 @@ def main() -> None:
     model = model_of(options.detector, folder)
     rows, tests = [], []
     for name in options.scenario:
-        planned = plan(name, options.detector, model, options.tests, options.overrides, options.study, options.seed)
+        planned = plan(
+            name,
+            options.detector,
+            model,
+            options.tests,
+            options.overrides,
+            options.study,
+            options.seed,
+        )
         with Progress(name) as progress:
             done = executed(planned, folder / name, options.workers, progress)
             rows.append(row(planned, done, progress))
@@ -64,7 +91,10 @@ def main() -> None:
     table = pd.DataFrame(rows)
     print(table.to_string(index=False, na_rep="–", float_format="{:.4g}".format))
     if options.out is not None:
-        write_bytes(options.out, table.to_csv(index=False, lineterminator="\n", float_format="%.6g").encode())
+        write_bytes(
+            options.out,
+            table.to_csv(index=False, lineterminator="\n", float_format="%.6g").encode(),
+        )
     if options.outcomes is not None:
         write(pd.concat(tests), options.outcomes)
 
@@ -79,12 +109,25 @@ def model_of(detector: str, folder: Path) -> Path:
 
 
 def plan(
-    scenario: str, detector: str, model: Path, tests: int, overrides: Sequence[str] = (), study: str = "default", seed: int = 5
+    scenario: str,
+    detector: str,
+    model: Path,
+    tests: int,
+    overrides: Sequence[str] = (),
+    study: str = "default",
+    seed: int = 5,
 ) -> CampaignPlan:
     """Random tests of a scenario in one batch, so that no worker waits for another."""
     described = functional_scenario(scenario)
     gate = "truth" if described.asks_to_brake else "detections"
-    config = compose(study, [f"aeb.gate={gate}", *([f"detector={detector}"] if detector in SCRIPTED else []), *overrides])
+    config = compose(
+        study,
+        [
+            f"aeb.gate={gate}",
+            *([f"detector={detector}"] if detector in SCRIPTED else []),
+            *overrides,
+        ],
+    )
     campaign = CampaignId(scenario, "random", "base", seed)
     return CampaignPlan(
         campaign=campaign,
@@ -96,14 +139,25 @@ def plan(
     )
 
 
-def executed(planned: CampaignPlan, folder: Path, workers: int, progress: Progress) -> list[tuple[dict[str, float | str], Kpi | None]]:
+def executed(
+    planned: CampaignPlan, folder: Path, workers: int, progress: Progress
+) -> list[tuple[dict[str, float | str], Kpi | None]]:
     """Every test with its KPIs, None for an error."""
     with closing(Workers(workers, planned.setup)) as pool:
-        done = search(planned, planned.sampler(), Journal(folder, planned.identity, progress), pool, progress)
-    return [(dict(planned.space.decode(test.point)), None if test.outcome.is_error else test.kpi) for test in done]
+        done = search(
+            planned, planned.sampler(), Journal(folder, planned.identity, progress), pool, progress
+        )
+    return [
+        (dict(planned.space.decode(test.point)), None if test.outcome.is_error else test.kpi)
+        for test in done
+    ]
 
 
-def row(planned: CampaignPlan, done: Sequence[tuple[dict[str, float | str], Kpi | None]], progress: Progress) -> dict[str, float | str]:
+def row(
+    planned: CampaignPlan,
+    done: Sequence[tuple[dict[str, float | str], Kpi | None]],
+    progress: Progress,
+) -> dict[str, float | str]:
     """A scenario's row of the table."""
     judged = [kpi for _, kpi in done if kpi is not None]
     for command in list(commands(planned.campaign.scenario, done))[:SHOWN]:
@@ -124,12 +178,18 @@ def row(planned: CampaignPlan, done: Sequence[tuple[dict[str, float | str], Kpi 
         "false_positives": sum(kpi.failure_mode == "false_positives" for kpi in judged),
         "not_solvable": sum(kpi.cause == "not_solvable" for kpi in judged),
         "false_activations": number,
-        "mean_duration_s": sum(kpi.false_activation_s for kpi in braking) / number if number else float("nan"),
-        "mean_speed_loss_mps": sum(kpi.speed_loss_mps for kpi in braking) / len(braking) if braking else float("nan"),
+        "mean_duration_s": sum(kpi.false_activation_s for kpi in braking) / number
+        if number
+        else float("nan"),
+        "mean_speed_loss_mps": sum(kpi.speed_loss_mps for kpi in braking) / len(braking)
+        if braking
+        else float("nan"),
     }
 
 
-def outcomes(planned: CampaignPlan, done: Sequence[tuple[dict[str, float | str], Kpi | None]]) -> pd.DataFrame:
+def outcomes(
+    planned: CampaignPlan, done: Sequence[tuple[dict[str, float | str], Kpi | None]]
+) -> pd.DataFrame:
     """Every test: who walks how, 0 passed, 1 failed, 2 ended in an error, and how it failed."""
     points = np.array([planned.space.encode(concrete) for concrete, _ in done])
     judged = [NO_KPI if kpi is None else kpi for _, kpi in done]
@@ -137,7 +197,10 @@ def outcomes(planned: CampaignPlan, done: Sequence[tuple[dict[str, float | str],
         {
             "scenario": planned.campaign.scenario,
             "index": np.arange(len(done)),
-            **{name: [concrete[name] for concrete, _ in done] for name in ("animation", "blueprint")},
+            **{
+                name: [concrete[name] for concrete, _ in done]
+                for name in ("animation", "blueprint")
+            },
             "group": groups(planned.space, points),
             "outcome": [ERROR if kpi is None else int(kpi.failure) for _, kpi in done],
             **{name: [getattr(kpi, name) for kpi in judged] for name in HOW},
@@ -145,11 +208,16 @@ def outcomes(planned: CampaignPlan, done: Sequence[tuple[dict[str, float | str],
     )
 
 
-def commands(scenario: str, done: Sequence[tuple[dict[str, float | str], Kpi | None]]) -> Iterator[str]:
+def commands(
+    scenario: str, done: Sequence[tuple[dict[str, float | str], Kpi | None]]
+) -> Iterator[str]:
     """A command for each failure that executes it in the default study; add `--model` for another detector than models/uniform."""
     for concrete, kpi in done:
         if kpi is not None and kpi.failure:
-            words = [f"'{key}={value}'" if isinstance(value, str) else f"{key}={value!r}" for key, value in concrete.items()]
+            words = [
+                f"'{key}={value}'" if isinstance(value, str) else f"{key}={value!r}"
+                for key, value in concrete.items()
+            ]
             yield f"{kpi.failure_mode}, {kpi.cause}: python -m pipeline simulate {scenario} {' '.join(words)}"
 
 

@@ -30,7 +30,17 @@ def table(rows: Sequence[Row]) -> str:
         lines += [_line(row) for row in own]
         ways = dict.fromkeys(way for row in own for way in row.outcomes)
         total = {way: sum(row.outcomes.get(way, 0) for row in own) for way in ways}
-        lines.append(_line(Row(fault, "all", sum(row.count for row in own), sum(row.wrong for row in own), total)))
+        lines.append(
+            _line(
+                Row(
+                    fault,
+                    "all",
+                    sum(row.count for row in own),
+                    sum(row.wrong for row in own),
+                    total,
+                )
+            )
+        )
     return "\n".join(lines)
 
 
@@ -38,14 +48,20 @@ def keep(rows: Sequence[Row], path: Path = PUBLISHED) -> None:
     """Publish the rows: a line for each outcome of a fault in a place. They replace those of the same kinds of fault."""
     for row in rows:
         if row.count and not sum(row.outcomes.values()):
-            raise ValueError(f"{row.fault}, {row.where}: {row.count} faults without an outcome would not be published")
+            raise ValueError(
+                f"{row.fault}, {row.where}: {row.count} faults without an outcome would not be published"
+            )
     fresh = {row.fault for row in rows}
     kept = [row for row in published(path) if row.fault not in fresh] if path.exists() else []
     with path.open("w", newline="") as file:
         lines = csv.writer(file, lineterminator="\n")
         lines.writerow(["fault", "where", "number", "wrong", "outcome", "times"])
         for row in [*kept, *rows]:
-            lines.writerows([row.fault, row.where, row.count, row.wrong, way, times] for way, times in row.outcomes.items() if times)
+            lines.writerows(
+                [row.fault, row.where, row.count, row.wrong, way, times]
+                for way, times in row.outcomes.items()
+                if times
+            )
 
 
 def published(path: Path = PUBLISHED) -> list[Row]:
@@ -55,7 +71,12 @@ def published(path: Path = PUBLISHED) -> list[Row]:
         for line in csv.DictReader(file):
             place = (line["fault"], line["where"])
             known = rows.get(place, Row(*place, int(line["number"]), int(line["wrong"]), {}))
-            rows[place] = Row(*place, known.count, known.wrong, {**known.outcomes, line["outcome"]: int(line["times"])})
+            rows[place] = Row(
+                *place,
+                known.count,
+                known.wrong,
+                {**known.outcomes, line["outcome"]: int(line["times"])},
+            )
     return list(rows.values())
 
 
@@ -66,7 +87,9 @@ def page(rows: Sequence[Row]) -> str:
         own = [row for row in rows if row.fault == fault]
         total = sum((Counter(row.outcomes) for row in own), Counter[str]())
         numbers = f"{sum(row.count for row in own)} | {sum(row.count > 0 for row in own)} | {sum(row.wrong for row in own)}"
-        lines.append(f"| {fault} | {numbers} | {', '.join(f'{way}: {times}' for way, times in total.items())} |")
+        lines.append(
+            f"| {fault} | {numbers} | {', '.join(f'{way}: {times}' for way, times in total.items())} |"
+        )
     return "\n".join(lines)
 
 

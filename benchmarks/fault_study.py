@@ -21,17 +21,39 @@ from pipeline.artefacts import stamps
 
 ROOT = Path(__file__).resolve().parents[1]
 TINY = (
-    *("study=smoke", "search=[F1]", "held_out=[F1star]", "strategies=[random]", "~arms", "+arms={random: random}"),
+    *(
+        "study=smoke",
+        "search=[F1]",
+        "held_out=[F1star]",
+        "strategies=[random]",
+        "~arms",
+        "+arms={random: random}",
+    ),
     *("campaign.tests=4", "comparison.tests=3", "base_set.images=12", "report.replays=1"),
     *("retraining.iterations=1", "retraining.batch_size=2", "retraining.added_frames=4"),
     *("filter.min_visible_pixels=0", "filter.min_detectability=0"),
     *("simulator.camera.width=160", "simulator.camera.height=96", "simulator.camera.rate_hz=4"),
 )
 """The smallest study with a job of every rule of the default study."""
-MADE = ("data/mlflow", "logs", ".snakemake", ".cache/recorded", "dvc.lock", ".dvc/cache", ".dvc/tmp")
+MADE = (
+    "data/mlflow",
+    "logs",
+    ".snakemake",
+    ".cache/recorded",
+    "dvc.lock",
+    ".dvc/cache",
+    ".dvc/tmp",
+)
 CLOCKS = ("timings.parquet", "tracking.json")
 """Files that hold times or numbers of MLflow; all others are the same after every run."""
-REGISTERED = ("runs", "registered_models", "model_versions", "logged_models WHERE lifecycle_stage = 'active'", "metrics", "tags")
+REGISTERED = (
+    "runs",
+    "registered_models",
+    "model_versions",
+    "logged_models WHERE lifecycle_stage = 'active'",
+    "metrics",
+    "tags",
+)
 """MLflow's tables that are counted. MLflow keeps a logged model that was deleted: the incomplete one of a killed registration."""
 STARTS = (
     (re.compile(r"\++ python -m pipeline (verify|verdict)"), None),
@@ -53,8 +75,15 @@ class Outcome:
 
     def differences(self, other: Outcome) -> list[str]:
         """The parts in which another outcome differs."""
-        files = [path for path in sorted({*self.files, *other.files}) if self.files.get(path) != other.files.get(path)]
-        return [*files, *(name for name in ("registered", "dvc") if asdict(self)[name] != asdict(other)[name])]
+        files = [
+            path
+            for path in sorted({*self.files, *other.files})
+            if self.files.get(path) != other.files.get(path)
+        ]
+        return [
+            *files,
+            *(name for name in ("registered", "dvc") if asdict(self)[name] != asdict(other)[name]),
+        ]
 
 
 @dataclass(frozen=True)
@@ -73,7 +102,9 @@ class Run:
     def durations(self) -> dict[str, float]:
         """The seconds of each phase, in the order of their first begin."""
         found: dict[str, float] = {}
-        for (name, begin), (_, end) in zip(self.phases, [*self.phases[1:], ("", self.seconds)], strict=True):
+        for (name, begin), (_, end) in zip(
+            self.phases, [*self.phases[1:], ("", self.seconds)], strict=True
+        ):
             found[name] = found.get(name, 0.0) + end - begin
         return found
 
@@ -86,7 +117,10 @@ class FaultStudy:
         self.data = folder / "data" / overrides[0].removeprefix("study=")
         self._environment = {**os.environ, "PYTHONPATH": str(self.folder), "CORES": "2"}
         head = _said(["git", "rev-parse", "HEAD"], ROOT)
-        if not (folder / ".venv/ready").exists() or _said(["git", "rev-parse", "HEAD"], folder) != head:
+        if (
+            not (folder / ".venv/ready").exists()
+            or _said(["git", "rev-parse", "HEAD"], folder) != head
+        ):
             shutil.rmtree(folder, ignore_errors=True)
             subprocess.run(["git", "clone", "--quiet", ROOT, folder], check=True)
             self._link_environment()
@@ -100,7 +134,9 @@ class FaultStudy:
             (self.folder / ".venv" / file.name).symlink_to(file)
         stamp = self.folder / ".venv/blindspot.stamp"
         stamp.unlink(missing_ok=True)
-        pins = _said(["bash", "-c", "cat pyproject.toml requirements.lock | sha256sum"], self.folder)
+        pins = _said(
+            ["bash", "-c", "cat pyproject.toml requirements.lock | sha256sum"], self.folder
+        )
         stamp.write_text(f"{pins} {self.folder}\n")
 
     def python(self, *words: str) -> str:
@@ -115,8 +151,19 @@ class FaultStudy:
     def start(self, *arguments: str) -> subprocess.Popen[str]:
         """`./run` with arguments, as the first of its own group of processes; its output tells each command before it runs."""
         command = ["bash", "-x", "run", *arguments]
-        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "stdin": subprocess.DEVNULL}
-        return subprocess.Popen(command, cwd=self.folder, env=self._environment, text=True, start_new_session=True, **pipes)  # type: ignore[call-overload, no-any-return]
+        pipes = {
+            "stdout": subprocess.PIPE,
+            "stderr": subprocess.STDOUT,
+            "stdin": subprocess.DEVNULL,
+        }
+        return subprocess.Popen(  # type: ignore[call-overload, no-any-return]
+            command,
+            cwd=self.folder,
+            env=self._environment,
+            text=True,
+            start_new_session=True,
+            **pipes,
+        )
 
     def run(self, kill_when: Callable[[str], float | None] = lambda phase: None) -> Run:
         """`./run`. kill_when: told each phase as it begins, the seconds after which all processes are killed with -9, None for not now."""
@@ -140,11 +187,19 @@ class FaultStudy:
 
     def outcome(self) -> Outcome:
         """What the study consists of now."""
-        files = {str(path.relative_to(self.data)): _digest(path) for path in sorted(self.data.rglob("*")) if path.is_file()}
+        files = {
+            str(path.relative_to(self.data)): _digest(path)
+            for path in sorted(self.data.rglob("*"))
+            if path.is_file()
+        }
         return Outcome(
             {path: digest for path, digest in files.items() if not path.endswith(CLOCKS)},
             dict(self._registered()),
-            _said([str(Path(sys.executable).with_name("dvc")), "status", "--json"], self.folder, self._environment),
+            _said(
+                [str(Path(sys.executable).with_name("dvc")), "status", "--json"],
+                self.folder,
+                self._environment,
+            ),
         )
 
     def _registered(self) -> Iterator[tuple[str, int]]:
@@ -154,7 +209,12 @@ class FaultStudy:
         with closing(sqlite3.connect(store)) as database:
             for table in REGISTERED:
                 yield table, database.execute(f"SELECT COUNT(*) FROM {table}").fetchone()[0]
-            yield "unfinished", database.execute("SELECT COUNT(*) FROM runs WHERE status != 'FINISHED'").fetchone()[0]
+            yield (
+                "unfinished",
+                database.execute("SELECT COUNT(*) FROM runs WHERE status != 'FINISHED'").fetchone()[
+                    0
+                ],
+            )
 
 
 def phase_of(line: str) -> str | None:
@@ -169,7 +229,16 @@ def _digest(path: Path) -> str:
     """A file's digest; a stamp's without the lines of files that hold clocks."""
     if path.suffix != stamps.SUFFIX or (stamp := stamps.read(path)) is None:
         return stamps.digest(path)
-    return json.dumps([stamp.depends, {name: value for name, value in sorted(stamp.digests.items()) if not name.endswith(CLOCKS)}])
+    return json.dumps(
+        [
+            stamp.depends,
+            {
+                name: value
+                for name, value in sorted(stamp.digests.items())
+                if not name.endswith(CLOCKS)
+            },
+        ]
+    )
 
 
 def _kill_after(process: subprocess.Popen[str], seconds: float | None) -> threading.Timer | None:
@@ -187,5 +256,7 @@ def kill(process: subprocess.Popen[str]) -> None:
 
 
 def _said(command: Sequence[str], folder: Path, environment: dict[str, str] | None = None) -> str:
-    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, check=True
+    )
     return done.stdout.strip()

@@ -23,10 +23,20 @@ from repair_faults import repairs
 
 def main() -> int:
     """Do the faults that are asked for and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--kills", type=int, default=0, metavar="N", help="kill ./run with -9, by turns in each of its phases")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--kills",
+        type=int,
+        default=0,
+        metavar="N",
+        help="kill ./run with -9, by turns in each of its phases",
+    )
     parser.add_argument("--configs", type=int, default=0, metavar="N", help="change params.yaml")
-    parser.add_argument("--damage", type=int, default=0, metavar="N", help="flip a bit in a file, then read it")
+    parser.add_argument(
+        "--damage", type=int, default=0, metavar="N", help="flip a bit in a file, then read it"
+    )
     parser.add_argument(
         "--repairs",
         type=int,
@@ -35,8 +45,15 @@ def main() -> int:
         help="flip a bit in a file of each kind of a finished study, then ./run; then in N files, one by one",
     )
     parser.add_argument("--seed", type=int, default=0, help="default: %(default)s")
-    parser.add_argument("--folder", type=Path, default=Path(".cache/faults"), help="for the clone (default: %(default)s)")
-    parser.add_argument("--keep", action="store_true", help="publish the rows beside docs/results/faults.md")
+    parser.add_argument(
+        "--folder",
+        type=Path,
+        default=Path(".cache/faults"),
+        help="for the clone (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--keep", action="store_true", help="publish the rows beside docs/results/faults.md"
+    )
     parser.add_argument("--published", action="store_true", help="only print the published table")
     options = parser.parse_args()
     if options.published:

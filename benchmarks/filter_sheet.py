@@ -30,9 +30,19 @@ PIXELS, CONTRAST = (6, 150), (2.0, 32.0)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--draw", type=Path, nargs="+", metavar="frames.parquet", help="draw new sheets from these frames instead")
-    parser.add_argument("--out", type=Path, default=FOLDER, help="output folder (default: %(default)s)")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--draw",
+        type=Path,
+        nargs="+",
+        metavar="frames.parquet",
+        help="draw new sheets from these frames instead",
+    )
+    parser.add_argument(
+        "--out", type=Path, default=FOLDER, help="output folder (default: %(default)s)"
+    )
     options = parser.parse_args()
     if options.draw:
         draw(options.draw, options.out)
@@ -47,14 +57,35 @@ def draw(frames: list[Path], out: Path) -> None:
     small = pixels.between(*PIXELS) & (contrast >= CONTRAST[0])
     faint = contrast.between(*CONTRAST) & (pixels >= MIN_VISIBLE_PIXELS)
     rng = np.random.default_rng(0)
-    chosen = pd.concat([_spread(rows[small], "visible_pixels", CASES // 2, rng), _spread(rows[faint], "contrast", CASES, rng)])
-    chosen = chosen.drop_duplicates("test_id").head(CASES).sample(frac=1, random_state=0).reset_index(drop=True)
+    chosen = pd.concat(
+        [
+            _spread(rows[small], "visible_pixels", CASES // 2, rng),
+            _spread(rows[faint], "contrast", CASES, rng),
+        ]
+    )
+    chosen = (
+        chosen.drop_duplicates("test_id")
+        .head(CASES)
+        .sample(frac=1, random_state=0)
+        .reset_index(drop=True)
+    )
     for first in range(0, len(chosen), COLUMNS * ROWS):
-        tiles = [tile(row, number) for number, row in chosen.iloc[first : first + COLUMNS * ROWS].iterrows()]
+        tiles = [
+            tile(row, number)
+            for number, row in chosen.iloc[first : first + COLUMNS * ROWS].iterrows()
+        ]
         tiles += [np.full_like(tiles[0], 255)] * (-len(tiles) % COLUMNS)
-        sheet = np.vstack([np.hstack(tiles[i : i + COLUMNS]) for i in range(0, len(tiles), COLUMNS)])
-        cv2.imwrite(str(out / f"sheet-{first // (COLUMNS * ROWS) + 1}.jpg"), sheet[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])
-    chosen[["test_id", "step", "visible_pixels", "whole_pixels", "contrast"]].to_csv(out / "cases.csv", index_label="number")
+        sheet = np.vstack(
+            [np.hstack(tiles[i : i + COLUMNS]) for i in range(0, len(tiles), COLUMNS)]
+        )
+        cv2.imwrite(
+            str(out / f"sheet-{first // (COLUMNS * ROWS) + 1}.jpg"),
+            sheet[..., ::-1],
+            [cv2.IMWRITE_JPEG_QUALITY, 88],
+        )
+    chosen[["test_id", "step", "visible_pixels", "whole_pixels", "contrast"]].to_csv(
+        out / "cases.csv", index_label="number"
+    )
     print(f"{out}: {len(chosen)} cases")
 
 
@@ -74,10 +105,18 @@ def tile(row: pd.Series, number: int) -> NDArray[np.uint8]:
     left, top = (box[:2] + box[2:]) / 2 - side / 2
     scale = TILE / side
     matrix = np.array([[scale, 0, -scale * left], [0, scale, -scale * top]])
-    shown = cv2.warpAffine(image, matrix, (TILE, TILE), flags=cv2.INTER_CUBIC, borderValue=(255, 255, 255))
+    shown = cv2.warpAffine(
+        image, matrix, (TILE, TILE), flags=cv2.INTER_CUBIC, borderValue=(255, 255, 255)
+    )
     caption = np.full((CAPTION, TILE, 3), 255, np.uint8)
-    cv2.putText(caption, str(number), (4, 15), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 0, 0), 1, cv2.LINE_AA)
-    return np.pad(np.vstack([np.asarray(shown, np.uint8), caption]), ((2, 2), (2, 2), (0, 0)), constant_values=255)
+    cv2.putText(
+        caption, str(number), (4, 15), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 0, 0), 1, cv2.LINE_AA
+    )
+    return np.pad(
+        np.vstack([np.asarray(shown, np.uint8), caption]),
+        ((2, 2), (2, 2), (0, 0)),
+        constant_values=255,
+    )
 
 
 def agreement(labels: pd.DataFrame) -> None:
@@ -88,22 +127,46 @@ def agreement(labels: pd.DataFrame) -> None:
     detectability = contrast * np.sqrt(pixels)
     same = float(np.mean(first == second))
     chance = float(np.mean(first) * np.mean(second) + np.mean(~first) * np.mean(~second))
-    print(f"{len(labels)} cases; seen by the first rater {first.sum()}, by the second {second.sum()}")
+    print(
+        f"{len(labels)} cases; seen by the first rater {first.sum()}, by the second {second.sum()}"
+    )
     print(f"the raters agree in {same:.3f}, Cohen's kappa {(same - chance) / (1 - chance):.2f}")
-    print("of each rater:                         agreement     kept but not seen  seen but rejected")
+    print(
+        "of each rater:                         agreement     kept but not seen  seen but rejected"
+    )
     for least in (15, 20, 25, 30):
         for threshold in (40, 50, 60, 70):
-            mark = "  <- in use" if (least, threshold) == (used.min_visible_pixels, used.min_detectability) else ""
-            line(f"pixels {least}, detectability {threshold}", (pixels >= least) & (detectability >= threshold), (first, second), mark)
+            mark = (
+                "  <- in use"
+                if (least, threshold) == (used.min_visible_pixels, used.min_detectability)
+                else ""
+            )
+            line(
+                f"pixels {least}, detectability {threshold}",
+                (pixels >= least) & (detectability >= threshold),
+                (first, second),
+                mark,
+            )
     for least in (20, 30, 40):
         for threshold in (6, 8, 10):
-            line(f"pixels {least}, contrast {threshold}", (pixels >= least) & (contrast >= threshold), (first, second), "")
+            line(
+                f"pixels {least}, contrast {threshold}",
+                (pixels >= least) & (contrast >= threshold),
+                (first, second),
+                "",
+            )
 
 
-def line(name: str, kept: NDArray[np.bool_], raters: tuple[NDArray[np.bool_], NDArray[np.bool_]], mark: str) -> None:
+def line(
+    name: str,
+    kept: NDArray[np.bool_],
+    raters: tuple[NDArray[np.bool_], NDArray[np.bool_]],
+    mark: str,
+) -> None:
     agree = ", ".join(f"{np.mean(kept == saw):.3f}" for saw in raters)
     unseen, lost = (
-        ", ".join(f"{np.sum(wrong):2}" for wrong in cases) for cases in zip(*((kept & ~s, ~kept & s) for s in raters), strict=True)
+        ", ".join(f"{np.sum(wrong):2}" for wrong in cases)
+        for cases in zip(*((kept & ~s, ~kept & s) for s in raters), strict=True)
     )
     print(f"{name:39}{agree:14}{unseen:>17}  {lost:>17}{mark}")
 

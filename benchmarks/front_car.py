@@ -77,7 +77,11 @@ def study(config: Config) -> list[Learnt]:
         existing, covered = learnt(first / root())
         again, random = learnt(second / root())
     assert (existing.right == again.right).all()
-    return [existing, covered, Learnt("random", random.points, random.pairs, random.ap50, random.right)]
+    return [
+        existing,
+        covered,
+        Learnt("random", random.points, random.pairs, random.ap50, random.right),
+    ]
 
 
 def root() -> Path:
@@ -88,28 +92,49 @@ def root() -> Path:
 def steps(config: Config, name: str, *versions: str) -> None:
     """Perform a step of the study, once for each version if it has some."""
     for version in versions or [""]:
-        perform(order_of(f"front_car_{name}", config, {"version": version} if version else {}, stamp="benchmark", threads=2), config)
+        perform(
+            order_of(
+                f"front_car_{name}",
+                config,
+                {"version": version} if version else {},
+                stamp="benchmark",
+                threads=2,
+            ),
+            config,
+        )
 
 
 def drawn(config: Config, proposed: Points) -> Points:
     """The existing points, and as many further random ones as were proposed, none twice."""
     space, feasible = config.front_car.space.space(), config.front_car.space.feasible_points()
     demand = Demand(space.constraints, proposed.k)
-    encoded = [space.encode(dict(point.values)).astype(int) for point in proposed.points[: proposed.existing]]
+    encoded = [
+        space.encode(dict(point.values)).astype(int)
+        for point in proposed.points[: proposed.existing]
+    ]
     rng, chosen = np.random.default_rng([config.front_car.seed, FURTHER]), np.array(encoded)
     others = feasible[~(feasible[:, None] == chosen).all(axis=2).any(axis=1)]
-    chosen = np.vstack([chosen, rng.choice(others, len(proposed.points) - proposed.existing, replace=False)])
+    chosen = np.vstack(
+        [chosen, rng.choice(others, len(proposed.points) - proposed.existing, replace=False)]
+    )
     points = list(proposed.points[: proposed.existing])
     for place in range(proposed.existing, len(chosen)):
-        values = {name: str(value) for name, value in space.decode(chosen[place].astype(float)).items()}
+        values = {
+            name: str(value) for name, value in space.decode(chosen[place].astype(float)).items()
+        }
         covered = projection_coverage(chosen[: place + 1], demand).covered
-        points.append(CoveredPoint(name=f"R{place + 1 - proposed.existing}", values=values, covered=covered))
+        points.append(
+            CoveredPoint(name=f"R{place + 1 - proposed.existing}", values=values, covered=covered)
+        )
     return proposed.model_copy(update={"points": tuple(points)})
 
 
 def learnt(folder: Path) -> list[Learnt]:
     """The two detectors of a study's folder."""
-    points, evaluation = read(folder / "points.json", Points), read(folder / "evaluation.json", Evaluation)
+    points, evaluation = (
+        read(folder / "points.json", Points),
+        read(folder / "evaluation.json", Evaluation),
+    )
     return [
         Learnt(
             found.version,
@@ -130,9 +155,16 @@ def run(seeds: Iterable[int]) -> None:
         if seed in set(known["seed"]):
             continue
         config = compose("front_car", [f"base.weights={shipped}", f"front_car.seed={seed}"])
-        rows = [vars(one) | {"seed": seed, "right": "".join(map(str, one.right.astype(int)))} for one in study(config)]
-        table = pd.concat([known, pd.DataFrame(rows)[list(known)]]).sort_values("seed", kind="stable")
-        write_bytes(PUBLISHED, table.to_csv(index=False, lineterminator="\n", float_format="%.4f").encode())
+        rows = [
+            vars(one) | {"seed": seed, "right": "".join(map(str, one.right.astype(int)))}
+            for one in study(config)
+        ]
+        table = pd.concat([known, pd.DataFrame(rows)[list(known)]]).sort_values(
+            "seed", kind="stable"
+        )
+        write_bytes(
+            PUBLISHED, table.to_csv(index=False, lineterminator="\n", float_format="%.4f").encode()
+        )
 
 
 def published() -> pd.DataFrame:
@@ -157,21 +189,34 @@ def answer(table: pd.DataFrame) -> str:
     ]
     for seed, rows in table.groupby("seed"):
         each = rows.set_index("version").loc[list(VERSIONS)]
-        pairs, ap50 = (", ".join(values) for values in (map(str, each["pairs"]), (f"{value:.3f}" for value in each["ap50"])))
+        pairs, ap50 = (
+            ", ".join(values)
+            for values in (map(str, each["pairs"]), (f"{value:.3f}" for value in each["ap50"]))
+        )
         right = " | ".join(f"{share:.3f}" for share in each["share"])
-        lines.append(f"| {seed} | {each['points']['existing']} and {each['points']['covered']} | {pairs} | {right} | {ap50} |")
-    lines += ["", f"| right snapshots | mean difference | {100 * CONFIDENCE:g} % interval over the seeds | shown |", "|---|---|---|---|"]
+        lines.append(
+            f"| {seed} | {each['points']['existing']} and {each['points']['covered']} | {pairs} | {right} | {ap50} |"
+        )
+    lines += [
+        "",
+        f"| right snapshots | mean difference | {100 * CONFIDENCE:g} % interval over the seeds | shown |",
+        "|---|---|---|---|",
+    ]
     for version, other in QUESTIONS:
         difference = shares[version] - shares[other]
         low, high = mean_interval(difference, CONFIDENCE)
         shown = "yes" if np.ptp(difference) and not low <= 0 <= high else "no"
-        lines.append(f"| `{version}` minus `{other}` | {difference.mean():+.3f} | {low:+.3f} to {high:+.3f} | {shown} |")
+        lines.append(
+            f"| `{version}` minus `{other}` | {difference.mean():+.3f} | {low:+.3f} to {high:+.3f} | {shown} |"
+        )
     return "\n".join(lines)
 
 
 def main() -> None:
     """The command line: run, answer."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     commands = parser.add_subparsers(dest="command", required=True)
     of_run = commands.add_parser("run")
     of_run.add_argument("seeds", type=int, nargs="+")

@@ -21,23 +21,51 @@ IMAGES = ("control", "fresh", "balanced")
 
 def main() -> None:
     studies = default_study.published()
-    better = sum(default_study.p_value(piece, "base") <= default_study.ALPHA for piece in studies.outcomes.values())
+    better = sum(
+        default_study.p_value(piece, "base") <= default_study.ALPHA
+        for piece in studies.outcomes.values()
+    )
     minutes = default_study.timed_minutes(studies, default_study.published(default_study.AGAIN))
-    pieces = [piece for (base, _), piece in retraining.EXPERIMENT.published().items() if base == BASE]
-    more = [table for (kind, _), table in where_it_pays.EXPERIMENT.published().items() if kind in where_it_pays.MORE]
-    print(fill(text(better, len(studies.outcomes), minutes, pieces, more), LINE, break_long_words=False, break_on_hyphens=False))
+    pieces = [
+        piece for (base, _), piece in retraining.EXPERIMENT.published().items() if base == BASE
+    ]
+    more = [
+        table
+        for (kind, _), table in where_it_pays.EXPERIMENT.published().items()
+        if kind in where_it_pays.MORE
+    ]
+    print(
+        fill(
+            text(better, len(studies.outcomes), minutes, pieces, more),
+            LINE,
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
+    )
 
 
-def text(better: int, studies: int, minutes: list[float], pieces: list[pd.DataFrame], more: list[pd.DataFrame]) -> str:
+def text(
+    better: int,
+    studies: int,
+    minutes: list[float],
+    pieces: list[pd.DataFrame],
+    more: list[pd.DataFrame],
+) -> str:
     """The sentences; SystemExit for one that no longer follows from the outcomes.
 
     better: default studies with a shown improvement. pieces, more: outcomes of searches on the long-tailed base, and on retrained ones.
     """
     failed = pd.DataFrame(map(failures, pieces))
     left = failed.mean()
-    _check("more than other images", all((failed["adaptive"] < failed[name]).all() for name in IMAGES))
-    _check("no benefit over random ones", mean_interval(failed["adaptive"] - failed["random"])[1] >= 0)
-    ahead = [100 * (valid(table)["adaptive"].mean() - valid(table)["random"].mean()) for table in more]
+    _check(
+        "more than other images", all((failed["adaptive"] < failed[name]).all() for name in IMAGES)
+    )
+    _check(
+        "no benefit over random ones", mean_interval(failed["adaptive"] - failed["random"])[1] >= 0
+    )
+    ahead = [
+        100 * (valid(table)["adaptive"].mean() - valid(table)["random"].mean()) for table in more
+    ]
     _check("two retrained bases learn more", mean_interval(np.array(ahead))[1] < 0)
     return (
         f"In {better} of {studies} [default studies](docs/results/default.md), `adaptive` fails significantly less than the base, within "
@@ -50,7 +78,9 @@ def text(better: int, studies: int, minutes: list[float], pieces: list[pd.DataFr
 
 def _check(sentence: str, holds: bool) -> None:
     if not holds:
-        raise SystemExit(f"benchmarks/headline.py: '{sentence}' does not follow from the published outcomes; write another sentence")
+        raise SystemExit(
+            f"benchmarks/headline.py: '{sentence}' does not follow from the published outcomes; write another sentence"
+        )
 
 
 if __name__ == "__main__":

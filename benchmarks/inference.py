@@ -20,7 +20,12 @@ SHIPPED = Path("models/uniform")
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("model", type=Path, nargs="?", help="an ONNX file for 320x192; default: the shipped detector, exported now")
+    parser.add_argument(
+        "model",
+        type=Path,
+        nargs="?",
+        help="an ONNX file for 320x192; default: the shipped detector, exported now",
+    )
     parser.add_argument("--frames", type=int, default=300)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:

@@ -45,29 +45,41 @@ def kills(study: FaultStudy, count: int, seed: int) -> list[Row]:
         _save(study, state)
     while state.kills < count:
         rng = np.random.default_rng([seed, len(state.passes)])
-        state.passes.append(one_pass(study, state.whole, targets(state.durations, count - state.kills, rng), rng))
+        state.passes.append(
+            one_pass(study, state.whole, targets(state.durations, count - state.kills, rng), rng)
+        )
         _save(study, state)
     return rows(state)
 
 
-def targets(durations: dict[str, float], count: int, rng: np.random.Generator) -> list[tuple[str, float]]:
+def targets(
+    durations: dict[str, float], count: int, rng: np.random.Generator
+) -> list[tuple[str, float]]:
     """The phases to kill in, in their order, each once at most, and the seconds after which the phase is killed."""
     names = list(durations)
     chosen = sorted(rng.choice(len(names), size=min(count, len(names)), replace=False))
     return [(names[place], float(rng.uniform(0, durations[names[place]]))) for place in chosen]
 
 
-def one_pass(study: FaultStudy, whole: Outcome, aims: Sequence[tuple[str, float]], rng: np.random.Generator) -> tuple[list[str], list[str]]:
+def one_pass(
+    study: FaultStudy, whole: Outcome, aims: Sequence[tuple[str, float]], rng: np.random.Generator
+) -> tuple[list[str], list[str]]:
     """Make a study with a kill in each phase; returns the phases in which kills came, and what went wrong."""
     study.clear()
     killed, wrong = [], []
     order = {name: place for place, (name, _) in enumerate(aims)}
     for name, seconds in aims:
         later = {other for other, place in order.items() if place >= order[name]}
-        done = study.run(lambda phase, later=later, seconds=seconds: seconds if phase in later else None)  # type: ignore[misc]
+        done = study.run(
+            lambda phase, later=later, seconds=seconds: (  # type: ignore[misc]
+                seconds if phase in later else None
+            )
+        )
         if done.code == -9:
             killed.append(done.killed_in)
-            say(f"kill {len(killed)} of {len(aims)} in {done.killed_in}, after {done.seconds:.0f} s")
+            say(
+                f"kill {len(killed)} of {len(aims)} in {done.killed_in}, after {done.seconds:.0f} s"
+            )
         else:
             wrong += _ended(done)
     wrong += _ended(study.run())
@@ -79,7 +91,11 @@ def one_pass(study: FaultStudy, whole: Outcome, aims: Sequence[tuple[str, float]
 def _ended(run: Run) -> list[str]:
     """What is wrong with a run that should have ended well."""
     traceback = ["a traceback"] if any("Traceback" in line for line in run.said) else []
-    return traceback + ([] if run.code == 0 else [f"exit code {run.code} in {run.killed_in}: {' | '.join(run.said[-3:])}"])
+    return traceback + (
+        []
+        if run.code == 0
+        else [f"exit code {run.code} in {run.killed_in}: {' | '.join(run.said[-3:])}"]
+    )
 
 
 def rows(state: State) -> list[Row]:
@@ -88,7 +104,13 @@ def rows(state: State) -> list[Row]:
     wrong = Counter(phase for phases, found in state.passes for phase in phases if found)
     order = [*state.durations, *sorted(set(count) - set(state.durations))]
     return [
-        Row("kill -9", phase, count[phase], wrong[phase], {"same bits": count[phase] - wrong[phase], "differs": wrong[phase]})
+        Row(
+            "kill -9",
+            phase,
+            count[phase],
+            wrong[phase],
+            {"same bits": count[phase] - wrong[phase], "differs": wrong[phase]},
+        )
         for phase in order
     ]
 
@@ -99,7 +121,12 @@ def _resumed(path: Path, seed: int) -> State:
     known = read_json(path)
     if known["seed"] != seed:
         return State(seed)
-    return State(seed, Outcome(**known["whole"]), known["durations"], [(list(a), list(b)) for a, b in known["passes"]])
+    return State(
+        seed,
+        Outcome(**known["whole"]),
+        known["durations"],
+        [(list(a), list(b)) for a, b in known["passes"]],
+    )
 
 
 def _save(study: FaultStudy, state: State) -> None:

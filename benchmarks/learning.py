@@ -37,7 +37,11 @@ from pipeline.detectors.yolo.training import Run, Validation
 from pipeline.detectors.yolo.validation import detected, watching
 
 NEW_IMAGES, NEW_SEED = 900, 99
-RELIT: dict[str, Callable[[int], float]] = {"ramp": relit_share, "always": lambda _: 1.0, "never": lambda _: 0.0}
+RELIT: dict[str, Callable[[int], float]] = {
+    "ramp": relit_share,
+    "always": lambda _: 1.0,
+    "never": lambda _: 0.0,
+}
 
 
 class Mosaic(Yolo):
@@ -47,11 +51,18 @@ class Mosaic(Yolo):
         n, channels, height, width = x.shape
         if not self.training or (width, height) != CROP_SIZE:
             return super().forward(x)
-        stitched = x.reshape(-1, 2, 2, *x.shape[1:]).permute(0, 3, 1, 4, 2, 5).reshape(n // 4, channels, 2 * height, 2 * width)
+        stitched = (
+            x.reshape(-1, 2, 2, *x.shape[1:])
+            .permute(0, 3, 1, 4, 2, 5)
+            .reshape(n // 4, channels, 2 * height, 2 * width)
+        )
         frames = super().forward(stitched.contiguous(memory_format=torch.channels_last))
         rows = [(2 * height // stride, 2 * width // stride) for stride in STRIDES]
         levels = zip(torch.split(frames, [a * b for a, b in rows], 2), rows, strict=True)
-        apart = [level.reshape(*level.shape[:2], 2, a // 2, 2, b // 2).permute(0, 2, 4, 1, 3, 5) for level, (a, b) in levels]
+        apart = [
+            level.reshape(*level.shape[:2], 2, a // 2, 2, b // 2).permute(0, 2, 4, 1, 3, 5)
+            for level, (a, b) in levels
+        ]
         return torch.cat([level.reshape(n, level.shape[3], -1) for level in apart], 2)
 
 
@@ -70,10 +81,14 @@ class Variant:
 
     def section(self) -> dict[str, Any]:
         """Section `training` of the config, shortened."""
-        section: dict[str, Any] = compose("base", [f"training.size={self.size}", f"training.seed={self.seed}"]).training.model_dump()
+        section: dict[str, Any] = compose(
+            "base", [f"training.size={self.size}", f"training.seed={self.seed}"]
+        ).training.model_dump()
         for phase in ("crop_iterations", "frame_iterations"):
             section[phase] = max(1, round(section[phase] * self.share))
-        section["validate_every"] = max(1, round((section["crop_iterations"] + section["frame_iterations"]) / 12))
+        section["validate_every"] = max(
+            1, round((section["crop_iterations"] + section["frame_iterations"]) / 12)
+        )
         return section
 
 
@@ -96,7 +111,9 @@ class Clock:
         def ap50(model: Yolo) -> float:
             started = self.now()
             score = watch.ap50(model)
-            seconds, cpu = (after - before for before, after in zip(started, self.now(), strict=True))
+            seconds, cpu = (
+                after - before for before, after in zip(started, self.now(), strict=True)
+            )
             self.evaluating = self.evaluating[0] + seconds, self.evaluating[1] + cpu
             return score
 
@@ -110,49 +127,101 @@ class Clock:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--base-set", type=Path, default=Path("data/base/base_set/truth.coco.json"))
-    parser.add_argument("--share", type=float, default=0.2, help="share of the recipe's iterations (default: %(default)s)")
+    parser.add_argument(
+        "--share",
+        type=float,
+        default=0.2,
+        help="share of the recipe's iterations (default: %(default)s)",
+    )
     parser.add_argument("--images", type=int, nargs="+", default=[1250, 2500, 5000, 10_000, 18_000])
     parser.add_argument("--size", nargs="+", default=["nano"], choices=["nano", "small"])
-    parser.add_argument("--crops", nargs="+", default=["apart"], choices=["apart", "mosaic"], help="how to show crops (default: apart)")
-    parser.add_argument("--relit", nargs="+", default=["ramp"], choices=list(RELIT), help="when colours and light change (default: ramp)")
+    parser.add_argument(
+        "--crops",
+        nargs="+",
+        default=["apart"],
+        choices=["apart", "mosaic"],
+        help="how to show crops (default: apart)",
+    )
+    parser.add_argument(
+        "--relit",
+        nargs="+",
+        default=["ramp"],
+        choices=list(RELIT),
+        help="when colours and light change (default: ramp)",
+    )
     parser.add_argument("--seeds", type=int, nargs="+", default=[0])
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("."))
     options = parser.parse_args()
-    training, validation = read_dataset(options.base_set.parent, "train"), read_dataset(options.base_set.parent, "val")
+    training, validation = (
+        read_dataset(options.base_set.parent, "train"),
+        read_dataset(options.base_set.parent, "val"),
+    )
     with tempfile.TemporaryDirectory() as folder:
         unseen, *_ = rendered(Path(folder), NEW_IMAGES, NEW_SEED, options.threads)
     rows: list[dict[str, float | str]] = []
-    for size, crops, relit, seed, count in product(options.size, options.crops, options.relit, options.seeds, options.images):
-        subset = training.take(np.linspace(0, len(training) - 1, min(count, len(training))).astype(np.int64))
+    for size, crops, relit, seed, count in product(
+        options.size, options.crops, options.relit, options.seeds, options.images
+    ):
+        subset = training.take(
+            np.linspace(0, len(training) - 1, min(count, len(training))).astype(np.int64)
+        )
         variant = Variant(size, crops, relit, seed, options.share)
         rows += trained(variant, subset, validation, unseen, options.threads)
         last = rows[-1]
         result = f"AP50 {last['new_ap50']:.3f}, AP50-95 {last['new_ap50_95']:.3f} in new towns"
-        print(f"{variant}, {len(subset)} images, {last['shown']} shown: {result} after {last['cpu_s']:.0f} CPU-s", flush=True)
+        print(
+            f"{variant}, {len(subset)} images, {last['shown']} shown: {result} after {last['cpu_s']:.0f} CPU-s",
+            flush=True,
+        )
     table = pd.DataFrame(rows)
     table.to_csv(options.out / "learning.csv", index=False)
     draw(table).savefig(options.out / "learning.png", dpi=110)
 
 
-def trained(variant: Variant, images: ImageSet, validation: ImageSet, unseen: ImageSet, threads: int) -> list[dict[str, float | str]]:
+def trained(
+    variant: Variant, images: ImageSet, validation: ImageSet, unseen: ImageSet, threads: int
+) -> list[dict[str, float | str]]:
     """One training; a row for each evaluation on the validation images. new_ap50 and new_ap50_95: of the final weights on `unseen`."""
     section, clock = variant.section(), Clock()
     with ExitStack() as changes:
-        changes.enter_context(patch("pipeline.detectors.yolo.recipe.Yolo", {"apart": Yolo, "mosaic": Mosaic}[variant.crops]))
-        changes.enter_context(patch("pipeline.detectors.yolo.recipe.relit_share", RELIT[variant.relit]))
+        changes.enter_context(
+            patch(
+                "pipeline.detectors.yolo.recipe.Yolo",
+                {"apart": Yolo, "mosaic": Mosaic}[variant.crops],
+            )
+        )
+        changes.enter_context(
+            patch("pipeline.detectors.yolo.recipe.relit_share", RELIT[variant.relit])
+        )
         changes.enter_context(patch("pipeline.detectors.yolo.recipe.watching", clock.watching))
         clock.note(0)
-        fitted = train_from_scratch(images, usable(images), validation, section, Run(threads=threads, progress=clock.note))
+        fitted = train_from_scratch(
+            images, usable(images), validation, section, Run(threads=threads, progress=clock.note)
+        )
     new = evaluate(detected(fitted.model, unseen), unseen, threshold=0.5)
     rows: list[dict[str, float | str]] = []
     for look in fitted.curve:
         seconds, cpu = clock.spent(look.iteration)
-        spent = {"minutes": seconds / 60, "cpu_s": cpu, "shown": look.iteration * section["batch_size"]}
+        spent = {
+            "minutes": seconds / 60,
+            "cpu_s": cpu,
+            "shown": look.iteration * section["batch_size"],
+        }
         score = {"ap50": look.ap50, "new_ap50": new["ap50"], "new_ap50_95": new["ap50_95"]}
-        rows.append({"training": str(variant), "images": len(images), "iteration": look.iteration, **spent, **score})
+        rows.append(
+            {
+                "training": str(variant),
+                "images": len(images),
+                "iteration": look.iteration,
+                **spent,
+                **score,
+            }
+        )
     return rows
 
 

@@ -48,12 +48,25 @@ SPACE = Space(
         Variable("kind", "categorical", values=KINDS),
     )
 )
-USUAL, RAINY = (0.3, 0.2, 0.15, 0.15, 0.1, 0.04, 0.04, 0.02), (0.2, 0.2, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1)
+USUAL, RAINY = (
+    (0.3, 0.2, 0.15, 0.15, 0.1, 0.04, 0.04, 0.02),
+    (0.2, 0.2, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1),
+)
 EXPOSURE: Mapping[str, Any] = {
     "variables": {"x": {"kind": "normal", "mean": 0.5, "deviation": 0.2}},
     "regimes": {
-        "dry": {"share": 0.75, "variables": {"kind": {"kind": "shares", "shares": dict(zip(KINDS, USUAL, strict=True))}}},
-        "rain": {"share": 0.25, "variables": {"kind": {"kind": "shares", "shares": dict(zip(KINDS, RAINY, strict=True))}}},
+        "dry": {
+            "share": 0.75,
+            "variables": {
+                "kind": {"kind": "shares", "shares": dict(zip(KINDS, USUAL, strict=True))}
+            },
+        },
+        "rain": {
+            "share": 0.25,
+            "variables": {
+                "kind": {"kind": "shares", "shares": dict(zip(KINDS, RAINY, strict=True))}
+            },
+        },
     },
 }
 F_SHARE = 0.75 * USUAL[5] + 0.25 * RAINY[5]
@@ -72,7 +85,9 @@ def box(rate: float) -> Kpi:
 
     def distance(points: Floats) -> Floats:
         around = np.abs((points[:, 3] - 90 + 180) % 360 - 180) / 360
-        return np.asarray(np.max([np.abs(points[:, 1] - 0.4), np.abs(points[:, 2] - 0.6), around], axis=0) - half)
+        return np.asarray(
+            np.max([np.abs(points[:, 1] - 0.4), np.abs(points[:, 2] - 0.6), around], axis=0) - half
+        )
 
     return distance
 
@@ -92,7 +107,9 @@ def category(rate: float) -> Kpi:
 def uneven_modes(rate: float) -> Kpi:
     """Low x, and high y or rather its complement, half of the rate each: the KPI falls towards y only close to it."""
     low, high = _lowest(rate / 2), (rate / 2) / (1 - rate / 2)
-    return lambda points: np.where(points[:, 0] <= low, -1.0, np.minimum(points[:, 0] - low, 1 - points[:, 1] - high))
+    return lambda points: np.where(
+        points[:, 0] <= low, -1.0, np.minimum(points[:, 0] - low, 1 - points[:, 1] - high)
+    )
 
 
 def _lowest(share: float) -> float:
@@ -119,7 +136,9 @@ def estimated(estimator: Estimator, kpi: Kpi) -> Rate:
 
 
 def made(method: type[Estimator], seed: int, budget: int, **more: Any) -> Estimator:
-    return method(space=SPACE, seed=seed, exposure=EXPOSURE, budget=budget, failure_threshold_s=0.0, **more)
+    return method(
+        space=SPACE, seed=seed, exposure=EXPOSURE, budget=budget, failure_threshold_s=0.0, **more
+    )
 
 
 def monte_carlo(case: str, seed: int) -> tuple[float, Rate]:
@@ -137,19 +156,26 @@ def subset(case: str, seed: int) -> tuple[float, Rate]:
 
 
 def importance(case: str, seed: int) -> tuple[float, Rate]:
-    return 0.03, estimated(made(ImportanceSampling, seed, 2000, batch_size=100, pool=4000, trees=20), CASES[case](0.03))
+    return 0.03, estimated(
+        made(ImportanceSampling, seed, 2000, batch_size=100, pool=4000, trees=20), CASES[case](0.03)
+    )
 
 
 def uniform_tests(case: str, seed: int) -> tuple[float, Rate]:
     """Uniform random tests, reweighted to the exposure."""
     points = SPACE.sample(2000, np.random.default_rng(seed))
-    return 0.02, reweighted(Exposure.from_dict(SPACE, EXPOSURE), points, CASES[case](0.02)(points) <= 0)
+    return 0.02, reweighted(
+        Exposure.from_dict(SPACE, EXPOSURE), points, CASES[case](0.02)(points) <= 0
+    )
 
 
 def system(case: str, seed: int) -> tuple[float, Rate]:
     """Three scenarios whose rates differ tenfold, by Monte Carlo (Def. 4.12)."""
     rates, shares = (0.05, 0.02, 0.005), (0.2, 0.3, 0.5)
-    parts = [estimated(made(MonteCarlo, 3 * seed + i, 700, batch_size=700), CASES[case](rate)) for i, rate in enumerate(rates)]
+    parts = [
+        estimated(made(MonteCarlo, 3 * seed + i, 700, batch_size=700), CASES[case](rate))
+        for i, rate in enumerate(rates)
+    ]
     return float(np.dot(rates, shares)), combined(parts, shares)
 
 
@@ -170,7 +196,15 @@ def repeated(job: tuple[str, str, int]) -> dict[str, Any]:
     with threadpool_limits(1):
         true, rate = METHODS[method][0](case, seed)
     limits = {"low": rate.limits.low, "high": rate.limits.high, "below": rate.limits.below}
-    return {"method": method, "case": case, "seed": seed, "true": true, "value": rate.value, **limits, "tests": rate.tests}
+    return {
+        "method": method,
+        "case": case,
+        "seed": seed,
+        "true": true,
+        "value": rate.value,
+        **limits,
+        "tests": rate.tests,
+    }
 
 
 def run(repeats: int, only: str | None, processes: int) -> None:
@@ -178,7 +212,9 @@ def run(repeats: int, only: str | None, processes: int) -> None:
     methods = [name for name in METHODS if only in (None, name)]
     with multiprocessing.Pool(processes) as pool:
         rows = pd.concat([estimates(method, repeats, pool) for method in methods])
-    table = pd.DataFrame(map(summary, (group for _, group in rows.groupby(["method", "case"], sort=False))))
+    table = pd.DataFrame(
+        map(summary, (group for _, group in rows.groupby(["method", "case"], sort=False)))
+    )
     if only and OUT.exists():
         kept = pd.read_csv(OUT)
         table = pd.concat([kept[~kept["method"].isin(methods)], table])
@@ -192,7 +228,12 @@ def estimates(method: str, repeats: int, pool: Pool) -> pd.DataFrame:
     known = pd.read_csv(path) if path.exists() else pd.DataFrame(columns=["case", "seed"])
     done = set(zip(known["case"], known["seed"], strict=True))
     path.parent.mkdir(parents=True, exist_ok=True)
-    missing = [(method, case, seed) for seed in range(repeats) for case in CASES if (case, seed) not in done]
+    missing = [
+        (method, case, seed)
+        for seed in range(repeats)
+        for case in CASES
+        if (case, seed) not in done
+    ]
     for row in pool.imap(repeated, missing):
         pd.DataFrame([row]).to_csv(path, mode="a", header=not path.exists(), index=False)
     rows = pd.read_csv(path)
@@ -227,7 +268,9 @@ def shown() -> Iterator[str]:
     yield "| method | failures | true rate | repeats | tests | in the interval | under the one-sided limit | error | Monte Carlo needs |"
     yield "|---|---|---|---|---|---|---|---|---|"
     for row in pd.read_csv(OUT).itertuples():
-        shares = " | ".join(f"{100 * count / row.repeats:.1f} %" for count in (row.inside, row.under_limit))
+        shares = " | ".join(
+            f"{100 * count / row.repeats:.1f} %" for count in (row.inside, row.under_limit)
+        )
         yield (
             f"| {row.method} | {row.case} | {row.true:g} | {row.repeats} | {row.tests:,.0f} | {shares} | "
             f"{100 * row.relative_error:.0f} % | {row.saving:.1f} × |"
@@ -235,7 +278,9 @@ def shown() -> Iterator[str]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("action", choices=["run", "show"])
     parser.add_argument("--repeats", type=int, default=400)
     parser.add_argument("--only", choices=list(METHODS))

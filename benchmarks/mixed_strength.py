@@ -19,9 +19,20 @@ from pipeline.core.coverage.verification import verify
 SPACES: dict[str, tuple[tuple[int, ...], tuple[tuple[range, ...], ...]]] = {
     "3^15": (
         (3,) * 15,
-        ((range(3),), (range(3), range(3, 6), range(6, 9)), (range(4),), (range(5),), (range(6),), (range(7),), (range(9),)),
+        (
+            (range(3),),
+            (range(3), range(3, 6), range(6, 9)),
+            (range(4),),
+            (range(5),),
+            (range(6),),
+            (range(7),),
+            (range(9),),
+        ),
     ),
-    "4^3 5^3 6^2": ((4,) * 3 + (5,) * 3 + (6,) * 2, ((range(3),), (range(3), range(3, 6)), (range(5),), (range(5, 8),), (range(7),))),
+    "4^3 5^3 6^2": (
+        (4,) * 3 + (5,) * 3 + (6,) * 2,
+        ((range(3),), (range(3), range(3, 6)), (range(5),), (range(5, 8),), (range(7),)),
+    ),
 }
 """The sizes of a space, and groups of conditions that are combined by threes; all are combined by twos."""
 
@@ -43,14 +54,18 @@ def written(sizes: Sequence[int]) -> str:
 
 def main() -> None:
     """Print a table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--seconds", type=float, default=20.0)
     seconds = parser.parse_args().seconds
     print(f"{'space':13}{'by threes':22}{'bound':>7}{'quick':>7}{'polished':>10}")
     for name, (sizes, several) in SPACES.items():
         print(f"{name:13}{'none':22}{plan(sizes, Mixed(2), seconds)}", flush=True)
         for groups in several:
-            extras = Extras(tuple(NamedPlanes(str(i), tuple(group), 3) for i, group in enumerate(groups)))
+            extras = Extras(
+                tuple(NamedPlanes(str(i), tuple(group), 3) for i, group in enumerate(groups))
+            )
             label = ", ".join(written([sizes[v] for v in group]) for group in groups)
             print(f"{name:13}{label:22}{plan(sizes, Mixed(2, extras), seconds)}", flush=True)
         print(f"{name:13}{'all':22}{plan(sizes, Mixed(3), seconds)}", flush=True)

@@ -30,10 +30,20 @@ from pipeline.scenarios.people import person
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("versions", type=Path, nargs="*", default=[Path("models/uniform"), Path("models/long_tailed")], metavar="FOLDER")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "versions",
+        type=Path,
+        nargs="*",
+        default=[Path("models/uniform"), Path("models/long_tailed")],
+        metavar="FOLDER",
+    )
     parser.add_argument("--images", type=int, default=2000)
-    parser.add_argument("--seed", type=int, default=99, help="seed of the towns (default: %(default)s)")
+    parser.add_argument(
+        "--seed", type=int, default=99, help="seed of the towns (default: %(default)s)"
+    )
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
@@ -46,18 +56,36 @@ def main() -> None:
     for version in options.versions:
         card = read_card(version / "model.json")
         if known := worlds & card.worlds:
-            raise SystemExit(f"{version} was trained on {len(list(known))} of these towns and populations; choose another --seed")
+            raise SystemExit(
+                f"{version} was trained on {len(list(known))} of these towns and populations; choose another --seed"
+            )
         with tempfile.TemporaryDirectory() as folder:
-            found = detect_all(onnx_of(version, Path(folder)), images, lambda *_: None, Calibration(**card.calibration))
+            found = detect_all(
+                onnx_of(version, Path(folder)),
+                images,
+                lambda *_: None,
+                Calibration(**card.calibration),
+            )
         new, scores = evaluate(found, images, threshold), judged_scores(found, images)[0]
-        cells = (f"{new[name]:.3f} ({card.metrics[name]:.3f})" for name in ("ap50", "ap50_95", "recall", "precision"))
-        print(f"{version.name:14}{''.join(f'{cell:>15}' for cell in cells)}{np.mean(scores[scores >= threshold]):7.3f}", flush=True)
+        cells = (
+            f"{new[name]:.3f} ({card.metrics[name]:.3f})"
+            for name in ("ap50", "ap50_95", "recall", "precision")
+        )
+        print(
+            f"{version.name:14}{''.join(f'{cell:>15}' for cell in cells)}{np.mean(scores[scores >= threshold]):7.3f}",
+            flush=True,
+        )
         for name, indices in groups.items():
             part = evaluate([found[index] for index in indices], images.take(indices), threshold)
-            print(f"  {name}, {len(indices)} images: AP50 {part['ap50']:.3f}, AP50-95 {part['ap50_95']:.3f}", flush=True)
+            print(
+                f"  {name}, {len(indices)} images: AP50 {part['ap50']:.3f}, AP50-95 {part['ap50_95']:.3f}",
+                flush=True,
+            )
 
 
-def rendered(folder: Path, count: int, seed: int, workers: int) -> tuple[ImageSet, Worlds, NDArray[np.bool_]]:
+def rendered(
+    folder: Path, count: int, seed: int, workers: int
+) -> tuple[ImageSet, Worlds, NDArray[np.bool_]]:
     """The images, their towns and people, and whether each shows somebody who is a child or crouching."""
     config = compose("base", [f"base_set.images={count}", f"base_set.seed={seed}"])
     with chdir(folder):
@@ -68,10 +96,16 @@ def rendered(folder: Path, count: int, seed: int, workers: int) -> tuple[ImageSe
     shown = [
         image["attributes"]
         for split in ("train", "val")
-        for image in sorted((one for one in listed if one["split"] == split), key=lambda one: str(one["file_name"]))
+        for image in sorted(
+            (one for one in listed if one["split"] == split), key=lambda one: str(one["file_name"])
+        )
     ]
     rare = [person(one["blueprint"]).child or one["animation"] == "crouching" for one in shown]
-    return joined(read_dataset(root, "train"), read_dataset(root, "val")), read_worlds(root), np.array(rare)
+    return (
+        joined(read_dataset(root, "train"), read_dataset(root, "val")),
+        read_worlds(root),
+        np.array(rare),
+    )
 
 
 if __name__ == "__main__":

@@ -53,12 +53,18 @@ SAME_TIME = Older("shorter", Path("docs/results/shorter-recipe"), "In as much ti
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     commands = parser.add_subparsers(dest="command", required=True)
     execute = commands.add_parser("run")
     execute.add_argument("seed", type=int, nargs="+", choices=list(SEEDS))
     execute.add_argument("--threads", type=int, default=2)
-    execute.add_argument("--same-time", action="store_true", help="stop the older recipe when today's would have ended")
+    execute.add_argument(
+        "--same-time",
+        action="store_true",
+        help="stop the older recipe when today's would have ended",
+    )
     commands.add_parser("answer")
     options = parser.parse_args()
     if options.command == "answer":
@@ -72,25 +78,48 @@ def main() -> None:
 
 
 def published(older: Older) -> dict[int, pd.DataFrame]:
-    return {int(path.name.split(".")[0]): pd.read_csv(path) for path in sorted(older.folder.glob("*.csv.gz"))}
+    return {
+        int(path.name.split(".")[0]): pd.read_csv(path)
+        for path in sorted(older.folder.glob("*.csv.gz"))
+    }
 
 
 def repeated(config: Config, recipe: Older, threads: int) -> pd.DataFrame:
     """The outcomes of a finished study's versions, and of those that the older recipe makes from its files."""
     steps = round(config.retraining.iterations * recipe.steps)
-    older = config.model_copy(update={"study": recipe.study, "retraining": config.retraining.model_copy(update={"iterations": steps})})
+    older = config.model_copy(
+        update={
+            "study": recipe.study,
+            "retraining": config.retraining.model_copy(update={"iterations": steps}),
+        }
+    )
     today, root = of_study(config), Path(Folders(older).root)
     if not root.exists():
         shutil.rmtree(half := root.with_name(f"{root.name}.half"), ignore_errors=True)
         shutil.copytree(Folders(config).root, half).rename(root)
     vars(retraining).update(CROP_SHARE=1.0, fit=_every_layer)
-    held_out = {"kind": "held_out", "strategy": config.comparison.strategy, "seed": str(config.comparison.seed)}
+    held_out = {
+        "kind": "held_out",
+        "strategy": config.comparison.strategy,
+        "seed": str(config.comparison.seed),
+    }
     for version in VERSIONS:
         perform(order_of("retrain", older, {"version": version}, recipe.suffix, threads), older)
         for scenario in config.held_out:
-            perform(order_of("campaign", older, {**held_out, "scenario": scenario, "version": version}, recipe.suffix, threads), older)
+            perform(
+                order_of(
+                    "campaign",
+                    older,
+                    {**held_out, "scenario": scenario, "version": version},
+                    recipe.suffix,
+                    threads,
+                ),
+                older,
+            )
     again = of_study(older)
-    return today[[*TEST, *VERSIONS]].assign(**{f"{name}{recipe.suffix}": again[name] for name in VERSIONS})
+    return today[[*TEST, *VERSIONS]].assign(
+        **{f"{name}{recipe.suffix}": again[name] for name in VERSIONS}
+    )
 
 
 def _every_layer(model: Yolo, lesson: Lesson, run: Run) -> Fitted:
@@ -109,9 +138,13 @@ def answer(older: Older, studies: dict[int, pd.DataFrame]) -> str:
             both = table[[name, f"{name}{older.suffix}"]].set_axis(["today", "older"], axis=1)
             both = both[(both != ERROR).all(axis=1)] == FAILED
             pairs.append(both)
-            lines.append(f"| {seed} | `{name}` | {len(both)} | {both['today'].sum()} | {both['older'].sum()} |")
+            lines.append(
+                f"| {seed} | `{name}` | {len(both)} | {both['today'].sum()} | {both['older'].sum()} |"
+            )
     every = pd.concat(pairs)
-    differences = np.reshape([both["today"].sum() - both["older"].sum() for both in pairs], (-1, len(VERSIONS))).mean(axis=1)
+    differences = np.reshape(
+        [both["today"].sum() - both["older"].sum() for both in pairs], (-1, len(VERSIONS))
+    ).mean(axis=1)
     said = (
         f"{older.said}, versions of today's recipe fail {every['today'].sum()} of {len(every)} held-out tests, those of release 0.2's "
         f"{every['older'].sum()}: a mean difference of {mean_difference(differences)} a training over {len(studies)} seeds (95 %)."

@@ -25,7 +25,9 @@ def of_study(config: Config, root: Path = Path()) -> pd.DataFrame:
     tests["outcome"] = np.where(tests["status"] != "ok", ERROR, tests["failure"].astype(int))
     table = tests.pivot(index=TEST, columns="version", values="outcome")
     if table.isna().to_numpy().any():
-        raise SystemExit(f"{Folders(config).root}: expected the same tests of every version, got others; finish the study with ./run")
+        raise SystemExit(
+            f"{Folders(config).root}: expected the same tests of every version, got others; finish the study with ./run"
+        )
     return table.astype(int).reset_index()
 
 
@@ -34,7 +36,9 @@ def held_out_tests(config: Config, root: Path = Path()) -> pd.DataFrame:
     paths = [root / path for path in Folders(config).held_out("tests.parquet")]
     for path in paths:
         if not path.exists():
-            raise SystemExit(f"{path}: expected the tests of a finished study, got no file; finish the study with ./run")
+            raise SystemExit(
+                f"{path}: expected the tests of a finished study, got no file; finish the study with ./run"
+            )
     return read_all_tests(paths)
 
 
@@ -61,7 +65,9 @@ def mean_difference(differences: ArrayLike) -> str:
     """
     values = np.asarray(differences, float)
     low, high = mean_interval(values)
-    return f"{values.mean():+.1f}" + (f" ({low:+.1f} to {high:+.1f})" if np.ptp(values) > TOLERANCE else "")
+    return f"{values.mean():+.1f}" + (
+        f" ({low:+.1f} to {high:+.1f})" if np.ptp(values) > TOLERANCE else ""
+    )
 
 
 def smallest_p(differences: Mapping[str, ArrayLike]) -> str:

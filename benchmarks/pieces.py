@@ -57,19 +57,35 @@ class Experiment:
 
     def published(self) -> dict[Piece, pd.DataFrame]:
         """The outcomes of all published pieces."""
-        return {piece: pd.read_csv(self.path(piece)) for piece in self.compose if self.path(piece).exists()}
+        return {
+            piece: pd.read_csv(self.path(piece))
+            for piece in self.compose
+            if self.path(piece).exists()
+        }
 
     def overrides(self, piece: Piece) -> list[str]:
         """The arguments of `compose` after the study."""
-        return [f"seeds=[{piece[1]}]", f"retraining.seeds=[{piece[1]}]", *self.compose[piece].split()]
+        return [
+            f"seeds=[{piece[1]}]",
+            f"retraining.seeds=[{piece[1]}]",
+            *self.compose[piece].split(),
+        ]
 
     def plan(self) -> str:
         """The commands of every piece, and which are published."""
         lines = []
         for kind, seed in self.compose:
-            lines += [f"# {kind}, seed {seed}: {'published' if self.path((kind, seed)).exists() else 'missing'}"]
             lines += [
-                " ".join(["python -m pipeline compose", f"study={self.study_of.get(kind, self.study)}", *self.overrides((kind, seed))])
+                f"# {kind}, seed {seed}: {'published' if self.path((kind, seed)).exists() else 'missing'}"
+            ]
+            lines += [
+                " ".join(
+                    [
+                        "python -m pipeline compose",
+                        f"study={self.study_of.get(kind, self.study)}",
+                        *self.overrides((kind, seed)),
+                    ]
+                )
             ]
             lines += [f"./run && python benchmarks/{self.name}.py keep {kind} {seed}"]
         return "\n".join(lines)
@@ -102,16 +118,24 @@ class Experiment:
             raise SystemExit(f"keep: expected a piece that `plan` lists, got {name}")
         expected = compose(self.study_of.get(piece[0], self.study), self.overrides(piece))
         if wrong := difference(expected.model_dump(mode="json"), config.model_dump(mode="json")):
-            raise SystemExit(f"{PARAMS}, piece {name}: {wrong}; compose and execute the piece as `plan` says")
+            raise SystemExit(
+                f"{PARAMS}, piece {name}: {wrong}; compose and execute the piece as `plan` says"
+            )
 
-    def main(self, description: str | None, answer: Callable[[Mapping[Piece, pd.DataFrame]], str]) -> None:
+    def main(
+        self, description: str | None, answer: Callable[[Mapping[Piece, pd.DataFrame]], str]
+    ) -> None:
         """The script's command line: plan, keep, answer and, with a figure, draw."""
-        parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+        parser = argparse.ArgumentParser(
+            description=description, formatter_class=argparse.RawDescriptionHelpFormatter
+        )
         commands = parser.add_subparsers(dest="command", required=True)
         commands.add_parser("plan")
         keep = commands.add_parser("keep")
         keep.add_argument("kind", choices=list(dict.fromkeys(kind for kind, _ in self.compose)))
-        keep.add_argument("seed", type=int, choices=list(dict.fromkeys(seed for _, seed in self.compose)))
+        keep.add_argument(
+            "seed", type=int, choices=list(dict.fromkeys(seed for _, seed in self.compose))
+        )
         commands.add_parser("answer")
         if self.figure is not None:
             commands.add_parser("draw", help="the page's figure; `keep` draws it, too")
@@ -134,7 +158,9 @@ def _check_made(config: Config) -> None:
         job = jobs.maker(path)
         if job is not None and staleness.out_of_date(job):
             reasons = ", ".join(staleness.reasons(job))
-            raise SystemExit(f"{path}: expected the tests of {PARAMS}, got those of other settings or code ({reasons}); execute ./run")
+            raise SystemExit(
+                f"{path}: expected the tests of {PARAMS}, got those of other settings or code ({reasons}); execute ./run"
+            )
 
 
 def difference(expected: Mapping[str, Any], got: Mapping[str, Any]) -> str:
@@ -142,7 +168,9 @@ def difference(expected: Mapping[str, Any], got: Mapping[str, Any]) -> str:
     wanted, found = _leaves(expected), _leaves(got)
     for key in [*wanted, *found]:
         if key not in wanted or key not in found or wanted[key] != found[key]:
-            values = [shown(leaves[key]) if key in leaves else "nothing" for leaves in (wanted, found)]
+            values = [
+                shown(leaves[key]) if key in leaves else "nothing" for leaves in (wanted, found)
+            ]
             return f"{key}: expected {values[0]}, got {values[1]}"
     return ""
 
@@ -151,4 +179,8 @@ def _leaves(plain: Any, key: str = "") -> dict[str, Any]:
     """The values of nested tables by dotted key; an empty table is a value."""
     if not isinstance(plain, dict) or not plain:
         return {key: plain}
-    return {leaf: value for name, part in plain.items() for leaf, value in _leaves(part, f"{key}.{name}" if key else name).items()}
+    return {
+        leaf: value
+        for name, part in plain.items()
+        for leaf, value in _leaves(part, f"{key}.{name}" if key else name).items()
+    }

@@ -40,7 +40,9 @@ def main() -> None:
         "again": again,
         "stricter": stricter,
     }
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("table", choices=list(tables))
     print(tables[parser.parse_args().table]())
 
@@ -48,7 +50,9 @@ def main() -> None:
 def oracle() -> str:
     """Failures of the visible-pixel oracle in random tests."""
     rows = pd.read_csv(RESULTS / "fairness-oracle.csv")
-    failures, tests, excused = (int(rows[name].sum()) for name in ("failures", "tests", "not_solvable"))
+    failures, tests, excused = (
+        int(rows[name].sum()) for name in ("failures", "tests", "not_solvable")
+    )
     lines = [
         f"{failures} of {tests:,} tests fail, {excused} of them not solvable.",
         "",
@@ -56,21 +60,42 @@ def oracle() -> str:
     ]
     for row in rows.itertuples():
         braking = "–" if str(row.scenario).startswith("F") else str(row.false_activations)
-        lines.append(f"| {label(str(row.scenario))} | {row.failures} | {rate(row.failures, row.tests)} | {row.not_solvable} | {braking} |")
+        lines.append(
+            f"| {label(str(row.scenario))} | {row.failures} | {rate(row.failures, row.tests)} | {row.not_solvable} | {braking} |"
+        )
     return "\n".join(lines)
 
 
 def base_rates() -> str:
     """Failures of the shipped bases in random tests, beside the thesis'."""
-    bases = [pd.read_csv(RESULTS / f"fairness-{name}.csv").set_index("scenario") for name in ("thesis", "default", "long-tailed")]
-    lines = header("scenario", "uniform, `study=thesis`", "uniform, default settings", "long-tailed, default settings", "the thesis")
+    bases = [
+        pd.read_csv(RESULTS / f"fairness-{name}.csv").set_index("scenario")
+        for name in ("thesis", "default", "long-tailed")
+    ]
+    lines = header(
+        "scenario",
+        "uniform, `study=thesis`",
+        "uniform, default settings",
+        "long-tailed, default settings",
+        "the thesis",
+    )
     for place, scenario in enumerate(bases[0].index):
-        counts = [(int(rows.loc[scenario, "failures"]), int(rows.loc[scenario, "tests"])) for rows in bases]
+        counts = [
+            (int(rows.loc[scenario, "failures"]), int(rows.loc[scenario, "tests"]))
+            for rows in bases
+        ]
         lines.append(line(str(scenario), [*counts, (THESIS_RANDOM[place], THESIS_TESTS)]))
     totals = [(int(rows["failures"].sum()), int(rows["tests"].sum())) for rows in bases]
     alone = int(bases[-1]["false_positives"].sum())
     last = f"{alone} of the {totals[-1][0]} failures of the long-tailed base come from false positives alone."
-    return "\n".join([*lines, line("all", [*totals, (sum(THESIS_RANDOM), THESIS_TESTS * len(THESIS_RANDOM))]), "", last])
+    return "\n".join(
+        [
+            *lines,
+            line("all", [*totals, (sum(THESIS_RANDOM), THESIS_TESTS * len(THESIS_RANDOM))]),
+            "",
+            last,
+        ]
+    )
 
 
 def blamed() -> str:
@@ -80,10 +105,16 @@ def blamed() -> str:
     lines = header("pedestrian", "F3", "F1 to F8")
     for group in GROUPS:
         ours = tests[tests["group"] == group]
-        counts = [(int(rows["outcome"].sum()), len(rows)) for rows in (ours[ours["scenario"] == "F3"], ours)]
+        counts = [
+            (int(rows["outcome"].sum()), len(rows))
+            for rows in (ours[ours["scenario"] == "F3"], ours)
+        ]
         lines.append(line(group, counts))
     alone = tests[tests["failure_mode"] == "false_positives"]
-    kinds = {name: int((alone[f"false_positives_{name}"] > 0).sum()) for name in ("far", "localisation", "duplicate")}
+    kinds = {
+        name: int((alone[f"false_positives_{name}"] > 0).sum())
+        for name in ("far", "localisation", "duplicate")
+    }
     said = (
         f"{len(alone)} of {tests['outcome'].sum()} failures come from false positives alone. Of these tests, "
         f"{kinds['localisation']} have boxes on the pedestrian that fit too poorly to match, {kinds['duplicate']} a second box on "
@@ -102,9 +133,15 @@ def blamed() -> str:
 
 def again() -> str:
     """Failures of the long-tailed base in more random tests, and those from false positives alone, there and in both lists together."""
-    first, more = (pd.read_csv(RESULTS / f"fairness-long-tailed{name}.csv.gz") for name in ("", "-again"))
+    first, more = (
+        pd.read_csv(RESULTS / f"fairness-long-tailed{name}.csv.gz") for name in ("", "-again")
+    )
     lines = header("scenario", "failures", "of these, from false positives alone")
-    for name, rows in [*more.groupby("scenario"), ("all", more), ("all, with the first 2,400", pd.concat([first, more]))]:
+    for name, rows in [
+        *more.groupby("scenario"),
+        ("all", more),
+        ("all, with the first 2,400", pd.concat([first, more])),
+    ]:
         valid = rows[rows["outcome"] != ERROR]
         failed = valid[valid["outcome"] == FAILED]
         alone = int((failed["failure_mode"] == "false_positives").sum())
@@ -114,7 +151,11 @@ def again() -> str:
 
 def stricter() -> str:
     """Failures and those from false positives alone: of both bases, and of one with stricter thresholds."""
-    same = {"uniform, 0.8": "default", "long-tailed, 0.8": "long-tailed", "long-tailed, 0.9": "long-tailed-0.9"}
+    same = {
+        "uniform, 0.8": "default",
+        "long-tailed, 0.8": "long-tailed",
+        "long-tailed, 0.9": "long-tailed-0.9",
+    }
     lists = {**same, "long-tailed, 0.87, fresh tests": "long-tailed-0.87"}
     lines = header("base, threshold", "failures", "on F3", "from false positives alone")
     for name, file in lists.items():
@@ -122,7 +163,11 @@ def stricter() -> str:
         valid = rows[rows["outcome"] != ERROR]
         failed, third = valid[valid["outcome"] == FAILED], valid[valid["scenario"] == "F3"]
         alone = int((failed["failure_mode"] == "false_positives").sum())
-        counts = [(len(failed), len(valid)), (int((third["outcome"] == FAILED).sum()), len(third)), (alone, len(failed))]
+        counts = [
+            (len(failed), len(valid)),
+            (int((third["outcome"] == FAILED).sum()), len(third)),
+            (alone, len(failed)),
+        ]
         lines.append(line(name, counts))
     return "\n".join(lines)
 
@@ -136,26 +181,41 @@ def learning() -> str:
     rows = pd.read_csv(RESULTS / "learning.csv").groupby(["training", "images"], sort=False).tail(1)
     lines = header("training", "images shown", "AP50", "AP50-95", "CPU-s")
     for row in rows.sort_values("shown", kind="stable").itertuples():
-        lines.append(f"| {row.training} | {row.shown:,} | {row.new_ap50:.3f} | {row.new_ap50_95:.3f} | {row.cpu_s:.0f} |")
+        lines.append(
+            f"| {row.training} | {row.shown:,} | {row.new_ap50:.3f} | {row.new_ap50_95:.3f} | {row.cpu_s:.0f} |"
+        )
     return "\n".join(lines)
 
 
 def length() -> str:
     """The uniform base's average precision after some batches."""
     curve = pd.read_csv("models/uniform/curve.csv").set_index("iteration")["ap50"]
-    return "\n".join([*header("batches", "AP50"), *(f"| {batches:,} | {curve[batches]:.2f} |" for batches in LENGTHS)])
+    return "\n".join(
+        [
+            *header("batches", "AP50"),
+            *(f"| {batches:,} | {curve[batches]:.2f} |" for batches in LENGTHS),
+        ]
+    )
 
 
 def digests() -> str:
     """What the pages rest on: the digest of each folder's files, and of the shipped weights."""
     parents = RESULTS, STRATEGIES / "data", STRATEGIES / "results"
-    places = [*(path for parent in parents[:2] for path in sorted(parent.iterdir()) if path.is_dir()), parents[2]]
+    places = [
+        *(path for parent in parents[:2] for path in sorted(parent.iterdir()) if path.is_dir()),
+        parents[2],
+    ]
     lines = header("outcomes and weights", "files", "SHA-256")
     for place in places:
         files = sorted(path for path in place.rglob("*") if path.is_file())
         listed = "".join(f"{path.relative_to(place).as_posix()} {sha256(path)}\n" for path in files)
-        lines.append(f"| `{place}/` | {len(files)} | `{hashlib.sha256(listed.encode()).hexdigest()}` |")
-    lines += [f"| `{path}` | 1 | `{sha256(path)}` |" for path in sorted(Path("models").rglob("weights.safetensors"))]
+        lines.append(
+            f"| `{place}/` | {len(files)} | `{hashlib.sha256(listed.encode()).hexdigest()}` |"
+        )
+    lines += [
+        f"| `{path}` | 1 | `{sha256(path)}` |"
+        for path in sorted(Path("models").rglob("weights.safetensors"))
+    ]
     return "\n".join(lines)
 
 

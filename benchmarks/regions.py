@@ -27,20 +27,40 @@ NEIGHBOURS, MIN_FAILURES = 0.5, 4
 SAME = 0.7
 FRESH = 20
 RANDOM_TESTS, RANDOM_RATES = 400, (0.05, 0.15, 0.3)
-HEADER = ("world", "tests", "found", "overlap", "others", "isolated", "precision", "held back", "fresh", "between seeds")
+HEADER = (
+    "world",
+    "tests",
+    "found",
+    "overlap",
+    "others",
+    "isolated",
+    "precision",
+    "held back",
+    "fresh",
+    "between seeds",
+)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--seeds", type=int, default=10, help="seeds of each world")
-    parser.add_argument("--random", type=int, default=20, help="seeds of labels at random, for each failure rate")
+    parser.add_argument(
+        "--random", type=int, default=20, help="seeds of labels at random, for each failure rate"
+    )
     options = parser.parse_args()
     print(f"| {' | '.join(HEADER)} |\n|{'---|' * len(HEADER)}")
     with Progress("regions") as progress:
         for done, (name, world) in enumerate(WORLDS.items(), 1):
-            print(f"| {name} | {world.tests} | {' | '.join(scored(world, options.seeds))} |", flush=True)
+            print(
+                f"| {name} | {world.tests} | {' | '.join(scored(world, options.seeds))} |",
+                flush=True,
+            )
             progress(done, len(WORLDS), name)
-    print("\n| failure rate at random | worlds | with a region | with a confirmed region |\n|---|---|---|---|")
+    print(
+        "\n| failure rate at random | worlds | with a region | with a confirmed region |\n|---|---|---|---|"
+    )
     for rate in RANDOM_RATES:
         claims = [at_random(seed, rate) for seed in range(options.random)]
         print(
@@ -66,9 +86,19 @@ def scored(world: World, seeds: int) -> Iterator[str]:
         union = np.any(rules, axis=0) if rules else np.zeros(len(probes), bool)
         covered.append(union)
         found += min(best) >= SAME
-        isolated = tests.failed & ~np.any([np.zeros(len(tests.failed), bool), *(group.members for group in groups)], axis=0)
+        isolated = tests.failed & ~np.any(
+            [np.zeros(len(tests.failed), bool), *(group.members for group in groups)], axis=0
+        )
         others = sum(max(overlap(box, rule) for box in truth) < SAME for rule in rules)
-        rows.append([np.mean(best), others, isolated.sum() / tests.failed.sum(), *precisions(tests, groups), rate(fails & union, union)])
+        rows.append(
+            [
+                np.mean(best),
+                others,
+                isolated.sum() / tests.failed.sum(),
+                *precisions(tests, groups),
+                rate(fails & union, union),
+            ]
+        )
     means = np.nanmean(np.array(rows, float), axis=0)
     agreement = np.mean([overlap(a, b) for a, b in combinations(covered, 2)])
     yield f"{found} / {seeds}"
@@ -79,8 +109,14 @@ def precisions(tests: Outcomes, groups: Sequence[Group]) -> tuple[float, float]:
     """Share of failures inside the rules: in the tests that made them, and in tests held back."""
     inside = [group.rule.holds(tests.points) for group in groups]
     kept = [held_back(tests, group) for group in groups]
-    own = sum(int((tests.failed & rows).sum()) for rows in inside) / max(1, sum(int(rows.sum()) for rows in inside))
-    return (own, sum(hits for _, hits in kept) / max(1, sum(count for count, _ in kept))) if groups else (np.nan, np.nan)
+    own = sum(int((tests.failed & rows).sum()) for rows in inside) / max(
+        1, sum(int(rows.sum()) for rows in inside)
+    )
+    return (
+        (own, sum(hits for _, hits in kept) / max(1, sum(count for count, _ in kept)))
+        if groups
+        else (np.nan, np.nan)
+    )
 
 
 def overlap(first: Bools, second: Bools) -> float:
@@ -100,7 +136,10 @@ def at_random(seed: int, failure_rate: float) -> tuple[bool, bool]:
     groups = grouped(Outcomes(SPACE, points, rng.random(RANDOM_TESTS) < failure_rate, WORDS))
     counts = []
     for group in groups:
-        drawn = draw_inside(SPACE, group.rule, FRESH, rng), draw_just_outside(SPACE, group.rule, FRESH, rng)
+        drawn = (
+            draw_inside(SPACE, group.rule, FRESH, rng),
+            draw_just_outside(SPACE, group.rule, FRESH, rng),
+        )
         inside, outside = (Counted.of(rng.random(len(fresh)) < failure_rate) for fresh in drawn)
         counts.append((inside, outside))
     return bool(groups), any(confirmed(counts, 0.05))

@@ -42,7 +42,10 @@ def repairs(study: FaultStudy, count: int, seed: int) -> list[Row]:
         way = repaired(study, state.whole, damaged, np.random.default_rng([seed, number]))
         state.ends.append((kind, len(damaged), way))
         write_json(study.folder / STATE, asdict(state))
-    return [_row(kind, [end for end in state.ends if end[0] == kind]) for kind in sorted({kind for kind, _, _ in state.ends})]
+    return [
+        _row(kind, [end for end in state.ends if end[0] == kind])
+        for kind in sorted({kind for kind, _, _ in state.ends})
+    ]
 
 
 def _resumed(study: FaultStudy, seed: int) -> State:
@@ -51,13 +54,19 @@ def _resumed(study: FaultStudy, seed: int) -> State:
     if (first := study.run()).code:
         raise SystemExit(f"the undamaged run failed: {' | '.join(first.said[-3:])}")
     if path.exists() and (known := read_json(path))["seed"] == seed:
-        return State(seed, Outcome(**known["whole"]), [(kind, number, way) for kind, number, way in known["ends"]])
+        return State(
+            seed,
+            Outcome(**known["whole"]),
+            [(kind, number, way) for kind, number, way in known["ends"]],
+        )
     state = State(seed, study.outcome())
     write_json(path, asdict(state))
     return state
 
 
-def repaired(study: FaultStudy, whole: Outcome, files: Sequence[Path], rng: np.random.Generator) -> str:
+def repaired(
+    study: FaultStudy, whole: Outcome, files: Sequence[Path], rng: np.random.Generator
+) -> str:
     """Flip a bit in each of the files, then `./run`: one of `WAYS`. The files have their old content if they are not made again."""
     kept = {file: file.read_bytes() for file in files}
     for file, content in kept.items():
@@ -76,14 +85,20 @@ def repaired(study: FaultStudy, whole: Outcome, files: Sequence[Path], rng: np.r
 
 def in_turn(files: Sequence[Path], rng: np.random.Generator) -> list[Path]:
     """The files that are not empty in random order, but one of each kind first."""
-    shuffled = [files[place] for place in rng.permutation(len(files)) if files[place].stat().st_size]
+    shuffled = [
+        files[place] for place in rng.permutation(len(files)) if files[place].stat().st_size
+    ]
     first = {kind_of(file): file for file in shuffled}
     return [*first.values(), *(file for file in shuffled if file not in first.values())]
 
 
 def kind_of(file: Path) -> str:
     """A file's name without its numbers; stamps and images by their suffix."""
-    return f"*{file.suffix}" if file.suffix in (".stamp", ".jpg", ".txt") else re.sub(r"\d+", "N", file.name)
+    return (
+        f"*{file.suffix}"
+        if file.suffix in (".stamp", ".jpg", ".txt")
+        else re.sub(r"\d+", "N", file.name)
+    )
 
 
 def judged(run: Run, files: Sequence[Path], differences: Sequence[str]) -> str:

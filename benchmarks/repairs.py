@@ -29,7 +29,15 @@ from tests.scenarios import scenario_with
 
 NEIGHBOURS, MIN_FAILURES = 0.5, 4
 TESTS, FAILURES, THRESHOLD_S = 400, 10, 0.1
-HEADER = ("world", "seeds", "regions", "first repair is the cause", "it repairs", "best other", "control")
+HEADER = (
+    "world",
+    "seeds",
+    "regions",
+    "first repair is the cause",
+    "it repairs",
+    "best other",
+    "control",
+)
 
 
 @dataclass(frozen=True)
@@ -44,7 +52,9 @@ class Case:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--seeds", type=int, default=10, help="seeds of each world")
     seeds: int = parser.parse_args().seeds
     print(f"| {' | '.join(HEADER)} |\n|{'---|' * len(HEADER)}")
@@ -53,7 +63,13 @@ def main() -> None:
         for done, case in enumerate(cases, 1):
             found = [one for seed in range(seeds) for one in judged(case, seed)]
             first, *shares = np.mean(np.array(found, float), axis=0)
-            cells = (case.name, str(seeds), str(len(found)), f"{round(first * len(found))} / {len(found)}", *(f"{s:.2f}" for s in shares))
+            cells = (
+                case.name,
+                str(seeds),
+                str(len(found)),
+                f"{round(first * len(found))} / {len(found)}",
+                *(f"{s:.2f}" for s in shares),
+            )
             print(f"| {' | '.join(cells)} |", flush=True)
             progress(done, len(cases), case.name)
 
@@ -61,20 +77,32 @@ def main() -> None:
 def judged(case: Case, seed: int) -> Iterator[tuple[bool, float, float, float]]:
     """For each region: whether the first repair is about its cause alone; shares that it, the best other change and the control repair."""
     tests = case.outcomes(seed)
-    for group in group_failures(tests, np.where(tests.failed, "box", "none"), NEIGHBOURS, MIN_FAILURES):
+    for group in group_failures(
+        tests, np.where(tests.failed, "box", "none"), NEIGHBOURS, MIN_FAILURES
+    ):
         drawn = np.random.default_rng(seed).permutation(np.flatnonzero(group.members))[:FAILURES]
         causes = case.causes(tests.points[drawn])
-        tried = [(change, repaired(case, tests.points[drawn], change, seed)) for change in (*changes(tests, group.members), CONTROL)]
+        tried = [
+            (change, repaired(case, tests.points[drawn], change, seed))
+            for change in (*changes(tests, group.members), CONTROL)
+        ]
         shares = {change.text: share for change, share in tried}
         first = ranked(tried)[0]
-        others = [share for change, share in tried if change.values and not causes & set(change.values)]
+        others = [
+            share for change, share in tried if change.values and not causes & set(change.values)
+        ]
         yield set(first.values) <= causes, shares[first.text], max(others), shares[CONTROL.text]
 
 
 def repaired(case: Case, points: Floats, change: Change, seed: int) -> float:
     """Share of the failures at points (n, d) that pass with a change."""
     changed = [change.of(SPACE.decode(point), SPACE) for point in points]
-    return float(1 - case.fails(np.array([SPACE.encode(one) for one in changed if one is not None]), seed).mean())
+    return float(
+        1
+        - case.fails(
+            np.array([SPACE.encode(one) for one in changed if one is not None]), seed
+        ).mean()
+    )
 
 
 def of_world(name: str, world: World) -> Case:
@@ -86,7 +114,11 @@ def of_world(name: str, world: World) -> Case:
 
     def causes(points: Floats) -> frozenset[str]:
         box = max(world.boxes, key=lambda one: int(one.holds(points).sum()))
-        about = (RAIN, FOG) if isinstance(box, Band) else tuple(condition.variable for condition in box.conditions)
+        about = (
+            (RAIN, FOG)
+            if isinstance(box, Band)
+            else tuple(condition.variable for condition in box.conditions)
+        )
         return frozenset(SPACE.names[index] for index in about)
 
     return Case(f"{name}{', noise' if world.noise else ''}", world.outcomes, fails, causes)
@@ -97,14 +129,21 @@ def of_simulator() -> Case:
     simulator, detector = AnalyticSimulator(scenario_with(SPACE), CAR), VisiblePixelOracle()
 
     def fails(points: Floats, seed: int = 0) -> Bools:
-        return np.array([evaluate(simulator.execute(SPACE.decode(p), detector).signals, THRESHOLD_S).failure for p in points])
+        return np.array(
+            [
+                evaluate(simulator.execute(SPACE.decode(p), detector).signals, THRESHOLD_S).failure
+                for p in points
+            ]
+        )
 
     def outcomes(seed: int) -> Outcomes:
         points = SPACE.sample(TESTS, np.random.default_rng(seed))
         return Outcomes(SPACE, points, fails(points), WORDS)
 
     def causes(points: Floats) -> frozenset[str]:
-        planted = PLANTED[int(np.argmax(np.bincount(simulator.planted(points)[simulator.planted(points) >= 0])))]
+        planted = PLANTED[
+            int(np.argmax(np.bincount(simulator.planted(points)[simulator.planted(points) >= 0])))
+        ]
         return frozenset([*planted.intervals, *planted.values])
 
     return Case("the analytic simulator", outcomes, fails, causes)

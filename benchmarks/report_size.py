@@ -38,7 +38,9 @@ FAILING = 50
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--tests", type=int, default=50_000)
     parser.add_argument("--page", type=Path)
     parser.add_argument("--loads", type=int, default=5)
@@ -48,7 +50,9 @@ def main() -> None:
         loads = [painted(page.resolve()) for _ in range(options.loads)]
         size = page.stat().st_size / 1e6
     first, filled = (median(times) for times in zip(*loads, strict=True))
-    print(f"{size:.1f} MB; first paint after {first:.2f} s, table filled after {filled:.2f} s ({options.loads} loads, median)")
+    print(
+        f"{size:.1f} MB; first paint after {first:.2f} s, table filled after {filled:.2f} s ({options.loads} loads, median)"
+    )
 
 
 def painted(page: Path) -> tuple[float, float]:
@@ -56,12 +60,16 @@ def painted(page: Path) -> tuple[float, float]:
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox", "--disable-gpu"])
+        browser = playwright.chromium.launch(
+            executable_path="/usr/bin/chromium", args=["--no-sandbox", "--disable-gpu"]
+        )
         opened = browser.new_page(viewport={"width": 1600, "height": 1000})
         opened.goto(page.as_uri())
         opened.wait_for_selector("#explorer[data-ready]", timeout=120_000)
         filled_ms = opened.evaluate("performance.now()")
-        first_ms = opened.evaluate("performance.getEntriesByName('first-contentful-paint')[0].startTime")
+        first_ms = opened.evaluate(
+            "performance.getEntriesByName('first-contentful-paint')[0].startTime"
+        )
         browser.close()
     return first_ms / 1000, filled_ms / 1000
 
@@ -71,16 +79,29 @@ def fabricated(tests: int, folder: Path) -> Path:
     config = compose("default", ["simulator=analytic", "detector=oracle"])
     started, spaces = time.perf_counter(), {name: config.space(name) for name in config.search}
     every = campaigns(config)
-    tables = {campaign: rows_of(campaign, spaces[campaign.scenario], tests // len(every)) for campaign in every}
-    by_scenario = {name: pd.concat([rows for key, rows in tables.items() if key.scenario == name], ignore_index=True) for name in spaces}
+    tables = {
+        campaign: rows_of(campaign, spaces[campaign.scenario], tests // len(every))
+        for campaign in every
+    }
+    by_scenario = {
+        name: pd.concat(
+            [rows for key, rows in tables.items() if key.scenario == name], ignore_index=True
+        )
+        for name in spaces
+    }
     rows = pd.concat(by_scenario.values(), ignore_index=True)
     measured = [measure_campaign(campaign, tables, spaces, "random") for campaign in tables]
     groups = tuple(summarise(group, 0.95, "random", {"random"}) for group in by_strategy(measured))
     infos = [ScenarioInfo(name, config.scenarios[name].label, "", 1) for name in spaces]
     data = ReportData(
         version="base",
-        measures=Measures(confidence=0.95, baseline="random", campaigns=tuple(measured), strategies=groups),
-        regions=tuple(cluster(info, spaces[info.name], by_scenario[info.name], config.regions) for info in infos),
+        measures=Measures(
+            confidence=0.95, baseline="random", campaigns=tuple(measured), strategies=groups
+        ),
+        regions=tuple(
+            cluster(info, spaces[info.name], by_scenario[info.name], config.regions)
+            for info in infos
+        ),
         known={info.name: (info, spaces[info.name]) for info in infos},
         rows=rows,
         learnt=rows,
@@ -91,23 +112,43 @@ def fabricated(tests: int, folder: Path) -> Path:
     figures = draw_figures(data, list(config.strategies), config.campaign.failure_threshold_s)
     page = folder / "report.html"
     page.write_text(render(make_page(config, data, figures, lambda *_: None)))
-    print(f"{sum(map(len, tables.values())):,} tests, {sum(one.failures for one in data.regions):,} failures")
+    print(
+        f"{sum(map(len, tables.values())):,} tests, {sum(one.failures for one in data.regions):,} failures"
+    )
     print(f"the page is made in {time.perf_counter() - started:.0f} s")
     return page
 
 
 def campaigns(config: Config) -> list[CampaignId]:
-    return [CampaignId(a, strategy, "base", seed) for a in config.search for strategy in config.strategies for seed in config.seeds]
+    return [
+        CampaignId(a, strategy, "base", seed)
+        for a in config.search
+        for strategy in config.strategies
+        for seed in config.seeds
+    ]
 
 
 def rows_of(campaign: CampaignId, space: Space, count: int) -> pd.DataFrame:
     """Rows of tests.parquet."""
-    points = space.sample(count, np.random.default_rng([campaign.seed, len(campaign.strategy), ord(campaign.scenario[1])]))
-    fog, altitude = points[:, space.names.index("fog")], points[:, space.names.index("sun_altitude")]
-    failed = (fog >= 60) & (altitude <= np.quantile(altitude[fog >= 60], 1 / (FAILING * np.mean(fog >= 60))))
+    points = space.sample(
+        count,
+        np.random.default_rng([campaign.seed, len(campaign.strategy), ord(campaign.scenario[1])]),
+    )
+    fog, altitude = (
+        points[:, space.names.index("fog")],
+        points[:, space.names.index("sun_altitude")],
+    )
+    failed = (fog >= 60) & (
+        altitude <= np.quantile(altitude[fog >= 60], 1 / (FAILING * np.mean(fog >= 60)))
+    )
     numbers = np.arange(count)
     columns: dict[str, Any] = {column.name: 0 for column in TESTS}
-    known = {"scenario": campaign.scenario, "strategy": campaign.strategy, "version": campaign.version, "seed": campaign.seed}
+    known = {
+        "scenario": campaign.scenario,
+        "strategy": campaign.strategy,
+        "version": campaign.version,
+        "seed": campaign.seed,
+    }
     return pd.DataFrame(columns, index=range(count)).assign(
         **known,
         test_id=[str(test) for test in campaign.tests(count)],
@@ -120,7 +161,10 @@ def rows_of(campaign: CampaignId, space: Space, count: int) -> pd.DataFrame:
         failure_mode=np.where(failed, np.where(numbers % 2, "contact", "late"), "none"),
         cause=np.where(failed, "confidence", "none"),
         contact=failed & (numbers % 2 == 1),
-        **{variable.name: [variable.decode(value) for value in points[:, place]] for place, variable in enumerate(space.variables)},
+        **{
+            variable.name: [variable.decode(value) for value in points[:, place]]
+            for place, variable in enumerate(space.variables)
+        },
     )
 
 

@@ -37,7 +37,17 @@ BASES = {
     ),
 }
 """The overrides of each base. With a uniform base, new scenes are balanced anyway; three arms are left out to save a third of the time."""
-VERSIONS = ["base", "control", "fresh", "balanced", "random", "pairwise", "coverage", "untold", "adaptive"]
+VERSIONS = [
+    "base",
+    "control",
+    "fresh",
+    "balanced",
+    "random",
+    "pairwise",
+    "coverage",
+    "untold",
+    "adaptive",
+]
 TAUGHT = ["random", "pairwise", "coverage", "untold", "adaptive"]
 """The versions that learnt from tests."""
 STAYS = 0.9
@@ -58,16 +68,33 @@ EXPERIMENT = Experiment(
 
 def answer(pieces: Mapping[Piece, pd.DataFrame]) -> str:
     """Failures of every version, and what `adaptive` fails less than each of them, over the seeds of a base."""
-    failed = {base: _failures([pieces[base, seed] for seed in SEEDS if (base, seed) in pieces]) for base in BASES}
-    found = {(base, name): _contrast(failed[base], name) for base in BASES for name in failed[base] if name != "adaptive"}
+    failed = {
+        base: _failures([pieces[base, seed] for seed in SEEDS if (base, seed) in pieces])
+        for base in BASES
+    }
+    found = {
+        (base, name): _contrast(failed[base], name)
+        for base in BASES
+        for name in failed[base]
+        if name != "adaptive"
+    }
     _adjust([contrast for question, contrast in found.items() if question != PRIMARY])
     parts = [f"{len(pieces)} of {len(BASES) * len(SEEDS)} pieces are published."]
     for base, counts in failed.items():
         if counts:
             tests = next(len(table) for (of, _), table in pieces.items() if of == base)
-            parts += [_table(base, tests, counts, {name: contrast for (of, name), contrast in found.items() if of == base})]
+            parts += [
+                _table(
+                    base,
+                    tests,
+                    counts,
+                    {name: contrast for (of, name), contrast in found.items() if of == base},
+                )
+            ]
             parts += [_stays([table for (of, _), table in pieces.items() if of == base])]
-            parts += _repairs([piece for piece in pieces if piece[0] == base and EXPERIMENT.left(piece).exists()])
+            parts += _repairs(
+                [piece for piece in pieces if piece[0] == base and EXPERIMENT.left(piece).exists()]
+            )
     return "\n\n".join(parts)
 
 
@@ -79,7 +106,14 @@ def figure(pieces: Mapping[Piece, pd.DataFrame]) -> Figure:
             failed = _failures([pieces[base, seed] for seed in SEEDS if (base, seed) in pieces])
             for place, (name, counts) in enumerate(failed.items()):
                 colour = SERIES[1] if name in TAUGHT else SERIES[0]
-                axis.scatter(place + np.linspace(-0.2, 0.2, len(counts)), counts, color=colour, s=18, alpha=0.6, linewidths=0)
+                axis.scatter(
+                    place + np.linspace(-0.2, 0.2, len(counts)),
+                    counts,
+                    color=colour,
+                    s=18,
+                    alpha=0.6,
+                    linewidths=0,
+                )
                 axis.hlines(counts.mean(), place - 0.35, place + 0.35, color=colour)
             axis.set_xticks(range(len(failed)), list(failed), rotation=40, ha="right")
             axis.set(title=f"base {base}", ylim=(0, None))
@@ -109,9 +143,16 @@ class Contrast:
 
 def _contrast(failed: dict[str, np.ndarray], name: str) -> Contrast:
     differences = failed["adaptive"] - failed[name]
-    if not np.ptp(differences):  # One search, or several that differ equally: nothing tells their spread.
+    if not np.ptp(
+        differences
+    ):  # One search, or several that differ equally: nothing tells their spread.
         return Contrast(differences.mean(), -np.inf, np.inf, 0.0, 1.0)
-    return Contrast(differences.mean(), *mean_interval(differences), failed["base"].mean() / 10, student_p(differences))
+    return Contrast(
+        differences.mean(),
+        *mean_interval(differences),
+        failed["base"].mean() / 10,
+        student_p(differences),
+    )
 
 
 def _adjust(contrasts: list[Contrast]) -> None:
@@ -122,7 +163,9 @@ def _adjust(contrasts: list[Contrast]) -> None:
         contrast.p_value = adjusted
 
 
-def _table(base: str, tests: int, failed: dict[str, np.ndarray], contrasts: dict[str, Contrast]) -> str:
+def _table(
+    base: str, tests: int, failed: dict[str, np.ndarray], contrasts: dict[str, Contrast]
+) -> str:
     searches = len(failed["base"])
     lines = [
         f"**Base `{base}`**, {searches} {'search' if searches == 1 else 'searches'}, {tests} held-out tests each:",
@@ -137,25 +180,42 @@ def _table(base: str, tests: int, failed: dict[str, np.ndarray], contrasts: dict
             lines.append(f"{row} – | – | – |")
         else:
             found = contrasts[name]
-            lines.append(f"{row} {_mean(found.mean, found.low, found.high)} | {p_text(found.p_value)} | {found.verdict} |")
+            lines.append(
+                f"{row} {_mean(found.mean, found.low, found.high)} | {p_text(found.p_value)} | {found.verdict} |"
+            )
     return "\n".join(lines)
 
 
 def _stays(tables: list[pd.DataFrame]) -> str:
     """Failures by scenario: of the base and of `adaptive` in the mean, and those that stay whatever tests a version learns from."""
-    shares = pd.concat([table[TEST].join(valid(table), how="inner") for table in tables]).groupby(TEST).mean()
+    shares = (
+        pd.concat([table[TEST].join(valid(table), how="inner") for table in tables])
+        .groupby(TEST)
+        .mean()
+    )
     taught = shares[[name for name in TAUGHT if name in shares]].mean(axis=1)
     counts = {
         "mean of `base`": (shares["base"], ".1f"),
         "mean of `adaptive`": (shares["adaptive"], ".1f"),
-        f"left by {100 * STAYS:.0f} % of the versions that learnt from tests": (taught >= STAYS, ".0f"),
+        f"left by {100 * STAYS:.0f} % of the versions that learnt from tests": (
+            taught >= STAYS,
+            ".0f",
+        ),
     }
     lines = []
     for name, (failed, digits) in counts.items():
         each = failed.groupby("scenario").sum()
-        lines.append(f"| {name} | {' | '.join(f'{count:{digits}}' for count in [*each, each.sum()])} |")
+        lines.append(
+            f"| {name} | {' | '.join(f'{count:{digits}}' for count in [*each, each.sum()])} |"
+        )
     scenarios = [name.replace("star", "\\*") for name in shares.index.unique("scenario")]
-    return "\n".join([f"| failures | {' | '.join(scenarios)} | all |", "|---" * (len(scenarios) + 2) + "|", *lines])
+    return "\n".join(
+        [
+            f"| failures | {' | '.join(scenarios)} | all |",
+            "|---" * (len(scenarios) + 2) + "|",
+            *lines,
+        ]
+    )
 
 
 def _repairs(pieces: list[Piece]) -> list[str]:
@@ -163,7 +223,9 @@ def _repairs(pieces: list[Piece]) -> list[str]:
     if not pieces:
         return []
     seeds = ", ".join(str(seed) for _, seed in pieces)
-    found = as_table([pd.read_csv(EXPERIMENT.left(piece), index_col="part") for piece in pieces], "adaptive")
+    found = as_table(
+        [pd.read_csv(EXPERIMENT.left(piece), index_col="part") for piece in pieces], "adaptive"
+    )
     return [
         f"Failures repaired when [one part of the loop](rounds.md#setup) is replaced, seed{'s' * (len(pieces) > 1)} {seeds}:\n\n{found}"
     ]
@@ -174,11 +236,17 @@ def _failures(tables: list[pd.DataFrame]) -> dict[str, np.ndarray]:
     if not tables:
         return {}
     counts = [failures(table) for table in tables]
-    return {name: np.array([count[name] for count in counts]) for name in VERSIONS if name in counts[0]}
+    return {
+        name: np.array([count[name] for count in counts]) for name in VERSIONS if name in counts[0]
+    }
 
 
 def _mean(mean: float, low: float, high: float) -> str:
-    return f"{mean:.1f}" if low == high or not np.isfinite(low) else f"{mean:.1f} ({low:.1f} to {high:.1f})"
+    return (
+        f"{mean:.1f}"
+        if low == high or not np.isfinite(low)
+        else f"{mean:.1f} ({low:.1f} to {high:.1f})"
+    )
 
 
 if __name__ == "__main__":

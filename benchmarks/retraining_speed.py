@@ -26,7 +26,9 @@ LINE = 138
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     commands = parser.add_subparsers(dest="command", required=True)
     measure = commands.add_parser("run")
     measure.add_argument("release", type=Path, help="a checkout of release 0.2")
@@ -39,19 +41,40 @@ def main() -> None:
         return
     rows = []
     for number in range(options.rounds):
-        for code, folder, more in ((TODAY, Path(), ["--rounds", "1"]), (BEFORE, options.release, [])):
-            rows.append((number, code, speed(folder.resolve(), ["--seconds", str(options.seconds), *more]), processor()))
+        for code, folder, more in (
+            (TODAY, Path(), ["--rounds", "1"]),
+            (BEFORE, options.release, []),
+        ):
+            rows.append(
+                (
+                    number,
+                    code,
+                    speed(folder.resolve(), ["--seconds", str(options.seconds), *more]),
+                    processor(),
+                )
+            )
             print(*rows[-1])
-    pd.DataFrame(rows, columns=["round", "code", "images_per_s", "processor"]).to_csv(PUBLISHED, index=False)
+    pd.DataFrame(rows, columns=["round", "code", "images_per_s", "processor"]).to_csv(
+        PUBLISHED, index=False
+    )
 
 
 def speed(folder: Path, words: Sequence[str]) -> int:
     """Images per second of the line `retraining` in a checkout's own benchmarks/training.py."""
     command = [sys.executable, "benchmarks/training.py", *words]
-    done = subprocess.run(command, cwd=folder, env={**os.environ, "PYTHONPATH": str(folder)}, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        command,
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(folder)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     found = SPEED.search(done.stdout)
     if found is None:
-        raise SystemExit(f"{folder}/benchmarks/training.py: expected a line 'retraining WxH N images/s', got {done.stdout!r}")
+        raise SystemExit(
+            f"{folder}/benchmarks/training.py: expected a line 'retraining WxH N images/s', got {done.stdout!r}"
+        )
     return int(found[1])
 
 
@@ -66,7 +89,10 @@ def answer(rows: pd.DataFrame) -> str:
     speeds = rows.pivot(index="round", columns="code", values="images_per_s")
     ratios = speeds[TODAY] / speeds[BEFORE]
     met = "as aimed at" if ratios.median() >= AIM else f"short of the {AIM} aimed at"
-    today, before = (f"{speeds[code].median():.0f} (lowest {speeds[code].min()}, highest {speeds[code].max()})" for code in (TODAY, BEFORE))
+    today, before = (
+        f"{speeds[code].median():.0f} (lowest {speeds[code].min()}, highest {speeds[code].max()})"
+        for code in (TODAY, BEFORE)
+    )
     said = (
         f"Today's retraining shows {today} images per second on two cores ({rows['processor'].iloc[0]}), release 0.2's {before}. "
         f"The median ratio of {len(ratios)} rounds is {ratios.median():.2f} (lowest {ratios.min():.2f}, highest {ratios.max():.2f}), {met}."

@@ -34,7 +34,11 @@ OVERRIDES = (
 """People and towns that no earlier result was made with."""
 PLAIN = "three"
 CHANGES = {"small": "a network of size `small`", "pixels": "480×288 pixels"}
-SETTINGS = {PLAIN: "", "small": " base.weights=data/long_tailed/models/base", "pixels": " camera=480x288"}
+SETTINGS = {
+    PLAIN: "",
+    "small": " base.weights=data/long_tailed/models/base",
+    "pixels": " camera=480x288",
+}
 ALONE = " ~arms.random ~arms.control strategies=[mixed]"
 
 
@@ -48,12 +52,18 @@ LAST = version("adaptive", ROUNDS[-1])
 
 def overrides(kind: str, seed: int) -> str:
     """The arguments of `compose` after the study and its seeds."""
-    return f"comparison.seed={60 + seed} {OVERRIDES}{SETTINGS[kind]}{ALONE if kind in CHANGES else ''}"
+    return (
+        f"comparison.seed={60 + seed} {OVERRIDES}{SETTINGS[kind]}{ALONE if kind in CHANGES else ''}"
+    )
 
 
 PIECES = {(kind, seed): overrides(kind, seed) for kind in SETTINGS for seed in SEEDS}
 EXPERIMENT = Experiment(
-    "rounds", "default", PIECES, explained=lambda kind: LAST if kind == PLAIN else None, figure=lambda pieces: figure(pieces)
+    "rounds",
+    "default",
+    PIECES,
+    explained=lambda kind: LAST if kind == PLAIN else None,
+    figure=lambda pieces: figure(pieces),
 )
 
 
@@ -63,7 +73,9 @@ def answer(pieces: Mapping[Piece, pd.DataFrame]) -> str:
     left = [pd.read_csv(EXPERIMENT.left(piece), index_col="part") for piece in three]
     if not three:
         return "No piece is published."
-    return "\n\n".join([tables([failures(table) for table in three.values()], left), changed(pieces)])
+    return "\n\n".join(
+        [tables([failures(table) for table in three.values()], left), changed(pieces)]
+    )
 
 
 def figure(pieces: Mapping[Piece, pd.DataFrame]) -> Figure:
@@ -71,11 +83,20 @@ def figure(pieces: Mapping[Piece, pd.DataFrame]) -> Figure:
     failed = [failures(table) for (kind, _), table in pieces.items() if kind == PLAIN]
     with styled():
         drawn, [[axis]] = panels(1, 1, width=5.6, height=3.2)
-        for shift, (arm, colour) in zip((-0.05, 0, 0.05), series_colours(ARMS).items(), strict=True):
-            counts = np.array([[each[name] for name in ("base", *(version(arm, after) for after in ROUNDS))] for each in failed])
+        for shift, (arm, colour) in zip(
+            (-0.05, 0, 0.05), series_colours(ARMS).items(), strict=True
+        ):
+            counts = np.array(
+                [
+                    [each[name] for name in ("base", *(version(arm, after) for after in ROUNDS))]
+                    for each in failed
+                ]
+            )
             at = np.arange(counts.shape[1]) + shift
             axis.plot(at, counts.mean(axis=0), color=colour, label=arm)
-            axis.scatter(np.tile(at, len(counts)), counts, color=colour, s=18, alpha=0.6, linewidths=0)
+            axis.scatter(
+                np.tile(at, len(counts)), counts, color=colour, s=18, alpha=0.6, linewidths=0
+            )
         axis.set_xticks(range(len(ROUNDS) + 1), ["base", *(f"round {after}" for after in ROUNDS)])
         axis.set(ylabel="failures in 200 held-out tests", ylim=(0, None))
         legend_below(drawn, [axis])
@@ -85,20 +106,42 @@ def figure(pieces: Mapping[Piece, pd.DataFrame]) -> Figure:
 def tables(failed: list[dict[str, int]], left: list[pd.DataFrame]) -> str:
     """Failures by arm and round, the change since the first round, and what repairs the failures that are left: parts by scenarios."""
     lines = [f"{len(failed)} of {len(SEEDS)} searches.", ""]
-    lines += ["| version | " + " | ".join(f"round {after}" for after in ROUNDS) + " | last minus first, mean (95 %) |", "|---" * 5 + "|"]
+    lines += [
+        "| version | "
+        + " | ".join(f"round {after}" for after in ROUNDS)
+        + " | last minus first, mean (95 %) |",
+        "|---" * 5 + "|",
+    ]
     lines += [f"| `base` | {_counts(failed, 'base')} | | | |"]
     for arm in ARMS:
         cells = " | ".join(_counts(failed, version(arm, after)) for after in ROUNDS)
-        lines.append(f"| `{arm}` | {cells} | {_change(failed, version(arm, ROUNDS[0]), version(arm, ROUNDS[-1]))} |")
-    lines += ["", f"`{LAST}` minus `{version('random', ROUNDS[-1])}`: {_change(failed, version('random', ROUNDS[-1]), LAST)}.", ""]
+        lines.append(
+            f"| `{arm}` | {cells} | {_change(failed, version(arm, ROUNDS[0]), version(arm, ROUNDS[-1]))} |"
+        )
+    lines += [
+        "",
+        f"`{LAST}` minus `{version('random', ROUNDS[-1])}`: {_change(failed, version('random', ROUNDS[-1]), LAST)}.",
+        "",
+    ]
     lines += [as_table(left, LAST)]
     return "\n".join(lines)
 
 
 def changed(pieces: Mapping[Piece, pd.DataFrame]) -> str:
     """What another detector fails in the same tests, beside what other frames alone change, as Markdown."""
-    cells = ["instead of `adaptive`", "base", "round 1", "round 3", f"minus `{LAST}`, mean (95 %)", f"of the failures of `{LAST}`, passed"]
-    lines = [f"| {' | '.join(cells)} |", "|---" * len(cells) + "|", *_beside(pieces, PLAIN, "random", "`random`: other frames alone")]
+    cells = [
+        "instead of `adaptive`",
+        "base",
+        "round 1",
+        "round 3",
+        f"minus `{LAST}`, mean (95 %)",
+        f"of the failures of `{LAST}`, passed",
+    ]
+    lines = [
+        f"| {' | '.join(cells)} |",
+        "|---" * len(cells) + "|",
+        *_beside(pieces, PLAIN, "random", "`random`: other frames alone"),
+    ]
     for kind, words in CHANGES.items():
         lines += _beside(pieces, kind, "adaptive", words)
     return "\n".join(lines)
@@ -106,16 +149,27 @@ def changed(pieces: Mapping[Piece, pd.DataFrame]) -> str:
 
 def _beside(pieces: Mapping[Piece, pd.DataFrame], kind: str, arm: str, words: str) -> list[str]:
     """The row of an arm of a kind, over the searches that are published of it; none without."""
-    pairs = [(pieces[PLAIN, seed], pieces[kind, seed]) for seed in SEEDS if {(kind, seed), (PLAIN, seed)} <= set(pieces)]
+    pairs = [
+        (pieces[PLAIN, seed], pieces[kind, seed])
+        for seed in SEEDS
+        if {(kind, seed), (PLAIN, seed)} <= set(pieces)
+    ]
     if not pairs:
         return []
-    both = [valid(plain.merge(other, on=TEST, suffixes=(", plain", ""), validate="one_to_one")) for plain, other in pairs]
+    both = [
+        valid(plain.merge(other, on=TEST, suffixes=(", plain", ""), validate="one_to_one"))
+        for plain, other in pairs
+    ]
     versions = ("base", version(arm, ROUNDS[0]), version(arm, ROUNDS[-1]))
     counts = [", ".join(str(failed[name].sum()) for failed in both) for name in versions]
     before, after = ([failed[name] for failed in both] for name in (f"{LAST}, plain", versions[-1]))
-    difference = mean_difference([new.sum() - old.sum() for old, new in zip(before, after, strict=True)])
+    difference = mean_difference(
+        [new.sum() - old.sum() for old, new in zip(before, after, strict=True)]
+    )
     passed = sum((old & ~new).sum() for old, new in zip(before, after, strict=True))
-    return [f"| {' | '.join([words, *counts, difference])} | {passed} of {sum(old.sum() for old in before)} |"]
+    return [
+        f"| {' | '.join([words, *counts, difference])} | {passed} of {sum(old.sum() for old in before)} |"
+    ]
 
 
 def _counts(failed: list[dict[str, int]], name: str) -> str:

@@ -50,7 +50,13 @@ SHARDS = (1, 8)
 CLONE = Path(".cache/faults/scaling")
 CAMPAIGN = 10_000
 """Tests of the campaign that is planned and simulated in shards."""
-ONE_CAMPAIGN = ("study=thesis", "search=[F1]", "strategies=[random]", "arms.adaptive=random", f"campaign.tests={CAMPAIGN}")
+ONE_CAMPAIGN = (
+    "study=thesis",
+    "search=[F1]",
+    "strategies=[random]",
+    "arms.adaptive=random",
+    f"campaign.tests={CAMPAIGN}",
+)
 PLANNED, SUBMITTED = (100, 1000, 10_000), 200
 SIMULATED = (1, 2, 16, 100, 1000, 10_000)
 AT_A_TIME, SHARDED = (1, 2, 4, 8, 16), 16
@@ -65,9 +71,16 @@ Figures = dict[tuple[str, str], float]
 
 def main() -> None:
     """Measure and publish, or print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     commands = parser.add_subparsers(dest="command", required=True)
-    for name, tests, rounds in (("workers", 60, 3), ("shards", 40, 3), ("cluster", 160, 1), ("memory", 5000, None)):
+    for name, tests, rounds in (
+        ("workers", 60, 3),
+        ("shards", 40, 3),
+        ("cluster", 160, 1),
+        ("memory", 5000, None),
+    ):
         command = commands.add_parser(name)
         command.add_argument("--tests", type=int, default=tests)
         if rounds is not None:
@@ -101,9 +114,15 @@ def workers(tests: int, rounds: int) -> Figures:
         for count in WORKERS:
             with tempfile.TemporaryDirectory() as folder:
                 onnx = onnx_of(Path("models/uniform"), Path(folder))
-                pool = Workers(count, Setup(study.simulator, scenario, study.detector, onnx, study.car, study.limits))
+                pool = Workers(
+                    count,
+                    Setup(study.simulator, scenario, study.detector, onnx, study.car, study.limits),
+                )
                 points = space.sample(tests + 2 * count, np.random.default_rng(1))
-                jobs = [Execution(i, Path(folder) / f"{i}.npz", space.decode(point)) for i, point in enumerate(points)]
+                jobs = [
+                    Execution(i, Path(folder) / f"{i}.npz", space.decode(point))
+                    for i, point in enumerate(points)
+                ]
                 list(pool.execute(jobs[: 2 * count]))
                 begin = time.perf_counter()
                 list(pool.execute(jobs[2 * count :]))
@@ -119,12 +138,21 @@ def shards(tests: int, rounds: int) -> Figures:
     study.python("-m", "snakemake", "--cores", "1", "train", "spaces")
     for place in range(rounds):
         for count in SHARDS:
-            study.python("-m", "pipeline", "compose", *TINY, f"campaign.tests={tests}", f"campaign.shards={count}")
+            study.python(
+                "-m",
+                "pipeline",
+                "compose",
+                *TINY,
+                f"campaign.tests={tests}",
+                f"campaign.shards={count}",
+            )
             shutil.rmtree(study.data / "campaigns", ignore_errors=True)
             before = resource.getrusage(resource.RUSAGE_CHILDREN)
             study.python("-m", "snakemake", "--cores", "1", target)
             after = resource.getrusage(resource.RUSAGE_CHILDREN)
-            found[str(count), f"round {place}"] = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+            found[str(count), f"round {place}"] = (
+                after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+            )
     return found
 
 
@@ -134,15 +162,27 @@ def cluster(tests: int, rounds: int) -> Figures:
     From the command to its end; the processor seconds are all that this machine spends meanwhile.
     """
     random = ("study=default", "search=[F1]", "strategies=[random]", "arms.adaptive=random")
-    study = FaultStudy(CLONE.resolve(), [*random, f"campaign.tests={tests}", f"campaign.shards={SHARDED}"])
+    study = FaultStudy(
+        CLONE.resolve(), [*random, f"campaign.tests={tests}", f"campaign.shards={SHARDED}"]
+    )
     study.python("-m", "snakemake", "train", "spaces")
     campaign, found = "data/default/campaigns/F1/random/base/0", Figures()
-    needs = [f"{step}:{need}" for step in ("shard", "campaign") for need in ("mem_mb=1200", "runtime=60")]
+    needs = [
+        f"{step}:{need}" for step in ("shard", "campaign") for need in ("mem_mb=1200", "runtime=60")
+    ]
     for place in range(rounds):
         for count in AT_A_TIME:
             shutil.rmtree(study.folder / campaign, ignore_errors=True)
             begin, before = time.perf_counter(), _processor_s()
-            threads = ("--set-threads", "shard=1", "campaign=1", "--set-resources", *needs, "--jobs", str(count))
+            threads = (
+                "--set-threads",
+                "shard=1",
+                "campaign=1",
+                "--set-resources",
+                *needs,
+                "--jobs",
+                str(count),
+            )
             process = study.start(*SLURM, *threads, f"{campaign}/tests.parquet")
             said = process.communicate()[0]
             if process.returncode:
@@ -156,23 +196,34 @@ def cluster(tests: int, rounds: int) -> Figures:
 
 def _processor_s() -> float:
     """Seconds for which the processors of this machine have worked since its start."""
-    user, nice, system, *_ = (int(ticks) for ticks in Path("/proc/stat").read_text().split("\n")[0].split()[1:])
+    user, nice, system, *_ = (
+        int(ticks) for ticks in Path("/proc/stat").read_text().split("\n")[0].split()[1:]
+    )
     return (user + nice + system) / os.sysconf("SC_CLK_TCK")
 
 
 def memory(tests: int) -> Figures:
     """Resident memory in MiB and open files of this process after each tenth of its executions."""
     scenario, study = functional_scenario(SCENARIO), compose("default", [])
-    space, simulator, found = scenario.logical_space(), MujocoSimulator(scenario, study.car), Figures()
+    space, simulator, found = (
+        scenario.logical_space(),
+        MujocoSimulator(scenario, study.car),
+        Figures(),
+    )
     with tempfile.TemporaryDirectory() as folder:
-        detector = OnnxDetector(onnx_of(Path("models/uniform"), Path(folder)), threshold=study.detector["threshold"])
+        detector = OnnxDetector(
+            onnx_of(Path("models/uniform"), Path(folder)), threshold=study.detector["threshold"]
+        )
     for i, point in enumerate(space.sample(tests, np.random.default_rng(1)), 1):
         simulator.execute(space.decode(point), detector)
         if i % max(1, tests // 10) == 0:
             pages = int(Path("/proc/self/statm").read_text().split()[1])
             found[str(i), "mib"] = pages * resource.getpagesize() / 2**20
             found[str(i), "files"] = len(list(Path("/proc/self/fd").iterdir()))
-            print(f"{i} executions: {found[str(i), 'mib']:.0f} MiB, {found[str(i), 'files']} open files", flush=True)
+            print(
+                f"{i} executions: {found[str(i), 'mib']:.0f} MiB, {found[str(i), 'files']} open files",
+                flush=True,
+            )
     return found
 
 
@@ -207,9 +258,14 @@ def slurm_jobs(clone: Path) -> Figures:
 
     Only of jobs with one step that ran once. SLURM tells whole seconds.
     """
-    own = {f"rule_{step}" + (f"_wildcards_{wildcards}" if wildcards else ""): row["s"] for step, wildcards, row in benchmarks(clone)}
+    own = {
+        f"rule_{step}" + (f"_wildcards_{wildcards}" if wildcards else ""): row["s"]
+        for step, wildcards, row in benchmarks(clone)
+    }
     over = []
-    for line in subprocess.run(["scontrol", "--oneliner", "show", "job"], capture_output=True, text=True, check=True).stdout.splitlines():
+    for line in subprocess.run(
+        ["scontrol", "--oneliner", "show", "job"], capture_output=True, text=True, check=True
+    ).stdout.splitlines():
         job = dict(re.findall(r"(\w+)=(\S*)", line))
         if (
             job.get("WorkDir") == str(clone.resolve())
@@ -219,7 +275,11 @@ def slurm_jobs(clone: Path) -> Figures:
         ):
             begin, end = (datetime.fromisoformat(job[name]) for name in ("StartTime", "EndTime"))
             over.append((end - begin).total_seconds() - own[job["Comment"]])
-    return {("all", "jobs"): len(over), ("all", "median"): median(over), ("all", "largest"): max(over)} if over else {}
+    return (
+        {("all", "jobs"): len(over), ("all", "median"): median(over), ("all", "largest"): max(over)}
+        if over
+        else {}
+    )
 
 
 def scheduler() -> Figures:
@@ -232,7 +292,9 @@ def scheduler() -> Figures:
         found[str(count), "plan"] = time.perf_counter() - begin
     begin = time.perf_counter()
     for _ in range(SUBMITTED):
-        subprocess.run(["sbatch", "--output=/dev/null", "--wrap=true"], capture_output=True, check=True)
+        subprocess.run(
+            ["sbatch", "--output=/dev/null", "--wrap=true"], capture_output=True, check=True
+        )
     found["all", "submit"] = (time.perf_counter() - begin) / SUBMITTED
     return found
 
@@ -241,7 +303,11 @@ def publish(measurement: str, figures: Figures) -> None:
     """Replace the published figures of a measurement, if there are new ones."""
     if not figures:
         return
-    kept = {name: values for name, values in published().items() if name != measurement} if PUBLISHED.exists() else {}
+    kept = (
+        {name: values for name, values in published().items() if name != measurement}
+        if PUBLISHED.exists()
+        else {}
+    )
     with PUBLISHED.open("w", newline="") as file:
         lines = csv.writer(file, lineterminator="\n")
         lines.writerow(["measurement", "case", "figure", "value"])
@@ -260,7 +326,13 @@ def published() -> dict[str, Figures]:
 
 def page(figures: Mapping[str, Figures]) -> str:
     """The tables of the page, for the measurements that are published."""
-    parts = {"workers": by_workers, "shards": by_shards, "memory": by_memory, "slurm": by_slurm, "steps": by_steps}
+    parts = {
+        "workers": by_workers,
+        "shards": by_shards,
+        "memory": by_memory,
+        "slurm": by_slurm,
+        "steps": by_steps,
+    }
     shown = [show(figures[name]) for name, show in parts.items() if name in figures]
     if {"slurm", "scheduler"} <= set(figures):
         shown += [by_jobs(figures)] if "cluster" in figures else []
@@ -269,31 +341,51 @@ def page(figures: Mapping[str, Figures]) -> str:
 
 
 def by_workers(figures: Figures) -> str:
-    lines = header("workers", "seconds a test: median of rounds (smallest to largest)", "tests an hour", "times as fast")
+    lines = header(
+        "workers",
+        "seconds a test: median of rounds (smallest to largest)",
+        "tests an hour",
+        "times as fast",
+    )
     alone = median(rounds(figures, WORKERS[0]))
     for count in WORKERS:
         seconds = rounds(figures, count)
         fast = f"{3600 / median(seconds):,.0f} | {alone / median(seconds):.2f}"
-        lines.append(f"| {count} | {median(seconds):.2f} ({min(seconds):.2f} to {max(seconds):.2f}) | {fast} |")
+        lines.append(
+            f"| {count} | {median(seconds):.2f} ({min(seconds):.2f} to {max(seconds):.2f}) | {fast} |"
+        )
     return "\n".join(lines)
 
 
 def by_shards(figures: Figures) -> str:
-    lines = header("shards", "processor seconds of the campaign: median (smallest to largest)", "more for each job")
+    lines = header(
+        "shards",
+        "processor seconds of the campaign: median (smallest to largest)",
+        "more for each job",
+    )
     few = median(rounds(figures, SHARDS[0]))
     for count in SHARDS:
         seconds = rounds(figures, count)
         more = (
             "–" if count == 1 else f"{(median(seconds) - few) / count:.1f}"
         )  # The shards, and the job that joins them instead of the one.
-        lines.append(f"| {count} | {median(seconds):.0f} ({min(seconds):.0f} to {max(seconds):.0f}) | {more} |")
+        lines.append(
+            f"| {count} | {median(seconds):.0f} ({min(seconds):.0f} to {max(seconds):.0f}) | {more} |"
+        )
     return "\n".join(lines)
 
 
 def by_memory(figures: Figures) -> str:
     lines = header("executions in one process", "memory, MiB", "open files")
     return "\n".join(
-        [*lines, *(f"| {case} | {figures[case, 'mib']:.0f} | {figures[case, 'files']:.0f} |" for case, name in figures if name == "mib")]
+        [
+            *lines,
+            *(
+                f"| {case} | {figures[case, 'mib']:.0f} | {figures[case, 'files']:.0f} |"
+                for case, name in figures
+                if name == "mib"
+            ),
+        ]
     )
 
 
@@ -315,7 +407,9 @@ class Costs:
     def of(cls, figures: Mapping[str, Figures]) -> Costs:
         """The costs by the published figures."""
         few, many = (median(rounds(figures["shards"], count)) for count in SHARDS)
-        per_job, planning = np.polyfit(PLANNED, [figures["scheduler"][str(count), "plan"] for count in PLANNED], 1)
+        per_job, planning = np.polyfit(
+            PLANNED, [figures["scheduler"][str(count), "plan"] for count in PLANNED], 1
+        )
         return cls(
             median(rounds(figures["workers"], WORKERS[0])),
             figures["slurm"]["all", "median"] + (many - few) / SHARDS[-1],
@@ -330,7 +424,10 @@ class Costs:
         """
         turns = -(-shards // cores)
         return (
-            self.planning + shards * self.start + turns * (self.job + -(-tests // shards) * self.test) + (self.job if shards > 1 else 0.0)
+            self.planning
+            + shards * self.start
+            + turns * (self.job + -(-tests // shards) * self.test)
+            + (self.job if shards > 1 else 0.0)
         )
 
 
@@ -347,20 +444,41 @@ def by_jobs(figures: Mapping[str, Figures]) -> str:
     )
     alone = median(rounds(measured, AT_A_TIME[0]))
     for count in AT_A_TIME:
-        seconds, spent = median(rounds(measured, count)), median(rounds(measured, count, "processor"))
+        seconds, spent = (
+            median(rounds(measured, count)),
+            median(rounds(measured, count, "processor")),
+        )
         simulated = costs.campaign(tests, SHARDED, count)
-        lines.append(f"| {count} | {seconds:.0f} | {alone / seconds:.2f} | {spent:.0f} | {simulated:.0f} |")
+        lines.append(
+            f"| {count} | {seconds:.0f} | {alone / seconds:.2f} | {spent:.0f} | {simulated:.0f} |"
+        )
     return "\n".join(lines)
 
 
 def by_cluster(figures: Mapping[str, Figures]) -> str:
     """Simulated from the published figures: one campaign in shards, a core each, and the thesis' grid, in which each campaign is a job."""
     costs = Costs.of(figures)
-    lines = header("campaign of 10,000 tests, shards", "minutes", "core hours", f"cost at {PRICE} an hour")
+    lines = header(
+        "campaign of 10,000 tests, shards", "minutes", "core hours", f"cost at {PRICE} an hour"
+    )
     for count in SIMULATED:
         jobs = count + (count > 1)
-        lines.append(_cost(f"{count:,}", costs.campaign(CAMPAIGN, count, count), jobs * costs.job + CAMPAIGN * costs.test))
-    lines += ["", *header("thesis' grid of 56,000 tests, cores", "minutes", "core hours", f"cost at {PRICE} an hour")]
+        lines.append(
+            _cost(
+                f"{count:,}",
+                costs.campaign(CAMPAIGN, count, count),
+                jobs * costs.job + CAMPAIGN * costs.test,
+            )
+        )
+    lines += [
+        "",
+        *header(
+            "thesis' grid of 56,000 tests, cores",
+            "minutes",
+            "core hours",
+            f"cost at {PRICE} an hour",
+        ),
+    ]
     for cores in GRID_CORES:
         threads = min(BATCH, max(1, cores // GRID))
         alone = costs.job + GRID_TESTS * costs.test / threads
@@ -379,14 +497,20 @@ def by_steps(figures: Figures) -> str:
     lines = header("step", "jobs", "longest, s", "largest memory, MB", "reserved, MB")
     for step in sorted({step for step, _ in figures}, key=lambda step: -figures[step, "mb"]):
         jobs, seconds, memory = (figures[step, name] for name in ("jobs", "s", "mb"))
-        reserved = profile["set-resources"].get(step, profile["default-resources"])["mem_mb"].split(" ")[0]
+        reserved = (
+            profile["set-resources"].get(step, profile["default-resources"])["mem_mb"].split(" ")[0]
+        )
         lines.append(f"| `{step}` | {jobs:.0f} | {seconds:.0f} | {memory:.0f} | {reserved} |")
     return "\n".join(lines)
 
 
 def rounds(figures: Figures, case: int, figure: str = "round") -> Sequence[float]:
     """The values of a figure in each round of a case."""
-    return [value for (name, found), value in figures.items() if name == str(case) and found.startswith(figure)]
+    return [
+        value
+        for (name, found), value in figures.items()
+        if name == str(case) and found.startswith(figure)
+    ]
 
 
 if __name__ == "__main__":

@@ -18,7 +18,13 @@ from outcomes import failures, mean_difference, smallest_p
 from pieces import Experiment, Piece
 
 SEEDS = range(3)
-SHARES = {"random": "100 %", "share75": "75 %", "adaptive": "50 %", "share25": "25 %", "forest": "0 %"}
+SHARES = {
+    "random": "100 %",
+    "share75": "75 %",
+    "adaptive": "50 %",
+    "share25": "25 %",
+    "forest": "0 %",
+}
 """Version -> share of random tests in the search that it learns from."""
 SELECTIONS = {
     "failures": "of failed tests",
@@ -27,7 +33,11 @@ SELECTIONS = {
     "missed": "more where missed",
 }
 """Values of `retraining.selection`, in words."""
-SEARCHES = {"near": "near misses, too", "kinds": "new kinds alone", "transfer": "after other scenarios"}
+SEARCHES = {
+    "near": "near misses, too",
+    "kinds": "new kinds alone",
+    "transfer": "after other scenarios",
+}
 """Version -> what the search that it learns from looks for, without random tests."""
 KINDS = ("shares", *SELECTIONS, "searches")
 VERSIONS = ["base", "control", "random", "adaptive"]
@@ -52,7 +62,14 @@ def choice(kind: str) -> str:
 
 
 EXPERIMENT = Experiment(
-    "teaching", "teaching", {(kind, seed): f"comparison.seed={50 + seed}{choice(kind)}" for seed in SEEDS for kind in KINDS}, versions
+    "teaching",
+    "teaching",
+    {
+        (kind, seed): f"comparison.seed={50 + seed}{choice(kind)}"
+        for seed in SEEDS
+        for kind in KINDS
+    },
+    versions,
 )
 
 
@@ -63,37 +80,69 @@ def answer(pieces: Mapping[Piece, pd.DataFrame]) -> str:
     seeds = [seed for seed in SEEDS if ("shares", seed) in counts]
     if not seeds:
         return "No piece is published."
-    lines = [f"{len(seeds)} of {len(SEEDS)} searches.", "", *_header("share of random tests", "random tests")]
-    failed = {name: np.array([counts["shares", seed][name] for seed in seeds], float) for name in ("base", "control", *SHARES)}
-    lines += [_row(SHARES.get(name, f"`{name}`"), found, failed["random"]) for name, found in failed.items()]
+    lines = [
+        f"{len(seeds)} of {len(SEEDS)} searches.",
+        "",
+        *_header("share of random tests", "random tests"),
+    ]
+    failed = {
+        name: np.array([counts["shares", seed][name] for seed in seeds], float)
+        for name in ("base", "control", *SHARES)
+    }
+    lines += [
+        _row(SHARES.get(name, f"`{name}`"), found, failed["random"])
+        for name, found in failed.items()
+    ]
     lines += ["", _clearest(failed, SHARES, "mixture")]
     if other := [seed for seed in SEEDS if ("searches", seed) in counts]:
-        found = {name: np.array([counts["searches", seed][name] for seed in other], float) for name in versions("searches")}
-        lines += ["", f"{len(other)} of {len(SEEDS)} other searches.", "", *_header("the search looks for", "random tests")]
-        lines += [_row(SEARCHES.get(name, f"`{name}`"), row, found["random"]) for name, row in found.items()]
+        found = {
+            name: np.array([counts["searches", seed][name] for seed in other], float)
+            for name in versions("searches")
+        }
+        lines += [
+            "",
+            f"{len(other)} of {len(SEEDS)} other searches.",
+            "",
+            *_header("the search looks for", "random tests"),
+        ]
+        lines += [
+            _row(SEARCHES.get(name, f"`{name}`"), row, found["random"])
+            for name, row in found.items()
+        ]
         lines += ["", _clearest(found, SEARCHES, "search")]
     lines += ["", *_header("frames of the search with 50 %", "all alike", "random tests")]
     for kind, words in {"shares": "all alike", **SELECTIONS}.items():
-        chosen = np.array([counts.get((kind, seed), {}).get("adaptive", np.nan) for seed in seeds], float)
+        chosen = np.array(
+            [counts.get((kind, seed), {}).get("adaptive", np.nan) for seed in seeds], float
+        )
         if not np.isnan(chosen).all():
             lines.append(_row(words, chosen, failed["adaptive"], failed["random"]))
     return "\n".join(lines)
 
 
 def _clearest(failed: Mapping[str, np.ndarray], named: Mapping[str, str], what: str) -> str:
-    differences = {words: failed[name] - failed["random"] for name, words in named.items() if name != "random"}
+    differences = {
+        words: failed[name] - failed["random"] for name, words in named.items() if name != "random"
+    }
     return f"Smallest p of a {what} against random tests, {smallest_p(differences)}."
 
 
 def _header(first: str, *others: str) -> list[str]:
-    cells = [first, "failures, by search", "mean", *(f"minus {other}, mean (95 %)" for other in others)]
+    cells = [
+        first,
+        "failures, by search",
+        "mean",
+        *(f"minus {other}, mean (95 %)" for other in others),
+    ]
     return [f"| {' | '.join(cells)} |", "|---" * len(cells) + "|"]
 
 
 def _row(words: str, failed: np.ndarray, *others: np.ndarray) -> str:
     """failed: failures by search, (n,), NaN for one that is not published. others: those of other versions, (n,)."""
     known = ~np.isnan(failed)
-    listed = ", ".join(f"{count:.0f}" if published else "–" for count, published in zip(failed, known, strict=True))
+    listed = ", ".join(
+        f"{count:.0f}" if published else "–" for count, published in zip(failed, known, strict=True)
+    )
     differences = [mean_difference((failed - other)[known]) for other in others]
     return f"| {' | '.join([words, listed, f'{failed[known].mean():.1f}', *differences])} |"
 

@@ -26,7 +26,9 @@ SHIPPED = Path("models/uniform")
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--tests", type=int, default=40, help="tests per scenario")
     parser.add_argument("--scenario", nargs="+", default=[f"F{number}" for number in range(1, 9)])
     parser.add_argument("--threshold", nargs="+", type=float, default=[0.6, 0.7, 0.8])
@@ -36,22 +38,31 @@ def main() -> None:
     tests = options.tests * len(options.scenario)
     with tempfile.TemporaryDirectory() as folder, Progress("threshold") as progress:
         onnx = onnx_of(SHIPPED, Path(folder))
-        detectors = {threshold: OnnxDetector(onnx, threshold=threshold) for threshold in options.threshold}
+        detectors = {
+            threshold: OnnxDetector(onnx, threshold=threshold) for threshold in options.threshold
+        }
         for order, scenario in enumerate(options.scenario):
             described = functional_scenario(scenario)
             space = described.logical_space()
             simulator = MujocoSimulator(described, compose("default", []).car)
-            points = space.sample(options.tests, np.random.default_rng(sampler_seed(CampaignId(scenario, "random", "base", 0))))
+            points = space.sample(
+                options.tests,
+                np.random.default_rng(sampler_seed(CampaignId(scenario, "random", "base", 0))),
+            )
             for done, point in enumerate(points, start=order * options.tests + 1):
                 for threshold, detector in detectors.items():
                     signals = simulator.execute(space.decode(point), detector).signals
                     modes[threshold][kpi.evaluate(signals, failure_threshold_s).failure_mode] += 1
                 progress(done, tests)
             simulator.close()
-    print(f"{'threshold':<11}{'failures':>9}{'contact':>9}{'late':>6}{'false positives':>17}   of {tests} tests")
+    print(
+        f"{'threshold':<11}{'failures':>9}{'contact':>9}{'late':>6}{'false positives':>17}   of {tests} tests"
+    )
     for threshold, found in modes.items():
         failures = tests - found["none"]
-        print(f"{threshold:<11g}{failures:>9}{found['contact']:>9}{found['late']:>6}{found['false_positives']:>17}")
+        print(
+            f"{threshold:<11g}{failures:>9}{found['contact']:>9}{found['late']:>6}{found['false_positives']:>17}"
+        )
 
 
 if __name__ == "__main__":

@@ -42,23 +42,34 @@ RECIPES = {
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--batch", type=int, default=32)
-    parser.add_argument("--seconds", type=float, default=10.0, help="approximate seconds of a recipe in a round")
+    parser.add_argument(
+        "--seconds", type=float, default=10.0, help="approximate seconds of a recipe in a round"
+    )
     options = parser.parse_args()
     images, run = people(200), Run(threads=options.threads)
     speeds: dict[str, list[float]] = {name: [] for name in RECIPES}
     for _ in range(options.rounds):
         for name, recipe in RECIPES.items():
-            speeds[name].append(options.batch * steps_per_second(recipe, images, options.batch, options.seconds, run))
+            speeds[name].append(
+                options.batch
+                * steps_per_second(recipe, images, options.batch, options.seconds, run)
+            )
     for name, recipe in RECIPES.items():
         width, height = recipe.size
         found = speeds[name]
-        print(f"{name:25} {width}x{height}  {np.median(found):6.0f} images/s ({min(found):.0f} to {max(found):.0f})")
+        print(
+            f"{name:25} {width}x{height}  {np.median(found):6.0f} images/s ({min(found):.0f} to {max(found):.0f})"
+        )
     ratios = np.divide(speeds["retraining"], speeds["retraining, whole frames"])
-    print(f"retraining against whole frames: {np.median(ratios):.2f} times ({min(ratios):.2f} to {max(ratios):.2f})")
+    print(
+        f"retraining against whole frames: {np.median(ratios):.2f} times ({min(ratios):.2f} to {max(ratios):.2f})"
+    )
 
 
 def people(count: int) -> ImageSet:
@@ -66,10 +77,14 @@ def people(count: int) -> ImageSet:
     rng = np.random.default_rng(0)
     box = (140.0, 60.0, 165.0, 120.0)
     truth = Truth(box, box, 1500, 1500, 40.0)
-    return image_set([(rng.integers(0, 255, (192, 320, 3), dtype=np.uint8), truth) for _ in range(count)])
+    return image_set(
+        [(rng.integers(0, 255, (192, 320, 3), dtype=np.uint8), truth) for _ in range(count)]
+    )
 
 
-def steps_per_second(recipe: Recipe, images: ImageSet, count: int, seconds: float, run: Run) -> float:
+def steps_per_second(
+    recipe: Recipe, images: ImageSet, count: int, seconds: float, run: Run
+) -> float:
     """Steps per second after a warm-up, batches of `count` images and optimiser included."""
 
     def feed(iteration: int) -> Batch:
@@ -87,7 +102,9 @@ def steps_per_second(recipe: Recipe, images: ImageSet, count: int, seconds: floa
 def _fit(recipe: Recipe, iterations: int, feed: Feed, run: Run) -> None:
     model = initial_model(0)
     model.stage4.requires_grad_(recipe.all_layers)
-    schedule = Schedule(0, iterations, 1e-3, frozen_statistics=recipe.retraining, muon=not recipe.retraining)
+    schedule = Schedule(
+        0, iterations, 1e-3, frozen_statistics=recipe.retraining, muon=not recipe.retraining
+    )
     fit(model, Lesson(schedule, feed), run)
 
 

@@ -83,16 +83,22 @@ def parts(match_iou: float) -> Mapping[str, Part]:
         "full confidence": Part(detector=partial(Helped, least=match_iou, scores=True)),
         "both": Part(detector=partial(Helped, least=TOUCH_IOU, boxes=True, scores=True)),
         "full braking": Part(car=lambda car: replace(car, aeb=replace(car.aeb, law="threshold"))),
-        "any confidence": Part(car=lambda car: replace(car, aeb=replace(car.aeb, brakes_from=0.05))),
+        "any confidence": Part(
+            car=lambda car: replace(car, aeb=replace(car.aeb, brakes_from=0.05))
+        ),
         "oracle": Part(detector=lambda detector: VisiblePixelOracle()),
     }
 
 
 def main() -> None:
     config = load(PARAMS)
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("version", choices=[str(version) for version in config.versions])
-    parser.add_argument("--scenario", nargs="+", choices=config.held_out, default=list(config.held_out))
+    parser.add_argument(
+        "--scenario", nargs="+", choices=config.held_out, default=list(config.held_out)
+    )
     options = parser.parse_args()
     print(what_is_left(config, options.version, options.scenario).to_markdown())
 
@@ -117,15 +123,31 @@ def as_table(left: Sequence[pd.DataFrame], version: str) -> str:
     """What `what_is_left` found in one or more studies, summed, as Markdown."""
     repaired = sum(left[1:], start=left[0])
     scenarios = [name.replace("star", "\\*") for name in repaired]
-    lines = [f"| failures of `{version}` | {' | '.join(scenarios)} | all |", "|---" * (2 + len(scenarios)) + "|"]
-    return "\n".join([*lines, *(f"| {part} | {' | '.join(map(str, [*row, row.sum()]))} |" for part, row in repaired.iterrows())])
+    lines = [
+        f"| failures of `{version}` | {' | '.join(scenarios)} | all |",
+        "|---" * (2 + len(scenarios)) + "|",
+    ]
+    return "\n".join(
+        [
+            *lines,
+            *(
+                f"| {part} | {' | '.join(map(str, [*row, row.sum()]))} |"
+                for part, row in repaired.iterrows()
+            ),
+        ]
+    )
 
 
-def _failures(config: Config, scenario: str, tests: pd.DataFrame, part: Part, detector: Detector) -> int:
+def _failures(
+    config: Config, scenario: str, tests: pd.DataFrame, part: Part, detector: Detector
+) -> int:
     space, helped = config.space(scenario), part.detector(detector)
     simulator = make_simulator(config.simulator, config.scenarios[scenario], part.car(config.car))
     episodes = (simulator.execute(concrete(row, space), helped) for _, row in tests.iterrows())
-    return sum(evaluate(episode.signals, config.campaign.failure_threshold_s).failure for episode in episodes)
+    return sum(
+        evaluate(episode.signals, config.campaign.failure_threshold_s).failure
+        for episode in episodes
+    )
 
 
 if __name__ == "__main__":

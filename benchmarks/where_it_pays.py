@@ -57,10 +57,17 @@ def compositions() -> dict[Piece, str]:
     found = {}
     for (base, tests), seeds in PIECES.items():
         for seed in seeds:
-            found[f"{base}-{tests}", seed] = f"comparison.seed={seed} campaign.tests={tests} {BASES[base]}"
+            found[f"{base}-{tests}", seed] = (
+                f"comparison.seed={seed} campaign.tests={tests} {BASES[base]}"
+            )
             if base in LEARNT:
-                tested = [f"tested.{name}=data/default/retrained/models/{name}/weights.safetensors" for name in ("random", "adaptive")]
-                found[f"{base}-more", seed] = f"comparison.seed={100 + seed} held_out=[F1star,F2star] ~tested.base {' '.join(tested)}"
+                tested = [
+                    f"tested.{name}=data/default/retrained/models/{name}/weights.safetensors"
+                    for name in ("random", "adaptive")
+                ]
+                found[f"{base}-more", seed] = (
+                    f"comparison.seed={100 + seed} held_out=[F1star,F2star] ~tested.base {' '.join(tested)}"
+                )
     return found
 
 
@@ -75,7 +82,14 @@ EXPERIMENT = Experiment(
 
 def answer(pieces: Mapping[Piece, pd.DataFrame]) -> str:
     """A row for each base and number of tests."""
-    heading = ["base", "tests a scenario", "searches", "base fails, %", "`random` fails, %", "`adaptive` fails, %"]
+    heading = [
+        "base",
+        "tests a scenario",
+        "searches",
+        "base fails, %",
+        "`random` fails, %",
+        "`adaptive` fails, %",
+    ]
     heading += ["`adaptive` minus `random`, points (95 %)"]
     lines = [
         f"{len(pieces)} of {len(EXPERIMENT.compose)} pieces are published, and the ten default studies.",
@@ -90,7 +104,9 @@ def answer(pieces: Mapping[Piece, pd.DataFrame]) -> str:
             f"| `{base}` | {tests:,} | {len(failed)} | {_means(failed, 'base', 'random', 'adaptive')} | {mean_difference(ahead)} |"
         )
     confirming = differences.pop(CONFIRMING, None)
-    smallest = smallest_p({f"`{base}` with {tests:,}": found for (base, tests), found in differences.items()})
+    smallest = smallest_p(
+        {f"`{base}` with {tests:,}": found for (base, tests), found in differences.items()}
+    )
     lines += ["", f"Smallest p of the differences, {smallest}."]
     if confirming is not None:
         lines[-1] += f" That of `{CONFIRMING[0]}`, asked alone, is {p_text(student_p(confirming))}."
@@ -99,20 +115,38 @@ def answer(pieces: Mapping[Piece, pd.DataFrame]) -> str:
 
 def more_tests(pieces: Mapping[Piece, pd.DataFrame]) -> list[str]:
     """A row for each base that has learnt from tests, for both, and for both on each scenario: more held-out tests of the same versions."""
-    rows = {f"`{base}`": [table for (kind, _), table in pieces.items() if kind == f"{base}-more"] for base in LEARNT}
+    rows = {
+        f"`{base}`": [table for (kind, _), table in pieces.items() if kind == f"{base}-more"]
+        for base in LEARNT
+    }
     both = [table for tables in rows.values() for table in tables]
     if not both:
         return []
     rows["both"] = both
     for name in both[0]["scenario"].unique():
-        rows["both, on " + name.replace("star", r"\*")] = [table[table["scenario"] == name] for table in both]
-    heading = ["more tests, base", "searches", "`random` fails, %", "`adaptive` fails, %", "`adaptive` minus `random`, points (95 %)", "p"]
+        rows["both, on " + name.replace("star", r"\*")] = [
+            table[table["scenario"] == name] for table in both
+        ]
+    heading = [
+        "more tests, base",
+        "searches",
+        "`random` fails, %",
+        "`adaptive` fails, %",
+        "`adaptive` minus `random`, points (95 %)",
+        "p",
+    ]
     lines = ["", f"| {' | '.join(heading)} |", "|---" * len(heading) + "|"]
     for name, tables in rows.items():
         if tables:
             failed = pd.DataFrame([100 * valid(table).mean() for table in tables])
             ahead = failed["adaptive"] - failed["random"]
-            cells = [name, len(tables), _means(failed, "random", "adaptive"), mean_difference(ahead), p_text(student_p(ahead))]
+            cells = [
+                name,
+                len(tables),
+                _means(failed, "random", "adaptive"),
+                mean_difference(ahead),
+                p_text(student_p(ahead)),
+            ]
             lines.append(f"| {' | '.join(map(str, cells))} |")
     return lines
 
@@ -125,9 +159,15 @@ def rates(pieces: Mapping[Piece, pd.DataFrame]) -> dict[tuple[str, int], pd.Data
     """For each base and number of tests, the percentage of held-out tests that each version fails: (searches, versions)."""
     default = [pd.read_csv(DEFAULT / f"{seed}.csv.gz") for seed in DEFAULT_SEEDS]
     found = {}
-    for base, tests in sorted([*PIECES, DEFAULT_KIND], key=lambda kind: (list(BASES).index(kind[0]), kind[1])):
+    for base, tests in sorted(
+        [*PIECES, DEFAULT_KIND], key=lambda kind: (list(BASES).index(kind[0]), kind[1])
+    ):
         kind = f"{base}-{tests}"
-        tables = default if (base, tests) == DEFAULT_KIND else [table for (of, _), table in pieces.items() if of == kind]
+        tables = (
+            default
+            if (base, tests) == DEFAULT_KIND
+            else [table for (of, _), table in pieces.items() if of == kind]
+        )
         if tables:
             found[base, tests] = pd.DataFrame([100 * valid(table).mean() for table in tables])
     return found
@@ -147,24 +187,50 @@ def figure(found: Mapping[tuple[str, int], pd.DataFrame]) -> Figure:
     with styled():
         drawn, [[executions, strength]] = panels(1, 2, width=4.6, height=3.4)
         axes = {
-            executions: {f"{tests:,}": failed for (base, tests), failed in found.items() if base == DEFAULT_KIND[0]},
+            executions: {
+                f"{tests:,}": failed
+                for (base, tests), failed in found.items()
+                if base == DEFAULT_KIND[0]
+            },
             strength: {
-                "\n".join([base, f"{failed['base'].mean():.1f} %", *([] if tests == DEFAULT_KIND[1] else [f"{tests} tests"])]): failed
+                "\n".join(
+                    [
+                        base,
+                        f"{failed['base'].mean():.1f} %",
+                        *([] if tests == DEFAULT_KIND[1] else [f"{tests} tests"]),
+                    ]
+                ): failed
                 for (base, tests), failed in found.items()
                 if tests == DEFAULT_KIND[1] or base != DEFAULT_KIND[0]
             },
         }
         for axis, points in axes.items():
             for name, colour in series_colours(["random", "adaptive"]).items():
-                shift = -0.06 if name == "random" else 0.06  # Side by side, so that neither hides the other.
+                shift = (
+                    -0.06 if name == "random" else 0.06
+                )  # Side by side, so that neither hides the other.
                 shares = [left(failed, name) for failed in points.values()]
                 line = "o-" if axis is executions else "o"
-                axis.plot([x + shift for x in range(len(points))], [each.mean() for each in shares], line, color=colour, label=name)
+                axis.plot(
+                    [x + shift for x in range(len(points))],
+                    [each.mean() for each in shares],
+                    line,
+                    color=colour,
+                    label=name,
+                )
                 for x, each in enumerate(shares):
-                    axis.scatter([x + shift] * len(each), each, color=colour, s=18, alpha=0.5, linewidths=0)
+                    axis.scatter(
+                        [x + shift] * len(each), each, color=colour, s=18, alpha=0.5, linewidths=0
+                    )
             axis.set_xticks(range(len(points)), labels=list(points))
-        executions.set(xlabel="tests a scenario, base long_tailed", ylabel="failures left, % of the base's", ylim=(0, None))
-        strength.set(xlabel=f"held-out tests that the base fails; {DEFAULT_KIND[1]} tests, or as stated")
+        executions.set(
+            xlabel="tests a scenario, base long_tailed",
+            ylabel="failures left, % of the base's",
+            ylim=(0, None),
+        )
+        strength.set(
+            xlabel=f"held-out tests that the base fails; {DEFAULT_KIND[1]} tests, or as stated"
+        )
         legend_below(drawn, [executions, strength])
     return drawn
 

@@ -39,7 +39,9 @@ def names(package: Any) -> dict[str, str]:
 
 def parser(only: str = "") -> argparse.ArgumentParser:
     """The parser of all commands and steps, or of one command; then the others are not imported."""
-    top = argparse.ArgumentParser(PROGRAM, description="Finds, explains and fixes the blind spots of a camera detector.")
+    top = argparse.ArgumentParser(
+        PROGRAM, description="Finds, explains and fixes the blind spots of a camera detector."
+    )
     words = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     known = names(commands)
     for word, name in known.items() if only not in known else [(only, known[only])]:
@@ -71,7 +73,9 @@ def step_help(name: str) -> str:
 def calls_step(words: Sequence[str]) -> bool:
     """Whether the words call a step. Where a command has the same name, the step is the one with `--kind`."""
     first = words[0] if words else ""
-    return first in names(steps) and (first not in names(commands) or any(word.startswith("--kind") for word in words))
+    return first in names(steps) and (
+        first not in names(commands) or any(word.startswith("--kind") for word in words)
+    )
 
 
 def run_step(name: str, arguments: Sequence[str]) -> int:
@@ -82,8 +86,12 @@ def run_step(name: str, arguments: Sequence[str]) -> int:
     from pipeline.contract import order_of, perform, step_of
 
     step = step_of(name)
-    options = argparse.ArgumentParser(f"{PROGRAM} {name.replace('_', '-')}", description=step.help, add_help=False)
-    options.add_argument("--params", type=typed, default=PARAMS, help="resolved configuration (default: %(default)s)")
+    options = argparse.ArgumentParser(
+        f"{PROGRAM} {name.replace('_', '-')}", description=step.help, add_help=False
+    )
+    options.add_argument(
+        "--params", type=typed, default=PARAMS, help="resolved configuration (default: %(default)s)"
+    )
     config = load(options.parse_known_args(arguments)[0].params)
     wildcards = step.names(Folders(config))
     options.add_argument("--help", "-h", action="help", help="show this message and exit")
@@ -94,7 +102,16 @@ def run_step(name: str, arguments: Sequence[str]) -> int:
     for wildcard in wildcards:
         check_wildcard(wildcard, given[wildcard], step, config)
     check_components(config)
-    perform(order_of(name, config, {wildcard: given[wildcard] for wildcard in wildcards}, BY_HAND, given["threads"]), config)
+    perform(
+        order_of(
+            name,
+            config,
+            {wildcard: given[wildcard] for wildcard in wildcards},
+            BY_HAND,
+            given["threads"],
+        ),
+        config,
+    )
     return 0
 
 
@@ -118,7 +135,11 @@ def check_wildcard(wildcard: str, value: str, step: Step, config: Config) -> Non
 def read_options(top: argparse.ArgumentParser, words: Sequence[str]) -> argparse.Namespace:
     """The options of a command. argparse takes no key=value words on both sides of an option, so those that it leaves are added here."""
     options, left = top.parse_known_args(words)
-    if wrong := [word for word in left if word.startswith("-") or "=" not in word or not hasattr(options, "words")]:
+    if wrong := [
+        word
+        for word in left
+        if word.startswith("-") or "=" not in word or not hasattr(options, "words")
+    ]:
         top.error(f"unrecognized arguments: {' '.join(wrong)}")
     if left:
         options.words += left

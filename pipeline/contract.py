@@ -144,7 +144,10 @@ def perform(order: Order, config: Config) -> None:
     A cluster's jobs live on when Snakemake is killed: if such a job is at work on the same files, wait for it and keep what it made.
     """
     scratch = Path(Folders(config).root, "journal", order.step, *order.wildcards.values())
-    with Progress(order.step, order.log) as progress, held(_lock(scratch), lambda: progress.note(WAITING)) as waited:
+    with (
+        Progress(order.step, order.log) as progress,
+        held(_lock(scratch), lambda: progress.note(WAITING)) as waited,
+    ):
         if not (waited and _made(order)):
             _make(order, config, scratch, progress)
         # Not before the stamp is written, so that a kill until then loses no work.
@@ -173,14 +176,18 @@ def _made(order: Order) -> bool:
     """Whether an order's files are made, with its stamp."""
     files = [path for paths in order.writes.values() for path in _several(paths)]
     found = stamps.read(_one(order.writes[STAMP]))
-    return found is not None and found.depends == order.stamp and all(path.exists() for path in files)
+    return (
+        found is not None and found.depends == order.stamp and all(path.exists() for path in files)
+    )
 
 
 def _lock(scratch: Path) -> Path:
     return scratch.with_name(f"{scratch.name}.lock")
 
 
-def order_of(name: str, config: Config, wildcards: Wildcards, stamp: str, threads: int = 1) -> Order:
+def order_of(
+    name: str, config: Config, wildcards: Wildcards, stamp: str, threads: int = 1
+) -> Order:
     """The order for a job on the files of its study, equal to Snakemake's."""
     step, folders = step_of(name), Folders(config)
     outputs = {key: _filled(files, wildcards) for key, files in step.outputs(folders).items()}
@@ -188,4 +195,8 @@ def order_of(name: str, config: Config, wildcards: Wildcards, stamp: str, thread
 
 
 def _filled(files: Files, wildcards: Wildcards) -> Files:
-    return files.format(**wildcards) if isinstance(files, str) else [path.format(**wildcards) for path in files]
+    return (
+        files.format(**wildcards)
+        if isinstance(files, str)
+        else [path.format(**wildcards) for path in files]
+    )

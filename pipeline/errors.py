@@ -63,7 +63,12 @@ def explained(error: Exception) -> InputError | NoResultError | None:
     return error if isinstance(error, InputError | NoResultError) else machine_error(error)
 
 
-DISTRIBUTIONS = {"PIL": "pillow", "cv2": "opencv-python-headless", "hydra": "hydra-core", "omegaconf": "hydra-core"}
+DISTRIBUTIONS = {
+    "PIL": "pillow",
+    "cv2": "opencv-python-headless",
+    "hydra": "hydra-core",
+    "omegaconf": "hydra-core",
+}
 """Imported name -> distribution, if the two differ by more than a dash."""
 
 
@@ -73,10 +78,18 @@ def missing_extra(error: ModuleNotFoundError) -> InputError:
     module = (error.name or "").partition(".")[0]
     distribution = DISTRIBUTIONS.get(module, module.replace("_", "-"))
     pattern = re.compile(rf"{re.escape(distribution)}\b(?!-).*; extra == [\"'](.+)[\"']")
-    found = [match[1] for requirement in requires("blindspot") or () if module and (match := pattern.fullmatch(requirement))]
+    found = [
+        match[1]
+        for requirement in requires("blindspot") or ()
+        if module and (match := pattern.fullmatch(requirement))
+    ]
     if found:
-        return InputError(f"needs {module}, which is not installed; type: pip install 'blindspot[{found[0]}]'")
+        return InputError(
+            f"needs {module}, which is not installed; type: pip install 'blindspot[{found[0]}]'"
+        )
     forgotten = sys.prefix == sys.base_prefix and (Path(__file__).parents[1] / ".venv").is_dir()
     if forgotten and module not in ("", "pipeline"):
-        return InputError(f"needs {module}, which this Python lacks; type: source .venv/bin/activate")
+        return InputError(
+            f"needs {module}, which this Python lacks; type: source .venv/bin/activate"
+        )
     raise error

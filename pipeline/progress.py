@@ -34,7 +34,12 @@ class Progress:
     def __enter__(self) -> Progress:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         if self._bar is not None:
             self._bar.close()
         if self._log is not None:
@@ -44,10 +49,14 @@ class Progress:
         """Report `done` of `total`; the last call, with done = total, is always shown."""
         now = time.monotonic()
         last = done >= total
-        if self._first is None or done < self._done:  # Start-up and what a killed run had done say nothing about the time left.
+        if (
+            self._first is None or done < self._done
+        ):  # Start-up and what a killed run had done say nothing about the time left.
             self._first = done, now
         self._done = done
-        line = self._line(done, total, text, now - self._started, _left(done, total, now, *self._first))
+        line = self._line(
+            done, total, text, now - self._started, _left(done, total, now, *self._first)
+        )
         if self._log is not None and (last or now - self._logged >= LOG_EVERY_S):
             self._logged = now
             self._log.write(line + "\n")
@@ -69,7 +78,9 @@ class Progress:
 
     def _draw(self, done: int, total: int, text: str) -> None:
         if self._bar is None:
-            self._bar = tqdm(total=total, initial=done, desc=self._label, file=sys.stderr, dynamic_ncols=True)
+            self._bar = tqdm(
+                total=total, initial=done, desc=self._label, file=sys.stderr, dynamic_ncols=True
+            )
         self._bar.total = total
         self._bar.set_postfix_str(text, refresh=False)
         self._bar.update(done - self._bar.n)

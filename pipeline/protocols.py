@@ -38,7 +38,11 @@ class Simulator(Protocol):
     """
 
     def execute(
-        self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0, noise: Mapping[str, Value] | None = None
+        self,
+        concrete: Mapping[str, Value],
+        detector: Detector,
+        keep_every: int = 0,
+        noise: Mapping[str, Value] | None = None,
     ) -> Episode:
         """Execute one concrete scenario; keep every `keep_every`-th frame, none if it is 0.
 

@@ -37,7 +37,9 @@ def sources(module: str) -> tuple[str, ...]:
 
     Templates, and the scripts and styles in a folder `assets`, count as source of the modules beside them.
     """
-    return tuple(sorted(set().union(*map(_files, {module} | _graph().find_upstream_modules(module)))))
+    return tuple(
+        sorted(set().union(*map(_files, {module} | _graph().find_upstream_modules(module))))
+    )
 
 
 @cache
@@ -46,13 +48,19 @@ def _files(module: str) -> frozenset[str]:
     stem = ROOT.joinpath(*module.split("."))
     path = stem.with_suffix(".py") if stem.with_suffix(".py").exists() else stem / "__init__.py"
     beside = (file for pattern in BESIDE for file in path.parent.glob(pattern))
-    return frozenset(file.relative_to(ROOT).as_posix() for file in (path, *beside)) if path.stat().st_size else frozenset()
+    return (
+        frozenset(file.relative_to(ROOT).as_posix() for file in (path, *beside))
+        if path.stat().st_size
+        else frozenset()
+    )
 
 
 @cache
 def code_digest(module: str) -> str:
     """SHA-256 over `sources` of a module, without their comments and docstrings."""
-    return hashlib.sha256("".join(path + digest for path, digest in source_digests(module).items()).encode()).hexdigest()
+    return hashlib.sha256(
+        "".join(path + digest for path, digest in source_digests(module).items()).encode()
+    ).hexdigest()
 
 
 @cache
@@ -62,7 +70,10 @@ def source_digests(module: str) -> dict[str, str]:
     texts = {path: (ROOT / path).read_bytes() for path in sources(module)}
     raw = {path: hashlib.sha256(text).hexdigest() for path, text in texts.items()}
     if new := {path: raw[path] for path in texts if raw[path] not in known}:
-        known |= {digest: hashlib.sha256(_code(path, texts[path])).hexdigest() for path, digest in new.items()}
+        known |= {
+            digest: hashlib.sha256(_code(path, texts[path])).hexdigest()
+            for path, digest in new.items()
+        }
         with suppress(OSError, InputError):
             write_bytes(STORED, json.dumps(known).encode(), flush=False)
     return {path: known[digest] for path, digest in raw.items()}
@@ -83,7 +94,9 @@ def _code(path: str, text: bytes) -> bytes:
         return text
     # As bytes: Python's lines end at line feeds alone, but those of a text also at form feeds and other signs.
     lines: list[str | None] = [line.decode() for line in text.splitlines(keepends=True)]
-    tokens = [token for token in tokenize.tokenize(io.BytesIO(text).readline) if token.type != tokenize.NL]
+    tokens = [
+        token for token in tokenize.tokenize(io.BytesIO(text).readline) if token.type != tokenize.NL
+    ]
     for token in tokens:
         if token.type == tokenize.COMMENT:
             row, column = token.start
@@ -91,7 +104,11 @@ def _code(path: str, text: bytes) -> bytes:
     code = [token for token in tokens if token.type != tokenize.COMMENT]
     for previous, token, following in zip(code, code[1:], code[2:], strict=False):
         # A string that is a statement of its own.
-        if token.type == tokenize.STRING and previous.type in BEGINS and following.type == tokenize.NEWLINE:
+        if (
+            token.type == tokenize.STRING
+            and previous.type in BEGINS
+            and following.type == tokenize.NEWLINE
+        ):
             first, last = token.start[0] - 1, token.end[0]
             lines[first:last] = [None] * (last - first)
     return "".join(line for line in lines if line is not None).encode()

@@ -14,7 +14,9 @@ def browser_page(width: int, height: int) -> Iterator[Page]:
     """An empty page of that size, in pixels."""
     with sync_playwright() as playwright:
         # Chromium's sandbox does not work for root in a container.
-        browser = playwright.chromium.launch(executable_path=_chromium(), args=["--no-sandbox", "--disable-gpu"])
+        browser = playwright.chromium.launch(
+            executable_path=_chromium(), args=["--no-sandbox", "--disable-gpu"]
+        )
         try:
             yield browser.new_page(viewport={"width": width, "height": height})
         finally:
@@ -23,6 +25,15 @@ def browser_page(width: int, height: int) -> Iterator[Page]:
 
 def _chromium() -> str:
     """The system's Chromium; playwright's is not downloaded."""
-    found = next((path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None)
-    assert found, "no Chromium on this machine; as root: apt-get install -y --no-install-recommends chromium"
+    found = next(
+        (
+            path
+            for name in ("chromium", "chromium-browser", "google-chrome")
+            if (path := shutil.which(name))
+        ),
+        None,
+    )
+    assert found, (
+        "no Chromium on this machine; as root: apt-get install -y --no-install-recommends chromium"
+    )
     return found

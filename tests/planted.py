@@ -46,7 +46,9 @@ class World:
         """Random tests of the world."""
         rng = np.random.default_rng(seed)
         points = SPACE.sample(self.tests, rng)
-        return Outcomes(SPACE, points, self.fails(points) ^ (rng.random(self.tests) < self.noise), people.WORDS)
+        return Outcomes(
+            SPACE, points, self.fails(points) ^ (rng.random(self.tests) < self.noise), people.WORDS
+        )
 
     def fails(self, points: Floats) -> Bools:
         """Which points (n, d) lie in a planted region, as (n,)."""
@@ -58,13 +60,26 @@ _RUNNING_IN_RAIN = Rule((Condition(RAIN, 70, 100), Condition(SPEED, 2, 3)))
 WORLDS: Mapping[str, World] = {
     "two boxes": World((_FOG_AT_NIGHT, _RUNNING_IN_RAIN)),
     "two noisy boxes": World((_FOG_AT_NIGHT, _RUNNING_IN_RAIN), noise=0.04, tests=800),
-    "through north": World((Rule((Condition(AZIMUTH, 330, 30),)),), ("sun_azimuth from 330 through 360 to 30 deg",)),
-    "a thin slab": World((Rule((Condition(ALTITUDE, -2, 4), Condition(SPEED, 0, 0.8))),), tests=1600),
+    "through north": World(
+        (Rule((Condition(AZIMUTH, 330, 30),)),), ("sun_azimuth from 330 through 360 to 30 deg",)
+    ),
+    "a thin slab": World(
+        (Rule((Condition(ALTITUDE, -2, 4), Condition(SPEED, 0, 0.8))),), tests=1600
+    ),
     "a diagonal": World((Band(12),), ("rain - fog in [-1",)),
     "a category": World((Rule((Condition(POSE, values=CROUCHING),)),), ("crouching",)),
-    "an attribute": World((Rule((Condition(RAIN, 40, 100), Condition(PERSON, values=CHILDREN))),), ("child and rain >= ",), tests=800),
-    "two words": World((Rule((Condition(POSE, values=CROUCHING), Condition(PERSON, values=UMBRELLAS))),), ("crouching under an umbrella",)),
-    "people who share nothing": World((Rule((Condition(PERSON, values=(3, 40, 71)),)),), ("blueprint in {W 04, M 04, M 35}",)),
+    "an attribute": World(
+        (Rule((Condition(RAIN, 40, 100), Condition(PERSON, values=CHILDREN))),),
+        ("child and rain >= ",),
+        tests=800,
+    ),
+    "two words": World(
+        (Rule((Condition(POSE, values=CROUCHING), Condition(PERSON, values=UMBRELLAS))),),
+        ("crouching under an umbrella",),
+    ),
+    "people who share nothing": World(
+        (Rule((Condition(PERSON, values=(3, 40, 71)),)),), ("blueprint in {W 04, M 04, M 35}",)
+    ),
 }
 """Worlds of boxes. texts: of their rules, or how they begin."""
 

@@ -12,4 +12,12 @@ def scenario_with(space: Space) -> FunctionalScenario:
     ego, crossing = Ego(speed_kmh=36, horizon_s=3), Crossing(heading_deg=90)
     plain, town = space.to_dict(), Town(seed=1)
     people = 1 if plain.pop("blueprint", None) else None
-    return FunctionalScenario(label="T", description="A street.", town=town, ego=ego, pedestrian=crossing, people=people, space=plain)
+    return FunctionalScenario(
+        label="T",
+        description="A street.",
+        town=town,
+        ego=ego,
+        pedestrian=crossing,
+        people=people,
+        space=plain,
+    )

@@ -32,7 +32,9 @@ def strategies(conf: Path = CONF) -> dict[str, Strategy]:
         module, _, name = section.pop("_target_").rpartition(".")
         made = getattr(import_module(module), name)
         # Values such as ${campaign.failure_threshold_s} come from a study.
-        found[path.stem] = _with(made, {key: value for key, value in section.items() if "${" not in str(value)})
+        found[path.stem] = _with(
+            made, {key: value for key, value in section.items() if "${" not in str(value)}
+        )
         if "earlier" in inspect.signature(made).parameters:
             found[f"{path.stem}-taught"] = _taught(found[path.stem])
     return found

@@ -57,8 +57,17 @@ def know_sources(folder: Path) -> None:
 
 @cache
 def _known_sources() -> str:
-    found = {path: digest for step in step_names() for path, digest in source_digests(f"pipeline.steps.{step}").items()}
-    return json.dumps({hashlib.sha256((ROOT / path).read_bytes()).hexdigest(): digest for path, digest in found.items()})
+    found = {
+        path: digest
+        for step in step_names()
+        for path, digest in source_digests(f"pipeline.steps.{step}").items()
+    }
+    return json.dumps(
+        {
+            hashlib.sha256((ROOT / path).read_bytes()).hexdigest(): digest
+            for path, digest in found.items()
+        }
+    )
 
 
 def arguments(step: str, threads: int = 1, **wildcards: object) -> list[str]:

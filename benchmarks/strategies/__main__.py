@@ -83,7 +83,9 @@ def main() -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     commands = parser.add_subparsers(dest="command", required=True)
     run = commands.add_parser("run", help="execute what is missing")
     run.add_argument("--group", nargs="+", choices=worlds.GROUPS, default=list(worlds.GROUPS))
@@ -103,13 +105,28 @@ def _parser() -> argparse.ArgumentParser:
     slow = commands.add_parser("bayesian", help="VerifAI's Bayesian sampler in 120 tests")
     for command in (run, keep, show, answer, choose, ablate, slow):
         split = "judging" if command in (answer, choose, slow) else "development"
-        command.add_argument("--split", choices=list(worlds.SPLITS), default=split, help="which scenarios and seeds (default: %(default)s)")
+        command.add_argument(
+            "--split",
+            choices=list(worlds.SPLITS),
+            default=split,
+            help="which scenarios and seeds (default: %(default)s)",
+        )
         own = RESULTS / "bayesian.jsonl" if command is slow else None
-        command.add_argument("--results", type=Path, default=own, help=f"default: {own or RESULTS / '<split>.jsonl'}")
+        command.add_argument(
+            "--results", type=Path, default=own, help=f"default: {own or RESULTS / '<split>.jsonl'}"
+        )
     check = commands.add_parser("truth", help="cross-validation of the emulators")
-    check.add_argument("--scenario", nargs="+", default=[name for split in worlds.SPLITS.values() for name in split.scenarios])
-    commands.add_parser("models", help="how well the forest's models and their variants predict rendered tests")
-    commands.add_parser("further", help="fresh seeds, transfer between scenarios, options of evolutionary testing")
+    check.add_argument(
+        "--scenario",
+        nargs="+",
+        default=[name for split in worlds.SPLITS.values() for name in split.scenarios],
+    )
+    commands.add_parser(
+        "models", help="how well the forest's models and their variants predict rendered tests"
+    )
+    commands.add_parser(
+        "further", help="fresh seeds, transfer between scenarios, options of evolutionary testing"
+    )
     commands.add_parser("confirmed", help="what the strategies found in rendered campaigns")
     grid_ = commands.add_parser("grid", help="tables and figures of thesis chapter 6")
     grid_.add_argument("--figures", type=Path, help="folder for the figures")
@@ -154,10 +171,17 @@ def _choose(options: argparse.Namespace) -> None:
 
 def _show(options: argparse.Namespace) -> None:
     rows = _finished(options)
-    tables = {(block.group, block.budget): (block, standings(block, options.reference)) for block in blocks(rows)}
+    tables = {
+        (block.group, block.budget): (block, standings(block, options.reference))
+        for block in blocks(rows)
+    }
     print(
         "\n".join(
-            [duels.markdown(duels.ratios(rows)), "", *(markdown(block, table, options.reference) for block, table in tables.values())]
+            [
+                duels.markdown(duels.ratios(rows)),
+                "",
+                *(markdown(block, table, options.reference) for block, table in tables.values()),
+            ]
         )
     )
     drawn = {key: table for key, (_, table) in tables.items() if key[1] in BUDGETS}
@@ -175,7 +199,10 @@ def _finished(options: argparse.Namespace) -> list[Row]:
 
 
 def _truth(options: argparse.Namespace) -> None:
-    recordings = [(name, recorded.read(name, functional_scenario(name).logical_space())) for name in options.scenario]
+    recordings = [
+        (name, recorded.read(name, functional_scenario(name).logical_space()))
+        for name in options.scenario
+    ]
     for name, recording in recordings:
         if recording.errors:
             print(f"{name}: {recording.errors} tests ended in an error and are left out")

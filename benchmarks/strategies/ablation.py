@@ -29,16 +29,28 @@ CHANGES = {
 
 
 def markdown(
-    rows: Sequence[dict[str, Any]], changes: Mapping[str, str] = CHANGES, reference: str = DEFAULT, budgets: Sequence[int] = BUDGETS
+    rows: Sequence[dict[str, Any]],
+    changes: Mapping[str, str] = CHANGES,
+    reference: str = DEFAULT,
+    budgets: Sequence[int] = BUDGETS,
 ) -> str:
     """A table for each measure: the ratio to a strategy, a row for each change, a column for each kind of worlds and budget."""
-    groups = {kind: group for kind, group in kinds(rows, budgets).items() if any(reference in block.strategies for block in group)}
+    groups = {
+        kind: group
+        for kind, group in kinds(rows, budgets).items()
+        if any(reference in block.strategies for block in group)
+    }
     tables = []
     for measure, symbol in SYMBOLS.items():
-        lines = [f"| {symbol}, × `{reference}` | {' | '.join(f'{kind}, {budget:,}' for kind, budget in groups)} |"]
+        lines = [
+            f"| {symbol}, × `{reference}` | {' | '.join(f'{kind}, {budget:,}' for kind, budget in groups)} |"
+        ]
         lines += ["|---" * (len(groups) + 1) + "|"]
         for strategy, words in changes.items():
-            cells = [str(ratio(group, Duel(measure, strategy, reference)) or "–") for group in groups.values()]
+            cells = [
+                str(ratio(group, Duel(measure, strategy, reference)) or "–")
+                for group in groups.values()
+            ]
             lines.append(f"| {words} | {' | '.join(cells)} |")
         tables.append("\n".join(lines))
     return "\n\n".join(tables)

@@ -9,7 +9,13 @@ from pipeline.core.kpi import evaluate
 from pipeline.core.space import Floats, Ints, Space
 from pipeline.detectors.scripted import VisiblePixelOracle
 from pipeline.scenarios.functional import FunctionalScenario
-from pipeline.simulators.analytic import MARGIN, PLANTED, SAFE_DETECTION_M, AnalyticSimulator, Planted
+from pipeline.simulators.analytic import (
+    MARGIN,
+    PLANTED,
+    SAFE_DETECTION_M,
+    AnalyticSimulator,
+    Planted,
+)
 
 LOST_M = 13.0
 """Detection distance that a test loses across the margin of a region."""

@@ -38,13 +38,23 @@ def execute(run: Run) -> Row:
     with threadpool_limits(1), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         if run.strategy == contestants.CEILING:
-            points, spent = ceiling.greedy(world.space, ceiling.known_failures(world, threshold_s), run.tests), 0.0
-            points = np.concatenate([points, world.space.sample(run.tests - len(points), np.random.default_rng(run.seed))])
+            points, spent = (
+                ceiling.greedy(world.space, ceiling.known_failures(world, threshold_s), run.tests),
+                0.0,
+            )
+            points = np.concatenate(
+                [
+                    points,
+                    world.space.sample(run.tests - len(points), np.random.default_rng(run.seed)),
+                ]
+            )
             kpi = world.kpi(points)
         else:
             points, kpi, spent = search(world, run)
     regions = study.regions
-    found = scores(world.space, points, kpi, threshold_s, regions.chance_neighbours, regions.min_failures)
+    found = scores(
+        world.space, points, kpi, threshold_s, regions.chance_neighbours, regions.min_failures
+    )
     return {**asdict(run), "cpu_s": spent, **found}
 
 

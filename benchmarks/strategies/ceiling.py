@@ -21,7 +21,9 @@ def known_failures(world: World, threshold_s: float) -> Floats:
     failures = _failing(world, tried, threshold_s)
     for _ in range(ROUNDS if len(failures) else 0):
         parents = failures[rng.integers(len(failures), size=MUTANTS)]
-        failures = np.concatenate([failures, _failing(world, mutate(world.space, parents, rng, most=1), threshold_s)])
+        failures = np.concatenate(
+            [failures, _failing(world, mutate(world.space, parents, rng, most=1), threshold_s)]
+        )
     return np.unique(failures, axis=0)
 
 

@@ -21,7 +21,9 @@ def markdown(rows: Sequence[dict[str, Any]]) -> str:
         if block.budget == BUDGET:
             groups.setdefault(kind_of(block.group), []).append(block)
     tables = {kind: pd.concat([block.rows for block in group]) for kind, group in groups.items()}
-    means = {kind: table.groupby("strategy")[list(MEASURES)].mean() for kind, table in tables.items()}
+    means = {
+        kind: table.groupby("strategy")[list(MEASURES)].mean() for kind, table in tables.items()
+    }
     strategies = [name for name in known() if name != CEILING and name in means[RECORDED].index]
     strategies.sort(key=lambda name: -float(means[RECORDED].loc[name, "failures"]))
     lines = [f"| strategy | {' | '.join(means)} |", "|---" * (len(means) + 1) + "|"]
@@ -36,5 +38,7 @@ def _cell(means: pd.DataFrame, strategy: str) -> str:
         return "–"
     failures, kinds, gamma = (float(means.loc[strategy, measure]) for measure in MEASURES)
     return (
-        f"{failures:.0f} / {kinds:.0f} / {100 * gamma:.0f} %" if failures >= 10 else f"{failures:.1f} / {kinds:.1f} / {100 * gamma:.1f} %"
+        f"{failures:.0f} / {kinds:.0f} / {100 * gamma:.0f} %"
+        if failures >= 10
+        else f"{failures:.1f} / {kinds:.1f} / {100 * gamma:.1f} %"
     )

@@ -37,7 +37,9 @@ DATA = recorded.DATA / "confirmation"
 
 def main() -> None:
     """Execute the campaigns that have no table yet, and print what all found."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--scenario", nargs="+", default=list(SCENARIOS))
     parser.add_argument("--strategy", nargs="+", default=list(STRATEGIES))
     parser.add_argument("--threads", type=int, default=2, help="processes that execute tests")
@@ -48,7 +50,11 @@ def main() -> None:
         for scenario in options.scenario:
             for seed in SEEDS:
                 for strategy in options.strategy:
-                    _confirm(compose("default", []), CampaignId(scenario, strategy, "base", seed), options)
+                    _confirm(
+                        compose("default", []),
+                        CampaignId(scenario, strategy, "base", seed),
+                        options,
+                    )
         print(answer(measured(options.out)))
     except InputError as error:
         parser.error(str(error))
@@ -57,9 +63,17 @@ def main() -> None:
 def _confirm(config: Config, campaign: CampaignId, options: argparse.Namespace) -> None:
     path = recorded.path_of(campaign.scenario, campaign.strategy, options.out / str(campaign.seed))
     if not path.exists():
-        plan = campaign_plan(config, options.journal, campaign, {"strategy": contestants.digest(campaign.strategy)}, TESTS)
+        plan = campaign_plan(
+            config,
+            options.journal,
+            campaign,
+            {"strategy": contestants.digest(campaign.strategy)},
+            TESTS,
+        )
         sampler = contestants.make(campaign.strategy, plan.space, plan.strategy_seed)
-        record_campaign(plan, sampler, path, options.journal / str(campaign.seed) / path.stem, options.threads)
+        record_campaign(
+            plan, sampler, path, options.journal / str(campaign.seed) / path.stem, options.threads
+        )
 
 
 def measured(folder: Path = DATA) -> pd.DataFrame:
@@ -70,14 +84,29 @@ def measured(folder: Path = DATA) -> pd.DataFrame:
         space = space_of(scenario)
         table, points = recorded.campaign(path, space)
         failing = points[table["failure"].to_numpy(bool)]
-        found = {"failures": len(failing), "kinds": kinds_of(space, failing), "gamma_f": pair_coverage(space, failing)}
-        rows.append({"scenario": scenario, "strategy": strategy, "seed": int(path.parent.name), "tests": len(table), **found})
+        found = {
+            "failures": len(failing),
+            "kinds": kinds_of(space, failing),
+            "gamma_f": pair_coverage(space, failing),
+        }
+        rows.append(
+            {
+                "scenario": scenario,
+                "strategy": strategy,
+                "seed": int(path.parent.name),
+                "tests": len(table),
+                **found,
+            }
+        )
     return pd.DataFrame(rows)
 
 
 def answer(rows: pd.DataFrame) -> str:
     """In how many scenarios the default leads the thesis' network, and the table."""
-    means = {name: rows[rows["strategy"] == name].groupby("scenario")[["failures", "gamma_f"]].mean() for name in (DEFAULT, THESIS)}
+    means = {
+        name: rows[rows["strategy"] == name].groupby("scenario")[["failures", "gamma_f"]].mean()
+        for name in (DEFAULT, THESIS)
+    }
     ahead = means[DEFAULT] > means[THESIS].reindex(means[DEFAULT].index)
     both = ahead.index.intersection(means[THESIS].index)
     failures, pairs = ahead.loc[both].sum()
@@ -90,9 +119,16 @@ def answer(rows: pd.DataFrame) -> str:
 
 def markdown(rows: pd.DataFrame) -> str:
     """Means over seeds with their lowest and highest, a row for each strategy and scenario."""
-    lines = ["| scenario | strategy | seeds | failures | kinds | γ_f, % |", "|---|---|---|---|---|---|"]
+    lines = [
+        "| scenario | strategy | seeds | failures | kinds | γ_f, % |",
+        "|---|---|---|---|---|---|",
+    ]
     for (scenario, strategy), group in rows.groupby(["scenario", "strategy"]) if len(rows) else ():
-        cells = [_spread(group["failures"]), _spread(group["kinds"]), _spread(100 * group["gamma_f"])]
+        cells = [
+            _spread(group["failures"]),
+            _spread(group["kinds"]),
+            _spread(100 * group["gamma_f"]),
+        ]
         lines.append(f"| {scenario} | {strategy} | {len(group)} | {' | '.join(cells)} |")
     return "\n".join(lines)
 

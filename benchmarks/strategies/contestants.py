@@ -36,12 +36,16 @@ def make(label: str, space: Space, seed: int) -> Sampler:
     if label in peers.PEERS:
         return peers.make(label, space, seed, default_study().campaign.failure_threshold_s)
     if label in former.SAMPLERS:
-        return former.SAMPLERS[label](space, seed, failure_threshold_s=default_study().campaign.failure_threshold_s)
+        return former.SAMPLERS[label](
+            space, seed, failure_threshold_s=default_study().campaign.failure_threshold_s
+        )
     if _name(label) in variants.VARIANTS:
         settings = {key: value for key, value in _section(label).items() if key != "_target_"}
         return variants.VARIANTS[_name(label)](space=space, seed=seed, **settings)
     # Partial, because Hydra would turn the space, a dataclass, into a config.
-    made: Sampler = instantiate(_section(label), _partial_=True, _convert_="all")(space=space, seed=seed)
+    made: Sampler = instantiate(_section(label), _partial_=True, _convert_="all")(
+        space=space, seed=seed
+    )
     return made
 
 
@@ -55,7 +59,10 @@ def digest(label: str) -> str:
         about = [inspect.getsource(former)]
     else:
         section = _section(label)
-        about = [json.dumps(section, sort_keys=True), code_digest(section["_target_"].rpartition(".")[0])]
+        about = [
+            json.dumps(section, sort_keys=True),
+            code_digest(section["_target_"].rpartition(".")[0]),
+        ]
         about += [inspect.getsource(variants)] if _name(label) in variants.VARIANTS else []
     return hashlib.sha256("".join(about).encode()).hexdigest()
 

@@ -66,8 +66,16 @@ EXPECTED = (
     (PAIRS, RAREST, 300, 1.5),
     (FAILURES, ANALYTIC, 1000, 1.2),
     (PAIRS, ANALYTIC, 1000, 1.15),
-    *((FORMER_FAILURES, kind, budget, 1.25) for kind in (RECORDED, RARE, RAREST, ANALYTIC) for budget in (300, 1000)),
-    *((FORMER_PAIRS, kind, budget, 1.15) for kind in (RECORDED, RARE, RAREST, ANALYTIC) for budget in (300, 1000)),
+    *(
+        (FORMER_FAILURES, kind, budget, 1.25)
+        for kind in (RECORDED, RARE, RAREST, ANALYTIC)
+        for budget in (300, 1000)
+    ),
+    *(
+        (FORMER_PAIRS, kind, budget, 1.15)
+        for kind in (RECORDED, RARE, RAREST, ANALYTIC)
+        for budget in (300, 1000)
+    ),
     (PEER_PAIRS, RECORDED, 300, 1.9),
     (PEER_PAIRS, RECORDED, 1000, 1.6),
     (PEER_FAILURES, RECORDED, 300, 0.97),
@@ -79,11 +87,15 @@ Ratios = Mapping[tuple[Duel, str, int], Ratio]
 
 def ratios(rows: Sequence[dict[str, Any]]) -> Ratios:
     """Every duel in every kind of worlds (both families of emulators together) after each budget, as far as it was run."""
-    found = {(duel, *kind): ratio(group, duel) for kind, group in kinds(rows).items() for duel in DUELS}
+    found = {
+        (duel, *kind): ratio(group, duel) for kind, group in kinds(rows).items() for duel in DUELS
+    }
     return {key: one for key, one in found.items() if one is not None}
 
 
-def kinds(rows: Sequence[dict[str, Any]], budgets: Sequence[int] = BUDGETS) -> dict[tuple[str, int], list[Block]]:
+def kinds(
+    rows: Sequence[dict[str, Any]], budgets: Sequence[int] = BUDGETS
+) -> dict[tuple[str, int], list[Block]]:
     """The blocks of every kind of worlds, both families of emulators together, after each budget."""
     groups: dict[tuple[str, int], list[Block]] = {}
     for block in blocks(rows):
@@ -110,11 +122,17 @@ def answer(found: Ratios, others: Collection[str] = OTHERS) -> str:
         reached = "not run" if one is None else "yes" if one.value >= least else "**no**"
         rows.append(f"| {duel} | {kind} | {budget:,} | {least:g} | {one or '–'} | {reached} |")
         if one is not None and one.value < least:
-            short.append(f"{duel} after {budget:,} tests, {kind}: {one.value:.2f} instead of {least:g}")
+            short.append(
+                f"{duel} after {budget:,} tests, {kind}: {one.value:.2f} instead of {least:g}"
+            )
     judged = sum((duel, kind, budget) in found for duel, kind, budget, _ in expected)
     missed = f"**What fell short:** {'; '.join(short)}. " if short else ""
     head = fill(f"{missed}{judged - len(short)} of {judged} expectations hold.", LINE)
-    table = ["| ratio | worlds | tests | expected at least | found | reached |", "|---|---|---|---|---|---|", *rows]
+    table = [
+        "| ratio | worlds | tests | expected at least | found | reached |",
+        "|---|---|---|---|---|---|",
+        *rows,
+    ]
     return "\n".join([head, "", *table])
 
 
@@ -129,13 +147,24 @@ def kind_of(group: str) -> str:
 def ratio(group: Sequence[Block], duel: Duel) -> Ratio | None:
     """Ratio of the means over the worlds and seeds that both have; None if one was not run."""
     others = sorted(VERIFAI) if duel.other == BEST else [duel.other]
-    values = {name: pd.concat([block.values(name, duel.measure).stack() for block in group]) for name in [duel.ours, *others]}
+    values = {
+        name: pd.concat([block.values(name, duel.measure).stack() for block in group])
+        for name in [duel.ours, *others]
+    }
     known = [name for name in others if len(values[name])]
     if not known or not len(values[duel.ours]):
         return None
     best = max(known, key=lambda name: float(values[name].mean()))
-    seeds = pd.concat({"own": values[duel.ours], "other": values[best]}, axis=1).dropna().groupby("seed").mean()
+    seeds = (
+        pd.concat({"own": values[duel.ours], "other": values[best]}, axis=1)
+        .dropna()
+        .groupby("seed")
+        .mean()
+    )
     own, other = seeds["own"].to_numpy(float), seeds["other"].to_numpy(float)
     if not other.sum():
         return None
-    return Ratio(own.mean() / other.mean(), *bootstrap_ratio(own, other, np.random.default_rng(0), CONFIDENCE))
+    return Ratio(
+        own.mean() / other.mean(),
+        *bootstrap_ratio(own, other, np.random.default_rng(0), CONFIDENCE),
+    )

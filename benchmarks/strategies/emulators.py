@@ -49,28 +49,44 @@ class Trees:
         settings = {"min_samples_leaf": 3, "max_features": 0.4, "random_state": 0}
         failed = recorded.failed
         self._fails = ExtraTreesClassifier(200, **settings).fit(inputs, failed).estimators_
-        self._passes = ExtraTreesRegressor(100, **settings).fit(inputs[~failed], recorded.kpi[~failed]).estimators_
+        self._passes = (
+            ExtraTreesRegressor(100, **settings)
+            .fit(inputs[~failed], recorded.kpi[~failed])
+            .estimators_
+        )
 
     def probability(self, inputs: Floats) -> Floats:
-        rows = inputs.astype(np.float32)  # A batch is small: scikit-learn's own checks would cost more than the trees.
+        rows = inputs.astype(
+            np.float32
+        )  # A batch is small: scikit-learn's own checks would cost more than the trees.
         return np.asarray(np.mean([tree.tree_.predict(rows)[:, 1] for tree in self._fails], axis=0))
 
     def passing_kpi(self, inputs: Floats) -> Floats:
         rows = inputs.astype(np.float32)
-        return np.asarray(np.mean([tree.tree_.predict(rows)[:, 0] for tree in self._passes], axis=0))
+        return np.asarray(
+            np.mean([tree.tree_.predict(rows)[:, 0] for tree in self._passes], axis=0)
+        )
 
 
 class Network:
     """Multi-layer perceptrons, stopped early."""
 
     def __init__(self, inputs: Floats, recorded: Recorded) -> None:
-        settings = {"hidden_layer_sizes": (64, 32), "alpha": 1e-2, "early_stopping": True, "n_iter_no_change": 15, "random_state": 0}
+        settings = {
+            "hidden_layer_sizes": (64, 32),
+            "alpha": 1e-2,
+            "early_stopping": True,
+            "n_iter_no_change": 15,
+            "random_state": 0,
+        }
         failed, passing = recorded.failed, recorded.kpi[~recorded.failed]
         self._mean, self._deviation = float(passing.mean()), max(float(passing.std()), 1e-9)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ConvergenceWarning)
             self._fails = MLPClassifier(**settings).fit(inputs, failed)
-            self._passes = MLPRegressor(**settings).fit(inputs[~failed], (passing - self._mean) / self._deviation)
+            self._passes = MLPRegressor(**settings).fit(
+                inputs[~failed], (passing - self._mean) / self._deviation
+            )
 
     def probability(self, inputs: Floats) -> Floats:
         return np.asarray(self._fails.predict_proba(inputs)[:, 1])
@@ -86,7 +102,9 @@ def fit(family: str, recorded: Recorded) -> Model:
     """A model of a family; InputError for too few failures or passing tests."""
     failures, passing = int(recorded.failed.sum()), int((~recorded.failed).sum())
     if min(failures, passing) < FEWEST:
-        raise InputError(f"an emulator needs {FEWEST} failures and {FEWEST} other tests, got {failures} and {passing}; record more tests")
+        raise InputError(
+            f"an emulator needs {FEWEST} failures and {FEWEST} other tests, got {failures} and {passing}; record more tests"
+        )
     return FAMILIES[family](features(recorded.space, recorded.points), recorded)
 
 
@@ -113,16 +131,31 @@ class EmulatedWorld:
     as often as in the recorded tests.
     """
 
-    def __init__(self, emulator: Emulator, seed: int, share: float | None, failure_threshold_s: float) -> None:
-        self.space, self._emulator, self._seed, self._threshold_s = emulator.space, emulator, seed, failure_threshold_s
+    def __init__(
+        self, emulator: Emulator, seed: int, share: float | None, failure_threshold_s: float
+    ) -> None:
+        self.space, self._emulator, self._seed, self._threshold_s = (
+            emulator.space,
+            emulator,
+            seed,
+            failure_threshold_s,
+        )
         rng = np.random.default_rng([seed, 7])
         width = features(self.space, self.space.sample(1, rng)).shape[1]
-        self._waves, self._phases = rng.normal(0, 1 / REACH, (width, WAVES)), rng.uniform(0, 2 * np.pi, WAVES)
+        self._waves, self._phases = (
+            rng.normal(0, 1 / REACH, (width, WAVES)),
+            rng.uniform(0, 2 * np.pi, WAVES),
+        )
         self.shift = 0.0
         if share is not None:
             # A test fails if its shift exceeds its log-odds of chance over those of failing, so the shift sought is a quantile of them.
             sample = self.space.sample(CALIBRATION_POINTS, np.random.default_rng(1))
-            self.shift = float(np.quantile(np.concatenate([self._margin(part) for part in np.array_split(sample, 20)]), share))
+            self.shift = float(
+                np.quantile(
+                    np.concatenate([self._margin(part) for part in np.array_split(sample, 20)]),
+                    share,
+                )
+            )
 
     def kpi(self, points: Floats) -> Floats:
         """(n, d) points to (n,) seconds; 0 for a failure."""
@@ -137,13 +170,18 @@ class EmulatedWorld:
 
     def _margin(self, points: Floats) -> Floats:
         inputs = features(self.space, points)
-        return np.asarray(logit(self._chance(points, inputs)) - _log_odds(self._emulator.model.probability(inputs)))
+        return np.asarray(
+            logit(self._chance(points, inputs))
+            - _log_odds(self._emulator.model.probability(inputs))
+        )
 
     def _chance(self, points: Floats, inputs: Floats) -> Floats:
         """Uniform numbers of the points, (n,) in (0, 1)."""
         smooth = np.cos(inputs @ self._waves + self._phases).sum(axis=1) * np.sqrt(2 / WAVES)
         white = ndtri(np.clip(_hashed(points, self._seed), EDGE, 1 - EDGE))
-        return np.asarray(np.clip(ndtr(np.sqrt(SMOOTH) * smooth + np.sqrt(1 - SMOOTH) * white), EDGE, 1 - EDGE))
+        return np.asarray(
+            np.clip(ndtr(np.sqrt(SMOOTH) * smooth + np.sqrt(1 - SMOOTH) * white), EDGE, 1 - EDGE)
+        )
 
 
 def _log_odds(probability: Floats) -> Floats:

@@ -40,7 +40,9 @@ class Neural(BatchSampler):
         candidates = self._candidates(seen, values, rng)
         omega = relevance(self.space, candidates, seen, values <= self.failure_threshold_s, EPSILON)
         relevant = np.flatnonzero(omega > OMEGA_THRESHOLD)
-        predicted = self._predict(index, features(self.space, seen), values, features(self.space, candidates))
+        predicted = self._predict(
+            index, features(self.space, seen), values, features(self.space, candidates)
+        )
         explored = round(EXPLORE * self.batch_size)
         order = relevant[np.argsort(predicted[relevant], kind="stable")]
         chosen = self._apart(candidates, order, self.batch_size - explored)
@@ -66,7 +68,10 @@ class Neural(BatchSampler):
         for i in order:
             if len(chosen) == count:
                 break
-            if not chosen or mixed_distance(self.space, candidates[[i]], candidates[chosen]).min() >= SPREAD:
+            if (
+                not chosen
+                or mixed_distance(self.space, candidates[[i]], candidates[chosen]).min() >= SPREAD
+            ):
                 chosen.append(int(i))
         return np.array(chosen, dtype=np.int64)
 
@@ -75,18 +80,37 @@ class Neural(BatchSampler):
         # Tuned on the history at the last grid search.
         tuned = max(len(inputs) - (index % TUNE_EVERY) * self.batch_size, 8)
         layers, penalty = self._tune(index - index % TUNE_EVERY, inputs[:tuned], target[:tuned])
-        return np.asarray(_fit(layers, penalty, inputs, target, self.seed + index).predict(candidates), dtype=float)
+        return np.asarray(
+            _fit(layers, penalty, inputs, target, self.seed + index).predict(candidates),
+            dtype=float,
+        )
 
     def _tune(self, index: int, inputs: Floats, target: Floats) -> tuple[tuple[int, ...], float]:
         order = np.random.default_rng([self.seed, index, 1]).permutation(len(inputs))
         cut = max(1, round(0.25 * len(order)))
         test, development = order[:cut], order[cut:]
-        fitted = (_fit(layers, penalty, inputs[development], target[development], self.seed + index) for layers, penalty in GRID)
-        return GRID[int(np.argmin([np.mean((network.predict(inputs[test]) - target[test]) ** 2) for network in fitted]))]
+        fitted = (
+            _fit(layers, penalty, inputs[development], target[development], self.seed + index)
+            for layers, penalty in GRID
+        )
+        return GRID[
+            int(
+                np.argmin(
+                    [
+                        np.mean((network.predict(inputs[test]) - target[test]) ** 2)
+                        for network in fitted
+                    ]
+                )
+            )
+        ]
 
 
-def _fit(layers: tuple[int, ...], penalty: float, inputs: Floats, target: Floats, seed: int) -> MLPRegressor:
-    network = MLPRegressor(hidden_layer_sizes=layers, alpha=penalty, solver="lbfgs", max_iter=60, random_state=seed)
+def _fit(
+    layers: tuple[int, ...], penalty: float, inputs: Floats, target: Floats, seed: int
+) -> MLPRegressor:
+    network = MLPRegressor(
+        hidden_layer_sizes=layers, alpha=penalty, solver="lbfgs", max_iter=60, random_state=seed
+    )
     with warnings.catch_warnings():
         # Stopping after 60 steps is the regularisation.
         warnings.simplefilter("ignore", ConvergenceWarning)

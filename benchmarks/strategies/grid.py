@@ -112,7 +112,11 @@ def read(folder: Path = GRID) -> Grid:
             tests, points = recorded.campaign(path, space)
             place = np.arange(len(tests))
             grid[scenario, strategy] = Campaign(
-                scenario, strategy, space, tests.assign(index=place, batch=place // BATCH, seed=0, strategy=strategy), points
+                scenario,
+                strategy,
+                space,
+                tests.assign(index=place, batch=place // BATCH, seed=0, strategy=strategy),
+                points,
             )
     if not grid:
         recorded.paths_of(SCENARIOS[0], folder)  # Names the command.
@@ -122,23 +126,38 @@ def read(folder: Path = GRID) -> Grid:
 def markdown(grid: Grid) -> str:
     """Failures (Tables 6.3, 6.4), C-measure (6.5) and pair coverage (6.6), ours / the thesis', and kinds of failures."""
     scenarios = [scenario for scenario in SCENARIOS if any(key[0] == scenario for key in grid)]
-    strategies = [name for name in [*NAMES, *sorted({key[1] for key in grid} - set(NAMES))] if any(key[1] == name for key in grid)]
+    strategies = [
+        name
+        for name in [*NAMES, *sorted({key[1] for key in grid} - set(NAMES))]
+        if any(key[1] == name for key in grid)
+    ]
     parts: list[tuple[str, Cell]] = [
         ("### Failures in 1,000 tests (Tables 6.3 and 6.4): ours / thesis", _failures),
         ("### Tests saved against random testing, C (Table 6.5): ours / thesis", _saved),
-        ("### Share of pairs that the failures cover, γ_f in % (Table 6.6): ours / thesis", _gamma_f),
+        (
+            "### Share of pairs that the failures cover, γ_f in % (Table 6.6): ours / thesis",
+            _gamma_f,
+        ),
         ("### Share of pairs that the tests cover, γ_t in % (Table 6.6): ours / thesis", _gamma_t),
         ("### Kinds of failures: different pairs of person and pose (not in the thesis)", _kinds),
-        (f"### Lowest adj. TTC in s, and share of the last {LATE} tests with their most frequent kind in %", _focus),
+        (
+            f"### Lowest adj. TTC in s, and share of the last {LATE} tests with their most frequent kind in %",
+            _focus,
+        ),
     ]
-    tables = [f"{heading}\n\n{_table(grid, strategies, scenarios, cell)}\n" for heading, cell in parts]
+    tables = [
+        f"{heading}\n\n{_table(grid, strategies, scenarios, cell)}\n" for heading, cell in parts
+    ]
     return "\n".join([*tables, _rates(grid), _relevance_and_pairs(grid)])
 
 
 def _table(grid: Grid, strategies: Sequence[str], scenarios: Sequence[str], cell: Cell) -> str:
     lines = [f"| strategy | {' | '.join(scenarios)} |", "|---" * (len(scenarios) + 1) + "|"]
     for strategy in strategies:
-        cells = [cell(grid, grid[scenario, strategy]) if (scenario, strategy) in grid else "" for scenario in scenarios]
+        cells = [
+            cell(grid, grid[scenario, strategy]) if (scenario, strategy) in grid else ""
+            for scenario in scenarios
+        ]
         if any(cells):
             label = f"{strategy} ({NAMES[strategy]})" if strategy in NAMES else strategy
             lines.append(f"| {label} | {' | '.join(cells)} |")
@@ -147,13 +166,18 @@ def _table(grid: Grid, strategies: Sequence[str], scenarios: Sequence[str], cell
 
 def _failures(_: Grid, campaign: Campaign) -> str:
     theirs = THESIS_FAILURES.get(campaign.strategy)
-    return str(campaign.failures) + (f" / {theirs[SCENARIOS.index(campaign.scenario)]}" if theirs else "")
+    return str(campaign.failures) + (
+        f" / {theirs[SCENARIOS.index(campaign.scenario)]}" if theirs else ""
+    )
 
 
 def _saved(grid: Grid, campaign: Campaign) -> str:
     if campaign.strategy == "random" or (campaign.scenario, "random") not in grid:
         return ""
-    sequences = [failure_sequence(each.tests["failure"]) for each in (campaign, grid[campaign.scenario, "random"])]
+    sequences = [
+        failure_sequence(each.tests["failure"])
+        for each in (campaign, grid[campaign.scenario, "random"])
+    ]
     theirs = THESIS_SAVED.get(campaign.strategy)
     ours = _number(c_measure(*sequences)[1])
     return ours + (f" / {_number(theirs[SCENARIOS.index(campaign.scenario)])}" if theirs else "")
@@ -182,7 +206,9 @@ def _kinds(_: Grid, campaign: Campaign) -> str:
 
 
 def _focus(_: Grid, campaign: Campaign) -> str:
-    kind = [variable.name for variable in campaign.space.variables if variable.kind == "categorical"]
+    kind = [
+        variable.name for variable in campaign.space.variables if variable.kind == "categorical"
+    ]
     late = campaign.tests.tail(LATE)[kind].value_counts(normalize=True)
     return f"{campaign.tests['adj_ttc_s'].min():.2f} / {100 * late.iloc[0]:.0f}"
 
@@ -194,7 +220,9 @@ def _rates(grid: Grid) -> str:
         if strategy == "random":
             valid = int((campaign.tests["status"] == "ok").sum())
             low, high = wilson_interval(campaign.failures, valid)
-            said.append(f"{scenario} {campaign.failures / valid:.1%} ({100 * low:.1f} to {100 * high:.1f})")
+            said.append(
+                f"{scenario} {campaign.failures / valid:.1%} ({100 * low:.1f} to {100 * high:.1f})"
+            )
     return fill(f"Random tests that fail, with 95 % intervals: {', '.join(said)}.", 150) + "\n"
 
 
@@ -203,10 +231,19 @@ def _relevance_and_pairs(grid: Grid) -> str:
     generator = np.random.default_rng(0)
     judged = []
     for ours in (campaign for (_, strategy), campaign in grid.items() if strategy in META_MODELS):
-        candidates, failures = ours.space.sample(CANDIDATES, generator), ours.tests["failure"].to_numpy(bool)
-        judged.append(relevance(ours.space, candidates, ours.points, failures, MetaModelSampler.epsilon))
+        candidates, failures = (
+            ours.space.sample(CANDIDATES, generator),
+            ours.tests["failure"].to_numpy(bool),
+        )
+        judged.append(
+            relevance(ours.space, candidates, ours.points, failures, MetaModelSampler.epsilon)
+        )
     kept_out = sum(int((scores <= MetaModelSampler.omega_threshold).sum()) for scores in judged)
-    covered = [100 * pair_coverage(ours.space, ours.points[:FIRST]) for (_, strategy), ours in grid.items() if strategy == "random"]
+    covered = [
+        100 * pair_coverage(ours.space, ours.points[:FIRST])
+        for (_, strategy), ours in grid.items()
+        if strategy == "random"
+    ]
     said = (
         f"Judged by all tests of a campaign of `linear`, `network` or `gaussian_process`, ω keeps out {kept_out} of "
         f"{CANDIDATES * len(judged):,} random candidates. The first {FIRST} random tests cover {min(covered):.0f} to "
@@ -217,16 +254,37 @@ def _relevance_and_pairs(grid: Grid) -> str:
 
 def figures(grid: Grid, threshold_s: float) -> Iterator[tuple[str, Figure]]:
     """Name and figure: random tests of all scenarios (Figures 6.1, 6.2), and failures as lines (Figures 6.3, 6.5)."""
-    random = {scenario: campaign for (scenario, strategy), campaign in grid.items() if strategy == "random"}
+    random = {
+        scenario: campaign
+        for (scenario, strategy), campaign in grid.items()
+        if strategy == "random"
+    }
     if random:
-        yield "random", kpi_panels({scenario: each.tests for scenario, each in random.items()}, threshold_s, columns=4)
+        yield (
+            "random",
+            kpi_panels(
+                {scenario: each.tests for scenario, each in random.items()}, threshold_s, columns=4
+            ),
+        )
     if most := most_failing(grid):
         title = f"{most.scenario}, random testing: {most.failures} failures"
-        yield "random-failures", parallel_lines({"random": most.tests[most.tests["failure"]]}, most.space, title)
-    both = [scenario for scenario in random if {(scenario, name) for name in ("evolutionary", "gaussian_process")} <= set(grid)]
+        yield (
+            "random-failures",
+            parallel_lines({"random": most.tests[most.tests["failure"]]}, most.space, title),
+        )
+    both = [
+        scenario
+        for scenario in random
+        if {(scenario, name) for name in ("evolutionary", "gaussian_process")} <= set(grid)
+    ]
     if both:
         # As the thesis did: where the lead of evolutionary testing is largest.
-        scenario = max(both, key=lambda name: grid[name, "evolutionary"].failures - grid[name, "gaussian_process"].failures)
+        scenario = max(
+            both,
+            key=lambda name: (
+                grid[name, "evolutionary"].failures - grid[name, "gaussian_process"].failures
+            ),
+        )
         for strategy in ("evolutionary", "gaussian_process"):
             yield f"{strategy.replace('_', '-')}-failures", _shared(grid[scenario, strategy])
 
@@ -234,7 +292,9 @@ def figures(grid: Grid, threshold_s: float) -> Iterator[tuple[str, Figure]]:
 def _shared(campaign: Campaign) -> Figure:
     """The failures as lines; those that share the most frequent value of a continuous variable have a colour (Figure 6.5)."""
     failing = campaign.tests[campaign.tests["failure"]]
-    continuous = [variable.name for variable in campaign.space.variables if variable.kind == "continuous"]
+    continuous = [
+        variable.name for variable in campaign.space.variables if variable.kind == "continuous"
+    ]
     counts = {name: failing[name].value_counts() for name in continuous} if len(failing) else {}
     title = f"{campaign.scenario}, {campaign.strategy}: {campaign.failures} failures"
     if not counts:
@@ -242,19 +302,26 @@ def _shared(campaign: Campaign) -> Figure:
     name = max(counts, key=lambda each: counts[each].iloc[0])
     value = counts[name].index[0]
     same = failing[name] == value
-    return parallel_lines({"others": failing[~same], f"{name} = {value:g}": failing[same]}, campaign.space, title)
+    return parallel_lines(
+        {"others": failing[~same], f"{name} = {value:g}": failing[same]}, campaign.space, title
+    )
 
 
 def extracts(campaign: Campaign, model: Path, count: int = 2) -> Image.Image:
     """The most telling moments of the first failures, one below the other (Figure 6.4). model: an ONNX file. Executes them again."""
     study, scenario = compose("thesis", []), functional_scenario(campaign.scenario)
-    simulator, detector = make_simulator(study.simulator, scenario, study.car), make_detector(study.detector, model)
+    simulator, detector = (
+        make_simulator(study.simulator, scenario, study.car),
+        make_detector(study.detector, model),
+    )
     moments = []
     for place, point in enumerate(campaign.failing[:count], 1):
         concrete = campaign.space.decode(point)
         episode = simulator.execute(concrete, detector, keep_every=1)
         title = f"{campaign.scenario}, {campaign.strategy}: failure {place} of {campaign.failures}"
-        replay = Replay(episode, title, concrete, study.campaign.failure_threshold_s, campaign.space.units)
+        replay = Replay(
+            episode, title, concrete, study.campaign.failure_threshold_s, campaign.space.units
+        )
         moments.append(draw_replay(replay)[most_telling_frame(episode)])
     return Image.fromarray(np.concatenate(moments))
 
@@ -266,5 +333,9 @@ def threshold_s() -> float:
 
 def most_failing(grid: Grid) -> Campaign | None:
     """The random campaign with most failures; None if no random test failed."""
-    random = [campaign for (_, strategy), campaign in grid.items() if strategy == "random" and campaign.failures]
+    random = [
+        campaign
+        for (_, strategy), campaign in grid.items()
+        if strategy == "random" and campaign.failures
+    ]
     return max(random, key=lambda each: each.failures, default=None)

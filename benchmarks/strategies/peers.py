@@ -43,7 +43,9 @@ def make(name: str, space: Space, seed: int, failure_threshold_s: float) -> Samp
     try:
         return kind_of(name)(space, seed, name, failure_threshold_s)
     except ImportError as error:
-        raise InputError(f"{name} needs the packages of benchmarks/strategies/requirements.txt: {error}") from error
+        raise InputError(
+            f"{name} needs the packages of benchmarks/strategies/requirements.txt: {error}"
+        ) from error
 
 
 def kind_of(name: str) -> type[VerifaiSampler] | type[Nsga2] | type[MapElites]:
@@ -63,7 +65,9 @@ class VerifaiSampler:
         random.seed(seed)  # VerifAI draws from the global generators.
         np.random.seed(seed)  # noqa: NPY002
         domains = {
-            f"v{j:03d}": Feature(DiscreteBox([0, v.size - 1]) if v.kind == "categorical" else Box([v.low, v.high]))
+            f"v{j:03d}": Feature(
+                DiscreteBox([0, v.size - 1]) if v.kind == "categorical" else Box([v.low, v.high])
+            )
             for j, v in enumerate(space.variables)
         }
         self._space, self._threshold_s = space, failure_threshold_s
@@ -126,9 +130,18 @@ class MapElites:
         self._space, count = space, len(space)
         self._kind = [j for j, v in enumerate(space.variables) if v.kind == "categorical"]
         sizes = [space.sizes[j] for j in self._kind]
-        archive = GridArchive(solution_dim=count, dims=sizes, ranges=[(0, 1)] * len(sizes), seed=seed)
+        archive = GridArchive(
+            solution_dim=count, dims=sizes, ranges=[(0, 1)] * len(sizes), seed=seed
+        )
         first = np.random.default_rng(seed).random((3 * BATCH, count))
-        emitter = GaussianEmitter(archive, sigma=0.1, initial_solutions=first, bounds=[(0, 1)] * count, batch_size=BATCH, seed=seed)
+        emitter = GaussianEmitter(
+            archive,
+            sigma=0.1,
+            initial_solutions=first,
+            bounds=[(0, 1)] * count,
+            batch_size=BATCH,
+            seed=seed,
+        )
         self._scheduler: Any = Scheduler(archive, [emitter])
 
     def ask(self) -> Floats:
@@ -136,4 +149,6 @@ class MapElites:
         return self._space.scale(np.clip(self._unit, 0, np.nextafter(1, 0)))
 
     def tell(self, points: Floats, kpi: Floats) -> None:
-        self._scheduler.tell(-np.nan_to_num(kpi, nan=ERROR_S), np.clip(self._unit[:, self._kind], 0, 1))
+        self._scheduler.tell(
+            -np.nan_to_num(kpi, nan=ERROR_S), np.clip(self._unit[:, self._kind], 0, 1)
+        )

@@ -25,9 +25,13 @@ Campaigns = dict[str, tuple[Floats, Floats]]
 MODELS = ("forest", *(name for name in variants.VARIANTS if name != "forest-transfer"))
 
 
-def predictions(names: Sequence[str] = MODELS, scenarios: Sequence[str] = SPLITS["development"].scenarios) -> pd.DataFrame:
+def predictions(
+    names: Sequence[str] = MODELS, scenarios: Sequence[str] = SPLITS["development"].scenarios
+) -> pd.DataFrame:
     """A row for each model: the mean AUC on unseen campaigns after each number of tests, and over all of them."""
-    rows: dict[str, dict[int, list[float]]] = {name: {count: [] for count in BEGINNINGS} for name in names}
+    rows: dict[str, dict[int, list[float]]] = {
+        name: {count: [] for count in BEGINNINGS} for name in names
+    }
     for scenario in scenarios:
         space = functional_scenario(scenario).logical_space()
         campaigns = _campaigns(scenario, space)
@@ -36,8 +40,15 @@ def predictions(names: Sequence[str] = MODELS, scenarios: Sequence[str] = SPLITS
             for count in BEGINNINGS:
                 if np.sum(kpi[:count] <= _threshold_s()) >= FEWEST_FAILURES:
                     for name in names:
-                        rows[name][count].append(_auc(name, space, points[:count], kpi[:count], others))
-    table = pd.DataFrame({name: {count: np.mean(found) for count, found in row.items()} for name, row in rows.items()}).T
+                        rows[name][count].append(
+                            _auc(name, space, points[:count], kpi[:count], others)
+                        )
+    table = pd.DataFrame(
+        {
+            name: {count: np.mean(found) for count, found in row.items()}
+            for name, row in rows.items()
+        }
+    ).T
     table["mean"] = [np.mean(np.concatenate(list(row.values()))) for row in rows.values()]
     return table.rename_axis("model").reset_index()
 
@@ -52,11 +63,16 @@ def _campaigns(scenario: str, space: Space) -> Campaigns:
     return found
 
 
-def _auc(name: str, space: Space, points: Floats, kpi: Floats, others: Sequence[tuple[Floats, Floats]]) -> float:
+def _auc(
+    name: str, space: Space, points: Floats, kpi: Floats, others: Sequence[tuple[Floats, Floats]]
+) -> float:
     """The mean over the other campaigns, so that the largest does not decide."""
     model = contestants.make(name, space, 0)
     assert isinstance(model, ForestSampler)
-    found = [roc_auc_score(failed <= _threshold_s(), variants.expected(model, points, kpi, unseen)) for unseen, failed in others]
+    found = [
+        roc_auc_score(failed <= _threshold_s(), variants.expected(model, points, kpi, unseen))
+        for unseen, failed in others
+    ]
     return float(np.mean(found))
 
 

@@ -60,8 +60,12 @@ class OnGrid:
 
 def main() -> None:
     """Execute the campaigns that have no table yet."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--study", required=True, choices=["default", "thesis"], help="whose settings hold")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--study", required=True, choices=["default", "thesis"], help="whose settings hold"
+    )
     parser.add_argument("--scenario", nargs="+", help="default: those that the study searches")
     parser.add_argument("--strategy", nargs="+", help="default: all of the study")
     parser.add_argument("--tests", type=int, help="of each campaign")
@@ -78,7 +82,11 @@ def main() -> None:
 def record(options: argparse.Namespace) -> None:
     """Execute what is missing; InputError for an unknown strategy and where tables were recorded with other settings."""
     config = compose(options.study, [])
-    budgets = DENSE if options.study == "default" else dict.fromkeys(config.strategies, config.campaign.tests)
+    budgets = (
+        DENSE
+        if options.study == "default"
+        else dict.fromkeys(config.strategies, config.campaign.tests)
+    )
     for name in options.strategy or ():
         if name not in budgets:
             raise InputError(f"there is no strategy '{name}'{nearest(name, list(budgets))}")
@@ -91,8 +99,13 @@ def record(options: argparse.Namespace) -> None:
             _agree(out, config, strategy)
             # Random tests need no results, so in one batch no process waits for another.
             tests = options.tests or budgets[strategy]
-            settings = {**config.samplers[strategy], **({"batch_size": tests} if strategy == "random" else {})}
-            plan = campaign_plan(config, journal, CampaignId(scenario, strategy, "base", 0), settings, tests)
+            settings = {
+                **config.samplers[strategy],
+                **({"batch_size": tests} if strategy == "random" else {}),
+            }
+            plan = campaign_plan(
+                config, journal, CampaignId(scenario, strategy, "base", 0), settings, tests
+            )
             record_campaign(plan, plan.sampler(), path, journal / path.stem, options.threads)
 
 
@@ -110,11 +123,15 @@ def _agree(out: Path, config: Config, strategy: str) -> None:
     known = json.loads(path.read_text()) if path.exists() else {}
     for key, value in now.items():
         if known.get(key, value) != value:
-            raise InputError(f"{path}: tables there were recorded with another '{key}'; delete them and this key to record them again")
+            raise InputError(
+                f"{path}: tables there were recorded with another '{key}'; delete them and this key to record them again"
+            )
     write_json(path, {**known, **now})
 
 
-def campaign_plan(config: Config, folder: Path, campaign: CampaignId, settings: Mapping[str, Any], tests: int) -> CampaignPlan:
+def campaign_plan(
+    config: Config, folder: Path, campaign: CampaignId, settings: Mapping[str, Any], tests: int
+) -> CampaignPlan:
     """A campaign on the shipped uniform base. folder: for the exported model."""
     described = functional_scenario(campaign.scenario)
     return CampaignPlan(
@@ -123,11 +140,20 @@ def campaign_plan(config: Config, folder: Path, campaign: CampaignId, settings: 
         tests=tests,
         failure_threshold_s=config.campaign.failure_threshold_s,
         strategy=settings,
-        setup=Setup(config.simulator, described, config.detector, onnx_of(BASE, folder), config.car, config.limits),
+        setup=Setup(
+            config.simulator,
+            described,
+            config.detector,
+            onnx_of(BASE, folder),
+            config.car,
+            config.limits,
+        ),
     )
 
 
-def record_campaign(plan: CampaignPlan, sampler: Sampler, path: Path, folder: Path, threads: int) -> None:
+def record_campaign(
+    plan: CampaignPlan, sampler: Sampler, path: Path, folder: Path, threads: int
+) -> None:
     """Execute a campaign, resuming from the journal in `folder`, and write its table."""
     campaign = plan.campaign
     label = f"{campaign.scenario} {campaign.strategy} {campaign.seed}"
@@ -136,7 +162,9 @@ def record_campaign(plan: CampaignPlan, sampler: Sampler, path: Path, folder: Pa
         table = _table(plan, search(plan, OnGrid(sampler, plan.space), log, workers, progress))
     recorded.write(table, path)
     shutil.rmtree(folder)
-    print(f"{path}: {len(table)} tests, {int(table['failure'].sum())} failures, {int((table['status'] == 'error').sum())} errors")
+    print(
+        f"{path}: {len(table)} tests, {int(table['failure'].sum())} failures, {int((table['status'] == 'error').sum())} errors"
+    )
 
 
 def _table(plan: CampaignPlan, done: Sequence[Executed]) -> pd.DataFrame:

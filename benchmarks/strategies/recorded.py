@@ -41,7 +41,14 @@ class Recorded:
 
     def rows(self, chosen: NDArray[np.int64] | NDArray[np.bool_]) -> Recorded:
         """Some of the tests."""
-        return Recorded(self.space, self.points[chosen], self.kpi[chosen], self.failed[chosen], self.random[chosen], self.errors)
+        return Recorded(
+            self.space,
+            self.points[chosen],
+            self.kpi[chosen],
+            self.failed[chosen],
+            self.random[chosen],
+            self.errors,
+        )
 
 
 def path_of(scenario: str, strategy: str, folder: Path) -> Path:
@@ -51,9 +58,14 @@ def path_of(scenario: str, strategy: str, folder: Path) -> Path:
 
 def paths_of(scenario: str, folder: Path = DENSE) -> dict[str, Path]:
     """The tables of a scenario by strategy; InputError if there is none."""
-    paths = {path.name.removesuffix(".csv.gz").partition("-")[2]: path for path in sorted(folder.glob(f"{scenario}-*.csv.gz"))}
+    paths = {
+        path.name.removesuffix(".csv.gz").partition("-")[2]: path
+        for path in sorted(folder.glob(f"{scenario}-*.csv.gz"))
+    }
     if not paths:
-        command = f"python benchmarks/strategies/record.py --study {folder.name} --scenario {scenario}"
+        command = (
+            f"python benchmarks/strategies/record.py --study {folder.name} --scenario {scenario}"
+        )
         raise InputError(f"{folder}: there is no table of {scenario}; make it with `{command}`")
     return paths
 
@@ -68,7 +80,11 @@ def on_grid(space: Space, points: Floats) -> Floats:
     rounded = points.copy()
     for j, variable in enumerate(space.variables):
         if variable.kind == "continuous":
-            rounded[:, j] = np.clip(np.round(points[:, j], _digits(variable.high - variable.low)), variable.low, variable.high)
+            rounded[:, j] = np.clip(
+                np.round(points[:, j], _digits(variable.high - variable.low)),
+                variable.low,
+                variable.high,
+            )
     same = (space.categorise(rounded) == space.categorise(points)).all(axis=1)
     return np.where(same[:, None], rounded, points)
 

@@ -29,7 +29,12 @@ from pipeline.sources import code_digest
 
 CODE = ("analytic", "campaigns", "ceiling", "emulators", "recorded", "scores", "worlds")
 """Files of this folder, and modules of the package, that decide what a run gives, whatever its strategy."""
-MODULES = ("pipeline.core.density", "pipeline.core.measures", "pipeline.core.samplers.features", "pipeline.core.samplers.mutations")
+MODULES = (
+    "pipeline.core.density",
+    "pipeline.core.measures",
+    "pipeline.core.samplers.features",
+    "pipeline.core.samplers.mutations",
+)
 
 DIGITS = 6
 """Decimals of a measure: unpublished and published runs give the same tables."""
@@ -44,7 +49,10 @@ def run_all(runs: Iterable[Run], path: Path, processes: int, progress: Progress)
     _end_last_line(path)
     with path.open("a") as file:
         for count, row in enumerate(_executed(missing, processes), 1):
-            rounded = {key: round(value, DIGITS) if isinstance(value, float) else value for key, value in row.items()}
+            rounded = {
+                key: round(value, DIGITS) if isinstance(value, float) else value
+                for key, value in row.items()
+            }
             file.write(json.dumps({**rounded, "digest": digest(Run(*_key(row)))}) + "\n")
             file.flush()
             text = f"{row['strategy']} on {row['world']}, seed {row['seed']}: {len(row['failed_at'])} failures"
@@ -53,7 +61,11 @@ def run_all(runs: Iterable[Run], path: Path, processes: int, progress: Progress)
 
 def read(path: Path, kept: Path = KEPT) -> list[Row]:
     """The newest line of each run, sorted; those of the file count after those in the repository, a line cut short by a kill not at all."""
-    newest = {_key(row): row for table in sorted(kept.glob(f"{path.stem}-*.csv.gz")) for row in _kept(table)}
+    newest = {
+        _key(row): row
+        for table in sorted(kept.glob(f"{path.stem}-*.csv.gz"))
+        for row in _kept(table)
+    }
     for line in path.read_text().splitlines() if path.exists() else []:
         try:
             row = json.loads(line)
@@ -68,7 +80,9 @@ def keep(path: Path, kept: Path = KEPT) -> list[Path]:
     groups: dict[str, list[Row]] = {}
     for row in read(path, kept):
         marks = np.isin(np.arange(1, row["tests"] + 1), row["failed_at"])
-        groups.setdefault(WorldName.parse(row["world"]).group, []).append({**row, "failed_at": np.packbits(marks).tobytes().hex()})
+        groups.setdefault(WorldName.parse(row["world"]).group, []).append(
+            {**row, "failed_at": np.packbits(marks).tobytes().hex()}
+        )
     paths = []
     for group, rows in groups.items():
         paths.append(kept / f"{path.stem}-{group}.csv.gz")
@@ -99,7 +113,9 @@ def _executed(runs: Sequence[Run], processes: int) -> Iterator[Row]:
     if processes == 1:
         yield from map(execute, runs)
         return
-    os.environ["OMP_NUM_THREADS"] = "1"  # Read by the spawned processes when they load their libraries.
+    os.environ["OMP_NUM_THREADS"] = (
+        "1"  # Read by the spawned processes when they load their libraries.
+    )
     with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn")) as pool:
         for future in as_completed([pool.submit(execute, run) for run in runs]):
             yield future.result()

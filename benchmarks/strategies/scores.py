@@ -17,14 +17,24 @@ BUDGETS = (120, 300, 1000)
 MEASURES = ("failures", "kinds", "gamma_t", "gamma_f", "area", "regions")
 
 
-def scores(space: Space, points: Floats, kpi: Floats, threshold_s: float, neighbours: float, min_failures: int) -> dict[str, Any]:
+def scores(
+    space: Space,
+    points: Floats,
+    kpi: Floats,
+    threshold_s: float,
+    neighbours: float,
+    min_failures: int,
+) -> dict[str, Any]:
     """The measures of a campaign's tests in order, (n, d) and (n,): for each budget up to n `failures_120`, `kinds_120` and so on.
 
     failed_at: positions of the failures, from 1. errors: tests without a KPI; they used budget. neighbours, min_failures: see
     `regions` in the configuration.
     """
     failed, valid = kpi <= threshold_s, np.isfinite(kpi)  # NaN is not a failure.
-    row: dict[str, Any] = {"errors": int((~valid).sum()), "failed_at": (np.flatnonzero(failed) + 1).tolist()}
+    row: dict[str, Any] = {
+        "errors": int((~valid).sum()),
+        "failed_at": (np.flatnonzero(failed) + 1).tolist(),
+    }
     for budget in (budget for budget in BUDGETS if budget <= len(kpi)):
         failures = points[:budget][failed[:budget]]
         found = {
@@ -43,7 +53,11 @@ def count_regions(space: Space, failures: Floats, neighbours: float, min_failure
     """Number of density clusters (DBSCAN) of failures (n, d) of all causes on the mixed distance."""
     if len(failures) < min_failures:
         return 0
-    found = DBSCAN(eps=chance_radius(space, len(failures), neighbours), min_samples=min_failures, metric="precomputed")
+    found = DBSCAN(
+        eps=chance_radius(space, len(failures), neighbours),
+        min_samples=min_failures,
+        metric="precomputed",
+    )
     return int(found.fit_predict(mixed_distance(space, failures, failures)).max()) + 1
 
 

@@ -33,7 +33,9 @@ class Block:
 
     def values(self, strategy: str, measure: str) -> pd.DataFrame:
         """Seeds by worlds; NaN where a campaign is missing."""
-        return self.rows[self.rows["strategy"] == strategy].pivot(index="seed", columns="world", values=measure)
+        return self.rows[self.rows["strategy"] == strategy].pivot(
+            index="seed", columns="world", values=measure
+        )
 
     @property
     def strategies(self) -> list[str]:
@@ -49,8 +51,14 @@ def blocks(rows: Sequence[dict[str, Any]]) -> Iterator[Block]:
             chosen = table[(table["group"] == group) & (table["tests"] >= budget)]
             if len(chosen):
                 # Of runs of several lengths, the longest counts: its beginning equals the shorter ones.
-                chosen = chosen.sort_values("tests", kind="stable").drop_duplicates(["world", "strategy", "seed"], keep="last")
-                yield Block(group, budget, chosen.rename(columns={f"{name}_{budget}": name for name in MEASURES}))
+                chosen = chosen.sort_values("tests", kind="stable").drop_duplicates(
+                    ["world", "strategy", "seed"], keep="last"
+                )
+                yield Block(
+                    group,
+                    budget,
+                    chosen.rename(columns={f"{name}_{budget}": name for name in MEASURES}),
+                )
 
 
 def standings(block: Block, reference: str) -> pd.DataFrame:
@@ -64,8 +72,14 @@ def standings(block: Block, reference: str) -> pd.DataFrame:
 
 def _standing(block: Block, strategy: str, reference: str) -> dict[str, Any]:
     own = block.rows[block.rows["strategy"] == strategy]
-    row: dict[str, Any] = {"strategy": strategy, "campaigns": len(own), "errors": int(own["errors"].sum())}
-    row["ms"] = 1000 * float(own["cpu_s"].sum() / own["tests"].sum()) if strategy != CEILING else np.nan
+    row: dict[str, Any] = {
+        "strategy": strategy,
+        "campaigns": len(own),
+        "errors": int(own["errors"].sum()),
+    }
+    row["ms"] = (
+        1000 * float(own["cpu_s"].sum() / own["tests"].sum()) if strategy != CEILING else np.nan
+    )
     for measure in MEASURES:
         means = block.values(strategy, measure).dropna().mean(axis=1)
         row |= {"seeds": len(means), measure: float(means.mean())}
@@ -76,7 +90,13 @@ def _standing(block: Block, strategy: str, reference: str) -> dict[str, Any]:
     row["a12"] = _a12(block, strategy, reference)
     row["of_ceiling"] = _of_ceiling(block, strategy)
     for name, n in (("f", 1), ("f_many", MANY)):
-        row |= _censored(name, [_reached([at for at in failed if at <= block.budget], n, block.budget) for failed in own["failed_at"]])
+        row |= _censored(
+            name,
+            [
+                _reached([at for at in failed if at <= block.budget], n, block.budget)
+                for failed in own["failed_at"]
+            ],
+        )
     return row | _censored("cost", _costs(block, strategy, reference))
 
 
@@ -87,21 +107,35 @@ def _interval(means: Floats, measure: str) -> dict[str, float]:
 
 def _ratio(block: Block, strategy: str, reference: str, measure: str) -> dict[str, float]:
     """Ratio of the means over the worlds and seeds that both have."""
-    both = pd.concat({name: block.values(name, measure).stack() for name in {strategy, reference}}, axis=1).dropna()
+    both = pd.concat(
+        {name: block.values(name, measure).stack() for name in {strategy, reference}}, axis=1
+    ).dropna()
     if reference not in block.strategies or not len(both):
         return {}
     seeds = both.groupby("seed").mean()
     value, other = seeds[strategy].to_numpy(float), seeds[reference].to_numpy(float)
     low, high = bootstrap_ratio(value, other, np.random.default_rng(0), CONFIDENCE)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return {f"{measure}_ratio": float(value.mean() / other.mean()), f"{measure}_ratio_low": low, f"{measure}_ratio_high": high}
+        return {
+            f"{measure}_ratio": float(value.mean() / other.mean()),
+            f"{measure}_ratio_low": low,
+            f"{measure}_ratio_high": high,
+        }
 
 
 def _a12(block: Block, strategy: str, reference: str) -> float:
     """The probability that the strategy finds more failures than the reference, the mean over worlds."""
     own, other = block.values(strategy, "failures"), block.values(reference, "failures")
     shared = [world for world in own if world in other]
-    return float(np.mean([vargha_delaney(own[world].dropna(), other[world].dropna()) for world in shared])) if shared else np.nan
+    return (
+        float(
+            np.mean(
+                [vargha_delaney(own[world].dropna(), other[world].dropna()) for world in shared]
+            )
+        )
+        if shared
+        else np.nan
+    )
 
 
 def _of_ceiling(block: Block, strategy: str) -> float:
@@ -121,7 +155,10 @@ def _costs(block: Block, strategy: str, reference: str) -> list[tuple[float, boo
     """For each campaign with a reference of the same world and seed: 1 - C_n, and whether the n failures were reached."""
     if strategy == reference:
         return []
-    others = {(row.world, row.seed): row.failed_at for row in block.rows[block.rows["strategy"] == reference].itertuples()}
+    others = {
+        (row.world, row.seed): row.failed_at
+        for row in block.rows[block.rows["strategy"] == reference].itertuples()
+    }
     costs = []
     for row in block.rows[block.rows["strategy"] == strategy].itertuples():
         if (row.world, row.seed) in others:
@@ -133,21 +170,40 @@ def _costs(block: Block, strategy: str, reference: str) -> list[tuple[float, boo
 
 def _theta(failed_at: Sequence[int], budget: int) -> Ints:
     """The failure sequence of the first `budget` tests."""
-    return np.searchsorted(np.asarray(failed_at, dtype=np.int64), np.arange(1, budget + 1), side="right").astype(np.int64)
+    return np.searchsorted(
+        np.asarray(failed_at, dtype=np.int64), np.arange(1, budget + 1), side="right"
+    ).astype(np.int64)
 
 
 def _censored(name: str, values: Sequence[tuple[float, bool]]) -> dict[str, float]:
     """The censored mean with its interval; a lower bound if `<name>_censored` is the number of campaigns."""
     if not values:
         return {name: np.nan, f"{name}_censored": 0, f"{name}_count": 0}
-    mean = censored_mean([value for value, _ in values], [reached for _, reached in values], CONFIDENCE)
+    mean = censored_mean(
+        [value for value, _ in values], [reached for _, reached in values], CONFIDENCE
+    )
     ends = {f"{name}_low": mean.low, f"{name}_high": mean.high}
-    return {name: mean.value, **ends, f"{name}_censored": mean.censored, f"{name}_count": len(values)}
+    return {
+        name: mean.value,
+        **ends,
+        f"{name}_censored": mean.censored,
+        f"{name}_count": len(values),
+    }
 
 
 def markdown(block: Block, table: pd.DataFrame, reference: str) -> str:
     """A heading and a table, best pair coverage of failures last."""
-    heading = ["strategy", "failures", f"× {reference}", "A12", "kinds", f"× {reference}", "γ_t, %", "γ_f, %", f"× {reference}"]
+    heading = [
+        "strategy",
+        "failures",
+        f"× {reference}",
+        "A12",
+        "kinds",
+        f"× {reference}",
+        "γ_t, %",
+        "γ_f, %",
+        f"× {reference}",
+    ]
     heading += ["of ceiling", "Θ area, %", "regions", "F", f"F_{MANY}", "C_n", "ms a test"]
     lines = [f"| {' | '.join(heading)} |", "|---" * len(heading) + "|"]
     for row in table.sort_values("gamma_f", kind="stable").to_dict("records"):
@@ -182,20 +238,30 @@ def _spread(row: dict[str, Any], name: str, digits: int, scale: float = 1) -> st
     """A number with its interval."""
     if np.isnan(row.get(name, np.nan)):
         return "–"
-    value, low, high = (_number(scale * row[key], digits) for key in (name, f"{name}_low", f"{name}_high"))
+    value, low, high = (
+        _number(scale * row[key], digits) for key in (name, f"{name}_low", f"{name}_high")
+    )
     return f"{value} ({low}–{high})"
 
 
 def _tests(row: dict[str, Any], name: str) -> str:
     """F or F_n with its interval; a lower bound without one if no campaign came so far."""
-    return f"≥ {_number(row[name], 0)}" if row[f"{name}_censored"] == row[f"{name}_count"] else _spread(row, name, 0)
+    return (
+        f"≥ {_number(row[name], 0)}"
+        if row[f"{name}_censored"] == row[f"{name}_count"]
+        else _spread(row, name, 0)
+    )
 
 
 def _saved(row: dict[str, Any]) -> str:
     """C_n with its interval; an upper bound without one if no campaign found as many failures as random testing."""
     if row["cost_count"] and row["cost_censored"] == row["cost_count"]:
         return f"≤ {_number(1 - row['cost'], 2)}"
-    ends = {"saved": 1 - row["cost"], "saved_low": 1 - row.get("cost_high", np.nan), "saved_high": 1 - row.get("cost_low", np.nan)}
+    ends = {
+        "saved": 1 - row["cost"],
+        "saved_low": 1 - row.get("cost_high", np.nan),
+        "saved_high": 1 - row.get("cost_low", np.nan),
+    }
     return _spread(ends, "saved", 2)
 
 

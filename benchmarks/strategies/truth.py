@@ -26,7 +26,9 @@ def truth(recordings: Iterable[tuple[str, Recorded]]) -> pd.DataFrame:
     spearman: of the expected KPI. auc: of failure. brier_skill: 1 minus the Brier score over that of the constant base rate. slope: of
     the observed log-odds of failure over the predicted ones; 1 is right, below 1 too sure. predicted_%, observed_%: mean failure rates.
     """
-    return pd.DataFrame([row for scenario, recorded in recordings for row in _rows(scenario, recorded)])
+    return pd.DataFrame(
+        [row for scenario, recorded in recordings for row in _rows(scenario, recorded)]
+    )
 
 
 def _rows(scenario: str, recorded: Recorded) -> Iterator[dict[str, Any]]:
@@ -36,10 +38,18 @@ def _rows(scenario: str, recorded: Recorded) -> Iterator[dict[str, Any]]:
             failed = recorded.failed[chosen]
             if failed.any() and not failed.all():
                 judged = _judged(probability[chosen], kpi[chosen], failed, recorded.kpi[chosen])
-                yield {"scenario": scenario, "family": family, "half": half, "tests": len(failed), **judged}
+                yield {
+                    "scenario": scenario,
+                    "family": family,
+                    "half": half,
+                    "tests": len(failed),
+                    **judged,
+                }
 
 
-def _judged(probability: Floats, expected: Floats, failed: NDArray[np.bool_], kpi: Floats) -> dict[str, float]:
+def _judged(
+    probability: Floats, expected: Floats, failed: NDArray[np.bool_], kpi: Floats
+) -> dict[str, float]:
     base = float(failed.mean())
     return {
         "spearman": float(spearmanr(expected, kpi).statistic),
@@ -58,5 +68,7 @@ def _unseen(family: str, recorded: Recorded) -> tuple[Floats, Floats]:
     folds = StratifiedKFold(FOLDS, shuffle=True, random_state=0)
     for seen, unseen in folds.split(recorded.points, recorded.failed):
         model = fit(family, recorded.rows(seen))
-        probability[unseen], kpi[unseen] = expected_kpi(model, recorded.space, recorded.points[unseen])
+        probability[unseen], kpi[unseen] = expected_kpi(
+            model, recorded.space, recorded.points[unseen]
+        )
     return probability, kpi

@@ -56,10 +56,18 @@ class Boosting(ForestSampler):
     """Boosted trees instead of the forest; they give one vote."""
 
     def _learn(self, inputs: Floats, kpi: Floats, rng: np.random.Generator) -> Chances:
-        settings = {"n_estimators": 60, "subsample": 0.7, "max_features": 0.4, "random_state": int(rng.integers(2**31))}
+        settings = {
+            "n_estimators": 60,
+            "subsample": 0.7,
+            "max_features": 0.4,
+            "random_state": int(rng.integers(2**31)),
+        }
         boosted = GradientBoostingRegressor(**settings).fit(inputs, kpi <= self.failure_threshold_s)
         linear = self._linear(inputs, kpi)
-        return _one_vote(self.trees, lambda others: joined(np.clip(boosted.predict(others), 0, 1), linear(others)))
+        return _one_vote(
+            self.trees,
+            lambda others: joined(np.clip(boosted.predict(others), 0, 1), linear(others)),
+        )
 
 
 @dataclass(eq=False, repr=False, kw_only=True)
@@ -69,7 +77,9 @@ class LevelSet(ForestSampler):
     def _learn(self, inputs: Floats, kpi: Floats, rng: np.random.Generator) -> Chances:
         *observed, threshold = scaled(np.append(kpi, self.failure_threshold_s))
         kernel = ConstantKernel(0.2) * RBF(3.0) + WhiteKernel(0.1)
-        process = GaussianProcessRegressor(kernel, optimizer=None, normalize_y=True).fit(inputs, observed)
+        process = GaussianProcessRegressor(kernel, optimizer=None, normalize_y=True).fit(
+            inputs, observed
+        )
         return _one_vote(self.trees, _below(threshold, process))
 
 
@@ -79,9 +89,18 @@ class DeepKernel(ForestSampler):
 
     def _linear(self, inputs: Floats, kpi: Floats) -> Chances:
         *observed, threshold = scaled(np.append(kpi, self.failure_threshold_s))
-        settings = {"hidden_layer_sizes": (32,), "activation": "tanh", "solver": "lbfgs", "alpha": 1.0, "max_iter": 60, "random_state": 0}
+        settings = {
+            "hidden_layer_sizes": (32,),
+            "activation": "tanh",
+            "solver": "lbfgs",
+            "alpha": 1.0,
+            "max_iter": 60,
+            "random_state": 0,
+        }
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ConvergenceWarning)  # Stopping early is part of the regularisation.
+            warnings.simplefilter(
+                "ignore", ConvergenceWarning
+            )  # Stopping early is part of the regularisation.
             network = MLPRegressor(**settings).fit(inputs, observed)
 
         def hidden(rows: Floats) -> Floats:
@@ -105,7 +124,9 @@ class Transfer(ForestSampler):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        table, points = recorded.campaign(recorded.path_of("F2", "forest", recorded.DENSE), self.space)
+        table, points = recorded.campaign(
+            recorded.path_of("F2", "forest", recorded.DENSE), self.space
+        )
         self.earlier = [(points[:300], table["adj_ttc_s"].to_numpy(float)[:300])]
 
 

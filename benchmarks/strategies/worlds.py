@@ -89,12 +89,18 @@ def make(name: WorldName, seed: int, folder: Path = recorded.DENSE) -> World:
     threshold_s = default_study().campaign.failure_threshold_s
     if name.group == ANALYTIC:
         return AnalyticWorld(_scenario(name.scenario), default_study().car, threshold_s)
-    return EmulatedWorld(_emulator(name.scenario, name.family, folder), seed, name.share, threshold_s)
+    return EmulatedWorld(
+        _emulator(name.scenario, name.family, folder), seed, name.share, threshold_s
+    )
 
 
 def digest(name: WorldName, folder: Path = recorded.DENSE) -> str:
     """Text that changes with what a world is made from; InputError if its recorded tests are missing."""
-    return code_digest(AnalyticSimulator.__module__) if name.group == ANALYTIC else recorded.digest(name.scenario, folder)
+    return (
+        code_digest(AnalyticSimulator.__module__)
+        if name.group == ANALYTIC
+        else recorded.digest(name.scenario, folder)
+    )
 
 
 @cache

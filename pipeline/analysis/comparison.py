@@ -13,7 +13,12 @@ import pandas as pd
 from pipeline.analysis.failure_regions import find_regions
 from pipeline.analysis.gate import gate_reason, parts_of
 from pipeline.analysis.held_out import HeldOut
-from pipeline.analysis.measures import count_causes, count_false_activations, count_modes, series_name
+from pipeline.analysis.measures import (
+    count_causes,
+    count_false_activations,
+    count_modes,
+    series_name,
+)
 from pipeline.artefacts.comparison_results import (
     Comparison,
     GroupPair,
@@ -58,10 +63,18 @@ def compare(
     group_pairs = results.group_pairs(groups)
     over_seeds = {pair.group: pair for pair in group_pairs if pair.against == groups[0].group}
     parts = parts_of(held_out, named)
-    gates = {version: results.gate(version, over_seeds[version_of(version).group], parts) for version in versions[1:]}
+    gates = {
+        version: results.gate(version, over_seeds[version_of(version).group], parts)
+        for version in versions[1:]
+    }
     passing = tuple(version for version, found in gates.items() if found.passes)
     base, *others = (results.version(version, gates.get(version)) for version in versions)
-    reasons = {other.version: gate_reason(gates[other.version], base, other, over_seeds[other.group], policy) for other in others}
+    reasons = {
+        other.version: gate_reason(
+            gates[other.version], base, other, over_seeds[other.group], policy
+        )
+        for other in others
+    }
     return Comparison(
         strategy=str(held_out.joined["strategy"].iloc[0]),
         scenarios=dict(held_out.labels),
@@ -72,7 +85,9 @@ def compare(
         versions=(base, *others),
         groups=groups,
         group_pairs=group_pairs,
-        pairs=tuple(results.pair(against, version) for against, version in combinations(versions, 2)),
+        pairs=tuple(
+            results.pair(against, version) for against, version in combinations(versions, 2)
+        ),
         regions=tuple(regions),
         champion=champion(results.outcomes, passing),
         gate={base.version: "the reference"} | reasons,
@@ -82,7 +97,11 @@ def compare(
 
 
 def compared_again(
-    held_out: HeldOut, iou: float, first: float, policy: Policy, version_of: Callable[[str], Version] = Version.named
+    held_out: HeldOut,
+    iou: float,
+    first: float,
+    policy: Policy,
+    version_of: Callable[[str], Version] = Version.named,
 ) -> SecondIou:
     """The groups of versions once more, on the same tests judged at a second IoU instead of the first."""
     results = _Results(held_out, policy, version_of)
@@ -145,7 +164,9 @@ class _Results:
             change=0 if paired is None else len(paired.regressions) - len(paired.fixes),
             paired=paired,
             verdict="baseline" if paired is None else paired.verdict(self.policy.alpha),
-            limits=() if found is None else tuple(LimitResult(**asdict(limit)) for limit in found.limits),
+            limits=()
+            if found is None
+            else tuple(LimitResult(**asdict(limit)) for limit in found.limits),
         )
 
     def scenario(self, version: str, scenario: str) -> ScenarioResult:
@@ -168,15 +189,25 @@ class _Results:
     def group(self, name: str, versions: Sequence[str]) -> GroupResult:
         members = [self.outcomes[version] for version in versions]
         base = self.outcomes[self.base].at(self.valid).failures
-        failures = _estimate(core.group_failures([member.at(self.valid) for member in members], self.policy.confidence))
-        parts = {name: [member.at(rows & self.valid) for member in members] for name, rows in self.held_out.scenarios.items()}
+        failures = _estimate(
+            core.group_failures(
+                [member.at(self.valid) for member in members], self.policy.confidence
+            )
+        )
+        parts = {
+            name: [member.at(rows & self.valid) for member in members]
+            for name, rows in self.held_out.scenarios.items()
+        }
         return GroupResult(
             group=name,
             round=self.version_of(versions[0]).round,
             versions=tuple(versions),
             tests=int(self.valid.sum()),
             failures=failures,
-            scenarios={scenario: _estimate(core.group_failures(part, self.policy.confidence)) for scenario, part in parts.items()},
+            scenarios={
+                scenario: _estimate(core.group_failures(part, self.policy.confidence))
+                for scenario, part in parts.items()
+            },
             against_base=failures.value / base if base else None,
         )
 
@@ -185,7 +216,9 @@ class _Results:
         return tuple(self.group_pair(against, group) for against, group in combinations(groups, 2))
 
     def group_pair(self, against: GroupResult, group: GroupResult) -> GroupPair:
-        before, after = ([self.outcomes[version] for version in found.versions] for found in (against, group))
+        before, after = (
+            [self.outcomes[version] for version in found.versions] for found in (against, group)
+        )
         found = core.pair_groups(before, after, self.policy.confidence)
         return GroupPair(
             group=group.group,
@@ -198,19 +231,29 @@ class _Results:
     def gate(self, version: str, over_seeds: GroupPair, parts: Sequence[Part]) -> Gate:
         """over_seeds: the version's group against the base."""
         fewer_over_seeds = over_seeds.shows_fewer(self.policy.alpha)
-        return gate(self.outcomes[self.base], self.outcomes[version], fewer_over_seeds, parts, self.policy)
+        return gate(
+            self.outcomes[self.base], self.outcomes[version], fewer_over_seeds, parts, self.policy
+        )
 
 
 def _estimate(interval: Interval) -> Estimate:
     return Estimate(**asdict(interval))
 
 
-def base_regions(held_out: HeldOut, spaces: Mapping[str, tuple[ScenarioInfo, Space]], section: Regions) -> list[RegionResult]:
+def base_regions(
+    held_out: HeldOut, spaces: Mapping[str, tuple[ScenarioInfo, Space]], section: Regions
+) -> list[RegionResult]:
     """The base's failure regions on the sequence, scenario by scenario, with every version's failures inside their rules."""
-    return [result for info, space in spaces.values() for result in _regions_of(held_out, info, space, section)]
+    return [
+        result
+        for info, space in spaces.values()
+        for result in _regions_of(held_out, info, space, section)
+    ]
 
 
-def _regions_of(held_out: HeldOut, info: ScenarioInfo, space: Space, section: Regions) -> list[RegionResult]:
+def _regions_of(
+    held_out: HeldOut, info: ScenarioInfo, space: Space, section: Regions
+) -> list[RegionResult]:
     tests = {version: held_out.tables[info.name, version] for version in held_out.versions}
     base = tests[held_out.versions[0]]
     valid = base[is_valid(base)].reset_index(drop=True)
@@ -218,12 +261,25 @@ def _regions_of(held_out: HeldOut, info: ScenarioInfo, space: Space, section: Re
     counted = np.all([is_valid(rows) for rows in tests.values()], axis=0)
     for found in find_regions(info, space, valid, section):
         inside, region = counted & found.group.rule.holds(points), found.region
-        failures = {version: int((rows["failure"].to_numpy(bool) & inside).sum()) for version, rows in tests.items()}
-        results.append(RegionResult(scenario=info.name, name=region.name, rule=region.rule, tests=int(inside.sum()), failures=failures))
+        failures = {
+            version: int((rows["failure"].to_numpy(bool) & inside).sum())
+            for version, rows in tests.items()
+        }
+        results.append(
+            RegionResult(
+                scenario=info.name,
+                name=region.name,
+                rule=region.rule,
+                tests=int(inside.sum()),
+                failures=failures,
+            )
+        )
     return results
 
 
-def changed_tests(comparison: Comparison, tests: pd.DataFrame, variables: Sequence[str]) -> pd.DataFrame:
+def changed_tests(
+    comparison: Comparison, tests: pd.DataFrame, variables: Sequence[str]
+) -> pd.DataFrame:
     """Every fix (the base fails, the version passes) and every regression (the reverse), with the KPIs of both versions.
 
     tests: rows of all versions and scenarios. variables: of the space, added as columns.
@@ -232,27 +288,52 @@ def changed_tests(comparison: Comparison, tests: pd.DataFrame, variables: Sequen
     base = comparison.versions[0].version
     rows = []
     for result in comparison.versions:
-        changes = [] if result.paired is None else [("regression", result.paired.regressions), ("fix", result.paired.fixes)]
+        changes = (
+            []
+            if result.paired is None
+            else [("regression", result.paired.regressions), ("fix", result.paired.fixes)]
+        )
         for change, changed in changes:
             for test in changed:
-                before, after = (keyed.loc[(version, test.scenario, test.index)] for version in (base, result.version))
-                row = {"version": result.version, "against": base, "change": change, "scenario": test.scenario, "index": test.index}
-                row |= {f"{name}_before": before[name] for name in CHANGED} | {f"{name}_after": after[name] for name in CHANGED}
+                before, after = (
+                    keyed.loc[(version, test.scenario, test.index)]
+                    for version in (base, result.version)
+                )
+                row = {
+                    "version": result.version,
+                    "against": base,
+                    "change": change,
+                    "scenario": test.scenario,
+                    "index": test.index,
+                }
+                row |= {f"{name}_before": before[name] for name in CHANGED} | {
+                    f"{name}_after": after[name] for name in CHANGED
+                }
                 rows.append(row | {name: before[name] for name in variables})
     columns = ["version", "against", "change", "scenario", "index"]
     columns += [f"{name}_{when}" for when in ("before", "after") for name in CHANGED]
     return pd.DataFrame(rows, columns=[*columns, *variables])
 
 
-def shown_metrics(comparison: Comparison, measures: Measures, detection: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
+def shown_metrics(
+    comparison: Comparison, measures: Measures, detection: Mapping[str, Mapping[str, float]]
+) -> dict[str, dict[str, float]]:
     """The table of `dvc metrics show`: the file of each row, with its columns. detection: metrics of each version on validation images."""
     rows: dict[str, dict[str, float]] = {}
     for result in comparison.versions:
-        row = rows[f"held_out/{result.version}.json"] = _counted(result.failures, result.tests, result.rate)
-        row |= {name: round(value, 4) for name, value in detection.get(result.version, {}).items() if name in DETECTION}
+        row = rows[f"held_out/{result.version}.json"] = _counted(
+            result.failures, result.tests, result.rate
+        )
+        row |= {
+            name: round(value, 4)
+            for name, value in detection.get(result.version, {}).items()
+            if name in DETECTION
+        }
     for searched in measures.strategies:
         valid = searched.tests - searched.errors
-        row = rows[f"search/{series_name(searched)}.json"] = _counted(searched.failures, valid, searched.rate.value)
+        row = rows[f"search/{series_name(searched)}.json"] = _counted(
+            searched.failures, valid, searched.rate.value
+        )
         if searched.failures:
             row["tests_to_first_failure"] = round(searched.f_measure.value, 1)
     return rows

@@ -31,7 +31,11 @@ def planes_of(rows: Ints, demand: Demand) -> list[Plane]:
 
 def fraction(coverage: Coverage) -> Found:
     """Numerator, denominator and ratio."""
-    return {"numerator": coverage.covered, "denominator": coverage.required, "coverage": coverage.ratio}
+    return {
+        "numerator": coverage.covered,
+        "denominator": coverage.required,
+        "coverage": coverage.ratio,
+    }
 
 
 def details(space: Space, every: Sequence[Plane]) -> Found:
@@ -52,13 +56,31 @@ def of_extras(space: Space, every: Sequence[Plane]) -> Found:
     by_variables = {plane.variables: plane for plane in every}
     named, single = [], []
     for group in space.extras.planes:
-        own = [by_variables[chosen].coverage for chosen in combinations(group.variables, group.strength)]
-        whole = Coverage(sum(one.covered for one in own if one), sum(one.required for one in own if one))
+        own = [
+            by_variables[chosen].coverage
+            for chosen in combinations(group.variables, group.strength)
+        ]
+        whole = Coverage(
+            sum(one.covered for one in own if one), sum(one.required for one in own if one)
+        )
         conditions = [space.names[v] for v in group.variables]
-        named.append({"name": group.name, "conditions": conditions, "strength": group.strength, **(fraction(whole) if any(own) else NONE)})
+        named.append(
+            {
+                "name": group.name,
+                "conditions": conditions,
+                "strength": group.strength,
+                **(fraction(whole) if any(own) else NONE),
+            }
+        )
     for one in space.extras.combinations:
         points = int(by_variables[one.variables].counts[one.categories])
-        single.append({"of": cell_names(space, one.variables, one.categories), "weight": one.weight, "points": points})
+        single.append(
+            {
+                "of": cell_names(space, one.variables, one.categories),
+                "weight": one.weight,
+                "points": points,
+            }
+        )
     return {"named_planes": named, "combinations": single} if space.extras else {}
 
 
@@ -74,10 +96,15 @@ def growth(raising: RaisingPoints, coverage: Coverage) -> list[tuple[int, float]
     """Coverage after each number of points; coverage: after all."""
     points = raising.counts.points
     ends = np.unique(np.linspace(1, points, min(points, GROWTH_STEPS)).astype(int))
-    return [(int(end), covered / coverage.required) for end, covered in zip(ends, raising.covered_after(ends).tolist(), strict=True)]
+    return [
+        (int(end), covered / coverage.required)
+        for end, covered in zip(ends, raising.covered_after(ends).tolist(), strict=True)
+    ]
 
 
-def counted(batches: Iterable[Ints], demands: Sequence[Demand], progress: Callable[[int], None]) -> tuple[list[Counts], RaisingPoints]:
+def counted(
+    batches: Iterable[Ints], demands: Sequence[Demand], progress: Callable[[int], None]
+) -> tuple[list[Counts], RaisingPoints]:
     """Counts of (n, d) category indices for each demand, and the points that raise the coverage of the last one.
 
     progress: is called with the number of points so far.
@@ -99,7 +126,9 @@ def _infeasible(plane: Plane) -> Bools:
     return ~plane.feasible
 
 
-def _cells(space: Space, every: Iterable[Plane], which: Callable[[Plane], Bools]) -> Iterator[dict[str, str]]:
+def _cells(
+    space: Space, every: Iterable[Plane], which: Callable[[Plane], Bools]
+) -> Iterator[dict[str, str]]:
     """The cells of all planes that `which` marks, with the names of their categories."""
     for plane in every:
         marked = which(plane)
@@ -109,7 +138,10 @@ def _cells(space: Space, every: Iterable[Plane], which: Callable[[Plane], Bools]
 
 def cell_names(space: Space, variables: Iterable[int], cell: Iterable[int]) -> dict[str, str]:
     """A cell with the names of its variables and categories."""
-    return {space.names[v]: space.variables[v].labels[int(c)] for v, c in zip(variables, cell, strict=True)}
+    return {
+        space.names[v]: space.variables[v].labels[int(c)]
+        for v, c in zip(variables, cell, strict=True)
+    }
 
 
 def _plane(space: Space, plane: Plane) -> Found:

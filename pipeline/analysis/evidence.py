@@ -15,7 +15,16 @@ import pandas as pd
 from pipeline.analysis.failure_regions import outcomes_of
 from pipeline.analysis.measures import PROJECTION_K
 from pipeline.analysis.stored_rules import stored_rule
-from pipeline.artefacts.evidence import Area, Areas, Coverage, Domain, OpenRegion, Risk, ScenarioEvidence, Whole
+from pipeline.artefacts.evidence import (
+    Area,
+    Areas,
+    Coverage,
+    Domain,
+    OpenRegion,
+    Risk,
+    ScenarioEvidence,
+    Whole,
+)
 from pipeline.artefacts.points import encode_tests
 from pipeline.artefacts.region_results import FailureRegion, FailureRegions
 from pipeline.artefacts.results import Estimate
@@ -88,7 +97,9 @@ class Searched:
     def rows(self, random: bool) -> pd.DataFrame:
         """The valid tests that are random, or the others, of which each counts once."""
         rows = self.valid[self.valid["strategy"].isin(self.independent) == random]
-        return (rows if random else rows.drop_duplicates(list(self.space.names))).reset_index(drop=True)
+        return (rows if random else rows.drop_duplicates(list(self.space.names))).reset_index(
+            drop=True
+        )
 
 
 @dataclass(frozen=True)
@@ -107,7 +118,10 @@ def judged(tested: Searched, section: Regions, exposure: ExposureFile) -> Judged
     """The shares of one scenario. section: how its regions were found."""
     road = exposure.of(tested.info.name, tested.space)
     points = road.sample(DRAWS, np.random.default_rng(0))
-    inside = {region.name: stored_rule(tested.space, region.conditions).holds(points) for region in tested.regions.regions}
+    inside = {
+        region.name: stored_rule(tested.space, region.conditions).holds(points)
+        for region in tested.regions.regions
+    }
     failure, hidden, missing = _risks(tested, section, None if exposure.uniform else road)
     shares = {name: share_of(holds) for name, holds in inside.items()}
     return Judged(tested, _sampled(tested, points, inside), shares, failure, hidden, missing)
@@ -134,13 +148,17 @@ def _any(holds: Sequence[Bools], count: int) -> Bools:
     return np.any(holds, axis=0) if holds else np.zeros(count, bool)
 
 
-def _risks(tested: Searched, section: Regions, road: Exposure | None) -> tuple[Rate | None, Rate | None, str]:
+def _risks(
+    tested: Searched, section: Regions, road: Exposure | None
+) -> tuple[Rate | None, Rate | None, str]:
     """The failure probability, that outside all rules, and why the second is missing. road: None if random tests are the exposure's."""
     random, others = tested.rows(random=True), tested.rows(random=False)
     if random.empty:
         return None, None, NO_RANDOM
     points, failed = encode_tests(random, tested.space), random["failure"].to_numpy(bool)
-    errors = int((tested.tests["strategy"].isin(tested.independent) & ~is_valid(tested.tests)).sum())
+    errors = int(
+        (tested.tests["strategy"].isin(tested.independent) & ~is_valid(tested.tests)).sum()
+    )
 
     def rate(counted: Bools) -> Rate:
         if road is not None:
@@ -156,7 +174,12 @@ def _risks(tested: Searched, section: Regions, road: Exposure | None) -> tuple[R
 
 def _searched_rules(space: Space, tests: pd.DataFrame, section: Regions) -> list[Rule]:
     """The rules of the failure regions of some tests."""
-    groups = group_failures(outcomes_of(space, tests), tests["cause"].to_numpy(str), section.chance_neighbours, section.min_failures)
+    groups = group_failures(
+        outcomes_of(space, tests),
+        tests["cause"].to_numpy(str),
+        section.chance_neighbours,
+        section.min_failures,
+    )
     return [group.rule for group in groups]
 
 
@@ -182,12 +205,18 @@ def scenario_evidence(found: Judged) -> ScenarioEvidence:
     info = tested.info
     return ScenarioEvidence(
         domain=Domain(
-            scenario=info.name, label=info.label, description=info.description, variables=tested.space.to_dict(), constraints=clauses
+            scenario=info.name,
+            label=info.label,
+            description=info.description,
+            variables=tested.space.to_dict(),
+            constraints=clauses,
         ),
         coverage=_coverage(tested),
         failure=_risk(FAILURE, found.failure, NO_RANDOM),
         areas=_areas(found.sampled, found.hidden, found.missing),
-        open_regions=tuple(_open(region, found.regions[region.name]) for region in tested.regions.regions),
+        open_regions=tuple(
+            _open(region, found.regions[region.name]) for region in tested.regions.regions
+        ),
         isolated_failures=len(tested.regions.isolated),
     )
 
@@ -202,9 +231,16 @@ def whole(found: Sequence[Judged], exposure: ExposureFile) -> Whole | None:
     kinds = [kind for kind in found[0].sampled if all(kind in one.sampled for one in found)]
     sampled = {kind: combined([one.sampled[kind] for one in found], shares) for kind in kinds}
     missing = next((one.missing for one in found if one.missing), "")
-    failure, hidden = _all([one.failure for one in found], shares), _all([one.hidden for one in found], shares)
+    failure, hidden = (
+        _all([one.failure for one in found], shares),
+        _all([one.hidden for one in found], shares),
+    )
     areas = _areas(sampled, hidden, missing)
-    return Whole(shares=dict(zip(names, shares, strict=True)), failure=_risk(FAILURE, failure, NO_RANDOM), areas=areas)
+    return Whole(
+        shares=dict(zip(names, shares, strict=True)),
+        failure=_risk(FAILURE, failure, NO_RANDOM),
+        areas=areas,
+    )
 
 
 def _all(rates: Sequence[Rate | None], shares: Sequence[float]) -> Rate | None:
@@ -215,18 +251,41 @@ def _all(rates: Sequence[Rate | None], shares: Sequence[float]) -> Rate | None:
 def _coverage(tested: Searched) -> Coverage:
     categories = tested.space.categorise(encode_tests(tested.valid, tested.space))
     reached = projection_coverage(categories, Demand(tested.space.constraints, PROJECTION_K))
-    return Coverage(k=PROJECTION_K, covered=reached.covered, required=reached.required, ratio=reached.ratio, tests=len(categories))
+    return Coverage(
+        k=PROJECTION_K,
+        covered=reached.covered,
+        required=reached.required,
+        ratio=reached.ratio,
+        tests=len(categories),
+    )
 
 
 def _open(region: FailureRegion, share: Rate) -> OpenRegion:
-    named = {name: getattr(region, name) for name in ("name", "rule", "conditions", "cause", "status", "confirmation")}
+    named = {
+        name: getattr(region, name)
+        for name in ("name", "rule", "conditions", "cause", "status", "confirmation")
+    }
     worst = {one.role: one.test_id for one in region.representatives}
-    return OpenRegion(**named, failures=len(region.members), worst=worst.get("worst", worst["medoid"]), share=_estimate(share))
+    return OpenRegion(
+        **named,
+        failures=len(region.members),
+        worst=worst.get("worst", worst["medoid"]),
+        share=_estimate(share),
+    )
 
 
 def _areas(sampled: Mapping[str, Rate], hidden: Rate | None, missing: str) -> Areas:
-    empty = {"known_unsafe": KNOWN_UNSAFE, "confirmed": CONFIRMED, "known_safe": KNOWN_SAFE, "unknown": UNKNOWN}
-    areas = {name: area.model_copy(update={"share": _estimate(sampled[name])}) for name, area in empty.items() if name in sampled}
+    empty = {
+        "known_unsafe": KNOWN_UNSAFE,
+        "confirmed": CONFIRMED,
+        "known_safe": KNOWN_SAFE,
+        "unknown": UNKNOWN,
+    }
+    areas = {
+        name: area.model_copy(update={"share": _estimate(sampled[name])})
+        for name, area in empty.items()
+        if name in sampled
+    }
     areas.setdefault("confirmed", CONFIRMED.model_copy(update={"missing": UNCONFIRMED}))
     return Areas(**areas, unknown_unsafe=_risk(UNKNOWN_UNSAFE, hidden, missing))
 
@@ -234,7 +293,12 @@ def _areas(sampled: Mapping[str, Rate], hidden: Rate | None, missing: str) -> Ar
 def _risk(empty: Risk, rate: Rate | None, missing: str) -> Risk:
     if rate is None:
         return empty.model_copy(update={"missing": missing})
-    counts = {"tests": rate.tests, "failures": rate.failures, "errors": rate.errors, "below": rate.limits.below}
+    counts = {
+        "tests": rate.tests,
+        "failures": rate.failures,
+        "errors": rate.errors,
+        "below": rate.limits.below,
+    }
     note = f"{empty.source} {rate.note[0].upper()}{rate.note[1:]}." if rate.note else empty.source
     return empty.model_copy(update={"share": _estimate(rate), "source": note, **counts})
 

@@ -8,7 +8,9 @@ from pipeline.artefacts.evidence import Risk, ScenarioEvidence, Whole
 from pipeline.config.exposure import ExposureFile
 from pipeline.core.likelihood.rate import one_in
 
-SIMULATED = "The simulator and its camera stand for the road. Nothing here was recorded on a real road."
+SIMULATED = (
+    "The simulator and its camera stand for the road. Nothing here was recorded on a real road."
+)
 ROAD_USERS = "Each test has at most one pedestrian, and the ego brakes as the settings say; other road users follow fixed plans."
 FITTED = "A rule that is not confirmed is judged by the very tests to which it was fitted."
 ASSUMPTIONS = (
@@ -36,12 +38,25 @@ RETRAINED = (
 )
 
 
-def claim(version: str, scenarios: Sequence[ScenarioEvidence], whole: Whole | None, exposure: ExposureFile) -> str:
+def claim(
+    version: str, scenarios: Sequence[ScenarioEvidence], whole: Whole | None, exposure: ExposureFile
+) -> str:
     """What the numbers allow us to claim, in words."""
     if whole is not None and len(scenarios) > 1:
-        return _sentence(f"Detector {version} in {_listed(scenarios)}", whole.failure, whole.areas.unknown_unsafe, exposure)
+        return _sentence(
+            f"Detector {version} in {_listed(scenarios)}",
+            whole.failure,
+            whole.areas.unknown_unsafe,
+            exposure,
+        )
     return " ".join(
-        _sentence(f"Detector {version} in {one.domain.label}", one.failure, one.areas.unknown_unsafe, exposure) for one in scenarios
+        _sentence(
+            f"Detector {version} in {one.domain.label}",
+            one.failure,
+            one.areas.unknown_unsafe,
+            exposure,
+        )
+        for one in scenarios
     )
 
 
@@ -64,4 +79,9 @@ def assumptions(failure_threshold_s: float) -> tuple[str, ...]:
 
 def limits(whole: Whole | None, exposure: ExposureFile, retrained: bool) -> tuple[str, ...]:
     """retrained: whether the study has versions without an evidence file."""
-    return (*LIMITS, *([] if exposure.uniform else [WEIGHED]), *([] if whole else [SEVERAL]), *([RETRAINED] if retrained else []))
+    return (
+        *LIMITS,
+        *([] if exposure.uniform else [WEIGHED]),
+        *([] if whole else [SEVERAL]),
+        *([RETRAINED] if retrained else []),
+    )

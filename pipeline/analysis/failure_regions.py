@@ -13,7 +13,13 @@ from pipeline.analysis.measures import count_modes
 from pipeline.analysis.named_groups import named_groups
 from pipeline.artefacts.failure_counts import Count
 from pipeline.artefacts.points import concrete, encode_tests
-from pipeline.artefacts.region_results import FailureRegion, FailureRegions, Representative, Role, RuleCondition
+from pipeline.artefacts.region_results import (
+    FailureRegion,
+    FailureRegions,
+    Representative,
+    Role,
+    RuleCondition,
+)
 from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.config.sections import Regions
 from pipeline.core.distance import mixed_distance
@@ -33,7 +39,9 @@ class Found:
 
     def rng(self, purpose: str) -> np.random.Generator:
         """Random numbers for tests of the region: the same for the same purpose, name and rule."""
-        digest = hashlib.sha256(f"{purpose} {self.region.name} {self.region.rule}".encode()).digest()
+        digest = hashlib.sha256(
+            f"{purpose} {self.region.name} {self.region.rule}".encode()
+        ).digest()
         return np.random.default_rng(int.from_bytes(digest[:8], "big"))
 
 
@@ -45,12 +53,19 @@ class _Tested:
     outcomes: Outcomes
 
 
-def find_regions(info: ScenarioInfo, space: Space, tests: pd.DataFrame, section: Regions) -> list[Found]:
+def find_regions(
+    info: ScenarioInfo, space: Space, tests: pd.DataFrame, section: Regions
+) -> list[Found]:
     """The failure regions of one scenario, larger ones first; tests: its valid rows."""
     outcomes = outcomes_of(space, tests)
-    groups = group_failures(outcomes, tests["cause"].to_numpy(str), section.chance_neighbours, section.min_failures)
+    groups = group_failures(
+        outcomes, tests["cause"].to_numpy(str), section.chance_neighbours, section.min_failures
+    )
     tested = _Tested(tests, outcomes)
-    return [Found(_region(f"{info.label} region {number}", tested, group), group) for number, group in enumerate(groups, 1)]
+    return [
+        Found(_region(f"{info.label} region {number}", tested, group), group)
+        for number, group in enumerate(groups, 1)
+    ]
 
 
 def outcomes_of(space: Space, tests: pd.DataFrame) -> Outcomes:
@@ -58,12 +73,16 @@ def outcomes_of(space: Space, tests: pd.DataFrame) -> Outcomes:
     return Outcomes(space, encode_tests(tests, space), tests["failure"].to_numpy(bool), WORDS)
 
 
-def cluster(info: ScenarioInfo, space: Space, tests: pd.DataFrame, section: Regions) -> FailureRegions:
+def cluster(
+    info: ScenarioInfo, space: Space, tests: pd.DataFrame, section: Regions
+) -> FailureRegions:
     """The failure regions of one scenario and the failures outside them; tests: its valid rows."""
     return regions_of(info, space, tests, find_regions(info, space, tests, section))
 
 
-def regions_of(info: ScenarioInfo, space: Space, tests: pd.DataFrame, found: Sequence[Found]) -> FailureRegions:
+def regions_of(
+    info: ScenarioInfo, space: Space, tests: pd.DataFrame, found: Sequence[Found]
+) -> FailureRegions:
     """The artefact of the regions that `find_regions` found in the same tests."""
     failed, points = tests["failure"].to_numpy(bool), encode_tests(tests, space)
     regions = tuple(one.region for one in found)
@@ -91,16 +110,25 @@ def _region(name: str, tested: _Tested, group: Group) -> FailureRegion:
         cause=group.cause,
         members=tuple(rows["test_id"]),
         modes=count_modes(rows),
-        strategies={str(key): int(count) for key, count in rows["strategy"].value_counts().sort_index().items()},
+        strategies={
+            str(key): int(count)
+            for key, count in rows["strategy"].value_counts().sort_index().items()
+        },
         rule=group.rule.text(outcomes.space),
-        conditions=tuple(_condition(outcomes.space, condition) for condition in group.rule.conditions),
+        conditions=tuple(
+            _condition(outcomes.space, condition) for condition in group.rule.conditions
+        ),
         support=support,
         failures_inside=hits,
         precision=hits / support,
         lift=hits / support / float(outcomes.failed.mean()),
         recall=float(inside[members].mean()),
         held_back=Count(tests=tests, failures=failures),
-        groups=tuple(name for name, belongs in named_groups(outcomes.space, outcomes.points[inside]).items() if belongs.all()),
+        groups=tuple(
+            name
+            for name, belongs in named_groups(outcomes.space, outcomes.points[inside]).items()
+            if belongs.all()
+        ),
         representatives=_representatives(outcomes.space, rows, outcomes.points[members]),
     )
 
@@ -108,20 +136,34 @@ def _region(name: str, tested: _Tested, group: Group) -> FailureRegion:
 def _condition(space: Space, condition: Condition) -> RuleCondition:
     variable, text = condition.subject(space), condition.words(space)
     if condition.values:
-        return RuleCondition(variable=variable.name, text=text, values=tuple(variable.values[i] for i in condition.values))
+        return RuleCondition(
+            variable=variable.name,
+            text=text,
+            values=tuple(variable.values[i] for i in condition.values),
+        )
     return RuleCondition(variable=variable.name, text=text, low=condition.low, high=condition.high)
 
 
-def _representatives(space: Space, rows: pd.DataFrame, points: Floats) -> tuple[Representative, ...]:
+def _representatives(
+    space: Space, rows: pd.DataFrame, points: Floats
+) -> tuple[Representative, ...]:
     """The medoid, the worst failure and the failure furthest from the medoid; each test appears once."""
     centre = medoid(space, points)
     # The worst is the hardest contact; without a contact, the smallest adjusted TTC.
-    severity = np.lexsort((rows["adj_ttc_s"].to_numpy(), -rows["impact_speed_mps"].fillna(0).to_numpy()))
+    severity = np.lexsort(
+        (rows["adj_ttc_s"].to_numpy(), -rows["impact_speed_mps"].fillna(0).to_numpy())
+    )
     furthest = int(np.argmax(mixed_distance(space, points[[centre]], points)[0]))
-    ranked: list[tuple[int, Role]] = [(furthest, "furthest"), (int(severity[0]), "worst"), (centre, "medoid")]
+    ranked: list[tuple[int, Role]] = [
+        (furthest, "furthest"),
+        (int(severity[0]), "worst"),
+        (centre, "medoid"),
+    ]
     # Later entries win, so a test in two roles keeps the medoid's; the result starts with the medoid.
     roles = dict(reversed(list({position: (position, role) for position, role in ranked}.values())))
-    return tuple(_representative(rows.iloc[position], role, space) for position, role in roles.items())
+    return tuple(
+        _representative(rows.iloc[position], role, space) for position, role in roles.items()
+    )
 
 
 def _representative(row: pd.Series, role: Role, space: Space) -> Representative:

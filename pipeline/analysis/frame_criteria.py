@@ -78,8 +78,16 @@ def _near_duplicate(frames: pd.DataFrame, kept: Bools, _: Filter) -> Bools:
     return repeats
 
 
-def _same(shown: NDArray[np.float64], box: NDArray[np.float64], before: NDArray[np.float64], box_before: NDArray[np.float64]) -> bool:
-    if np.abs(shown - before).mean() >= SAME_GREY or np.isnan(box).any() != np.isnan(box_before).any():
+def _same(
+    shown: NDArray[np.float64],
+    box: NDArray[np.float64],
+    before: NDArray[np.float64],
+    box_before: NDArray[np.float64],
+) -> bool:
+    if (
+        np.abs(shown - before).mean() >= SAME_GREY
+        or np.isnan(box).any() != np.isnan(box_before).any()
+    ):
         return False
     return bool(np.isnan(box).any() or iou([box], [box_before])[0, 0] > SAME_IOU)
 

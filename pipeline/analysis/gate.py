@@ -11,7 +11,10 @@ from pipeline.artefacts.comparison_results import GroupPair, VersionResult
 from pipeline.core.comparison import Bools
 from pipeline.core.gate import Gate, Measure, Part, Policy, RiseLimit
 
-RATES: dict[Measure, str] = {"failures": "the failure rate", "false activations": "the rate of false activations"}
+RATES: dict[Measure, str] = {
+    "failures": "the failure rate",
+    "false activations": "the rate of false activations",
+}
 
 
 def parts_of(held_out: HeldOut, groups: Mapping[str, Bools]) -> list[Part]:
@@ -22,12 +25,19 @@ def parts_of(held_out: HeldOut, groups: Mapping[str, Bools]) -> list[Part]:
     """
     calm = np.isin([test.scenario for test in held_out.tests], held_out.no_braking)
     measures: dict[Measure, Bools] = {"failures": ~calm, "false activations": calm}
-    places = [*((held_out.labels[name], rows) for name, rows in held_out.scenarios.items()), *groups.items()]
-    parts = [Part(name, measure, rows & of) for measure, of in measures.items() for name, rows in places]
+    places = [
+        *((held_out.labels[name], rows) for name, rows in held_out.scenarios.items()),
+        *groups.items(),
+    ]
+    parts = [
+        Part(name, measure, rows & of) for measure, of in measures.items() for name, rows in places
+    ]
     return [part for part in parts if part.rows.any()]
 
 
-def gate_reason(found: Gate, base: VersionResult, version: VersionResult, over_seeds: GroupPair, policy: Policy) -> str:
+def gate_reason(
+    found: Gate, base: VersionResult, version: VersionResult, over_seeds: GroupPair, policy: Policy
+) -> str:
     """Why the gate passes a version or holds it back: the first condition that fails, in the order of `Gate`.
 
     over_seeds: the version's group against the base. Parts that are too small to judge are named if the version passes, because it has
@@ -41,7 +51,9 @@ def gate_reason(found: Gate, base: VersionResult, version: VersionResult, over_s
         return f"held back: {how_many} failures than {base.version} (p = {p_value:.2g})"
     if not found.fewer_over_seeds:
         mean = over_seeds.difference
-        difference = f"{mean.value:+.1f}, {mean.low:+.1f} to {mean.high:+.1f}; p = {over_seeds.p_value:.2g}"
+        difference = (
+            f"{mean.value:+.1f}, {mean.low:+.1f} to {mean.high:+.1f}; p = {over_seeds.p_value:.2g}"
+        )
         return f"held back: over all its seeds, {version.group} does not show fewer failures than {base.version} ({difference})"
     if above := found.limits_that_are("above the margin"):
         return f"held back: {_rises(above)}, more than the margin of {100 * policy.margin:g} points"
@@ -57,7 +69,9 @@ def gate_reason(found: Gate, base: VersionResult, version: VersionResult, over_s
 
 def _rises(limits: Sequence[RiseLimit]) -> str:
     """`the failure rate may rise by up to 14.0 points (F2*), 12.3 points (children)`, and the same for false activations."""
-    by_measure = {measure: [limit for limit in limits if limit.measure == measure] for measure in RATES}
+    by_measure = {
+        measure: [limit for limit in limits if limit.measure == measure] for measure in RATES
+    }
     clauses = [
         f"{RATES[measure]} may rise by up to {', '.join(f'{_points(limit.limit)} ({limit.name})' for limit in chosen)}"
         for measure, chosen in by_measure.items()

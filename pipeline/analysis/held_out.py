@@ -37,13 +37,20 @@ class HeldOut:
     @cached_property
     def joined(self) -> pd.DataFrame:
         """All rows: scenario by scenario, and version by version in each."""
-        return pd.concat([self.tables[name, version] for name in self.labels for version in self.versions], ignore_index=True)
+        return pd.concat(
+            [self.tables[name, version] for name in self.labels for version in self.versions],
+            ignore_index=True,
+        )
 
     @cached_property
     def tests(self) -> list[SequenceTest]:
         """The tests of the sequence in its order, scenario by scenario."""
         base = self.versions[0]
-        return [SequenceTest(name, int(index)) for name in self.labels for index in self.tables[name, base]["index"]]
+        return [
+            SequenceTest(name, int(index))
+            for name in self.labels
+            for index in self.tables[name, base]["index"]
+        ]
 
     @cached_property
     def scenarios(self) -> dict[str, Bools]:
@@ -59,7 +66,9 @@ class HeldOut:
         """The outcomes of one version on the sequence."""
         rows = self.rows(version)
         valid, failed = is_valid(rows).to_numpy(), rows["failure"].to_numpy(bool)
-        return SequenceOutcomes(valid, valid & failed, valid & failed & rows["failure_mode"].isin(BY_TTC).to_numpy())
+        return SequenceOutcomes(
+            valid, valid & failed, valid & failed & rows["failure_mode"].isin(BY_TTC).to_numpy()
+        )
 
     def digest(self, variables: Mapping[str, Sequence[str]]) -> str:
         """SHA-256 of the sequence. variables: scenario -> names of its variables.
@@ -70,15 +79,25 @@ class HeldOut:
         for scenario, names in variables.items():
             for version in self.versions:
                 if (scenario, version) not in self.tables:
-                    raise InputError(f"expected a campaign of version '{version}' on held-out scenario '{scenario}', got none")
-                _check_same(self.tables[scenario, self.versions[0]], self.tables[scenario, version], names)
-            sequence = self.tables[scenario, self.versions[0]][["index", *names]].to_csv(index=False, float_format="%.17g")
+                    raise InputError(
+                        f"expected a campaign of version '{version}' on held-out scenario '{scenario}', got none"
+                    )
+                _check_same(
+                    self.tables[scenario, self.versions[0]], self.tables[scenario, version], names
+                )
+            sequence = self.tables[scenario, self.versions[0]][["index", *names]].to_csv(
+                index=False, float_format="%.17g"
+            )
             digest.update(f"{scenario}\n{sequence}".encode())
         return digest.hexdigest()
 
 
 def read_held_out(
-    paths: Sequence[Path], versions: Sequence[str], infos: Mapping[str, ScenarioInfo], threshold_s: float, progress: OnProgress
+    paths: Sequence[Path],
+    versions: Sequence[str],
+    infos: Mapping[str, ScenarioInfo],
+    threshold_s: float,
+    progress: OnProgress,
 ) -> HeldOut:
     """Read tests.parquet of every scenario and version. infos: of the held-out scenarios. threshold_s: of the adjusted TTC.
 
@@ -93,12 +112,19 @@ def read_held_out(
         tables[campaign.scenario, campaign.version] = rows
         progress(done, len(paths), f"{campaign.scenario}/{campaign.version}")
     labels = {name: info.label for name, info in infos.items()}
-    return HeldOut(tuple(versions), labels, tables, tuple(name for name, info in infos.items() if not info.asks_to_brake))
+    return HeldOut(
+        tuple(versions),
+        labels,
+        tables,
+        tuple(name for name, info in infos.items() if not info.asks_to_brake),
+    )
 
 
 def _check_threshold(rows: pd.DataFrame, threshold_s: float, path: Path) -> None:
     # Without a collision path, a false activation decides, and false positives alone may shorten the adjusted TTC.
-    decided = np.where(rows["failure"], rows["failure_mode"] != "false_activation", rows["false_positives"] == 0)
+    decided = np.where(
+        rows["failure"], rows["failure_mode"] != "false_activation", rows["false_positives"] == 0
+    )
     judged = rows[is_valid(rows) & decided]
     different = judged[judged["failure"] != (judged["adj_ttc_s"] <= threshold_s)]
     if len(different):
@@ -112,10 +138,14 @@ def _check_threshold(rows: pd.DataFrame, threshold_s: float, path: Path) -> None
 def _check_same(first: pd.DataFrame, other: pd.DataFrame, names: Sequence[str]) -> None:
     who = f"version '{other['version'].iloc[0]}' on scenario '{other['scenario'].iloc[0]}'"
     if len(first) != len(other):
-        raise InputError(f"{who}: expected {len(first)} tests as version '{first['version'].iloc[0]}' has, got {len(other)}")
+        raise InputError(
+            f"{who}: expected {len(first)} tests as version '{first['version'].iloc[0]}' has, got {len(other)}"
+        )
     for name in ("strategy", "seed", "index", *names):
         different = (first[name] != other[name]).to_numpy()
         if different.any():
             row = int(different.argmax())
             expected, got = first[name].tolist()[row], other[name].tolist()[row]
-            raise InputError(f"{who}, test {other['index'].iloc[row]}: {name} must be {expected!r} as for the base, got {got!r}")
+            raise InputError(
+                f"{who}, test {other['index'].iloc[row]}: {name} must be {expected!r} as for the base, got {got!r}"
+            )

@@ -17,7 +17,13 @@ from pipeline.artefacts.tables import is_valid
 from pipeline.core.counted import Counted
 from pipeline.core.coverage.projection import Demand, projection_coverage
 from pipeline.core.identity import CampaignId
-from pipeline.core.measures import baseline_cost, c_measure, f_measure, failure_sequence, pair_coverage
+from pipeline.core.measures import (
+    baseline_cost,
+    c_measure,
+    f_measure,
+    failure_sequence,
+    pair_coverage,
+)
 from pipeline.core.space import Ints, Space
 from pipeline.core.statistics import CensoredMean, censored_mean, mean_interval
 from pipeline.errors import InputError
@@ -30,17 +36,27 @@ TESTS_WANTED = 3
 
 
 def measure_campaign(
-    campaign: CampaignId, tables: Mapping[CampaignId, pd.DataFrame], spaces: Mapping[str, Space], baseline: str
+    campaign: CampaignId,
+    tables: Mapping[CampaignId, pd.DataFrame],
+    spaces: Mapping[str, Space],
+    baseline: str,
 ) -> CampaignMeasures:
     """Every measure of one campaign; see CampaignMeasures for their definitions."""
     tests = tables[campaign]
     reference = tables.get(replace(campaign, strategy=baseline))
     if campaign.scenario not in spaces:
-        raise InputError(f"campaign {campaign}: expected the space of scenario '{campaign.scenario}', got {sorted(spaces)}")
+        raise InputError(
+            f"campaign {campaign}: expected the space of scenario '{campaign.scenario}', got {sorted(spaces)}"
+        )
     if reference is None:
-        raise InputError(f"campaign {campaign}: expected a '{baseline}' campaign of seed {campaign.seed} beside it, got none")
+        raise InputError(
+            f"campaign {campaign}: expected a '{baseline}' campaign of seed {campaign.seed} beside it, got none"
+        )
     space, failed = spaces[campaign.scenario], tests["failure"].to_numpy(bool)
-    sequence, other = failure_sequence(failed), failure_sequence(reference["failure"].to_numpy(bool))
+    sequence, other = (
+        failure_sequence(failed),
+        failure_sequence(reference["failure"].to_numpy(bool)),
+    )
     n, saved = c_measure(sequence, other)
     valid = is_valid(tests).to_numpy()
     points = encode_tests(tests, space)
@@ -96,24 +112,35 @@ def count_false_activations(tests: pd.DataFrame) -> FalseActivations:
 def _total(parts: Sequence[CountsT]) -> CountsT:
     """The sum of counts, field by field."""
     first = type(parts[0])
-    return first(**{name: sum(getattr(part, name) for part in parts) for name in first.model_fields})
+    return first(
+        **{name: sum(getattr(part, name) for part in parts) for name in first.model_fields}
+    )
 
 
 def _projection(space: Space, categories: Ints) -> float:
     """Coverage in which every cell wants `TESTS_WANTED` tests, so it still distinguishes campaigns that cover all pairs."""
     weights = [np.full(size, TESTS_WANTED) for size in space.sizes]
-    return projection_coverage(categories, Demand(space.constraints, PROJECTION_K, weights, "max")).ratio
+    return projection_coverage(
+        categories, Demand(space.constraints, PROJECTION_K, weights, "max")
+    ).ratio
 
 
 def by_strategy(campaigns: Sequence[CampaignMeasures]) -> list[list[CampaignMeasures]]:
     """The summaries of campaigns that differ only by their seed."""
     groups: dict[tuple[str, str, str], list[CampaignMeasures]] = {}
     for campaign in campaigns:
-        groups.setdefault((campaign.scenario, campaign.strategy, campaign.version), []).append(campaign)
+        groups.setdefault((campaign.scenario, campaign.strategy, campaign.version), []).append(
+            campaign
+        )
     return list(groups.values())
 
 
-def summarise(group: Sequence[CampaignMeasures], confidence: float, baseline: str, independent: Collection[str]) -> StrategyMeasures:
+def summarise(
+    group: Sequence[CampaignMeasures],
+    confidence: float,
+    baseline: str,
+    independent: Collection[str],
+) -> StrategyMeasures:
     """One strategy on one scenario over its seeds; see StrategyMeasures for the intervals.
 
     independent: strategies whose tests are independent samples of the space.
@@ -124,7 +151,12 @@ def summarise(group: Sequence[CampaignMeasures], confidence: float, baseline: st
         interval = mean_interval(values, confidence, (low, high))
         return Estimate(value=float(np.mean(values)), low=interval[0], high=interval[1])
 
-    found = censored_mean([c.f_measure or c.tests for c in group], [c.f_measure is not None for c in group], confidence, least=1)
+    found = censored_mean(
+        [c.f_measure or c.tests for c in group],
+        [c.f_measure is not None for c in group],
+        confidence,
+        least=1,
+    )
     cost = None if first.strategy == baseline else _cost(group, confidence)
     return StrategyMeasures(
         scenario=first.scenario,
@@ -137,10 +169,14 @@ def summarise(group: Sequence[CampaignMeasures], confidence: float, baseline: st
         modes=_total([c.modes for c in group]),
         causes=_total([c.causes for c in group]),
         false_activations=_total([c.false_activations for c in group]),
-        rate=_pooled_rate(group, confidence) if first.strategy in independent else mean(list(map(_rate, group)), 0, 1),
+        rate=_pooled_rate(group, confidence)
+        if first.strategy in independent
+        else mean(list(map(_rate, group)), 0, 1),
         f_measure=Estimate(value=found.value, low=found.low, high=found.high),
         f_measure_censored=found.censored,
-        c_measure=None if cost is None else Estimate(value=1 - cost.value, low=1 - cost.high, high=1 - cost.low),
+        c_measure=None
+        if cost is None
+        else Estimate(value=1 - cost.value, low=1 - cost.high, high=1 - cost.low),
         c_measure_censored=0 if cost is None else cost.censored,
         pair_coverage_tests=mean([c.pair_coverage_tests for c in group], 0, 1),
         pair_coverage_failures=mean([c.pair_coverage_failures for c in group], 0, 1),
@@ -160,7 +196,9 @@ def _rate(campaign: CampaignMeasures) -> float:
 
 def _pooled_rate(group: Sequence[CampaignMeasures], confidence: float) -> Estimate:
     """Failures per valid test over all campaigns, for independent tests only."""
-    return _exact(Counted(sum(c.tests - c.errors for c in group), sum(c.failures for c in group)), confidence)
+    return _exact(
+        Counted(sum(c.tests - c.errors for c in group), sum(c.failures for c in group)), confidence
+    )
 
 
 def _exact(counted: Counted, confidence: float) -> Estimate:
@@ -172,13 +210,22 @@ def audited(tables: Mapping[CampaignId, pd.DataFrame], confidence: float) -> tup
     """The failure rates of campaigns with independent tests, by scenario, strategy and version, over all seeds."""
     groups: dict[tuple[str, str, str], list[pd.DataFrame]] = {}
     for campaign, tests in tables.items():
-        groups.setdefault((campaign.scenario, campaign.strategy, campaign.version), []).append(tests)
+        groups.setdefault((campaign.scenario, campaign.strategy, campaign.version), []).append(
+            tests
+        )
     rates = []
     for (scenario, strategy, version), each in groups.items():
         tests = pd.concat(each)
         counted = Counted.of(tests["failure"].to_numpy(bool), (~is_valid(tests)).to_numpy())
         named = {"scenario": scenario, "strategy": strategy, "version": version}
-        rates.append(BaseRate(**named, tests=counted.tests, failures=counted.failures, rate=_exact(counted, confidence)))
+        rates.append(
+            BaseRate(
+                **named,
+                tests=counted.tests,
+                failures=counted.failures,
+                rate=_exact(counted, confidence),
+            )
+        )
     return tuple(rates)
 
 

@@ -34,7 +34,11 @@ def named_groups(space: Space, points: Floats) -> dict[str, Bools]:
     }
     if people.VARIABLE in columns:
         groups |= _ages(space, columns[people.VARIABLE])
-    return groups | {name: holds(columns[variable]) for name, (variable, holds) in WEATHER.items() if variable in columns}
+    return groups | {
+        name: holds(columns[variable])
+        for name, (variable, holds) in WEATHER.items()
+        if variable in columns
+    }
 
 
 def _ages(space: Space, persons: Floats) -> dict[str, Bools]:

@@ -33,28 +33,51 @@ class Searched:
     def of_group(self, group: str) -> pd.DataFrame:
         """The tests of a named group; none of a scenario without it."""
         parts = [self.tests[self.tests["scenario"] == name] for name in self.spaces]
-        groups = [named_groups(space, encode_tests(rows, space)) for rows, space in zip(parts, self.spaces.values(), strict=True)]
-        return pd.concat([rows[found.get(group, np.zeros(len(rows), bool))] for rows, found in zip(parts, groups, strict=True)])
+        groups = [
+            named_groups(space, encode_tests(rows, space))
+            for rows, space in zip(parts, self.spaces.values(), strict=True)
+        ]
+        return pd.concat(
+            [
+                rows[found.get(group, np.zeros(len(rows), bool))]
+                for rows, found in zip(parts, groups, strict=True)
+            ]
+        )
 
     def named(self, group: str) -> tuple[str, ...]:
         """The regions whose rules name a group."""
-        return tuple(region.name for found in self.regions for region in found.regions if group in region.groups)
+        return tuple(
+            region.name
+            for found in self.regions
+            for region in found.regions
+            if group in region.groups
+        )
 
 
-def planted_groups(shown: Frequencies, searched: Searched, held_out: HeldOut, named: Mapping[str, Bools]) -> Iterator[PlantedGroup]:
+def planted_groups(
+    shown: Frequencies, searched: Searched, held_out: HeldOut, named: Mapping[str, Bools]
+) -> Iterator[PlantedGroup]:
     """Each group that the base was trained on rarely. shown: frequencies in its base set. named: the named groups of the held-out sequence,
     name -> (n,) bool."""
     for key, group in GROUPS.items():
         frequency = float(getattr(shown, key))
         if frequency == 1 or group not in named:
             continue
-        outcomes = {version: held_out.outcomes(version).at(named[group]) for version in held_out.versions}
+        outcomes = {
+            version: held_out.outcomes(version).at(named[group]) for version in held_out.versions
+        }
         yield PlantedGroup(
             group=group,
             frequency=frequency,
-            searched={str(strategy): _count(tests) for strategy, tests in searched.of_group(group).groupby("strategy", sort=False)},
+            searched={
+                str(strategy): _count(tests)
+                for strategy, tests in searched.of_group(group).groupby("strategy", sort=False)
+            },
             regions=searched.named(group),
-            held_out={version: Count(tests=found.tests, failures=found.failures) for version, found in outcomes.items()},
+            held_out={
+                version: Count(tests=found.tests, failures=found.failures)
+                for version, found in outcomes.items()
+            },
         )
 
 

@@ -23,9 +23,16 @@ class Part(Enum):
     POSE, NOUN, NAMES, HEIGHT, LOOKS, OTHER = range(6)
 
 
-def sentence(conditions: Sequence[RuleCondition], seen: Seen, repairs: Sequence[Repair], control: Repair | None) -> str:
+def sentence(
+    conditions: Sequence[RuleCondition],
+    seen: Seen,
+    repairs: Sequence[Repair],
+    control: Repair | None,
+) -> str:
     """The sentences as one text. repairs: those that repair most first."""
-    return " ".join([f"{subject(conditions)} {_seen(seen)}", *([_repairs(repairs, control)] if repairs else [])])
+    return " ".join(
+        [f"{subject(conditions)} {_seen(seen)}", *([_repairs(repairs, control)] if repairs else [])]
+    )
 
 
 def subject(conditions: Sequence[RuleCondition]) -> str:
@@ -38,7 +45,16 @@ def subject(conditions: Sequence[RuleCondition]) -> str:
         parts[part].append(text)
     noun = parts[Part.NOUN] or ["children" if _only_children(conditions) else "people"]
     others = [f"with {_listed(parts[Part.OTHER], 'and')}"] if parts[Part.OTHER] else []
-    phrase = " ".join([*parts[Part.POSE], *noun, *parts[Part.NAMES], *parts[Part.HEIGHT], *parts[Part.LOOKS], *others])
+    phrase = " ".join(
+        [
+            *parts[Part.POSE],
+            *noun,
+            *parts[Part.NAMES],
+            *parts[Part.HEIGHT],
+            *parts[Part.LOOKS],
+            *others,
+        ]
+    )
     return f"{phrase[0].upper()}{phrase[1:]}"
 
 
@@ -68,11 +84,17 @@ def _only_children(conditions: Sequence[RuleCondition]) -> bool:
 
 def plain(condition: str) -> str:
     """A condition of a rule without signs: `rain of at least 40 %` for `rain >= 40 %`."""
-    text = re.sub(r"^(\w+)_m (.+)$", r"\1 \2 m", condition)  # An attribute in metres, such as height_m.
+    text = re.sub(
+        r"^(\w+)_m (.+)$", r"\1 \2 m", condition
+    )  # An attribute in metres, such as height_m.
     text = text.replace("_", " ").replace(" >= ", " of at least ").replace(" <= ", " of at most ")
     text = re.sub(r" in \[(.+?), (.+?)\]", r" from \1 to \2", text)
     listed = re.match(r"(.+) in \{(.+)\}", text)
-    return f"{listed[1]} {_listed(listed[2].split(', '), 'or')}" if listed else text.replace(" = ", " ")
+    return (
+        f"{listed[1]} {_listed(listed[2].split(', '), 'or')}"
+        if listed
+        else text.replace(" = ", " ")
+    )
 
 
 def _seen(seen: Seen) -> str:
@@ -82,8 +104,16 @@ def _seen(seen: Seen) -> str:
         unseen = f", except for {seen.detected} never in sight" if seen.detected else ""
         sight = f"come into sight {_metres(seen.first_sight_m)} before the conflict point and are never detected{unseen}"
         return f"{sight} (median of {seen.in_sight} failures)."
-    delay = f"{seen.delay_s:.1f} s after they come into sight" if seen.delay_s >= 0.05 else "as soon as they come into sight"
-    never = f"; {missed} {'is' if missed == 1 else 'are'} never detected" if (missed := seen.failures - seen.detected) else ""
+    delay = (
+        f"{seen.delay_s:.1f} s after they come into sight"
+        if seen.delay_s >= 0.05
+        else "as soon as they come into sight"
+    )
+    never = (
+        f"; {missed} {'is' if missed == 1 else 'are'} never detected"
+        if (missed := seen.failures - seen.detected)
+        else ""
+    )
     medians = f"Medians of {seen.failures} failures{never}."
     return f"are first detected {delay}, {_metres(seen.first_detection_m)} before the conflict point. {medians}"
 
@@ -94,7 +124,10 @@ def _metres(distance: float | None) -> str:
 
 def _repairs(repairs: Sequence[Repair], control: Repair | None) -> str:
     found = _named(repairs)
-    shares = ", ".join(f"{repair.change} {repair.repaired} of {repair.tests}" for repair in [*found, *([control] if control else [])])
+    shares = ", ".join(
+        f"{repair.change} {repair.repaired} of {repair.tests}"
+        for repair in [*found, *([control] if control else [])]
+    )
     if found:
         return f"Repairs: {shares}."
     return f"No single change repairs any of {max(repair.tests for repair in repairs)}{', ' if control else ''}{shares}."
@@ -104,7 +137,10 @@ def _named(repairs: Sequence[Repair]) -> list[Repair]:
     """The best single changes, and clear weather as a whole if it repairs more."""
     single = [repair for repair in repairs if len(repair.values) < 2 and repair.repaired][:NAMED]
     most = max((repair.repaired for repair in single), default=0)
-    return [*single, *(repair for repair in repairs if len(repair.values) > 1 and repair.repaired > most)]
+    return [
+        *single,
+        *(repair for repair in repairs if len(repair.values) > 1 and repair.repaired > most),
+    ]
 
 
 def _listed(parts: Sequence[str], last: str) -> str:

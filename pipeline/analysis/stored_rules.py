@@ -18,7 +18,9 @@ def _condition(space: Space, stored: RuleCondition) -> Condition:
     first, other, sign = _variables(space, stored.variable)
     if stored.low is not None and stored.high is not None:
         return Condition(first, stored.low, stored.high, other=other, sign=sign)
-    return Condition(first, values=tuple(space.variables[first].values.index(name) for name in stored.values))
+    return Condition(
+        first, values=tuple(space.variables[first].values.index(name) for name in stored.values)
+    )
 
 
 def _variables(space: Space, name: str) -> tuple[int, int, int]:

@@ -35,7 +35,9 @@ def profile_of(network: Yolo, images: NDArray[np.uint8]) -> Profile:
 def kept_frames(paths: Sequence[Path]) -> list[bytes]:
     """The kept frames of some campaigns as JPEG bytes."""
     tables = [read_frames(path, ["test_id", "step", "image"]) for path in paths]
-    images: list[bytes] = pd.concat(tables, ignore_index=True).sort_values(["test_id", "step"])["image"].to_list()
+    images: list[bytes] = (
+        pd.concat(tables, ignore_index=True).sort_values(["test_id", "step"])["image"].to_list()
+    )
     return images
 
 

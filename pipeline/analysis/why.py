@@ -18,22 +18,46 @@ from pipeline.core.signals import Signals
 from pipeline.scenarios.changes import CONTROL, Change, ranked
 
 
-def recorded(region: FailureRegion, tests: pd.DataFrame, signals: Mapping[str, Signals]) -> list[dict[str, Any]]:
+def recorded(
+    region: FailureRegion, tests: pd.DataFrame, signals: Mapping[str, Signals]
+) -> list[dict[str, Any]]:
     """The rows of a region's failures as their campaigns executed them. tests: rows of tests.parquet by test_id; signals: by test_id."""
-    how = {"region": region.name, "change": UNCHANGED, "status": "ok", "reason": "", "failure": True}
+    how = {
+        "region": region.name,
+        "change": UNCHANGED,
+        "status": "ok",
+        "reason": "",
+        "failure": True,
+    }
     return [
-        {**how, "test_id": test, "adj_ttc_s": float(tests.loc[test, "adj_ttc_s"]), **asdict(sight(signals[test]))}
+        {
+            **how,
+            "test_id": test,
+            "adj_ttc_s": float(tests.loc[test, "adj_ttc_s"]),
+            **asdict(sight(signals[test])),
+        }
         for test in region.members
     ]
 
 
-def explained(region: FailureRegion, changes: Sequence[Change], rows: pd.DataFrame, confidence: float) -> FailureRegion:
+def explained(
+    region: FailureRegion, changes: Sequence[Change], rows: pd.DataFrame, confidence: float
+) -> FailureRegion:
     """The region with its `why`. changes: in the order of their declaration, which breaks ties. rows: `pipeline.artefacts.tables.WHY`."""
     own = rows[rows["region"] == region.name]
     seen = _seen(own[own["change"] == UNCHANGED])
-    counted = [(change, _repair(change, own[own["change"] == change.text], confidence)) for change in changes]
+    counted = [
+        (change, _repair(change, own[own["change"] == change.text], confidence))
+        for change in changes
+    ]
     executed = {change.text: repair for change, repair in counted if repair.tests or repair.errors}
-    order = ranked([(change, repair.repaired) for change, repair in counted if change.text in executed and not change.is_control])
+    order = ranked(
+        [
+            (change, repair.repaired)
+            for change, repair in counted
+            if change.text in executed and not change.is_control
+        ]
+    )
     repairs, control = [executed[change.text] for change in order], executed.get(CONTROL.text)
     why = Why(
         sentence=sentence(region.conditions, seen, repairs, control),

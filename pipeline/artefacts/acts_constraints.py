@@ -34,7 +34,12 @@ def _remainder(first: float, second: float) -> float:
     return fmod(first, second)
 
 
-COMPUTED: dict[str, Callable[[Any, Any], Any]] = {"+": operator.add, "-": operator.sub, "*": operator.mul, "%": _remainder}
+COMPUTED: dict[str, Callable[[Any, Any], Any]] = {
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "%": _remainder,
+}
 TRUTH = {"true": True, "false": False}
 KINDS = {float: "a number", bool: "a truth value", str: "a text"}
 END = ("end", "the end")
@@ -73,7 +78,9 @@ def _tokens(text: str) -> list[tuple[str, str]]:
     tokens, place, text = [], 0, text.strip()
     while place < len(text):
         if (match := TOKEN.match(text, place)) is None:
-            raise ValueError(f"expected names, numbers, texts in double quotes and operators, got {text[place : place + 20].strip()!r}")
+            raise ValueError(
+                f"expected names, numbers, texts in double quotes and operators, got {text[place : place + 20].strip()!r}"
+            )
         tokens.append((str(match.lastgroup), match[0].strip()))
         place = match.end()
     return [*tokens, END]
@@ -118,18 +125,32 @@ class _Parser:
         sign = self._take()
         second = self._computed("+-", lambda: self._computed("*%/", self._single))
         if not isinstance(first, Operand) or not isinstance(second, Operand):
-            raise ValueError(f"expected a parameter or a value on both sides of {sign}, got a condition")
-        if first.kind is not second.kind or (first.kind is not float and sign not in ("=", "==", "!=")):
-            raise ValueError(f"{KINDS[first.kind]} and {KINDS[second.kind]} cannot be compared by {sign}")
+            raise ValueError(
+                f"expected a parameter or a value on both sides of {sign}, got a condition"
+            )
+        if first.kind is not second.kind or (
+            first.kind is not float and sign not in ("=", "==", "!=")
+        ):
+            raise ValueError(
+                f"{KINDS[first.kind]} and {KINDS[second.kind]} cannot be compared by {sign}"
+            )
         return self._rows(first, second, COMPARED[sign])
 
-    def _computed(self, signs: str, part: Callable[[], Expression | Operand]) -> Expression | Operand:
+    def _computed(
+        self, signs: str, part: Callable[[], Expression | Operand]
+    ) -> Expression | Operand:
         found = part()
         while self.next[0] == "sign" and self.next[1] in signs:
             if (sign := self._take()) == "/":
-                raise ValueError("the division / is not read, because ACTS rounds it; multiply the other side instead")
+                raise ValueError(
+                    "the division / is not read, because ACTS rounds it; multiply the other side instead"
+                )
             second = part()
-            if not isinstance(found, Operand) or not isinstance(second, Operand) or {found.kind, second.kind} != {float}:
+            if (
+                not isinstance(found, Operand)
+                or not isinstance(second, Operand)
+                or {found.kind, second.kind} != {float}
+            ):
                 raise ValueError(f"expected numbers on both sides of {sign}")
             found = _combined(found, second, COMPUTED[sign])
         return found
@@ -138,7 +159,9 @@ class _Parser:
         if self._sign("!"):
             return Not(self.condition(self._single()))
         if self._sign("-"):
-            return _combined(Operand(float, (), lambda: 0.0), self._number(self._single()), operator.sub)
+            return _combined(
+                Operand(float, (), lambda: 0.0), self._number(self._single()), operator.sub
+            )
         if self._sign("("):
             inside = self.implication()
             if not self._sign(")"):
@@ -156,7 +179,9 @@ class _Parser:
     def _named(self, name: str) -> Operand:
         if name in self._index:
             parameter = self._index[name]
-            return Operand(type(self._parameters[parameter].values[0]), (parameter,), lambda value: value)
+            return Operand(
+                type(self._parameters[parameter].values[0]), (parameter,), lambda value: value
+            )
         if name.lower() in TRUTH:
             return Operand(bool, (), lambda: TRUTH[name.lower()])
         raise ValueError(f"there is no parameter {name}{nearest(name, self._index)}")
@@ -166,7 +191,9 @@ class _Parser:
             raise ValueError("expected a number after -")
         return part
 
-    def _rows(self, first: Operand, second: Operand, relation: Callable[[Any, Any], Any]) -> Expression:
+    def _rows(
+        self, first: Operand, second: Operand, relation: Callable[[Any, Any], Any]
+    ) -> Expression:
         both = _combined(first, second, relation)
         if not both.parameters:
             return Every(()) if both.compute() else Some(())
@@ -174,7 +201,9 @@ class _Parser:
         return rows_where(
             both.parameters,
             [len(own) for own in values],
-            lambda *row: both.compute(*(own[category] for own, category in zip(values, row, strict=True))),
+            lambda *row: both.compute(
+                *(own[category] for own, category in zip(values, row, strict=True))
+            ),
         )
 
     def _sign(self, sign: str) -> bool:
@@ -194,7 +223,10 @@ def _combined(first: Operand, second: Operand, compute: Callable[[Any, Any], Any
 
     def computed(*values: Any) -> Any:
         given: Mapping[int, Any] = dict(zip(parameters, values, strict=True))
-        sides = [side.compute(*(given[parameter] for parameter in side.parameters)) for side in (first, second)]
+        sides = [
+            side.compute(*(given[parameter] for parameter in side.parameters))
+            for side in (first, second)
+        ]
         return compute(*sides)
 
     return Operand(first.kind, parameters, computed)

@@ -26,11 +26,21 @@ def _parameters(space: Space) -> list[tuple[str, str, tuple[str, ...]]]:
     """Name, type and values of each parameter; InputError for what ACTS cannot write."""
     for variable in space.variables:
         if not NAME.fullmatch(variable.name) or variable.name.lower() in TRUTH:
-            raise InputError(f"{variable.name}: the name of an ACTS parameter consists of letters, digits and _")
+            raise InputError(
+                f"{variable.name}: the name of an ACTS parameter consists of letters, digits and _"
+            )
         for value in category_names(variable):
-            if not value or value != value.strip() or re.search(r'[,;"\n\r]', value) or not value.isprintable():
+            if (
+                not value
+                or value != value.strip()
+                or re.search(r'[,;"\n\r]', value)
+                or not value.isprintable()
+            ):
                 raise InputError(f"{variable.name}: ACTS cannot write the value {value!r}")
-    return [(variable.name, _kind(category_names(variable)), category_names(variable)) for variable in space.variables]
+    return [
+        (variable.name, _kind(category_names(variable)), category_names(variable))
+        for variable in space.variables
+    ]
 
 
 def _constraint(space: Space, clause: Clause) -> str:
@@ -47,7 +57,11 @@ def acts_text(space: Space) -> str:
     lines = ["[System]", "Name: space", "", "[Parameter]"]
     lines += [f"{name} ({kind}) : {', '.join(values)}" for name, kind, values in _parameters(space)]
     if space.clauses:
-        lines += ["", "[Constraint]", *(_constraint(space, clause) for clause in space.constraints.clauses)]
+        lines += [
+            "",
+            "[Constraint]",
+            *(_constraint(space, clause) for clause in space.constraints.clauses),
+        ]
     return "\n".join(lines) + "\n"
 
 
@@ -56,7 +70,9 @@ def acts_xml(space: Space) -> str:
     parameters = ET.SubElement(root, "Parameters")
     numbers = {kind: number for number, kind in KINDS.items()}
     for index, (name, kind, values) in enumerate(_parameters(space)):
-        element = ET.SubElement(parameters, "Parameter", id=str(index), name=name, type=numbers[kind])
+        element = ET.SubElement(
+            parameters, "Parameter", id=str(index), name=name, type=numbers[kind]
+        )
         several = ET.SubElement(element, "values")
         for value in values:
             ET.SubElement(several, "value").text = value

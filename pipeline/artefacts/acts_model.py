@@ -35,7 +35,11 @@ def read_acts_model(path: Path) -> Space:
     Raises InputError that names the file, the place and what a space cannot say: relations, invalid values, existing tests.
     """
     text = read_text(path, "an ACTS model")
-    return acts_xml_space(text, str(path)) if text.lstrip().startswith("<") else acts_text_space(text, str(path))
+    return (
+        acts_xml_space(text, str(path))
+        if text.lstrip().startswith("<")
+        else acts_text_space(text, str(path))
+    )
 
 
 def acts_text_space(text: str, name: str) -> Space:
@@ -71,10 +75,19 @@ def _section(where: str, line: str) -> str:
 def _parameter(where: str, line: str) -> Named:
     match = PARAMETER.fullmatch(line)
     if match is None:
-        raise ValueError(f"{where}: expected a parameter such as 'speed (int) : 1, 2, 3', got {line!r}")
+        raise ValueError(
+            f"{where}: expected a parameter such as 'speed (int) : 1, 2, 3', got {line!r}"
+        )
     if ";" in match["values"]:
-        raise ValueError(f"{where}: {match['name']} has invalid values after the ';', which a space does not have")
-    return where, match["name"], (match["kind"] or "").strip().lower(), [value.strip() for value in match["values"].split(",")]
+        raise ValueError(
+            f"{where}: {match['name']} has invalid values after the ';', which a space does not have"
+        )
+    return (
+        where,
+        match["name"],
+        (match["kind"] or "").strip().lower(),
+        [value.strip() for value in match["values"].split(",")],
+    )
 
 
 def acts_xml_space(text: str, name: str) -> Space:
@@ -86,9 +99,13 @@ def acts_xml_space(text: str, name: str) -> Space:
         for path, why in (("Relations/Relation", "relation"), ("Testset/*", "test set")):
             if [found for found in root.findall(path) if found.get("Default") != "true"]:
                 raise ValueError(f"System/{path}: {REFUSED[why]}")
-        parameters = [_element(index, element) for index, element in enumerate(root.findall("Parameters/Parameter"), 1)]
+        parameters = [
+            _element(index, element)
+            for index, element in enumerate(root.findall("Parameters/Parameter"), 1)
+        ]
         constraints = [
-            (f"Constraint[{i}]", element.get("text") or "") for i, element in enumerate(root.findall("Constraints/Constraint"), 1)
+            (f"Constraint[{i}]", element.get("text") or "")
+            for i, element in enumerate(root.findall("Constraints/Constraint"), 1)
         ]
         return _space(parameters, constraints)
     except ET.ParseError as error:
@@ -101,10 +118,17 @@ def _element(index: int, element: ET.Element) -> Named:
     name, kind = element.get("name") or "", element.get("type") or ""
     where = f"Parameter[{index}]"
     if not name or (kind and kind not in KINDS):
-        raise ValueError(f"{where}: expected a name and a type from 0 to 2 (int, enum, boolean), got name {name!r} and type {kind!r}")
+        raise ValueError(
+            f"{where}: expected a name and a type from 0 to 2 (int, enum, boolean), got name {name!r} and type {kind!r}"
+        )
     if element.findall("invalidValues/*"):
         raise ValueError(f"{where}: {name} has invalid values, which a space does not have")
-    return where, name, KINDS.get(kind, ""), [(value.text or "").strip() for value in element.findall("values/value")]
+    return (
+        where,
+        name,
+        KINDS.get(kind, ""),
+        [(value.text or "").strip() for value in element.findall("values/value")],
+    )
 
 
 def _space(parameters: Sequence[Named], constraints: Sequence[tuple[str, str]]) -> Space:
@@ -116,7 +140,9 @@ def _space(parameters: Sequence[Named], constraints: Sequence[tuple[str, str]]) 
         if name in typed:
             raise ValueError(f"{where}: the parameter {name} appears twice")
         if not all(values) or len(set(values)) != len(values):
-            raise ValueError(f"{where}: the values of {name} must be distinct and not empty, got {', '.join(values)}")
+            raise ValueError(
+                f"{where}: the values of {name} must be distinct and not empty, got {', '.join(values)}"
+            )
         typed[name] = _typed(where, name, kind, values)
         variables.append(Variable(name, "categorical", values=tuple(values)))
     statements = []
@@ -129,13 +155,20 @@ def _space(parameters: Sequence[Named], constraints: Sequence[tuple[str, str]]) 
 
 
 def _typed(where: str, name: str, kind: str, values: list[str]) -> Typed:
-    numeric, truth = all(map(NUMBER.fullmatch, values)), all(value.lower() in TRUTH for value in values)
+    numeric, truth = (
+        all(map(NUMBER.fullmatch, values)),
+        all(value.lower() in TRUTH for value in values),
+    )
     kind = kind or ("int" if numeric else "boolean" if truth else "enum")
     if kind not in KINDS.values():
         raise ValueError(f"{where}: the type of {name} must be int, enum or boolean, got {kind!r}")
     if (kind == "int" and not numeric) or (kind == "boolean" and not truth):
         expected = "numbers" if kind == "int" else "true and false"
-        raise ValueError(f"{where}: expected {expected} as values of {name}, got {', '.join(values)}")
+        raise ValueError(
+            f"{where}: expected {expected} as values of {name}, got {', '.join(values)}"
+        )
     if kind == "enum":
         return Typed(name, tuple(values))
-    return Typed(name, tuple(float(value) if kind == "int" else TRUTH[value.lower()] for value in values))
+    return Typed(
+        name, tuple(float(value) if kind == "int" else TRUTH[value.lower()] for value in values)
+    )

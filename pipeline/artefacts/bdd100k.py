@@ -12,7 +12,11 @@ from pipeline.errors import InputError, shown
 def is_bdd100k(plain: Any) -> bool:
     """Whether JSON is a list of labelled frames, the same inside `frames`, or the file of one image."""
     frames = plain.get("frames") if isinstance(plain, dict) else plain
-    return isinstance(frames, list) and (not frames or isinstance(frames[0], dict)) and not (isinstance(plain, dict) and "images" in plain)
+    return (
+        isinstance(frames, list)
+        and (not frames or isinstance(frames[0], dict))
+        and not (isinstance(plain, dict) and "images" in plain)
+    )
 
 
 def bdd100k(path: Path, plain: Any) -> DataSet:
@@ -22,24 +26,42 @@ def bdd100k(path: Path, plain: Any) -> DataSet:
     """
     alone = isinstance(plain, dict) and "name" in plain
     frames = [plain] if alone else plain["frames"] if isinstance(plain, dict) else plain
-    return DataSet.of(path, [_image(path, "" if alone else f"[{index}]", frame) for index, frame in enumerate(frames)])
+    return DataSet.of(
+        path,
+        [_image(path, "" if alone else f"[{index}]", frame) for index, frame in enumerate(frames)],
+    )
 
 
 def _image(path: Path, where: str, frame: Any) -> tuple[str, dict[str, Any]]:
     name = member(path, frame, "name", str, where)
     said: dict[str, Any] = {}
-    for key, value in (member(path, frame, "attributes", dict, where) if frame.get("attributes") is not None else {}).items():
+    for key, value in (
+        member(path, frame, "attributes", dict, where)
+        if frame.get("attributes") is not None
+        else {}
+    ).items():
         if not isinstance(value, str | int | float | None):
-            raise InputError(f"{path}: {where}.attributes.{key}: expected a text, got {shown(value)}")
+            raise InputError(
+                f"{path}: {where}.attributes.{key}: expected a text, got {shown(value)}"
+            )
         said[key] = None if value is None else str(value)
-    return name, {**said, "objects": sum(_has_box(path, where, label) for label in _labels(path, where, frame))}
+    return name, {
+        **said,
+        "objects": sum(_has_box(path, where, label) for label in _labels(path, where, frame)),
+    }
 
 
 def _labels(path: Path, where: str, frame: dict[str, Any]) -> list[Any]:
     """The labels of a frame: `labels`, or `objects` of the only frame of an image's own file."""
     if isinstance(frame.get("frames"), list):
-        return [label for inner in frame["frames"] for label in member(path, inner, "objects", list, f"{where}.frames")]
-    return list(member(path, frame, "labels", list, where)) if frame.get("labels") is not None else []
+        return [
+            label
+            for inner in frame["frames"]
+            for label in member(path, inner, "objects", list, f"{where}.frames")
+        ]
+    return (
+        list(member(path, frame, "labels", list, where)) if frame.get("labels") is not None else []
+    )
 
 
 def _has_box(path: Path, where: str, label: Any) -> bool:

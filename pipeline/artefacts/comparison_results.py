@@ -204,7 +204,10 @@ class Comparison(Result):
 
     def pair(self, version: str, against: str) -> VersionPair | None:
         """The comparison of a version with an earlier one; None if either is missing."""
-        return next((pair for pair in self.pairs if (pair.version, pair.against) == (version, against)), None)
+        return next(
+            (pair for pair in self.pairs if (pair.version, pair.against) == (version, against)),
+            None,
+        )
 
     @property
     def seeds(self) -> int:
@@ -218,13 +221,17 @@ class Comparison(Result):
 
 def write_changes(path: Path, changes: pd.DataFrame) -> None:
     """Write the tests that a version changed."""
-    write_bytes(path, changes.to_csv(index=False, lineterminator="\n", float_format="%.6g").encode())
+    write_bytes(
+        path, changes.to_csv(index=False, lineterminator="\n", float_format="%.6g").encode()
+    )
 
 
 def read_changes(path: Path) -> pd.DataFrame:
     """Read changes.csv; InputError that names the file if it is missing, damaged or no table."""
     data = read_bytes(path)
     try:
-        return pd.read_csv(io.BytesIO(data), keep_default_na=False, na_values=[""])  # A version may be called "null".
+        return pd.read_csv(
+            io.BytesIO(data), keep_default_na=False, na_values=[""]
+        )  # A version may be called "null".
     except ValueError as error:
         raise InputError(f"{path}: expected a table, got {error}; make it again") from error

@@ -35,7 +35,11 @@ def open_csv(path: Path, wanted: Sequence[str]) -> tuple[tuple[str, ...], Iterat
     blocks = whole_rows(path)
     header, rest = _header(next(blocks, b""))
     places = column_places(path, header, wanted)
-    if not places and len(header) == 1 and (found := [name for separator, name in SEPARATORS.items() if separator in header[0]]):
+    if (
+        not places
+        and len(header) == 1
+        and (found := [name for separator, name in SEPARATORS.items() if separator in header[0]])
+    ):
         raise InputError(f"{path}: expected commas between the columns, got {found[0]}")
     # Arrow takes no column at all for all columns.
     return header, _batches(path, len(header), places, rest, blocks) if places else iter(())
@@ -46,7 +50,9 @@ def column_places(path: Path, header: Sequence[str], wanted: Sequence[str]) -> d
     places = {}
     for name in wanted:
         found = [i for i, known in enumerate(header) if known == name]
-        found = found or [i for i, known in enumerate(header) if known.strip() == name and known not in wanted]
+        found = found or [
+            i for i, known in enumerate(header) if known.strip() == name and known not in wanted
+        ]
         if len(found) > 1:
             raise InputError(f"{path}: the column '{name}' appears twice")
         if found:
@@ -61,7 +67,9 @@ def whole_rows(path: Path) -> Iterator[bytes]:
         while more := file.read(BLOCK):
             end, _ = _end_of_rows(rest)
             if len(rest) - end > LONGEST_ROW:
-                raise InputError(f"{path}: a row is longer than {LONGEST_ROW >> 20} MB; perhaps a quote is opened and never closed")
+                raise InputError(
+                    f"{path}: a row is longer than {LONGEST_ROW >> 20} MB; perhaps a quote is opened and never closed"
+                )
             if end:
                 yield _cleaned(rest[:end])
             rest = rest[end:] + more
@@ -114,11 +122,15 @@ def _header(block: bytes) -> tuple[tuple[str, ...], memoryview]:
             yield line
 
     header = tuple(next(csv.reader(lines()), ()))
-    ",".join(header).encode()  # Bytes that are no text are refused, but only in the header: Arrow refuses those in rows.
+    ",".join(
+        header
+    ).encode()  # Bytes that are no text are refused, but only in the header: Arrow refuses those in rows.
     return header, memoryview(block)[read:]
 
 
-def _batches(path: Path, fields: int, places: dict[str, int], first: memoryview, blocks: Iterator[bytes]) -> Iterator[Any]:
+def _batches(
+    path: Path, fields: int, places: dict[str, int], first: memoryview, blocks: Iterator[bytes]
+) -> Iterator[Any]:
     done = 0
     for rows in chain([first], map(memoryview, blocks)):
         if not NO_ROWS.fullmatch(rows):
@@ -139,7 +151,11 @@ def _parsed(path: Path, rows: memoryview, fields: int, places: list[int], done: 
         kept = list(map(str, places))
         return pa_csv.read_csv(
             pa.BufferReader(rows),
-            pa_csv.ReadOptions(use_threads=threads, block_size=len(rows) + 1, column_names=[str(i) for i in range(fields)]),
+            pa_csv.ReadOptions(
+                use_threads=threads,
+                block_size=len(rows) + 1,
+                column_names=[str(i) for i in range(fields)],
+            ),
             pa_csv.ParseOptions(newlines_in_values=True, invalid_row_handler=refuse),
             pa_csv.ConvertOptions(
                 include_columns=kept,

@@ -33,7 +33,10 @@ class DataSet:
                 raise InputError(f"{path}: the image {name} appears twice")
             seen.add(name)
         known = dict.fromkeys(condition for _, said in rows for condition in said)
-        return DataSet(tuple(name for name, _ in rows), {condition: [said.get(condition) for _, said in rows] for condition in known})
+        return DataSet(
+            tuple(name for name, _ in rows),
+            {condition: [said.get(condition) for _, said in rows] for condition in known},
+        )
 
 
 def member(path: Path, plain: Any, key: str, kind: type, where: str = "") -> Any:

@@ -76,9 +76,16 @@ class ImageSet:
 
     def __post_init__(self) -> None:
         if self.images.ndim != 4 or self.images.shape[3] != 3 or self.images.dtype != np.uint8:
-            raise ValueError(f"images must be (n, h, w, 3) uint8, got {self.images.shape} {self.images.dtype}")
+            raise ValueError(
+                f"images must be (n, h, w, 3) uint8, got {self.images.shape} {self.images.dtype}"
+            )
         n = len(self.images)
-        for name, shape in {"boxes": (n, 4), "whole_boxes": (n, 4), "visible_pixels": (n,), "contrast": (n,)}.items():
+        for name, shape in {
+            "boxes": (n, 4),
+            "whole_boxes": (n, 4),
+            "visible_pixels": (n,),
+            "contrast": (n,),
+        }.items():
             if getattr(self, name).shape != shape:
                 raise ValueError(f"{name} must have shape {shape}, got {getattr(self, name).shape}")
 
@@ -93,15 +100,26 @@ class ImageSet:
     def take(self, indices: NDArray[np.int64], digest: str = "") -> ImageSet:
         """The images at the given indices."""
         boxes, whole_boxes = self.boxes[indices], self.whole_boxes[indices]
-        return ImageSet(self.images[indices], boxes, whole_boxes, self.visible_pixels[indices], self.contrast[indices], digest)
+        return ImageSet(
+            self.images[indices],
+            boxes,
+            whole_boxes,
+            self.visible_pixels[indices],
+            self.contrast[indices],
+            digest,
+        )
 
 
 def image_set(labelled: Sequence[tuple[NDArray[np.uint8], Truth]], digest: str = "") -> ImageSet:
     """Gather (image, truth) pairs of one image size; ValueError if there are none or the sizes differ."""
     shapes = {image.shape for image, _ in labelled}
     if len(shapes) != 1:
-        raise ValueError(f"images must be at least one and of one size, got {len(labelled)} of sizes {sorted(shapes)}")
-    return _labelled(np.stack([image for image, _ in labelled]), [truth for _, truth in labelled], digest)
+        raise ValueError(
+            f"images must be at least one and of one size, got {len(labelled)} of sizes {sorted(shapes)}"
+        )
+    return _labelled(
+        np.stack([image for image, _ in labelled]), [truth for _, truth in labelled], digest
+    )
 
 
 def _labelled(images: NDArray[np.uint8], truths: Sequence[Truth], digest: str) -> ImageSet:
@@ -142,11 +160,17 @@ def decode_jpeg(data: bytes) -> NDArray[np.uint8]:
     return np.asarray(image, np.uint8)
 
 
-def write_image(root: Path, split: Split, index: int, image: NDArray[np.uint8], truth: Truth) -> None:
+def write_image(
+    root: Path, split: Split, index: int, image: NDArray[np.uint8], truth: Truth
+) -> None:
     """Write one image and its YOLO label, unflushed; the label is empty if no pedestrian shows."""
     height, width = image.shape[:2]
     write_bytes(image_path(root, split, index), encode_jpeg(image), flush=False)
-    write_bytes(_label_path(root, split, index), _label(truth.visible_box, width, height).encode(), flush=False)
+    write_bytes(
+        _label_path(root, split, index),
+        _label(truth.visible_box, width, height).encode(),
+        flush=False,
+    )
 
 
 def write_classes(root: Path, split: Split, index: int, classes: NDArray[np.uint8]) -> None:
@@ -161,14 +185,21 @@ def write_classes(root: Path, split: Split, index: int, classes: NDArray[np.uint
 def remove_leftovers(root: Path, records: Iterable[Record]) -> None:
     """Delete the images, labels and segmentations that these records do not name, of an earlier data set or of a killed writer."""
     wanted = {f"{record.split}/{record.index:06d}" for record in records}
-    for path in [*root.glob("images/*/*"), *root.glob("labels/*/*"), *root.glob("segments/*/*"), *root.glob("segments/.*")]:
+    for path in [
+        *root.glob("images/*/*"),
+        *root.glob("labels/*/*"),
+        *root.glob("segments/*/*"),
+        *root.glob("segments/.*"),
+    ]:
         if f"{path.parent.name}/{path.stem}" not in wanted:
             path.unlink()
 
 
 def place_dataset(source: Path, root: Path) -> None:
     """Put a finished data set in its final place, instead of any older one there; `source` keeps its files, so that a kill loses none."""
-    for made in (source / name for name in ("images", "labels", "segments", "dataset.yaml", TRUTH_FILE)):
+    for made in (
+        source / name for name in ("images", "labels", "segments", "dataset.yaml", TRUTH_FILE)
+    ):
         if made.exists():
             stamps.remove(root / made.name)
         for file in (path for path in (made, *made.rglob("*")) if path.is_file()):
@@ -187,7 +218,11 @@ def _link(source: Path, path: Path) -> None:
 
 def images_sha256(root: Path, records: Iterable[Record]) -> str:
     """Hexadecimal SHA-256 of the images and labels of some records; OSError if one is missing."""
-    paths = (path_of(root, record.split, record.index) for record in records for path_of in (image_path, _label_path))
+    paths = (
+        path_of(root, record.split, record.index)
+        for record in records
+        for path_of in (image_path, _label_path)
+    )
     return hashlib.sha256("".join(map(stamps.digest, paths)).encode()).hexdigest()
 
 
@@ -199,14 +234,25 @@ def write_truth(root: Path, records: Iterable[Record], category: str = "pedestri
     """
     ordered = sorted(records, key=lambda record: (record.split, record.index))
     images = [_image(number, record) for number, record in enumerate(ordered, 1)]
-    annotations = [_annotation(number, r) for number, r in enumerate(ordered, 1) if r.truth.visible_box]
+    annotations = [
+        _annotation(number, r) for number, r in enumerate(ordered, 1) if r.truth.visible_box
+    ]
     for number, annotation in enumerate(annotations, 1):
         annotation["id"] = number
-    write_json(root / TRUTH_FILE, {"images": images, "annotations": annotations, "categories": [{"id": CATEGORY_ID, "name": category}]})
+    write_json(
+        root / TRUTH_FILE,
+        {
+            "images": images,
+            "annotations": annotations,
+            "categories": [{"id": CATEGORY_ID, "name": category}],
+        },
+    )
     splits = {record.split for record in ordered}
     train, val = ("train" if "train" in splits else "val"), ("val" if "val" in splits else "train")
     names = f"train: images/{train}\nval: images/{val}\nnames:\n  0: {category}\n"
-    write_bytes(root / "dataset.yaml", names.encode())  # Without `path`, Ultralytics uses the folder of this file.
+    write_bytes(
+        root / "dataset.yaml", names.encode()
+    )  # Without `path`, Ultralytics uses the folder of this file.
 
 
 def read_dataset(root: Path, split: Split) -> ImageSet:
@@ -214,16 +260,24 @@ def read_dataset(root: Path, split: Split) -> ImageSet:
     path = root / TRUTH_FILE
     plain = read_json(path)
     try:
-        images = sorted((i for i in plain["images"] if i["split"] == split), key=lambda i: str(i["file_name"]))
+        images = sorted(
+            (i for i in plain["images"] if i["split"] == split), key=lambda i: str(i["file_name"])
+        )
         annotations = {a["image_id"]: a for a in plain["annotations"]}
         truths = [_truth(image, annotations.get(image["id"])) for image in images]
         shapes = [(int(image["height"]), int(image["width"]), 3) for image in images]
     except (KeyError, TypeError) as error:
-        raise InputError(f"{path} is not the truth file of a data set ({error!r}); ./run makes it again") from error
+        raise InputError(
+            f"{path} is not the truth file of a data set ({error!r}); ./run makes it again"
+        ) from error
     if not images:
-        raise InputError(f"{path} has no images of the split '{split}'; it needs more images, or another validation share")
+        raise InputError(
+            f"{path} has no images of the split '{split}'; it needs more images, or another validation share"
+        )
     digest = hashlib.sha256(read_bytes(path))
-    pixels = np.empty((len(images), *shapes[0]), np.uint8)  # Filled in place: a second copy might not fit into memory.
+    pixels = np.empty(
+        (len(images), *shapes[0]), np.uint8
+    )  # Filled in place: a second copy might not fit into memory.
     for place, image in zip(pixels, images, strict=True):
         place[:] = _read_image(root / "images" / image["file_name"], place.shape, digest)
     return _labelled(pixels, truths, digest.hexdigest())
@@ -234,9 +288,13 @@ def read_worlds(root: Path) -> Worlds:
     path = root / TRUTH_FILE
     try:
         shown = [image["attributes"] for image in read_json(path)["images"]]
-        return Worlds(*(frozenset(str(attributes[key]) for attributes in shown) for key in ("town", "people")))
+        return Worlds(
+            *(frozenset(str(attributes[key]) for attributes in shown) for key in ("town", "people"))
+        )
     except (KeyError, TypeError) as error:
-        raise InputError(f"{path} does not list the towns and people that its images show; ./run makes it again") from error
+        raise InputError(
+            f"{path} does not list the towns and people that its images show; ./run makes it again"
+        ) from error
 
 
 def image_path(root: Path, split: Split, index: int) -> Path:
@@ -260,7 +318,11 @@ def _label(box: Box | None, width: int, height: int) -> str:
 
 
 def _corner_size(box: Box | None) -> list[float] | None:
-    return None if box is None else [float(box[0]), float(box[1]), float(box[2] - box[0]), float(box[3] - box[1])]
+    return (
+        None
+        if box is None
+        else [float(box[0]), float(box[1]), float(box[2] - box[0]), float(box[3] - box[1])]
+    )
 
 
 def _corners(bbox: Sequence[float] | None) -> Box | None:
@@ -317,8 +379,12 @@ def _read_image(path: Path, shape: tuple[int, ...], digest: Any) -> NDArray[np.u
     try:
         pixels = decode_jpeg(data)
     except ValueError as error:
-        raise InputError(f"{path}: expected a JPEG image, got {error}; ./run makes it again") from error
+        raise InputError(
+            f"{path}: expected a JPEG image, got {error}; ./run makes it again"
+        ) from error
     if pixels.shape != shape:
-        raise InputError(f"{path} must be {shape[1]}x{shape[0]}, got {pixels.shape[1]}x{pixels.shape[0]}")
+        raise InputError(
+            f"{path} must be {shape[1]}x{shape[0]}, got {pixels.shape[1]}x{pixels.shape[0]}"
+        )
     digest.update(data)
     return pixels

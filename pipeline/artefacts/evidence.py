@@ -13,7 +13,9 @@ from pipeline.artefacts.results import Estimate, Result
 class Area(Result):
     """A share of the exposure's probability."""
 
-    share: Estimate | None = Field(description="In [0, 1], with its 95 % interval; null if there is no estimate.")
+    share: Estimate | None = Field(
+        description="In [0, 1], with its 95 % interval; null if there is no estimate."
+    )
     definition: str = Field(description="What belongs to the area.")
     source: str = Field(description="What the share is computed from.")
     missing: str = Field(default="", description="Why there is no estimate; empty if there is one.")
@@ -22,10 +24,14 @@ class Area(Result):
 class Risk(Area):
     """The probability of a failure, from random tests alone. The tests of any other strategy never enter it."""
 
-    below: float | None = Field(default=None, description="One-sided upper limit of the share: 95 % sure that it is below.")
+    below: float | None = Field(
+        default=None, description="One-sided upper limit of the share: 95 % sure that it is below."
+    )
     tests: int = Field(default=0, description="Random tests without an error.")
     failures: int = Field(default=0, description="Those that count for this share.")
-    errors: int = Field(default=0, description="Random tests that ended in an error; they are in no share.")
+    errors: int = Field(
+        default=0, description="Random tests that ended in an error; they are in no share."
+    )
 
 
 class Areas(Result):
@@ -33,9 +39,15 @@ class Areas(Result):
     to the tests of searches alone, so a part of it may lie in `known_unsafe`."""
 
     known_unsafe: Area = Field(description="Conditions inside the rule of a failure region.")
-    confirmed: Area = Field(description="The part of known_unsafe that fresh random tests confirmed.")
-    known_safe: Area = Field(description="Conditions outside all rules whose combinations were shown by passed tests.")
-    unknown: Area = Field(description="Conditions outside all rules whose combinations were shown by no passed test.")
+    confirmed: Area = Field(
+        description="The part of known_unsafe that fresh random tests confirmed."
+    )
+    known_safe: Area = Field(
+        description="Conditions outside all rules whose combinations were shown by passed tests."
+    )
+    unknown: Area = Field(
+        description="Conditions outside all rules whose combinations were shown by no passed test."
+    )
     unknown_unsafe: Risk = Field(description="Probability of a failure outside all rules.")
 
 
@@ -57,8 +69,12 @@ class OpenRegion(Result):
     conditions: tuple[RuleCondition, ...]
     cause: str
     status: Literal["confirmed", "not confirmed"]
-    confirmation: Confirmation | None = Field(description="Fresh random tests inside and just outside the rule; null without any.")
-    failures: int = Field(description="Failures that belong to the region, of all strategies: no rate.")
+    confirmation: Confirmation | None = Field(
+        description="Fresh random tests inside and just outside the rule; null without any."
+    )
+    failures: int = Field(
+        description="Failures that belong to the region, of all strategies: no rate."
+    )
     worst: str = Field(description="Test id of the worst failure.")
     share: Estimate = Field(description="Share of the exposure's probability inside the rule.")
 
@@ -69,7 +85,9 @@ class Domain(Result):
     scenario: str
     label: str
     description: str
-    variables: dict[str, Any] = Field(description="Each variable with unit, bounds and categories, as in space/<scenario>.json.")
+    variables: dict[str, Any] = Field(
+        description="Each variable with unit, bounds and categories, as in space/<scenario>.json."
+    )
     constraints: tuple[tuple[str, ...], ...] = Field(
         description="Each is a clause, of which a test satisfies one literal, or a single text."
     )
@@ -101,7 +119,9 @@ class ModelIdentity(Result):
     file: str
     sha256: str
     weights_sha256: str | None = Field(description="Of our own versions.")
-    data: dict[str, str] = Field(description="Digests of its training data; empty if they are not known.")
+    data: dict[str, str] = Field(
+        description="Digests of its training data; empty if they are not known."
+    )
 
 
 class Evidence(Result):
@@ -111,11 +131,17 @@ class Evidence(Result):
     study: str
     claim: str
     confidence: float = Field(description="Of every interval.")
-    exposure: dict[str, Any] = Field(description="The distribution of conditions, with the public source of each.")
+    exposure: dict[str, Any] = Field(
+        description="The distribution of conditions, with the public source of each."
+    )
     scenarios: tuple[ScenarioEvidence, ...]
-    whole: Whole | None = Field(description="Null if the exposure does not say how often each scenario occurs.")
+    whole: Whole | None = Field(
+        description="Null if the exposure does not say how often each scenario occurs."
+    )
     model: ModelIdentity
     settings_sha256: str = Field(description="Of the settings that this file depends on.")
-    files: dict[str, str] = Field(description="Path and SHA-256 of every file that this one was made from.")
+    files: dict[str, str] = Field(
+        description="Path and SHA-256 of every file that this one was made from."
+    )
     assumptions: tuple[str, ...]
     limits: tuple[str, ...]

@@ -37,7 +37,9 @@ def write_bytes(path: Path, data: bytes, *, flush: bool = True) -> None:
                 os.fsync(file.fileno())
         os.replace(temporary, path)
     except IsADirectoryError as error:
-        raise InputError(f"{path}: expected a file or nothing, got a folder; move it away") from error
+        raise InputError(
+            f"{path}: expected a file or nothing, got a folder; move it away"
+        ) from error
     finally:
         temporary.unlink(missing_ok=True)
     if flush:
@@ -50,7 +52,11 @@ def make_folder(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError) as error:
         there = next(path for path in (folder, *folder.parents) if os.path.lexists(path))
-        got = f"a link to {os.readlink(there)}, which is missing" if there.is_symlink() and not there.exists() else "a file; move it away"
+        got = (
+            f"a link to {os.readlink(there)}, which is missing"
+            if there.is_symlink() and not there.exists()
+            else "a file; move it away"
+        )
         raise InputError(f"{there}: expected a folder to write in, got {got}") from error
 
 
@@ -80,17 +86,23 @@ def flush_all() -> None:
 
 def write_json(path: Path, plain: Any) -> None:
     """Write plain data as indented JSON in the given order; ValueError for NaN and infinities, which JSON lacks."""
-    write_bytes(path, (json.dumps(plain, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode())
+    write_bytes(
+        path, (json.dumps(plain, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
+    )
 
 
 def check_output(path: Path, folder: bool = False) -> None:
     """InputError if a file, or a folder of files, cannot be written: before the work, not after it."""
     wanted = "a folder" if folder else "a file"
     if path.exists() and (path.is_dir() is not folder or not (folder or path.is_file())):
-        raise InputError(f"{path}: expected {wanted} to write to, got {'a folder' if path.is_dir() else 'something else'}")
+        raise InputError(
+            f"{path}: expected {wanted} to write to, got {'a folder' if path.is_dir() else 'something else'}"
+        )
     existing = path if folder and path.is_dir() else path.parent
     if not existing.is_dir():
-        raise InputError(f"{path}: expected {wanted} to write to, got one in {existing}, which is not a folder")
+        raise InputError(
+            f"{path}: expected {wanted} to write to, got one in {existing}, which is not a folder"
+        )
     try:
         tempfile.TemporaryFile(dir=existing).close()
     except OSError as error:
@@ -108,7 +120,9 @@ def _read(path: Path) -> bytes:
     try:
         return path.read_bytes()
     except OSError as error:
-        raise InputError(f"{path}: expected a readable file, got {error.strerror or error}; ./run makes the files of a study") from error
+        raise InputError(
+            f"{path}: expected a readable file, got {error.strerror or error}; ./run makes the files of a study"
+        ) from error
 
 
 def read_json(path: Path) -> Any:
@@ -117,7 +131,9 @@ def read_json(path: Path) -> Any:
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: expected JSON, got a truncated or foreign file ({error}); make it again") from error
+        raise InputError(
+            f"{path}: expected JSON, got a truncated or foreign file ({error}); make it again"
+        ) from error
 
 
 def write_sealed(path: Path, data: bytes) -> None:
@@ -127,10 +143,14 @@ def write_sealed(path: Path, data: bytes) -> None:
 
 def read_sealed(path: Path) -> bytes:
     """Read what `write_sealed` wrote; InputError if it is missing, unreadable or damaged."""
-    data = _read(path)  # Looking for its stamp among thousands of tests would take longer than reading it.
+    data = _read(
+        path
+    )  # Looking for its stamp among thousands of tests would take longer than reading it.
     content, line = data[:-DIGEST], data[-DIGEST:]
     if line != f"\n{hashlib.sha256(content).hexdigest()}".encode():
-        raise InputError(f"{path}: damaged, its content differs from the digest at its end; delete it and run the same command again")
+        raise InputError(
+            f"{path}: damaged, its content differs from the digest at its end; delete it and run the same command again"
+        )
     return content
 
 
@@ -138,7 +158,10 @@ def program_sha256(*packages: str) -> str:
     """Hexadecimal SHA-256 of this package's source, or of some packages in it: intermediate results of another code version are ignored."""
     root = Path(__file__).parents[1]
     files = sorted({path for name in packages or ("",) for path in (root / name).rglob("*.py")})
-    listed = (f"{path.relative_to(root)} {hashlib.sha256(path.read_bytes()).hexdigest()}\n" for path in files)
+    listed = (
+        f"{path.relative_to(root)} {hashlib.sha256(path.read_bytes()).hexdigest()}\n"
+        for path in files
+    )
     return hashlib.sha256("".join(listed).encode()).hexdigest()
 
 

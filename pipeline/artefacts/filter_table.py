@@ -36,16 +36,31 @@ def read_overrules(path: Path) -> pd.DataFrame:
 
 def _read(path: Path, columns: tuple[str, ...], flag: str) -> pd.DataFrame:
     try:
-        table = pd.read_csv(io.BytesIO(read_bytes(path)), dtype={"test_id": str, "step": str, flag: str}, skipinitialspace=True)
+        table = pd.read_csv(
+            io.BytesIO(read_bytes(path)),
+            dtype={"test_id": str, "step": str, flag: str},
+            skipinitialspace=True,
+        )
     except (ValueError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: expected a table with columns {','.join(columns)}, got {error}") from error
+        raise InputError(
+            f"{path}: expected a table with columns {','.join(columns)}, got {error}"
+        ) from error
     if tuple(table.columns) != columns:
-        raise InputError(f"{path}: columns must be {','.join(columns)}, got {','.join(table.columns)}")
+        raise InputError(
+            f"{path}: columns must be {','.join(columns)}, got {','.join(table.columns)}"
+        )
     for row, (value, step) in enumerate(zip(table[flag], table["step"], strict=True), 2):
         if str(value).strip().lower() not in TRUE | FALSE:
             raise InputError(f"{path}, line {row}: {flag} must be true or false, got {value!r}")
         if not re.fullmatch("[0-9]{1,18}", str(step).strip()):
             raise InputError(f"{path}, line {row}: step must be a whole number, got {step!r}")
     if table["test_id"].isna().any():
-        raise InputError(f"{path}, line {int(table['test_id'].isna().argmax()) + 2}: test_id is missing")
-    return table.assign(**{flag: table[flag].str.strip().str.lower().isin(TRUE), "step": table["step"].astype("int64")})
+        raise InputError(
+            f"{path}, line {int(table['test_id'].isna().argmax()) + 2}: test_id is missing"
+        )
+    return table.assign(
+        **{
+            flag: table[flag].str.strip().str.lower().isin(TRUE),
+            "step": table["step"].astype("int64"),
+        }
+    )

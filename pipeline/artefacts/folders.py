@@ -29,32 +29,62 @@ class Folders:
     def goals(self) -> list[str]:
         """The files that a run of the whole study makes in the end."""
         reported = ["report.html", "evidence/base.json", "tracking.json"]
-        made = {"report": reported, "base": ["models/base/model.json"], "front_car": ["front_car.html"]}
+        made = {
+            "report": reported,
+            "base": ["models/base/model.json"],
+            "front_car": ["front_car.html"],
+        }
         compared = ["comparison.json"] if len(self.config.tested) > 1 else []
-        pages = [path for name in self.config.tested for path in (f"reports/{name}.html", f"evidence/{name}.json")]
+        pages = [
+            path
+            for name in self.config.tested
+            for path in (f"reports/{name}.html", f"evidence/{name}.json")
+        ]
         made["detectors"] = [*pages, "measures.json", *compared]
         return [f"{self.root}/{name}" for name in made[self.config.goal]]
 
     @property
     def compared(self) -> dict[str, str]:
         """The comparison, the tests that it compares, and the changed ones."""
-        files = {"comparison": "comparison.json", "table": "comparison.parquet", "changes": "changes.csv"}
+        files = {
+            "comparison": "comparison.json",
+            "table": "comparison.parquet",
+            "changes": "changes.csv",
+        }
         return {kind: f"{self.root}/{name}" for kind, name in files.items()}
 
     @property
     def plots(self) -> list[str]:
         """The report's plots."""
-        each = [f"{kind}_{scenario}" for scenario in self.config.search for kind in ("kpi", "pairs", "failures")]
+        each = [
+            f"{kind}_{scenario}"
+            for scenario in self.config.search
+            for kind in ("kpi", "pairs", "failures")
+        ]
         rounds = ["rounds"] if self.config.retraining.rounds > 1 else []
         border = ["border"] if self.config.sources else []
-        names = ("theta", "coverage", "comparison", "detection", "histogram", "reliability", *border, *rounds, *each)
+        names = (
+            "theta",
+            "coverage",
+            "comparison",
+            "detection",
+            "histogram",
+            "reliability",
+            *border,
+            *rounds,
+            *each,
+        )
         return [f"{self.root}/plots/{name}.png" for name in names]
 
     @property
     def shipped(self) -> dict[str, str]:
         """The files of the shipped detector, if the base version is made from it."""
         folder = self.config.base.weights
-        named = {f"shipped_{kind}": f"{folder}/{name}" for kind, name in VERSION_FILES.items() if kind != "onnx"}
+        named = {
+            f"shipped_{kind}": f"{folder}/{name}"
+            for kind, name in VERSION_FILES.items()
+            if kind != "onnx"
+        }
         return named if self.config.base.source == "shipped" else {}
 
     @property
@@ -72,16 +102,25 @@ class Folders:
 
     def dataset(self, name: str) -> dict[str, str]:
         """The parts of a data set that steps read: its truth and its image folder."""
-        return {"truth": f"{self.root}/{name}/truth.coco.json", "images": f"{self.root}/{name}/images/"}
+        return {
+            "truth": f"{self.root}/{name}/truth.coco.json",
+            "images": f"{self.root}/{name}/images/",
+        }
 
     def written_dataset(self, name: str) -> dict[str, str]:
         """All files of a data set, including the labels and names in YOLO's form."""
-        return {**self.dataset(name), "labels": f"{self.root}/{name}/labels/", "names": f"{self.root}/{name}/dataset.yaml"}
+        return {
+            **self.dataset(name),
+            "labels": f"{self.root}/{name}/labels/",
+            "names": f"{self.root}/{name}/dataset.yaml",
+        }
 
     def version(self, version: str, folder: str | None = None) -> dict[str, str]:
         """The files of a model version."""
         root = folder or ("models" if version == "base" else "retrained/models")
-        return {kind: f"{self.root}/{root}/{version}/{name}" for kind, name in VERSION_FILES.items()}
+        return {
+            kind: f"{self.root}/{root}/{version}/{name}" for kind, name in VERSION_FILES.items()
+        }
 
     def regions(self, version: str, scenario: str) -> str:
         """The failure regions of a version on a scenario."""
@@ -106,9 +145,17 @@ class Folders:
         config, described = self.config, self.config.version(version)
         if seeds is None:
             seeds = config.own_seeds(described) if described.round else config.seeds
-        scenarios, strategies = [scenario] if scenario else config.search, [strategy] if strategy else config.strategies
+        scenarios, strategies = (
+            [scenario] if scenario else config.search,
+            [strategy] if strategy else config.strategies,
+        )
         root = f"{self._where(described)}/campaigns"
-        return [f"{root}/{a}/{b}/{version}/{seed}/{name}" for a in scenarios for b in strategies for seed in seeds]
+        return [
+            f"{root}/{a}/{b}/{version}/{seed}/{name}"
+            for a in scenarios
+            for b in strategies
+            for seed in seeds
+        ]
 
     def _where(self, version: Version) -> str:
         """The folder of what belongs to a version."""
@@ -117,33 +164,55 @@ class Folders:
     @property
     def searches(self) -> list[str]:
         """The tests of the search campaigns against every version that was not retrained."""
-        return [path for v in self.config.versions if not v.round for path in self.search("tests.parquet", version=str(v))]
+        return [
+            path
+            for v in self.config.versions
+            if not v.round
+            for path in self.search("tests.parquet", version=str(v))
+        ]
 
     def audit(self, version: str) -> list[str]:
         """The tests of the random campaigns beside the searches against a version; none if a search is random itself."""
         scenarios, seeds = self.config.search if self.config.audited else (), self.config.seeds
-        return [f"{self.root}/{AUDITS}/{scenario}/{AUDIT}/{version}/{seed}/tests.parquet" for scenario in scenarios for seed in seeds]
+        return [
+            f"{self.root}/{AUDITS}/{scenario}/{AUDIT}/{version}/{seed}/tests.parquet"
+            for scenario in scenarios
+            for seed in seeds
+        ]
 
     @property
     def audits(self) -> list[str]:
         """The tests of the audit of every version that was not retrained."""
         return [path for v in self.config.versions if not v.round for path in self.audit(str(v))]
 
-    def earlier(self, kind: str, scenario: str, strategy: str, version: str, seed: str) -> list[str]:
+    def earlier(
+        self, kind: str, scenario: str, strategy: str, version: str, seed: str
+    ) -> list[str]:
         """The tests of the earlier campaigns that a campaign learns from: same version and seed, scenarios before its own."""
-        return [f"{self.root}/{kind}/{a}/{strategy}/{version}/{seed}/tests.parquet" for a in self.config.earlier(scenario, strategy)]
+        return [
+            f"{self.root}/{kind}/{a}/{strategy}/{version}/{seed}/tests.parquet"
+            for a in self.config.earlier(scenario, strategy)
+        ]
 
     @property
     def later_searches(self) -> list[str]:
         """The tests of the campaigns that later rounds train on: each arm's strategy against its earlier versions."""
         later = self.config.later.items()
-        return [path for version, strategy in later for path in self.search("tests.parquet", strategy=strategy, version=version)]
+        return [
+            path
+            for version, strategy in later
+            for path in self.search("tests.parquet", strategy=strategy, version=version)
+        ]
 
     def held_out(self, name: str) -> list[str]:
         """The file `name` of the comparison's campaigns."""
         config, chosen = self.config, self.config.comparison
         root = f"{self.root}/held_out"
-        return [f"{root}/{a}/{chosen.strategy}/{version}/{chosen.seed}/{name}" for a in config.held_out for version in config.versions]
+        return [
+            f"{root}/{a}/{chosen.strategy}/{version}/{chosen.seed}/{name}"
+            for a in config.held_out
+            for version in config.versions
+        ]
 
     @property
     def second_iou(self) -> list[str]:
@@ -154,11 +223,18 @@ class Folders:
         """The file `name` of the campaigns that feed an arm's version of the same round and seed as `version`."""
         config, described = self.config, self.config.version(version)
         strategy, seeds = config.sources[arm], config.own_seeds(described)
-        return [path for v in _tested(described, arm) for path in self.search(name, strategy=strategy, version=str(v), seeds=seeds)]
+        return [
+            path
+            for v in _tested(described, arm)
+            for path in self.search(name, strategy=strategy, version=str(v), seeds=seeds)
+        ]
 
     def added_filters(self, version: str, arm: str) -> list[str]:
         """The filter tables of these campaigns."""
-        return [self.filter(self.config.sources[arm], str(v)) for v in _tested(self.config.version(version), arm)]
+        return [
+            self.filter(self.config.sources[arm], str(v))
+            for v in _tested(self.config.version(version), arm)
+        ]
 
     def scenes(self, version: str, arm: str) -> str:
         """The data set, below the study's folder, of the new scenes that feed an arm's version of the same seed as `version`."""

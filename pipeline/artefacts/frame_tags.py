@@ -31,12 +31,19 @@ def tags_of_tests(frames: Path) -> dict[str, Tags]:
     tests, known = read_tests(path), {column.name for column in TESTS}
     regions = _regions(frames, tests)
     variables = [str(name) for name in tests.columns if name not in known]
-    return {str(row["test_id"]): {**_ended(row, regions), **{name: row[name] for name in variables}} for _, row in tests.iterrows()}
+    return {
+        str(row["test_id"]): {**_ended(row, regions), **{name: row[name] for name in variables}}
+        for _, row in tests.iterrows()
+    }
 
 
 def _ended(row: pd.Series, regions: Mapping[str, str]) -> dict[str, Value]:
     outcome = "error" if row["status"] != "ok" else "failure" if row["failure"] else "pass"
-    return {"outcome": outcome, "cause": row["cause"] if outcome == "failure" else "", "region": regions.get(row["test_id"], "")}
+    return {
+        "outcome": outcome,
+        "cause": row["cause"] if outcome == "failure" else "",
+        "region": regions.get(row["test_id"], ""),
+    }
 
 
 def _regions(frames: Path, tests: pd.DataFrame) -> dict[str, str]:
@@ -45,7 +52,11 @@ def _regions(frames: Path, tests: pd.DataFrame) -> dict[str, str]:
     for folder in frames.absolute().parents:
         file = folder / "regions" / campaign.version / f"{campaign.scenario}.json"
         if file.is_file():
-            return {test: region.name for region in read(file, FailureRegions).regions for test in region.members}
+            return {
+                test: region.name
+                for region in read(file, FailureRegions).regions
+                for test in region.members
+            }
     return {}
 
 

@@ -20,7 +20,19 @@ from pipeline.artefacts.table_file import Table, read_table
 from pipeline.core.space import Space
 from pipeline.errors import InputError
 
-IMAGES = (".avif", ".bmp", ".heic", ".jpeg", ".jpg", ".mpo", ".pfm", ".png", ".tif", ".tiff", ".webp")
+IMAGES = (
+    ".avif",
+    ".bmp",
+    ".heic",
+    ".jpeg",
+    ".jpg",
+    ".mpo",
+    ".pfm",
+    ".png",
+    ".tif",
+    ".tiff",
+    ".webp",
+)
 NO_LABELS = "classes.txt"
 """Lies beside the labels of a flat folder and names the classes."""
 PAIR = ("images", "labels")
@@ -44,7 +56,11 @@ def read_images(path: Path, metadata: Path | None, space: Space) -> Images:
     InputError that names the file and the image.
     """
     own = _data_set(path, space)
-    columns = {name: pa.chunked_array([_column(own.conditions[name])]) for name in space.names if name in own.conditions}
+    columns = {
+        name: pa.chunked_array([_column(own.conditions[name])])
+        for name in space.names
+        if name in own.conditions
+    }
     if metadata is None:
         if missing := [name for name in space.names if name not in own.conditions]:
             raise InputError(
@@ -56,7 +72,9 @@ def read_images(path: Path, metadata: Path | None, space: Space) -> Images:
         raise InputError(f"{metadata}: expected a column {KEY}, got {', '.join(table.header)}")
     found = _rows(path, own.names, table, metadata)
     rows = pa.array([same[0] for same in found], pa.int64())
-    columns |= {name: column.take(rows) for name, column in table.columns.items() if name in space.names}
+    columns |= {
+        name: column.take(rows) for name, column in table.columns.items() if name in space.names
+    }
     unused = table.rows - len({row for same in found for row in same})
     return Images(Table((*table.header, *own.conditions), columns, len(rows)), own.names, unused)
 
@@ -72,7 +90,11 @@ def _data_set(path: Path, space: Space) -> DataSet:
     if folder := label_folder(path):
         return kitti(folder)
     files = sorted(path.glob("*.json"))
-    if files and not [file for file in path.iterdir() if file.suffix.lower() in (*IMAGES, ".txt") or file.name in PAIR]:
+    if files and not [
+        file
+        for file in path.iterdir()
+        if file.suffix.lower() in (*IMAGES, ".txt") or file.name in PAIR
+    ]:
         return openlabel([(file, read_json(file)) for file in files], space.variables)
     return _counted(_yolo(path))
 
@@ -84,7 +106,11 @@ def _counted(counts: dict[str, int]) -> DataSet:
 def _column(values: Sequence[Any]) -> Any:
     """Whole numbers as such, all else as texts."""
     whole = all(isinstance(value, int) for value in values)
-    return pa.array(values, pa.int64()) if whole else pa.array([None if value is None else str(value) for value in values], pa.string())
+    return (
+        pa.array(values, pa.int64())
+        if whole
+        else pa.array([None if value is None else str(value) for value in values], pa.string())
+    )
 
 
 def _coco(path: Path, plain: Any) -> dict[str, int]:
@@ -95,16 +121,22 @@ def _coco(path: Path, plain: Any) -> dict[str, int]:
         for image in plain["images"]:
             number, name = image["id"], str(image["file_name"])
             if names.get(number, name) != name:
-                raise InputError(f"{path}: the image id {number} belongs to {names[number]} and to {name}")
+                raise InputError(
+                    f"{path}: the image id {number} belongs to {names[number]} and to {name}"
+                )
             if number not in names and name in counts:
                 raise InputError(f"{path}: the image {name} appears twice, with different ids")
             names[number], counts[name] = name, 0
         for i, annotation in enumerate(plain["annotations"]):
             if annotation["image_id"] not in names:
-                raise InputError(f"{path}: annotations[{i}]: expected the id of an image, got {annotation['image_id']!r}")
+                raise InputError(
+                    f"{path}: annotations[{i}]: expected the id of an image, got {annotation['image_id']!r}"
+                )
             counts[names[annotation["image_id"]]] += 1
     except (KeyError, TypeError) as error:
-        raise InputError(f"{path}: expected COCO's images and annotations, got {error!r}") from error
+        raise InputError(
+            f"{path}: expected COCO's images and annotations, got {error!r}"
+        ) from error
     return counts
 
 
@@ -113,14 +145,20 @@ def _yolo(path: Path) -> dict[str, int]:
     base, folders = _both_folders(path)
     files = [file for folder in folders for file in sorted(folder.rglob("*")) if file.is_file()]
     images = _apart(base, "images", [file for file in files if file.suffix.lower() in IMAGES])
-    labels = _apart(base, "labels", [file for file in files if file.suffix == ".txt" and file.name != NO_LABELS])
+    labels = _apart(
+        base, "labels", [file for file in files if file.suffix == ".txt" and file.name != NO_LABELS]
+    )
     if not images and not labels:
         raise InputError(f"{path}: expected a folder of YOLO labels (*.txt) or images, got none")
     named: dict[str, Path] = {}
     for image in images:
         if (other := named.setdefault(_bare(image.relative_to(base)), image)) != image:
-            raise InputError(f"{path}: {other.name} and {image.name} share one label file, expected one image for each")
-    return dict.fromkeys(named, 0) | {_bare(label.relative_to(base)): _objects(label) for label in labels}
+            raise InputError(
+                f"{path}: {other.name} and {image.name} share one label file, expected one image for each"
+            )
+    return dict.fromkeys(named, 0) | {
+        _bare(label.relative_to(base)): _objects(label) for label in labels
+    }
 
 
 def _both_folders(path: Path) -> tuple[Path, list[Path]]:
@@ -141,7 +179,9 @@ def _apart(base: Path, name: str, files: list[Path]) -> list[Path]:
 def _bare(path: str | PurePath) -> str:
     """A path inside a data set as its image and its labels share it: without suffix, `images` and `labels`."""
     inside = PurePath(*(part for part in PurePath(path).parts if part not in PAIR))
-    return (inside.with_suffix("") if inside.suffix.lower() in (*IMAGES, ".txt") else inside).as_posix()
+    return (
+        inside.with_suffix("") if inside.suffix.lower() in (*IMAGES, ".txt") else inside
+    ).as_posix()
 
 
 def _stem(path: str) -> str:
@@ -155,7 +195,9 @@ def _objects(label: Path) -> int:
         if not (fields := line.split()):
             continue
         if len(fields) < 5 or not all(map(_is_number, fields)):
-            raise InputError(f"{label}: line {number}: expected a class and at least four numbers, got {line[:80]!r}")
+            raise InputError(
+                f"{label}: line {number}: expected a class and at least four numbers, got {line[:80]!r}"
+            )
         count += 1
     return count
 
@@ -172,16 +214,22 @@ def _rows(path: Path, images: Sequence[str], table: Table, metadata: Path) -> li
     """The rows of each image, which agree: by its path, else without suffix, else by its name alone if no other image or row has it."""
     keys = table.columns[KEY].cast(pa.string()).to_pylist()
     if None in keys:
-        raise InputError(f"{metadata}: row {keys.index(None) + 1}: {KEY} must be the name of an image, got nothing")
+        raise InputError(
+            f"{metadata}: row {keys.index(None) + 1}: {KEY} must be the name of an image, got nothing"
+        )
     written, bare, alone = _by(str, keys), _by(_bare, keys), _by(_stem, keys)
     stems = Counter(map(_stem, images))
     rows = []
     for image in images:
         found = written.get(image) or bare.get(_bare(image)) or alone.get(_stem(image), [])
-        several = len({_bare(keys[row]) for row in found}) > 1 or (bool(found) and _bare(image) not in bare and stems[_stem(image)] > 1)
+        several = len({_bare(keys[row]) for row in found}) > 1 or (
+            bool(found) and _bare(image) not in bare and stems[_stem(image)] > 1
+        )
         if not found or several:
             why = f", and several images are called {_stem(image)}" if several else ""
-            raise InputError(f"{metadata}: expected a row for every image of {path}, there is none for {image}{why}")
+            raise InputError(
+                f"{metadata}: expected a row for every image of {path}, there is none for {image}{why}"
+            )
         _check_agreement(found, image, table, metadata)
         rows.append(found)
     return rows
@@ -198,4 +246,6 @@ def _check_agreement(rows: list[int], image: str, table: Table, metadata: Path) 
     """InputError if the rows of an image differ in a condition."""
     for name, column in table.columns.items():
         if name != KEY and len(rows) > 1 and len({column[row].as_py() for row in rows}) > 1:
-            raise InputError(f"{metadata}: rows {rows[0] + 1} and {rows[1] + 1} are both {image} and differ in {name}")
+            raise InputError(
+                f"{metadata}: rows {rows[0] + 1} and {rows[1] + 1} are both {image} and differ in {name}"
+            )

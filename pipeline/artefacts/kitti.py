@@ -40,21 +40,31 @@ def kitti(folder: Path) -> DataSet:
 
 
 def _said(file: Path) -> dict[str, Any]:
-    objects = [_object(file, number, line) for number, line in enumerate(file.read_text(errors="replace").splitlines(), 1) if line.strip()]
+    objects = [
+        _object(file, number, line)
+        for number, line in enumerate(file.read_text(errors="replace").splitlines(), 1)
+        if line.strip()
+    ]
     known = [both for both in objects if both is not None]
     if not known:
         return {"objects": 0, "truncation": NOT_APPLICABLE, "occlusion": NOT_APPLICABLE}
     levels = {level for _, level in known}
     unsure = UNKNOWN in levels and OCCLUSIONS[-1] not in levels
     largest = None if unsure else max(level for level in levels if level != UNKNOWN)
-    return {"objects": len(known), "truncation": repr(max(truncation for truncation, _ in known)), "occlusion": largest}
+    return {
+        "objects": len(known),
+        "truncation": repr(max(truncation for truncation, _ in known)),
+        "occlusion": largest,
+    }
 
 
 def _object(file: Path, number: int, line: str) -> tuple[float, str] | None:
     """Truncation and occlusion; None for DontCare, an area without labels."""
     fields = line.split()
     if len(fields) not in FIELDS:
-        raise InputError(f"{file}: line {number}: expected {FIELDS[0]} fields, got {len(fields)}: {line[:80]!r}")
+        raise InputError(
+            f"{file}: line {number}: expected {FIELDS[0]} fields, got {len(fields)}: {line[:80]!r}"
+        )
     if fields[0] == "DontCare":
         return None
     try:

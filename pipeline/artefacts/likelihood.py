@@ -22,4 +22,6 @@ def read_rate(path: Path, identity: str) -> Rate | None:
     try:
         return Rate(**{**plain, "limits": Limits(**plain["limits"])})
     except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path}: expected a failure rate, got another file; delete it and start again") from error
+        raise InputError(
+            f"{path}: expected a failure rate, got another file; delete it and start again"
+        ) from error

@@ -105,9 +105,14 @@ def read_curve(path: Path) -> list[CurvePoint]:
     """Read curve.csv; InputError that names the file if it is not such a table."""
     try:
         table = pd.read_csv(io.BytesIO(read_bytes(path)))[list(CURVE)]
-        return [CurvePoint(int(row[0]), *(float(value) for value in row[1:])) for row in table.itertuples(index=False)]
+        return [
+            CurvePoint(int(row[0]), *(float(value) for value in row[1:]))
+            for row in table.itertuples(index=False)
+        ]
     except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path}: expected a table with columns {','.join(CURVE)}, got {error}") from error
+        raise InputError(
+            f"{path}: expected a table with columns {','.join(CURVE)}, got {error}"
+        ) from error
 
 
 def write_card(path: Path, card: ModelCard) -> None:

@@ -28,7 +28,9 @@ def format_of(path: Path, given: str | None) -> str:
     """The format to write: the given one, or that of the file's suffix; InputError if neither says."""
     found = given or SUFFIXES.get(path.suffix.lower())
     if found is None:
-        raise InputError(f"{path}: expected a name that ends in {', '.join(SUFFIXES)}, or --format{nearest(path.suffix, SUFFIXES)}")
+        raise InputError(
+            f"{path}: expected a name that ends in {', '.join(SUFFIXES)}, or --format{nearest(path.suffix, SUFFIXES)}"
+        )
     return found
 
 
@@ -54,23 +56,39 @@ def write_model(path: Path, space: Space, kind: str) -> list[str]:
 def _check(path: Path, kind: str, space: Space, back: Space) -> None:
     for variable, again in zip(space.variables, back.variables, strict=False):
         if (variable.name, category_names(variable)) != (again.name, again.values):
-            raise InputError(f"{path}: {variable.name}: {kind} cannot write this name or its values {', '.join(variable.labels)}")
+            raise InputError(
+                f"{path}: {variable.name}: {kind} cannot write this name or its values {', '.join(variable.labels)}"
+            )
     if len(space) != len(back) or _meaning(space) != _meaning(back):
-        raise InputError(f"{path}: {kind} cannot write this space, because the file would be read as another one")
+        raise InputError(
+            f"{path}: {kind} cannot write this space, because the file would be read as another one"
+        )
 
 
 def _meaning(space: Space) -> frozenset[Clause]:
     """The clauses without repeated ones, repeated literals and clauses that always hold."""
     found: set[Clause] = set()
     for clause in space.constraints.clauses:
-        ones = [(literal, OneOf((literal.variable,), frozenset({(literal.category,)}))) for literal in clause]
-        found.update(clauses_of(Some(tuple(one if literal.equal else Not(one) for literal, one in ones)), space.sizes))
+        ones = [
+            (literal, OneOf((literal.variable,), frozenset({(literal.category,)})))
+            for literal in clause
+        ]
+        found.update(
+            clauses_of(
+                Some(tuple(one if literal.equal else Not(one) for literal, one in ones)),
+                space.sizes,
+            )
+        )
     return frozenset(found)
 
 
 def _left_out(space: Space, kind: str) -> list[str]:
     """Weights that the format lacks, what tells numbers from names, and what makes points of frames."""
-    missing = [f"the frames and the rules of {', '.join(space.rules)}"] if isinstance(space, SequenceSpace) else []
+    missing = (
+        [f"the frames and the rules of {', '.join(space.rules)}"]
+        if isinstance(space, SequenceSpace)
+        else []
+    )
     for variable in space.variables:
         weights = variable.weights or (1,)
         if kind.startswith("acts") and set(weights) != {1}:
@@ -78,7 +96,9 @@ def _left_out(space: Space, kind: str) -> list[str]:
         elif kind == "pict" and 0 in weights:
             missing.append(f"the weights of 0 of {variable.name}")
         if kind != "space" and variable.kind != "categorical":
-            missing.append(f"that {variable.name} is a number; its parts become names such as {category_names(variable)[0]}")
+            missing.append(
+                f"that {variable.name} is a number; its parts become names such as {category_names(variable)[0]}"
+            )
     if kind != "space":
         missing += [f"the named planes {named.name}" for named in space.extras.planes]
         missing += ["the single combinations"] if space.extras.combinations else []
@@ -86,19 +106,36 @@ def _left_out(space: Space, kind: str) -> list[str]:
 
 
 def _space_file(space: Space) -> str:
-    plain: dict[str, Any] = {"variables": {variable.name: _body(variable) for variable in space.variables}}
+    plain: dict[str, Any] = {
+        "variables": {variable.name: _body(variable) for variable in space.variables}
+    }
     if space.clauses:
-        plain["constraints"] = [clause if isinstance(clause, str) else list(clause) for clause in space.clauses]
+        plain["constraints"] = [
+            clause if isinstance(clause, str) else list(clause) for clause in space.clauses
+        ]
     plain |= _extras(space)
-    return str(yaml.safe_dump(plain, sort_keys=False, allow_unicode=True, default_flow_style=None, width=140))
+    return str(
+        yaml.safe_dump(
+            plain, sort_keys=False, allow_unicode=True, default_flow_style=None, width=140
+        )
+    )
 
 
 def _extras(space: Space) -> dict[str, Any]:
     """The keys `planes` and `combinations` of a space file."""
-    named = {one.name: {"conditions": [space.names[v] for v in one.variables], "strength": one.strength} for one in space.extras.planes}
+    named = {
+        one.name: {"conditions": [space.names[v] for v in one.variables], "strength": one.strength}
+        for one in space.extras.planes
+    }
     labels = [variable.labels for variable in space.variables]
     single = [
-        {"of": {space.names[v]: labels[v][c] for v, c in zip(one.variables, one.categories, strict=True)}, "weight": one.weight}
+        {
+            "of": {
+                space.names[v]: labels[v][c]
+                for v, c in zip(one.variables, one.categories, strict=True)
+            },
+            "weight": one.weight,
+        }
         for one in space.extras.combinations
     ]
     return {**({"planes": named} if named else {}), **({"combinations": single} if single else {})}
@@ -108,10 +145,21 @@ def _body(variable: Variable) -> dict[str, Any]:
     if variable.kind == "categorical":
         body: dict[str, Any] = {"values": list(variable.values)}
     else:
-        body = {"interval": [_number(variable.low), _number(variable.high)], "cuts": [_number(cut) for cut in variable.cuts or ()]}
+        body = {
+            "interval": [_number(variable.low), _number(variable.high)],
+            "cuts": [_number(cut) for cut in variable.cuts or ()],
+        }
         body |= {"cyclic": True} if variable.cyclic else {}
-    weights = {label: weight for label, weight in zip(variable.labels, variable.weights, strict=False) if weight != 1}
-    return {**body, **({"unit": variable.unit} if variable.unit else {}), **({"weights": weights} if weights else {})}
+    weights = {
+        label: weight
+        for label, weight in zip(variable.labels, variable.weights, strict=False)
+        if weight != 1
+    }
+    return {
+        **body,
+        **({"unit": variable.unit} if variable.unit else {}),
+        **({"weights": weights} if weights else {}),
+    }
 
 
 def _number(number: float) -> float | int:

@@ -40,23 +40,32 @@ def nuscenes(folder: Path, variables: Sequence[Variable]) -> DataSet:
     return DataSet.of(folder / "sample.json", rows)
 
 
-def _scene(folder: Path, row: Mapping[str, Any], logs: Mapping[str, Any], variables: Sequence[Variable]) -> dict[str, Any]:
+def _scene(
+    folder: Path, row: Mapping[str, Any], logs: Mapping[str, Any], variables: Sequence[Variable]
+) -> dict[str, Any]:
     path, where = folder / "scene.json", f"scene {row['token']}"
     log = logs[_referred(path, row, "log_token", logs, "log.json")]
     description = member(path, row, "description", str, where).lower()
     words = {
-        variable.name: str(bool(re.search(rf"\b{re.escape(variable.name.lower().replace('_', ' '))}", description))).lower()
+        variable.name: str(
+            bool(re.search(rf"\b{re.escape(variable.name.lower().replace('_', ' '))}", description))
+        ).lower()
         for variable in variables
         if set(variable.values) == TRUTH
     }
-    of_log = {key: member(folder / "log.json", log, key, str, f"log {log['token']}") for key in FROM_LOG}
+    of_log = {
+        key: member(folder / "log.json", log, key, str, f"log {log['token']}") for key in FROM_LOG
+    }
     return {**words, **of_log, "scene": member(path, row, "name", str, where)}
 
 
 def _annotations(folder: Path) -> Counter[str]:
     """Number of annotations of each sample."""
     path = folder / "sample_annotation.json"
-    return Counter(member(path, row, "sample_token", str, f"[{index}]") for index, row in enumerate(_table(path)))
+    return Counter(
+        member(path, row, "sample_token", str, f"[{index}]")
+        for index, row in enumerate(_table(path))
+    )
 
 
 def _table(path: Path) -> list[Any]:
@@ -76,7 +85,9 @@ def _by_token(path: Path) -> dict[str, Any]:
     return found
 
 
-def _referred(path: Path, row: Mapping[str, Any], key: str, known: Mapping[str, Any], table: str) -> str:
+def _referred(
+    path: Path, row: Mapping[str, Any], key: str, known: Mapping[str, Any], table: str
+) -> str:
     token = str(member(path, row, key, str, str(row["token"])))
     if token not in known:
         raise InputError(f"{path}: {row['token']}.{key}: expected a token of {table}, got {token}")

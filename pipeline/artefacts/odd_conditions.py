@@ -26,7 +26,9 @@ def categories_meant(concept: Concept, counted: Concept, variable: Variable, tex
     if variable.kind == "categorical":
         inside = literals_within(counted, own, concept.unit_type)
         if own.low == own.high and not inside:
-            raise ValueError(f"{text} is a single number, which is no literal of {variable.name}; use a range")
+            raise ValueError(
+                f"{text} is a single number, which is no literal of {variable.name}; use a range"
+            )
         return set(inside)
     own = in_unit(own, variable.unit, concept.unit_type)
     ends = ends_of(concept, own)
@@ -35,8 +37,14 @@ def categories_meant(concept: Concept, counted: Concept, variable: Variable, tex
         raise ValueError(f"{text} is a single number, which is not a category; use a range")
     starts = [variable.low, *(variable.cuts or ())]
     if not {low, high} <= {*starts, -inf, inf}:
-        raise ValueError(f"{text} cuts through a category of {variable.name}; cut {variable.name} at its ends")
-    return {part for part, (start, end) in enumerate(zip(starts, [*starts[1:], inf], strict=True)) if low <= start and end <= high}
+        raise ValueError(
+            f"{text} cuts through a category of {variable.name}; cut {variable.name} at its ends"
+        )
+    return {
+        part
+        for part, (start, end) in enumerate(zip(starts, [*starts[1:], inf], strict=True))
+        if low <= start and end <= high
+    }
 
 
 def ends_of(concept: Concept, own: Bounds) -> list[float]:
@@ -47,7 +55,9 @@ def ends_of(concept: Concept, own: Bounds) -> list[float]:
             return number
         return float(floor(number) + 1 if after else ceil(number))
 
-    return [end for end in (first(own.low, own.above), first(own.high, not own.below)) if abs(end) < inf]
+    return [
+        end for end in (first(own.low, own.above), first(own.high, not own.below)) if abs(end) < inf
+    ]
 
 
 def _literals(concept: Concept, variable: Variable, text: str) -> set[int]:
@@ -59,5 +69,11 @@ def _literals(concept: Concept, variable: Variable, text: str) -> set[int]:
         if literal in concept.literals:
             place, last = concept.literals.index(literal), len(concept.literals)
             including = 1 if text[1:2] == "=" else 0
-            return set(range(place + including)) if sign == "<" else set(range(place + 1 - including, last))
-    raise ValueError(f"{text!r} is not a literal of {variable.name}{nearest(text, variable.values)}")
+            return (
+                set(range(place + including))
+                if sign == "<"
+                else set(range(place + 1 - including, last))
+            )
+    raise ValueError(
+        f"{text!r} is not a literal of {variable.name}{nearest(text, variable.values)}"
+    )

@@ -66,7 +66,11 @@ def _merge(path: Path, where: str, whole: dict[str, Any], part: Mapping[str, Any
         place = f"{where}.{key}"
         if key not in whole:
             whole[key] = value
-        elif where.startswith("TAXONOMY") and isinstance(whole[key], dict) and isinstance(value, dict):
+        elif (
+            where.startswith("TAXONOMY")
+            and isinstance(whole[key], dict)
+            and isinstance(value, dict)
+        ):
             _merge(path, place, whole[key], value)
         else:
             raise InputError(f"{path}: {place}: an imported file has this, too")

@@ -27,7 +27,9 @@ class Modules:
         """Raises ValueError that names the module: for an unknown key, two sections of a kind, and none."""
         self._all = {str(name): plain for name, plain in (*odd.items(), *others.items())}
         if len(self._all) < len(odd) + len(others):
-            raise ValueError(f"{_where(next(name for name in odd if name in others))}: this module appears twice")
+            raise ValueError(
+                f"{_where(next(name for name in odd if name in others))}: this module appears twice"
+            )
         self._labels: dict[str, list[str]] = {}
         for name, plain in self._all.items():
             _check(name, plain)
@@ -45,12 +47,20 @@ class Modules:
                 f"MODULES: another module refers to each of them; leave at least one that none refers to: {', '.join(self._candidates)}"
             )
         found = [(name, self._module(name, meaning, True, ())) for name in roots]
-        return [Statement(_where(name), expression) for name, expression in found if expression is not None]
+        return [
+            Statement(_where(name), expression)
+            for name, expression in found
+            if expression is not None
+        ]
 
-    def _module(self, name: str, meaning: Meaning, grows: bool, within: tuple[str, ...]) -> Expression | None:
+    def _module(
+        self, name: str, meaning: Meaning, grows: bool, within: tuple[str, ...]
+    ) -> Expression | None:
         """INCLUDE and not EXCLUDE; None for a module that is not active. grows: whether the ODD grows where the module holds."""
         if name in within:
-            raise ValueError(f"{_where(name)}: this module refers to itself, by {' → '.join((*within[within.index(name) :], name))}")
+            raise ValueError(
+                f"{_where(name)}: this module refers to itself, by {' → '.join((*within[within.index(name) :], name))}"
+            )
         plain = self._all[name]
         if not _flag(f"{_where(name)}.ACTIVE", plain.get("ACTIVE", "true")):
             return None
@@ -59,14 +69,29 @@ class Modules:
             if key in plain:
                 include = key.startswith("INCLUDE")
                 section = self._section(
-                    f"{_where(name)}.{key}", plain[key], key[-3:].strip("_"), meaning, grows is include, (*within, name)
+                    f"{_where(name)}.{key}",
+                    plain[key],
+                    key[-3:].strip("_"),
+                    meaning,
+                    grows is include,
+                    (*within, name),
                 )
                 parts.append(section if include or section is None else Not(section))
         return Every(tuple(part for part in parts if part is not None))
 
-    def _section(self, where: str, plain: Any, operator: str, meaning: Meaning, grows: bool, within: tuple[str, ...]) -> Expression | None:
+    def _section(
+        self,
+        where: str,
+        plain: Any,
+        operator: str,
+        meaning: Meaning,
+        grows: bool,
+        within: tuple[str, ...],
+    ) -> Expression | None:
         if not isinstance(plain, dict) or not plain:
-            raise ValueError(f"{where}: expected conditions such as 'wind_speed: \"< 40 km/h\"', got {shown(plain)}")
+            raise ValueError(
+                f"{where}: expected conditions such as 'wind_speed: \"< 40 km/h\"', got {shown(plain)}"
+            )
         parts: list[Expression | None] = []
         for key, value in plain.items():
             place = f"{where}.{key}"
@@ -81,7 +106,15 @@ class Modules:
         active = tuple(part for part in parts if part is not None)
         return None if not active else Every(active) if operator == "AND" else Some(active)
 
-    def _reference(self, where: str, key: str, value: Any, meaning: Meaning, grows: bool, within: tuple[str, ...]) -> Expression | None:
+    def _reference(
+        self,
+        where: str,
+        key: str,
+        value: Any,
+        meaning: Meaning,
+        grows: bool,
+        within: tuple[str, ...],
+    ) -> Expression | None:
         """A module or any of the modules with a label, which must hold or must not."""
         holds = _flag(where, value)
         several = [key] if key in self._all else self._labels[key]
@@ -96,13 +129,17 @@ def _where(name: str) -> str:
 
 def _check(name: str, plain: Any) -> None:
     if not isinstance(plain, dict):
-        raise ValueError(f"{_where(name)}: expected INCLUDE_AND, INCLUDE_OR, EXCLUDE_AND or EXCLUDE_OR, got {shown(plain)}")
+        raise ValueError(
+            f"{_where(name)}: expected INCLUDE_AND, INCLUDE_OR, EXCLUDE_AND or EXCLUDE_OR, got {shown(plain)}"
+        )
     for key in plain:
         if key not in KEYS:
             raise ValueError(f"{_where(name)}: unknown key '{key}'{nearest(str(key), KEYS)}")
     for kind in ("INCLUDE", "EXCLUDE"):
         if len([key for key in SECTIONS if key.startswith(kind) and key in plain]) > 1:
-            raise ValueError(f"{_where(name)}: expected at most one {kind} section, got {kind}_AND and {kind}_OR")
+            raise ValueError(
+                f"{_where(name)}: expected at most one {kind} section, got {kind}_AND and {kind}_OR"
+            )
     if not any(key in plain for key in SECTIONS):
         raise ValueError(f"{_where(name)}: expected at least one of {', '.join(SECTIONS)}")
 
@@ -111,7 +148,9 @@ def _labels(name: str, plain: Mapping[str, Any]) -> list[str]:
     given = plain.get("LABELS", plain.get("LABEL", []))
     labels = [given] if isinstance(given, str) else given
     if not isinstance(labels, list) or not all(isinstance(label, str) for label in labels):
-        raise ValueError(f"{_where(name)}.LABELS: expected a name or a list of names, got {shown(given)}")
+        raise ValueError(
+            f"{_where(name)}.LABELS: expected a name or a list of names, got {shown(given)}"
+        )
     return labels
 
 

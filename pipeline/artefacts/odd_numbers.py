@@ -9,7 +9,15 @@ from math import inf
 from pipeline.core.names import nearest
 
 UNITS: dict[str, dict[str, tuple[float, float]]] = {
-    "length": {"m": (1, 0), "km": (1000, 0), "cm": (0.01, 0), "mm": (0.001, 0), "mi": (1609.344, 0), "in": (0.0254, 0), "ft": (0.3048, 0)},
+    "length": {
+        "m": (1, 0),
+        "km": (1000, 0),
+        "cm": (0.01, 0),
+        "mm": (0.001, 0),
+        "mi": (1609.344, 0),
+        "in": (0.0254, 0),
+        "ft": (0.3048, 0),
+    },
     "velocity": {"m/s": (1, 0), "km/h": (1 / 3.6, 0), "kph": (1 / 3.6, 0), "mph": (0.44704, 0)},
     "acceleration": {"m/s^2": (1, 0), "g": (9.80665, 0)},
     "time": {"s": (1, 0), "ms": (0.001, 0), "msec": (0.001, 0), "min": (60, 0), "h": (3600, 0)},
@@ -20,11 +28,22 @@ UNITS: dict[str, dict[str, tuple[float, float]]] = {
     "frequency": {"Hz": (1, 0), "kHz": (1000, 0)},
 }
 """Scale and offset of each unit to the first of its type; a type that is not here has one unit a concept."""
-SIGNED = ("temperature", "angle", "acceleration", "force", "charge", "electric_potential", "electric_current", "torque")
+SIGNED = (
+    "temperature",
+    "angle",
+    "acceleration",
+    "force",
+    "charge",
+    "electric_potential",
+    "electric_current",
+    "torque",
+)
 """Unit types with negative values."""
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 BOUND = re.compile(rf"(?P<sign>[<>]=?)\s*(?P<number>{NUMBER})\s*(?P<unit>[^\d.*$][^*$]*|)")
-RANGE = re.compile(rf"\[\s*(?P<low>{NUMBER})\s*(?:\.\.|,)\s*(?P<high>{NUMBER})\s*\]\s*(?P<unit>[^*$]*)")
+RANGE = re.compile(
+    rf"\[\s*(?P<low>{NUMBER})\s*(?:\.\.|,)\s*(?P<high>{NUMBER})\s*\]\s*(?P<unit>[^*$]*)"
+)
 EQUAL = re.compile(rf"(?P<number>{NUMBER})\s*(?P<unit>[^\d.*$][^*$]*|)")
 DIGITS = 12
 """Significant digits of a converted number."""
@@ -47,11 +66,19 @@ class Bounds:
 
     def holds_all(self, other: Bounds) -> bool:
         """Whether it contains the other, but perhaps for the other's ends: parts touch at their ends."""
-        return self.holds(other.low) if other.low == other.high else self.low <= other.low and other.high <= self.high
+        return (
+            self.holds(other.low)
+            if other.low == other.high
+            else self.low <= other.low and other.high <= self.high
+        )
 
     def holds_none(self, other: Bounds) -> bool:
         """Whether both share at most an end."""
-        return not self.holds(other.low) if other.low == other.high else other.high <= self.low or self.high <= other.low
+        return (
+            not self.holds(other.low)
+            if other.low == other.high
+            else other.high <= self.low or self.high <= other.low
+        )
 
 
 def is_bounds(text: str) -> bool:
@@ -68,9 +95,17 @@ def bounds(text: str) -> Bounds:
             raise ValueError(f"expected the smaller number first, got {text!r}")
         return Bounds(low, high, match["unit"].strip())
     if match := BOUND.fullmatch(text):
-        number, unit, strict = float(match["number"]), match["unit"].strip(), len(match["sign"]) == 1
+        number, unit, strict = (
+            float(match["number"]),
+            match["unit"].strip(),
+            len(match["sign"]) == 1,
+        )
         below = match["sign"].startswith("<")
-        return Bounds(-inf, number, unit, below=strict) if below else Bounds(number, inf, unit, above=strict)
+        return (
+            Bounds(-inf, number, unit, below=strict)
+            if below
+            else Bounds(number, inf, unit, above=strict)
+        )
     if match := EQUAL.fullmatch(text):
         number = float(match["number"])
         return Bounds(number, number, match["unit"].strip())
@@ -79,7 +114,12 @@ def bounds(text: str) -> Bounds:
 
 def in_unit(own: Bounds, unit: str, unit_type: str) -> Bounds:
     """The same bounds in another unit; ValueError for a unit of another type."""
-    return replace(own, low=converted(own.low, own.unit, unit, unit_type), high=converted(own.high, own.unit, unit, unit_type), unit=unit)
+    return replace(
+        own,
+        low=converted(own.low, own.unit, unit, unit_type),
+        high=converted(own.high, own.unit, unit, unit_type),
+        unit=unit,
+    )
 
 
 def converted(number: float, unit: str, wanted: str, unit_type: str) -> float:

@@ -46,11 +46,15 @@ class _Odd:
         kept = self._kept()
         self._collect_cuts()
         absent = self._absent()
-        self._variables = [self._variable(name, self._taxonomy.concepts[name], name in absent) for name in kept]
+        self._variables = [
+            self._variable(name, self._taxonomy.concepts[name], name in absent) for name in kept
+        ]
         if not self._variables:
             raise ValueError("TAXONOMY: expected concepts, got none")
         self._index = {name: index for index, name in enumerate(kept)}
-        return space_with(self._variables, [*self._parents(), *self._modules.statements(self._meaning)])
+        return space_with(
+            self._variables, [*self._parents(), *self._modules.statements(self._meaning)]
+        )
 
     def _list(self, key: str) -> list[str]:
         found = self._said.get(key) or []
@@ -69,7 +73,9 @@ class _Odd:
         concepts = self._taxonomy.concepts
         bases = {self._base(name) for name, concept in concepts.items() if concept.base}
         if chosen := self._list("CONCEPTS"):
-            named = {name for one in chosen for name in self._taxonomy.below("COVERAGE.CONCEPTS", one)}
+            named = {
+                name for one in chosen for name in self._taxonomy.below("COVERAGE.CONCEPTS", one)
+            }
             named = {(self._ordered(name) or name) if name in bases else name for name in named}
             return [name for name in concepts if name in named]
         return [name for name in concepts if name not in bases]
@@ -85,9 +91,15 @@ class _Odd:
 
     def _ordered(self, number: str) -> str | None:
         """The concept whose literals are ranges of a number; None if there is none."""
-        found = [name for name, concept in self._taxonomy.concepts.items() if concept.base and self._base(name) == number]
+        found = [
+            name
+            for name, concept in self._taxonomy.concepts.items()
+            if concept.base and self._base(name) == number
+        ]
         if len(found) > 1:
-            raise ValueError(f"{self._taxonomy.concepts[number].where}: expected literals of one concept, got {' and '.join(found)}")
+            raise ValueError(
+                f"{self._taxonomy.concepts[number].where}: expected literals of one concept, got {' and '.join(found)}"
+            )
         return found[0] if found else None
 
     def _collect_cuts(self) -> None:
@@ -95,7 +107,9 @@ class _Odd:
         for name, cuts in self._mapping("CUTS").items():
             where = f"COVERAGE.CUTS.{name}"
             if not isinstance(cuts, list) or not all(isinstance(cut, str) for cut in cuts):
-                raise ValueError(f"{where}: expected a list such as [30 km/h, 60 km/h], got {shown(cuts)}")
+                raise ValueError(
+                    f"{where}: expected a list such as [30 km/h, 60 km/h], got {shown(cuts)}"
+                )
             for cut in cuts:
                 with _at(where):
                     own = bounds(cut)
@@ -107,14 +121,21 @@ class _Odd:
     def _number(self, where: str, name: str) -> str:
         found = self._taxonomy.find(where, name)
         if not self._taxonomy.concepts[found].is_number:
-            raise ValueError(f"{where}: expected a number, got {found} with {', '.join(self._taxonomy.concepts[found].literals)}")
+            raise ValueError(
+                f"{where}: expected a number, got {found} with {', '.join(self._taxonomy.concepts[found].literals)}"
+            )
         return found
 
     def _cutting(self, where: str, key: str, plain: Any, grows: bool) -> Expression:
         name = self._taxonomy.find(where, key)
         concept = self._taxonomy.concepts[name]
         for text in plain if isinstance(plain, list) else [plain]:
-            if concept.is_number and isinstance(text, str) and text not in UNKNOWN and self._ordered(name) is None:
+            if (
+                concept.is_number
+                and isinstance(text, str)
+                and text not in UNKNOWN
+                and self._ordered(name) is None
+            ):
                 with _at(where):
                     own = bounds(text)
                 self._cut(where, name, own)
@@ -131,15 +152,32 @@ class _Odd:
 
     def _variable(self, name: str, concept: Concept, optional: bool) -> Variable:
         if concept.literals:
-            return Variable(name, "categorical", values=(*concept.literals, *([NOT_APPLICABLE] if optional else [])))
+            return Variable(
+                name,
+                "categorical",
+                values=(*concept.literals, *([NOT_APPLICABLE] if optional else [])),
+            )
         if not concept.is_number or not self._cuts.get(name):
-            why = "a shape file has no categories" if not concept.is_number else "no statement compares this number; give it COVERAGE.CUTS"
+            why = (
+                "a shape file has no categories"
+                if not concept.is_number
+                else "no statement compares this number; give it COVERAGE.CUTS"
+            )
             raise ValueError(f"{concept.where}: {why}, or leave it out of COVERAGE.CONCEPTS")
         if optional:
-            raise ValueError(f"{concept.where}: a number that may not apply needs literals; define them by ranges of it")
+            raise ValueError(
+                f"{concept.where}: a number that may not apply needs literals; define them by ranges of it"
+            )
         cuts = sorted(self._cuts[name])
         low = -inf if concept.unit_type in SIGNED or cuts[0] < 0 else 0.0
-        return Variable(name, "continuous", self._units[name], low, inf, cuts=tuple(cut for cut in cuts if cut > low))
+        return Variable(
+            name,
+            "continuous",
+            self._units[name],
+            low,
+            inf,
+            cuts=tuple(cut for cut in cuts if cut > low),
+        )
 
     def _absent(self) -> set[str]:
         """The concepts that may not apply."""
@@ -150,27 +188,40 @@ class _Odd:
         """What is absent together, and what is absent unless something else holds."""
         found = []
         for record in self._list("OPTIONAL"):
-            inside = [name for name in self._taxonomy.below("COVERAGE.OPTIONAL", record) if name in self._index]
+            inside = [
+                name
+                for name in self._taxonomy.below("COVERAGE.OPTIONAL", record)
+                if name in self._index
+            ]
             own = [name for name in inside if name not in self._deeper(record)]
             for other in inside if own else []:
                 both = Some((Not(self._missing(own[0])), self._missing(other)))
                 back = Some((Not(self._missing(other)), self._missing(own[0])))
                 together = other in own
-                found.append(Statement(f"COVERAGE.OPTIONAL.{record}", Every((both, back)) if together else both))
+                found.append(
+                    Statement(
+                        f"COVERAGE.OPTIONAL.{record}", Every((both, back)) if together else both
+                    )
+                )
         for child, condition in self._mapping("APPLIES_IF").items():
             holds = self._applies(child, condition, self._meaning)
             for name in self._taxonomy.below("COVERAGE.APPLIES_IF", child):
                 if name in self._index:
                     missing = self._missing(name)
                     found.append(
-                        Statement(f"COVERAGE.APPLIES_IF.{child}", Every((Some((missing, holds)), Some((Not(missing), Not(holds))))))
+                        Statement(
+                            f"COVERAGE.APPLIES_IF.{child}",
+                            Every((Some((missing, holds)), Some((Not(missing), Not(holds))))),
+                        )
                     )
         return found
 
     def _deeper(self, record: str) -> set[str]:
         """The concepts of a record that are in an optional record inside it, or that apply only if something else holds."""
         inside = set(self._taxonomy.below("COVERAGE", record))
-        others = [one for one in (*self._list("OPTIONAL"), *self._mapping("APPLIES_IF")) if one != record]
+        others = [
+            one for one in (*self._list("OPTIONAL"), *self._mapping("APPLIES_IF")) if one != record
+        ]
         several = [set(self._taxonomy.below("COVERAGE", one)) for one in others]
         return {name for own in several if own < inside for name in own}
 
@@ -181,8 +232,12 @@ class _Odd:
     def _applies(self, child: str, condition: Any, meaning: Meaning) -> Expression:
         where = f"COVERAGE.APPLIES_IF.{child}"
         if not isinstance(condition, dict) or not condition:
-            raise ValueError(f"{where}: expected conditions such as 'rainfall: [light, heavy]', got {shown(condition)}")
-        return Every(tuple(meaning(f"{where}.{key}", key, plain, False) for key, plain in condition.items()))
+            raise ValueError(
+                f"{where}: expected conditions such as 'rainfall: [light, heavy]', got {shown(condition)}"
+            )
+        return Every(
+            tuple(meaning(f"{where}.{key}", key, plain, False) for key, plain in condition.items())
+        )
 
     def _meaning(self, where: str, key: str, plain: Any, grows: bool) -> Expression:
         """A condition on one concept. Where the concept does not apply, the condition never keeps a point outside the ODD."""
@@ -190,16 +245,22 @@ class _Odd:
         concept = self._taxonomy.concepts[name]
         shown_by = (self._ordered(name) or name) if concept.is_number else name
         if shown_by not in self._index:
-            raise ValueError(f"{where}: {shown_by} is not among COVERAGE.CONCEPTS, so this cannot be checked")
+            raise ValueError(
+                f"{where}: {shown_by} is not among COVERAGE.CONCEPTS, so this cannot be checked"
+            )
         index = self._index[shown_by]
         variable = self._variables[index]
         literals = self._taxonomy.concepts[shown_by].literals
-        texts = [text for text in (plain if isinstance(plain, list) else [plain]) if text is not None]
+        texts = [
+            text for text in (plain if isinstance(plain, list) else [plain]) if text is not None
+        ]
         known = [text for text in texts if text not in UNKNOWN or text in variable.values]
         inside: set[int] = set()
         for text in known:
             with _at(where):
-                inside |= categories_meant(concept, self._taxonomy.concepts[shown_by], variable, text)
+                inside |= categories_meant(
+                    concept, self._taxonomy.concepts[shown_by], variable, text
+                )
         if grows and NOT_APPLICABLE in variable.values and literals and known:
             inside.add(variable.size - 1)
         return OneOf((index,), frozenset((category,) for category in inside))

@@ -47,9 +47,15 @@ class Taxonomy:
         """Raises ValueError that names the place: for a wrong leaf, and for a concept with the name of another."""
         self.concepts: dict[str, Concept] = {}
         found = list(_concepts((), plain))
-        ends = Counter(concept.path[start:] for concept in found for start in range(len(concept.path)))
+        ends = Counter(
+            concept.path[start:] for concept in found for start in range(len(concept.path))
+        )
         for concept in found:
-            own = [concept.path[start:] for start in reversed(range(len(concept.path))) if ends[concept.path[start:]] == 1]
+            own = [
+                concept.path[start:]
+                for start in reversed(range(len(concept.path)))
+                if ends[concept.path[start:]] == 1
+            ]
             if not own:
                 raise ValueError(f"{concept.where}: this concept is declared twice")
             self.concepts[".".join(own[0])] = concept
@@ -69,9 +75,15 @@ class Taxonomy:
     def below(self, where: str, name: str) -> list[str]:
         """The concepts inside a record, or the concept of this name itself."""
         end = tuple(name.split("."))
-        found = [key for key, one in self.concepts.items() if any(one.path[: i + 1][-len(end) :] == end for i in range(len(one.path)))]
+        found = [
+            key
+            for key, one in self.concepts.items()
+            if any(one.path[: i + 1][-len(end) :] == end for i in range(len(one.path)))
+        ]
         if not found:
-            raise ValueError(f"{where}: there is no record or concept {name}{nearest(name, self._records() | set(self.concepts))}")
+            raise ValueError(
+                f"{where}: there is no record or concept {name}{nearest(name, self._records() | set(self.concepts))}"
+            )
         return found
 
     def _records(self) -> set[str]:
@@ -101,7 +113,11 @@ def _concepts(path: tuple[str, ...], plain: Any) -> Iterator[Concept]:
 
 
 def _literals(where: str, plain: Sequence[Any]) -> tuple[str, ...]:
-    if not plain or not all(isinstance(literal, str) for literal in plain) or len(set(plain)) < len(plain):
+    if (
+        not plain
+        or not all(isinstance(literal, str) for literal in plain)
+        or len(set(plain)) < len(plain)
+    ):
         raise ValueError(f"{where}: expected a list of distinct literals, got {shown(plain)}")
     return tuple(plain)
 
@@ -117,18 +133,30 @@ def _ranges(where: str, plain: Mapping[Any, Any]) -> dict[str, tuple[str, Bounds
         raise ValueError(
             f"{where}: expected literals that the bounds of one number define, got {', '.join(str(name) for name, _ in inner)}"
         )
-    return {str(literal): (str(name), bounds(text)) for literal, (name, text) in zip(plain, inner, strict=True)}
+    return {
+        str(literal): (str(name), bounds(text))
+        for literal, (name, text) in zip(plain, inner, strict=True)
+    }
 
 
-def _ordered(where: str, path: tuple[str, ...], ranges: Mapping[str, tuple[str, Bounds]]) -> Concept:
+def _ordered(
+    where: str, path: tuple[str, ...], ranges: Mapping[str, tuple[str, Bounds]]
+) -> Concept:
     unit = next(iter(ranges.values()))[1].unit
     if any(own.unit != unit for _, own in ranges.values()):
-        raise ValueError(f"{where}: expected one unit for all literals, got {', '.join(own.unit for _, own in ranges.values())}")
+        raise ValueError(
+            f"{where}: expected one unit for all literals, got {', '.join(own.unit for _, own in ranges.values())}"
+        )
     order = sorted(ranges, key=lambda literal: (ranges[literal][1].low, ranges[literal][1].high))
     for first, second in pairwise(order):
         if ranges[first][1].high > ranges[second][1].low:
             raise ValueError(f"{where}: the ranges of {first} and {second} overlap")
-    return Concept(path, tuple(order), base=ranges[order[0]][0], ranges=tuple(ranges[literal][1] for literal in order))
+    return Concept(
+        path,
+        tuple(order),
+        base=ranges[order[0]][0],
+        ranges=tuple(ranges[literal][1] for literal in order),
+    )
 
 
 def literals_within(concept: Concept, own: Bounds, unit_type: str) -> frozenset[int]:
@@ -139,5 +167,7 @@ def literals_within(concept: Concept, own: Bounds, unit_type: str) -> frozenset[
         if limits.holds_all(part):
             inside.add(index)
         elif not limits.holds_none(part):
-            raise ValueError(f"this cuts through the literal {concept.literals[index]} of {concept.path[-1]}; end a literal there")
+            raise ValueError(
+                f"this cuts through the literal {concept.literals[index]} of {concept.path[-1]}; end a literal there"
+            )
     return frozenset(inside)

@@ -52,11 +52,17 @@ def openlabel(files: Sequence[tuple[Path, Any]], variables: Sequence[Variable]) 
     return DataSet.of(files[0][0] if len(files) == 1 else files[0][0].parent, rows)
 
 
-def _points(path: Path, plain: Any, variables: Sequence[Variable]) -> list[tuple[str, dict[str, Any]]]:
+def _points(
+    path: Path, plain: Any, variables: Sequence[Variable]
+) -> list[tuple[str, dict[str, Any]]]:
     root = member(path, plain, ROOT, dict)
-    version = member(path, member(path, root, "metadata", dict, ROOT), "schema_version", str, f"{ROOT}.metadata")
+    version = member(
+        path, member(path, root, "metadata", dict, ROOT), "schema_version", str, f"{ROOT}.metadata"
+    )
     if not version.startswith(VERSION):
-        raise InputError(f"{path}: {ROOT}.metadata.schema_version: expected {VERSION}x, got {version}")
+        raise InputError(
+            f"{path}: {ROOT}.metadata.schema_version: expected {VERSION}x, got {version}"
+        )
     said = [one for element in ELEMENTS for one in _elements(path, root, element, variables)]
     whole = _intervals(path, root, ROOT)
     if not any(one.intervals for one in said):
@@ -73,35 +79,53 @@ def _points(path: Path, plain: Any, variables: Sequence[Variable]) -> list[tuple
     return points
 
 
-def _stretches(several: Sequence[tuple[Interval, ...]], whole: tuple[Interval, ...]) -> Iterator[Interval]:
+def _stretches(
+    several: Sequence[tuple[Interval, ...]], whole: tuple[Interval, ...]
+) -> Iterator[Interval]:
     """The parts of the whole recording, or of all intervals together, in which the same intervals hold."""
     every = [interval for intervals in (*several, whole) for interval in intervals]
     inside = whole or tuple(every)
-    for first, end in pairwise(sorted({first for first, _ in every} | {last + 1 for _, last in every})):
+    for first, end in pairwise(
+        sorted({first for first, _ in every} | {last + 1 for _, last in every})
+    ):
         if any(start <= first <= last for start, last in inside):
             yield first, end - 1
 
 
 def _intervals(path: Path, element: Mapping[str, Any], where: str) -> tuple[Interval, ...]:
     found = []
-    for index, interval in enumerate(member(path, element, "frame_intervals", list, where) if "frame_intervals" in element else []):
+    for index, interval in enumerate(
+        member(path, element, "frame_intervals", list, where)
+        if "frame_intervals" in element
+        else []
+    ):
         place = f"{where}.frame_intervals[{index}]"
-        first, last = (member(path, interval, key, int, place) for key in ("frame_start", "frame_end"))
+        first, last = (
+            member(path, interval, key, int, place) for key in ("frame_start", "frame_end")
+        )
         if first > last:
-            raise InputError(f"{path}: {place}: expected frame_start before frame_end, got {first} and {last}")
+            raise InputError(
+                f"{path}: {place}: expected frame_start before frame_end, got {first} and {last}"
+            )
         found.append((first, last))
     return tuple(found)
 
 
-def _elements(path: Path, root: Mapping[str, Any], kind: str, variables: Sequence[Variable]) -> Iterator[Said]:
+def _elements(
+    path: Path, root: Mapping[str, Any], kind: str, variables: Sequence[Variable]
+) -> Iterator[Said]:
     ontologies = member(path, root, "ontologies", dict, ROOT) if "ontologies" in root else {}
     for uid, element in (member(path, root, kind, dict, ROOT) if kind in root else {}).items():
         where = f"{ROOT}.{kind}.{uid}"
         name = member(path, element, "type", str, where)
         if "ontology_uid" in element and str(element["ontology_uid"]) not in ontologies:
-            raise InputError(f"{path}: {where}.ontology_uid: expected one of {', '.join(ontologies)}, got {shown(element['ontology_uid'])}")
+            raise InputError(
+                f"{path}: {where}.ontology_uid: expected one of {', '.join(ontologies)}, got {shown(element['ontology_uid'])}"
+            )
         data = element.get(ELEMENTS[kind], {})
-        if kind == "tags" and isinstance(data, str):  # The schema allows a text instead of named data.
+        if kind == "tags" and isinstance(
+            data, str
+        ):  # The schema allows a text instead of named data.
             data = {"text": [{"name": name, "val": data}]}
         elif ELEMENTS[kind] in element:
             data = member(path, element, ELEMENTS[kind], dict, where)
@@ -110,20 +134,32 @@ def _elements(path: Path, root: Mapping[str, Any], kind: str, variables: Sequenc
             yield Said(variable, value, intervals)
 
 
-def _values(path: Path, where: str, name: str, data: Any, variables: Sequence[Variable]) -> Iterator[tuple[Variable, str]]:
+def _values(
+    path: Path, where: str, name: str, data: Any, variables: Sequence[Variable]
+) -> Iterator[tuple[Variable, str]]:
     """What one tag says of the variables."""
     named = {variable.name: variable for variable in variables}
     entries = list(_entries(path, where, data))
     for key in dict.fromkeys(entry.get("name", name) for _, _, entry in entries):
         if key in named:
-            own = [(place, kind, entry) for place, kind, entry in entries if entry.get("name", name) == key]
+            own = [
+                (place, kind, entry)
+                for place, kind, entry in entries
+                if entry.get("name", name) == key
+            ]
             yield named[key], _value(path, named[key], own)
     if not entries and name in named and "true" in named[name].labels:
         yield named[name], "true"
-    classes = [variable for variable in variables if variable.kind == "categorical" and name in variable.values]
+    classes = [
+        variable
+        for variable in variables
+        if variable.kind == "categorical" and name in variable.values
+    ]
     if len(classes) > 1:
         both = " and of ".join(variable.name for variable in classes)
-        raise InputError(f"{path}: {where.rpartition('.')[0]}: {name} is a category of {both}; give them different names")
+        raise InputError(
+            f"{path}: {where.rpartition('.')[0]}: {name} is a category of {both}; give them different names"
+        )
     denied = any(kind == "boolean" and entry.get("val") is False for _, kind, entry in entries)
     if classes and name not in named and not denied:
         yield classes[0], name
@@ -132,16 +168,24 @@ def _values(path: Path, where: str, name: str, data: Any, variables: Sequence[Va
 def _entries(path: Path, where: str, data: Any) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
     """Place, kind and content of each entry of a tag's data."""
     for kind in ("boolean", "num", "text", "vec"):
-        for index, entry in enumerate(member(path, data, kind, list, where) if kind in data else []):
+        for index, entry in enumerate(
+            member(path, data, kind, list, where) if kind in data else []
+        ):
             place = f"{where}.{kind}[{index}]"
             if not isinstance(entry, dict) or "val" not in entry:
-                raise InputError(f"{path}: {place}: expected a mapping with val, got {shown(entry)}")
+                raise InputError(
+                    f"{path}: {place}: expected a mapping with val, got {shown(entry)}"
+                )
             if not isinstance(entry.get("name", ""), str):
-                raise InputError(f"{path}: {place}.name: expected a text, got {shown(entry['name'])}")
+                raise InputError(
+                    f"{path}: {place}.name: expected a text, got {shown(entry['name'])}"
+                )
             yield place, kind, entry
 
 
-def _value(path: Path, variable: Variable, entries: Sequence[tuple[str, str, Mapping[str, Any]]]) -> str:
+def _value(
+    path: Path, variable: Variable, entries: Sequence[tuple[str, str, Mapping[str, Any]]]
+) -> str:
     """The value of a variable as text; several values joined, which are no category, so the variable is unknown."""
     found: dict[str, None] = {}
     low, high = -np.inf, np.inf
@@ -152,13 +196,20 @@ def _value(path: Path, variable: Variable, entries: Sequence[tuple[str, str, Map
         elif kind == "text" and isinstance(value, str):
             found[value] = None
         elif kind == "num" and sort in ("min", "max"):
-            low, high = (_number(path, place, value), high) if sort == "min" else (low, _number(path, place, value))
+            low, high = (
+                (_number(path, place, value), high)
+                if sort == "min"
+                else (low, _number(path, place, value))
+            )
         elif kind == "num":
             found[number_text(_number(path, place, value))] = None
         elif kind == "vec" and isinstance(value, list) and value and sort == "range":
             low, high = (_number(path, place, end) for end in (value[0], value[-1]))
         elif kind == "vec" and isinstance(value, list) and value:
-            found |= {one if isinstance(one, str) else number_text(_number(path, place, one)): None for one in value}
+            found |= {
+                one if isinstance(one, str) else number_text(_number(path, place, one)): None
+                for one in value
+            }
         else:
             expected = {"boolean": "true or false", "text": "a text"}.get(kind, "a list of values")
             raise InputError(f"{path}: {place}.val: expected {expected}, got {shown(value)}")
@@ -171,8 +222,16 @@ def _range(variable: Variable, low: float, high: float) -> str:
     """A number in the category that holds a whole range, else the range."""
     if variable.kind != "categorical":
         ends = np.clip([low, high], variable.low, variable.high)
-        inside = variable.low <= low or not isfinite(low), high <= variable.high or not isfinite(high)
-        if all(inside) and low <= high and len(set(variable.categorise(ends).tolist())) == 1 and not variable.cyclic:
+        inside = (
+            variable.low <= low or not isfinite(low),
+            high <= variable.high or not isfinite(high),
+        )
+        if (
+            all(inside)
+            and low <= high
+            and len(set(variable.categorise(ends).tolist())) == 1
+            and not variable.cyclic
+        ):
             return number_text(float(ends[0]))
     return f"{number_text(low)} to {number_text(high)}"
 

@@ -70,7 +70,9 @@ def _tokens(text: str) -> list[Token]:
             tokens.append(Token(kind, shown.upper() if kind == "word" else shown, line))
             line, place = line + match[0].count("\n"), match.end()
         else:
-            raise ValueError(f"line {line}: expected a constraint, got {text[place : place + 20].splitlines()[0]!r}")
+            raise ValueError(
+                f"line {line}: expected a constraint, got {text[place : place + 20].splitlines()[0]!r}"
+            )
     return [*tokens, Token("end", "the end", line)]
 
 
@@ -127,7 +129,9 @@ class _Parser:
 
     def _term(self) -> Expression:
         if self.next.kind == "word" and self.next.text in ("ISNEGATIVE", "ISPOSITIVE"):
-            raise ValueError(f"line {self.next.line}: {self.next.text} asks for negative values, which a space does not have")
+            raise ValueError(
+                f"line {self.next.line}: {self.next.text} asks for negative values, which a space does not have"
+            )
         variable = self._variable()
         negative = self._word("NOT")
         if self._word("IN"):
@@ -139,7 +143,9 @@ class _Parser:
         else:
             relation = RELATIONS[self._take().text]
             found = (
-                self._pair(variable, relation) if self.next.kind == "name" else self._compared(variable, relation, self._value(variable))
+                self._pair(variable, relation)
+                if self.next.kind == "name"
+                else self._compared(variable, relation, self._value(variable))
             )
         return Not(found) if negative else found
 
@@ -149,22 +155,41 @@ class _Parser:
         one, two = (comparable(self._variables[v].values) for v in (first, second))
         if type(one[0]) is not type(two[0]):
             names = f"[{self._variables[first].name}] and [{self._variables[second].name}]"
-            raise ValueError(f"line {line}: {names} cannot be compared: the values of one are numbers, of the other texts")
+            raise ValueError(
+                f"line {line}: {names} cannot be compared: the values of one are numbers, of the other texts"
+            )
         if first == second:
             return rows_where((first,), (len(one),), lambda c: relation(one[c], one[c]))
-        return rows_where((first, second), (len(one), len(two)), lambda c, d: relation(one[c], two[d]))
+        return rows_where(
+            (first, second), (len(one), len(two)), lambda c, d: relation(one[c], two[d])
+        )
 
-    def _compared(self, variable: int, relation: Callable[[Any, Any], Any], value: Any, swap: bool = False) -> Expression:
+    def _compared(
+        self, variable: int, relation: Callable[[Any, Any], Any], value: Any, swap: bool = False
+    ) -> Expression:
         own = comparable(self._variables[variable].values)
-        return rows_where((variable,), (len(own),), lambda c: relation(value, own[c]) if swap else relation(own[c], value))
+        return rows_where(
+            (variable,),
+            (len(own),),
+            lambda c: relation(value, own[c]) if swap else relation(own[c], value),
+        )
 
     def _like(self, variable: int) -> Expression:
         values = self._variables[variable].values
         if self.next.kind != "text" or is_numeric(values):
-            raise self._wrong("LIKE to compare texts, not numbers" if is_numeric(values) else 'a pattern such as "FAT*"')
+            raise self._wrong(
+                "LIKE to compare texts, not numbers"
+                if is_numeric(values)
+                else 'a pattern such as "FAT*"'
+            )
         parts = {"*": ".*", "?": "."}
-        pattern = re.compile("".join(parts.get(sign, re.escape(sign)) for sign in self._take().text.upper()), re.DOTALL)
-        return rows_where((variable,), (len(values),), lambda c: pattern.fullmatch(values[c].upper()))
+        pattern = re.compile(
+            "".join(parts.get(sign, re.escape(sign)) for sign in self._take().text.upper()),
+            re.DOTALL,
+        )
+        return rows_where(
+            (variable,), (len(values),), lambda c: pattern.fullmatch(values[c].upper())
+        )
 
     def _values(self, variable: int) -> list[Any]:
         self._sign("{")
@@ -179,7 +204,9 @@ class _Parser:
         own = self._variables[variable]
         numeric = is_numeric(own.values)
         if self.next.kind != ("number" if numeric else "text"):
-            raise self._wrong(f"a {'number' if numeric else 'text in double quotes'} to compare [{own.name}] with")
+            raise self._wrong(
+                f"a {'number' if numeric else 'text in double quotes'} to compare [{own.name}] with"
+            )
         text = self._take().text
         return float(text) if numeric else text.upper()
 
@@ -189,7 +216,9 @@ class _Parser:
         token = self._take()
         if token.text.upper() not in self._index:
             known = [variable.name for variable in self._variables]
-            raise ValueError(f"line {token.line}: there is no parameter [{token.text}]{nearest(token.text, known)}")
+            raise ValueError(
+                f"line {token.line}: there is no parameter [{token.text}]{nearest(token.text, known)}"
+            )
         return self._index[token.text.upper()]
 
     def _word(self, word: str) -> bool:

@@ -14,21 +14,33 @@ from pipeline.errors import InputError
 
 def pict_text(space: Space) -> str:
     lines = [_parameter(variable) for variable in space.variables]
-    return "\n".join([*lines, "", *(_constraint(space, clause) for clause in space.constraints.clauses)]) + "\n"
+    return (
+        "\n".join(
+            [*lines, "", *(_constraint(space, clause) for clause in space.constraints.clauses)]
+        )
+        + "\n"
+    )
 
 
 def _parameter(variable: Variable) -> str:
     weights = variable.weights or (1,) * variable.size
-    values = [name if weight in (0, 1) else f"{name} ({weight})" for name, weight in zip(category_names(variable), weights, strict=True)]
+    values = [
+        name if weight in (0, 1) else f"{name} ({weight})"
+        for name, weight in zip(category_names(variable), weights, strict=True)
+    ]
     line = f"{variable.name}: {', '.join(values)}"
     expected = (variable.name, category_names(variable), tuple(weight or 1 for weight in weights))
     try:
         read = pict_space(line, "").variables
-        same = "<" not in line and [(again.name, again.values, again.weights) for again in read] == [expected]
+        same = "<" not in line and [
+            (again.name, again.values, again.weights) for again in read
+        ] == [expected]
     except InputError:
         same = False
     if not same:
-        raise InputError(f"{variable.name}: PICT cannot write this name or its values {', '.join(variable.labels)}")
+        raise InputError(
+            f"{variable.name}: PICT cannot write this name or its values {', '.join(variable.labels)}"
+        )
     return line
 
 
@@ -38,9 +50,15 @@ def _constraint(space: Space, clause: Clause) -> str:
         own = space.variables[variable]
         compared = comparable(category_names(own))
         if len(set(compared)) < len(compared):
-            raise InputError(f"{own.name}: PICT treats some of the values {', '.join(own.labels)} as the same")
+            raise InputError(
+                f"{own.name}: PICT treats some of the values {', '.join(own.labels)} as the same"
+            )
         several = [category_names(own)[literal.category] for literal in literals]
-        texts = several if is_numeric(category_names(own)) else ['"' + re.sub(r'(["\]\\])', r"\\\1", text) + '"' for text in several]
+        texts = (
+            several
+            if is_numeric(category_names(own))
+            else ['"' + re.sub(r'(["\]\\])', r"\\\1", text) + '"' for text in several]
+        )
         name = "[" + re.sub(r'(["\]\\])', r"\\\1", own.name) + "]"
         if equal and len(texts) > 1:
             parts.append(f"{name} IN {{{', '.join(texts)}}}")

@@ -16,7 +16,10 @@ from pipeline.core.variable import HEAVIEST
 from pipeline.errors import InputError
 
 SUB_MODEL = re.compile(r"\{.*\}")
-CONSTRAINT = re.compile(r"IF|IF.*\[.*\].*|(NOT\b)?\s*\(?\s*\[.*\].*|\(.*\[.*\].*|(IF|NOT)?.*\bIS(NEG|POSI)ATIVE.*|IF\s*\(.*", re.IGNORECASE)
+CONSTRAINT = re.compile(
+    r"IF|IF.*\[.*\].*|(NOT\b)?\s*\(?\s*\[.*\].*|\(.*\[.*\].*|(IF|NOT)?.*\bIS(NEG|POSI)ATIVE.*|IF\s*\(.*",
+    re.IGNORECASE,
+)
 """A line that begins the constraints."""
 WEIGHT = re.compile(r"(?P<value>.*)\((?P<weight>\s*\d+\s*)\)", re.DOTALL)
 ORDER = re.compile(r".*@\s*\d+")
@@ -36,7 +39,9 @@ def pict_space(text: str, name: str) -> Space:
     lines = text.splitlines()
     try:
         variables, start = _parameters(lines)
-        rest = [""] * start + ["" if line.lstrip().startswith("#") else line for line in lines[start:]]
+        rest = [""] * start + [
+            "" if line.lstrip().startswith("#") else line for line in lines[start:]
+        ]
         return space_with(variables, read_constraints("\n".join(rest), variables))
     except ValueError as error:
         raise InputError(f"{name}: {error}") from error
@@ -49,7 +54,10 @@ def _parameters(lines: list[str]) -> tuple[list[Variable], int]:
         if not line or line.startswith("#"):
             continue
         if SUB_MODEL.match(line):
-            _refuse(index, f"the sub-model {line} has a strength of its own; a space has one for all, given by --strength")
+            _refuse(
+                index,
+                f"the sub-model {line} has a strength of its own; a space has one for all, given by --strength",
+            )
         if CONSTRAINT.fullmatch(line):
             return _some(found), index
         variable = _parameter(index, line, found)
@@ -73,11 +81,20 @@ def _parameter(index: int, line: str, known: dict[str, Variable]) -> Variable:
     if name.startswith("$"):
         _refuse(index, f"{name} is a result parameter, which a space does not have")
     if ORDER.fullmatch(name):
-        _refuse(index, f"the parameter {name} has a strength of its own; a space has one for all, given by --strength")
+        _refuse(
+            index,
+            f"the parameter {name} has a strength of its own; a space has one for all, given by --strength",
+        )
     values: dict[str, int] = {}
     for text in map(str.strip, rest.split(",")):
-        reference = known.get(text[1:-1].strip().upper()) if text[:1] == "<" and text[-1:] == ">" else None
-        several = zip(reference.values, reference.weights, strict=True) if reference else [_value(index, text)]
+        reference = (
+            known.get(text[1:-1].strip().upper()) if text[:1] == "<" and text[-1:] == ">" else None
+        )
+        several = (
+            zip(reference.values, reference.weights, strict=True)
+            if reference
+            else [_value(index, text)]
+        )
         for value, weight in several:
             if value in values:
                 _refuse(index, f"the value {value!r} of {name} appears twice")
@@ -93,7 +110,10 @@ def _value(index: int, text: str) -> tuple[str, int]:
     if weight > HEAVIEST:
         _refuse(index, f"the weight of {text} must be at most {HEAVIEST}, got {weight}")
     if text.startswith("~"):
-        _refuse(index, f"{text} is a negative value, which a space does not have; remove it, or its ~ to count it as any other")
+        _refuse(
+            index,
+            f"{text} is a negative value, which a space does not have; remove it, or its ~ to count it as any other",
+        )
     return text.split("|")[0].strip(), weight
 
 

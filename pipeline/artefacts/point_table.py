@@ -33,7 +33,9 @@ class PointTable:
     kind = "image"
     unused = 0
 
-    def __init__(self, path: Path, space: Space, batches: Iterator[Any], empty: bool = False) -> None:
+    def __init__(
+        self, path: Path, space: Space, batches: Iterator[Any], empty: bool = False
+    ) -> None:
         self.path, self._space, self._batches, self._empty = path, space, batches, empty
         self.rows = self.points = self.partial = 0
         self._meanings = [Meanings(variable) for variable in space.variables]
@@ -55,7 +57,9 @@ class PointTable:
         if strict and (faults := self.faults):
             raise InputError(f"{self.path}: {self.told(min(faults, key=_row))}")
         if self.rows and not self.points:
-            raise InputError(f"{self.path}: every row breaks a constraint; {self.told(self.faults[-1])}")
+            raise InputError(
+                f"{self.path}: every row breaks a constraint; {self.told(self.faults[-1])}"
+            )
 
     def strict(self) -> Ints:
         """All rows; InputError that names the first imperfect one."""
@@ -83,7 +87,12 @@ class PointTable:
     def _read(self) -> Iterator[tuple[Ints, Bools]]:
         for batch in self._batches:
             try:
-                rows = np.column_stack([column.categories(batch.column(column.variable.name)) for column in self._meanings])
+                rows = np.column_stack(
+                    [
+                        column.categories(batch.column(column.variable.name))
+                        for column in self._meanings
+                    ]
+                )
             except ValueError as error:
                 raise InputError(f"{self.path}: {error}") from error
             broken = broken_clauses(self._space.constraints, rows)
@@ -102,14 +111,25 @@ class PointTable:
             found = np.flatnonzero(broken == clause)
             known = self._broken.get(clause)
             if known is None:
-                known = Fault(self._breaks(clause, rows[found[0]]), self.rows + int(found[0]), 0, left_out=True)
+                known = Fault(
+                    self._breaks(clause, rows[found[0]]),
+                    self.rows + int(found[0]),
+                    0,
+                    left_out=True,
+                )
             self._broken[clause] = replace(known, rows=known.rows + len(found))
 
     def _breaks(self, clause: int, row: Ints) -> str:
         space = self._space
-        which = f"constraint '{space.clause(clause)}'" if clause < len(space.constraints.clauses) else "constraints together"
+        which = (
+            f"constraint '{space.clause(clause)}'"
+            if clause < len(space.constraints.clauses)
+            else "constraints together"
+        )
         known = [(v, c) for v, c in zip(space.variables, row, strict=True) if c >= 0]
-        where = ", ".join(f"{variable.name} = {variable.labels[category]}" for variable, category in known)
+        where = ", ".join(
+            f"{variable.name} = {variable.labels[category]}" for variable, category in known
+        )
         return f"breaks the {which}: {where}"
 
 
@@ -117,7 +137,9 @@ def _row(fault: Fault) -> int:
     return fault.row
 
 
-def read_points(path: Path, space: Space, *, metadata: Path | None = None, empty: bool = False) -> PointTable:
+def read_points(
+    path: Path, space: Space, *, metadata: Path | None = None, empty: bool = False
+) -> PointTable:
     """The points of a table: CSV, parquet, JSON of COCO, BDD100K or OpenLABEL, or a folder of YOLO, KITTI, nuScenes or OpenLABEL.
 
     Images are points. Their conditions are columns of `metadata`, a table with `file_name`, or what the data set itself says, such as
@@ -128,13 +150,19 @@ def read_points(path: Path, space: Space, *, metadata: Path | None = None, empty
     """
     if path.is_dir() or path.suffix.lower() == ".json":
         images = read_images(path, metadata, space)
-        _check_columns(metadata or path, space.names, list(images.table.columns), images.table.header)
+        _check_columns(
+            metadata or path, space.names, list(images.table.columns), images.table.header
+        )
         table = PointTable(path, space, iter([pa.table(images.table.columns)]), empty)
         table.images, table.unused = images.names, images.unused
         return table
     if metadata is not None:
-        raise InputError(f"{path}: --metadata goes with {IMAGE_SETS}; a table has the conditions as columns")
-    if isinstance(space, SequenceSpace) and len(open_table(path, space.names).columns) < len(space.names):
+        raise InputError(
+            f"{path}: --metadata goes with {IMAGE_SETS}; a table has the conditions as columns"
+        )
+    if isinstance(space, SequenceSpace) and len(open_table(path, space.names).columns) < len(
+        space.names
+    ):
         return _sequences(path, space, empty)
     return PointTable(path, space, _opened(path, space.names), empty)
 
@@ -142,7 +170,10 @@ def read_points(path: Path, space: Space, *, metadata: Path | None = None, empty
 def _sequences(path: Path, space: SequenceSpace, empty: bool) -> PointTable:
     """The sequences of a table of frames. Frames that break no rule count, whatever else is wrong with them."""
     columns = [*space.frames.names, space.time, *([space.sequence] if space.sequence else [])]
-    opened, read = _opened(path, columns), lambda frames, batches: PointTable(path, frames, batches, empty).known()
+    opened, read = (
+        _opened(path, columns),
+        lambda frames, batches: PointTable(path, frames, batches, empty).known(),
+    )
     points, names = sequences(path, space, opened, read)
     table = PointTable(path, space, iter([points]), empty)
     table.images, table.kind = names, "sequence"
@@ -158,10 +189,14 @@ def _opened(path: Path, columns: Sequence[str]) -> Iterator[Any]:
     return opened.batches
 
 
-def _check_columns(path: Path, wanted: Sequence[str], found: Sequence[str], header: Sequence[str]) -> None:
+def _check_columns(
+    path: Path, wanted: Sequence[str], found: Sequence[str], header: Sequence[str]
+) -> None:
     if missing := [name for name in wanted if name not in found]:
         known = ", ".join(header)
-        raise InputError(f"{path}: expected a column for each condition; there is none for {', '.join(missing)}, only {known}")
+        raise InputError(
+            f"{path}: expected a column for each condition; there is none for {', '.join(missing)}, only {known}"
+        )
 
 
 def write_points(path: Path, space: Space, points: Ints) -> None:

@@ -14,20 +14,28 @@ def encode_tests(tests: pd.DataFrame, space: Space) -> Floats:
     points = np.empty((len(tests), len(space)))
     for column, variable in enumerate(space.variables):
         if variable.name not in tests:
-            raise InputError(f"tests have no column '{variable.name}', which the scenario space has; make the campaign again")
+            raise InputError(
+                f"tests have no column '{variable.name}', which the scenario space has; make the campaign again"
+            )
         for row, value in enumerate(tests[variable.name]):
             try:
                 points[row, column] = variable.encode(value)
             except ValueError as error:
-                raise InputError(f"test {tests['test_id'].iloc[row]}: {error}; make the campaign again") from error
+                raise InputError(
+                    f"test {tests['test_id'].iloc[row]}: {error}; make the campaign again"
+                ) from error
     if broken := space.violation(points):
-        raise InputError(f"test {tests['test_id'].iloc[broken[0]]} {broken[1]}; make the campaign again")
+        raise InputError(
+            f"test {tests['test_id'].iloc[broken[0]]} {broken[1]}; make the campaign again"
+        )
     return points
 
 
 def concrete(test: pd.Series, space: Space) -> dict[str, Value]:
     """The concrete scenario of one row of tests.parquet: variable -> value in its unit."""
     return {
-        variable.name: str(test[variable.name]) if variable.kind == "categorical" else float(test[variable.name])
+        variable.name: str(test[variable.name])
+        if variable.kind == "categorical"
+        else float(test[variable.name])
         for variable in space.variables
     }

@@ -26,14 +26,22 @@ def recorded(folders: Folders, test: str) -> pd.Series:
         own = _own_params(campaign)
         hint = f"; choose its study: --params {' or '.join(map(str, own))}" if own else ""
         if not tables and not hint:
-            raise InputError(f"study {folders.config.study} has no executed campaign here; make it with ./run")
-        raise InputError(f"study {folders.config.study} has no campaign '{campaign}'{hint or nearest(campaign, list(tables))}")
+            raise InputError(
+                f"study {folders.config.study} has no executed campaign here; make it with ./run"
+            )
+        raise InputError(
+            f"study {folders.config.study} has no campaign '{campaign}'{hint or nearest(campaign, list(tables))}"
+        )
     table = read_tests(tables[campaign]).set_index("test_id", drop=False)
     if test not in table.index:
-        raise InputError(f"{tables[campaign]} has the tests {table.index[0]} to {table.index[-1]}, got {test}")
+        raise InputError(
+            f"{tables[campaign]} has the tests {table.index[0]} to {table.index[-1]}, got {test}"
+        )
     row = table.loc[test]
     if row["status"] == "error":
-        raise InputError(f"{test} ended in an error, so there is nothing to replay: {row['reason']}")
+        raise InputError(
+            f"{test} ended in an error, so there is nothing to replay: {row['reason']}"
+        )
     return row
 
 
@@ -61,14 +69,24 @@ def _own_params(campaign: str) -> list[Path]:
 
 def campaigns(folders: Folders) -> Mapping[str, Path]:
     """The table of each executed campaign of a study, by the beginning of its tests' names."""
-    tables = [*folders.searches, *folders.audits, *folders.later_searches, *folders.held_out("tests.parquet")]
+    tables = [
+        *folders.searches,
+        *folders.audits,
+        *folders.later_searches,
+        *folders.held_out("tests.parquet"),
+    ]
     paths = map(Path, tables)
     return {"-".join(path.parts[-5:-1]): path for path in paths if path.is_file()}
 
 
 def tables_below(folders: Sequence[Path]) -> list[Path]:
     """Every tests.parquet below some folders, sorted; InputError for a folder without one. A campaign has the tests of its shards."""
-    found = {one: [path for path in one.rglob("tests.parquet") if SHARDS not in path.relative_to(one).parts] for one in folders}
+    found = {
+        one: [
+            path for path in one.rglob("tests.parquet") if SHARDS not in path.relative_to(one).parts
+        ]
+        for one in folders
+    }
     if empty := [str(folder) for folder, paths in found.items() if not paths]:
         raise InputError(f"{', '.join(empty)}: expected campaigns, found no tests.parquet")
     return sorted({path for paths in found.values() for path in paths})

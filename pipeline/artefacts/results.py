@@ -36,7 +36,11 @@ class Estimate(Result):
     def of(counted: Counted, confidence: float) -> Estimate | None:
         """The failure rate of independent tests with its exact interval; None without tests."""
         low, high = counted.interval(confidence)
-        return Estimate(value=counted.failures / counted.tests, low=low, high=high) if counted.tests else None
+        return (
+            Estimate(value=counted.failures / counted.tests, low=low, high=high)
+            if counted.tests
+            else None
+        )
 
 
 def write(path: Path, result: Result) -> None:
@@ -53,4 +57,6 @@ def read(path: Path, model: type[ModelT]) -> ModelT:
     try:
         return model.model_validate(plain)
     except ValidationError as error:
-        raise InputError(f"{path} is not a {model.__name__} file: {message(error, model)}; make it again") from error
+        raise InputError(
+            f"{path} is not a {model.__name__} file: {message(error, model)}; make it again"
+        ) from error

@@ -26,7 +26,11 @@ def hold(name: str) -> tuple[int, ...]:
     handle = os.open(LOCK, os.O_RDWR | os.O_CREAT)
     if not locked(handle, block=False):
         other = LOCK.read_text().strip() or "another run"
-        print(f"blindspot: {other} is running in this folder; waiting for it to finish", file=sys.stderr, flush=True)
+        print(
+            f"blindspot: {other} is running in this folder; waiting for it to finish",
+            file=sys.stderr,
+            flush=True,
+        )
         locked(handle, block=True)
     LOCK.write_text(f"{name} (process {os.getpid()})\n")
     os.environ[HELD] = os.getcwd()

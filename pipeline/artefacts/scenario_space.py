@@ -58,7 +58,10 @@ def write_space(path: Path, info: ScenarioInfo, space: Space) -> None:
 
 def plain_space(space: Space) -> dict[str, Any]:
     """The variables and the constraints of a space as plain data; `space_of` reads them back."""
-    return {"variables": space.to_dict(), **({"constraints": list(space.clauses)} if space.clauses else {})}
+    return {
+        "variables": space.to_dict(),
+        **({"constraints": list(space.clauses)} if space.clauses else {}),
+    }
 
 
 def space_of(described: Mapping[str, Any]) -> Space:
@@ -72,10 +75,14 @@ def read_space(path: Path) -> tuple[ScenarioInfo, Space]:
     try:
         if found["format"] != FORMAT:
             raise ValueError(f"format must be {FORMAT}, got {found['format']!r}")
-        named = (found[key] for key in ("scenario", "label", "description", "pairs", "town", "people"))
+        named = (
+            found[key] for key in ("scenario", "label", "description", "pairs", "town", "people")
+        )
         return ScenarioInfo(*named, asks_to_brake=found["asks_to_brake"]), space_of(found)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise InputError(f"{path}: expected a scenario space, got {error!r}; make it again with define-space") from error
+        raise InputError(
+            f"{path}: expected a scenario space, got {error!r}; make it again with define-space"
+        ) from error
 
 
 def read_spaces(paths: Iterable[Path]) -> dict[str, tuple[ScenarioInfo, Space]]:

@@ -102,4 +102,6 @@ class Measures(Result):
         campaigns = tuple(measured for measured in self.campaigns if measured.version == version)
         strategies = tuple(measured for measured in self.strategies if measured.version == version)
         audit = tuple(rate for rate in self.audit if rate.version == version)
-        return self.model_copy(update={"campaigns": campaigns, "strategies": strategies, "audit": audit})
+        return self.model_copy(
+            update={"campaigns": campaigns, "strategies": strategies, "audit": audit}
+        )

@@ -27,7 +27,9 @@ def is_rule(body: Any) -> bool:
 def read_columns(plain: Any) -> tuple[str, str | None]:
     """The columns of a table of frames that hold the time and, if it has several sequences, the name of a frame's sequence."""
     if not isinstance(plain, Mapping) or not isinstance(plain.get("time"), str):
-        raise ValueError(f"sequences: expected the column of the time, as in {EXAMPLE}; got {shown(plain)}")
+        raise ValueError(
+            f"sequences: expected the column of the time, as in {EXAMPLE}; got {shown(plain)}"
+        )
     for key, column in plain.items():
         if key not in COLUMNS:
             raise ValueError(f"unknown key 'sequences.{key}'{nearest(str(key), COLUMNS)}")
@@ -36,16 +38,34 @@ def read_columns(plain: Any) -> tuple[str, str | None]:
     return plain["time"], plain.get("by")
 
 
-def sequence_space(space: Space, frames: tuple[Variable, ...], rules: Mapping[str, Rule], columns: tuple[str, str | None]) -> SequenceSpace:
+def sequence_space(
+    space: Space,
+    frames: tuple[Variable, ...],
+    rules: Mapping[str, Rule],
+    columns: tuple[str, str | None],
+) -> SequenceSpace:
     """A space whose variables are computed by rules, or stay the same over a sequence. frames: the variables of a frame alone."""
     # A table that has both names would be one of frames and one of points.
     if both := [variable.name for variable in frames if variable.name in rules]:
-        raise ValueError(f"variables.{both[0]}: expected another name, because a condition of frames has this one")
+        raise ValueError(
+            f"variables.{both[0]}: expected another name, because a condition of frames has this one"
+        )
     steady = tuple(variable for variable in space.variables if variable.name not in rules)
     one = Space((*frames, *steady))
-    lasting = {variable.name: Throughout(len(frames) + place, variable.labels) for place, variable in enumerate(steady)}
+    lasting = {
+        variable.name: Throughout(len(frames) + place, variable.labels)
+        for place, variable in enumerate(steady)
+    }
     time, sequence = columns
-    return SequenceSpace(space.variables, space.clauses, space.extras, frames=one, rules={**rules, **lasting}, time=time, sequence=sequence)
+    return SequenceSpace(
+        space.variables,
+        space.clauses,
+        space.extras,
+        frames=one,
+        rules={**rules, **lasting},
+        time=time,
+        sequence=sequence,
+    )
 
 
 def read_rule(key: str, body: Mapping[str, Any], frames: Space) -> Rule:
@@ -59,10 +79,16 @@ def read_rule(key: str, body: Mapping[str, Any], frames: Space) -> Rule:
     if kind == "order":
         both = body["order"]
         if not isinstance(both, list) or len(both) != 2:
-            raise ValueError(f"{key}.order: expected two conditions, as in [brake = on, pedestrian = visible], got {shown(both)}")
+            raise ValueError(
+                f"{key}.order: expected two conditions, as in [brake = on, pedestrian = visible], got {shown(both)}"
+            )
         return Order(*(_condition(f"{key}.order", text, frames) for text in both))
     within_s = _seconds(f"{key}.within", body["within"]) if "within" in body else inf
-    return Then(_condition(f"{key}.first", body["first"], frames), _condition(f"{key}.then", body.get("then"), frames), within_s)
+    return Then(
+        _condition(f"{key}.first", body["first"], frames),
+        _condition(f"{key}.then", body.get("then"), frames),
+        within_s,
+    )
 
 
 def _seconds(key: str, text: Any) -> float:
@@ -74,7 +100,9 @@ def _seconds(key: str, text: Any) -> float:
 
 def _condition(key: str, text: Any, frames: Space) -> Condition:
     if not isinstance(text, str):
-        raise ValueError(f"{key}: expected a condition on a frame such as rain >= 40, got {shown(text)}")
+        raise ValueError(
+            f"{key}: expected a condition on a frame such as rain >= 40, got {shown(text)}"
+        )
     try:
         return Condition(text, frames)
     except ValueError as error:
@@ -84,8 +112,12 @@ def _condition(key: str, text: Any, frames: Space) -> Condition:
 def _with_cuts(key: str, name: Any, frames: Space) -> int:
     found = [i for i, variable in enumerate(frames.variables) if variable.name == name]
     if not found:
-        raise ValueError(f"{key}: there is no condition of frames {shown(name)}{nearest(str(name), frames.names)}")
+        raise ValueError(
+            f"{key}: there is no condition of frames {shown(name)}{nearest(str(name), frames.names)}"
+        )
     variable = frames.variables[found[0]]
     if variable.kind == "categorical" or variable.cyclic or not variable.cuts:
-        raise ValueError(f"{key}: expected a condition with an interval and cuts, which are what a course passes; {name} has none")
+        raise ValueError(
+            f"{key}: expected a condition with an interval and cuts, which are what a course passes; {name} has none"
+        )
     return found[0]

@@ -20,7 +20,9 @@ Rows = Callable[[Space, Iterator[Any]], Ints]
 """Reads the categories of all frames, (n, d), from batches of a table."""
 
 
-def sequences(path: Path, space: SequenceSpace, batches: Iterator[Any], rows: Rows) -> tuple[Any, tuple[str, ...]]:
+def sequences(
+    path: Path, space: SequenceSpace, batches: Iterator[Any], rows: Rows
+) -> tuple[Any, tuple[str, ...]]:
     """A table of the names of each sequence's categories, null for an unknown one, and the sequences' names in the order of the table.
 
     Raises InputError that names the file: for a frame without a time or a sequence, and for two frames of one sequence at the same time.
@@ -37,7 +39,9 @@ def sequences(path: Path, space: SequenceSpace, batches: Iterator[Any], rows: Ro
     found, sequence = _numbered(path, space, pa.concat_arrays(names))
     frames = _in_order(path, found, Frames(categories, np.concatenate(times), sequence, len(found)))
     points = space.points(frames)
-    return pa.table({v.name: _labels(v.labels, points[:, i]) for i, v in enumerate(space.variables)}), found
+    return pa.table(
+        {v.name: _labels(v.labels, points[:, i]) for i, v in enumerate(space.variables)}
+    ), found
 
 
 def _times(path: Path, name: str, column: Any) -> Floats:
@@ -57,20 +61,26 @@ def _numbered(path: Path, space: SequenceSpace, names: Any) -> tuple[tuple[str, 
     """The names of all sequences and the number of each frame's sequence."""
     if names.null_count:
         row = int(np.flatnonzero(names.is_null().to_numpy(zero_copy_only=False))[0])
-        raise InputError(f"{path}: row {row + 1}: expected a sequence in column {space.sequence}, got nothing")
+        raise InputError(
+            f"{path}: row {row + 1}: expected a sequence in column {space.sequence}, got nothing"
+        )
     coded = names.dictionary_encode()
     return tuple(map(str, coded.dictionary.to_pylist())), coded.indices.to_numpy().astype(np.int64)
 
 
 def _in_order(path: Path, names: Sequence[str], frames: Frames) -> Frames:
     if len(wrong := np.flatnonzero(~np.isfinite(frames.time_s))):
-        raise InputError(f"{path}: row {int(wrong[0]) + 1}: expected a time, as a number of seconds or a timestamp")
+        raise InputError(
+            f"{path}: row {int(wrong[0]) + 1}: expected a time, as a number of seconds or a timestamp"
+        )
     order = np.lexsort((frames.time_s, frames.sequence))
     time_s, sequence = frames.time_s[order], frames.sequence[order]
     twice = np.flatnonzero((np.diff(time_s) == 0) & (np.diff(sequence) == 0))
     if len(twice):
         at = int(twice[0])
-        raise InputError(f"{path}: two frames of {names[int(sequence[at])]} have the time {time_s[at]:.15g}")
+        raise InputError(
+            f"{path}: two frames of {names[int(sequence[at])]} have the time {time_s[at]:.15g}"
+        )
     return Frames(frames.categories[order], time_s, sequence, frames.count)
 
 

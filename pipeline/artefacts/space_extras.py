@@ -11,15 +11,22 @@ from pipeline.core.names import nearest
 from pipeline.core.space import Variable
 from pipeline.core.variable import HEAVIEST
 
-PLANE, COMBINATION = "{conditions: [weather, light, road], strength: 3}", "{of: {weather: rainy, light: night}, weight: 5}"
+PLANE, COMBINATION = (
+    "{conditions: [weather, light, road], strength: 3}",
+    "{of: {weather: rainy, light: night}, weight: 5}",
+)
 
 
 def read_extras(planes: Any, combinations: Any, variables: Sequence[Variable]) -> Extras:
     """Named planes and single combinations; ValueError that names the key, what was expected and what came."""
     if not isinstance(planes, Mapping):
-        raise ValueError(f"planes: expected a mapping such as visibility: {PLANE}, got {shown(planes)}")
+        raise ValueError(
+            f"planes: expected a mapping such as visibility: {PLANE}, got {shown(planes)}"
+        )
     if not isinstance(combinations, list):
-        raise ValueError(f"combinations: expected a list of entries such as {COMBINATION}, got {shown(combinations)}")
+        raise ValueError(
+            f"combinations: expected a list of entries such as {COMBINATION}, got {shown(combinations)}"
+        )
     named = tuple(_planes(name, body, variables) for name, body in planes.items())
     found: dict[tuple[tuple[int, ...], tuple[int, ...]], Combination] = {}
     for number, body in enumerate(combinations, start=1):
@@ -35,27 +42,39 @@ def _planes(name: str, body: Any, variables: Sequence[Variable]) -> NamedPlanes:
     _check_keys(key, body, ("conditions", "strength"), PLANE)
     conditions = body.get("conditions")
     if not isinstance(conditions, list) or not conditions:
-        raise ValueError(f"{key}.conditions: expected a list of conditions, got {shown(conditions)}")
+        raise ValueError(
+            f"{key}.conditions: expected a list of conditions, got {shown(conditions)}"
+        )
     found = [_index(f"{key}.conditions", condition, variables) for condition in conditions]
     for place, condition in enumerate(conditions):
         if condition in conditions[:place]:
             raise ValueError(f"{key}.conditions: '{condition}' appears twice")
     most = min(STRONGEST, len(found))
     if "strength" not in body and len(found) > STRONGEST:
-        raise ValueError(f"{key}: expected a strength from 1 to {STRONGEST} for {len(found)} conditions")
-    return NamedPlanes(name, tuple(sorted(found)), whole_number(f"{key}.strength", body.get("strength", str(len(found))), 1, most))
+        raise ValueError(
+            f"{key}: expected a strength from 1 to {STRONGEST} for {len(found)} conditions"
+        )
+    return NamedPlanes(
+        name,
+        tuple(sorted(found)),
+        whole_number(f"{key}.strength", body.get("strength", str(len(found))), 1, most),
+    )
 
 
 def _combination(key: str, body: Any, variables: Sequence[Variable]) -> Combination:
     _check_keys(key, body, ("of", "weight"), COMBINATION)
     of = body.get("of")
     if not isinstance(of, Mapping) or not 1 <= len(of) <= STRONGEST:
-        raise ValueError(f"{key}.of: expected a category for each of 1 to {STRONGEST} conditions, got {shown(of)}")
+        raise ValueError(
+            f"{key}.of: expected a category for each of 1 to {STRONGEST} conditions, got {shown(of)}"
+        )
     chosen: dict[int, int] = {}
     for condition, category in of.items():
         labels = variables[variable := _index(f"{key}.of", condition, variables)].labels
         if category not in labels:
-            raise ValueError(f"{key}.of.{condition}: there is no category {shown(category)}{nearest(str(category), labels)}")
+            raise ValueError(
+                f"{key}.of.{condition}: there is no category {shown(category)}{nearest(str(category), labels)}"
+            )
         chosen[variable] = labels.index(category)
     rising = tuple(sorted(chosen))
     weight = whole_number(f"{key}.weight", body.get("weight", "1"), 0, HEAVIEST)
@@ -73,5 +92,7 @@ def _check_keys(key: str, body: Any, known: Sequence[str], example: str) -> None
 def _index(key: str, condition: Any, variables: Sequence[Variable]) -> int:
     names = [variable.name for variable in variables]
     if condition not in names:
-        raise ValueError(f"{key}: there is no condition {shown(condition)}{nearest(str(condition), names)}")
+        raise ValueError(
+            f"{key}: there is no condition {shown(condition)}{nearest(str(condition), names)}"
+        )
     return names.index(condition)

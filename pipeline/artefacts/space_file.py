@@ -43,7 +43,11 @@ def read_space_file(path: Path) -> Space:
 
 
 def _space(plain: Any) -> Space:
-    if not isinstance(plain, Mapping) or not isinstance(plain.get("variables"), Mapping) or not plain["variables"]:
+    if (
+        not isinstance(plain, Mapping)
+        or not isinstance(plain.get("variables"), Mapping)
+        or not plain["variables"]
+    ):
         raise ValueError("expected a mapping with 'variables' and perhaps 'constraints'")
     for key in plain:
         if key not in PARTS:
@@ -51,20 +55,25 @@ def _space(plain: Any) -> Space:
     frames = tuple(_variable(name, body, "frames") for name, body in _frames(plain).items())
     rules = _rules(plain["variables"], frames)
     variables = tuple(
-        _ruled(name, body, rules[name]) if name in rules else _variable(name, body) for name, body in plain["variables"].items()
+        _ruled(name, body, rules[name]) if name in rules else _variable(name, body)
+        for name, body in plain["variables"].items()
     )
     extras = read_extras(plain.get("planes") or {}, plain.get("combinations") or [], variables)
     space = Space(variables, _constraints(plain.get("constraints") or []), extras)
     if "sequences" not in plain:
         return space
-    return sequence_space.sequence_space(space, frames, rules, sequence_space.read_columns(plain["sequences"]))
+    return sequence_space.sequence_space(
+        space, frames, rules, sequence_space.read_columns(plain["sequences"])
+    )
 
 
 def _frames(plain: Mapping[str, Any]) -> Mapping[str, Any]:
     """The conditions of a frame, none if points are no sequences."""
     frames = plain.get("frames") or {}
     if not isinstance(frames, Mapping):
-        raise ValueError(f"frames: expected conditions of a frame, as in {EXAMPLE}; got {_shown(frames)}")
+        raise ValueError(
+            f"frames: expected conditions of a frame, as in {EXAMPLE}; got {_shown(frames)}"
+        )
     if frames and "sequences" not in plain:
         raise ValueError(f"frames: expected sequences, too, as in {sequence_space.EXAMPLE}")
     return frames
@@ -73,14 +82,23 @@ def _frames(plain: Mapping[str, Any]) -> Mapping[str, Any]:
 def _rules(variables: Mapping[str, Any], frames: tuple[Variable, ...]) -> dict[str, Rule]:
     ruled = {name: body for name, body in variables.items() if sequence_space.is_rule(body)}
     if ruled and not frames:
-        raise ValueError(f"variables.{next(iter(ruled))}: a rule needs the conditions of a frame; there is no 'frames'")
+        raise ValueError(
+            f"variables.{next(iter(ruled))}: a rule needs the conditions of a frame; there is no 'frames'"
+        )
     one = Space(frames) if frames else None
-    return {} if one is None else {name: read_rule(f"variables.{name}", body, one) for name, body in ruled.items()}
+    return (
+        {}
+        if one is None
+        else {name: read_rule(f"variables.{name}", body, one) for name, body in ruled.items()}
+    )
 
 
 def _ruled(name: str, body: Mapping[str, Any], rule: Rule) -> Variable:
     return Variable(
-        name, "categorical", values=rule.labels, weights=_weights(f"variables.{name}.weights", body.get("weights"), rule.labels)
+        name,
+        "categorical",
+        values=rule.labels,
+        weights=_weights(f"variables.{name}.weights", body.get("weights"), rule.labels),
     )
 
 
@@ -97,14 +115,18 @@ def _constraint(plain: Any) -> Written:
         raise ValueError(f"constraints: expected {CONSTRAINT}, got {_shown(plain)}")
     for literal in plain:
         if not isinstance(literal, str):
-            raise ValueError(f"constraints: expected texts such as lanes = 2, got {_shown(literal)}; put the text in quotes")
+            raise ValueError(
+                f"constraints: expected texts such as lanes = 2, got {_shown(literal)}; put the text in quotes"
+            )
     return tuple(plain)
 
 
 def _variable(name: str, body: Any, part: str = "variables") -> Variable:
     key = f"{part}.{name}"
     if not isinstance(body, Mapping):
-        raise ValueError(f"{key}: expected values or an interval, as in {EXAMPLE}; got {_shown(body)}")
+        raise ValueError(
+            f"{key}: expected values or an interval, as in {EXAMPLE}; got {_shown(body)}"
+        )
     for known in body:
         if known not in KEYS:
             raise ValueError(f"unknown key '{key}.{known}'{nearest(str(known), KEYS)}")
@@ -113,10 +135,14 @@ def _variable(name: str, body: Any, part: str = "variables") -> Variable:
     if "values" in body:
         if "cuts" in body or _cyclic(key, body):
             raise ValueError(f"{key}: cuts and cyclic go with an interval, not with values")
-        variable = Variable(name, "categorical", _unit(key, body), values=_values(f"{key}.values", body["values"]))
+        variable = Variable(
+            name, "categorical", _unit(key, body), values=_values(f"{key}.values", body["values"])
+        )
     else:
         variable = _interval(name, key, body)
-    return replace(variable, weights=_weights(f"{key}.weights", body.get("weights"), variable.labels))
+    return replace(
+        variable, weights=_weights(f"{key}.weights", body.get("weights"), variable.labels)
+    )
 
 
 def _unit(key: str, body: Mapping[str, Any]) -> str:
@@ -127,17 +153,28 @@ def _unit(key: str, body: Mapping[str, Any]) -> str:
 
 
 def _interval(name: str, key: str, body: Mapping[str, Any]) -> Variable:
-    interval, cuts = _numbers(f"{key}.interval", body["interval"], endless=True), _numbers(f"{key}.cuts", body.get("cuts") or [])
+    interval, cuts = (
+        _numbers(f"{key}.interval", body["interval"], endless=True),
+        _numbers(f"{key}.cuts", body.get("cuts") or []),
+    )
     if len(interval) != 2 or interval[0] >= interval[1]:
-        raise ValueError(f"{key}.interval: expected two numbers, the smaller first, got {_shown(body['interval'])}")
+        raise ValueError(
+            f"{key}.interval: expected two numbers, the smaller first, got {_shown(body['interval'])}"
+        )
     if any(a >= b for a, b in pairwise((interval[0], *cuts, interval[1]))):
         inside = ", ".join(map(number_text, interval))
-        raise ValueError(f"{key}.cuts: expected rising numbers inside [{inside}], got {_shown(body['cuts'])}")
+        raise ValueError(
+            f"{key}.cuts: expected rising numbers inside [{inside}], got {_shown(body['cuts'])}"
+        )
     cyclic = _cyclic(key, body)
     if cyclic and not all(map(isfinite, interval)):
-        raise ValueError(f"{key}.interval: a cyclic interval needs two finite ends, got {_shown(body['interval'])}")
+        raise ValueError(
+            f"{key}.interval: a cyclic interval needs two finite ends, got {_shown(body['interval'])}"
+        )
     if cyclic and len(cuts) == 1:
-        raise ValueError(f"{key}.cuts: a cyclic interval needs no cut or at least two, got {_shown(body['cuts'])}")
+        raise ValueError(
+            f"{key}.cuts: a cyclic interval needs no cut or at least two, got {_shown(body['cuts'])}"
+        )
     return Variable(name, "continuous", _unit(key, body), *interval, cyclic=cyclic, cuts=cuts)
 
 
@@ -169,7 +206,9 @@ def _numbers(key: str, plain: Any, endless: bool = False) -> tuple[float, ...]:
     """endless: whether `.inf` and `-.inf` are numbers too."""
     if isinstance(plain, list) and all(isinstance(text, str) and "_" not in text for text in plain):
         with suppress(ValueError):
-            numbers = tuple(float(text.replace(".inf", "inf") if endless else text) for text in plain)
+            numbers = tuple(
+                float(text.replace(".inf", "inf") if endless else text) for text in plain
+            )
             if all(isfinite(number) or (endless and not isnan(number)) for number in numbers):
                 return numbers
     raise ValueError(f"{key}: expected a list of numbers, got {_shown(plain)}")
@@ -181,7 +220,9 @@ def _weights(key: str, plain: Any, labels: tuple[str, ...]) -> tuple[int, ...]:
         return (1,) * len(labels)
     if isinstance(plain, list):
         if len(plain) != len(labels):
-            raise ValueError(f"{key}: expected {len(labels)} numbers, one a category, got {len(plain)}")
+            raise ValueError(
+                f"{key}: expected {len(labels)} numbers, one a category, got {len(plain)}"
+            )
         plain = dict(zip(labels, plain, strict=True))
     if not isinstance(plain, Mapping):
         raise ValueError(f"{key}: expected a weight for each category, got {_shown(plain)}")

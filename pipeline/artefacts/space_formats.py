@@ -19,11 +19,18 @@ def read_space_of_any_format(path: Path) -> Space:
     Raises InputError that names the file, the place and what was expected.
     """
     suffix = path.suffix.lower()
-    if suffix == ".xml" or (suffix == ".txt" and HEADER.match(_without_comments(read_text(path, "a PICT or ACTS model")))):
+    if suffix == ".xml" or (
+        suffix == ".txt"
+        and HEADER.match(_without_comments(read_text(path, "a PICT or ACTS model")))
+    ):
         return read_acts_model(path)
     if suffix == ".txt":
         return read_pict_model(path)
-    return read_odd_file(path) if path.is_file() and BEGINS.search(path.read_bytes()) else read_space_file(path)
+    return (
+        read_odd_file(path)
+        if path.is_file() and BEGINS.search(path.read_bytes())
+        else read_space_file(path)
+    )
 
 
 def _without_comments(text: str) -> str:

@@ -9,7 +9,9 @@ from decimal import Decimal
 
 from pipeline.core.comparisons import NUMBER
 
-TIME = re.compile(r"\d{4}-\d\d-\d\d([T ]\d\d:\d\d(:\d\d(\.\d{1,6})?)?(Z|[+-]\d\d:?\d\d)?)?", re.ASCII)
+TIME = re.compile(
+    r"\d{4}-\d\d-\d\d([T ]\d\d:\d\d(:\d\d(\.\d{1,6})?)?(Z|[+-]\d\d:?\d\d)?)?", re.ASCII
+)
 
 
 class Spellings:
@@ -53,6 +55,10 @@ def time_of(text: str) -> datetime | None:
         return None
     try:
         time = datetime.fromisoformat(text.strip())
-        return time.replace(tzinfo=None) if time.tzinfo is None else time.astimezone(UTC).replace(tzinfo=None)
+        return (
+            time.replace(tzinfo=None)
+            if time.tzinfo is None
+            else time.astimezone(UTC).replace(tzinfo=None)
+        )
     except (ValueError, OverflowError):
         return None

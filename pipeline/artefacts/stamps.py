@@ -28,15 +28,28 @@ class Stamp:
     digests: Mapping[str, str] = field(default_factory=dict)
 
     def text(self) -> str:
-        lines = "".join(f"{line}\n" for line in (self.depends, *(f"{digest}  {name}" for name, digest in sorted(self.digests.items()))))
+        lines = "".join(
+            f"{line}\n"
+            for line in (
+                self.depends,
+                *(f"{digest}  {name}" for name, digest in sorted(self.digests.items())),
+            )
+        )
         return f"{lines}{hashlib.sha256(lines.encode()).hexdigest()}\n"
 
 
 def made(path: Path, depends: str, outputs: Iterable[Path]) -> Stamp:
     """The stamp, to be written at `path`, of outputs that are there: files, or folders with all files in them."""
-    files = [file for output in outputs for file in (output.rglob("*") if output.is_dir() else [output]) if file.is_file()]
+    files = [
+        file
+        for output in outputs
+        for file in (output.rglob("*") if output.is_dir() else [output])
+        if file.is_file()
+    ]
     _listed.cache_clear()
-    return Stamp(depends, {file.relative_to(path.parent).as_posix(): digest(file) for file in files})
+    return Stamp(
+        depends, {file.relative_to(path.parent).as_posix(): digest(file) for file in files}
+    )
 
 
 def read(path: Path) -> Stamp | None:
@@ -46,7 +59,9 @@ def read(path: Path) -> Stamp | None:
     except (OSError, UnicodeDecodeError):
         return None
     first, *listed = text.splitlines()[:-1] or [""]
-    found = Stamp(first, {name: value for value, _, name in (line.partition("  ") for line in listed)})
+    found = Stamp(
+        first, {name: value for value, _, name in (line.partition("  ") for line in listed)}
+    )
     return found if found.text() == text else None
 
 
@@ -68,8 +83,12 @@ def check(path: Path, data: bytes) -> None:
     """Compare a file's bytes with the digest that a stamp lists for it, if one does; InputError if they differ."""
     known = _known(path.absolute())
     if known is not None and hashlib.sha256(data).hexdigest() != known[0]:
-        stamp = known[1].relative_to(Path.cwd()) if known[1].is_relative_to(Path.cwd()) else known[1]
-        raise InputError(f"{path}: damaged or edited, its SHA-256 is not the one in {stamp}; make it again (in a study, ./run does)")
+        stamp = (
+            known[1].relative_to(Path.cwd()) if known[1].is_relative_to(Path.cwd()) else known[1]
+        )
+        raise InputError(
+            f"{path}: damaged or edited, its SHA-256 is not the one in {stamp}; make it again (in a study, ./run does)"
+        )
 
 
 def damaged(root: Path) -> Iterator[tuple[Path, Path]]:
@@ -108,4 +127,9 @@ def _known(path: Path) -> tuple[str, Path] | None:
 def _listed(folder: Path, changed_ns: int) -> Mapping[str, tuple[str, Path]]:
     """All digests that the stamps in a folder list. changed_ns: of the folder, as a key: every written stamp changes it."""
     stamps = {path: read(path) for path in sorted(folder.glob(f"*{SUFFIX}"))}
-    return {name: (value, path) for path, stamp in stamps.items() if stamp for name, value in stamp.digests.items()}
+    return {
+        name: (value, path)
+        for path, stamp in stamps.items()
+        if stamp
+        for name, value in stamp.digests.items()
+    }

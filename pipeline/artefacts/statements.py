@@ -54,7 +54,11 @@ def literal_text(variables: Sequence[Variable], literal: Literal) -> str:
 
 def category_names(variable: Variable) -> tuple[str, ...]:
     """Names of the categories without commas, which separate values in models: [0 .. 20) for [0, 20)."""
-    return variable.labels if variable.kind == "categorical" else tuple(label.replace(", ", " .. ") for label in variable.labels)
+    return (
+        variable.labels
+        if variable.kind == "categorical"
+        else tuple(label.replace(", ", " .. ") for label in variable.labels)
+    )
 
 
 def rows_where(variables: Sequence[int], sizes: Sequence[int], test: Callable[..., Any]) -> OneOf:
@@ -63,8 +67,12 @@ def rows_where(variables: Sequence[int], sizes: Sequence[int], test: Callable[..
     sizes: number of categories of each of these variables. Raises ValueError if there are too many combinations to try.
     """
     if (count := prod(sizes)) > MOST_ROWS:
-        raise ValueError(f"it compares variables with {count:,} combinations, more than {MOST_ROWS:,}")
-    return OneOf(tuple(variables), frozenset(row for row in product(*map(range, sizes)) if test(*row)))
+        raise ValueError(
+            f"it compares variables with {count:,} combinations, more than {MOST_ROWS:,}"
+        )
+    return OneOf(
+        tuple(variables), frozenset(row for row in product(*map(range, sizes)) if test(*row))
+    )
 
 
 def read_text(path: Path, expected: str) -> str:

@@ -68,7 +68,11 @@ class Meanings:
         """Category indices of the next (n,) values or names of categories, -1 where there is none; ValueError for values of a wrong
         type."""
         different, where = _different(self.variable, column)
-        meant = self._named(different) if self.variable.kind == "categorical" else _ranged(self.variable, different)
+        meant = (
+            self._named(different)
+            if self.variable.kind == "categorical"
+            else _ranged(self.variable, different)
+        )
         categories: Ints = np.append(meant, -1)[where]
         if (categories < 0).any():
             self._note(different, np.where(categories < 0, where, -1))
@@ -79,13 +83,33 @@ class Meanings:
         """Why values so far have no category, in the order of the rows."""
         faults, name = [], self.variable.name
         if rows := self._missing:
-            faults.append(Fault(f"{name} must be {_expected(self.variable)}, got nothing", rows.first, rows.number))
-        if len(self._each) > MOST_CATEGORIES or (self._each and self.variable.kind != "categorical"):
+            faults.append(
+                Fault(
+                    f"{name} must be {_expected(self.variable)}, got nothing",
+                    rows.first,
+                    rows.number,
+                )
+            )
+        if len(self._each) > MOST_CATEGORIES or (
+            self._each and self.variable.kind != "categorical"
+        ):
             assert self._unknown is not None
-            faults.append(Fault(self._told(self._first_unknown, len(self._each)), self._unknown.first, self._unknown.number))
+            faults.append(
+                Fault(
+                    self._told(self._first_unknown, len(self._each)),
+                    self._unknown.first,
+                    self._unknown.number,
+                )
+            )
         else:
-            hinted = {self._first_unknown, *nlargest(HINTED, self._each, key=lambda value: self._each[value].number)}
-            faults += [Fault(self._told(value, 1, value in hinted), rows.first, rows.number) for value, rows in self._each.items()]
+            hinted = {
+                self._first_unknown,
+                *nlargest(HINTED, self._each, key=lambda value: self._each[value].number),
+            }
+            faults += [
+                Fault(self._told(value, 1, value in hinted), rows.first, rows.number)
+                for value, rows in self._each.items()
+            ]
         return sorted(faults, key=lambda fault: fault.row)
 
     def _named(self, different: Any) -> Ints:
@@ -96,14 +120,24 @@ class Meanings:
         return np.array([self._category(value) for value in values], np.int64)
 
     def _category(self, value: Any) -> int:
-        return self._known[value] if value in self._known else -1 if value != value else self._names.find(str(value))
+        return (
+            self._known[value]
+            if value in self._known
+            else -1
+            if value != value
+            else self._names.find(str(value))
+        )
 
     def _note(self, different: Any, wrong: Ints) -> None:
         """wrong: (n,) places among the different values of those that have no category, -1 for a value with one."""
         rows = np.flatnonzero(wrong >= 0)
         places, first, numbers = np.unique(wrong[rows], return_index=True, return_counts=True)
         for at in np.argsort(first):
-            value = None if places[at] == len(different) else _values(different.slice(int(places[at]), 1))[0]
+            value = (
+                None
+                if places[at] == len(different)
+                else _values(different.slice(int(places[at]), 1))[0]
+            )
             row, number = self._rows + int(rows[first[at]]), int(numbers[at])
             if value is None or value != value:
                 self._missing = self._missing or _Rows(row)
@@ -117,13 +151,20 @@ class Meanings:
 
     def _told(self, value: Any, group: int, hint: bool = True) -> str:
         """What is wrong with a group of different values, the first of which is given. hint: whether to look for the name that is meant."""
-        expected, categorical = _expected(self.variable, str(value) if hint else ""), self.variable.kind == "categorical"
+        expected, categorical = (
+            _expected(self.variable, str(value) if hint else ""),
+            self.variable.kind == "categorical",
+        )
         if group > MOST_CATEGORIES and categorical:
             return (
                 f"{self.variable.name} has {_count(len(self._known))} different values, as an identifier or a measurement has; "
                 f"expected {expected}, or give it an interval with cuts"
             )
-        shown = repr(value) if isinstance(value, str) and not NUMBER.fullmatch(value.strip()) else str(value)
+        shown = (
+            repr(value)
+            if isinstance(value, str) and not NUMBER.fullmatch(value.strip())
+            else str(value)
+        )
         others = f" and {_count(group - 1)} other values" if group > 1 else ""
         return f"{self.variable.name} must be {expected}, got {shown}{others}"
 
@@ -134,7 +175,9 @@ def _count(number: int) -> str:
 
 def numbers_of(name: str, column: Column) -> Floats:
     """The (n,) numbers of a column, times as seconds since 1970, UTC; nan for what is none. ValueError for values of a wrong type."""
-    different, where = _different(Variable(name, "continuous", low=-np.inf, high=np.inf, cuts=(0,)), column)
+    different, where = _different(
+        Variable(name, "continuous", low=-np.inf, high=np.inf, cuts=(0,)), column
+    )
     return np.asarray(np.append(_numbers(different), np.nan)[where], float)
 
 
@@ -145,18 +188,24 @@ def _different(variable: Variable, column: Column) -> tuple[Any, Ints]:
     """
     kind = column.type
     if pa.types.is_nested(kind) or pa.types.is_binary(kind) or pa.types.is_large_binary(kind):
-        raise ValueError(f"{variable.name}: expected texts, numbers, booleans or times, got values of type {kind}")
+        raise ValueError(
+            f"{variable.name}: expected texts, numbers, booleans or times, got values of type {kind}"
+        )
     if pa.types.is_null(kind) or pa.types.is_float16(kind):
         column = column.cast(pa.string() if pa.types.is_null(kind) else pa.float32())
     elif pa.types.is_dictionary(kind) and not pa.types.is_string(kind.value_type):
         column = column.cast(kind.value_type)
     whole = column.combine_chunks()
-    if variable.kind != "categorical" and (pa.types.is_integer(whole.type) or pa.types.is_floating(whole.type)):
+    if variable.kind != "categorical" and (
+        pa.types.is_integer(whole.type) or pa.types.is_floating(whole.type)
+    ):
         return whole, np.where(np.isnan(_array(whole)), len(whole), np.arange(len(whole)))
     if not pa.types.is_dictionary(whole.type):
         whole = whole.dictionary_encode()
     places = _array(whole.indices)
-    return whole.dictionary, np.where(np.isnan(places), len(whole.dictionary), places).astype(np.int64)
+    return whole.dictionary, np.where(np.isnan(places), len(whole.dictionary), places).astype(
+        np.int64
+    )
 
 
 def _array(numbers: Any) -> Any:
@@ -168,12 +217,21 @@ def _array(numbers: Any) -> Any:
 def _values(different: Any) -> list[Any]:
     """Python's values; a number of single precision as it is written, not as its double."""
     single = pa.types.is_float32(different.type)
-    return list(map(float, map(str, different.to_numpy()))) if single else list(different.to_pylist())
+    return (
+        list(map(float, map(str, different.to_numpy()))) if single else list(different.to_pylist())
+    )
 
 
 def _ranged(variable: Variable, different: Any) -> Ints:
-    numbers, names = _numbers(different), {label: index for index, label in enumerate(variable.labels)}
-    for bound in (variable.low, variable.high, *(variable.cuts or ())) if pa.types.is_float32(different.type) else ():
+    numbers, names = (
+        _numbers(different),
+        {label: index for index, label in enumerate(variable.labels)},
+    )
+    for bound in (
+        (variable.low, variable.high, *(variable.cuts or ()))
+        if pa.types.is_float32(different.type)
+        else ()
+    ):
         numbers[numbers == np.float32(bound)] = bound  # Single precision of 0.7 lies below it.
     inside = (numbers >= variable.low) & (numbers <= variable.high)
     categories = np.full(len(numbers), -1)

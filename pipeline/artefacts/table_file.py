@@ -56,9 +56,13 @@ def open_table(path: Path, wanted: Sequence[str]) -> OpenTable:
     """
     if not path.exists():
         raise InputError(f"{path}: expected {READ}, got no such file")
-    opener = {**dict.fromkeys(CSV, open_csv), **dict.fromkeys(PARQUET, _open_parquet)}.get(path.suffix.lower())
+    opener = {**dict.fromkeys(CSV, open_csv), **dict.fromkeys(PARQUET, _open_parquet)}.get(
+        path.suffix.lower()
+    )
     if opener is None:
-        raise InputError(f"{path}: expected {READ}, got {path.suffix}; what can be read: {ALL_READ}")
+        raise InputError(
+            f"{path}: expected {READ}, got {path.suffix}; what can be read: {ALL_READ}"
+        )
     with _named(path):
         header, batches = opener(path, wanted)
     return OpenTable(header, tuple(column_places(path, header, wanted)), _ahead(path, batches))
@@ -69,9 +73,13 @@ def read_table(path: Path, wanted: Sequence[str]) -> Table:
     table = open_table(path, wanted)
     batches = list(table.batches)
     if not batches:
-        return Table(table.header, {name: pa.chunked_array([], pa.string()) for name in table.columns}, 0)
+        return Table(
+            table.header, {name: pa.chunked_array([], pa.string()) for name in table.columns}, 0
+        )
     whole = pa.concat_tables(batches).unify_dictionaries()
-    return Table(table.header, dict(zip(whole.column_names, whole.columns, strict=True)), whole.num_rows)
+    return Table(
+        table.header, dict(zip(whole.column_names, whole.columns, strict=True)), whole.num_rows
+    )
 
 
 @contextmanager
@@ -100,18 +108,24 @@ def _ahead(path: Path, batches: Iterator[Any]) -> Iterator[Any]:
 def check_format(path: Path) -> None:
     """InputError if the name of a table to write is that of another format."""
     if path.suffix.lower() not in (*CSV, *PARQUET):
-        raise InputError(f"{path}: expected a name that ends in .csv or .parquet, got {path.suffix}")
+        raise InputError(
+            f"{path}: expected a name that ends in .csv or .parquet, got {path.suffix}"
+        )
 
 
 def write_table(path: Path, header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Write texts as parquet or, by any other name, CSV."""
     if path.suffix.lower() in PARQUET:
-        columns = [pa.array(column, pa.string()) for column in zip(*rows, strict=True)] or [pa.array([], pa.string())] * len(header)
+        columns = [pa.array(column, pa.string()) for column in zip(*rows, strict=True)] or [
+            pa.array([], pa.string())
+        ] * len(header)
         buffer = io.BytesIO()
         pq.write_table(pa.Table.from_arrays(columns, list(header)), buffer)
         write_bytes(path, buffer.getvalue())
     else:
-        write_bytes(path, "".join(",".join(map(_field, row)) + "\n" for row in (header, *rows)).encode())
+        write_bytes(
+            path, "".join(",".join(map(_field, row)) + "\n" for row in (header, *rows)).encode()
+        )
 
 
 def _field(text: str) -> str:
@@ -123,12 +137,18 @@ def _open_parquet(path: Path, wanted: Sequence[str]) -> tuple[tuple[str, ...], I
         schema = file.schema_arrow
     header = tuple(schema.names)
     places = column_places(path, header, wanted)
-    texts = [header[place] for place in places.values() if pa.types.is_string(schema.field(place).type)]
+    texts = [
+        header[place] for place in places.values() if pa.types.is_string(schema.field(place).type)
+    ]
 
     def batches() -> Iterator[Any]:
         # Buffered: else a whole column of a row group lies in memory.
         with pq.ParquetFile(path, read_dictionary=texts, buffer_size=BUFFER) as opened:
-            for batch in opened.iter_batches(BATCH_ROWS, columns=[header[place] for place in places.values()], use_threads=False):
-                yield pa.table({name: batch.column(header[place]) for name, place in places.items()})
+            for batch in opened.iter_batches(
+                BATCH_ROWS, columns=[header[place] for place in places.values()], use_threads=False
+            ):
+                yield pa.table(
+                    {name: batch.column(header[place]) for name, place in places.items()}
+                )
 
     return header, batches()

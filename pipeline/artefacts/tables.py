@@ -31,9 +31,18 @@ from pipeline.core.truth import Truth
 from pipeline.errors import InputError
 
 FORMAT = "1"
-TYPES = {int: pa.int64(), float: pa.float64(), bool: pa.bool_(), str: pa.string(), bytes: pa.binary()}
+TYPES = {
+    int: pa.int64(),
+    float: pa.float64(),
+    bool: pa.bool_(),
+    str: pa.string(),
+    bytes: pa.binary(),
+}
 TEST_ID = Column("test_id", str, "scenario, strategy, version, seed and index in one name")
-BOXES = {"visible": "box around the visible part of the pedestrian", "whole": "box around the part that would be visible without occluders"}
+BOXES = {
+    "visible": "box around the visible part of the pedestrian",
+    "whole": "box around the part that would be visible without occluders",
+}
 TESTS = (
     TEST_ID,
     *columns(CampaignId),
@@ -49,12 +58,24 @@ FRAMES = (
     TEST_ID,
     Column("step", int, "number of the time step"),
     Column("image", bytes, "the frame as JPEG"),
-    *(Column(f"{box}_{side}", float, f"{meaning}; no value if there is none", "px") for box, meaning in BOXES.items() for side in SIDES),
+    *(
+        Column(f"{box}_{side}", float, f"{meaning}; no value if there is none", "px")
+        for box, meaning in BOXES.items()
+        for side in SIDES
+    ),
     Column("visible_pixels", int, "visible pixels of the pedestrian", "px"),
     Column("whole_pixels", int, "pixels that would be visible without occluders", "px"),
-    Column("contrast", float, "mean difference in grey levels between the pedestrian's visible pixels and their surroundings"),
+    Column(
+        "contrast",
+        float,
+        "mean difference in grey levels between the pedestrian's visible pixels and their surroundings",
+    ),
     Column("false_positives", int, "false positives of the detector in this frame"),
-    Column("confidence", float, "score of its best detection on the pedestrian, reported or not, 0 if there is none"),
+    Column(
+        "confidence",
+        float,
+        "score of its best detection on the pedestrian, reported or not, 0 if there is none",
+    ),
 )
 DETECTIONS = (
     TEST_ID,
@@ -69,7 +90,12 @@ DETECTIONS = (
 )
 TIMINGS = (
     TEST_ID,
-    Column("sampler_s", float, "time that the strategy took to choose the test: an equal share of its batch's time", "s"),
+    Column(
+        "sampler_s",
+        float,
+        "time that the strategy took to choose the test: an equal share of its batch's time",
+        "s",
+    ),
     Column("simulate_s", float, "time that the execution took", "s"),
 )
 TABLES: Mapping[str, tuple[Column, ...]] = {
@@ -84,11 +110,17 @@ UNCHANGED = "none"
 WHY = (
     Column("region", str, "name of the region"),
     Column("test_id", str, "a failure of the region"),
-    Column("change", str, f"what is changed, such as `no rain`; `{UNCHANGED}` is the failure as its campaign executed it"),
+    Column(
+        "change",
+        str,
+        f"what is changed, such as `no rain`; `{UNCHANGED}` is the failure as its campaign executed it",
+    ),
     Column("status", str, "whether the simulation ended in an error", allowed=("ok", "error")),
     Column("reason", str, "reason of the error, else empty"),
     Column("failure", bool, "whether it fails with the change"),
-    Column("adj_ttc_s", float, "adjusted time-to-collision with the change; no value for an error", "s"),
+    Column(
+        "adj_ttc_s", float, "adjusted time-to-collision with the change; no value for an error", "s"
+    ),
     *SIGHT,
 )
 """Columns of the table beside a scenario's regions."""
@@ -110,7 +142,9 @@ def space_of_tests(path: Path) -> Space:
     try:
         return space_of(json.loads((_opened(path).schema_arrow.metadata or {})[b"space"]))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise InputError(f"{path}: expected the space of its tests in its metadata; make the campaign again") from error
+        raise InputError(
+            f"{path}: expected the space of its tests in its metadata; make the campaign again"
+        ) from error
 
 
 def is_valid(tests: pd.DataFrame) -> pd.Series[bool]:
@@ -168,10 +202,20 @@ def write_campaign(out: Path, rows_of: Callable[[str], pd.DataFrame], space: Spa
 
     rows_of: the rows by name, as in `TABLES`, asked for one after the other; a table without rows needs no columns.
     """
-    own = {"signals": write_signals, "detections": write_detections, "frames": write_frames, "timings": write_timings}
+    own = {
+        "signals": write_signals,
+        "detections": write_detections,
+        "frames": write_frames,
+        "timings": write_timings,
+    }
     for name, write in own.items():
-        write(out.with_name(f"{name}.parquet"), _filled(rows_of(name), [column.name for column in TABLES[name]]))
-    write_tests(out, _filled(rows_of("tests"), [*(column.name for column in TESTS), *space.names]), space)
+        write(
+            out.with_name(f"{name}.parquet"),
+            _filled(rows_of(name), [column.name for column in TABLES[name]]),
+        )
+    write_tests(
+        out, _filled(rows_of("tests"), [*(column.name for column in TESTS), *space.names]), space
+    )
 
 
 def _filled(rows: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
@@ -180,7 +224,9 @@ def _filled(rows: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
 
 def read_campaigns(tests: Sequence[Path], name: str) -> pd.DataFrame:
     """The rows of a table, as in `TABLES`, of several campaigns, one after the other. tests: of each, its tests.parquet."""
-    return pd.concat([_read(path.with_name(f"{name}.parquet"), name) for path in tests], ignore_index=True)
+    return pd.concat(
+        [_read(path.with_name(f"{name}.parquet"), name) for path in tests], ignore_index=True
+    )
 
 
 def write_why(path: Path, rows: pd.DataFrame) -> None:
@@ -192,7 +238,9 @@ def campaign_of(tests: pd.DataFrame, path: Path) -> CampaignId:
     """The campaign of the rows of tests.parquet; InputError that names the file if they belong to none or to several."""
     found = tests[[column.name for column in columns(CampaignId)]].drop_duplicates()
     if len(found) != 1:
-        raise InputError(f"{path}: expected the tests of one campaign, got {len(found)} campaigns; make it again")
+        raise InputError(
+            f"{path}: expected the tests of one campaign, got {len(found)} campaigns; make it again"
+        )
     scenario, strategy, version, seed = found.iloc[0]
     return CampaignId(str(scenario), str(strategy), str(version), int(seed))
 
@@ -202,15 +250,22 @@ def frame_row(kept: KeptFrame) -> dict[str, Any]:
     truth = kept.frame.truth
     row: dict[str, Any] = {"step": kept.step}
     for kind, box in (("visible", truth.visible_box), ("whole", truth.whole_box)):
-        row |= {f"{kind}_{side}": value for side, value in zip(SIDES, box or (np.nan,) * 4, strict=True)}
+        row |= {
+            f"{kind}_{side}": value for side, value in zip(SIDES, box or (np.nan,) * 4, strict=True)
+        }
     row |= {name: getattr(truth, name) for name in ("visible_pixels", "whole_pixels", "contrast")}
-    return row | {"false_positives": kept.matching.false_positives, "confidence": kept.matching.any_confidence}
+    return row | {
+        "false_positives": kept.matching.false_positives,
+        "confidence": kept.matching.any_confidence,
+    }
 
 
 def frame_truth(row: pd.Series) -> Truth:
     """The ground truth in a row of frames.parquet."""
     visible, whole = frame_box(row, "visible"), frame_box(row, "whole")
-    return Truth(visible, whole, int(row["visible_pixels"]), int(row["whole_pixels"]), float(row["contrast"]))
+    return Truth(
+        visible, whole, int(row["visible_pixels"]), int(row["whole_pixels"]), float(row["contrast"])
+    )
 
 
 def frame_box(row: pd.Series, kind: str) -> Box | None:
@@ -220,19 +275,38 @@ def frame_box(row: pd.Series, kind: str) -> Box | None:
 
 
 def _field(column: Column) -> pa.Field:
-    return pa.field(column.name, TYPES[column.kind], column.kind is float, {"unit": column.unit} if column.unit else None)
+    return pa.field(
+        column.name,
+        TYPES[column.kind],
+        column.kind is float,
+        {"unit": column.unit} if column.unit else None,
+    )
 
 
 def _variable_field(variable: Variable) -> pa.Field:
     kind = pa.string() if variable.kind == "categorical" else pa.float64()
-    return pa.field(variable.name, kind, nullable=False, metadata={"unit": variable.unit} if variable.unit else None)
+    return pa.field(
+        variable.name,
+        kind,
+        nullable=False,
+        metadata={"unit": variable.unit} if variable.unit else None,
+    )
 
 
-def _write(path: Path, frame: pd.DataFrame, expected: Sequence[Column], space: Space | None = None) -> None:
-    schema = pa.schema([*map(_field, expected), *map(_variable_field, space.variables if space else ())])
-    missing, unknown = set(schema.names) - set(frame.columns), set(frame.columns) - set(schema.names)
+def _write(
+    path: Path, frame: pd.DataFrame, expected: Sequence[Column], space: Space | None = None
+) -> None:
+    schema = pa.schema(
+        [*map(_field, expected), *map(_variable_field, space.variables if space else ())]
+    )
+    missing, unknown = (
+        set(schema.names) - set(frame.columns),
+        set(frame.columns) - set(schema.names),
+    )
     if missing or unknown:
-        raise ValueError(f"{path.name} must have columns {schema.names}; missing {sorted(missing)}, unknown {sorted(unknown)}")
+        raise ValueError(
+            f"{path.name} must have columns {schema.names}; missing {sorted(missing)}, unknown {sorted(unknown)}"
+        )
     arrays = [pa.array(frame[field.name], field.type, from_pandas=True) for field in schema]
     about = {"blindspot": FORMAT, **({"space": json.dumps(plain_space(space))} if space else {})}
     table = pa.table(arrays, schema=schema.with_metadata(about))
@@ -253,8 +327,12 @@ def _read(path: Path, name: str, columns: Sequence[str] | None = None) -> pd.Dat
     if name == "tests" and variables & {pa.string(), pa.float64()}:
         found = {known: kind for known, kind in found.items() if known in wanted}
     if found != wanted:
-        wrong = sorted({column for column in {*wanted, *found} if wanted.get(column) != found.get(column)})
-        raise InputError(f"{path}: expected a {name} table, its columns {wrong} differ; make it again")
+        wrong = sorted(
+            {column for column in {*wanted, *found} if wanted.get(column) != found.get(column)}
+        )
+        raise InputError(
+            f"{path}: expected a {name} table, its columns {wrong} differ; make it again"
+        )
     try:
         table = file.read(columns=list(columns) if columns is not None else None)
     except (pa.ArrowException, OSError) as error:
@@ -285,7 +363,11 @@ def _problem(table: pa.Table, expected: Sequence[Column]) -> str:
         column = table.column(field.name)
         if not field.nullable and column.null_count:
             return f"column {field.name} must have no empty rows, got {column.null_count}"
-        foreign = set(column.unique().to_pylist()) - allowed[field.name] if field.name in allowed else set()
+        foreign = (
+            set(column.unique().to_pylist()) - allowed[field.name]
+            if field.name in allowed
+            else set()
+        )
         if foreign:
             return f"column {field.name} must hold {sorted(allowed[field.name])}, got {sorted(foreign)}"
     return ""

@@ -27,6 +27,16 @@ def whole_number(key: str, text: Any, low: int, high: int) -> int:
 
 def shown(plain: Any) -> str:
     """A value as YAML, shortened if it is long."""
-    if isinstance(plain, list) and len(plain) <= 6 and all(isinstance(item, str | None) for item in plain):
+    if (
+        isinstance(plain, list)
+        and len(plain) <= 6
+        and all(isinstance(item, str | None) for item in plain)
+    ):
         return f"[{', '.join(map(shown, plain))}]"
-    return "null" if plain is None else plain if isinstance(plain, str) and plain else reprlib.repr(plain)
+    return (
+        "null"
+        if plain is None
+        else plain
+        if isinstance(plain, str) and plain
+        else reprlib.repr(plain)
+    )

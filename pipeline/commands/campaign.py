@@ -51,7 +51,9 @@ HELP = "Search a scenario for failures with one strategy. Ctrl-C stops it; the s
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("words", nargs="*", metavar="key=value", help=WORDS)
-    parser.add_argument("--threads", type=whole(1), default=2, help="worker processes (default: %(default)s)")
+    parser.add_argument(
+        "--threads", type=whole(1), default=2, help="worker processes (default: %(default)s)"
+    )
     parser.epilog = "With --kind, --scenario, --strategy, --version and --seed, the step of a study's workflow runs instead."
 
 
@@ -69,7 +71,9 @@ class Search:
 
     @property
     def folder(self) -> Path:
-        return self.out or Path("data/by_hand", self.scenario, self.strategy, self.model.name, str(self.seed))
+        return self.out or Path(
+            "data/by_hand", self.scenario, self.strategy, self.model.name, str(self.seed)
+        )
 
 
 def number(least: int, most: int = MOST) -> Callable[[str, str], int]:
@@ -106,7 +110,9 @@ def run(options: argparse.Namespace) -> int:
 
 def waiting(folder: Path) -> Callable[[], None]:
     """Says that another process uses a folder."""
-    return lambda: print(f"{folder}: waiting for another process that executes tests there", file=sys.stderr)
+    return lambda: print(
+        f"{folder}: waiting for another process that executes tests there", file=sys.stderr
+    )
 
 
 def _run(search: Search, plan: CampaignPlan, threads: int) -> int:
@@ -129,7 +135,12 @@ def _run(search: Search, plan: CampaignPlan, threads: int) -> int:
     except KeyboardInterrupt:
         print(f"\nstopped; finished tests are in {journal}, and the same command resumes")
         return STOPPED
-    write_bytes(stamp, stamps.made(stamp, plan.identity, [tests.with_name(f"{name}.parquet") for name in TABLES]).text().encode())
+    write_bytes(
+        stamp,
+        stamps.made(stamp, plan.identity, [tests.with_name(f"{name}.parquet") for name in TABLES])
+        .text()
+        .encode(),
+    )
     shutil.rmtree(journal, ignore_errors=True)
     print(summary(plan, done))
     print(f"tables: {search.folder}/tests.parquet, signals, detections, frames and timings")
@@ -154,7 +165,9 @@ def check_free(folder: Path, identity: str, finished: str | None) -> None:
 
     found = finished or identity_of(folder / "journal")
     if found not in (None, identity):
-        raise InputError(f"{folder} holds another search, or one by other code; choose another folder with out=, or delete this one")
+        raise InputError(
+            f"{folder} holds another search, or one by other code; choose another folder with out=, or delete this one"
+        )
     others = [entry for entry in folder.iterdir() if not any(map(entry.match, UNFINISHED))]
     if found is None and others:
         raise InputError(_foreign(folder, others))
@@ -169,7 +182,9 @@ def asked(words: Sequence[str]) -> Search:
     return Search(**read_words(words, READ))
 
 
-def read_words(words: Sequence[str], readers: Mapping[str, Callable[[str, str], Any]]) -> dict[str, Any]:
+def read_words(
+    words: Sequence[str], readers: Mapping[str, Callable[[str, str], Any]]
+) -> dict[str, Any]:
     """Values by key, and other words as `overrides`; InputError for a wrong one. readers: how each key is read, from key and text."""
     values: dict[str, Any] = {}
     overrides: list[str] = []
@@ -181,7 +196,9 @@ def read_words(words: Sequence[str], readers: Mapping[str, Callable[[str, str], 
             raise InputError(f"{key} is given twice: {values[key]} and {value}")
         if key in readers:
             values[key] = readers[key](key, value)
-        elif "." not in key and (meant := difflib.get_close_matches(key, list(readers), n=1, cutoff=0.7)):
+        elif "." not in key and (
+            meant := difflib.get_close_matches(key, list(readers), n=1, cutoff=0.7)
+        ):
             raise InputError(f"unknown key '{key}'; did you mean '{meant[0]}'?")
         else:
             overrides.append(word)
@@ -196,7 +213,9 @@ def planned(search: Search) -> CampaignPlan:
 
     config = study_of(search.scenario, search.overrides)
     if search.strategy not in config.samplers:
-        raise InputError(f"strategy: there is no '{search.strategy}'{nearest(search.strategy, config.samplers)}")
+        raise InputError(
+            f"strategy: there is no '{search.strategy}'{nearest(search.strategy, config.samplers)}"
+        )
     _check_used(search)
     campaign = CampaignId(search.scenario, search.strategy, search.model.name, search.seed)
     return CampaignPlan(
@@ -205,7 +224,12 @@ def planned(search: Search) -> CampaignPlan:
         tests=search.budget,
         failure_threshold_s=config.campaign.failure_threshold_s,
         strategy=config.samplers[search.strategy],
-        setup=Setup.of(config, search.scenario, onnx_of(search.model, search.folder), keep_every=config.campaign.keep_every),
+        setup=Setup.of(
+            config,
+            search.scenario,
+            onnx_of(search.model, search.folder),
+            keep_every=config.campaign.keep_every,
+        ),
     )
 
 
@@ -215,7 +239,9 @@ def _check_used(search: Search) -> None:
     for word in search.overrides:
         key = word.lstrip("+~").partition("=")[0]
         if not any(key == own or key.startswith(f"{own}.") for own in used):
-            raise InputError(f"{key}: the tests of this command do not depend on it; of a study's settings, it uses {', '.join(used)}")
+            raise InputError(
+                f"{key}: the tests of this command do not depend on it; of a study's settings, it uses {', '.join(used)}"
+            )
 
 
 def summary(plan: CampaignPlan, done: Sequence[Executed]) -> str:
@@ -226,7 +252,14 @@ def summary(plan: CampaignPlan, done: Sequence[Executed]) -> str:
     lines = [f"{len(failed)} of {judged} tests fail{f', {errors} errors' if errors else ''}"]
     if failed:
         points = np.array([test.point for test in failed])
-        causes = ", ".join(f"{cause} {count}" for cause, count in Counter(test.kpi.cause for test in failed).most_common())
-        lines.append(f"{kinds_of(plan.space, points)} kinds (combinations of person and pose); causes: {causes}")
-        lines.append(f"the failures cover {pair_coverage(plan.space, points):.1%} of all pairs of categories")
+        causes = ", ".join(
+            f"{cause} {count}"
+            for cause, count in Counter(test.kpi.cause for test in failed).most_common()
+        )
+        lines.append(
+            f"{kinds_of(plan.space, points)} kinds (combinations of person and pose); causes: {causes}"
+        )
+        lines.append(
+            f"the failures cover {pair_coverage(plan.space, points):.1%} of all pairs of categories"
+        )
     return "\n".join(lines)

@@ -13,7 +13,12 @@ HELP = "Compose conf/ into params.yaml."
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("words", nargs="+", metavar="study=NAME", help="the study, then Hydra overrides such as campaign.tests=100")
+    parser.add_argument(
+        "words",
+        nargs="+",
+        metavar="study=NAME",
+        help="the study, then Hydra overrides such as campaign.tests=100",
+    )
     parser.add_argument("--out", type=typed, default=PARAMS, help="the file (default: %(default)s)")
 
 

@@ -18,7 +18,9 @@ HELP = "Draw a scenario in all weathers and at several distances."
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scenario", help="name of a file in conf/scenario, such as F1")
-    parser.add_argument("--out", type=typed, default="contact-sheet.png", help="the picture (default: %(default)s)")
+    parser.add_argument(
+        "--out", type=typed, default="contact-sheet.png", help="the picture (default: %(default)s)"
+    )
 
 
 def run(options: argparse.Namespace) -> int:

@@ -20,36 +20,97 @@ SECONDS = {"propose": 20.0, "plan": 30.0}
 def arguments(parser: argparse.ArgumentParser) -> None:
     """`coverage score|propose|plan|verify|export`."""
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
-    score = _verb(verbs, "score", "How well points cover every combination of categories of any k conditions.")
+    score = _verb(
+        verbs, "score", "How well points cover every combination of categories of any k conditions."
+    )
     _add_projection(score, points_required=True)
-    score.add_argument("--figures", type=Path, help="folder for a heat map of every plane and the growth of coverage")
+    score.add_argument(
+        "--figures",
+        type=Path,
+        help="folder for a heat map of every plane and the growth of coverage",
+    )
     propose = _verb(verbs, "propose", "The next points that raise coverage most.")
     _add_projection(propose, points_required=False)
     propose.add_argument("--count", type=int, help="how many (default: 1)")
-    propose.add_argument("--complete", action="store_true", help="as many as full coverage needs: the fewest, or few and a bound")
-    propose.add_argument("--exact", action="store_true", help="use 0-1 programming: the optimum, or the best found in time and a bound")
-    propose.add_argument("--heavy-first", action="store_true", help="prefer heavy cells to many cells")
+    propose.add_argument(
+        "--complete",
+        action="store_true",
+        help="as many as full coverage needs: the fewest, or few and a bound",
+    )
+    propose.add_argument(
+        "--exact",
+        action="store_true",
+        help="use 0-1 programming: the optimum, or the best found in time and a bound",
+    )
+    propose.add_argument(
+        "--heavy-first", action="store_true", help="prefer heavy cells to many cells"
+    )
     propose.add_argument("--output", type=Path, help="CSV or parquet file for the points")
-    plan = _verb(verbs, "plan", "A covering array: few points with every combination of categories of any conditions.")
-    plan.add_argument("--strength", type=int, default=2, help="number of conditions to combine, 1 to 6 (default: %(default)s)")
-    plan.add_argument("--effort", choices=("quick", "polish"), default="quick", help="polish searches for --seconds (default: %(default)s)")
-    plan.add_argument("--cpu-seconds", type=float, help="time limit of polish in processor time, for the same effort on a busy machine")
+    plan = _verb(
+        verbs,
+        "plan",
+        "A covering array: few points with every combination of categories of any conditions.",
+    )
+    plan.add_argument(
+        "--strength",
+        type=int,
+        default=2,
+        help="number of conditions to combine, 1 to 6 (default: %(default)s)",
+    )
+    plan.add_argument(
+        "--effort",
+        choices=("quick", "polish"),
+        default="quick",
+        help="polish searches for --seconds (default: %(default)s)",
+    )
+    plan.add_argument(
+        "--cpu-seconds",
+        type=float,
+        help="time limit of polish in processor time, for the same effort on a busy machine",
+    )
     plan.add_argument("--include", type=Path, help="table of points that must be in the plan")
     plan.add_argument("--output", type=Path, help="CSV or parquet file for the plan")
     for timed, verb, limited in ((propose, "propose", "--exact"), (plan, "plan", "polish")):
-        timed.add_argument("--seconds", type=float, help=f"time limit of {limited} (default: {SECONDS[verb]})")
+        timed.add_argument(
+            "--seconds", type=float, help=f"time limit of {limited} (default: {SECONDS[verb]})"
+        )
         timed.add_argument("--seed", type=int, default=0, help="random seed (default: %(default)s)")
-    verify = _verb(verbs, "verify", "Check a plan independently of the code that made it; exit code 1 if it is not valid.")
+    verify = _verb(
+        verbs,
+        "verify",
+        "Check a plan independently of the code that made it; exit code 1 if it is not valid.",
+    )
     verify.add_argument("--points", type=Path, required=True, help="the plan: CSV or parquet")
-    verify.add_argument("--strength", type=int, default=2, help="number of conditions to combine (default: %(default)s)")
+    verify.add_argument(
+        "--strength",
+        type=int,
+        default=2,
+        help="number of conditions to combine (default: %(default)s)",
+    )
     export = _verb(verbs, "export", "Write a space as a PICT or ACTS model, or as a space file.")
-    export.add_argument("--output", type=Path, required=True, help="file to write; .txt is PICT, .xml ACTS, .yaml a space file")
-    export.add_argument("--format", choices=("pict", "acts", "acts-xml", "space"), help="the format, if the file's name does not say it")
+    export.add_argument(
+        "--output",
+        type=Path,
+        required=True,
+        help="file to write; .txt is PICT, .xml ACTS, .yaml a space file",
+    )
+    export.add_argument(
+        "--format",
+        choices=("pict", "acts", "acts-xml", "space"),
+        help="the format, if the file's name does not say it",
+    )
 
 
-def _verb(verbs: argparse._SubParsersAction[argparse.ArgumentParser], name: str, text: str) -> argparse.ArgumentParser:
+def _verb(
+    verbs: argparse._SubParsersAction[argparse.ArgumentParser], name: str, text: str
+) -> argparse.ArgumentParser:
     added = verbs.add_parser(name, help=text, description=text)
-    added.add_argument("--space", type=Path, required=True, help="space file, PICT model, ACTS model or OpenODD file")
+    added.add_argument(
+        "--space",
+        type=Path,
+        required=True,
+        help="space file, PICT model, ACTS model or OpenODD file",
+    )
     added.add_argument("--json", action="store_true", help="print one JSON object")
     return added
 
@@ -61,11 +122,24 @@ def _add_projection(parser: argparse.ArgumentParser, points_required: bool) -> N
         required=points_required,
         help=f"CSV, parquet, {IMAGE_SETS}",
     )
-    parser.add_argument("--metadata", type=Path, help="for images: a table with file_name and the conditions of each image")
-    parser.add_argument("--strict", action="store_true", help="refuse a table with rows that are partial or break a constraint")
-    parser.add_argument("--k", type=int, default=2, help="number of conditions to combine (default: %(default)s)")
     parser.add_argument(
-        "--operator", choices=("product", "sum", "max"), default="product", help="how weights combine (default: %(default)s)"
+        "--metadata",
+        type=Path,
+        help="for images: a table with file_name and the conditions of each image",
+    )
+    parser.add_argument(
+        "--strict",
+        action="store_true",
+        help="refuse a table with rows that are partial or break a constraint",
+    )
+    parser.add_argument(
+        "--k", type=int, default=2, help="number of conditions to combine (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--operator",
+        choices=("product", "sum", "max"),
+        default="product",
+        help="how weights combine (default: %(default)s)",
     )
 
 
@@ -89,7 +163,9 @@ def _check(options: argparse.Namespace) -> None:
     if getattr(options, "complete", False):
         for option in ("count", "exact", "seconds"):
             if (given := getattr(options, option)) is not None and given is not False:
-                raise InputError(f"--complete proposes as many points as are needed; leave out --{option}")
+                raise InputError(
+                    f"--complete proposes as many points as are needed; leave out --{option}"
+                )
     if getattr(options, "metadata", None) and options.points is None:
         raise InputError("--metadata gives the conditions of images; name the images by --points")
     if getattr(options, "cpu_seconds", None) is not None and options.seconds is not None:
@@ -104,7 +180,11 @@ def _check(options: argparse.Namespace) -> None:
     if not getattr(options, "exact", True) and options.seconds is not None:
         raise InputError("--seconds limits --exact; add --exact")
     options.count = 1 if getattr(options, "count", None) is None else options.count
-    options.seconds = SECONDS.get(options.verb, 0.0) if getattr(options, "seconds", None) is None else options.seconds
+    options.seconds = (
+        SECONDS.get(options.verb, 0.0)
+        if getattr(options, "seconds", None) is None
+        else options.seconds
+    )
 
 
 def _check_outputs(options: argparse.Namespace) -> None:

@@ -17,8 +17,15 @@ PORT = 8765
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("study", nargs="?", metavar="STUDY", help="default: the study in params.yaml")
-    parser.add_argument("--port", type=int, default=PORT, help="port on 127.0.0.1; 0 takes a free one (default: %(default)s)")
+    parser.add_argument(
+        "study", nargs="?", metavar="STUDY", help="default: the study in params.yaml"
+    )
+    parser.add_argument(
+        "--port",
+        type=int,
+        default=PORT,
+        help="port on 127.0.0.1; 0 takes a free one (default: %(default)s)",
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -36,7 +43,10 @@ def run(options: argparse.Namespace) -> int:
     except (OSError, OverflowError) as error:
         raise InputError(_port_message(options.port, error)) from error
     with server:
-        print(f"The report of study {config.study} is at http://{ADDRESS}:{server.port}/ (stop it with Ctrl-C)", flush=True)
+        print(
+            f"The report of study {config.study} is at http://{ADDRESS}:{server.port}/ (stop it with Ctrl-C)",
+            flush=True,
+        )
         server.serve_forever()
     return 0
 
@@ -48,7 +58,9 @@ def chosen(study: str | None) -> tuple[Config, Path]:
     config = load(params)
     if study not in (None, config.study):
         check_study(study)
-        instead = f"python -m pipeline compose study={study}, with the overrides that it was made with"
+        instead = (
+            f"python -m pipeline compose study={study}, with the overrides that it was made with"
+        )
         raise InputError(f"{params} holds study {config.study}, expected {study}; type: {instead}")
     return config, params
 
@@ -57,11 +69,15 @@ def pages_of(folders: Folders) -> Mapping[str, Path]:
     """The pages with a table of tests, by their addresses; InputError if the study has none or is not finished."""
     study = folders.config.study
     if folders.config.goal not in ("report", "detectors"):
-        raise InputError(f"study {study} has no report of tests; it makes {', '.join(folders.goals)}")
+        raise InputError(
+            f"study {study} has no report of tests; it makes {', '.join(folders.goals)}"
+        )
     paths = [Path(goal) for goal in folders.goals if goal.endswith(".html")]
     missing = next((path for path in paths if not path.is_file()), None)
     if missing is not None:
-        raise InputError(f"{missing}: no such file, so study {study} is not finished; finish it first (./run, or the same test-detector)")
+        raise InputError(
+            f"{missing}: no such file, so study {study} is not finished; finish it first (./run, or the same test-detector)"
+        )
     return {f"/{path.relative_to(folders.root).as_posix()}": path for path in paths}
 
 

@@ -14,7 +14,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("frames", type=typed, help="frames.parquet of a campaign")
     parser.add_argument("--out", type=typed, default="frames", help="folder (default: %(default)s)")
     parser.add_argument("--films", action="store_true", help="write a film of each failure, too")
-    parser.add_argument("--params", type=typed, default=PARAMS, help="params.yaml of the study, for its camera (default: %(default)s)")
+    parser.add_argument(
+        "--params",
+        type=typed,
+        default=PARAMS,
+        help="params.yaml of the study, for its camera (default: %(default)s)",
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -22,11 +27,20 @@ def run(options: argparse.Namespace) -> int:
     from pipeline.artefacts.frame_export import export_frames
 
     camera = load(options.params).camera
-    count = export_frames(options.frames, options.out, float(camera.get("hfov_deg", 60)), float(camera.get("distortion", 0)))
-    print(f"{options.out}: {count.train} frames to train, {count.val} to validate; tests in a failure region: {count.in_regions}")
+    count = export_frames(
+        options.frames,
+        options.out,
+        float(camera.get("hfov_deg", 60)),
+        float(camera.get("distortion", 0)),
+    )
+    print(
+        f"{options.out}: {count.train} frames to train, {count.val} to validate; tests in a failure region: {count.in_regions}"
+    )
     if options.films:
         from pipeline.report.films import write_films
 
         films = options.out / "films"
-        print(f"{films}: {write_films(options.frames, films, float(camera.get('rate_hz', 10)))} films")
+        print(
+            f"{films}: {write_films(options.frames, films, float(camera.get('rate_hz', 10)))} films"
+        )
     return 0

@@ -13,8 +13,15 @@ HELP = "Write one concrete scenario as OpenSCENARIO and OpenDRIVE."
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scenario", help="name of a file in conf/scenario, such as F1")
-    parser.add_argument("words", nargs="*", metavar="key=value", help="scenario variables; others have defaults")
-    parser.add_argument("--out", type=typed, default="scenario", help="name of both files, without suffix (default: %(default)s)")
+    parser.add_argument(
+        "words", nargs="*", metavar="key=value", help="scenario variables; others have defaults"
+    )
+    parser.add_argument(
+        "--out",
+        type=typed,
+        default="scenario",
+        help="name of both files, without suffix (default: %(default)s)",
+    )
 
 
 def run(options: argparse.Namespace) -> int:

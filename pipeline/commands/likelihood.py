@@ -11,7 +11,17 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.artefacts.job_lock import held
 from pipeline.artefacts.tables import is_valid
-from pipeline.commands.campaign import STOPPED, UNFINISHED, Search, check_folder, check_free, number, planned, read_words, waiting
+from pipeline.commands.campaign import (
+    STOPPED,
+    UNFINISHED,
+    Search,
+    check_folder,
+    check_free,
+    number,
+    planned,
+    read_words,
+    waiting,
+)
 from pipeline.config.arguments import whole
 from pipeline.config.exposure import ExposureFile, read_exposure
 from pipeline.config.project import typed
@@ -40,7 +50,9 @@ HELP = "Estimate how likely a failure is under an exposure. Ctrl-C stops it; the
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("words", nargs="*", metavar="key=value", help=WORDS)
-    parser.add_argument("--threads", type=whole(1), default=2, help="worker processes (default: %(default)s)")
+    parser.add_argument(
+        "--threads", type=whole(1), default=2, help="worker processes (default: %(default)s)"
+    )
     parser.add_argument(
         "--from",
         dest="folders",
@@ -107,7 +119,9 @@ def run(options: argparse.Namespace) -> int:
         _check_weighs(words)
     exposure = read_exposure(question.exposure)
     try:
-        rates = weighed(folders, exposure) if folders else executed(question, exposure, options.threads)
+        rates = (
+            weighed(folders, exposure) if folders else executed(question, exposure, options.threads)
+        )
     except KeyboardInterrupt:
         print(f"\nstopped; finished tests are in {question.folder}, and the same command resumes")
         return STOPPED
@@ -119,7 +133,9 @@ def asked(words: Sequence[str]) -> Question:
     """The question of some words; InputError for a wrong one."""
     question = Question(**read_words(words, READ))
     if question.below is not None and question.method != "monte_carlo":
-        raise InputError(f"below: only monte_carlo stops once a limit is settled, got method={question.method}")
+        raise InputError(
+            f"below: only monte_carlo stops once a limit is settled, got method={question.method}"
+        )
     return question
 
 
@@ -133,14 +149,18 @@ def _check_weighs(words: Sequence[str]) -> None:
     """InputError for a word that says nothing to tests that exist."""
     for key in (word.partition("=")[0] for word in words):
         if key not in ("exposure", "below"):
-            raise InputError(f"{key}: --from executes nothing and weights the tests in its folders; leave the word out")
+            raise InputError(
+                f"{key}: --from executes nothing and weights the tests in its folders; leave the word out"
+            )
 
 
 def scenarios_of(question: Question, exposure: ExposureFile) -> list[str]:
     """The scenarios of a question, `all` being those that the exposure names; InputError for none and for one twice."""
     if question.scenario == "all":
         if exposure.scenarios is None:
-            raise InputError(f"scenario=all: exposure '{question.exposure}' has no shares of scenarios, so name them, as in scenario=F1,F2")
+            raise InputError(
+                f"scenario=all: exposure '{question.exposure}' has no shares of scenarios, so name them, as in scenario=F1,F2"
+            )
         return list(exposure.scenarios.shares)
     named = question.scenario.split(",")
     if len(set(named)) < len(named):
@@ -176,21 +196,42 @@ def executed(question: Question, exposure: ExposureFile, threads: int) -> dict[s
 
 def plan_of(question: Question, scenario: str, exposure: ExposureFile) -> CampaignPlan:
     """The campaign that an estimator asks for."""
-    others = tuple(f"scenarios.{name}." for name in scenarios_of(question, exposure) if name != scenario)
+    others = tuple(
+        f"scenarios.{name}." for name in scenarios_of(question, exposure) if name != scenario
+    )
     own = (word for word in question.overrides if not word.lstrip("+~").startswith(others))
     for word in question.overrides:
         if word.lstrip("+~").startswith("samplers."):
-            raise InputError(f"{word}: an estimator chooses the tests, so no strategy counts; leave the word out")
+            raise InputError(
+                f"{word}: an estimator chooses the tests, so no strategy counts; leave the word out"
+            )
     overrides = ("campaign.keep_every=0", *own)
-    search = Search(scenario, AUDIT, question.budget, question.seed, question.model, question.folder / scenario, overrides)
+    search = Search(
+        scenario,
+        AUDIT,
+        question.budget,
+        question.seed,
+        question.model,
+        question.folder / scenario,
+        overrides,
+    )
     base = planned(search)
     if not base.setup.scenario.asks_to_brake:
-        raise InputError(f"scenario: {scenario} asks the ego not to brake, and an estimator cannot learn from false activations")
+        raise InputError(
+            f"scenario: {scenario} asks the ego not to brake, and an estimator cannot learn from false activations"
+        )
     exposure.of(scenario, base.space)
     campaign = CampaignId(scenario, question.method, question.model.name, question.seed)
     below = {} if question.below is None else {"below": question.below}
-    known = {"exposure": exposure.plain, "budget": question.budget, "failure_threshold_s": base.failure_threshold_s, **below}
-    return replace(base, campaign=campaign, strategy={"_target_": METHODS[question.method], **known})
+    known = {
+        "exposure": exposure.plain,
+        "budget": question.budget,
+        "failure_threshold_s": base.failure_threshold_s,
+        **below,
+    }
+    return replace(
+        base, campaign=campaign, strategy={"_target_": METHODS[question.method], **known}
+    )
 
 
 def rate_of(plan: CampaignPlan, done: Sequence[Executed]) -> Rate:
@@ -200,7 +241,11 @@ def rate_of(plan: CampaignPlan, done: Sequence[Executed]) -> Rate:
     from pipeline.core.kpi import told
 
     estimator: Any = plan.sampler()
-    kpi = told(np.array([test.kpi.adj_ttc_s for test in done]), [test.kpi.failure for test in done], plan.failure_threshold_s)
+    kpi = told(
+        np.array([test.kpi.adj_ttc_s for test in done]),
+        [test.kpi.failure for test in done],
+        plan.failure_threshold_s,
+    )
     number = 0
     while len(points := estimator.ask()[: len(done) - number]):
         estimator.tell(points, kpi[number : number + len(points)])
@@ -232,10 +277,14 @@ def weighed(folders: Sequence[Path], exposure: ExposureFile) -> dict[str, Rate]:
     for path, table in tables.items():
         for scenario in set(table["scenario"]):
             if spaces.setdefault(scenario, space := space_of_tests(path)) != space:
-                raise InputError(f"--from: expected tests of one space of {scenario}, got another one in {path}")
+                raise InputError(
+                    f"--from: expected tests of one space of {scenario}, got another one in {path}"
+                )
     twice = tests[tests.duplicated("test_id")]
     if len(twice):
-        raise InputError(f"--from: {twice.iloc[0]['test_id']} is in two of the tables; leave one of them out, since a test counts once")
+        raise InputError(
+            f"--from: {twice.iloc[0]['test_id']} is in two of the tables; leave one of them out, since a test counts once"
+        )
     rates = {}
     for scenario, rows in tests.groupby("scenario"):
         valid = rows[is_valid(rows)]
@@ -243,7 +292,9 @@ def weighed(folders: Sequence[Path], exposure: ExposureFile) -> dict[str, Rate]:
             raise InputError(f"--from: {scenario} has no test without an error")
         space = spaces[str(scenario)]
         points, failed = encode_tests(valid, space), valid["failure"].to_numpy(bool)
-        rates[str(scenario)] = reweighted(exposure.of(str(scenario), space), points, failed, len(rows) - len(valid))
+        rates[str(scenario)] = reweighted(
+            exposure.of(str(scenario), space), points, failed, len(rows) - len(valid)
+        )
     return rates
 
 
@@ -252,7 +303,10 @@ def answer(rates: Mapping[str, Rate], question: Question, exposure: ExposureFile
     from pipeline.core.likelihood.rate import combined, sentence
 
     shares = exposure.shares(list(rates))
-    lines = [line(f"{name} ({share:.0%})" if len(rates) > 1 else name, rates[name]) for name, share in zip(rates, shares, strict=True)]
+    lines = [
+        line(f"{name} ({share:.0%})" if len(rates) > 1 else name, rates[name])
+        for name, share in zip(rates, shares, strict=True)
+    ]
     system = combined(list(rates.values()), shares)
     if len(rates) > 1:
         lines.append(line("system", replace(system, note="")))

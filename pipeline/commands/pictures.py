@@ -27,7 +27,9 @@ README_ROWS = {
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument("--out", type=typed, default=Path("docs/images"), help="folder (default: %(default)s)")
+    parser.add_argument(
+        "--out", type=typed, default=Path("docs/images"), help="folder (default: %(default)s)"
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -38,14 +40,19 @@ def run(options: argparse.Namespace) -> int:
     from pipeline.simulators.mujoco.contact_sheet import WEATHERS, crew_sheet, scenario_sheet
 
     rows = [
-        scenario_sheet(functional_scenario(name), {}, {weather: WEATHERS[weather] for weather in weathers})
+        scenario_sheet(
+            functional_scenario(name), {}, {weather: WEATHERS[weather] for weather in weathers}
+        )
         for name, weathers in README_ROWS.items()
     ]
     _write(options.out / "contact-sheet.jpg", np.vstack(rows), 86)
     for path in sorted((CONF / "scenario").glob("[!_]*.yaml")):
         sheet = scenario_sheet(functional_scenario(path.stem), {})
         height, width = sheet.shape[:2]
-        smaller = np.asarray(cv2.resize(sheet, (width * 3 // 4, height * 3 // 4), interpolation=cv2.INTER_AREA), np.uint8)
+        smaller = np.asarray(
+            cv2.resize(sheet, (width * 3 // 4, height * 3 // 4), interpolation=cv2.INTER_AREA),
+            np.uint8,
+        )
         _write(options.out / f"{path.stem}.jpg", smaller, 82)
     for stem, name in (("pedestrians", "F3"), ("pedestrians-held-out", "F3star")):
         _write(options.out / f"{stem}.jpg", crew_sheet(functional_scenario(name)), 80)

@@ -17,14 +17,21 @@ CALIBRATION_IMAGES = 100
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--model", type=typed, default=Path("models/uniform"), help="folder of a model version (default: %(default)s)")
+    parser.add_argument(
+        "--model",
+        type=typed,
+        default=Path("models/uniform"),
+        help="folder of a model version (default: %(default)s)",
+    )
     parser.add_argument(
         "--base-set",
         type=typed,
         default=Path("data/default/base_set/truth.coco.json"),
         help="folder or truth.coco.json of the base set that sets the ranges and gives the metrics (default: %(default)s)",
     )
-    parser.add_argument("--out", type=typed, default="int8.onnx", help="the file (default: %(default)s)")
+    parser.add_argument(
+        "--out", type=typed, default="int8.onnx", help="the file (default: %(default)s)"
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -44,14 +51,20 @@ def run(options: argparse.Namespace) -> int:
     calibration = Calibration(**card.calibration)
     training, validation = (read_dataset(base_set, split) for split in ("train", "val"))
     if training.size != card.input_size:
-        raise InputError(f"--base-set: expected images of {card.input_size} px, as the detector was trained on, got {training.size}")
+        raise InputError(
+            f"--base-set: expected images of {card.input_size} px, as the detector was trained on, got {training.size}"
+        )
     shown = np.linspace(0, len(training) - 1, min(CALIBRATION_IMAGES, len(training))).astype(int)
     print("form     AP50   AP50-95  false positives per image")
     with tempfile.TemporaryDirectory() as folder, Progress("quantise") as progress:
         whole = onnx_of(options.model, Path(folder))
         quantise(whole, training.images[shown], options.out)
         for name, path in {"float32": whole, "int8": options.out}.items():
-            metrics = evaluate(detect_all(path, validation, progress, calibration), validation, threshold)
-            print(f"{name:8} {metrics['ap50']:.3f}  {metrics['ap50_95']:.3f}    {metrics['false_positives_an_image']:.4f}")
+            metrics = evaluate(
+                detect_all(path, validation, progress, calibration), validation, threshold
+            )
+            print(
+                f"{name:8} {metrics['ap50']:.3f}  {metrics['ap50_95']:.3f}    {metrics['false_positives_an_image']:.4f}"
+            )
     print(f"on {len(validation)} validation images at confidence {threshold:g}; {options.out}")
     return 0

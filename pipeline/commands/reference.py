@@ -57,7 +57,9 @@ LINE = 120
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--check", action="store_true", help="write nothing; exit code 1 if a page is out of date")
+    parser.add_argument(
+        "--check", action="store_true", help="write nothing; exit code 1 if a page is out of date"
+    )
     parser.add_argument("--out", type=typed, default=FOLDER, help="folder (default: %(default)s)")
 
 
@@ -79,7 +81,13 @@ def section(model: type[BaseModel], values: Any, prefix: str = "") -> list[str]:
     for name, field in model.model_fields.items():
         value, key = getattr(values, name), f"{prefix}{name}"
         if isinstance(value, BaseModel):
-            below += [f"## {key}", "", *wrapped(inspect.getdoc(type(value)) or ""), "", *section(type(value), value, f"{key}.")]
+            below += [
+                f"## {key}",
+                "",
+                *wrapped(inspect.getdoc(type(value)) or ""),
+                "",
+                *section(type(value), value, f"{key}."),
+            ]
         else:
             keys += item(key, value, limits(field.metadata), field.description or "")
     return [*keys, "", *below]
@@ -93,8 +101,14 @@ def choices(group: str, prefix: str) -> list[str]:
     for path in sorted((CONF / group).glob("*.yaml")):
         body = yaml.safe_load(path.read_text())
         described = get_class(body["_target_"])
-        taken = [p for p in inspect.signature(described).parameters.values() if p.name not in PASSED]
-        keys = [line for p in taken for line in item(f"{prefix.format(path.stem)}{p.name}", body.get(p.name, p.default))]
+        taken = [
+            p for p in inspect.signature(described).parameters.values() if p.name not in PASSED
+        ]
+        keys = [
+            line
+            for p in taken
+            for line in item(f"{prefix.format(path.stem)}{p.name}", body.get(p.name, p.default))
+        ]
         lines += [f"### {group}: {path.stem}", "", inspect.getdoc(described) or "", ""]
         lines += [*(keys or ["No parameters."]), ""]
     return lines
@@ -108,22 +122,36 @@ def cameras() -> list[str]:
     for number, path in enumerate(sorted((CONF / "camera").glob("*.yaml"))):
         named = yaml.safe_load(path.read_text())
         based = named.pop("defaults", [None])[0]
-        lines += [f"### camera: {path.stem}", "", *([] if number else [inspect.getdoc(CameraSettings) or "", ""])]
+        lines += [
+            f"### camera: {path.stem}",
+            "",
+            *([] if number else [inspect.getdoc(CameraSettings) or "", ""]),
+        ]
         for name, value in named.items():
-            lines += item(f"simulator.camera.{name}", value, limits(CameraSettings.model_fields[name].metadata))
+            lines += item(
+                f"simulator.camera.{name}",
+                value,
+                limits(CameraSettings.model_fields[name].metadata),
+            )
         lines += ["", *([f"The rest is as in {based}.", ""] if based else [])]
     return lines
 
 
 def item(key: str, value: Any, limits: str = "", meaning: str = "") -> list[str]:
     """The lines of a list's item on one key."""
-    parts = [f"- `{key}`: {shown(value)}", f"({limits})" if limits else "", f"– {' '.join(meaning.split())}" if meaning else ""]
+    parts = [
+        f"- `{key}`: {shown(value)}",
+        f"({limits})" if limits else "",
+        f"– {' '.join(meaning.split())}" if meaning else "",
+    ]
     return wrapped(" ".join(filter(None, parts)), "  ")
 
 
 def wrapped(text: str, indent: str = "") -> list[str]:
     """Lines of at most `LINE` characters."""
-    return textwrap.wrap(text, LINE, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+    return textwrap.wrap(
+        text, LINE, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+    )
 
 
 def shown(value: Any) -> str:
@@ -132,13 +160,22 @@ def shown(value: Any) -> str:
         return f"{{{', '.join(value)}}}"
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(shown, value))}]"
-    return {None: "null", True: "true", False: "false"}[value] if value is None or isinstance(value, bool) else str(value)
+    return (
+        {None: "null", True: "true", False: "false"}[value]
+        if value is None or isinstance(value, bool)
+        else str(value)
+    )
 
 
 def limits(metadata: list[Any]) -> str:
     """The range of a value, from pydantic's constraints."""
     signs = {"ge": "≥", "gt": ">", "le": "≤", "lt": "<"}
-    return ", ".join(f"{sign} {getattr(m, key):,}" for m in metadata for key, sign in signs.items() if getattr(m, key, None) is not None)
+    return ", ".join(
+        f"{sign} {getattr(m, key):,}"
+        for m in metadata
+        for key, sign in signs.items()
+        if getattr(m, key, None) is not None
+    )
 
 
 def configuration() -> str:
@@ -146,7 +183,17 @@ def configuration() -> str:
     parts = [line for group, prefix in GROUPS.items() for line in choices(group, prefix)]
     return (
         HEAD
-        + "\n".join(["", "## The study", "", *section(Config, compose("default", [])), CHOICES, *parts, *cameras()]).rstrip("\n")
+        + "\n".join(
+            [
+                "",
+                "## The study",
+                "",
+                *section(Config, compose("default", [])),
+                CHOICES,
+                *parts,
+                *cameras(),
+            ]
+        ).rstrip("\n")
         + "\n"
     )
 
@@ -156,14 +203,24 @@ def columns() -> str:
     parts: list[str] = []
     for name, table in TABLES.items():
         parts += [f"## {name}.parquet", "", *wrapped(TABLE_TEXTS[name]), "", *described(table), ""]
-    parts += ["## regions/VERSION/SCENARIO.parquet", "", *wrapped(WHY_TEXT), "", *described(WHY), ""]
+    parts += [
+        "## regions/VERSION/SCENARIO.parquet",
+        "",
+        *wrapped(WHY_TEXT),
+        "",
+        *described(WHY),
+        "",
+    ]
     return COLUMNS_HEAD + "\n".join(parts).rstrip("\n") + "\n"
 
 
 def described(table: tuple[Column, ...]) -> list[str]:
     """A Markdown table with a row for each column."""
     head = ["| column | type | unit | meaning |", "|---|---|---|---|"]
-    return head + [f"| `{c.name}` | {' / '.join(c.allowed) or c.kind.__name__} | {c.unit} | {c.meaning} |" for c in table]
+    return head + [
+        f"| `{c.name}` | {' / '.join(c.allowed) or c.kind.__name__} | {c.unit} | {c.meaning} |"
+        for c in table
+    ]
 
 
 def evidence_schema() -> str:
@@ -171,4 +228,8 @@ def evidence_schema() -> str:
     return json.dumps(Evidence.model_json_schema(), indent=1) + "\n"
 
 
-PAGES = {"configuration.md": configuration, "columns.md": columns, "evidence.schema.json": evidence_schema}
+PAGES = {
+    "configuration.md": configuration,
+    "columns.md": columns,
+    "evidence.schema.json": evidence_schema,
+}

@@ -19,9 +19,19 @@ HELP = "Execute a test of the study again, write its replay and compare the resu
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("test", metavar="TEST_ID", help="as in tests.parquet and in the report, such as F1-forest-base-0-00012")
-    parser.add_argument("--params", type=typed, help=f"configuration of the study (default: {PARAMS}, or the study that has the test)")
-    parser.add_argument("--out", type=typed, default="replay.mp4", help=".mp4 or .gif (default: %(default)s)")
+    parser.add_argument(
+        "test",
+        metavar="TEST_ID",
+        help="as in tests.parquet and in the report, such as F1-forest-base-0-00012",
+    )
+    parser.add_argument(
+        "--params",
+        type=typed,
+        help=f"configuration of the study (default: {PARAMS}, or the study that has the test)",
+    )
+    parser.add_argument(
+        "--out", type=typed, default="replay.mp4", help=".mp4 or .gif (default: %(default)s)"
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -43,7 +53,9 @@ def run(options: argparse.Namespace) -> int:
     render_replay(replay, options.out, replay.frames_per_second)
     found = kpi.evaluate(again.signals, threshold_s)
     changed = differences(row, found)
-    print(f"{options.out}: {outcome_text(found)}, adj. TTC {found.adj_ttc_s:.2f} s, {', '.join(changed) or 'as recorded'}")
+    print(
+        f"{options.out}: {outcome_text(found)}, adj. TTC {found.adj_ttc_s:.2f} s, {', '.join(changed) or 'as recorded'}"
+    )
     return 1 if changed else 0
 
 
@@ -51,4 +63,8 @@ def differences(row: pd.Series, found: Kpi) -> list[str]:
     """Every KPI that differs from the row, in words."""
     named = {column.name: getattr(found, column.name) for column in columns(Kpi)}
     both = [(name, row[name], value) for name, value in named.items() if name in row.index]
-    return [f"{name} {value} instead of {was}" for name, was, value in both if not (was == value or (pd.isna(was) and pd.isna(value)))]
+    return [
+        f"{name} {value} instead of {was}"
+        for name, was, value in both
+        if not (was == value or (pd.isna(was) and pd.isna(value)))
+    ]

@@ -29,12 +29,23 @@ from pipeline.progress import Progress
 
 HELP = "Check that the published numbers follow from the published outcomes, or write them."
 MARK = re.compile(r"^<!-- made by:", re.MULTILINE)
-BLOCK = re.compile(r"^<!-- made by: (?P<command>.+?) -->\n(?P<text>.*?)^<!-- end -->$", re.MULTILINE | re.DOTALL)
+BLOCK = re.compile(
+    r"^<!-- made by: (?P<command>.+?) -->\n(?P<text>.*?)^<!-- end -->$", re.MULTILINE | re.DOTALL
+)
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("action", choices=["verify", "write"], help="`verify` exits with 1 if a page differs; `write` fills in the pages")
-    parser.add_argument("page", nargs="*", type=typed, help="default: README.md and every page in docs/ that has such numbers")
+    parser.add_argument(
+        "action",
+        choices=["verify", "write"],
+        help="`verify` exits with 1 if a page differs; `write` fills in the pages",
+    )
+    parser.add_argument(
+        "page",
+        nargs="*",
+        type=typed,
+        help="default: README.md and every page in docs/ that has such numbers",
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -47,11 +58,19 @@ def run(options: argparse.Namespace) -> int:
         return 0
     found = [block for page in pages for block in blocks(page)]
     wrong = []
-    with Progress("results") as progress, ThreadPoolExecutor(os.cpu_count()) as pool:  # Each command is a process of its own.
-        for done, (block, text) in enumerate(zip(found, pool.map(printed, (block.command for block in found)), strict=True), 1):
+    with (
+        Progress("results") as progress,
+        ThreadPoolExecutor(os.cpu_count()) as pool,
+    ):  # Each command is a process of its own.
+        for done, (block, text) in enumerate(
+            zip(found, pool.map(printed, (block.command for block in found)), strict=True), 1
+        ):
             wrong += [told] if (told := block.difference(text)) else []
             progress(done, len(found), str(block.page))
-    print("\n".join(wrong) or f"{count_of(len(pages), 'page')} checked: every number follows from the outcomes")
+    print(
+        "\n".join(wrong)
+        or f"{count_of(len(pages), 'page')} checked: every number follows from the outcomes"
+    )
     return 1 if wrong else 0
 
 
@@ -66,10 +85,14 @@ class Block:
 
     def difference(self, text: str) -> str:
         """Where the block is and the first line on each side that differs from what its command prints; empty if none does."""
-        changed = [line for line in ndiff(self.text.splitlines(), text.splitlines()) if line[0] in "+-"]
+        changed = [
+            line for line in ndiff(self.text.splitlines(), text.splitlines()) if line[0] in "+-"
+        ]
         if not changed:
             return ""
-        old, new = (next((line[2:] for line in changed if line[0] == sign), "nothing more") for sign in "-+")
+        old, new = (
+            next((line[2:] for line in changed if line[0] == sign), "nothing more") for sign in "-+"
+        )
         where = f"{self.page}, line {self.line}: expected what `{self.command}` prints, got another text"
         return f"{where}\n  page    {old}\n  command {new}"
 
@@ -79,7 +102,9 @@ def blocks(page: Path) -> Iterator[Block]:
     text = text_of(page)
     begun, whole = len(MARK.findall(text)), len(BLOCK.findall(text))
     if begun != whole or not begun:
-        raise InputError(f"{page}: expected blocks from `<!-- made by: COMMAND -->` to `<!-- end -->`, got {begun} begun and {whole} whole")
+        raise InputError(
+            f"{page}: expected blocks from `<!-- made by: COMMAND -->` to `<!-- end -->`, got {begun} begun and {whole} whole"
+        )
     for found in BLOCK.finditer(text):
         yield Block(page, found["command"], found["text"], text[: found.start()].count("\n") + 1)
 
@@ -89,12 +114,18 @@ def text_of(page: Path) -> str:
     try:
         return page.read_text()
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{page}: expected a readable page, got {getattr(error, 'strerror', None) or error}") from error
+        raise InputError(
+            f"{page}: expected a readable page, got {getattr(error, 'strerror', None) or error}"
+        ) from error
 
 
 def published(root: Path) -> list[Path]:
     """The pages with blocks."""
-    return [page for page in (root / "README.md", *sorted(root.glob("docs/**/*.md"))) if MARK.search(page.read_text())]
+    return [
+        page
+        for page in (root / "README.md", *sorted(root.glob("docs/**/*.md")))
+        if MARK.search(page.read_text())
+    ]
 
 
 def printed(command: str) -> str:
@@ -102,7 +133,9 @@ def printed(command: str) -> str:
     try:
         words = shlex.split(command)
     except ValueError as error:
-        raise InputError(f"a block's command must be one that a shell reads, got '{command}': {error}") from error
+        raise InputError(
+            f"a block's command must be one that a shell reads, got '{command}': {error}"
+        ) from error
     if words[:1] != ["python"]:
         raise InputError(f"a block's command must begin with 'python', got '{command}'")
     done = subprocess.run([sys.executable, *words[1:]], capture_output=True, text=True, check=False)

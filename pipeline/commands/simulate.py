@@ -28,10 +28,20 @@ HELP = "Execute one concrete scenario and write its replay."
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scenario", help="name of a file in conf/scenario, such as F1")
     parser.add_argument(
-        "words", nargs="*", metavar="key=value", help="scenario variables, such as fog=80 'blueprint=M 03'; others have defaults"
+        "words",
+        nargs="*",
+        metavar="key=value",
+        help="scenario variables, such as fog=80 'blueprint=M 03'; others have defaults",
     )
-    parser.add_argument("--model", type=typed, default=Path("models/uniform"), help="folder of a model version (default: %(default)s)")
-    parser.add_argument("--out", type=typed, default="replay.mp4", help=".mp4 or .gif (default: %(default)s)")
+    parser.add_argument(
+        "--model",
+        type=typed,
+        default=Path("models/uniform"),
+        help="folder of a model version (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--out", type=typed, default="replay.mp4", help=".mp4 or .gif (default: %(default)s)"
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -44,7 +54,10 @@ def run(options: argparse.Namespace) -> int:
     space = study.space(options.scenario)
     concrete = concrete_scenario(space, options.words)
     with tempfile.TemporaryDirectory() as folder:
-        found = episode(Setup.of(study, options.scenario, onnx_of(options.model, Path(folder)), keep_every=1), concrete)
+        found = episode(
+            Setup.of(study, options.scenario, onnx_of(options.model, Path(folder)), keep_every=1),
+            concrete,
+        )
     threshold_s = study.campaign.failure_threshold_s
     title = f"{study.scenarios[options.scenario].label}, detector {options.model}"
     replay = Replay(found, title, concrete, threshold_s, space.units)
@@ -57,7 +70,8 @@ def run(options: argparse.Namespace) -> int:
 def concrete_scenario(space: Space, assignments: Sequence[str]) -> dict[str, Value]:
     """A value for each variable of the space; InputError for unknown names and values."""
     values: dict[str, Value] = {
-        v.name: PLAIN.get(v.name, v.decode(v.low) if v.kind != "categorical" else v.values[0]) for v in space.variables
+        v.name: PLAIN.get(v.name, v.decode(v.low) if v.kind != "categorical" else v.values[0])
+        for v in space.variables
     }
     given: dict[str, str] = {}
     for assignment in assignments:

@@ -30,7 +30,12 @@ HEADER = """# The parts of a study that DVC versions. Made by `python -m pipelin
 """
 VARIANTS = (
     ["retraining.rounds=2"],
-    ["base.source=trained", "retraining.start=scratch", "comparison.second_iou=0.3", "+arms.fresh=new_scenes"],
+    [
+        "base.source=trained",
+        "retraining.start=scratch",
+        "comparison.second_iou=0.3",
+        "+arms.fresh=new_scenes",
+    ],
 )
 """Overrides that together use every file and section of a study, except for the file that `filter.overrules` names: DVC cannot template a
 dependency that may be missing."""
@@ -51,7 +56,9 @@ def run(options: argparse.Namespace) -> int:
 def text() -> str:
     """The text of dvc.yaml."""
     studies = [Jobs(compose("default", overrides), step_names()) for overrides in VARIANTS]
-    body: str = yaml.safe_dump({"stages": {name: _stage(name, studies) for name in STAGES}}, sort_keys=False, width=140)
+    body: str = yaml.safe_dump(
+        {"stages": {name: _stage(name, studies) for name in STAGES}}, sort_keys=False, width=140
+    )
     return HEADER + body
 
 
@@ -63,16 +70,26 @@ def _stage(name: str, studies: Iterable[Jobs]) -> dict[str, Any]:
     for jobs in studies:
         stamped = Stamps(jobs)
         for target, outputs in jobs.parts[name]:
-            stamps |= {root for root in (_root(jobs, path) for path in outputs) if root.endswith(f".{STAMP}")}
+            stamps |= {
+                root
+                for root in (_root(jobs, path) for path in outputs)
+                if root.endswith(f".{STAMP}")
+            }
             keys, files = _depends(jobs, target)
             deps |= {_root(jobs, path) for path in files}
             # Of scenarios and strategies, all: a study may choose any.
-            keys = {key.split(".")[0] if key.startswith(("scenarios.", "samplers.")) else key for key in keys}
+            keys = {
+                key.split(".")[0] if key.startswith(("scenarios.", "samplers.")) else key
+                for key in keys
+            }
             params |= keys
             modules = stamped.modules(target.step, {key: stamped.value(key) for key in keys})
             code |= {path for module in modules for path in sources(module)}
     below = [f"data/${{study}}/{root}" for root in STAGES[name]]
-    shown = {root: {f"data/${{study}}/{root}": {"persist": True, **PLOTS.get(root, {})}} for root in STAGES[name]}
+    shown = {
+        root: {f"data/${{study}}/{root}": {"persist": True, **PLOTS.get(root, {})}}
+        for root in STAGES[name]
+    }
     stage: dict[str, Any] = {
         "cmd": f"snakemake {name}",
         "deps": [*sorted(deps - set(below)), *sorted(code)],

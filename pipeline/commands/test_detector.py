@@ -41,8 +41,16 @@ HELP = "Find the failures of any detector, and compare several; trains nothing."
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("words", nargs="+", metavar="FILE|key=value", help=WORDS)
-    parser.add_argument("--study", default="default", help="study with the scenarios, strategies and budgets (default: %(default)s)")
-    parser.add_argument("--calibrate", action="store_true", help="calibrate each detector's confidences on rendered images first")
+    parser.add_argument(
+        "--study",
+        default="default",
+        help="study with the scenarios, strategies and budgets (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--calibrate",
+        action="store_true",
+        help="calibrate each detector's confidences on rendered images first",
+    )
     parser.add_argument("--cores", type=whole(1), help="cores to use (default: all)")
 
 
@@ -51,7 +59,9 @@ def run(options: argparse.Namespace) -> int:
     # pathlib would raise an error for a word that is too long for a file's name.
     overrides = [word for word in options.words if "=" in word and not os.path.isfile(typed(word))]
     files = [typed(word) for word in options.words if word not in overrides]
-    chosen = compose(options.study, ["goal=base", *overrides])  # Nothing is retrained, so the strategies need not feed the study's arms.
+    chosen = compose(
+        options.study, ["goal=base", *overrides]
+    )  # Nothing is retrained, so the strategies need not feed the study's arms.
     files = files or _function_file(chosen)
     check(chosen, files)
     lock = hold("test-detector")
@@ -59,13 +69,19 @@ def run(options: argparse.Namespace) -> int:
     folders = Folders(config)
     params = Path(folders.root, "params.yaml")
     write_bytes(
-        params, dump(config, f"python -m pipeline test-detector {' '.join(options.words)}{' --calibrate' * options.calibrate}").encode()
+        params,
+        dump(
+            config,
+            f"python -m pipeline test-detector {' '.join(options.words)}{' --calibrate' * options.calibrate}",
+        ).encode(),
     )
     withdraw_damaged(Path(folders.root))
     cores = "all" if options.cores is None else str(options.cores)
     environment = {**os.environ, VERDICT_FOLLOWS: "1"}
     command = [sys.executable, "-m", "snakemake", "--configfile", str(params), "--cores", cores]
-    done = subprocess.run(command, env=environment, pass_fds=lock, check=False)  # If this process is killed, Snakemake lives on.
+    done = subprocess.run(
+        command, env=environment, pass_fds=lock, check=False
+    )  # If this process is killed, Snakemake lives on.
     if done.returncode:
         return done.returncode
     print(table(config))
@@ -86,14 +102,34 @@ def study_of(files: Sequence[Path], chosen: Config, calibrate: bool = False) -> 
     chosen: the study whose scenarios, strategies and budgets it takes. calibrate: whether their confidences are calibrated first.
     """
     digests = [sha256(path) for path in files]
-    titles = [path.resolve().parent.name if path.suffix == WEIGHTS_SUFFIX else path.name.removesuffix(".onnx") for path in files]
-    stems = [re.sub("[^A-Za-z0-9]", "_", title).strip("_")[:LONGEST_STEM] or "detector" for title in titles]
-    names = [stem if stems.count(stem) == 1 else f"{stem}_{digest[:4]}" for stem, digest in zip(stems, digests, strict=True)]
+    titles = [
+        path.resolve().parent.name
+        if path.suffix == WEIGHTS_SUFFIX
+        else path.name.removesuffix(".onnx")
+        for path in files
+    ]
+    stems = [
+        re.sub("[^A-Za-z0-9]", "_", title).strip("_")[:LONGEST_STEM] or "detector"
+        for title in titles
+    ]
+    names = [
+        stem if stems.count(stem) == 1 else f"{stem}_{digest[:4]}"
+        for stem, digest in zip(stems, digests, strict=True)
+    ]
     if len(set(names)) < len(names):
-        raise InputError(f"expected different detectors, got {', '.join(map(str, files))} with the same content")
-    together = digests[0] if len(digests) == 1 else hashlib.sha256("".join(digests).encode()).hexdigest()
+        raise InputError(
+            f"expected different detectors, got {', '.join(map(str, files))} with the same content"
+        )
+    together = (
+        digests[0] if len(digests) == 1 else hashlib.sha256("".join(digests).encode()).hexdigest()
+    )
     tested = dict(zip(names, map(str, files), strict=True))
-    named = {"study": f"{names[0].lower()}-{together[:8]}", "goal": "detectors", "tested": tested, "calibrate": calibrate}
+    named = {
+        "study": f"{names[0].lower()}-{together[:8]}",
+        "goal": "detectors",
+        "tested": tested,
+        "calibrate": calibrate,
+    }
     return validate({**chosen.model_dump(mode="json"), **named}, "conf/")
 
 
@@ -118,7 +154,9 @@ def _checker(config: Config, calls: Calls) -> Callable[[Path], None]:
         try:
             with tempfile.TemporaryDirectory() as folder:
                 file = _exported(model, Path(folder)) if model.suffix == WEIGHTS_SUFFIX else model
-                check_detector(GuardedDetector(make_detector(config.detector, file), calls), width, height)
+                check_detector(
+                    GuardedDetector(make_detector(config.detector, file), calls), width, height
+                )
         except AssertionError as error:
             raise InputError(f"{model}: {error}") from error
         except SimulationError as error:
@@ -126,7 +164,9 @@ def _checker(config: Config, calls: Calls) -> Callable[[Path], None]:
         except InputError:
             raise
         except Exception as error:  # A foreign class may raise anything.
-            raise InputError(f"{model}: the detector cannot be made: {type(error).__name__}: {error}") from error
+            raise InputError(
+                f"{model}: the detector cannot be made: {type(error).__name__}: {error}"
+            ) from error
 
     return check_one
 
@@ -160,7 +200,9 @@ def table(config: Config) -> str:
         modes = row.modes
         counts = f"{row.tests:>6}{row.errors:>8}{row.failures:>6}{modes.contact:>9}{modes.late:>6}{modes.false_positives:>17}"
         counts += f"{modes.false_activation:>13}"
-        lines.append(f"{row.version:{width}}{row.scenario:10}{row.strategy:12}{counts}   {percent(row.rate)}")
+        lines.append(
+            f"{row.version:{width}}{row.scenario:10}{row.strategy:12}{counts}   {percent(row.rate)}"
+        )
     if config.audited:
         lines += [base_rate_sentence(measures.of(version).base_rates) for version in config.tested]
     for path in folders.calibrations(config.tested):

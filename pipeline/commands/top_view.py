@@ -15,7 +15,16 @@ from pipeline.core.footprints import Rectangle
 from pipeline.core.paths import Pose
 from pipeline.errors import InputError
 from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M, FunctionalScenario
-from pipeline.scenarios.streets import CORNER_RADIUS, CROSSWALK_M, LANE_WIDTH, PAVEMENT_WIDTH, RAIL_M, Street, Town, streets
+from pipeline.scenarios.streets import (
+    CORNER_RADIUS,
+    CROSSWALK_M,
+    LANE_WIDTH,
+    PAVEMENT_WIDTH,
+    RAIL_M,
+    Street,
+    Town,
+    streets,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,8 +46,19 @@ Points = NDArray[np.float64]
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.add_argument("scenario", help="name of a file in conf/scenario, such as F1")
-    parser.add_argument("--speeds", type=float, nargs="+", default=SPEEDS_MPS, help="of the pedestrian, m/s (default: 0 1.5 3)")
-    parser.add_argument("--out", type=typed, default="top-view.png", help="the picture, a .png (default: %(default)s)")
+    parser.add_argument(
+        "--speeds",
+        type=float,
+        nargs="+",
+        default=SPEEDS_MPS,
+        help="of the pedestrian, m/s (default: 0 1.5 3)",
+    )
+    parser.add_argument(
+        "--out",
+        type=typed,
+        default="top-view.png",
+        help="the picture, a .png (default: %(default)s)",
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -49,7 +69,9 @@ def run(options: argparse.Namespace) -> int:
         raise InputError(f"--out: a view from above must be a .png, got {options.out.name}")
     for speed in options.speeds:
         if not 0 <= speed <= FASTEST_MPS:
-            raise InputError(f"--speeds: expected speeds from 0 to {FASTEST_MPS} m/s, got {speed:g}")
+            raise InputError(
+                f"--speeds: expected speeds from 0 to {FASTEST_MPS} m/s, got {speed:g}"
+            )
     save_png(top_view(functional_scenario(options.scenario), options.speeds), options.out)
     print(options.out)
     return 0
@@ -64,14 +86,29 @@ def top_view(scenario: FunctionalScenario, speeds_mps: Sequence[float]) -> Figur
     columns = 1 if width > 1.3 * height else len(speeds_mps)
     inches = PAGE_INCHES / columns
     with styled({"axes.grid": False}):
-        figure, rows = panels(len(speeds_mps) // columns, columns, width=inches, height=inches * height / width + 0.5 + 0.3 * (columns > 1))
+        figure, rows = panels(
+            len(speeds_mps) // columns,
+            columns,
+            width=inches,
+            height=inches * height / width + 0.5 + 0.3 * (columns > 1),
+        )
         for axes, speed in zip((one for row in rows for one in row), speeds_mps, strict=True):
             _street_map(axes, scenario.town)
             _road_users(axes, scenario, speed)
-            axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xticks=[], yticks=[], facecolor=GROUND)
+            axes.set(
+                xlim=(low[0], high[0]),
+                ylim=(low[1], high[1]),
+                aspect="equal",
+                xticks=[],
+                yticks=[],
+                facecolor=GROUND,
+            )
             axes.spines[:].set_visible(False)
             axes.set_title(f"{scenario.label}, pedestrian {speed:g} m/s")
-        figure.supxlabel("Numbers: seconds after the start. Blue: ego, unbraked. Red: pedestrian. Cross: conflict point.", fontsize=9.5)
+        figure.supxlabel(
+            "Numbers: seconds after the start. Blue: ego, unbraked. Red: pedestrian. Cross: conflict point.",
+            fontsize=9.5,
+        )
     return figure
 
 
@@ -110,7 +147,11 @@ def _street_map(axes: Axes, town: Town) -> None:
         half = CROSSWALK_M / 2
         for v in street.stripes():
             corners = [(-half, v), (half, v), (half, v + 0.5), (-half, v + 0.5)]
-            axes.fill(*np.array([street.world(crosswalk.at_m + u, side) for u, side in corners]).T, color=MARKING, linewidth=0)
+            axes.fill(
+                *np.array([street.world(crosswalk.at_m + u, side) for u, side in corners]).T,
+                color=MARKING,
+                linewidth=0,
+            )
     if town.rails_x_m is not None:
         for x in (town.rails_x_m - RAIL_M, town.rails_x_m + RAIL_M):
             axes.axvline(x, color=VEHICLE, linewidth=1.2)
@@ -122,11 +163,21 @@ def _outline(street: Street, beyond: float) -> Points:
     """Corners of the asphalt, or of the asphalt and `beyond` metres on both sides; with the rounded corners of a junction."""
     if street.name == "side":
         angles, radius = np.linspace(np.pi, np.pi / 2, 12), CORNER_RADIUS - beyond
-        corner = np.stack([CORNER_RADIUS + radius * np.cos(angles), LANE_WIDTH + CORNER_RADIUS - radius * np.sin(angles)], axis=1)
+        corner = np.stack(
+            [
+                CORNER_RADIUS + radius * np.cos(angles),
+                LANE_WIDTH + CORNER_RADIUS - radius * np.sin(angles),
+            ],
+            axis=1,
+        )
         left = np.concatenate([corner, [(street.end, LANE_WIDTH + beyond)]])
         return np.array([street.world(u, v) for u, v in [*left, *(left * (1, -1))[::-1]]])
     bay = street.bay or (0.0, 0.0)
-    u = np.sort(np.concatenate([np.arange(street.start, street.end, 2.0), [bay[0] - 1e-3, *bay, bay[1] + 1e-3]]))
+    u = np.sort(
+        np.concatenate(
+            [np.arange(street.start, street.end, 2.0), [bay[0] - 1e-3, *bay, bay[1] + 1e-3]]
+        )
+    )
     right = [street.world(at, -street.edge(-1, at) - beyond) for at in u]
     return np.array([*right, *(street.world(at, street.left + beyond) for at in u[::-1])])
 
@@ -145,14 +196,20 @@ def _road_users(axes: Axes, scenario: FunctionalScenario, speed_mps: float) -> N
     times = moments(scenario.ego.horizon_s)
     for actor in scenario.actors.values():
         route = actor.route()
-        first, last = (actor.footprint(route.at(actor.travelled(time))) for time in (times[0], times[-1]))
-        axes.fill(*last.corners.T, color=VEHICLE, alpha=0.9 if actor.speed_kmh == 0 else 0.35, linewidth=0)
+        first, last = (
+            actor.footprint(route.at(actor.travelled(time))) for time in (times[0], times[-1])
+        )
+        axes.fill(
+            *last.corners.T, color=VEHICLE, alpha=0.9 if actor.speed_kmh == 0 else 0.35, linewidth=0
+        )
         axes.fill(*first.corners.T, facecolor="none", edgecolor=VEHICLE, linewidth=1)
     _ego(axes, scenario, times)
     if scenario.has_pedestrian:
         _pedestrian(axes, scenario, speed_mps, times)
     if scenario.asks_to_brake:
-        axes.plot(*scenario.pedestrian.at, marker="x", color="black", markersize=8, markeredgewidth=2)
+        axes.plot(
+            *scenario.pedestrian.at, marker="x", color="black", markersize=8, markeredgewidth=2
+        )
 
 
 def _ego(axes: Axes, scenario: FunctionalScenario, times: Sequence[float]) -> None:
@@ -162,20 +219,53 @@ def _ego(axes: Axes, scenario: FunctionalScenario, times: Sequence[float]) -> No
     axes.plot(*path.T, color=EGO, linewidth=1.2)
     for time in times:
         pose = ego_pose(scenario, time)
-        axes.fill(*Rectangle(pose, EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M).corners.T, facecolor=EGO, alpha=0.35, edgecolor=EGO)
-        axes.annotate(f"{time:g}", (pose.x, pose.y), color="white", fontsize=8, fontweight="bold", ha="center", va="center")
+        axes.fill(
+            *Rectangle(pose, EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M).corners.T,
+            facecolor=EGO,
+            alpha=0.35,
+            edgecolor=EGO,
+        )
+        axes.annotate(
+            f"{time:g}",
+            (pose.x, pose.y),
+            color="white",
+            fontsize=8,
+            fontweight="bold",
+            ha="center",
+            va="center",
+        )
 
 
-def _pedestrian(axes: Axes, scenario: FunctionalScenario, speed_mps: float, times: Sequence[float]) -> None:
+def _pedestrian(
+    axes: Axes, scenario: FunctionalScenario, speed_mps: float, times: Sequence[float]
+) -> None:
     """The pedestrian at each moment, with every second's number beside its path; one number for all if it stands."""
     poses = [scenario.pedestrian_pose(time, speed_mps) for time in times]
-    axes.plot([pose.x for pose in poses], [pose.y for pose in poses], "o-", color=PEDESTRIAN, markersize=5, linewidth=1)
+    axes.plot(
+        [pose.x for pose in poses],
+        [pose.y for pose in poses],
+        "o-",
+        color=PEDESTRIAN,
+        markersize=5,
+        linewidth=1,
+    )
     heading = poses[0].heading
     ahead = np.array([np.cos(heading), np.sin(heading)])
     beside = 1.4 * np.array([ahead[1], -ahead[0]])
-    named = [time == times[-1] or (time.is_integer() and time < times[-1] - EVERY_S) for time in times]
-    texts = {f"{time:g}": pose for time, pose, name in zip(times, poses, named, strict=True) if name}
+    named = [
+        time == times[-1] or (time.is_integer() and time < times[-1] - EVERY_S) for time in times
+    ]
+    texts = {
+        f"{time:g}": pose for time, pose, name in zip(times, poses, named, strict=True) if name
+    }
     if speed_mps == 0:
         texts, beside = {f"{times[0]:g} to {times[-1]:g}": poses[0]}, beside - 1.4 * ahead
     for text, pose in texts.items():
-        axes.annotate(text, (pose.x + beside[0], pose.y + beside[1]), color=PEDESTRIAN, fontsize=8, ha="center", va="center")
+        axes.annotate(
+            text,
+            (pose.x + beside[0], pose.y + beside[1]),
+            color=PEDESTRIAN,
+            fontsize=8,
+            ha="center",
+            va="center",
+        )

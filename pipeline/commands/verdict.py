@@ -13,8 +13,15 @@ HELP = "Print the verdict of a study."
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--params", type=typed, default=PARAMS, help="resolved configuration of the study (default: %(default)s)")
-    parser.add_argument("--comparison", type=typed, help="comparison.json (default: that of the study)")
+    parser.add_argument(
+        "--params",
+        type=typed,
+        default=PARAMS,
+        help="resolved configuration of the study (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--comparison", type=typed, help="comparison.json (default: that of the study)"
+    )
 
 
 def run(options: argparse.Namespace) -> int:

@@ -16,21 +16,38 @@ HELP = "Check the study's files against their digests. The stamps of damaged fil
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--params", type=typed, default=PARAMS, help="params.yaml of the study (default: %(default)s)")
-    parser.add_argument("--folder", type=typed, help="folder of a study (default: that of --params)")
+    parser.add_argument(
+        "--params",
+        type=typed,
+        default=PARAMS,
+        help="params.yaml of the study (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--folder", type=typed, help="folder of a study (default: that of --params)"
+    )
 
 
 def run(options: argparse.Namespace) -> int:
     """Verify the study; returns 1 if a file is damaged."""
     if options.folder and not options.folder.is_dir():
-        raise InputError(f"--folder: expected the folder of a study, found no folder {options.folder}")
+        raise InputError(
+            f"--folder: expected the folder of a study, found no folder {options.folder}"
+        )
     folder = options.folder or Path(Folders(load(options.params)).root)
     if withdraw_damaged(folder):
         return 1
-    stamped = sum(len(stamp.digests) for path in folder.rglob(f"*{stamps.SUFFIX}") if (stamp := stamps.read(path)))
+    stamped = sum(
+        len(stamp.digests)
+        for path in folder.rglob(f"*{stamps.SUFFIX}")
+        if (stamp := stamps.read(path))
+    )
     if options.folder and not stamped:
-        raise InputError(f"--folder: expected the folder of a study, found no stamped file in {folder}")
-    print(f"{folder}: {count_of(stamped, 'stamped file') + ', none damaged' if stamped else 'not made yet, so nothing to verify'}")
+        raise InputError(
+            f"--folder: expected the folder of a study, found no stamped file in {folder}"
+        )
+    print(
+        f"{folder}: {count_of(stamped, 'stamped file') + ', none damaged' if stamped else 'not made yet, so nothing to verify'}"
+    )
     return 0
 
 
@@ -40,6 +57,8 @@ def withdraw_damaged(folder: Path) -> int:
     for file, stamp in found:
         print(f"{file}: damaged or edited; the next run makes it again", flush=True)
         stamps.withdraw(stamp)
-        if file.is_dir():  # Snakemake removes files before it makes them, but no folders in their place.
+        if (
+            file.is_dir()
+        ):  # Snakemake removes files before it makes them, but no folders in their place.
             stamps.remove(file)
     return len(found)

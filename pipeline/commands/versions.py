@@ -9,17 +9,32 @@ from pipeline.report.formats import in_columns
 from pipeline.tracking import STORE
 
 HELP = "Print the registered model versions with their failures."
-COLUMNS = ("model", "number", "version", "study", "failures", "failures_by_ttc", "tests", "verdict", "alias")
+COLUMNS = (
+    "model",
+    "number",
+    "version",
+    "study",
+    "failures",
+    "failures_by_ttc",
+    "tests",
+    "verdict",
+    "alias",
+)
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--store", type=typed, default=STORE, help="MLflow's database (default: %(default)s)")
+    parser.add_argument(
+        "--store", type=typed, default=STORE, help="MLflow's database (default: %(default)s)"
+    )
 
 
 def run(options: argparse.Namespace) -> int:
     """Print a row for each version."""
     from pipeline.tracking.registry import registered
 
-    rows = [COLUMNS, *(tuple(row.get(name, "") for name in COLUMNS) for row in registered(options.store))]
+    rows = [
+        COLUMNS,
+        *(tuple(row.get(name, "") for name in COLUMNS) for row in registered(options.store)),
+    ]
     print("\n".join(in_columns(rows)))
     return 0

@@ -15,7 +15,9 @@ def whole(least: int, most: int = MOST) -> Callable[[str], int]:
     def read(text: str) -> int:
         # Python refuses to read thousands of digits.
         if not text.isdecimal() or len(text) > len(str(most)) or not least <= int(text) <= most:
-            raise argparse.ArgumentTypeError(f"expected a whole number from {least} to {most}, got {shown(text)}")
+            raise argparse.ArgumentTypeError(
+                f"expected a whole number from {least} to {most}, got {shown(text)}"
+            )
         return int(text)
 
     return read

@@ -37,14 +37,18 @@ def compose(study: str, overrides: Sequence[str]) -> Config:
     check_study(study)
     for word in overrides:
         if word.endswith("={}") and not word.startswith("+"):
-            raise InputError(f"{word} changes nothing, because an override only adds keys; ~{word[:-3]}.KEY removes one")
+            raise InputError(
+                f"{word} changes nothing, because an override only adds keys; ~{word[:-3]}.KEY removes one"
+            )
     samplers = [f"+sampler@samplers.{name}={name}" for name in _choices("sampler")]
     with initialize_config_dir(str(CONF), version_base="1.3"):
 
         def composed(words: Sequence[str], scenarios: Sequence[str] = ()) -> Any:
             # The study comes after strategies and scenarios, because it may change them.
             return OmegaConf.to_container(
-                hydra_compose("config", overrides=[*samplers, *scenarios, f"+study={study}", *words]),
+                hydra_compose(
+                    "config", overrides=[*samplers, *scenarios, f"+study={study}", *words]
+                ),
                 resolve=True,
                 throw_on_missing=True,
             )
@@ -57,12 +61,18 @@ def compose(study: str, overrides: Sequence[str]) -> Config:
             raise
         except (yaml.YAMLError, UnicodeDecodeError) as error:
             raise InputError(_unreadable() or f"{CONF}: {error}") from error
-        except (HydraException, OmegaConfBaseException, ValueError) as error:  # ValueError: a number for a file, as in `camera=640`.
+        except (
+            HydraException,
+            OmegaConfBaseException,
+            ValueError,
+        ) as error:  # ValueError: a number for a file, as in `camera=640`.
             try:
                 shipped = composed([], _scenarios(composed([])))
             except (HydraException, OmegaConfBaseException, ValueError) as own:
                 raise InputError(f"conf/study/{study}.yaml: {str(own).splitlines()[0]}") from own
-            raise InputError(_override_message(shipped, overrides) or f"overrides: {str(error).splitlines()[0]}") from error
+            raise InputError(
+                _override_message(shipped, overrides) or f"overrides: {str(error).splitlines()[0]}"
+            ) from error
     config = validate(plain, "conf/")
     check_components(config)
     return config
@@ -97,7 +107,9 @@ def _scenarios(plain: Any) -> list[str]:
         named = plain.get(key)
         for name in named if isinstance(named, list) else []:
             if name not in files:
-                raise InputError(f"{key}: there is no conf/scenario/{name}.yaml{nearest(str(name), files)}")
+                raise InputError(
+                    f"{key}: there is no conf/scenario/{name}.yaml{nearest(str(name), files)}"
+                )
             words.append(f"+scenario@scenarios.{name}={name}")
     return list(dict.fromkeys(words))
 
@@ -150,7 +162,9 @@ def _override_message(plain: Any, overrides: Sequence[str]) -> str:
 
 def dump(config: Config, command: str) -> str:
     """The text of params.yaml."""
-    body = yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, width=120, default_flow_style=None)
+    body = yaml.safe_dump(
+        config.model_dump(mode="json"), sort_keys=False, width=120, default_flow_style=None
+    )
     return f"# Made by `{command}`; change conf/ or the overrides, not this file.\n{body}"
 
 
@@ -160,7 +174,9 @@ def load(path: Path = PARAMS) -> Config:
         plain = read_yaml(path)
     except FileNotFoundError as error:
         where = f" in {Path.cwd()}" if path == PARAMS else ""
-        raise InputError(f"{path}: no such file{where}; make it with `python -m pipeline compose study=default`") from error
+        raise InputError(
+            f"{path}: no such file{where}; make it with `python -m pipeline compose study=default`"
+        ) from error
     return validate(plain, str(path))
 
 
@@ -170,7 +186,11 @@ def of_snakemake(config: Mapping[str, Any], source: Path = PARAMS) -> Config:
     source: the file that Snakemake read, for messages.
     """
     seeds = config.get("seeds")
-    typed = [int(seed) if isinstance(seed, str) and seed.isdecimal() else seed for seed in seeds] if isinstance(seeds, list) else seeds
+    typed = (
+        [int(seed) if isinstance(seed, str) and seed.isdecimal() else seed for seed in seeds]
+        if isinstance(seeds, list)
+        else seeds
+    )
     return validate({**config, "seeds": typed} if "seeds" in config else dict(config), str(source))
 
 
@@ -184,5 +204,11 @@ def validate(plain: Any, source: str) -> Config:
         if source == "conf/" and (scenario := re.match(r"scenarios\.(\w+)", said)):
             source = f"conf/scenario/{scenario[1]}.yaml"
         raise InputError(f"{source}: {said}") from error
-    except (TypeError, ValueError, RecursionError) as error:  # Such as a date or a number of 5,000 digits.
-        raise InputError(f"{source}: expected text, numbers, lists and mappings alone ({error})") from error
+    except (
+        TypeError,
+        ValueError,
+        RecursionError,
+    ) as error:  # Such as a date or a number of 5,000 digits.
+        raise InputError(
+            f"{source}: expected text, numbers, lists and mappings alone ({error})"
+        ) from error

@@ -40,7 +40,9 @@ def _part(value: Any, tree: Tree) -> Any:
     if not tree:
         return value
     if isinstance(value, BaseModel):
-        return type(value).model_construct(**{name: _part(getattr(value, name), branch) for name, branch in tree.items()})
+        return type(value).model_construct(
+            **{name: _part(getattr(value, name), branch) for name, branch in tree.items()}
+        )
     if isinstance(value, Mapping):
         return {name: _part(value[name], branch) for name, branch in tree.items()}
     return tuple(_part(value[int(index)], branch) for index, branch in tree.items())

@@ -22,7 +22,9 @@ Source = Annotated[str, Field(min_length=10)]
 
 def _with_source(plain: dict[str, Any]) -> dict[str, Any]:
     if len(str(plain.get("source", ""))) < 10:
-        raise ValueError("needs 'source', the public source of its numbers in words, or 'Assumed.' with the reason")
+        raise ValueError(
+            "needs 'source', the public source of its numbers in words, or 'Assumed.' with the reason"
+        )
     return plain
 
 
@@ -68,7 +70,10 @@ class ExposureFile(Section):
     @property
     def plain(self) -> dict[str, Any]:
         """The distribution without its sources, for `pipeline.core.exposure.Exposure.from_dict`."""
-        regimes = {name: {"share": regime.share, "variables": _numbers(regime.variables)} for name, regime in self.regimes.items()}
+        regimes = {
+            name: {"share": regime.share, "variables": _numbers(regime.variables)}
+            for name, regime in self.regimes.items()
+        }
         return {"variables": _numbers(self.variables), "regimes": regimes}
 
     def of(self, scenario: str, space: Space) -> Exposure:
@@ -87,7 +92,9 @@ class ExposureFile(Section):
         known = self.scenarios.shares if self.scenarios else {}
         for name in scenarios:
             if name not in known:
-                raise InputError(f"exposure: it has no share of scenario '{name}'{nearest(name, known) if known else ''}")
+                raise InputError(
+                    f"exposure: it has no share of scenario '{name}'{nearest(name, known) if known else ''}"
+                )
         total = sum(known[name] for name in scenarios)
         return [known[name] / total for name in scenarios]
 
@@ -97,7 +104,9 @@ def read_exposure(name: str) -> ExposureFile:
     path = Path(name) if name.endswith((".yaml", ".yml")) else FOLDER / f"{name}.yaml"
     if not path.is_file():
         known = [one.stem for one in FOLDER.glob("*.yaml")]
-        raise InputError(f"exposure: there is no '{name}'{nearest(name, known)}, or name a .yaml file")
+        raise InputError(
+            f"exposure: there is no '{name}'{nearest(name, known)}, or name a .yaml file"
+        )
     try:
         return ExposureFile.model_validate(read_yaml(path))
     except ValidationError as error:
@@ -105,4 +114,7 @@ def read_exposure(name: str) -> ExposureFile:
 
 
 def _numbers(variables: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    return {name: {key: value for key, value in body.items() if key != "source"} for name, body in variables.items()}
+    return {
+        name: {key: value for key, value in body.items() if key != "source"}
+        for name, body in variables.items()
+    }

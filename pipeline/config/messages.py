@@ -48,7 +48,11 @@ def message(error: ValidationError, model: type[BaseModel], prefix: str = "") ->
 
 def _text(error: ErrorDetails) -> str:
     if error["type"] in EXPECTED:
-        limits = {name: int(value) if value == int(value) else value for name, value in error.get("ctx", {}).items() if name in LIMITS}
+        limits = {
+            name: int(value) if value == int(value) else value
+            for name, value in error.get("ctx", {}).items()
+            if name in LIMITS
+        }
         return "expected " + EXPECTED[error["type"]].format(**limits)
     return error["msg"].removeprefix("Value error, ").replace("Input should be", "expected", 1)
 
@@ -60,5 +64,8 @@ def _keys(model: Any, path: Sequence[str]) -> list[str]:
         if part in fields:
             model = fields[part].annotation
         if get_args(model):
-            model = next((a for a in get_args(model) if isinstance(a, type) and issubclass(a, BaseModel)), model)
+            model = next(
+                (a for a in get_args(model) if isinstance(a, type) and issubclass(a, BaseModel)),
+                model,
+            )
     return list(getattr(model, "model_fields", {}))

@@ -121,25 +121,36 @@ class Config(Section):
         _known("comparison.strategy", self.comparison.strategy, self.samplers)
         for arm, source in self.arms.items() if self.goal == "report" else ():
             if source not in (sources := (*self.strategies, BASE_SET, NEW_SCENES, BALANCED_SCENES)):
-                remedy = (
-                    f"add it to strategies, set arms.{arm} to another source, or remove the arm with ~arms.{arm}{nearest(source, sources)}"
+                remedy = f"add it to strategies, set arms.{arm} to another source, or remove the arm with ~arms.{arm}{nearest(source, sources)}"
+                raise ValueError(
+                    f"arms.{arm}: '{source}' is not in strategies, so it supplies no frames; {remedy}"
                 )
-                raise ValueError(f"arms.{arm}: '{source}' is not in strategies, so it supplies no frames; {remedy}")
         return self
 
     @model_validator(mode="after")
     def _names_are_free(self) -> Config:
         if BASE in self.arms:
-            raise ValueError(f"arms: '{BASE}' is the version before retraining; choose another name")
+            raise ValueError(
+                f"arms: '{BASE}' is the version before retraining; choose another name"
+            )
         for name in self.samplers:
             if name in (BASE_SET, NEW_SCENES, BALANCED_SCENES):
-                raise ValueError(f"samplers: '{name}' is a source of arms already; choose another name")
+                raise ValueError(
+                    f"samplers: '{name}' is a source of arms already; choose another name"
+                )
         return self
 
     @model_validator(mode="after")
     def _entries_differ(self) -> Config:
         # Tests would count twice, as if they were independent.
-        for key in ("search", "held_out", "strategies", "seeds", "retraining.seeds", "campaign.transfer"):
+        for key in (
+            "search",
+            "held_out",
+            "strategies",
+            "seeds",
+            "retraining.seeds",
+            "campaign.transfer",
+        ):
             entries = attrgetter(key)(self)
             for entry in entries:
                 if entries.count(entry) > 1:
@@ -147,7 +158,9 @@ class Config(Section):
         by_label: dict[str, str] = {}
         for name in (*self.search, *self.held_out):
             if (other := by_label.setdefault(label := self.scenarios[name].label, name)) != name:
-                raise ValueError(f"scenarios.{name}.label: {other} has the label {shown(label)}, too; choose another")
+                raise ValueError(
+                    f"scenarios.{name}.label: {other} has the label {shown(label)}, too; choose another"
+                )
         return self
 
     @model_validator(mode="after")
@@ -169,19 +182,25 @@ class Config(Section):
         for unseen in self.held_out[1:]:
             first = self.held_out[0]
             if self.space(unseen) != self.space(first):
-                raise ValueError(f"held_out: {unseen} and {first} have different spaces; scenarios of one comparison must share one")
+                raise ValueError(
+                    f"held_out: {unseen} and {first} have different spaces; scenarios of one comparison must share one"
+                )
         return self
 
     @model_validator(mode="after")
     def _held_out_is_unseen(self) -> Config:
         if both := set(self.search) & set(self.held_out):
-            raise ValueError(f"held_out must not be searched, but both lists have {', '.join(sorted(both))}")
+            raise ValueError(
+                f"held_out must not be searched, but both lists have {', '.join(sorted(both))}"
+            )
         for unseen, searched in product(self.held_out, self.search):
             if self.scenarios[unseen].town.fingerprint == self.scenarios[searched].town.fingerprint:
                 raise ValueError(
                     f"held_out: {unseen} has the town of {searched} (style and seed), which is searched, so training would use it"
                 )
-            if (people := self.scenarios[unseen].people) is not None and people == self.scenarios[searched].people:
+            if (people := self.scenarios[unseen].people) is not None and people == self.scenarios[
+                searched
+            ].people:
                 raise ValueError(
                     f"held_out: {unseen} has the people of {searched} (people: {people}), which is searched, so training would use them"
                 )
@@ -207,9 +226,13 @@ class Config(Section):
     @model_validator(mode="after")
     def _goal_fits(self) -> Config:
         if self.goal == "detectors" and not self.tested:
-            raise ValueError("tested: goal 'detectors' needs at least one detector, as in +tested.mine=best.onnx")
+            raise ValueError(
+                "tested: goal 'detectors' needs at least one detector, as in +tested.mine=best.onnx"
+            )
         if self.calibrate and self.goal != "detectors":
-            raise ValueError(f"calibrate: only goal 'detectors' calibrates detectors under test, got goal '{self.goal}'")
+            raise ValueError(
+                f"calibrate: only goal 'detectors' calibrates detectors under test, got goal '{self.goal}'"
+            )
         return self
 
     def earlier(self, scenario: str, strategy: str) -> tuple[str, ...]:
@@ -248,7 +271,12 @@ class Config(Section):
     def later(self) -> dict[str, str]:
         """The retrained versions that later rounds search, each with the strategy of its arm."""
         sources = self.sources
-        return {str(v): sources[v.arm] for version in self.versions for v in version.tested if v.arm in sources}
+        return {
+            str(v): sources[v.arm]
+            for version in self.versions
+            for v in version.tested
+            if v.arm in sources
+        }
 
     @property
     def searched(self) -> frozenset[tuple[str, str]]:
@@ -268,7 +296,12 @@ class Config(Section):
         """The names that a job may have as its scenario, strategy, version and seed; `base` is a version in every study."""
         versions = dict.fromkeys([BASE, *map(str, self.versions)])
         seeds = dict.fromkeys(map(str, (*self.seeds, *self.retraining.seeds, self.comparison.seed)))
-        return {"scenario": list(self.scenarios), "strategy": list(self.samplers), "version": list(versions), "seed": list(seeds)}
+        return {
+            "scenario": list(self.scenarios),
+            "strategy": list(self.samplers),
+            "version": list(versions),
+            "seed": list(seeds),
+        }
 
     def version(self, name: str) -> Version:
         """The version of a name, which may be a detector that the study only tests."""
@@ -291,7 +324,11 @@ class Config(Section):
         aeb = self.aeb.model_dump()
         if aeb["brakes_from"] is None:
             aeb["brakes_from"] = self.threshold
-        return Car(Vehicle(**self.vehicle.model_dump()), Aeb(**aeb), Criterion(self.campaign.match_iou, self.threshold))
+        return Car(
+            Vehicle(**self.vehicle.model_dump()),
+            Aeb(**aeb),
+            Criterion(self.campaign.match_iou, self.threshold),
+        )
 
     @property
     def camera(self) -> dict[str, Any]:
@@ -302,7 +339,9 @@ class Config(Section):
     @property
     def unseen(self) -> dict[str, str]:
         """The held-out scenarios by the fingerprints of their towns and people, which no version may be trained on."""
-        return {one: name for name in reversed(self.held_out) for _, one in self.scenarios[name].worlds}
+        return {
+            one: name for name in reversed(self.held_out) for _, one in self.scenarios[name].worlds
+        }
 
     def space(self, scenario: str) -> Space:
         """The logical scenario space of a scenario."""
@@ -316,14 +355,27 @@ def _known(key: str, name: str, known: Iterable[str]) -> None:
 
 def held_out_worlds(config: Config) -> tuple[str, ...]:
     """The keys that determine which towns and people no version may be trained on."""
-    return ("held_out", *(f"scenarios.{name}.{key}" for name in config.held_out for key in ("town", "people")))
+    return (
+        "held_out",
+        *(f"scenarios.{name}.{key}" for name in config.held_out for key in ("town", "people")),
+    )
 
 
 JUDGED = ("detector", "vehicle", "aeb", "campaign.match_iou", "campaign.failure_threshold_s")
 """The keys that determine how a detector's report becomes motion and a KPI."""
 
 FAN_OUT = (
-    *("study", "search", "held_out", "seeds", "strategies", "arms", "retraining.rounds", "retraining.seeds", "retraining.searches"),
+    *(
+        "study",
+        "search",
+        "held_out",
+        "seeds",
+        "strategies",
+        "arms",
+        "retraining.rounds",
+        "retraining.seeds",
+        "retraining.searches",
+    ),
     *("comparison.strategy", "comparison.seed", "campaign.transfer", "campaign.audit"),
 )
 """The keys that determine a study's jobs and the files that they read."""

@@ -22,13 +22,17 @@ Title = Annotated[str, AfterValidator(partial(check_name, joints="-"))]
 def _in_project(path: str) -> str:
     # A link in the project may lead elsewhere: whoever made it meant it.
     if not path or Path(os.path.relpath(path)).parts[:1] == ("..",):
-        raise ValueError(f"expected a path inside the project (link outside files into it), got {shown(path)}")
+        raise ValueError(
+            f"expected a path inside the project (link outside files into it), got {shown(path)}"
+        )
     return path
 
 
 def _plain(path: str) -> str:
     if {"{", "}"} & set(path):
-        raise ValueError(f"expected a path without braces, which Snakemake takes for wildcards, got {shown(path)}")
+        raise ValueError(
+            f"expected a path without braces, which Snakemake takes for wildcards, got {shown(path)}"
+        )
     return path
 
 
@@ -44,7 +48,9 @@ class Section(BaseModel):
         def __getattr__(self, name: str) -> Any:
             """Raise AttributeError: only keys that `declared` left out are missing."""
             if name in type(self).model_fields:
-                raise AttributeError(f"'{name}' of {type(self).__name__} is read but not declared; add it to the step's sections")
+                raise AttributeError(
+                    f"'{name}' of {type(self).__name__} is read but not declared; add it to the step's sections"
+                )
             return super().__getattr__(name)
 
 

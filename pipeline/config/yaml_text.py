@@ -54,12 +54,19 @@ def read_yaml(path: Path, *, as_written: bool = False) -> Any:
     except FileNotFoundError:
         raise
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: expected UTF-8 text, got the byte 0x{error.object[error.start]:02x} at {error.start}") from error
+        raise InputError(
+            f"{path}: expected UTF-8 text, got the byte 0x{error.object[error.start]:02x} at {error.start}"
+        ) from error
     except OSError as error:
         raise InputError(f"{path}: expected a readable file, got {error.strerror}") from error
     except yaml.YAMLError as error:
-        mark, problem = getattr(error, "problem_mark", None), getattr(error, "problem", None) or str(error).splitlines()[0]
-        raise InputError(f"{path}{f', line {mark.line + 1}' if mark else ''}: not valid YAML ({problem})") from error
+        mark, problem = (
+            getattr(error, "problem_mark", None),
+            getattr(error, "problem", None) or str(error).splitlines()[0],
+        )
+        raise InputError(
+            f"{path}{f', line {mark.line + 1}' if mark else ''}: not valid YAML ({problem})"
+        ) from error
     except RecursionError as error:
         raise InputError(f"{path}: nested too deeply") from error
     except ValueError as error:  # A number or a date that Python refuses.

@@ -44,12 +44,16 @@ class Vehicle:
     def full_brake_mps2(self, rain: float) -> float:
         """Deceleration under full demand at a rain of 0 to 100 %: friction falls linearly until the road is fully wet."""
         wetness = min(1.0, rain / WET_FROM_RAIN)
-        return GRAVITY_MPS2 * (self.dry_friction + wetness * (self.wet_friction - self.dry_friction))
+        return GRAVITY_MPS2 * (
+            self.dry_friction + wetness * (self.wet_friction - self.dry_friction)
+        )
 
     def stopping_distance(self, speed_mps: ArrayLike, rain: float) -> NDArray[np.float64]:
         """Metres from the exposure of a frame until the ego stops under full braking, latency and build-up included."""
         speed = np.asarray(speed_mps, dtype=float)
-        return np.asarray(speed * (self.latency_s + self.build_up_s) + speed**2 / (2 * self.full_brake_mps2(rain)))
+        return np.asarray(
+            speed * (self.latency_s + self.build_up_s) + speed**2 / (2 * self.full_brake_mps2(rain))
+        )
 
 
 @dataclass(frozen=True)
@@ -73,7 +77,9 @@ class Aeb:
         if not 0 <= self.brakes_from <= 1:
             raise ValueError(f"brakes_from must be in [0, 1], got {self.brakes_from}")
         if not 1 <= self.votes <= self.window:
-            raise ValueError(f"votes must be at least 1 and at most window, got {self.votes} of {self.window}")
+            raise ValueError(
+                f"votes must be at least 1 and at most window, got {self.votes} of {self.window}"
+            )
         if not 0 <= self.margin_m <= 5:
             raise ValueError(f"margin_m must be in [0, 5] m, got {self.margin_m}")
 
@@ -81,7 +87,11 @@ class Aeb:
         """Brake demand in [0, 1]. best: the newest frame's best score that asks for it, 0 for none. asking: number of the last `window`
         frames that ask."""
         score = np.asarray(best, dtype=float)
-        return np.where((score > 0) & (np.asarray(asking) >= self.votes), 1.0 if self.law == "threshold" else score, 0.0)
+        return np.where(
+            (score > 0) & (np.asarray(asking) >= self.votes),
+            1.0 if self.law == "threshold" else score,
+            0.0,
+        )
 
 
 class EmergencyBrake:

@@ -11,7 +11,16 @@ from pipeline.core.matching import TOUCH_IOU
 from pipeline.core.signals import Signals
 from pipeline.core.visibility import visible
 
-Cause = Literal["none", "not_solvable", "never_seen", "too_late", "box", "confidence", "false_positives", "false_activation"]
+Cause = Literal[
+    "none",
+    "not_solvable",
+    "never_seen",
+    "too_late",
+    "box",
+    "confidence",
+    "false_positives",
+    "false_activation",
+]
 """none: no failure. not_solvable: no frame in which a person could see the pedestrian came in time, see `solvable`. false_positives,
 false_activation: as the failure mode. Otherwise:
 
@@ -51,10 +60,17 @@ def cause(signals: Signals, failure_mode: str) -> Cause:
         return "never_seen"
     unmatched = _in_time(signals) & (np.asarray(signals["confidence"]) == 0)
     low, badly = unmatched & (weak > 0), unmatched & (weak == 0) & (overlap > TOUCH_IOU)
-    counts: dict[Cause, int] = {"too_late": int((unmatched & ~low & ~badly).sum()), "box": int(badly.sum()), "confidence": int(low.sum())}
+    counts: dict[Cause, int] = {
+        "too_late": int((unmatched & ~low & ~badly).sum()),
+        "box": int(badly.sum()),
+        "confidence": int(low.sum()),
+    }
     return max(counts, key=lambda one: counts[one])
 
 
 def _in_time(signals: Signals) -> NDArray[np.bool_]:
     seen = visible(signals["visible_pixels"], signals["contrast"])
-    return np.asarray(seen & (np.asarray(signals["conflict_distance_m"]) > np.asarray(signals["stopping_distance_m"])))
+    return np.asarray(
+        seen
+        & (np.asarray(signals["conflict_distance_m"]) > np.asarray(signals["stopping_distance_m"]))
+    )

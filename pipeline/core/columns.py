@@ -21,7 +21,9 @@ class Column:
     @property
     def nothing(self) -> Any:
         """The column's value for nothing to report: NaN, 0, false, the first allowed text."""
-        return float("nan") if self.kind is float else self.allowed[0] if self.allowed else self.kind()
+        return (
+            float("nan") if self.kind is float else self.allowed[0] if self.allowed else self.kind()
+        )
 
 
 def column(meaning: str, unit: str = "", **settings: Any) -> Any:

@@ -132,10 +132,14 @@ def pair(before: SequenceOutcomes, after: SequenceOutcomes) -> VersionDifference
     """Compare two versions test by test."""
     valid = before.valid & after.valid
     fixed, regressed = valid & before.failed & ~after.failed, valid & ~before.failed & after.failed
-    return VersionDifference(fixed, regressed, int(valid.sum()), mcnemar_p_value(int(fixed.sum()), int(regressed.sum())))
+    return VersionDifference(
+        fixed, regressed, int(valid.sum()), mcnemar_p_value(int(fixed.sum()), int(regressed.sum()))
+    )
 
 
-def pair_groups(before: Sequence[SequenceOutcomes], after: Sequence[SequenceOutcomes], confidence: float) -> GroupDifference:
+def pair_groups(
+    before: Sequence[SequenceOutcomes], after: Sequence[SequenceOutcomes], confidence: float
+) -> GroupDifference:
     """Compare two groups of versions, one version per seed, in the same order of seeds; a single version, such as the base, is compared
     with each seed.
 
@@ -143,16 +147,23 @@ def pair_groups(before: Sequence[SequenceOutcomes], after: Sequence[SequenceOutc
     for each seed, so its differences are not symmetric.
     """
     if len(before) != len(after) and 1 not in (len(before), len(after)):
-        raise ValueError(f"expected groups of equally many versions or a single one, got {len(before)} and {len(after)}")
+        raise ValueError(
+            f"expected groups of equally many versions or a single one, got {len(before)} and {len(after)}"
+        )
     valid = np.all([outcomes.valid for outcomes in (*before, *after)], axis=0)
-    first, second = (np.array([outcomes.failed[valid] for outcomes in group], dtype=np.int64) for group in (before, after))
+    first, second = (
+        np.array([outcomes.failed[valid] for outcomes in group], dtype=np.int64)
+        for group in (before, after)
+    )
     differences = second.sum(axis=1) - first.sum(axis=1)
     if len(first) == len(second):
         p_value = sign_flip((second - first).sum(axis=0))
     else:
         one, several = (first, second) if len(first) == 1 else (second, first)
         p_value = one_against_several(one[0], several.sum(axis=0), len(several))
-    difference = Interval(float(differences.mean()), *mean_interval(differences, confidence, least_spread=ROUNDING))
+    difference = Interval(
+        float(differences.mean()), *mean_interval(differences, confidence, least_spread=ROUNDING)
+    )
     return GroupDifference(int(valid.sum()), difference, p_value)
 
 

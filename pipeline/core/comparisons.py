@@ -53,7 +53,9 @@ def is_numeric(variable: Variable) -> bool:
     return variable.kind != "categorical" or all(map(NUMBER.fullmatch, variable.values))
 
 
-def compare_with_number(variables: Sequence[Variable], index: int, sign: str, constant: Decimal) -> OneOf:
+def compare_with_number(
+    variables: Sequence[Variable], index: int, sign: str, constant: Decimal
+) -> OneOf:
     """The categories of a variable in which every value compares to the constant.
 
     Raises ValueError if the values are no numbers, and if a category has both values that do and values that do not.
@@ -62,7 +64,9 @@ def compare_with_number(variables: Sequence[Variable], index: int, sign: str, co
     results = [_decided(own, spans, sign) for own in _numbers(variable)]
     if None in results:
         raise ValueError(_undecided(variable, sign, constant, variable.labels[results.index(None)]))
-    return OneOf((index,), frozenset((category,) for category, holds in enumerate(results) if holds))
+    return OneOf(
+        (index,), frozenset((category,) for category, holds in enumerate(results) if holds)
+    )
 
 
 def compare_variables(variables: Sequence[Variable], first: int, sign: str, second: int) -> OneOf:
@@ -94,7 +98,9 @@ def compare_variables(variables: Sequence[Variable], first: int, sign: str, seco
 def _named_alike(one: Variable, sign: str, two: Variable) -> frozenset[tuple[int, ...]]:
     common = set(one.labels) & set(two.labels)
     if not common:
-        raise ValueError(f"{one.name} {sign} {two.name} compares variables that have no category in common")
+        raise ValueError(
+            f"{one.name} {sign} {two.name} compares variables that have no category in common"
+        )
     pairs = product(enumerate(one.labels), enumerate(two.labels))
     return frozenset((a, b) for (a, own), (b, other) in pairs if (own == other) == (sign == "="))
 
@@ -103,7 +109,9 @@ def _numbers(variable: Variable) -> tuple[Spans, ...]:
     """The numbers of each category. A category of a step stands for its multiple, to which its values are nearest."""
     if variable.kind == "categorical" and not is_numeric(variable):
         other = next(value for value in variable.values if not NUMBER.fullmatch(value))
-        raise ValueError(f"only numbers compare by <, <=, > and >=, and a category of {variable.name} is {other!r}; use = or in {{…}}")
+        raise ValueError(
+            f"only numbers compare by <, <=, > and >=, and a category of {variable.name} is {other!r}; use = or in {{…}}"
+        )
     if variable.cuts is None:
         return tuple((Span(exact, exact),) for exact in map(Decimal, variable.labels))
     ends = list(map(Decimal, map(number_text, (variable.low, *variable.cuts, variable.high))))
@@ -122,14 +130,24 @@ def _decided(first: Spans, second: Spans, sign: str) -> bool | None:
 def _orders(first: Span, second: Span) -> set[int]:
     """How numbers of two spans can compare: -1 the first is smaller, 0 they are equal, 1 it is larger."""
     start = max(first.low, second.low)
-    possible = {-1: first.low < second.high, 0: first.has(start) and second.has(start), 1: second.low < first.high}
+    possible = {
+        -1: first.low < second.high,
+        0: first.has(start) and second.has(start),
+        1: second.low < first.high,
+    }
     return {order for order, may_be in possible.items() if may_be}
 
 
 def _undecided(variable: Variable, sign: str, constant: Decimal, label: str) -> str:
     what = f"{variable.name} {sign} {constant} holds for some values of the category {label}, and not for others"
     spans = (Span(constant, constant),)
-    if sign in SIBLING and all(_decided(own, spans, SIBLING[sign]) is not None for own in _numbers(variable)):
+    if sign in SIBLING and all(
+        _decided(own, spans, SIBLING[sign]) is not None for own in _numbers(variable)
+    ):
         return f"{what}; write {SIBLING[sign]} {constant}, or choose other cuts"
     ends = ", ".join(map(number_text, variable.cuts or ()))
-    return f"{what}; compare with a cut ({ends}), or name the category" if ends else f"{what}, and it has no cuts"
+    return (
+        f"{what}; compare with a cut ({ends}), or name the category"
+        if ends
+        else f"{what}, and it has no cuts"
+    )

@@ -23,7 +23,9 @@ class NarrowError(ValueError):
 
 def draw_inside(space: Space, rule: Rule, count: int, rng: np.random.Generator) -> Floats:
     """(count, d) feasible points inside a rule, independent and uniform; NarrowError if it admits hardly any."""
-    return _drawn(space, [(condition, condition.admits) for condition in rule.conditions], count, rng)
+    return _drawn(
+        space, [(condition, condition.admits) for condition in rule.conditions], count, rng
+    )
 
 
 def draw_just_outside(space: Space, rule: Rule, count: int, rng: np.random.Generator) -> Floats:
@@ -34,14 +36,22 @@ def draw_just_outside(space: Space, rule: Rule, count: int, rng: np.random.Gener
     """
     nearby = []
     for broken in rule.conditions:
-        kept = [(condition, condition.admits) for condition in rule.conditions if condition is not broken]
+        kept = [
+            (condition, condition.admits)
+            for condition in rule.conditions
+            if condition is not broken
+        ]
         try:
-            nearby.append(_drawn(space, [(broken, _beyond(broken, broken.subject(space))), *kept], count, rng))
+            nearby.append(
+                _drawn(space, [(broken, _beyond(broken, broken.subject(space))), *kept], count, rng)
+            )
         except NarrowError:  # Such as an adult who is a child.
             continue
     if not nearby:
         return np.zeros((0, len(space)))
-    return np.array([nearby[which][row] for row, which in enumerate(rng.integers(len(nearby), size=count))])
+    return np.array(
+        [nearby[which][row] for row, which in enumerate(rng.integers(len(nearby), size=count))]
+    )
 
 
 def _beyond(condition: Condition, variable: Variable) -> Filter:
@@ -59,23 +69,38 @@ def _beyond(condition: Condition, variable: Variable) -> Filter:
     return just_outside
 
 
-def _drawn(space: Space, wanted: Sequence[tuple[Condition, Filter]], count: int, rng: np.random.Generator) -> Floats:
+def _drawn(
+    space: Space, wanted: Sequence[tuple[Condition, Filter]], count: int, rng: np.random.Generator
+) -> Floats:
     """Points by rejection: first of each variable's values, then of points. wanted: conditions, each with the values of its column."""
-    alone = {j: [holds for condition, holds in wanted if condition.variable == j and not condition.sign] for j in range(len(space))}
+    alone = {
+        j: [holds for condition, holds in wanted if condition.variable == j and not condition.sign]
+        for j in range(len(space))
+    }
     points = np.zeros((0, len(space)))
     for _ in range(MAX_DRAWS):
         if len(points) >= count:
             return points[:count]
-        drawn = np.column_stack([_values(v, alone[j], max(CHUNK, count), rng) for j, v in enumerate(space.variables)])
-        kept = space.constraints.holds(space.categorise(drawn)) if space.clauses else np.ones(len(drawn), bool)
+        drawn = np.column_stack(
+            [_values(v, alone[j], max(CHUNK, count), rng) for j, v in enumerate(space.variables)]
+        )
+        kept = (
+            space.constraints.holds(space.categorise(drawn))
+            if space.clauses
+            else np.ones(len(drawn), bool)
+        )
         for condition, holds in wanted:
             if condition.sign:
                 kept &= holds(condition.column(drawn))
         points = np.concatenate([points, drawn[kept]])
-    raise NarrowError(f"no {count} feasible points in {MAX_DRAWS} draws: the constraints exclude almost all that the rule admits")
+    raise NarrowError(
+        f"no {count} feasible points in {MAX_DRAWS} draws: the constraints exclude almost all that the rule admits"
+    )
 
 
-def _values(variable: Variable, filters: Sequence[Filter], count: int, rng: np.random.Generator) -> Floats:
+def _values(
+    variable: Variable, filters: Sequence[Filter], count: int, rng: np.random.Generator
+) -> Floats:
     values = np.zeros(0)
     for _ in range(MAX_DRAWS):
         drawn = variable.scale(rng.random(max(CHUNK, count)))

@@ -50,7 +50,9 @@ def read_constraint(text: str, variables: Sequence[Variable]) -> tuple[Clause, .
     try:
         expression = _Parser(text, variables).whole()
     except _WrongError as error:
-        raise ValueError(f"constraint {shown(text)}, character {error.place + 1}: {error}") from error
+        raise ValueError(
+            f"constraint {shown(text)}, character {error.place + 1}: {error}"
+        ) from error
     try:
         return clauses_of(expression, [variable.size for variable in variables])
     except ValueError as error:
@@ -65,7 +67,12 @@ def _tokens(text: str) -> list[_Token]:
             continue
         if (match := TOKEN.match(text, place)) is None:
             quote = text[place] in "'\""
-            raise _WrongError(place, "this quote does not end" if quote else f"expected a name, a number or a sign, got {text[place]!r}")
+            raise _WrongError(
+                place,
+                "this quote does not end"
+                if quote
+                else f"expected a name, a number or a sign, got {text[place]!r}",
+            )
         kind, found = str(match.lastgroup), match[0]
         if kind == "quoted":
             found = found[1:-1].replace(found[0] * 2, found[0])
@@ -103,13 +110,19 @@ class _Parser:
         condition = self._expression()
         self._take("keyword", "then", "and, or, => or then")
         found: Expression = Some((Not(condition), self._expression()))
-        return Every((found, Some((condition, self._expression())))) if self._takes("keyword", "else") else found
+        return (
+            Every((found, Some((condition, self._expression()))))
+            if self._takes("keyword", "else")
+            else found
+        )
 
     def _implication(self) -> Expression:
         first = self._several("or", Some, lambda: self._several("and", Every, self._part))
         return Some((Not(first), self._expression())) if self._takes("sign", "=>") else first
 
-    def _several(self, word: str, join: type[Some] | type[Every], part: Callable[[], Expression]) -> Expression:
+    def _several(
+        self, word: str, join: type[Some] | type[Every], part: Callable[[], Expression]
+    ) -> Expression:
         parts = [part()]
         while self._takes("keyword", word):
             parts.append(part())
@@ -150,7 +163,9 @@ class _Parser:
         of_category = sign in ("=", "!=") and operand in own.labels
         if other is not None and (of_category or constant is not None):
             kind = f"a category of {own.name}" if of_category else "a number"
-            raise ValueError(f"{operand!r} is {kind} and a variable; for the category write in {{…}}, for the variable begin with it")
+            raise ValueError(
+                f"{operand!r} is {kind} and a variable; for the category write in {{…}}, for the variable begin with it"
+            )
         if other is not None:
             return compare_variables(self._variables, variable, sign, other)
         if of_category:
@@ -178,7 +193,9 @@ class _Parser:
     def _name(self, expected: str) -> _Token:
         if self._next.kind not in ("word", "quoted"):
             hint = "; put a name like this in quotes" if self._next.kind == "keyword" else ""
-            raise _WrongError(self._next.place, f"expected {expected}, got {self._next.shown}{hint}")
+            raise _WrongError(
+                self._next.place, f"expected {expected}, got {self._next.shown}{hint}"
+            )
         return self._move()
 
     def _takes(self, kind: str, text: str) -> bool:

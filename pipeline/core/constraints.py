@@ -45,10 +45,14 @@ class Constraints:
         for clause in self.clauses:
             for literal in clause:
                 if not 0 <= literal.variable < len(self.sizes):
-                    raise ValueError(f"a constraint names variable {literal.variable}, there are {len(self.sizes)}")
+                    raise ValueError(
+                        f"a constraint names variable {literal.variable}, there are {len(self.sizes)}"
+                    )
                 if not 0 <= literal.category < self.sizes[literal.variable]:
                     size = self.sizes[literal.variable]
-                    raise ValueError(f"category of variable {literal.variable} must be in [0, {size}), got {literal.category}")
+                    raise ValueError(
+                        f"category of variable {literal.variable} must be in [0, {size}), got {literal.category}"
+                    )
 
     @cached_property
     def named(self) -> frozenset[int]:
@@ -68,13 +72,19 @@ class Constraints:
         if not len(broken):
             return None
         row = int(broken[0])
-        return row, next(i for i, clause in enumerate(self.clauses) if not satisfied(clause, categories[row : row + 1])[0])
+        return row, next(
+            i
+            for i, clause in enumerate(self.clauses)
+            if not satisfied(clause, categories[row : row + 1])[0]
+        )
 
     def satisfiable(self, fixed: Mapping[int, int]) -> bool:
         """Whether some feasible point has the category `fixed[variable]` for each variable in `fixed`."""
         return self.complete(fixed) is not None
 
-    def complete(self, fixed: Mapping[int, int], rng: np.random.Generator | None = None) -> tuple[int, ...] | None:
+    def complete(
+        self, fixed: Mapping[int, int], rng: np.random.Generator | None = None
+    ) -> tuple[int, ...] | None:
         """A feasible row of d category indices that agrees with `fixed`; None if there is none.
 
         With a generator the row is random: the generator makes the solver's free choices.
@@ -88,7 +98,11 @@ class Constraints:
 
     def contradiction(self) -> tuple[int, ...]:
         """Indices of a minimal set of clauses that no point satisfies together; empty if a feasible point exists."""
-        return () if self.satisfiable({}) else contradiction(self.sizes, [(clause,) for clause in self.clauses])
+        return (
+            ()
+            if self.satisfiable({})
+            else contradiction(self.sizes, [(clause,) for clause in self.clauses])
+        )
 
     @cached_property
     def _encoding(self) -> _Encoding:
@@ -101,10 +115,16 @@ class Constraints:
         self.__dict__.update(state)
 
 
-def contradiction(sizes: tuple[int, ...], constraints: Sequence[Sequence[Clause]]) -> tuple[int, ...]:
+def contradiction(
+    sizes: tuple[int, ...], constraints: Sequence[Sequence[Clause]]
+) -> tuple[int, ...]:
     """Indices of a minimal set of contradicting constraints, which no point satisfies together; each is a list of clauses."""
     # One solver for all subsets: each constraint holds if a variable of its own has category 1.
-    clauses = tuple((*clause, Literal(len(sizes) + i, 0)) for i, several in enumerate(constraints) for clause in several)
+    clauses = tuple(
+        (*clause, Literal(len(sizes) + i, 0))
+        for i, several in enumerate(constraints)
+        for clause in several
+    )
     encoding = _Encoding((*sizes, *(2 for _ in constraints)), clauses)
 
     def core(of: Sequence[int]) -> set[int] | None:
@@ -128,7 +148,11 @@ def satisfied(clause: Clause, categories: Ints) -> Bools:
     result = np.zeros(len(categories), dtype=bool)
     for literal in clause:
         column = categories[:, literal.variable]
-        result |= (column == literal.category) | (column < 0) if literal.equal else column != literal.category
+        result |= (
+            (column == literal.category) | (column < 0)
+            if literal.equal
+            else column != literal.category
+        )
     return result
 
 
@@ -164,7 +188,10 @@ class _Encoding:
         self._cells: dict[tuple[int, ...], Bools] = {}
 
     def _formula(self, clauses: tuple[Clause, ...]) -> list[list[int]]:
-        formula = [[self._proposition[x.variable, x.category] * (1 if x.equal else -1) for x in clause] for clause in clauses]
+        formula = [
+            [self._proposition[x.variable, x.category] * (1 if x.equal else -1) for x in clause]
+            for clause in clauses
+        ]
         for variable, categories in self._categories.items():
             own = [self._proposition[variable, category] for category in categories]
             formula += self._at_most_one(own)
@@ -208,9 +235,15 @@ class _Encoding:
             return [self._proposition[variable, category]]
         return [-self._proposition[variable, other] for other in self._categories.get(variable, ())]
 
-    def solve(self, fixed: Mapping[int, int], rng: np.random.Generator | None = None) -> list[int] | None:
+    def solve(
+        self, fixed: Mapping[int, int], rng: np.random.Generator | None = None
+    ) -> list[int] | None:
         """A feasible row with the fixed categories; free variables get their first free category, or a random one."""
-        assumptions = [literal for variable, category in fixed.items() for literal in self._assumptions(variable, category)]
+        assumptions = [
+            literal
+            for variable, category in fixed.items()
+            for literal in self._assumptions(variable, category)
+        ]
         if rng is not None and self._proposition:
             signs = rng.integers(2, size=len(self._proposition)) * 2 - 1
             self._solver.set_phases([int(sign) * (i + 1) for i, sign in enumerate(signs)])
@@ -222,14 +255,22 @@ class _Encoding:
             if variable in fixed:
                 row.append(fixed[variable])
                 continue
-            chosen = [c for c in self._categories.get(variable, ()) if self._proposition[variable, c] in true]
+            chosen = [
+                c
+                for c in self._categories.get(variable, ())
+                if self._proposition[variable, c] in true
+            ]
             free = chosen or [c for c in range(size) if (variable, c) not in self._proposition]
             row.append(free[0] if rng is None else free[int(rng.integers(len(free)))])
         return row
 
     def core(self, fixed: Mapping[int, int]) -> set[int] | None:
         """Variables whose fixed categories no feasible row has together; None if some row has all of them."""
-        variable_of = {literal: variable for variable, category in fixed.items() for literal in self._assumptions(variable, category)}
+        variable_of = {
+            literal: variable
+            for variable, category in fixed.items()
+            for literal in self._assumptions(variable, category)
+        }
         if self._solver.solve(assumptions=list(variable_of)):
             return None
         return {variable_of[literal] for literal in self._solver.get_core() or ()}
@@ -243,13 +284,17 @@ class _Encoding:
                 groups.setdefault(self._component[variable], []).append(axis)
         for axes in groups.values():
             part = self._component_cells(tuple(variables[axis] for axis in axes))
-            result &= part.reshape([self._sizes[v] if axis in axes else 1 for axis, v in enumerate(variables)])
+            result &= part.reshape(
+                [self._sizes[v] if axis in axes else 1 for axis, v in enumerate(variables)]
+            )
         return result & self._possible
 
     def _component_cells(self, variables: tuple[int, ...]) -> Bools:
         if list(variables) != sorted(variables):
             order = sorted(range(len(variables)), key=lambda axis: variables[axis])
-            return self._component_cells(tuple(variables[axis] for axis in order)).transpose(np.argsort(order))
+            return self._component_cells(tuple(variables[axis] for axis in order)).transpose(
+                np.argsort(order)
+            )
         if variables not in self._cells:
             self._cells[variables] = self._solved_cells(variables)
         return self._cells[variables]
@@ -264,7 +309,9 @@ class _Encoding:
                 continue
             assumptions = []
             for variable, number in zip(variables, cell, strict=True):
-                assumptions += self._assumptions(variable, int(np.argmax(self._class[variable] == number)))
+                assumptions += self._assumptions(
+                    variable, int(np.argmax(self._class[variable] == number))
+                )
             if self._solver.solve(assumptions=assumptions):
                 self._keep_solution()
                 classes[tuple(self._solutions[self._found - 1, columns])] = True
@@ -287,7 +334,9 @@ def parse_literal(text: str, labels: Mapping[str, Sequence[str]]) -> Literal:
     equal = "!=" not in text
     name, sign, category = (part.strip() for part in text.partition("=" if equal else "!="))
     if not sign:
-        raise ValueError(f"a constraint must read 'variable = category' or 'variable != category', got {text!r}")
+        raise ValueError(
+            f"a constraint must read 'variable = category' or 'variable != category', got {text!r}"
+        )
     if name not in labels:
         raise ValueError(f"constraint {text!r}: {no_variable(list(labels), name)}")
     if category not in labels[name]:

@@ -20,7 +20,9 @@ class Counted:
 
     def __post_init__(self) -> None:
         if not 0 <= self.failures <= self.tests or self.errors < 0:
-            raise ValueError(f"failures must be in [0, {self.tests}] and errors not negative, got {self.failures} and {self.errors}")
+            raise ValueError(
+                f"failures must be in [0, {self.tests}] and errors not negative, got {self.failures} and {self.errors}"
+            )
 
     @staticmethod
     def of(failed: Bools, error: Bools | None = None) -> Counted:

@@ -24,7 +24,9 @@ def described_distance(space: Space, a: Floats, b: Floats) -> Floats:
     for j, variable in enumerate(space.variables):
         if variable.attributes:
             first, second = a[:, j].astype(np.int64), b[:, j].astype(np.int64)
-            total += (_unlike(variable.attributes)[first[:, None], second] - (first[:, None] != second)) / len(space)
+            total += (
+                _unlike(variable.attributes)[first[:, None], second] - (first[:, None] != second)
+            ) / len(space)
     return total
 
 
@@ -32,7 +34,9 @@ def _unlike(attributes: tuple[tuple[str, tuple[float, ...]], ...]) -> Floats:
     """Mean difference of the attributes of each two values, (v, v) in [0, 1]."""
     numbers = np.array([numbers for _, numbers in attributes])
     spans = np.maximum(np.ptp(numbers, axis=1), 1e-12)
-    return np.asarray((np.abs(numbers[:, :, None] - numbers[:, None, :]) / spans[:, None, None]).mean(axis=0))
+    return np.asarray(
+        (np.abs(numbers[:, :, None] - numbers[:, None, :]) / spans[:, None, None]).mean(axis=0)
+    )
 
 
 def described_radius(space: Space, failures: int, neighbours: float) -> float:
@@ -61,8 +65,15 @@ def dense_groups(space: Space, failures: Floats, radius: float, min_failures: in
     """
     if not len(failures):
         return np.zeros(0, np.int64)
-    from sklearn.cluster import DBSCAN  # Takes more than a second, and steps that only read regions find none.
+    from sklearn.cluster import (
+        DBSCAN,
+    )  # Takes more than a second, and steps that only read regions find none.
 
     # DBSCAN asks for a positive radius; if many points coincide, coinciding points form a cluster.
     found = DBSCAN(eps=max(radius, 1e-9), min_samples=min_failures, metric="precomputed")
-    return largest_first(np.asarray(found.fit_predict(np.maximum(described_distance(space, failures, failures), 0)), dtype=np.int64))
+    return largest_first(
+        np.asarray(
+            found.fit_predict(np.maximum(described_distance(space, failures, failures), 0)),
+            dtype=np.int64,
+        )
+    )

@@ -47,10 +47,21 @@ class Description(Protocol):
 def describe(space: Space, points: Floats, words: Sequence[Word]) -> list[Description]:
     """Everything that conditions on points (n, d) may be about."""
     known = meanings(space, words)
-    made = [made for j, variable in enumerate(space.variables) for made in _of_variable(j, variable, points[:, j])]
-    made += [made for pair in combinations(range(len(space)), 2) for made in _of_pair(space, pair, points)]
+    made = [
+        made
+        for j, variable in enumerate(space.variables)
+        for made in _of_variable(j, variable, points[:, j])
+    ]
+    made += [
+        made
+        for pair in combinations(range(len(space)), 2)
+        for made in _of_pair(space, pair, points)
+    ]
     if known:
-        made += [_Words(tuple(word for word in known if word.variable == j), points[:, j]) for j in sorted({w.variable for w in known})]
+        made += [
+            _Words(tuple(word for word in known if word.variable == j), points[:, j])
+            for j in sorted({w.variable for w in known})
+        ]
     price = float(np.log(len(made)))
     return [_Priced(one, price) for one in made]
 
@@ -88,7 +99,13 @@ class _Priced:
 
 def _of_variable(index: int, variable: Variable, column: Floats) -> Iterator[Description]:
     if variable.kind != "categorical":
-        yield _Interval(Condition(index), column, *_bounds(variable), variable.cyclic, single=variable.kind == "integer")
+        yield _Interval(
+            Condition(index),
+            column,
+            *_bounds(variable),
+            variable.cyclic,
+            single=variable.kind == "integer",
+        )
         return
     yield _Values(index, column, variable.size)
     for name, numbers in variable.attributes:
@@ -109,12 +126,28 @@ class _Ends:
 def _of_pair(space: Space, pair: tuple[int, int], points: Floats) -> Iterator[Description]:
     """The sum and the difference of two variables that can be compared, because they have one unit and one range."""
     first, second = (space.variables[j] for j in pair)
-    alike = (first.unit, first.low, first.high, first.cuts) == (second.unit, second.low, second.high, second.cuts)
-    if not alike or {first.kind, second.kind} != {"continuous"} or first.cyclic or second.cyclic or first.cuts is not None:
+    alike = (first.unit, first.low, first.high, first.cuts) == (
+        second.unit,
+        second.low,
+        second.high,
+        second.cuts,
+    )
+    if (
+        not alike
+        or {first.kind, second.kind} != {"continuous"}
+        or first.cyclic
+        or second.cyclic
+        or first.cuts is not None
+    ):
         return
     for sign in (1, -1):
         column = points[:, pair[0]] + sign * points[:, pair[1]]
-        yield _Interval(Condition(pair[0], other=pair[1], sign=sign), column, *_bounds(combined(first, second, sign)), single=False)
+        yield _Interval(
+            Condition(pair[0], other=pair[1], sign=sign),
+            column,
+            *_bounds(combined(first, second, sign)),
+            single=False,
+        )
 
 
 def _bounds(variable: Variable) -> tuple[Floats, Floats]:
@@ -122,7 +155,9 @@ def _bounds(variable: Variable) -> tuple[Floats, Floats]:
     rounded = max(variable.rounding, (variable.high - variable.low) / LEVELS / 2)
     precise = rounded / PRECISE
     if variable.kind == "integer":
-        narrow = variable.high - variable.low <= 2 * LEVELS * PRECISE  # Then each number may be a bound.
+        narrow = (
+            variable.high - variable.low <= 2 * LEVELS * PRECISE
+        )  # Then each number may be a bound.
         precise = 1.0 if narrow else max(1.0, np.floor(precise))
         rounded = max(1.0, np.floor(variable.rounding)) if narrow else precise * PRECISE
     bounds = np.append(np.arange(variable.low, variable.high - precise / 2, precise), variable.high)
@@ -157,14 +192,19 @@ class _Interval:
         found = self.ends(inside, failed)
         if found is None:
             return None
-        condition = replace(self.about, low=float(self.bounds[found.low]), high=float(self.bounds[found.high]))
+        condition = replace(
+            self.about, low=float(self.bounds[found.low]), high=float(self.bounds[found.high])
+        )
         return Offer(condition, found.price, found.gain)
 
     def ends(self, inside: Bools, failed: Bools) -> _Ends | None:
         """The best interval; None if none raises the share of failures."""
         support, hits = self._between(inside), self._between(inside & failed)
         if self.cyclic:
-            support, hits = support + self._backwards * inside.sum(), hits + self._backwards * (inside & failed).sum()
+            support, hits = (
+                support + self._backwards * inside.sum(),
+                hits + self._backwards * (inside & failed).sum(),
+            )
         else:
             support, hits = support * (1 - self._backwards), hits * (1 - self._backwards)
         gains = likelihood_gain(hits, support, failed) - self._pair_prices
@@ -184,13 +224,18 @@ class _Interval:
         """Number of the rows' values from bound i to bound j, as (b, b) at [i, j]; for j < i, minus the number between."""
         first_above, first_at = self._positions
         count = len(self.bounds)
-        below, up_to = (np.cumsum(np.bincount(bound[rows], minlength=count + 1))[:count] for bound in (first_above, first_at))
+        below, up_to = (
+            np.cumsum(np.bincount(bound[rows], minlength=count + 1))[:count]
+            for bound in (first_above, first_at)
+        )
         return np.asarray(up_to[None, :] - below[:, None], dtype=np.int64)
 
     @cached_property
     def _positions(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Index of the first bound above each value, and of the first at or above it, (n,) each."""
-        return np.searchsorted(self.bounds, self.column, side="right"), np.searchsorted(self.bounds, self.column, side="left")
+        return np.searchsorted(self.bounds, self.column, side="right"), np.searchsorted(
+            self.bounds, self.column, side="left"
+        )
 
     @cached_property
     def _backwards(self) -> NDArray[np.int64]:
@@ -220,14 +265,24 @@ class _Attribute:
         bounds, found = self._interval.bounds, self._interval.ends(inside, failed)
         if found is None:
             return None
-        values = tuple(np.flatnonzero((self.numbers >= bounds[found.low]) & (self.numbers <= bounds[found.high])).tolist())
-        return Offer(Condition(self.variable, values=values, text=self._text(bounds, found.low, found.high)), found.price, found.gain)
+        values = tuple(
+            np.flatnonzero(
+                (self.numbers >= bounds[found.low]) & (self.numbers <= bounds[found.high])
+            ).tolist()
+        )
+        return Offer(
+            Condition(self.variable, values=values, text=self._text(bounds, found.low, found.high)),
+            found.price,
+            found.gain,
+        )
 
     @cached_property
     def _interval(self) -> _Interval:
         bounds = _readable(self.numbers)
         prices = _open_ends(np.full(len(bounds), np.log(2 * len(bounds))))
-        return _Interval(Condition(self.variable), self.numbers[self.column.astype(np.int64)], bounds, prices)
+        return _Interval(
+            Condition(self.variable), self.numbers[self.column.astype(np.int64)], bounds, prices
+        )
 
     def _text(self, bounds: Floats, low: int, high: int) -> str:
         first, last = f"{bounds[low]:g}", f"{bounds[high]:g}"
@@ -235,7 +290,11 @@ class _Attribute:
             return f"{self.name} = {first}"
         if low == 0:
             return f"{self.name} <= {last}"
-        return f"{self.name} >= {first}" if high == len(bounds) - 1 else f"{self.name} in [{first}, {last}]"
+        return (
+            f"{self.name} >= {first}"
+            if high == len(bounds) - 1
+            else f"{self.name} in [{first}, {last}]"
+        )
 
 
 def _readable(numbers: Floats) -> Floats:
@@ -247,7 +306,9 @@ def _readable(numbers: Floats) -> Floats:
     power = 10.0 ** np.floor(np.log10(exact))
     unit = power * next(step for step in (1, 2, 5, 10) if step * power >= exact)
     # A text shows a bound without the rounding error of its product, so it must have none.
-    return np.asarray(np.round(np.arange(np.floor(known[0] / unit), np.ceil(known[-1] / unit) + 1) * unit, DIGITS))
+    return np.asarray(
+        np.round(np.arange(np.floor(known[0] / unit), np.ceil(known[-1] / unit) + 1) * unit, DIGITS)
+    )
 
 
 @dataclass(frozen=True)
@@ -260,7 +321,10 @@ class _Values:
 
     def best(self, inside: Bools, failed: Bools) -> Offer | None:
         column = self.column.astype(np.int64)
-        support, hits = np.bincount(column[inside], minlength=self.size), np.bincount(column[inside & failed], minlength=self.size)
+        support, hits = (
+            np.bincount(column[inside], minlength=self.size),
+            np.bincount(column[inside & failed], minlength=self.size),
+        )
         with_hits = np.flatnonzero(hits)
         if not len(with_hits) or self.size == 1:
             return None
@@ -268,19 +332,43 @@ class _Values:
         # have a price, so one with many failures may pay more than several with a single one: the second order is by what each pays.
         rate = hits / np.maximum(support, 1)
         alone = likelihood_gain(hits, support, failed)
-        offers = [self._prefix(with_hits[np.argsort(-by[with_hits], kind="stable")], hits, support, failed) for by in (rate, alone)]
-        return max((offer for offer in offers if offer is not None), key=lambda offer: offer.gain, default=None)
+        offers = [
+            self._prefix(
+                with_hits[np.argsort(-by[with_hits], kind="stable")], hits, support, failed
+            )
+            for by in (rate, alone)
+        ]
+        return max(
+            (offer for offer in offers if offer is not None),
+            key=lambda offer: offer.gain,
+            default=None,
+        )
 
-    def _prefix(self, order: NDArray[np.int64], hits: NDArray[np.int64], support: NDArray[np.int64], failed: Bools) -> Offer | None:
+    def _prefix(
+        self,
+        order: NDArray[np.int64],
+        hits: NDArray[np.int64],
+        support: NDArray[np.int64],
+        failed: Bools,
+    ) -> Offer | None:
         """The best of the sets that hold the first values of an order; hits, support: (size,)."""
         order = order[: self.size - 1]
         count = np.arange(1, len(order) + 1)
-        prices = gammaln(self.size + 1) - gammaln(count + 1) - gammaln(self.size - count + 1) + np.log(self.size)
+        prices = (
+            gammaln(self.size + 1)
+            - gammaln(count + 1)
+            - gammaln(self.size - count + 1)
+            + np.log(self.size)
+        )
         gains = likelihood_gain(np.cumsum(hits[order]), np.cumsum(support[order]), failed) - prices
         best = int(np.argmax(gains))
         if gains[best] == IMPOSSIBLE:
             return None
-        return Offer(Condition(self.variable, values=tuple(sorted(order[: best + 1].tolist()))), float(prices[best]), float(gains[best]))
+        return Offer(
+            Condition(self.variable, values=tuple(sorted(order[: best + 1].tolist()))),
+            float(prices[best]),
+            float(gains[best]),
+        )
 
 
 @dataclass(frozen=True)
@@ -295,11 +383,18 @@ class _Words:
         price = float(np.log(len(self.known)))
         gains = likelihood_gain(hits, support, failed) - price
         best = int(np.argmax(gains))
-        return None if gains[best] == IMPOSSIBLE else Offer(self._conditions[best], price, float(gains[best]))
+        return (
+            None
+            if gains[best] == IMPOSSIBLE
+            else Offer(self._conditions[best], price, float(gains[best]))
+        )
 
     @cached_property
     def _conditions(self) -> tuple[Condition, ...]:
-        return tuple(Condition(word.variable, values=word.values, text=word.text, order=word.order) for word in self.known)
+        return tuple(
+            Condition(word.variable, values=word.values, text=word.text, order=word.order)
+            for word in self.known
+        )
 
     @cached_property
     def _admitted(self) -> Bools:

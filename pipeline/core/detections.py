@@ -24,9 +24,15 @@ class Detections:
         if not np.isfinite(self.boxes).all():
             raise ValueError("boxes must be finite")
         if self.scores.shape != (len(self.boxes),):
-            raise ValueError(f"scores must have shape ({len(self.boxes)},), got {self.scores.shape}")
-        if len(self.scores) and not (float(self.scores.min()) >= 0 and float(self.scores.max()) <= 1):
-            raise ValueError(f"scores must be in [0, 1], got {self.scores.min()} to {self.scores.max()}")
+            raise ValueError(
+                f"scores must have shape ({len(self.boxes)},), got {self.scores.shape}"
+            )
+        if len(self.scores) and not (
+            float(self.scores.min()) >= 0 and float(self.scores.max()) <= 1
+        ):
+            raise ValueError(
+                f"scores must be in [0, 1], got {self.scores.min()} to {self.scores.max()}"
+            )
         if (np.diff(self.scores) > 0).any():
             raise ValueError("scores must descend")
 

@@ -28,7 +28,9 @@ def mixed_distance(space: Space, a: Floats, b: Floats) -> Floats:
     return total / len(space)
 
 
-def relevance(space: Space, candidates: Floats, points: Floats, failures: NDArray[np.bool_], epsilon: float) -> NDArray[np.int64]:
+def relevance(
+    space: Space, candidates: Floats, points: Floats, failures: NDArray[np.bool_], epsilon: float
+) -> NDArray[np.int64]:
     """The score omega of each candidate (Def. 4.20): non-failures minus failures nearer than `epsilon`, as (n,).
 
     candidates: (n, d). points, failures: (m, d) and (m,), the observed tests. A candidate is sampling-relevant while its score is above a

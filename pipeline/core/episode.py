@@ -62,7 +62,11 @@ class Episode:
             raise ValueError(f"signals must have one equal length of at least 1, got {lengths}")
 
     @staticmethod
-    def of(steps: Sequence[TimeStep], frames: Iterable[KeptFrame] = (), detections: Iterable[FrameDetections] = ()) -> Episode:
+    def of(
+        steps: Sequence[TimeStep],
+        frames: Iterable[KeptFrame] = (),
+        detections: Iterable[FrameDetections] = (),
+    ) -> Episode:
         """The episode of these time steps; computes their TTC from the other signals (Eq. 5.2)."""
         signals = signals_of(steps)
         return Episode(signals | {"ttc_s": kpi.ttc(signals)}, tuple(frames), tuple(detections))

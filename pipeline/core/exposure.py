@@ -40,14 +40,23 @@ class Exposure:
         and for wrong shares.
         """
         common, regimes = plain.get("variables", {}), plain.get("regimes", {})
-        for name in [name for part in (common, *(regime["variables"] for regime in regimes.values())) for name in part]:
+        for name in [
+            name
+            for part in (common, *(regime["variables"] for regime in regimes.values()))
+            for name in part
+        ]:
             if name not in space.names:
                 raise ValueError(f"the space has no variable '{name}'{nearest(name, space.names)}")
         shares = np.array([regime["share"] for regime in regimes.values()] or [1.0])
         if (shares <= 0).any() or abs(shares.sum() - 1) > 1e-6:
             raise ValueError(f"regimes: shares must be above 0 and sum to 1, got {shares.tolist()}")
         named = [{**common, **regime["variables"]} for regime in regimes.values()] or [common]
-        marginals = tuple(tuple(marginal(v, one[v.name]) if v.name in one else uniform(v) for v in space.variables) for one in named)
+        marginals = tuple(
+            tuple(
+                marginal(v, one[v.name]) if v.name in one else uniform(v) for v in space.variables
+            )
+            for one in named
+        )
         return Exposure(space, shares, marginals)
 
     def check(self) -> None:
@@ -64,11 +73,16 @@ class Exposure:
 
     def points(self, latent: Floats) -> Floats:
         """Convert (n, 1 + d) latent numbers to (n, d) points; they may break constraints."""
-        regime = np.minimum(np.searchsorted(np.cumsum(self.shares), latent[:, 0], side="right"), len(self.shares) - 1)
+        regime = np.minimum(
+            np.searchsorted(np.cumsum(self.shares), latent[:, 0], side="right"),
+            len(self.shares) - 1,
+        )
         made = np.empty((len(latent), len(self.space)))
         for c, marginals in enumerate(self.marginals):
             rows = regime == c
-            made[rows] = np.column_stack([one.quantile(latent[rows, j + 1]) for j, one in enumerate(marginals)])
+            made[rows] = np.column_stack(
+                [one.quantile(latent[rows, j + 1]) for j, one in enumerate(marginals)]
+            )
         return made
 
     def latents(self, count: int, rng: np.random.Generator) -> Floats:
@@ -80,7 +94,12 @@ class Exposure:
         if not self.space.clauses:
             return draw(count)
         holds = self.space.constraints.holds
-        return feasible(draw, lambda latent: holds(self.space.categorise(self.points(latent))), count, "all of the exposure")
+        return feasible(
+            draw,
+            lambda latent: holds(self.space.categorise(self.points(latent))),
+            count,
+            "all of the exposure",
+        )
 
     def sample(self, count: int, rng: np.random.Generator) -> Floats:
         """(count, d) independent points of the exposure that break no constraint."""
@@ -90,10 +109,15 @@ class Exposure:
         """How many times as likely each of (n, d) feasible points is as among uniform random tests, (n,). With constraints, times a factor
         that all points share: how much they exclude of the exposure and of uniform tests is not known."""
         columns = list(range(len(self.space)))
-        each = [np.prod([one[j].ratio(points[:, j]) for j in columns], axis=0) for one in self.marginals]
+        each = [
+            np.prod([one[j].ratio(points[:, j]) for j in columns], axis=0) for one in self.marginals
+        ]
         return np.asarray(self.shares @ np.array(each))
 
     @property
     def largest_ratio(self) -> float:
         """A bound of `ratio`."""
-        return float(self.shares @ [np.prod([one.largest_ratio for one in marginals]) for marginals in self.marginals])
+        return float(
+            self.shares
+            @ [np.prod([one.largest_ratio for one in marginals]) for marginals in self.marginals]
+        )

@@ -80,7 +80,11 @@ def _wide(expression: Expression, sizes: Sequence[int], positive: bool) -> list[
             return _combinations(expression, sizes, positive)
         case Every(parts) | Some(parts):
             several = [_wide(part, sizes, positive) for part in parts]
-            return _together(several) if isinstance(expression, Every) == positive else _either(several, sizes)
+            return (
+                _together(several)
+                if isinstance(expression, Every) == positive
+                else _either(several, sizes)
+            )
 
 
 def _together(several: Sequence[list[Wide]]) -> list[Wide]:
@@ -113,25 +117,40 @@ def _combinations(one: OneOf, sizes: Sequence[int], positive: bool) -> list[Wide
     variable share a clause."""
     own = [sizes[variable] for variable in one.variables]
     if prod(own) > MOST_ROWS:
-        raise ValueError(f"it compares variables with {prod(own):,} combinations, more than {MOST_ROWS:,}")
+        raise ValueError(
+            f"it compares variables with {prod(own):,} combinations, more than {MOST_ROWS:,}"
+        )
     *before, last = one.variables
     firsts: dict[tuple[tuple[int, ...], frozenset[int]], set[int]] = {}
     alone: list[Wide] = []
     for start in product(*map(range, own[:-1])):
-        kept = frozenset(category for category in range(own[-1]) if ((*start, category) in one.rows) == positive)
+        kept = frozenset(
+            category for category in range(own[-1]) if ((*start, category) in one.rows) == positive
+        )
         if len(kept) == own[-1]:
             continue
         if start:
             firsts.setdefault((start[1:], kept), set()).add(start[0])
         else:
             alone.append({last: kept} if kept else {})
-    shared = [_implied(before, (gone, *map(lambda c: {c}, rest)), own, (last, kept)) for (rest, kept), gone in firsts.items()]
+    shared = [
+        _implied(before, (gone, *map(lambda c: {c}, rest)), own, (last, kept))
+        for (rest, kept), gone in firsts.items()
+    ]
     return _bounded(alone + shared)
 
 
-def _implied(before: Sequence[int], gone: Sequence[set[int]], own: Sequence[int], then: tuple[int, frozenset[int]]) -> Wide:
+def _implied(
+    before: Sequence[int],
+    gone: Sequence[set[int]],
+    own: Sequence[int],
+    then: tuple[int, frozenset[int]],
+) -> Wide:
     """If the variables `before` have categories in `gone`, the last variable has one of its kept ones."""
-    parts = [(variable, frozenset(range(size)) - excluded) for variable, size, excluded in zip(before, own, gone, strict=False)]
+    parts = [
+        (variable, frozenset(range(size)) - excluded)
+        for variable, size, excluded in zip(before, own, gone, strict=False)
+    ]
     return {variable: kept for variable, kept in (*parts, then) if kept}
 
 
@@ -139,7 +158,10 @@ def _without_implied(clauses: list[Wide]) -> list[Wide]:
     """The clauses that no other clause implies."""
     kept: list[Wide] = []
     for clause in sorted(_bounded(clauses), key=lambda clause: sum(map(len, clause.values()))):
-        if not any(all(categories <= clause.get(v, frozenset()) for v, categories in other.items()) for other in kept):
+        if not any(
+            all(categories <= clause.get(v, frozenset()) for v, categories in other.items())
+            for other in kept
+        ):
             kept.append(clause)
     return kept
 

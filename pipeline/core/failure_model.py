@@ -20,12 +20,16 @@ LINEAR_TRUST = 0.75
 EDGE = 1e-9
 
 
-def tree_chances(inputs: Floats, failed: NDArray[np.bool_], trees: int, rng: np.random.Generator) -> Chances:
+def tree_chances(
+    inputs: Floats, failed: NDArray[np.bool_], trees: int, rng: np.random.Generator
+) -> Chances:
     """Extremely randomised trees that have learnt which tests failed (Geurts et al., 2006): the failure probability by each, (trees, m).
 
     inputs: (n, f). failed: (n,) whether those tests failed.
     """
-    from sklearn import config_context  # Takes seconds, and every study makes every strategy to check it.
+    from sklearn import (
+        config_context,
+    )  # Takes seconds, and every study makes every strategy to check it.
     from sklearn.tree import ExtraTreeRegressor
 
     # The trees of scikit-learn's ExtraTreesRegressor, bit for bit, without the copies and checks that it makes of each.
@@ -33,7 +37,10 @@ def tree_chances(inputs: Floats, failed: NDArray[np.bool_], trees: int, rng: np.
     known, values = inputs.astype(np.float32), failed.astype(float)
     with config_context(skip_parameter_validation=True):
         grown = [
-            ExtraTreeRegressor(max_features=TREE_FEATURES, random_state=s).fit(known, values, check_input=False) for s in seeds.tolist()
+            ExtraTreeRegressor(max_features=TREE_FEATURES, random_state=s).fit(
+                known, values, check_input=False
+            )
+            for s in seeds.tolist()
         ]
 
     def chances(others: Floats) -> Floats:

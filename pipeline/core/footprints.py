@@ -28,7 +28,14 @@ class Rectangle:
         c, s = np.cos(self.pose.heading), np.sin(self.pose.heading)
         ahead, left = np.array([c, s]) * self.half_length, np.array([-s, c]) * self.half_width
         middle = np.array([self.pose.x, self.pose.y])
-        return np.stack([middle + ahead + left, middle + ahead - left, middle - ahead - left, middle - ahead + left])
+        return np.stack(
+            [
+                middle + ahead + left,
+                middle + ahead - left,
+                middle - ahead - left,
+                middle - ahead + left,
+            ]
+        )
 
     def distance(self, x: float, y: float) -> float:
         """Metres from the rectangle to a point; 0 inside."""

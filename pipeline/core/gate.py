@@ -80,7 +80,12 @@ class Gate:
         The limits need no correction for their number: the version must keep all of them, so one that truly exceeds the margin in a judged
         part passes with a probability of about 1 - confidence at most.
         """
-        return not self.more_errors and self.fewer and self.fewer_over_seeds and not self.limits_that_are("above the margin")
+        return (
+            not self.more_errors
+            and self.fewer
+            and self.fewer_over_seeds
+            and not self.limits_that_are("above the margin")
+        )
 
 
 def judge_limit(limit: float, tests: int, policy: Policy) -> Judgement:
@@ -94,15 +99,31 @@ def judge_limit(limit: float, tests: int, policy: Policy) -> Judgement:
     return "above the margin" if limit > policy.margin else "within the margin"
 
 
-def limit_rise(base: SequenceOutcomes, version: SequenceOutcomes, part: Part, policy: Policy) -> RiseLimit:
+def limit_rise(
+    base: SequenceOutcomes, version: SequenceOutcomes, part: Part, policy: Policy
+) -> RiseLimit:
     """The upper limit of the rise on one part."""
     found = pair(base.at(part.rows), version.at(part.rows))
     fixes, regressions = int(found.fixed.sum()), int(found.regressed.sum())
     limit = paired_rise_limit(regressions, fixes, found.tests, policy.confidence)
-    return RiseLimit(part.name, part.measure, found.tests, fixes, regressions, limit, judge_limit(limit, found.tests, policy))
+    return RiseLimit(
+        part.name,
+        part.measure,
+        found.tests,
+        fixes,
+        regressions,
+        limit,
+        judge_limit(limit, found.tests, policy),
+    )
 
 
-def gate(base: SequenceOutcomes, version: SequenceOutcomes, fewer_over_seeds: bool, parts: Sequence[Part], policy: Policy) -> Gate:
+def gate(
+    base: SequenceOutcomes,
+    version: SequenceOutcomes,
+    fewer_over_seeds: bool,
+    parts: Sequence[Part],
+    policy: Policy,
+) -> Gate:
     """Check whether a version may become champion; see `Gate`."""
     return Gate(
         more_errors=version.errors > base.errors,
@@ -116,5 +137,12 @@ def champion(outcomes: Mapping[str, SequenceOutcomes], passing: Collection[str])
     """The champion: of the versions that pass the gate, the one with the fewest failures, then the fewest by TTC alone, on the tests
     that are valid for every version; if none passes, the first version, the base."""
     valid = np.all([found.valid for found in outcomes.values()], axis=0)
-    counts = {name: (int(outcomes[name].failed[valid].sum()), int(outcomes[name].by_ttc[valid].sum())) for name in outcomes}
-    return min((name for name in outcomes if name in passing), key=counts.__getitem__, default=next(iter(outcomes)))
+    counts = {
+        name: (int(outcomes[name].failed[valid].sum()), int(outcomes[name].by_ttc[valid].sum()))
+        for name in outcomes
+    }
+    return min(
+        (name for name in outcomes if name in passing),
+        key=counts.__getitem__,
+        default=next(iter(outcomes)),
+    )

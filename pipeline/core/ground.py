@@ -27,6 +27,14 @@ class Pinhole:
         """
         left, _, right, bottom = np.asarray(boxes, dtype=float).reshape(-1, 4).T
         below = bottom - self.height / 2
-        depth = np.divide(self.focal_px * self.above_m, below, out=np.full(len(below), np.inf), where=below > 0)
-        right_m = ((left + right) / 2 - self.width / 2) / self.focal_px * np.where(np.isfinite(depth), depth, 0)
-        return np.stack([depth + self.ahead_m, np.where(np.isfinite(depth), -right_m, np.inf)], axis=1)
+        depth = np.divide(
+            self.focal_px * self.above_m, below, out=np.full(len(below), np.inf), where=below > 0
+        )
+        right_m = (
+            ((left + right) / 2 - self.width / 2)
+            / self.focal_px
+            * np.where(np.isfinite(depth), depth, 0)
+        )
+        return np.stack(
+            [depth + self.ahead_m, np.where(np.isfinite(depth), -right_m, np.inf)], axis=1
+        )

@@ -37,7 +37,9 @@ class Outcomes:
 
     def __post_init__(self) -> None:
         if self.points.shape != (len(self.failed), len(self.space)):
-            raise ValueError(f"points must be ({len(self.failed)}, {len(self.space)}), got {self.points.shape}")
+            raise ValueError(
+                f"points must be ({len(self.failed)}, {len(self.space)}), got {self.points.shape}"
+            )
 
     def rule(self, members: Bools) -> FoundRule:
         """The rule that tells the failures `members`, (n,), from passing tests; other failures count for neither side."""
@@ -49,7 +51,10 @@ class Outcomes:
         rows = members | ~self.failed
         inside = found.rule.holds(self.points[rows])
         hits = inside & members[rows]
-        return float(likelihood_gain(np.array(hits.sum()), np.array(inside.sum()), members[rows])) - found.price
+        return (
+            float(likelihood_gain(np.array(hits.sum()), np.array(inside.sum()), members[rows]))
+            - found.price
+        )
 
 
 @dataclass(frozen=True)
@@ -61,7 +66,9 @@ class Group:
     rule: Rule
 
 
-def group_failures(tests: Outcomes, causes: NDArray[np.str_], neighbours: float, min_failures: int) -> list[Group]:
+def group_failures(
+    tests: Outcomes, causes: NDArray[np.str_], neighbours: float, min_failures: int
+) -> list[Group]:
     """The failure regions, larger ones first; failures in none of them are isolated.
 
     causes: (n,), of each test. neighbours: see `described_radius`. min_failures: of a region. Each cause has regions of its own; failures
@@ -95,7 +102,9 @@ def held_back(tests: Outcomes, group: Group) -> tuple[int, int]:
     return int(inside.sum()), int((inside & tests.failed).sum())
 
 
-def _of_cause(cause: str, tests: Outcomes, wanted: Bools, neighbours: float, min_failures: int) -> Iterator[Group]:
+def _of_cause(
+    cause: str, tests: Outcomes, wanted: Bools, neighbours: float, min_failures: int
+) -> Iterator[Group]:
     """The density clusters of the failures `wanted`, and all of them together, propose rules; the one that gains most takes the failures
     that it admits, and the search goes on with the others until no rule gains `MIN_GAIN`."""
     left = wanted
@@ -110,7 +119,10 @@ def _of_cause(cause: str, tests: Outcomes, wanted: Bools, neighbours: float, min
 
 def _best(cause: str, tests: Outcomes, left: Bools, seeds: Iterable[Bools]) -> Group | None:
     # A dense group was chosen for being dense: its rule has to tell all failures that are left from passing tests.
-    gain, rule = max(((tests.gain(found, left), found.rule) for found in map(tests.rule, seeds)), key=lambda one: one[0])
+    gain, rule = max(
+        ((tests.gain(found, left), found.rule) for found in map(tests.rule, seeds)),
+        key=lambda one: one[0],
+    )
     if gain < MIN_GAIN:
         return None
     members = left & rule.holds(tests.points)

@@ -23,33 +23,57 @@ MIN_SPEED_MPS = 0.05
 class Kpi:
     """The KPIs of one test execution, each a column of tests.parquet. `adj_ttc_s` and `ttc_s` are always finite."""
 
-    adj_ttc_s: float = column("adjusted time-to-collision (Eq. 5.3): the smallest TTC over one plus the false positives", "s")
+    adj_ttc_s: float = column(
+        "adjusted time-to-collision (Eq. 5.3): the smallest TTC over one plus the false positives",
+        "s",
+    )
     ttc_s: float = column("smallest time-to-collision (Eq. 5.2)", "s")
-    adj_ttc_per_frame_s: float = column("smallest TTC over one plus the false positives of an average frame", "s")
+    adj_ttc_per_frame_s: float = column(
+        "smallest TTC over one plus the false positives of an average frame", "s"
+    )
     failure: bool = column(
         "whether the adjusted TTC is at or below the threshold (Def. 4.10); without collision path and contact, any false activation"
     )
-    failure_mode: FailureMode = column("how it failed; `false_positives` means by false positives alone")
+    failure_mode: FailureMode = column(
+        "how it failed; `false_positives` means by false positives alone"
+    )
     cause: Cause = column("why it failed; see `pipeline.core.causes`")
     contact: bool = column("whether the ego touched the pedestrian")
     impact_speed_mps: float = column("speed of the ego at contact, 0 without contact", "m/s")
-    smallest_gap_m: float = column("smallest distance between the footprints of ego and pedestrian", "m")
+    smallest_gap_m: float = column(
+        "smallest distance between the footprints of ego and pedestrian", "m"
+    )
     post_encroachment_s: float = column(
         "time from the pedestrian leaving the corridor to the ego reaching the conflict point, if need be at its last speed; no value in "
         "any other order or if the ego stops",
         "s",
     )
-    first_detection_s: float = column("time of the first detection of the pedestrian; no value if never", "s")
-    first_detection_m: float = column("distance from the ego's front to the conflict point at the first detection; no value if never", "m")
-    false_activations: int = column("unnecessary emergency braking: runs of frames that demand at least 5 m/s² without a collision path")
+    first_detection_s: float = column(
+        "time of the first detection of the pedestrian; no value if never", "s"
+    )
+    first_detection_m: float = column(
+        "distance from the ego's front to the conflict point at the first detection; no value if never",
+        "m",
+    )
+    false_activations: int = column(
+        "unnecessary emergency braking: runs of frames that demand at least 5 m/s² without a collision path"
+    )
     false_activation_s: float = column("total duration of the false activations", "s")
     speed_loss_mps: float = column("speed lost by unnecessary braking", "m/s")
-    missed_frames: int = column("frames in which a person could see the pedestrian but no detection matches it")
+    missed_frames: int = column(
+        "frames in which a person could see the pedestrian but no detection matches it"
+    )
     false_positives: int = column("false positives of all kinds in all frames")
-    false_positives_per_frame: float = column("the same, divided by the number of frames: independent of duration and frame rate")
+    false_positives_per_frame: float = column(
+        "the same, divided by the number of frames: independent of duration and frame rate"
+    )
     false_positives_far: int = column("false positives away from the pedestrian, IoU at most 0.1")
-    false_positives_localisation: int = column("false positives that fit the pedestrian poorly, IoU above 0.1 but too small to match")
-    false_positives_duplicate: int = column("false positives on the pedestrian in addition to a better detection")
+    false_positives_localisation: int = column(
+        "false positives that fit the pedestrian poorly, IoU above 0.1 but too small to match"
+    )
+    false_positives_duplicate: int = column(
+        "false positives on the pedestrian in addition to a better detection"
+    )
 
 
 KPIS = columns(Kpi)
@@ -124,7 +148,11 @@ def told(adj_ttc_s: Floats, failure: ArrayLike, failure_threshold_s: float) -> F
     a failure.
     """
     beyond = np.nextafter(failure_threshold_s, np.inf)
-    return np.where(np.asarray(failure, dtype=bool), np.minimum(adj_ttc_s, failure_threshold_s), np.maximum(adj_ttc_s, beyond))
+    return np.where(
+        np.asarray(failure, dtype=bool),
+        np.minimum(adj_ttc_s, failure_threshold_s),
+        np.maximum(adj_ttc_s, beyond),
+    )
 
 
 def asks_to_brake(signals: Signals) -> bool:
@@ -135,11 +163,16 @@ def asks_to_brake(signals: Signals) -> bool:
 def _shortest_ttc(signals: Signals) -> float:
     rows = ttc(signals)
     if np.isnan(rows).all():
-        return float(signals["conflict_distance_m"][0] / max(float(signals["ego_speed_mps"][0]), MIN_SPEED_MPS))
+        return float(
+            signals["conflict_distance_m"][0]
+            / max(float(signals["ego_speed_mps"][0]), MIN_SPEED_MPS)
+        )
     return float(np.nanmin(rows))
 
 
-def _mode(signals: Signals, contact: bool, shortest: float, adjusted: float, threshold: float) -> FailureMode:
+def _mode(
+    signals: Signals, contact: bool, shortest: float, adjusted: float, threshold: float
+) -> FailureMode:
     if not asks_to_brake(signals) and not contact:
         return "false_activation" if _false_activations(signals) else "none"
     if adjusted > threshold:
@@ -151,15 +184,23 @@ def _mode(signals: Signals, contact: bool, shortest: float, adjusted: float, thr
 
 def _false_activations(signals: Signals) -> list[float]:
     """Seconds of each run of rows that demand emergency braking although no collision path exists."""
-    wrong = (np.asarray(signals["demand_mps2"]) >= EMERGENCY_MPS2) & ~np.asarray(signals["on_collision_path"], dtype=bool)
+    wrong = (np.asarray(signals["demand_mps2"]) >= EMERGENCY_MPS2) & ~np.asarray(
+        signals["on_collision_path"], dtype=bool
+    )
     edges = np.diff(np.concatenate([[0], wrong.astype(int), [0]]))
     times = np.append(signals["time_s"], signals["time_s"][-1])
-    return [float(times[end] - times[start]) for start, end in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True)]
+    return [
+        float(times[end] - times[start])
+        for start, end in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True)
+    ]
 
 
 def _speed_loss(signals: Signals) -> float:
     """Speed lost between rows without a collision path."""
-    speed, off = np.asarray(signals["ego_speed_mps"], dtype=float), ~np.asarray(signals["on_collision_path"], dtype=bool)
+    speed, off = (
+        np.asarray(signals["ego_speed_mps"], dtype=float),
+        ~np.asarray(signals["on_collision_path"], dtype=bool),
+    )
     return float(np.sum(np.maximum(0, -np.diff(speed)), where=off[:-1] & off[1:]))
 
 
@@ -170,9 +211,17 @@ def _post_encroachment(signals: Signals) -> float:
     contact, and an ego that has stopped. Resolution: one row.
     """
     on_path, times = np.flatnonzero(signals["on_collision_path"]), signals["time_s"]
-    distance, speed = np.asarray(signals["conflict_distance_m"], dtype=float), float(signals["ego_speed_mps"][-1])
+    distance, speed = (
+        np.asarray(signals["conflict_distance_m"], dtype=float),
+        float(signals["ego_speed_mps"][-1]),
+    )
     arrived = np.flatnonzero(distance <= 0)
-    if np.any(signals["contact"]) or not len(on_path) or on_path[-1] + 1 == len(times) or not (len(arrived) or speed > MIN_SPEED_MPS):
+    if (
+        np.any(signals["contact"])
+        or not len(on_path)
+        or on_path[-1] + 1 == len(times)
+        or not (len(arrived) or speed > MIN_SPEED_MPS)
+    ):
         return float("nan")
     arrival = float(times[arrived[0]]) if len(arrived) else float(times[-1] + distance[-1] / speed)
     waited = arrival - float(times[on_path[-1] + 1])

@@ -13,7 +13,12 @@ from dataclasses import dataclass, replace
 from pipeline.errors import InputError
 
 BASE = "base"
-VERSION_FILES = {"card": "model.json", "weights": "weights.safetensors", "onnx": "model.onnx", "curve": "curve.csv"}
+VERSION_FILES = {
+    "card": "model.json",
+    "weights": "weights.safetensors",
+    "onnx": "model.onnx",
+    "curve": "curve.csv",
+}
 """The files of a model version."""
 WEIGHTS_SUFFIX = ".safetensors"
 """Of our weights. Tests load an ONNX file that is made from them and from the card beside them."""
@@ -31,16 +36,26 @@ class Version:
 
     def __str__(self) -> str:
         """Its name: `base`, `adaptive`, `adaptive-r2`, `adaptive-s1`, `adaptive-r2-s1`."""
-        return self.arm + (f"-r{self.round}" if self.round > 1 else "") + (f"-s{self.seed}" if self.seed is not None else "")
+        return (
+            self.arm
+            + (f"-r{self.round}" if self.round > 1 else "")
+            + (f"-s{self.seed}" if self.seed is not None else "")
+        )
 
     @staticmethod
     def named(name: str) -> Version:
         """The version of a name, retrained unless it is `base`; InputError for any other text."""
         found = NAME.fullmatch(name)
         if found is None or (found[1] == BASE and name != BASE):
-            raise InputError(f"expected the name of a version, such as base or adaptive-r2-s1, got '{name}'")
+            raise InputError(
+                f"expected the name of a version, such as base or adaptive-r2-s1, got '{name}'"
+            )
         arm, number, seed = found.groups()
-        return Version() if arm == BASE else Version(arm, int(number or 1), None if seed is None else int(seed))
+        return (
+            Version()
+            if arm == BASE
+            else Version(arm, int(number or 1), None if seed is None else int(seed))
+        )
 
     @property
     def parent(self) -> Version | None:
@@ -63,4 +78,12 @@ class Version:
 def versions(arms: Iterable[str], rounds: int, seeds: Sequence[int]) -> tuple[Version, ...]:
     """All versions of a study: the base, then by round and arm one version per seed of retraining."""
     suffixes = [None, *seeds[1:]]
-    return (Version(), *(Version(arm, number, seed) for number in range(1, rounds + 1) for arm in arms for seed in suffixes))
+    return (
+        Version(),
+        *(
+            Version(arm, number, seed)
+            for number in range(1, rounds + 1)
+            for arm in arms
+            for seed in suffixes
+        ),
+    )

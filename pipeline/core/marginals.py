@@ -37,19 +37,31 @@ class Marginal:
         """A marginal of a continuous or integer variable; a part of an integer variable has the whole numbers from its lower end to below
         its upper end, the last part also that end. A cyclic variable's upper bound counts as its lower bound."""
         ends, mass = np.asarray(edges, float), _checked(shares)
-        if len(ends) != len(mass) + 1 or not (np.diff(ends) > 0).all() or ends[0] < variable.low or ends[-1] > variable.high:
+        if (
+            len(ends) != len(mass) + 1
+            or not (np.diff(ends) > 0).all()
+            or ends[0] < variable.low
+            or ends[-1] > variable.high
+        ):
             raise ValueError(
                 f"edges must rise within [{variable.low:g}, {variable.high:g}], one more than shares ({len(mass)}), got {ends.tolist()}"
             )
         if variable.kind == "continuous":
             return Marginal(mass, 1 / (variable.high - variable.low), ends, np.zeros(0))
-        whole = np.arange(variable.low, variable.high + (0 if variable.cyclic else 1))  # A cyclic variable's ends are one value.
-        part = np.where(whole == ends[-1], len(mass) - 1, np.searchsorted(ends, whole, side="right") - 1)
+        whole = np.arange(
+            variable.low, variable.high + (0 if variable.cyclic else 1)
+        )  # A cyclic variable's ends are one value.
+        part = np.where(
+            whole == ends[-1], len(mass) - 1, np.searchsorted(ends, whole, side="right") - 1
+        )
         counts = np.bincount(part[(part >= 0) & (part < len(mass))], minlength=len(mass))
         if (mass[counts == 0] > 0).any():
             raise ValueError(f"edges must leave a whole number in every part, got {ends.tolist()}")
         inside = (part >= 0) & (part < len(mass))
-        return Marginal.single(np.where(inside, (mass / np.maximum(counts, 1))[np.clip(part, 0, len(mass) - 1)], 0.0), whole)
+        return Marginal.single(
+            np.where(inside, (mass / np.maximum(counts, 1))[np.clip(part, 0, len(mass) - 1)], 0.0),
+            whole,
+        )
 
     @staticmethod
     def single(shares: ArrayLike, values: ArrayLike) -> Marginal:
@@ -70,8 +82,12 @@ class Marginal:
         """How many times as likely each of (n,) encoded values is as under the uniform distribution, (n,), from 0."""
         if not len(self.edges):
             # Only the upper end of a cyclic variable lies above all values: it is the lower end.
-            return np.asarray(self.shares[np.searchsorted(self.values, values) % len(self.shares)] / self.even)
-        part = np.clip(np.searchsorted(self.edges, values, side="right") - 1, 0, len(self.shares) - 1)
+            return np.asarray(
+                self.shares[np.searchsorted(self.values, values) % len(self.shares)] / self.even
+            )
+        part = np.clip(
+            np.searchsorted(self.edges, values, side="right") - 1, 0, len(self.shares) - 1
+        )
         inside = (values >= self.edges[0]) & (values <= self.edges[-1])
         return np.where(inside, self._ratios[part], 0.0)
 
@@ -100,7 +116,9 @@ def marginal(variable: Variable, plain: Mapping[str, Any]) -> Marginal:
     if (kind := str(plain.get("kind"))) not in KINDS:
         raise ValueError(f"{variable.name}: there is no kind '{kind}'{nearest(kind, KINDS)}")
     if variable.kind not in FOR[kind]:
-        raise ValueError(f"{variable.name}: kind '{kind}' is for a variable that is {' or '.join(FOR[kind])}, this one is {variable.kind}")
+        raise ValueError(
+            f"{variable.name}: kind '{kind}' is for a variable that is {' or '.join(FOR[kind])}, this one is {variable.kind}"
+        )
     try:
         return KINDS[kind](variable, **body)
     except KeyError as error:
@@ -130,7 +148,9 @@ def _normal(variable: Variable, mean: float, deviation: float) -> Marginal:
     edges = np.linspace(variable.low, variable.high, FINE + 1)
     mass = np.diff(ndtr((edges - mean) / deviation))
     if not mass.sum() > 0:
-        raise ValueError(f"mean {mean} lies so far from [{variable.low:g}, {variable.high:g}] that nothing is left")
+        raise ValueError(
+            f"mean {mean} lies so far from [{variable.low:g}, {variable.high:g}] that nothing is left"
+        )
     return Marginal.parts(variable, edges, mass / mass.sum())
 
 
@@ -145,7 +165,9 @@ def _sun(variable: Variable, latitude_deg: float, hours: Sequence[float]) -> Mar
 def _shares(variable: Variable, shares: Mapping[str, float]) -> Marginal:
     if set(shares) != set(variable.values):
         missing, unknown = set(variable.values) - set(shares), set(shares) - set(variable.values)
-        raise ValueError(f"shares must name every category; missing {sorted(missing)}, unknown {sorted(unknown)}")
+        raise ValueError(
+            f"shares must name every category; missing {sorted(missing)}, unknown {sorted(unknown)}"
+        )
     return Marginal.single([shares[name] for name in variable.values], np.arange(variable.size))
 
 
@@ -167,7 +189,9 @@ def _groups(variable: Variable, groups: Sequence[Mapping[str, Any]]) -> Marginal
         taken += members
     if (taken != 1).any():
         odd = [name for name, count in zip(variable.values, taken, strict=True) if count != 1]
-        raise ValueError(f"every category must be in one group, but {odd[0]} is in {taken[variable.values.index(odd[0])]}")
+        raise ValueError(
+            f"every category must be in one group, but {odd[0]} is in {taken[variable.values.index(odd[0])]}"
+        )
     return Marginal.single(mass, np.arange(variable.size))
 
 
@@ -185,5 +209,7 @@ FOR: Mapping[str, tuple[str, ...]] = {
 def _checked(shares: ArrayLike) -> Floats:
     mass = np.asarray(shares, float)
     if not len(mass) or not (mass >= 0).all() or abs(mass.sum() - 1) > SLACK:
-        raise ValueError(f"shares must be from 0 and sum to 1, got {mass.tolist()}, which sum to {mass.sum():g}")
+        raise ValueError(
+            f"shares must be from 0 and sum to 1, got {mass.tolist()}, which sum to {mass.sum():g}"
+        )
     return np.asarray(mass / mass.sum())

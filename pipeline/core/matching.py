@@ -13,7 +13,9 @@ from pipeline.core.detections import Detections
 from pipeline.core.truth import Truth
 
 Floats = NDArray[np.float64]
-DetectionOutcome = Literal["true_positive", "duplicate", "localisation", "far", "ignored", "unreported"]
+DetectionOutcome = Literal[
+    "true_positive", "duplicate", "localisation", "far", "ignored", "unreported"
+]
 TOUCH_IOU = 0.1
 
 
@@ -84,7 +86,11 @@ def match(detections: Detections, truth: Truth, criterion: Criterion = COCO) -> 
     best = _best(scores, matches & reported)
     hardly = truth.barely_visible
     outcomes: list[DetectionOutcome] = [
-        _outcome(i == best, float(seen[i]), hardly and max(seen[i], whole[i]) > TOUCH_IOU, criterion.iou) if reported[i] else "unreported"
+        _outcome(
+            i == best, float(seen[i]), hardly and max(seen[i], whole[i]) > TOUCH_IOU, criterion.iou
+        )
+        if reported[i]
+        else "unreported"
         for i in range(len(scores))
     ]
     return Matching(

@@ -64,7 +64,10 @@ def kinds(space: Space, failures: Floats) -> set[tuple[float, ...]]:
 
 def feasible_pairs(space: Space) -> int:
     """Number of feasible pairs of categories of different variables."""
-    return sum(int(space.constraints.feasible_cells(pair).sum()) for pair in combinations(range(len(space)), 2))
+    return sum(
+        int(space.constraints.feasible_cells(pair).sum())
+        for pair in combinations(range(len(space)), 2)
+    )
 
 
 def pair_coverage(space: Space, points: Floats) -> float:

@@ -19,9 +19,13 @@ def check_name(name: str, joints: str = "") -> str:
     So it means nothing to a shell, a regular expression, a file system or a database. joints: characters that may join several words. Names
     that are themselves joined, as those of versions and tests, have none.
     """
-    if len(name) > LONGEST_NAME or not re.fullmatch(f"{WORD}(?:[{joints}]{WORD})*" if joints else WORD, name):
+    if len(name) > LONGEST_NAME or not re.fullmatch(
+        f"{WORD}(?:[{joints}]{WORD})*" if joints else WORD, name
+    ):
         joined = f", joined by {' or '.join(joints)}" if joints else ""
-        raise ValueError(f"expected letters, digits and _{joined}, at most {LONGEST_NAME}, for use in paths, got {shown(name)}")
+        raise ValueError(
+            f"expected letters, digits and _{joined}, at most {LONGEST_NAME}, for use in paths, got {shown(name)}"
+        )
     return name
 
 
@@ -33,7 +37,11 @@ def count_of(number: int, noun: str) -> str:
 def nearest(name: str, known: Iterable[str]) -> str:
     """'; did you mean …?' with the nearest known name, or the list of them, or its beginning."""
     choices = sorted(known)
-    if close := difflib.get_close_matches(name, choices, n=1, cutoff=0.5) if len(name) <= LONGEST_NAME else []:
+    if (
+        close := difflib.get_close_matches(name, choices, n=1, cutoff=0.5)
+        if len(name) <= LONGEST_NAME
+        else []
+    ):
         return f"; did you mean '{close[0]}'?"
     return f"; known are {', '.join(choices if len(choices) <= FEW else [*choices[:FEW], '…'])}"
 

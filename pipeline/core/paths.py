@@ -33,12 +33,19 @@ class Piece:
         # The arc's chord: exact, and finite for a straight piece.
         chord = s * np.sinc(turned / 2 / np.pi)
         middle = self.start.heading + turned / 2
-        return Pose(float(self.start.x + chord * np.cos(middle)), float(self.start.y + chord * np.sin(middle)), float(heading))
+        return Pose(
+            float(self.start.x + chord * np.cos(middle)),
+            float(self.start.y + chord * np.sin(middle)),
+            float(heading),
+        )
 
     def foot(self, x: float, y: float) -> float:
         """Metres from the start of this piece, extended without end, to its point nearest to (x, y)."""
         c, s = np.cos(self.start.heading), np.sin(self.start.heading)
-        ahead, left = c * (x - self.start.x) + s * (y - self.start.y), -s * (x - self.start.x) + c * (y - self.start.y)
+        ahead, left = (
+            c * (x - self.start.x) + s * (y - self.start.y),
+            -s * (x - self.start.x) + c * (y - self.start.y),
+        )
         if not self.curvature:
             return float(ahead)
         # The angle around the arc's centre, 1/curvature to the left.
@@ -58,20 +65,26 @@ class Path:
         edges = np.diff(points, axis=0)
         lengths = np.hypot(*edges.T)
         if lengths.min() < 1e-6:
-            raise ValueError(f"two waypoints in a row are the same: {tuple(points[int(lengths.argmin())])}")
+            raise ValueError(
+                f"two waypoints in a row are the same: {tuple(points[int(lengths.argmin())])}"
+            )
         headings = np.unwrap(np.arctan2(edges[:, 1], edges[:, 0]))
         turns = np.diff(headings)
         cut = radius * np.tan(np.abs(turns) / 2)
         before, after = np.concatenate([[0], cut]), np.concatenate([cut, [0]])
         straight = lengths - before - after
         if straight.min() < -1e-9:
-            raise ValueError(f"corners of radius {radius:g} m do not fit between waypoints {int(straight.argmin()) + 1} and the next")
+            raise ValueError(
+                f"corners of radius {radius:g} m do not fit between waypoints {int(straight.argmin()) + 1} and the next"
+            )
         self.pieces: list[Piece] = []
         pose = Pose(float(points[0, 0]), float(points[0, 1]), float(headings[0]))
         for i, length in enumerate(straight):
             pose = self._append(pose, float(max(length, 0)), 0.0)
             if i < len(turns) and turns[i] and radius > 0:
-                pose = self._append(pose, radius * abs(float(turns[i])), float(np.sign(turns[i])) / radius)
+                pose = self._append(
+                    pose, radius * abs(float(turns[i])), float(np.sign(turns[i])) / radius
+                )
             elif i < len(turns):
                 pose = Pose(pose.x, pose.y, float(headings[i + 1]))
         self._ends = np.cumsum([piece.length for piece in self.pieces])

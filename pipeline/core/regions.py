@@ -35,7 +35,9 @@ def connected_failures(space: Space, failures: Floats) -> Ints:
         if variable.kind != "categorical":
             far |= step > 1
     neighbours = csr_matrix((different <= 1) & ~far)
-    return largest_first(np.asarray(connected_components(neighbours, directed=False)[1], dtype=np.int64))
+    return largest_first(
+        np.asarray(connected_components(neighbours, directed=False)[1], dtype=np.int64)
+    )
 
 
 def medoid(space: Space, points: Floats) -> int:

@@ -16,7 +16,12 @@ BLOCK = 100_000
 Floats = NDArray[np.float64]
 
 
-def feasible(draw: Callable[[int], Floats], holds: Callable[[Floats], NDArray[np.bool_]], count: int, whole: str) -> Floats:
+def feasible(
+    draw: Callable[[int], Floats],
+    holds: Callable[[Floats], NDArray[np.bool_]],
+    count: int,
+    whole: str,
+) -> Floats:
     """(count, d) independent draws that keep the constraints.
 
     draw: makes (n, d) independent draws. holds: whether each keeps the constraints, (n,). whole: of which the constraints leave almost
@@ -32,7 +37,9 @@ def feasible(draw: Callable[[int], Floats], holds: Callable[[Floats], NDArray[np
     drawn, found = count, count - len(missing)
     while len(missing):
         if not found and drawn >= MAX_DRAWS:
-            raise InputError(f"constraints: they exclude almost {whole}: none of {drawn} random points satisfies them")
+            raise InputError(
+                f"constraints: they exclude almost {whole}: none of {drawn} random points satisfies them"
+            )
         tries = max(1, min(drawn // (10 * (found + 1)), BLOCK // len(missing)))
         block = draw(len(missing) * tries)
         good = holds(block).reshape(len(missing), tries)

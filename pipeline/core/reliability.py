@@ -20,7 +20,9 @@ class Calibration:
 
     def __post_init__(self) -> None:
         if not self.slope > 0 or not np.isfinite(self.offset):
-            raise ValueError(f"slope must be positive and offset finite, got {self.slope} and {self.offset}")
+            raise ValueError(
+                f"slope must be positive and offset finite, got {self.slope} and {self.offset}"
+            )
 
     def apply(self, scores: ArrayLike) -> NDArray[np.float64]:
         """Convert scores in [0, 1] to calibrated scores."""
@@ -38,7 +40,9 @@ def platt(scores: ArrayLike, right: ArrayLike) -> Calibration:
 
     Returns the identity if all or none are correct, or if a higher score does not mean correct more often.
     """
-    from sklearn.linear_model import LogisticRegression  # Takes a second to import, which every test worker would pay.
+    from sklearn.linear_model import (
+        LogisticRegression,
+    )  # Takes a second to import, which every test worker would pay.
 
     x, y = _logit(scores), np.asarray(right, dtype=bool)
     if len(np.unique(y)) < 2:
@@ -64,17 +68,25 @@ def reliability(scores: ArrayLike, right: ArrayLike, bins: int = 10) -> tuple[Bi
     """
     x, y = np.asarray(scores, dtype=float), np.asarray(right, dtype=bool)
     if x.shape != y.shape or x.ndim != 1:
-        raise ValueError(f"scores and right must be lists of equal length, got shapes {x.shape} and {y.shape}")
+        raise ValueError(
+            f"scores and right must be lists of equal length, got shapes {x.shape} and {y.shape}"
+        )
     numbers = np.minimum((x * bins).astype(int), bins - 1)
     chosen = ((numbers == number) for number in np.unique(numbers))
-    return tuple(Bin(float(x[rows].mean()), float(y[rows].mean()), int(rows.sum())) for rows in chosen)
+    return tuple(
+        Bin(float(x[rows].mean()), float(y[rows].mean()), int(rows.sum())) for rows in chosen
+    )
 
 
 def calibration_error(diagram: Sequence[Bin]) -> float:
     """Expected calibration error in [0, 1]: mean distance of score and share of correct ones, weighted by detections (Guo et al., Eq.
     3)."""
     total = sum(shown.count for shown in diagram)
-    return sum(shown.count * abs(shown.score - shown.right) for shown in diagram) / total if total else 0.0
+    return (
+        sum(shown.count * abs(shown.score - shown.right) for shown in diagram) / total
+        if total
+        else 0.0
+    )
 
 
 def _logit(scores: ArrayLike) -> NDArray[np.float64]:

@@ -48,18 +48,37 @@ def find_rule(space: Space, points: Floats, failed: Bools, words: Sequence[Word]
             break
         best = max(best, beam[0], key=lambda found: found[0])
     gain, conditions = search.polished(best)
-    return FoundRule(_in_words(_rule(conditions), meanings(space, words)), sum(offer.price for offer in conditions.values()), gain)
+    return FoundRule(
+        _in_words(_rule(conditions), meanings(space, words)),
+        sum(offer.price for offer in conditions.values()),
+        gain,
+    )
 
 
 def _rule(partial: Partial) -> Rule:
-    return Rule(tuple(sorted((offer.condition for offer in partial.values()), key=lambda condition: condition.variable)))
+    return Rule(
+        tuple(
+            sorted(
+                (offer.condition for offer in partial.values()),
+                key=lambda condition: condition.variable,
+            )
+        )
+    )
 
 
 def _in_words(rule: Rule, known: Sequence[Meaning]) -> Rule:
     """The rule with a word for each attribute and value that means the same."""
     words = {(meaning.variable, meaning.values): meaning for meaning in known}
-    same = [(condition, words.get((condition.variable, condition.values))) for condition in rule.conditions]
-    return Rule(tuple(replace(condition, text=word.text, order=word.order) if word else condition for condition, word in same))
+    same = [
+        (condition, words.get((condition.variable, condition.values)))
+        for condition in rule.conditions
+    ]
+    return Rule(
+        tuple(
+            replace(condition, text=word.text, order=word.order) if word else condition
+            for condition, word in same
+        )
+    )
 
 
 @dataclass(frozen=True)
@@ -86,7 +105,10 @@ class _Search:
         offer = self.descriptions[index].best(inside, self.failed)
         if offer is None:
             return -np.inf, partial
-        return offer.gain - sum(other.price for other in partial.values()), {**partial, index: offer}
+        return offer.gain - sum(other.price for other in partial.values()), {
+            **partial,
+            index: offer,
+        }
 
     def polished(self, found: tuple[float, Partial]) -> tuple[float, Partial]:
         """The rule with every condition fitted again beside the others, until none improves it."""

@@ -78,21 +78,37 @@ class Rule:
 
     def text(self, space: Space) -> str:
         """As a person reads it: `crouching child and fog >= 60 % and sun_altitude in [-20, 3] deg`."""
-        named = sorted((c for c in self.conditions if c.order is not None), key=lambda c: c.order or 0)
+        named = sorted(
+            (c for c in self.conditions if c.order is not None), key=lambda c: c.order or 0
+        )
         phrase = [" ".join(c.text for c in named)] if named else []
-        return " and ".join([*phrase, *(c.words(space) for c in self.conditions if c.order is None)]) or EVERY
+        return (
+            " and ".join([*phrase, *(c.words(space) for c in self.conditions if c.order is None)])
+            or EVERY
+        )
 
 
 def combined(first: Variable, second: Variable, sign: int) -> Variable:
     """The sum (sign 1) or the difference (sign -1) of two variables with one unit."""
     ends = (second.low, second.high) if sign > 0 else (-second.high, -second.low)
     name = f"{first.name} {'+' if sign > 0 else '-'} {second.name}"
-    return Variable(name, "continuous", first.unit, first.low + ends[0], first.high + ends[1], max(first.step, second.step))
+    return Variable(
+        name,
+        "continuous",
+        first.unit,
+        first.low + ends[0],
+        first.high + ends[1],
+        max(first.step, second.step),
+    )
 
 
 def _listed(condition: Condition, variable: Variable) -> str:
     names = [variable.values[i] for i in condition.values]
-    return f"{variable.name} = {names[0]}" if len(names) == 1 else f"{variable.name} in {{{', '.join(names)}}}"
+    return (
+        f"{variable.name} = {names[0]}"
+        if len(names) == 1
+        else f"{variable.name} in {{{', '.join(names)}}}"
+    )
 
 
 def _interval(condition: Condition, variable: Variable) -> str:

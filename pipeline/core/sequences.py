@@ -74,7 +74,15 @@ class Condition:
             column = categories[:, literal.variable]
             return np.where(column < 0, unknown, (column == literal.category) == literal.equal)
 
-        return np.asarray(np.all([np.any([holds(literal) for literal in clause], axis=0) for clause in self._clauses], axis=0))
+        return np.asarray(
+            np.all(
+                [
+                    np.any([holds(literal) for literal in clause], axis=0)
+                    for clause in self._clauses
+                ],
+                axis=0,
+            )
+        )
 
 
 class Rule(Protocol):
@@ -126,8 +134,12 @@ class Course:
         level, sequence = column[known], frames.sequence[known]
         # Levels higher, or lower, than those of all sequences before, so that the extremes so far begin anew with each.
         apart = sequence * (column.max(initial=0) + 1)
-        rises = self._per_sequence(level - apart > np.minimum.accumulate(level - apart), sequence, frames.count)
-        falls = self._per_sequence(level + apart < np.maximum.accumulate(level + apart), sequence, frames.count)
+        rises = self._per_sequence(
+            level - apart > np.minimum.accumulate(level - apart), sequence, frames.count
+        )
+        falls = self._per_sequence(
+            level + apart < np.maximum.accumulate(level + apart), sequence, frames.count
+        )
         outcome = rises + 2 * falls
         return np.where(frames.any(~known) & (outcome < 3), UNKNOWN, outcome)
 
@@ -142,17 +154,33 @@ class Order:
 
     first: Condition
     second: Condition
-    labels = ("neither", "first alone", "second alone", "first before second", "second before first", "together")
+    labels = (
+        "neither",
+        "first alone",
+        "second alone",
+        "first before second",
+        "second before first",
+        "together",
+    )
 
     def outcomes(self, frames: Frames) -> Ints:
         ends = (Condition.certain, Condition.possible)
-        first, second = ([frames.first(where(one, frames.categories)) for where in ends] for one in (self.first, self.second))
+        first, second = (
+            [frames.first(where(one, frames.categories)) for where in ends]
+            for one in (self.first, self.second)
+        )
         corners = np.array([self._outcome(a, b) for a, b in product(first, second)])
         return np.where((corners == corners[0]).all(axis=0), corners[0], UNKNOWN)
 
     @staticmethod
     def _outcome(first: Ints, second: Ints) -> Ints:
-        chosen = [(first == NEVER) & (second == NEVER), second == NEVER, first == NEVER, first < second, first > second]
+        chosen = [
+            (first == NEVER) & (second == NEVER),
+            second == NEVER,
+            first == NEVER,
+            first < second,
+            first > second,
+        ]
         return np.select(chosen, range(len(chosen)), len(chosen))
 
 

@@ -23,15 +23,35 @@ class Sight:
     conflict point.
     """
 
-    first_sight_s: float = column("time at which a person could first make out the pedestrian; no value if never", "s", default=NAN)
+    first_sight_s: float = column(
+        "time at which a person could first make out the pedestrian; no value if never",
+        "s",
+        default=NAN,
+    )
     first_sight_m: float = column("distance to the conflict point at first sight", "m", default=NAN)
-    first_sight_pixels: float = column("visible pixels of the pedestrian at first sight", "px", default=NAN)
-    first_sight_contrast: float = column("contrast of the pedestrian at first sight, grey levels", default=NAN)
-    last_chance_s: float = column("time of the last frame from which full braking still helps; no value if none", "s", default=NAN)
-    last_chance_pixels: float = column("visible pixels of the pedestrian at the last chance", "px", default=NAN)
-    last_chance_contrast: float = column("contrast of the pedestrian at the last chance, grey levels", default=NAN)
-    first_detection_s: float = column("time of the first detection of the pedestrian; no value if never", "s", default=NAN)
-    first_detection_m: float = column("distance to the conflict point at the first detection", "m", default=NAN)
+    first_sight_pixels: float = column(
+        "visible pixels of the pedestrian at first sight", "px", default=NAN
+    )
+    first_sight_contrast: float = column(
+        "contrast of the pedestrian at first sight, grey levels", default=NAN
+    )
+    last_chance_s: float = column(
+        "time of the last frame from which full braking still helps; no value if none",
+        "s",
+        default=NAN,
+    )
+    last_chance_pixels: float = column(
+        "visible pixels of the pedestrian at the last chance", "px", default=NAN
+    )
+    last_chance_contrast: float = column(
+        "contrast of the pedestrian at the last chance, grey levels", default=NAN
+    )
+    first_detection_s: float = column(
+        "time of the first detection of the pedestrian; no value if never", "s", default=NAN
+    )
+    first_detection_m: float = column(
+        "distance to the conflict point at the first detection", "m", default=NAN
+    )
 
 
 SIGHT = columns(Sight)
@@ -40,7 +60,10 @@ SIGHT = columns(Sight)
 def sight(signals: Signals) -> Sight:
     """What the camera saw in a test execution. The last row has no frame, so it is no last chance."""
     seen = _first(visible(signals["visible_pixels"], signals["contrast"]))
-    in_time = np.flatnonzero(np.asarray(signals["conflict_distance_m"][:-1]) > np.asarray(signals["stopping_distance_m"][:-1]))
+    in_time = np.flatnonzero(
+        np.asarray(signals["conflict_distance_m"][:-1])
+        > np.asarray(signals["stopping_distance_m"][:-1])
+    )
     found = _first(np.asarray(signals["confidence"]) > 0)
     last = int(in_time[-1]) if len(in_time) else None
     return Sight(

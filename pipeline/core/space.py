@@ -40,11 +40,19 @@ class Space:
             raise ValueError(f"a space needs variables with distinct names, got {self.names}")
         if self.clauses and not self.constraints.satisfiable({}):
             core = [self.clauses[i] for i in contradiction(self.sizes, self._compiled)]
-            listed = "; ".join(one if isinstance(one, str) else f"[{', '.join(one)}]" for one in core)
-            raise ValueError(f"constraints: these contradict each other, so no point is left: {listed}")
+            listed = "; ".join(
+                one if isinstance(one, str) else f"[{', '.join(one)}]" for one in core
+            )
+            raise ValueError(
+                f"constraints: these contradict each other, so no point is left: {listed}"
+            )
         for one in self.extras.combinations:
-            if not self.constraints.satisfiable(dict(zip(one.variables, one.categories, strict=True))):
-                raise ValueError(f"combinations: the constraints leave no point with {self.cell(one.variables, one.categories)}")
+            if not self.constraints.satisfiable(
+                dict(zip(one.variables, one.categories, strict=True))
+            ):
+                raise ValueError(
+                    f"combinations: the constraints leave no point with {self.cell(one.variables, one.categories)}"
+                )
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -68,14 +76,18 @@ class Space:
     @cached_property
     def constraints(self) -> Constraints:
         """The clauses of all constraints, by the indices of variables and categories."""
-        return Constraints(self.sizes, tuple(clause for clauses in self._compiled for clause in clauses))
+        return Constraints(
+            self.sizes, tuple(clause for clauses in self._compiled for clause in clauses)
+        )
 
     @cached_property
     def _compiled(self) -> tuple[tuple[Clause, ...], ...]:
         """The clauses of each constraint."""
         labels = {variable.name: variable.labels for variable in self.variables}
         return tuple(
-            read_constraint(one, self.variables) if isinstance(one, str) else (tuple(parse_literal(text, labels) for text in one),)
+            read_constraint(one, self.variables)
+            if isinstance(one, str)
+            else (tuple(parse_literal(text, labels) for text in one),)
             for one in self.clauses
         )
 
@@ -90,7 +102,12 @@ class Space:
 
         if not self.clauses:
             return draw(count)
-        return feasible(draw, lambda points: self.constraints.holds(self.categorise(points)), count, "the whole space")
+        return feasible(
+            draw,
+            lambda points: self.constraints.holds(self.categorise(points)),
+            count,
+            "the whole space",
+        )
 
     def scale(self, unit: Floats) -> Floats:
         """Convert (n, d) numbers in [0, 1) to points."""
@@ -107,11 +124,16 @@ class Space:
     def within(self, categories: Ints, rng: np.random.Generator) -> Floats:
         """Convert (n, d) category indices to points drawn inside those categories."""
         unit = rng.random(categories.shape)
-        return np.column_stack([v.within(categories[:, j], unit[:, j]) for j, v in enumerate(self.variables)])
+        return np.column_stack(
+            [v.within(categories[:, j], unit[:, j]) for j, v in enumerate(self.variables)]
+        )
 
     def cell(self, variables: Sequence[int], categories: Sequence[int]) -> str:
         """A combination of categories in words."""
-        return ", ".join(f"{self.names[v]} = {self.variables[v].labels[c]}" for v, c in zip(variables, categories, strict=True))
+        return ", ".join(
+            f"{self.names[v]} = {self.variables[v].labels[c]}"
+            for v, c in zip(variables, categories, strict=True)
+        )
 
     def clause(self, index: int) -> str:
         """The constraint that a clause belongs to, in words."""
@@ -126,8 +148,13 @@ class Space:
         if broken is None:
             return None
         row, index = broken
-        concrete, named = self.decode(points[row]), {literal.variable for literal in self.constraints.clauses[index]}
-        values = ", ".join(f"{self.names[v]} = {_shown(concrete[self.names[v]])}" for v in sorted(named))
+        concrete, named = (
+            self.decode(points[row]),
+            {literal.variable for literal in self.constraints.clauses[index]},
+        )
+        values = ", ".join(
+            f"{self.names[v]} = {_shown(concrete[self.names[v]])}" for v in sorted(named)
+        )
         return row, f"breaks the constraint '{self.clause(index)}': {values}"
 
     def encode(self, concrete: Mapping[str, Value]) -> Floats:
@@ -135,7 +162,9 @@ class Space:
         constraint."""
         if set(concrete) != set(self.names):
             missing, unknown = set(self.names) - set(concrete), set(concrete) - set(self.names)
-            raise ValueError(f"variables must be {list(self.names)}; missing {sorted(missing)}, unknown {sorted(unknown)}")
+            raise ValueError(
+                f"variables must be {list(self.names)}; missing {sorted(missing)}, unknown {sorted(unknown)}"
+            )
         point = np.array([v.encode(concrete[v.name]) for v in self.variables])
         if broken := self.violation(point[None]):
             raise ValueError(f"the scenario {broken[1]}")
@@ -147,17 +176,24 @@ class Space:
 
     def names_of(self, categories: Ints) -> list[dict[str, str]]:
         """Convert (n, d) category indices to the names of the categories, by variable."""
-        return [{v.name: v.labels[int(c)] for v, c in zip(self.variables, row, strict=True)} for row in categories]
+        return [
+            {v.name: v.labels[int(c)] for v, c in zip(self.variables, row, strict=True)}
+            for row in categories
+        ]
 
     def to_dict(self) -> dict[str, dict[str, Any]]:
         """The variables as plain data, `name: {kind, unit, ...}`, in order; `from_dict` reads it back."""
         return {v.name: v.to_dict() for v in self.variables}
 
     @staticmethod
-    def from_dict(variables: Mapping[str, Mapping[str, Any]], clauses: Sequence[str | Sequence[str]] = ()) -> Space:
+    def from_dict(
+        variables: Mapping[str, Mapping[str, Any]], clauses: Sequence[str | Sequence[str]] = ()
+    ) -> Space:
         """A space of variables as `to_dict` writes them, with constraints."""
         written = tuple(one if isinstance(one, str) else tuple(one) for one in clauses)
-        return Space(tuple(Variable.from_dict(name, body) for name, body in variables.items()), written)
+        return Space(
+            tuple(Variable.from_dict(name, body) for name, body in variables.items()), written
+        )
 
 
 def _shown(value: Value) -> str:

@@ -50,7 +50,10 @@ def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> tu
 
 
 def mean_interval(
-    values: ArrayLike, confidence: float = 0.95, limits: tuple[float, float] = (-np.inf, np.inf), least_spread: float = 0.0
+    values: ArrayLike,
+    confidence: float = 0.95,
+    limits: tuple[float, float] = (-np.inf, np.inf),
+    least_spread: float = 0.0,
 ) -> tuple[float, float]:
     """Student's t interval of the mean of (n,) finite values, one per seed. limits: possible range of the mean. least_spread: the smallest
     standard deviation to believe.
@@ -66,17 +69,27 @@ def mean_interval(
     if len(sample) == 1:
         return mean, mean
     spread = max(sample.std(ddof=1), least_spread)
-    half = float(_distributions().t.ppf((1 + confidence) / 2, len(sample) - 1) * spread / np.sqrt(len(sample)))
+    half = float(
+        _distributions().t.ppf((1 + confidence) / 2, len(sample) - 1)
+        * spread
+        / np.sqrt(len(sample))
+    )
     return max(mean - half, limits[0]), min(mean + half, limits[1])
 
 
-def bootstrap_mean(values: ArrayLike, rng: np.random.Generator, confidence: float) -> tuple[float, float]:
+def bootstrap_mean(
+    values: ArrayLike, rng: np.random.Generator, confidence: float
+) -> tuple[float, float]:
     """Percentile bootstrap interval of the mean of (n,) values, one per seed (Efron & Tibshirani 1993, section 13.3)."""
     return bootstrap_ratio(values, np.ones(np.shape(values)), rng, confidence)
 
 
 def bootstrap_ratio(
-    values: ArrayLike, reference: ArrayLike, rng: np.random.Generator, confidence: float = 0.95, draws: int = 10_000
+    values: ArrayLike,
+    reference: ArrayLike,
+    rng: np.random.Generator,
+    confidence: float = 0.95,
+    draws: int = 10_000,
 ) -> tuple[float, float]:
     """Percentile bootstrap interval of the ratio of two means, for (n,) paired values at least 0: each draw resamples the pairs.
 
@@ -84,8 +97,15 @@ def bootstrap_ratio(
     values of draws, never between two of them.
     """
     above, below = np.asarray(values, dtype=float), np.asarray(reference, dtype=float)
-    if above.shape != below.shape or above.ndim != 1 or not len(above) or not (np.isfinite(above) & np.isfinite(below)).all():
-        raise ValueError(f"values and reference must be equally many finite numbers, one or more, got {above} and {below}")
+    if (
+        above.shape != below.shape
+        or above.ndim != 1
+        or not len(above)
+        or not (np.isfinite(above) & np.isfinite(below)).all()
+    ):
+        raise ValueError(
+            f"values and reference must be equally many finite numbers, one or more, got {above} and {below}"
+        )
     _check_confidence(confidence)
     rows = rng.integers(len(above), size=(draws, len(above)))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -93,7 +113,9 @@ def bootstrap_ratio(
     ratios = ratios[~np.isnan(ratios)]
     if not len(ratios):
         return np.nan, np.nan
-    low, high = np.quantile(ratios, [(1 - confidence) / 2, (1 + confidence) / 2], method="inverted_cdf")
+    low, high = np.quantile(
+        ratios, [(1 - confidence) / 2, (1 + confidence) / 2], method="inverted_cdf"
+    )
     return float(low), float(high)
 
 
@@ -103,7 +125,14 @@ def vargha_delaney(first: ArrayLike, second: ArrayLike) -> float:
     0.5 means no difference. Source: Vargha & Delaney 2000, Eq. 13.
     """
     a, b = np.asarray(first, dtype=float), np.asarray(second, dtype=float)
-    if a.ndim != 1 or b.ndim != 1 or not len(a) or not len(b) or np.isnan(a).any() or np.isnan(b).any():
+    if (
+        a.ndim != 1
+        or b.ndim != 1
+        or not len(a)
+        or not len(b)
+        or np.isnan(a).any()
+        or np.isnan(b).any()
+    ):
         raise ValueError(f"first and second must be lists of one or more numbers, got {a} and {b}")
     return float(np.mean((a[:, None] > b) + 0.5 * (a[:, None] == b)))
 
@@ -118,7 +147,9 @@ class CensoredMean:
     censored: int
 
 
-def censored_mean(values: ArrayLike, reached: ArrayLike, confidence: float = 0.95, least: float = 0.0) -> CensoredMean:
+def censored_mean(
+    values: ArrayLike, reached: ArrayLike, confidence: float = 0.95, least: float = 0.0
+) -> CensoredMean:
     """Mean of (n,) values at least 0, one per seed, restricted to the largest of them (Kaplan & Meier 1958, section 6.1).
 
     reached: (n,) whether a value is exact; if not, it is right-censored: the true one is larger. Dropping censored values would favour a
@@ -130,13 +161,29 @@ def censored_mean(values: ArrayLike, reached: ArrayLike, confidence: float = 0.9
     The estimate assumes that a censored value is no different from the others that got as far.
     """
     sample, exact = np.asarray(values, dtype=float), np.asarray(reached, dtype=bool)
-    if sample.shape != exact.shape or sample.ndim != 1 or not len(sample) or not np.isfinite(sample).all() or (sample < 0).any():
-        raise ValueError(f"values must be one or more finite numbers from 0 and as many flags, got {sample} and {exact}")
+    if (
+        sample.shape != exact.shape
+        or sample.ndim != 1
+        or not len(sample)
+        or not np.isfinite(sample).all()
+        or (sample < 0).any()
+    ):
+        raise ValueError(
+            f"values must be one or more finite numbers from 0 and as many flags, got {sample} and {exact}"
+        )
     count, limit = len(sample), float(sample.max())
     mean = _area(sample, exact, limit)
-    without = np.array([_area(np.delete(sample, i), np.delete(exact, i), limit) for i in range(count)]) if count > 1 else np.zeros(1)
+    without = (
+        np.array([_area(np.delete(sample, i), np.delete(exact, i), limit) for i in range(count)])
+        if count > 1
+        else np.zeros(1)
+    )
     highest = np.inf if exact.all() else limit
-    low, high = mean_interval(count * mean - (count - 1) * without, confidence, (least, highest)) if exact.any() else (mean, mean)
+    low, high = (
+        mean_interval(count * mean - (count - 1) * without, confidence, (least, highest))
+        if exact.any()
+        else (mean, mean)
+    )
     return CensoredMean(mean, low, high, int((~exact).sum()))
 
 
@@ -151,7 +198,9 @@ def mcnemar(before: ArrayLike, after: ArrayLike) -> Paired:
     """Compare two versions on the same tests: (n,) failures of each, in the same order (exact McNemar test)."""
     first, second = np.asarray(before, dtype=bool), np.asarray(after, dtype=bool)
     if first.shape != second.shape or first.ndim != 1:
-        raise ValueError(f"before and after must be lists of equal length, got shapes {first.shape} and {second.shape}")
+        raise ValueError(
+            f"before and after must be lists of equal length, got shapes {first.shape} and {second.shape}"
+        )
     fixes, regressions = int(np.sum(first & ~second)), int(np.sum(~first & second))
     return Paired(fixes, regressions, mcnemar_p_value(fixes, regressions))
 
@@ -173,7 +222,9 @@ def paired_rise_limit(regressions: int, fixes: int, tests: int, confidence: floa
     Medicine 17:891.
     """
     if min(regressions, fixes) < 0 or regressions + fixes > tests:
-        raise ValueError(f"regressions and fixes must be counts among {tests} tests, got {regressions} and {fixes}")
+        raise ValueError(
+            f"regressions and fixes must be counts among {tests} tests, got {regressions} and {fixes}"
+        )
     _check_confidence(confidence)
     if tests == 0:
         return 1.0
@@ -182,7 +233,9 @@ def paired_rise_limit(regressions: int, fixes: int, tests: int, confidence: floa
     # The score falls as the rise grows. 60 halvings leave an interval of less than 1e-17.
     for _ in range(60):
         rise = (low + high) / 2
-        if regressions - fixes - tests * rise >= -z * _rise_deviation(regressions, fixes, tests, rise):
+        if regressions - fixes - tests * rise >= -z * _rise_deviation(
+            regressions, fixes, tests, rise
+        ):
             low = rise
         else:
             high = rise
@@ -203,7 +256,9 @@ def sign_flip(differences: ArrayLike) -> float:
     equally likely (Fisher's randomisation test). For two versions, with differences -1, 0 and 1, it equals the exact McNemar test."""
     values = np.asarray(differences)
     if values.ndim != 1 or not np.issubdtype(values.dtype, np.integer):
-        raise ValueError(f"differences must be a list of whole numbers, got shape {values.shape} of {values.dtype}")
+        raise ValueError(
+            f"differences must be a list of whole numbers, got shape {values.shape} of {values.dtype}"
+        )
     sizes = np.abs(values[values != 0])
     reach = int(sizes.sum())
     chance = np.zeros(2 * reach + 1)  # The probability of each sum, from -reach to reach.
@@ -223,7 +278,9 @@ def one_against_several(failed: ArrayLike, others: ArrayLike, size: int) -> floa
     """
     first, counts = np.asarray(failed, dtype=bool), np.asarray(others)
     if first.shape != counts.shape or first.ndim != 1 or ((counts < 0) | (counts > size)).any():
-        raise ValueError(f"failed and others must be lists of equal length, with counts in [0, {size}], got {first} and {counts}")
+        raise ValueError(
+            f"failed and others must be lists of equal length, with counts in [0, {size}], got {first} and {counts}"
+        )
     shares = (first + counts) / (size + 1)
     chance = np.ones(1)  # The probability of each number of failures, from 0 on.
     for share in shares:

@@ -31,6 +31,8 @@ def altitudes(latitude_deg: float, hours: Sequence[float]) -> tuple[Floats, Floa
     clock = (np.arange(24 * STEPS) + 0.5)[None] / STEPS
     declination = np.radians(-AXIAL_TILT_DEG * np.cos(2 * np.pi * (day - SOLSTICE) / DAYS))
     turned, latitude = np.radians(15 * (clock - 12)), np.radians(latitude_deg)
-    sine = np.sin(latitude) * np.sin(declination) + np.cos(latitude) * np.cos(declination) * np.cos(turned)
+    sine = np.sin(latitude) * np.sin(declination) + np.cos(latitude) * np.cos(declination) * np.cos(
+        turned
+    )
     shares = np.broadcast_to(weights[clock.astype(int)], sine.shape)
     return np.degrees(np.arcsin(np.clip(sine, -1, 1))).ravel(), (shares / shares.sum()).ravel()

@@ -39,12 +39,18 @@ def _are_names(values: Any) -> bool:
 
 
 PLAIN: Mapping[str, tuple[str, Callable[[Any], bool]]] = {
-    "kind": (f"one of {', '.join(get_args(Kind))}", lambda value: isinstance(value, str) and value in get_args(Kind)),
+    "kind": (
+        f"one of {', '.join(get_args(Kind))}",
+        lambda value: isinstance(value, str) and value in get_args(Kind),
+    ),
     "unit": ("text", lambda value: isinstance(value, str)),
     **dict.fromkeys(("low", "high", "step"), ("a number", _is_number)),
     "cyclic": ("true or false", lambda value: isinstance(value, bool)),
     "values": ("a list of names", _are_names),
-    "attributes": ("lists of numbers by name", lambda value: isinstance(value, Mapping) and all(map(_are_numbers, value.values()))),
+    "attributes": (
+        "lists of numbers by name",
+        lambda value: isinstance(value, Mapping) and all(map(_are_numbers, value.values())),
+    ),
     "cuts": ("a list of numbers", _are_numbers),
     "weights": ("a list of numbers", _are_numbers),
     "mildest": ("a number or a name", lambda value: isinstance(value, str) or _is_number(value)),
@@ -54,7 +60,11 @@ PLAIN: Mapping[str, tuple[str, Callable[[Any], bool]]] = {
 
 def number_text(number: float) -> str:
     """The shortest text of a number from which the same number can be read; whole numbers have no point."""
-    return str(int(number)) if float(number).is_integer() and abs(number) < 1e15 else repr(float(number))
+    return (
+        str(int(number))
+        if float(number).is_integer() and abs(number) < 1e15
+        else repr(float(number))
+    )
 
 
 @dataclass(frozen=True)
@@ -105,7 +115,9 @@ class Variable:
             return f"low must be below high, got {self.low} to {self.high}"
         if self.cuts is not None:
             return self._wrong_cuts()
-        if self.kind == "integer" and any(number != int(number) for number in (self.low, self.high, self.step)):
+        if self.kind == "integer" and any(
+            number != int(number) for number in (self.low, self.high, self.step)
+        ):
             return f"low, high and step of an integer must be whole, got {self.low:g}, {self.high:g} and {self.step:g}"
         if not 0 < self.step <= self.high - self.low:
             return f"step must be in (0, {self.high - self.low}], got {self.step}"
@@ -131,7 +143,9 @@ class Variable:
         return ""
 
     def _wrong_mildest(self) -> str:
-        if self.mildest is not None and isinstance(self.mildest, str) != (self.kind == "categorical"):
+        if self.mildest is not None and isinstance(self.mildest, str) != (
+            self.kind == "categorical"
+        ):
             return f"mildest must be {'the name of a value' if self.kind == 'categorical' else 'a number'}, got {self.mildest!r}"
         return ""
 
@@ -151,7 +165,9 @@ class Variable:
             return len(self.values)
         if self.cuts is not None:
             return len(self._parts)
-        return int(np.floor((self.high - self.low) / self.step + TOLERANCE)) + (0 if self.cyclic else 1)
+        return int(np.floor((self.high - self.low) / self.step + TOLERANCE)) + (
+            0 if self.cyclic else 1
+        )
 
     @cached_property
     def _parts(self) -> tuple[tuple[float, float], ...]:
@@ -170,7 +186,9 @@ class Variable:
             return np.arange(self.size, dtype=float)
         if self.cuts is not None:
             return self._inside_parts(np.arange(self.size), np.full(self.size, 0.5))
-        return np.minimum(self.low + self.step * np.arange(self.size, dtype=np.float64), self.high)  # 3 * 0.2 is more than 0.6.
+        return np.minimum(
+            self.low + self.step * np.arange(self.size, dtype=np.float64), self.high
+        )  # 3 * 0.2 is more than 0.6.
 
     @cached_property
     def labels(self) -> tuple[str, ...]:
@@ -178,7 +196,10 @@ class Variable:
         if self.cuts is None:
             return self.values or self._grid_labels
         ends = [")"] * (self.size - 1) + [")" if self._wraps else "]"]
-        return tuple(f"[{number_text(low)}, {number_text(high)}{end}" for (low, high), end in zip(self._parts, ends, strict=True))
+        return tuple(
+            f"[{number_text(low)}, {number_text(high)}{end}"
+            for (low, high), end in zip(self._parts, ends, strict=True)
+        )
 
     @property
     def _grid_labels(self) -> tuple[str, ...]:
@@ -209,7 +230,9 @@ class Variable:
         if self.kind == "categorical":
             return np.minimum(np.floor(unit * self.size), self.size - 1)
         if self.kind == "integer":
-            count = self.high - self.low + (0 if self.cyclic else 1)  # A cyclic variable's ends are one value.
+            count = (
+                self.high - self.low + (0 if self.cyclic else 1)
+            )  # A cyclic variable's ends are one value.
             return np.minimum(self.low + np.floor(unit * count), self.high)
         return self.low + unit * (self.high - self.low)
 
@@ -223,19 +246,27 @@ class Variable:
         if self.kind == "integer":
             first, last = np.ceil(values - self.step / 2), np.ceil(values + self.step / 2) - 1
             if self.cyclic:
-                return np.asarray(self.low + (first + np.floor(unit * (last - first + 1)) - self.low) % (self.high - self.low))
+                return np.asarray(
+                    self.low
+                    + (first + np.floor(unit * (last - first + 1)) - self.low)
+                    % (self.high - self.low)
+                )
             first, last = np.maximum(first, self.low), self._ends(categories, last)
             return np.asarray(np.minimum(first + np.floor(unit * (last - first + 1)), last))
         first, last = values - self.step / 2, values + self.step / 2
         if self.cyclic:
-            return np.asarray(self.low + (first + self.step * unit - self.low) % (self.high - self.low))
+            return np.asarray(
+                self.low + (first + self.step * unit - self.low) % (self.high - self.low)
+            )
         first, last = np.maximum(first, self.low), self._ends(categories, last)
         return np.asarray(first + unit * (last - first))
 
     def _inside_parts(self, categories: Ints, unit: Floats) -> Floats:
         span = self.high - self.low
         first, last = np.array(self._parts).T
-        last = np.where(last > first, last, last + span)  # The part of a cyclic variable that contains its ends.
+        last = np.where(
+            last > first, last, last + span
+        )  # The part of a cyclic variable that contains its ends.
         values = first[categories] + unit * (last - first)[categories]
         return np.asarray(np.where(values > self.high, values - span, values))
 
@@ -247,10 +278,14 @@ class Variable:
         """Encode one value; ValueError that names the variable, the expected and the actual value."""
         if self.kind == "categorical":
             if value not in self.values:
-                raise ValueError(f"{self.name} must be one of {', '.join(self.values)}; got {value!r}")
+                raise ValueError(
+                    f"{self.name} must be one of {', '.join(self.values)}; got {value!r}"
+                )
             return float(self.values.index(str(value)))
         if isinstance(value, str) or not np.isfinite(value) or not self.low <= value <= self.high:
-            raise ValueError(f"{self.name} must be in [{number_text(self.low)}, {number_text(self.high)}] {self.unit}, got {value!r}")
+            raise ValueError(
+                f"{self.name} must be in [{number_text(self.low)}, {number_text(self.high)}] {self.unit}, got {value!r}"
+            )
         if self.kind == "integer" and value != int(value):
             raise ValueError(f"{self.name} must be a whole number, got {value!r}")
         return float(value)
@@ -269,7 +304,13 @@ class Variable:
                 known["attributes"] = {name: list(numbers) for name, numbers in self.attributes}
         else:
             categories = {"step": self.step} if self.cuts is None else {"cuts": list(self.cuts)}
-            known |= {"unit": self.unit, "low": self.low, "high": self.high, **categories, "cyclic": self.cyclic}
+            known |= {
+                "unit": self.unit,
+                "low": self.low,
+                "high": self.high,
+                **categories,
+                "cyclic": self.cyclic,
+            }
         if self.mildest is not None:
             known["mildest"] = self.mildest
         return {**known, "weights": list(self.weights)} if self.weights else known
@@ -285,7 +326,13 @@ class Variable:
                 raise ValueError(f"{name}.{key}: expected {expected}, got {shown(value)}")
         if "kind" not in plain:
             raise ValueError(f"key '{name}.kind' is missing")
-        values: dict[str, Any] = {key: tuple(value) if key in ("values", "cuts", "weights") else value for key, value in plain.items()}
+        values: dict[str, Any] = {
+            key: tuple(value) if key in ("values", "cuts", "weights") else value
+            for key, value in plain.items()
+        }
         if "attributes" in values:
-            values["attributes"] = tuple((key, tuple(float(number) for number in numbers)) for key, numbers in values["attributes"].items())
+            values["attributes"] = tuple(
+                (key, tuple(float(number) for number in numbers))
+                for key, numbers in values["attributes"].items()
+            )
         return Variable(name=name, **values)

@@ -30,4 +30,6 @@ def visible(pixels: ArrayLike, contrast: ArrayLike) -> NDArray[np.bool_]:
 
     pixels, contrast: arrays of one shape, or numbers.
     """
-    return np.asarray((np.asarray(pixels) >= MIN_VISIBLE_PIXELS) & (np.asarray(contrast) >= MIN_CONTRAST))
+    return np.asarray(
+        (np.asarray(pixels) >= MIN_VISIBLE_PIXELS) & (np.asarray(contrast) >= MIN_CONTRAST)
+    )

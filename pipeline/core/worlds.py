@@ -22,7 +22,10 @@ class Worlds:
     def union(worlds: Iterable[Worlds]) -> Worlds:
         """All their towns and people."""
         every = list(worlds)
-        return Worlds(frozenset().union(*(one.towns for one in every)), frozenset().union(*(one.people for one in every)))
+        return Worlds(
+            frozenset().union(*(one.towns for one in every)),
+            frozenset().union(*(one.people for one in every)),
+        )
 
     def __iter__(self) -> Iterator[tuple[str, str]]:
         """Yield kind, `town` or `people`, and fingerprint of each, in order."""

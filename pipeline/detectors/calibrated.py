@@ -22,9 +22,18 @@ class CalibratedDetector:
     threshold: smallest calibrated score reported, as for detectors whose files hold their calibration.
     """
 
-    def __init__(self, detector: dict[str, Any], slope: float, offset: float, model: str, threshold: float | None = None) -> None:
+    def __init__(
+        self,
+        detector: dict[str, Any],
+        slope: float,
+        offset: float,
+        model: str,
+        threshold: float | None = None,
+    ) -> None:
         self._calibration = Calibration(slope, offset)
-        lowest = {} if threshold is None else {"threshold": float(self._calibration.undo(threshold))}
+        lowest = (
+            {} if threshold is None else {"threshold": float(self._calibration.undo(threshold))}
+        )
         self._detector: Detector = component("detector", DETECTOR, detector)(model=model, **lowest)
 
     def detect(self, frame: Frame) -> Detections:
@@ -41,6 +50,8 @@ def calibrated(section: Mapping[str, Any], calibration: Calibration) -> dict[str
     return {"_target_": target, "detector": dict(section), **scaling, **threshold}
 
 
-def as_tested(section: Mapping[str, Any], calibration: DetectorCalibration | None) -> dict[str, Any]:
+def as_tested(
+    section: Mapping[str, Any], calibration: DetectorCalibration | None
+) -> dict[str, Any]:
     """The section of a version's detector as its tests have it. calibration: of the version, if the study calibrates it."""
     return dict(section) if calibration is None else calibrated(section, calibration.scaling)

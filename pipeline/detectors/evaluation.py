@@ -33,8 +33,13 @@ def evaluate(found: Sequence[Detections], images: ImageSet, threshold: float) ->
     ap50_95, ap50 = _average_precision(found, images)
     truths = truths_of(images)
     visible = [not truth.barely_visible for truth in truths]
-    matchings = [matching_at(threshold, detections, truth) for detections, truth in zip(found, truths, strict=True)]
-    hits = sum(seen and matching.confidence > 0 for seen, matching in zip(visible, matchings, strict=True))
+    matchings = [
+        matching_at(threshold, detections, truth)
+        for detections, truth in zip(found, truths, strict=True)
+    ]
+    hits = sum(
+        seen and matching.confidence > 0 for seen, matching in zip(visible, matchings, strict=True)
+    )
     false = {kind: sum(getattr(matching, kind) for matching in matchings) for kind in KINDS}
     total, count = sum(false.values()), max(1, len(found))
     return {
@@ -51,7 +56,10 @@ def truths_of(images: ImageSet) -> list[Truth]:
     """The labels of the images, without the number of pixels that would be visible without occluders."""
     seen, whole = (map(_box, boxes) for boxes in (images.boxes, images.whole_boxes))
     shown = zip(seen, whole, images.visible_pixels, images.contrast, strict=True)
-    return [Truth(box, whole_box, visible_pixels=int(pixels), contrast=float(contrast)) for box, whole_box, pixels, contrast in shown]
+    return [
+        Truth(box, whole_box, visible_pixels=int(pixels), contrast=float(contrast))
+        for box, whole_box, pixels, contrast in shown
+    ]
 
 
 def matching_at(threshold: float, detections: Detections, truth: Truth) -> Matching:
@@ -68,7 +76,13 @@ def _box(row: NDArray[np.float32]) -> Box | None:
 def _average_precision(found: Sequence[Detections], images: ImageSet) -> tuple[float, float]:
     """AP at IoU .5 to .95, and at .5; 0 without labelled or detected pedestrians."""
     annotations = [
-        {"id": index + 1, "image_id": index, "category_id": 1, "iscrowd": int(truth.barely_visible), **_shape(truth.visible_box)}
+        {
+            "id": index + 1,
+            "image_id": index,
+            "category_id": 1,
+            "iscrowd": int(truth.barely_visible),
+            **_shape(truth.visible_box),
+        }
         for index, truth in enumerate(truths_of(images))
         if truth.visible_box is not None
     ]
@@ -80,7 +94,13 @@ def _average_precision(found: Sequence[Detections], images: ImageSet) -> tuple[f
     if not results or all(annotation["iscrowd"] for annotation in annotations):
         return 0.0, 0.0
     numbers = [{"id": index} for index in range(len(images))]
-    truth = COCO({"images": numbers, "annotations": annotations, "categories": [{"id": 1, "name": "pedestrian"}]})
+    truth = COCO(
+        {
+            "images": numbers,
+            "annotations": annotations,
+            "categories": [{"id": 1, "name": "pedestrian"}],
+        }
+    )
     evaluation = COCOeval_faster(truth, truth.loadRes(results), "bbox")
     evaluation.evaluate()
     evaluation.accumulate()
@@ -90,16 +110,23 @@ def _average_precision(found: Sequence[Detections], images: ImageSet) -> tuple[f
 
 def _shape(box: Box | NDArray[np.float32]) -> dict[str, Any]:
     left, top, right, bottom = (float(value) for value in box)
-    return {"bbox": [left, top, right - left, bottom - top], "area": (right - left) * (bottom - top)}
+    return {
+        "bbox": [left, top, right - left, bottom - top],
+        "area": (right - left) * (bottom - top),
+    }
 
 
-def judged_scores(found: Sequence[Detections], images: ImageSet) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def judged_scores(
+    found: Sequence[Detections], images: ImageSet
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Scores (n,) in [0, 1] of all detections that can trigger braking, and whether each is a true positive; excludes detections of
     barely visible pedestrians."""
     scores: list[float] = []
     right: list[bool] = []
     for detections, truth in zip(found, truths_of(images), strict=True):
-        for score, outcome in zip(detections.scores, match(detections, truth).outcomes, strict=True):
+        for score, outcome in zip(
+            detections.scores, match(detections, truth).outcomes, strict=True
+        ):
             if outcome != "ignored" and score >= CALIBRATED_FROM:
                 scores.append(float(score))
                 right.append(outcome == "true_positive")

@@ -25,7 +25,9 @@ def _named(function: str) -> Callable[..., Any]:
     except Exception as error:  # A foreign module may raise anything.
         raise ValueError(f"there is no {shown(function)} ({error})") from error
     if not callable(found):
-        raise ValueError(f"expected a function, got {shown(function)} of type {type(found).__name__}")
+        raise ValueError(
+            f"expected a function, got {shown(function)} of type {type(found).__name__}"
+        )
     made: Callable[..., Any] = found
     return made
 
@@ -40,7 +42,9 @@ def source_of(function: str) -> Path:
     try:
         found = Path(inspect.getfile(inspect.unwrap(_named(function))))
     except (TypeError, ValueError) as error:
-        raise InputError(f"detector.function: expected a function of a Python file, got {shown(function)} ({error})") from error
+        raise InputError(
+            f"detector.function: expected a function of a Python file, got {shown(function)} ({error})"
+        ) from error
     return found.relative_to(Path.cwd()) if found.is_relative_to(Path.cwd()) else found
 
 
@@ -56,7 +60,13 @@ class FunctionDetector:
     InputError if there is no such function. Any exception in it, and any result of another shape, becomes a SimulationError.
     """
 
-    def __init__(self, function: FunctionName, threshold: Share = THRESHOLD, iou: Share = IOU, model: str | None = None) -> None:
+    def __init__(
+        self,
+        function: FunctionName,
+        threshold: Share = THRESHOLD,
+        iou: Share = IOU,
+        model: str | None = None,
+    ) -> None:
         try:
             self._function = _named(function)
         except ValueError as error:
@@ -66,13 +76,26 @@ class FunctionDetector:
     def detect(self, frame: Frame) -> Detections:
         """Return the pedestrians in the image."""
         try:
-            boxes, scores = (np.asarray(part, np.float32) for part in self._function(frame.image.copy()))
+            boxes, scores = (
+                np.asarray(part, np.float32) for part in self._function(frame.image.copy())
+            )
         except Exception as error:  # Foreign code may raise anything; the campaign must continue.
-            raise SimulationError(f"{self._name} failed: {type(error).__name__}: {error}") from error
+            raise SimulationError(
+                f"{self._name} failed: {type(error).__name__}: {error}"
+            ) from error
         if boxes.size == 0:
             boxes = boxes.reshape(0, 4)
         if boxes.ndim != 2 or boxes.shape[1] != 4 or scores.shape != (len(boxes),):
-            raise SimulationError(f"{self._name} must return boxes (n, 4) and scores (n,), got {boxes.shape} and {scores.shape}")
+            raise SimulationError(
+                f"{self._name} must return boxes (n, 4) and scores (n,), got {boxes.shape} and {scores.shape}"
+            )
         if ((scores < 0) | (scores > 1)).any():
-            raise SimulationError(f"{self._name} must return scores in [0, 1], got {scores.min():g} to {scores.max():g}")
-        return reported(self._name, *inside(boxes, scores, frame.image.shape[1], frame.image.shape[0]), self._threshold, self._iou)
+            raise SimulationError(
+                f"{self._name} must return scores in [0, 1], got {scores.min():g} to {scores.max():g}"
+            )
+        return reported(
+            self._name,
+            *inside(boxes, scores, frame.image.shape[1], frame.image.shape[0]),
+            self._threshold,
+            self._iou,
+        )

@@ -24,24 +24,42 @@ class HuggingFaceDetector:
     InputError if the folder is not such a model, or its only weights need pickle.
     """
 
-    def __init__(self, model: str | Path, threshold: Share = THRESHOLD, iou: Share = IOU, person: str | int | None = None) -> None:
+    def __init__(
+        self,
+        model: str | Path,
+        threshold: Share = THRESHOLD,
+        iou: Share = IOU,
+        person: str | int | None = None,
+    ) -> None:
         try:
             from transformers import AutoImageProcessor, AutoModelForObjectDetection
         except ImportError as error:
-            raise InputError("detectors of Hugging Face need the extra: pip install 'blindspot[hugging-face]'") from error
+            raise InputError(
+                "detectors of Hugging Face need the extra: pip install 'blindspot[hugging-face]'"
+            ) from error
         self._model, self._threshold, self._iou = Path(model), threshold, iou
         if not (self._model / "config.json").is_file():
-            raise InputError(f"{model}: expected a folder written by save_pretrained; config.json is missing")
+            raise InputError(
+                f"{model}: expected a folder written by save_pretrained; config.json is missing"
+            )
         if not list(self._model.glob("*.safetensors")):
             pickled = [path.name for pattern in PICKLES for path in self._model.glob(pattern)]
-            found = f"{', '.join(pickled)}, which can run code when read" if pickled else "no weights"
-            raise InputError(f"{model}: expected model.safetensors, found {found}; save it again with safe_serialization=True")
+            found = (
+                f"{', '.join(pickled)}, which can run code when read" if pickled else "no weights"
+            )
+            raise InputError(
+                f"{model}: expected model.safetensors, found {found}; save it again with safe_serialization=True"
+            )
         safe = {"local_files_only": True, "trust_remote_code": False}
         try:
             self._processor = AutoImageProcessor.from_pretrained(self._model, **safe)
-            self._network = AutoModelForObjectDetection.from_pretrained(self._model, use_safetensors=True, **safe)
+            self._network = AutoModelForObjectDetection.from_pretrained(
+                self._model, use_safetensors=True, **safe
+            )
         except Exception as error:  # A foreign folder can make the library raise any exception.
-            raise InputError(f"Transformers cannot load {model} as an object detector: {one_line(error)}") from error
+            raise InputError(
+                f"Transformers cannot load {model} as an object detector: {one_line(error)}"
+            ) from error
         self._network.float().eval().requires_grad_(False)
         names = {int(number): str(name) for number, name in self._network.config.id2label.items()}
         self._person = person_class(self._model, names, len(names), person)
@@ -51,9 +69,22 @@ class HuggingFaceDetector:
         height, width = frame.image.shape[:2]
         output = self._network(**self._processor(images=frame.image, return_tensors="pt"))
         # The model's postprocessing drops such values silently.
-        if not np.isfinite(output.logits.numpy()).all() or not np.isfinite(output.pred_boxes.numpy()).all():
+        if (
+            not np.isfinite(output.logits.numpy()).all()
+            or not np.isfinite(output.pred_boxes.numpy()).all()
+        ):
             raise SimulationError(f"{self._model} returns values that are not finite")
-        (found,) = self._processor.post_process_object_detection(output, threshold=self._threshold, target_sizes=[(height, width)])
-        boxes, scores = found["boxes"].numpy().astype(np.float32), found["scores"].numpy().astype(np.float32)
+        (found,) = self._processor.post_process_object_detection(
+            output, threshold=self._threshold, target_sizes=[(height, width)]
+        )
+        boxes, scores = (
+            found["boxes"].numpy().astype(np.float32),
+            found["scores"].numpy().astype(np.float32),
+        )
         mine = found["labels"].numpy() == self._person
-        return reported(self._model, *inside(boxes[mine], scores[mine], width, height), self._threshold, self._iou)
+        return reported(
+            self._model,
+            *inside(boxes[mine], scores[mine], width, height),
+            self._threshold,
+            self._iou,
+        )

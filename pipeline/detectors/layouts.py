@@ -34,7 +34,9 @@ class Letterbox:
     top: int
 
     @staticmethod
-    def fit(image: NDArray[np.uint8], width: int, height: int) -> tuple[NDArray[np.uint8], Letterbox]:
+    def fit(
+        image: NDArray[np.uint8], width: int, height: int
+    ) -> tuple[NDArray[np.uint8], Letterbox]:
         """Scale and pad an image (h, w, 3) to (height, width, 3)."""
         old_height, old_width = image.shape[:2]
         scale = min(width / old_width, height / old_height)
@@ -48,20 +50,31 @@ class Letterbox:
 
     def back(self, boxes: Floats) -> Floats:
         """Convert boxes (n, 4) of the padded image to pixels of the original image."""
-        return np.asarray((boxes - (self.left, self.top, self.left, self.top)) / self.scale, np.float32)
+        return np.asarray(
+            (boxes - (self.left, self.top, self.left, self.top)) / self.scale, np.float32
+        )
 
 
 def check_alone(path: Path, data: bytes) -> None:
     """InputError for an ONNX model with weights in files beside it: no digest of the model would change with them."""
-    if b"location" not in data:  # Of a file with weights. Importing onnx takes longer than some tests.
+    if (
+        b"location" not in data
+    ):  # Of a file with weights. Importing onnx takes longer than some tests.
         return
     import onnx
 
     tensors = _tensors(onnx.load_from_string(data).graph)
-    beside = {entry.value for tensor in tensors for entry in tensor.external_data if entry.key == "location"}
+    beside = {
+        entry.value
+        for tensor in tensors
+        for entry in tensor.external_data
+        if entry.key == "location"
+    }
     if beside:
         mended = f"python -c \"import onnx; onnx.save(onnx.load('{path}'), '{path}')\""
-        raise InputError(f"{path}: expected one file, but its weights are in {', '.join(sorted(beside))}; put them into it: {mended}")
+        raise InputError(
+            f"{path}: expected one file, but its weights are in {', '.join(sorted(beside))}; put them into it: {mended}"
+        )
 
 
 def _tensors(graph: Any) -> Iterator[Any]:
@@ -95,7 +108,11 @@ def recognise(shape: Sequence[int | str | None], width: int, height: int) -> Lay
 def admits(layout: Layout, shape: Sequence[int | str | None], width: int, height: int) -> bool:
     """Whether an output (1, a, b) can have a layout. width, height: of the model's images, 0 if open; what is open fits every layout."""
     cells = sum((width // stride) * (height // stride) for stride in STRIDES)
-    rows, columns = {"yolov8": (None, cells or None), "yolov5": (3 * cells or None, None), "end_to_end": (None, 6)}[layout]
+    rows, columns = {
+        "yolov8": (None, cells or None),
+        "yolov5": (3 * cells or None, None),
+        "end_to_end": (None, 6),
+    }[layout]
     pairs = zip(shape[1:], (rows, columns), strict=True)
     return all(have == want for have, want in pairs if isinstance(have, int) and want is not None)
 
@@ -104,13 +121,29 @@ def class_names(metadata: Mapping[str, str]) -> dict[int, str]:
     """The class names that Ultralytics writes into a model, empty if there are none; parsed as a literal, never executed."""
     try:
         plain = ast.literal_eval(metadata["names"])
-        items = plain.items() if isinstance(plain, dict) else enumerate(plain) if isinstance(plain, list) else ()
+        items = (
+            plain.items()
+            if isinstance(plain, dict)
+            else enumerate(plain)
+            if isinstance(plain, list)
+            else ()
+        )
         return {int(number): str(name) for number, name in items}
-    except (KeyError, TypeError, ValueError, SyntaxError, MemoryError, OverflowError, RecursionError):
+    except (
+        KeyError,
+        TypeError,
+        ValueError,
+        SyntaxError,
+        MemoryError,
+        OverflowError,
+        RecursionError,
+    ):
         return {}
 
 
-def person_class(model: object, names: Mapping[int, str], classes: int | None, declared: str | int | None) -> int:
+def person_class(
+    model: object, names: Mapping[int, str], classes: int | None, declared: str | int | None
+) -> int:
     """Number of the pedestrian class; InputError that lists the classes if none can be chosen."""
     listed = ", ".join(f"{number}: {name}" for number, name in list(names.items())[:12]) or "none"
     if isinstance(declared, int):
@@ -140,7 +173,9 @@ def decode(layout: Layout, output: Any, person: int) -> tuple[Floats, Floats]:
         classes = values[:, 5]
         # A non-finite class gets the score NaN, so the output is rejected.
         mine = (classes.round() == person) | ~np.isfinite(classes)
-        return values[mine, :4], np.where(np.isfinite(classes[mine]), values[mine, 4], np.float32(np.nan))
+        return values[mine, :4], np.where(
+            np.isfinite(classes[mine]), values[mine, 4], np.float32(np.nan)
+        )
     if layout == "yolov8":
         values = values.T
         scores = values[:, 4 + person]
@@ -152,7 +187,9 @@ def decode(layout: Layout, output: Any, person: int) -> tuple[Floats, Floats]:
 
 def largest(layout: Layout, output: Any) -> float:
     """The largest coordinate of the boxes of all classes in one image's output; 0 if there are none."""
-    boxes = (np.asarray(output, np.float32).T if layout == "yolov8" else np.asarray(output, np.float32))[:, :4]
+    boxes = (
+        np.asarray(output, np.float32).T if layout == "yolov8" else np.asarray(output, np.float32)
+    )[:, :4]
     return float(np.abs(boxes).max(initial=0))
 
 

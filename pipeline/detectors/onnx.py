@@ -24,7 +24,15 @@ EXPECTED = f"{OURS}; or a YOLO export: input (n, 3, h, w) float, one output in Y
 SMALLEST_BOXES = 2.0
 """Boxes with a largest coordinate up to this value are not in pixels."""
 REFUSALS = (
-    *(ort.Fail, ort.InvalidArgument, ort.InvalidGraph, ort.InvalidProtobuf, ort.NotImplemented, ort.NoModel, ort.EPFail),
+    *(
+        ort.Fail,
+        ort.InvalidArgument,
+        ort.InvalidGraph,
+        ort.InvalidProtobuf,
+        ort.NotImplemented,
+        ort.NoModel,
+        ort.EPFail,
+    ),
     *(ort.RuntimeException, ort.EngineError),
 )
 """The exceptions of ONNX Runtime; they share no base class."""
@@ -68,28 +76,44 @@ class OnnxDetector:
     def detect_images(self, images: NDArray[np.uint8]) -> list[Detections]:
         """Detect in a batch (n, h, w, 3) uint8 RGB; the same result as one by one, up to rounding."""
         if self._layout != "boxes_scores":
-            return [reported(self._model, *self._foreign(image), self._threshold, self._iou) for image in images]
+            return [
+                reported(self._model, *self._foreign(image), self._threshold, self._iou)
+                for image in images
+            ]
         expected = self._shape[1:]
-        if images.dtype != np.uint8 or any(e != g for e, g in zip(expected, images.shape[1:], strict=True) if isinstance(e, int)):
-            raise InputError(f"{self._model} takes uint8 images of {expected}, got {images.dtype} {images.shape[1:]}")
+        if images.dtype != np.uint8 or any(
+            e != g for e, g in zip(expected, images.shape[1:], strict=True) if isinstance(e, int)
+        ):
+            raise InputError(
+                f"{self._model} takes uint8 images of {expected}, got {images.dtype} {images.shape[1:]}"
+            )
         boxes, scores = self._run(["boxes", "scores"], np.ascontiguousarray(images))
-        return [reported(self._model, b, s, self._threshold, self._iou) for b, s in zip(boxes, scores, strict=True)]
+        return [
+            reported(self._model, b, s, self._threshold, self._iou)
+            for b, s in zip(boxes, scores, strict=True)
+        ]
 
     def _foreign(self, image: NDArray[np.uint8]) -> tuple[Floats, Floats]:
         width, height = self._image_size(image.shape[1], image.shape[0])
         padded, box = Letterbox.fit(image, width, height)
-        tensor = (np.ascontiguousarray(padded.transpose(2, 0, 1)[None], np.float32) / 255).astype(self._float)
+        tensor = (np.ascontiguousarray(padded.transpose(2, 0, 1)[None], np.float32) / 255).astype(
+            self._float
+        )
         output = self._run(None, tensor)[0][0]
         boxes, scores = layouts.decode(self._layout, output, self._person)
         if 0 < (largest := layouts.largest(self._layout, output)) <= SMALLEST_BOXES:
-            raise InputError(f"{self._model}: expected boxes in pixels of its {width} by {height} input, got none beyond {largest:.3g}")
+            raise InputError(
+                f"{self._model}: expected boxes in pixels of its {width} by {height} input, got none beyond {largest:.3g}"
+            )
         return inside(box.back(boxes), scores, image.shape[1], image.shape[0])
 
     def _run(self, outputs: list[str] | None, images: NDArray[Any]) -> Any:
         try:
             return self._session.run(outputs, {self._input: images})
         except REFUSALS as error:
-            raise SimulationError(f"{self._model} failed on an image: {str(error).splitlines()[0]}") from error
+            raise SimulationError(
+                f"{self._model} failed on an image: {str(error).splitlines()[0]}"
+            ) from error
 
     def _image_size(self, width: int, height: int) -> tuple[int, int]:
         """Width and height of the model's input; if the model leaves them open, the image's, rounded up to the largest stride."""
@@ -103,7 +127,9 @@ class OnnxDetector:
     def _recognised(self, declared: Layout | None) -> Layout:
         first, outputs = self._session.get_inputs()[0], self._session.get_outputs()
         if len(first.shape) == 4 and isinstance(first.shape[0], int) and first.shape[0] != 1:
-            raise InputError(f"{self._model} takes batches of {first.shape[0]} images; export it for one image, or for any number")
+            raise InputError(
+                f"{self._model} takes batches of {first.shape[0]} images; export it for one image, or for any number"
+            )
         shapes = {output.name: output.shape for output in outputs}
         found = f"input '{first.name}' {first.shape} {first.type} and outputs {shapes}"
         ours = (
@@ -118,7 +144,12 @@ class OnnxDetector:
                 raise InputError(f"{self._model} must have {OURS}; it has {found}")
             return "boxes_scores"
         floats = first.type in ("tensor(float)", "tensor(float16)")
-        if len(self._session.get_inputs()) != 1 or not floats or len(first.shape) != 4 or first.shape[1] not in (3, "channels"):
+        if (
+            len(self._session.get_inputs()) != 1
+            or not floats
+            or len(first.shape) != 4
+            or first.shape[1] not in (3, "channels")
+        ):
             raise InputError(f"{self._model} must have {EXPECTED}; it has {found}")
         if len(outputs[0].shape) != 3:
             raise InputError(f"{self._model} must have {EXPECTED}; it has {found}")
@@ -128,9 +159,13 @@ class OnnxDetector:
         layout = declared or layouts.recognise(shape, width, height)
         if layout is None:
             choices = ", ".join(LAYOUTS[1:])
-            raise InputError(f"{self._model}: cannot recognise the layout of its output {shape}; set detector.layout to one of {choices}")
+            raise InputError(
+                f"{self._model}: cannot recognise the layout of its output {shape}; set detector.layout to one of {choices}"
+            )
         if not layouts.admits(layout, shape, width, height):
-            raise InputError(f"{self._model}: detector.layout is {layout}, but an output {shape} cannot have this layout")
+            raise InputError(
+                f"{self._model}: detector.layout is {layout}, but an output {shape} cannot have this layout"
+            )
         return layout
 
     def _person_class(self, declared: str | int | None) -> int:
@@ -141,21 +176,34 @@ class OnnxDetector:
 
 def _session(path: Path, threads: int) -> onnxruntime.InferenceSession:
     if path.suffix in (".pt", ".pth", ".pkl", ".ckpt"):
-        raise InputError(f"{path}: a {path.suffix} file can run code when read, so it is not opened; export it to ONNX")
+        raise InputError(
+            f"{path}: a {path.suffix} file can run code when read, so it is not opened; export it to ONNX"
+        )
     if path.is_dir():
         inside = next(
-            (f"; name the file, such as {file}" for file in (path / "model.onnx", path / "weights.safetensors") if file.exists()), ""
+            (
+                f"; name the file, such as {file}"
+                for file in (path / "model.onnx", path / "weights.safetensors")
+                if file.exists()
+            ),
+            "",
         )
         raise InputError(f"{path}: expected the file of a detector, got a folder{inside}")
     if not path.is_file():
-        raise InputError(f"{path}: expected the ONNX file of a detector, found no file; train it or name another model")
+        raise InputError(
+            f"{path}: expected the ONNX file of a detector, found no file; train it or name another model"
+        )
     data = read_bytes(path)
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads, options.inter_op_num_threads = threads, 1
-    options.log_severity_level = 4  # The runtime's errors become exceptions; it must not print them, too.
+    options.log_severity_level = (
+        4  # The runtime's errors become exceptions; it must not print them, too.
+    )
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     try:
-        session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+        session = onnxruntime.InferenceSession(
+            str(path), options, providers=["CPUExecutionProvider"]
+        )
     except REFUSALS as error:
         reason = str(error).splitlines()[0]
         raise InputError(f"ONNX Runtime cannot load {path}: {reason}") from error

@@ -42,7 +42,12 @@ class EverywhereDetector:
         """The same box in every image."""
         height, width = frame.image.shape[:2]
         foot = height / 2 + FOOT * width
-        box = [(0.5 - BREADTH / 2) * width, foot - STATURE * width, (0.5 + BREADTH / 2) * width, foot]
+        box = [
+            (0.5 - BREADTH / 2) * width,
+            foot - STATURE * width,
+            (0.5 + BREADTH / 2) * width,
+            foot,
+        ]
         return Detections(np.array([box], np.float32), np.ones(1, np.float32))
 
 

@@ -23,7 +23,9 @@ Share = Annotated[float, Field(gt=0, lt=1)]
 """A threshold of scores or of IoU. It is checked when a detector is made from a config."""
 
 
-def reported(model: object, boxes: Floats, scores: Floats, threshold: float, iou: float) -> Detections:
+def reported(
+    model: object, boxes: Floats, scores: Floats, threshold: float, iou: float
+) -> Detections:
     """The boxes (n, 4) with scores (n,) at or above the threshold that no better box overlaps by more than `iou`, best first.
 
     SimulationError that names the model if a score, or the box of a reported score, is not finite, or a score is not in [0, 1].
@@ -31,20 +33,28 @@ def reported(model: object, boxes: Floats, scores: Floats, threshold: float, iou
     if not np.isfinite(scores).all() or not np.isfinite(boxes[scores >= threshold]).all():
         raise SimulationError(f"{model} returns values that are not finite")
     if (wrong := (scores < -ROUNDING) | (scores > 1 + ROUNDING)).any():
-        raise SimulationError(f"{model} returns a score of {scores[wrong][0]:.3g}, expected scores in [0, 1]; apply a sigmoid to logits")
+        raise SimulationError(
+            f"{model} returns a score of {scores[wrong][0]:.3g}, expected scores in [0, 1]; apply a sigmoid to logits"
+        )
     above = np.flatnonzero(scores >= threshold)
     if not len(above):
         return Detections.none()
     if len(above) > CANDIDATES:
         above = above[np.argsort(-scores[above], kind="stable")[:CANDIDATES]]
     kept = above[nms(boxes[above], scores[above], iou)] if len(above) > 1 else above
-    return Detections(boxes[kept].astype(np.float32), np.minimum(scores[kept], 1).astype(np.float32))
+    return Detections(
+        boxes[kept].astype(np.float32), np.minimum(scores[kept], 1).astype(np.float32)
+    )
 
 
 def inside(boxes: Floats, scores: Floats, width: int, height: int) -> tuple[Floats, Floats]:
     """Boxes clipped to an image of a given size in pixels, and their scores; drops boxes outside it. Keeps values that are not finite,
     so that `reported` rejects them."""
     numbers = np.isfinite(boxes).all(axis=1) & np.isfinite(scores)
-    cut = np.where(numbers[:, None], np.clip(boxes, 0, np.array([width, height, width, height], np.float32)), boxes)
+    cut = np.where(
+        numbers[:, None],
+        np.clip(boxes, 0, np.array([width, height, width, height], np.float32)),
+        boxes,
+    )
     real = (cut[:, 2] > cut[:, 0]) & (cut[:, 3] > cut[:, 1]) | ~numbers
     return cut[real], scores[real]

@@ -24,7 +24,12 @@ class UltralyticsDetector:
     """
 
     def __init__(
-        self, model: str | Path, threshold: Share = THRESHOLD, iou: Share = IOU, person: str | int | None = None, trusted: bool = False
+        self,
+        model: str | Path,
+        threshold: Share = THRESHOLD,
+        iou: Share = IOU,
+        person: str | int | None = None,
+        trusted: bool = False,
     ) -> None:
         path = Path(model)
         if path.suffix != ".onnx" and not trusted:
@@ -38,7 +43,9 @@ class UltralyticsDetector:
         try:
             from ultralytics import YOLO
         except ImportError as error:
-            raise InputError(f"this adapter needs Ultralytics' package (AGPL-3.0): pip install ultralytics ({one_line(error)})") from error
+            raise InputError(
+                f"this adapter needs Ultralytics' package (AGPL-3.0): pip install ultralytics ({one_line(error)})"
+            ) from error
         self._path, self._threshold, self._iou = path, threshold, iou
         # An ONNX file has a size of its own, and older versions of the package read it from the file for the first image alone.
         self._sized = path.suffix != ".onnx"
@@ -46,7 +53,9 @@ class UltralyticsDetector:
             self._model = YOLO(str(path), task="detect")
             names = {int(number): str(name) for number, name in self._model.names.items()}
         except Exception as error:  # A damaged file makes the library raise anything.
-            raise InputError(f"Ultralytics cannot load {path} as a detector: {one_line(error)}") from error
+            raise InputError(
+                f"Ultralytics cannot load {path} as a detector: {one_line(error)}"
+            ) from error
         self._person = person_class(path, names, len(names), person)
 
     def detect(self, frame: Frame) -> Detections:
@@ -61,4 +70,6 @@ class UltralyticsDetector:
             **({"imgsz": (height, width)} if self._sized else {}),
         )
         boxes, scores = result.boxes.xyxy.cpu().numpy(), result.boxes.conf.cpu().numpy()
-        return reported(self._path, *inside(boxes, scores, width, height), self._threshold, self._iou)
+        return reported(
+            self._path, *inside(boxes, scores, width, height), self._threshold, self._iou
+        )

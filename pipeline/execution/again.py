@@ -25,18 +25,27 @@ class Again:
 
 def judged_again(folder: Path, car: Car, failure_threshold_s: float) -> Again:
     """Judge the tests of a campaign's folder with another car; tests that ended in an error stay errors."""
-    tests, signals = read_tests(folder / "tests.parquet").set_index("test_id"), read_signals(folder / "signals.parquet")
+    tests, signals = (
+        read_tests(folder / "tests.parquet").set_index("test_id"),
+        read_signals(folder / "signals.parquet"),
+    )
     again = rescored(signals, read_detections(folder / "detections.parquet"), car)
     judged = kpis(again, failure_threshold_s)
     tests.loc[judged.index, judged.columns] = judged.astype(tests[judged.columns].dtypes.to_dict())
     return Again(tests.reset_index(), tuple(driven_otherwise(signals, again)))
 
 
-def driven_again(again: Again, space: Space, failure_threshold_s: float, executor: Executor) -> pd.DataFrame:
+def driven_again(
+    again: Again, space: Space, failure_threshold_s: float, executor: Executor
+) -> pd.DataFrame:
     """The tests, with those that the car drives otherwise executed again."""
     rows = again.tests.set_index("test_id")
     points = [concrete(rows.loc[test], space) for test in again.others]
     for test, outcome in zip(again.others, executor.outcomes(points), strict=True):
-        now = {"status": outcome.status, "reason": outcome.reason, **asdict(outcome.kpi(failure_threshold_s))}
+        now = {
+            "status": outcome.status,
+            "reason": outcome.reason,
+            **asdict(outcome.kpi(failure_threshold_s)),
+        }
         rows.loc[test, list(now)] = list(now.values())
     return rows.reset_index()[list(again.tests)]

@@ -63,13 +63,24 @@ class CampaignPlan:
     @property
     def identity(self) -> str:
         """Digest of everything that the campaign's tests depend on."""
-        known = [self.failure_threshold_s, *(sha256(path) for path in self.earlier)]  # A strategy's tests depend on what it is told.
+        known = [
+            self.failure_threshold_s,
+            *(sha256(path) for path in self.earlier),
+        ]  # A strategy's tests depend on what it is told.
         parts = [self.setup.identity, self.strategy, self.strategy_seed, self.tests, known]
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
     def sampler(self) -> Sampler:
         """The strategy before its first test."""
-        history = {"earlier": [_history(path, self.space, self.failure_threshold_s) for path in self.earlier]} if self.earlier else {}
+        history = (
+            {
+                "earlier": [
+                    _history(path, self.space, self.failure_threshold_s) for path in self.earlier
+                ]
+            }
+            if self.earlier
+            else {}
+        )
         return make_sampler(self.strategy, self.space, self.strategy_seed, **history)
 
 
@@ -110,11 +121,18 @@ def sampler_seed(campaign: CampaignId, frozen: bool = False) -> int:
     Scenarios share a space and most strategies begin with random tests: with equal seeds, campaigns would share tests, and their results
     would not be independent. frozen: all versions get the same tests, as on the held-out sequence, so the version does not count.
     """
-    named = [campaign.scenario, campaign.strategy, None if frozen else campaign.version, campaign.seed]
+    named = [
+        campaign.scenario,
+        campaign.strategy,
+        None if frozen else campaign.version,
+        campaign.seed,
+    ]
     return int.from_bytes(hashlib.sha256(json.dumps(named).encode()).digest()[:4], "big") >> 1
 
 
-def run_campaign(plan: CampaignPlan, out: Path, journal: Path, threads: int, progress: Progress) -> list[Executed]:
+def run_campaign(
+    plan: CampaignPlan, out: Path, journal: Path, threads: int, progress: Progress
+) -> list[Executed]:
     """Execute a campaign, write tests, signals, detections, frames and timings.parquet beside `out`, which is tests.parquet, and return its
     tests.
 
@@ -139,10 +157,14 @@ def no_result(campaign: CampaignId, reasons: Sequence[str]) -> InputError | NoRe
     if not reasons:
         return InputError(f"{named}: expected at least one test, the strategy asks for none")
     (reason, count), *_ = Counter(reasons).most_common()
-    return NoResultError(f"{named}: all {len(reasons)} tests ended in an error, so there is no result; {count} times: {reason}")
+    return NoResultError(
+        f"{named}: all {len(reasons)} tests ended in an error, so there is no result; {count} times: {reason}"
+    )
 
 
-def search(plan: CampaignPlan, sampler: Sampler, log: Journal, workers: Workers, progress: Progress) -> list[Executed]:
+def search(
+    plan: CampaignPlan, sampler: Sampler, log: Journal, workers: Workers, progress: Progress
+) -> list[Executed]:
     """Ask, execute the tests missing from the journal, tell, until the budget is spent or the sampler asks for no more."""
     done: list[Executed] = []
     found, number, batch = _Found(plan.space), 0, 0
@@ -153,42 +175,72 @@ def search(plan: CampaignPlan, sampler: Sampler, log: Journal, workers: Workers,
         if not len(points):
             break
         seconds = (time.perf_counter() - started) / len(points)
-        asked = {index: point for index, point in enumerate(points, number) if index in plan.indices}
+        asked = {
+            index: point for index, point in enumerate(points, number) if index in plan.indices
+        }
         judged: dict[int, Executed] = {}
         for index in _finished(plan, asked, log, workers):
             outcome = log.read(index)
-            judged[index] = Executed(index, batch, asked[index], outcome, outcome.kpi(plan.failure_threshold_s), seconds)
+            judged[index] = Executed(
+                index, batch, asked[index], outcome, outcome.kpi(plan.failure_threshold_s), seconds
+            )
             found.add(judged[index])
             progress(found.tests, len(plan.indices), str(found))
         # The tests of other shards have no result here.
-        results = [judged[index].kpi if index in judged else NO_KPI for index in range(number, number + len(points))]
+        results = [
+            judged[index].kpi if index in judged else NO_KPI
+            for index in range(number, number + len(points))
+        ]
         kpi = np.array([result.adj_ttc_s for result in results])
-        sampler.tell(points, told(kpi, [result.failure for result in results], plan.failure_threshold_s))
+        sampler.tell(
+            points, told(kpi, [result.failure for result in results], plan.failure_threshold_s)
+        )
         done += [judged[index] for index in asked]
         number, batch = number + len(points), batch + 1
     return done
 
 
-def _finished(plan: CampaignPlan, asked: Mapping[int, Floats], log: Journal, workers: Workers) -> Iterator[int]:
+def _finished(
+    plan: CampaignPlan, asked: Mapping[int, Floats], log: Journal, workers: Workers
+) -> Iterator[int]:
     """The index of each test once its outcome is in the journal: first those of an earlier run, then the others in any order."""
     concrete = {index: plan.space.decode(point) for index, point in asked.items()}
     resumed = dict.fromkeys(index for index in asked if log.holds(index, concrete[index]))
-    jobs = [Execution(index, log.path(index), concrete[index]) for index in asked if index not in resumed]
+    jobs = [
+        Execution(index, log.path(index), concrete[index])
+        for index in asked
+        if index not in resumed
+    ]
     yield from chain(resumed, workers.execute(jobs))
 
 
 def write(plan: CampaignPlan, done: Sequence[Executed], out: Path) -> None:
     """Write the five tables of a campaign; `out` is tests.parquet."""
     named = [(str(TestId(plan.campaign, test.index)), test) for test in done]
-    signals = [_signal_rows(name, test.outcome) for name, test in named if not test.outcome.is_error]
-    detections = [_detection_rows(name, test.outcome) for name, test in named if len(test.outcome.detections["step"])]
+    signals = [
+        _signal_rows(name, test.outcome) for name, test in named if not test.outcome.is_error
+    ]
+    detections = [
+        _detection_rows(name, test.outcome)
+        for name, test in named
+        if len(test.outcome.detections["step"])
+    ]
     rows = {
         "tests": pd.DataFrame([{"test_id": name, **_test_row(plan, test)} for name, test in named]),
         "signals": pd.concat(signals) if signals else pd.DataFrame(),
         "detections": pd.concat(detections) if detections else pd.DataFrame(),
-        "frames": pd.DataFrame([{"test_id": name, **row} for name, test in named for row in test.outcome.frames]),
+        "frames": pd.DataFrame(
+            [{"test_id": name, **row} for name, test in named for row in test.outcome.frames]
+        ),
         "timings": pd.DataFrame(
-            [{"test_id": name, "sampler_s": test.sampler_s, "simulate_s": test.outcome.simulate_s} for name, test in named]
+            [
+                {
+                    "test_id": name,
+                    "sampler_s": test.sampler_s,
+                    "simulate_s": test.outcome.simulate_s,
+                }
+                for name, test in named
+            ]
         ),
     }
     tables.write_campaign(out, rows.__getitem__, plan.space)
@@ -210,13 +262,21 @@ def join(campaign: CampaignId, shards: Sequence[Path], space: Space, out: Path) 
 def _history(path: Path, space: Space, failure_threshold_s: float) -> tuple[Floats, Floats]:
     """The points and KPIs of a campaign's tests, as its sampler received them."""
     tests = tables.read_tests(path)
-    return encode_tests(tests, space), told(tests["adj_ttc_s"].to_numpy(float), tests["failure"], failure_threshold_s)
+    return encode_tests(tests, space), told(
+        tests["adj_ttc_s"].to_numpy(float), tests["failure"], failure_threshold_s
+    )
 
 
 def _test_row(plan: CampaignPlan, test: Executed) -> dict[str, Any]:
     place = {"index": test.index, "batch": test.batch}
     status = {"status": test.outcome.status, "reason": test.outcome.reason}
-    return {**asdict(plan.campaign), **place, **status, **asdict(test.kpi), **plan.space.decode(test.point)}
+    return {
+        **asdict(plan.campaign),
+        **place,
+        **status,
+        **asdict(test.kpi),
+        **plan.space.decode(test.point),
+    }
 
 
 def _signal_rows(test_id: str, outcome: Outcome) -> pd.DataFrame:
@@ -227,6 +287,8 @@ def _signal_rows(test_id: str, outcome: Outcome) -> pd.DataFrame:
 
 
 def _detection_rows(test_id: str, outcome: Outcome) -> pd.DataFrame:
-    table = pd.DataFrame({column.name: outcome.detections[column.name] for column in tables.DETECTIONS[1:]})
+    table = pd.DataFrame(
+        {column.name: outcome.detections[column.name] for column in tables.DETECTIONS[1:]}
+    )
     table.insert(0, "test_id", test_id)
     return table

@@ -10,7 +10,13 @@ import numpy as np
 from pipeline.analysis.failure_regions import Found
 from pipeline.artefacts.region_results import Confirmation, FailureRegion, Fresh
 from pipeline.artefacts.results import Estimate
-from pipeline.core.confirmation import NarrowError, confirmed, draw_inside, draw_just_outside, more_inside
+from pipeline.core.confirmation import (
+    NarrowError,
+    confirmed,
+    draw_inside,
+    draw_just_outside,
+    more_inside,
+)
 from pipeline.core.counted import Counted
 from pipeline.core.space import Floats, Space
 from pipeline.execution.journal import Outcome
@@ -39,28 +45,45 @@ class FreshTests:
         drawn = [points for one in found for points in self._drawn(one)]
         outcomes = self._outcomes(np.concatenate(drawn)) if drawn else []
         ends = np.cumsum([len(points) for points in drawn])
-        counts = [counted(outcomes[end - len(points) : end], self.failure_threshold_s) for points, end in zip(drawn, ends, strict=True)]
+        counts = [
+            counted(outcomes[end - len(points) : end], self.failure_threshold_s)
+            for points, end in zip(drawn, ends, strict=True)
+        ]
         pairs = list(zip(counts[::2], counts[1::2], strict=True))
         status = confirmed(pairs, 1 - self.confidence)
-        return tuple(self._with(one.region, *pair, holds) for one, pair, holds in zip(found, pairs, status, strict=True))
+        return tuple(
+            self._with(one.region, *pair, holds)
+            for one, pair, holds in zip(found, pairs, status, strict=True)
+        )
 
     def _drawn(self, found: Found) -> tuple[Floats, Floats]:
         """Points inside and just outside; none of either if the constraints leave hardly any inside, so that the rule stays unconfirmed."""
         rng, rule = found.rng("confirm"), found.group.rule
         try:
-            return draw_inside(self.space, rule, self.tests, rng), draw_just_outside(self.space, rule, self.tests, rng)
+            return draw_inside(self.space, rule, self.tests, rng), draw_just_outside(
+                self.space, rule, self.tests, rng
+            )
         except NarrowError:
             return np.zeros((0, len(self.space))), np.zeros((0, len(self.space)))
 
     def _outcomes(self, points: Floats) -> list[Outcome]:
         return self.executor.outcomes([self.space.decode(point) for point in points])
 
-    def _with(self, region: FailureRegion, inside: Counted, outside: Counted, holds: bool) -> FailureRegion:
+    def _with(
+        self, region: FailureRegion, inside: Counted, outside: Counted, holds: bool
+    ) -> FailureRegion:
         found = Confirmation(
-            confidence=self.confidence, inside=self._fresh(inside), outside=self._fresh(outside), p_value=more_inside(inside, outside)
+            confidence=self.confidence,
+            inside=self._fresh(inside),
+            outside=self._fresh(outside),
+            p_value=more_inside(inside, outside),
         )
-        return region.model_copy(update={"confirmation": found, "status": "confirmed" if holds else "not confirmed"})
+        return region.model_copy(
+            update={"confirmation": found, "status": "confirmed" if holds else "not confirmed"}
+        )
 
     def _fresh(self, counted: Counted) -> Fresh:
         rate = Estimate.of(counted, self.confidence)
-        return Fresh(tests=counted.tests, failures=counted.failures, errors=counted.errors, rate=rate)
+        return Fresh(
+            tests=counted.tests, failures=counted.failures, errors=counted.errors, rate=rate
+        )

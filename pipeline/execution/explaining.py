@@ -43,7 +43,11 @@ class _Changed:
     @property
     def noise(self) -> Mapping[str, Value]:
         """The failure's own noise, or, for the control, other noise."""
-        return {**self.failure.concrete, "noise": "other"} if self.change.is_control else self.failure.concrete
+        return (
+            {**self.failure.concrete, "noise": "other"}
+            if self.change.is_control
+            else self.failure.concrete
+        )
 
 
 @dataclass(frozen=True)
@@ -60,20 +64,39 @@ class Counterfactuals:
         count = min(self.tests, len(region.members))
         drawn = found.rng("explain").choice(len(region.members), count, replace=False)
         names = [region.members[i] for i in sorted(drawn)]
-        return [Failure(region.name, name, concrete(rows.loc[name], outcomes.space)) for name in names]
+        return [
+            Failure(region.name, name, concrete(rows.loc[name], outcomes.space)) for name in names
+        ]
 
-    def planned(self, found: Found, failures: Sequence[Failure], outcomes: Outcomes, signals: Mapping[str, Signals]) -> tuple[Change, ...]:
+    def planned(
+        self,
+        found: Found,
+        failures: Sequence[Failure],
+        outcomes: Outcomes,
+        signals: Mapping[str, Signals],
+    ) -> tuple[Change, ...]:
         """The changes that change any of a region's chosen failures, and the control, which comes last."""
-        hiding = reduce(frozenset.union, (occluders(self._scenario, signals[one.test_id]) for one in failures), frozenset[str]())
+        hiding = reduce(
+            frozenset.union,
+            (occluders(self._scenario, signals[one.test_id]) for one in failures),
+            frozenset[str](),
+        )
         wanted = (*changes(outcomes, found.group.members), *without(self._scenario, sorted(hiding)))
-        moved = [c for c in wanted if c.without or any(one.concrete[k] != v for one in failures for k, v in c.values.items())]
+        moved = [
+            c
+            for c in wanted
+            if c.without
+            or any(one.concrete[k] != v for one in failures for k, v in c.values.items())
+        ]
         return (*moved, CONTROL)
 
     @property
     def _scenario(self) -> FunctionalScenario:
         return self.executor.setup.scenario
 
-    def rows(self, plans: Sequence[tuple[Sequence[Failure], Sequence[Change]]], outcomes: Outcomes) -> list[dict[str, Any]]:
+    def rows(
+        self, plans: Sequence[tuple[Sequence[Failure], Sequence[Change]]], outcomes: Outcomes
+    ) -> list[dict[str, Any]]:
         """The rows of all failures with all changes of their regions; changes that break a constraint are left out."""
         wanted = [
             _Changed(one, change, changed)
@@ -83,22 +106,41 @@ class Counterfactuals:
             if (changed := change.of(one.concrete, outcomes.space)) is not None
         ]
         worlds = dict.fromkeys(one.change.without for one in wanted)
-        return [row for actors in worlds for row in self._executed([w for w in wanted if w.change.without == actors])]
+        return [
+            row
+            for actors in worlds
+            for row in self._executed([w for w in wanted if w.change.without == actors])
+        ]
 
     def _executed(self, wanted: Sequence[_Changed]) -> list[dict[str, Any]]:
         """The rows of changes that remove the same actors."""
         actors = wanted[0].change.without
         kept = {name: actor for name, actor in self._scenario.actors.items() if name not in actors}
-        setup = replace(self.executor.setup, scenario=self._scenario.model_copy(update={"actors": kept}))
+        setup = replace(
+            self.executor.setup, scenario=self._scenario.model_copy(update={"actors": kept})
+        )
         noises = [one.noise for one in wanted]
-        executor = replace(self.executor, setup=setup, journal=self.executor.journal / "-".join(["without", *actors]))
+        executor = replace(
+            self.executor,
+            setup=setup,
+            journal=self.executor.journal / "-".join(["without", *actors]),
+        )
         outcomes = executor.outcomes([one.concrete for one in wanted], noises)
         return [self._row(one, outcome) for one, outcome in zip(wanted, outcomes, strict=True)]
 
     def _row(self, one: _Changed, outcome: Outcome) -> dict[str, Any]:
-        row = {"region": one.failure.region, "test_id": one.failure.test_id, "change": one.change.text}
+        row = {
+            "region": one.failure.region,
+            "test_id": one.failure.test_id,
+            "change": one.change.text,
+        }
         kpi = outcome.kpi(self.failure_threshold_s)
-        judged = {"status": outcome.status, "reason": outcome.reason, "failure": kpi.failure, "adj_ttc_s": kpi.adj_ttc_s}
+        judged = {
+            "status": outcome.status,
+            "reason": outcome.reason,
+            "failure": kpi.failure,
+            "adj_ttc_s": kpi.adj_ttc_s,
+        }
         return {**row, **judged, **asdict(Sight() if outcome.is_error else sight(outcome.signals))}
 
 

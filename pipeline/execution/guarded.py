@@ -33,7 +33,9 @@ class GuardedDetector:
         finally:
             self._calls.value += 1
         if not isinstance(found, Detections):
-            raise SimulationError(f"{type(self._detector).__name__}.detect must return Detections, got {type(found).__name__}")
+            raise SimulationError(
+                f"{type(self._detector).__name__}.detect must return Detections, got {type(found).__name__}"
+            )
         return found
 
 
@@ -44,11 +46,17 @@ class GuardedSimulator:
         self._simulator = simulator
 
     def execute(
-        self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0, noise: Mapping[str, Value] | None = None
+        self,
+        concrete: Mapping[str, Value],
+        detector: Detector,
+        keep_every: int = 0,
+        noise: Mapping[str, Value] | None = None,
     ) -> Episode:
         """Return the episode; SimulationError for any exception but InputError and the machine's, which end the campaign."""
         try:
-            return self._simulator.execute(concrete, detector, keep_every, **({} if noise is None else {"noise": noise}))
+            return self._simulator.execute(
+                concrete, detector, keep_every, **({} if noise is None else {"noise": noise})
+            )
         except (InputError, SimulationError):
             raise
         except BaseException as error:

@@ -8,7 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pipeline.artefacts.dataset import Record, Split, images_sha256, place_dataset, remove_leftovers, write_image, write_truth
+from pipeline.artefacts.dataset import (
+    Record,
+    Split,
+    images_sha256,
+    place_dataset,
+    remove_leftovers,
+    write_image,
+    write_truth,
+)
 from pipeline.artefacts.files import flush_all, program_sha256, read_sealed, write_sealed
 from pipeline.config.sections import BaseSet
 from pipeline.core.truth import Truth
@@ -29,14 +37,19 @@ class Drawing:
     unseen: Mapping[str, str]
 
 
-def render_images(drawing: Drawing, scratch: Path, out: Path, threads: int, progress: OnProgress) -> None:
+def render_images(
+    drawing: Drawing, scratch: Path, out: Path, threads: int, progress: OnProgress
+) -> None:
     """Render `section.images` random scenes into a YOLO and COCO data set; a killed run resumes from the shards in `scratch`, which the
     caller removes.
 
     The last `validation_share` of each town's images are validation images. The images depend on `drawing` alone, not on the threads.
     """
     images, program = drawing.section.images, program_sha256()
-    shards = [(shard, min(SHARD_IMAGES, images - shard * SHARD_IMAGES)) for shard in range(-(-images // SHARD_IMAGES))]
+    shards = [
+        (shard, min(SHARD_IMAGES, images - shard * SHARD_IMAGES))
+        for shard in range(-(-images // SHARD_IMAGES))
+    ]
     jobs = [(*shard, drawing, scratch, program) for shard in shards]
     records: list[Record] = []
     for done, shard_records in enumerate(in_order(_render_shard, jobs, threads), 1):
@@ -50,11 +63,18 @@ def render_images(drawing: Drawing, scratch: Path, out: Path, threads: int, prog
 def _render_shard(job: tuple[int, int, Drawing, Path, str]) -> list[Record]:
     """Render one town's images, unless they are there and its shard file records the same settings and the same code."""
     from pipeline.simulators.mujoco.lens import CameraSettings
-    from pipeline.simulators.mujoco.random_scenes import scenes  # Needs a GL library, unlike the parent process.
+    from pipeline.simulators.mujoco.random_scenes import (
+        scenes,
+    )  # Needs a GL library, unlike the parent process.
 
     shard, count, drawing, out, program = job
     section = drawing.section
-    key = {**section.model_dump(exclude={"images"}), "count": count, "camera": dict(drawing.camera), "program": program}
+    key = {
+        **section.model_dump(exclude={"images"}),
+        "count": count,
+        "camera": dict(drawing.camera),
+        "program": program,
+    }
     key |= {"unseen": sorted(drawing.unseen)}
     path = out / "shards" / f"{shard:04d}.json"
     if (finished := _finished(path, key, out)) is not None:
@@ -66,9 +86,15 @@ def _render_shard(job: tuple[int, int, Drawing, Path, str]) -> list[Record]:
         split: Split = "val" if i >= first_validation else "train"
         index = shard * SHARD_IMAGES + i
         write_image(out, split, index, scene.image, scene.truth)
-        records.append(Record(split, index, settings.width, settings.height, scene.truth, scene.attributes))
+        records.append(
+            Record(split, index, settings.width, settings.height, scene.truth, scene.attributes)
+        )
     flush_all()
-    found = {"key": key, "sha256": images_sha256(out, records), "records": [_plain(record) for record in records]}
+    found = {
+        "key": key,
+        "sha256": images_sha256(out, records),
+        "records": [_plain(record) for record in records],
+    }
     write_sealed(path, json.dumps(found).encode())
     return records
 
@@ -90,5 +116,8 @@ def _plain(record: Record) -> dict[str, Any]:
 
 
 def _record(plain: dict[str, Any]) -> Record:
-    truth: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in plain["truth"].items()}
+    truth: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value
+        for name, value in plain["truth"].items()
+    }
     return Record(**{**plain, "truth": Truth(**truth)})

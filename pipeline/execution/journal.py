@@ -44,13 +44,21 @@ class Outcome:
     @staticmethod
     def of(episode: Episode, simulate_s: float) -> Outcome:
         """The outcome of a finished episode; frames are stored as JPEG."""
-        frames = tuple(frame_row(kept) | {"image": encode_jpeg(kept.frame.image)} for kept in episode.frames)
+        frames = tuple(
+            frame_row(kept) | {"image": encode_jpeg(kept.frame.image)} for kept in episode.frames
+        )
         return Outcome(episode.signals, detection_columns(episode.detections), frames, simulate_s)
 
     @staticmethod
     def error(reason: str, simulate_s: float = 0.0) -> Outcome:
         """The outcome of an error. A reason with half a character, as in the name of a file that is not UTF-8, is escaped."""
-        return Outcome({}, detection_columns(()), (), simulate_s, reason.encode("utf-8", "backslashreplace").decode())
+        return Outcome(
+            {},
+            detection_columns(()),
+            (),
+            simulate_s,
+            reason.encode("utf-8", "backslashreplace").decode(),
+        )
 
     @property
     def is_error(self) -> bool:
@@ -77,7 +85,9 @@ class Journal:
         self._folder, self._progress, mark = folder, progress, folder / "identity"
         if folder.exists() and (not mark.exists() or _identity(mark) != identity):
             shutil.rmtree(folder)
-            progress.note("the journal belonged to another configuration, model or code and was discarded")
+            progress.note(
+                "the journal belonged to another configuration, model or code and was discarded"
+            )
         write_sealed(mark, identity.encode())
         for path in sorted(folder.glob("*.npz")):
             try:
@@ -111,9 +121,17 @@ class Journal:
         with np.load(io.BytesIO(read_sealed(self.path(index))), allow_pickle=False) as stored:
             about = _about(stored)
             signals, detections = (
-                {name.removeprefix(kind): stored[name] for name in stored.files if name.startswith(kind)} for kind in (SIGNAL, DETECTION)
+                {
+                    name.removeprefix(kind): stored[name]
+                    for name in stored.files
+                    if name.startswith(kind)
+                }
+                for kind in (SIGNAL, DETECTION)
             )
-            frames = tuple(row | {"image": stored[f"image_{i}"].tobytes()} for i, row in enumerate(about["frames"]))
+            frames = tuple(
+                row | {"image": stored[f"image_{i}"].tobytes()}
+                for i, row in enumerate(about["frames"])
+            )
         return Outcome(signals, detections, frames, about["simulate_s"], about["reason"])
 
     def remove(self) -> None:
@@ -131,7 +149,9 @@ def _identity(mark: Path) -> str:
         return read_sealed(mark).decode()
     except InputError as error:
         again = f"to execute the finished tests beside it again, type: rm -r {mark.parent}"
-        raise InputError(f"{mark}: damaged, so the journal may belong to another campaign; {again}") from error
+        raise InputError(
+            f"{mark}: damaged, so the journal may belong to another campaign; {again}"
+        ) from error
 
 
 def _about(stored: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
@@ -140,11 +160,24 @@ def _about(stored: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
 
 def write(path: Path, outcome: Outcome, concrete: Mapping[str, Value]) -> None:
     """Write the outcome of a concrete scenario atomically."""
-    rows = [{name: value for name, value in row.items() if name != "image"} for row in outcome.frames]
-    about = json.dumps({"concrete": dict(concrete), "frames": rows, "simulate_s": outcome.simulate_s, "reason": outcome.reason})
-    arrays: dict[str, NDArray[Any]] = {SIGNAL + name: column for name, column in outcome.signals.items()}
+    rows = [
+        {name: value for name, value in row.items() if name != "image"} for row in outcome.frames
+    ]
+    about = json.dumps(
+        {
+            "concrete": dict(concrete),
+            "frames": rows,
+            "simulate_s": outcome.simulate_s,
+            "reason": outcome.reason,
+        }
+    )
+    arrays: dict[str, NDArray[Any]] = {
+        SIGNAL + name: column for name, column in outcome.signals.items()
+    }
     arrays |= {DETECTION + name: column for name, column in outcome.detections.items()}
-    arrays |= {f"image_{i}": np.frombuffer(row["image"], np.uint8) for i, row in enumerate(outcome.frames)}
+    arrays |= {
+        f"image_{i}": np.frombuffer(row["image"], np.uint8) for i, row in enumerate(outcome.frames)
+    }
     buffer = io.BytesIO()
     np.savez(buffer, about=np.array(about), **arrays)  # type: ignore[arg-type]
     write_sealed(path, buffer.getvalue())

@@ -26,11 +26,17 @@ class Executor:
     threads: int
     progress: Progress
 
-    def outcomes(self, points: Sequence[Concrete], noises: Sequence[Concrete] = ()) -> list[Outcome]:
+    def outcomes(
+        self, points: Sequence[Concrete], noises: Sequence[Concrete] = ()
+    ) -> list[Outcome]:
         """The outcome of each concrete scenario. noises: the concrete scenarios whose noise they have, their own by default."""
         log = Journal(self.journal, _identity(self.setup, points, noises), self.progress)
         given: Sequence[Concrete | None] = noises or [None] * len(points)
-        jobs = [Execution(i, log.path(i), point, noise) for i, (point, noise) in enumerate(zip(points, given, strict=True)) if i not in log]
+        jobs = [
+            Execution(i, log.path(i), point, noise)
+            for i, (point, noise) in enumerate(zip(points, given, strict=True))
+            if i not in log
+        ]
         with closing(Workers(self.threads, self.setup)) as workers:
             for done, _ in enumerate(workers.execute(jobs), 1 + len(points) - len(jobs)):
                 self.progress(done, len(points))
@@ -38,4 +44,6 @@ class Executor:
 
 
 def _identity(setup: Setup, points: Sequence[Concrete], noises: Sequence[Concrete]) -> str:
-    return hashlib.sha256(json.dumps([setup.identity, points, noises], sort_keys=True).encode()).hexdigest()
+    return hashlib.sha256(
+        json.dumps([setup.identity, points, noises], sort_keys=True).encode()
+    ).hexdigest()

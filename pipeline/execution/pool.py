@@ -90,18 +90,27 @@ class Pool(Generic[Task, Result]):
     def __enter__(self) -> Pool[Task, Result]:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         self.close()
 
 
-def in_order(function: Callable[[Task], Result], tasks: Sequence[Task], processes: int) -> Iterator[Result]:
+def in_order(
+    function: Callable[[Task], Result], tasks: Sequence[Task], processes: int
+) -> Iterator[Result]:
     """The results of a function, computed in processes, in the order of the tasks; InputError if a process dies twice on one task."""
     done: dict[int, Result] = {}
     following = 0
     with Pool(min(processes, max(1, len(tasks))), partial(_plain, function)) as pool:
         for index, outcome in pool.run(tasks):
             if isinstance(outcome, Broken):
-                raise InputError(f"part {index + 1} of {len(tasks)}: {outcome.reason}, twice; the same command resumes")
+                raise InputError(
+                    f"part {index + 1} of {len(tasks)}: {outcome.reason}, twice; the same command resumes"
+                )
             done[index] = outcome
             while following in done:
                 yield done.pop(following)

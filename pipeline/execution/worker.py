@@ -57,7 +57,9 @@ class Worker(Generic[Task, Result]):
     def __init__(self, make: Make[Task, Result]) -> None:
         self._calls = CONTEXT.RawValue(Calls, 0)
         self.connection, theirs = CONTEXT.Pipe()
-        self._process = CONTEXT.Process(target=_serve, args=(make, theirs, self._calls, os.getpid()))
+        self._process = CONTEXT.Process(
+            target=_serve, args=(make, theirs, self._calls, os.getpid())
+        )
         self._process.start()
         theirs.close()
         self._ready = False
@@ -76,7 +78,9 @@ class Worker(Generic[Task, Result]):
         with suppress(OSError):  # If it died while it had nothing to do, `look` tells.
             self.connection.send(task)
 
-    def look(self, seconds: float, limits: Limits | None) -> Done[Result] | Broken | Exception | None:
+    def look(
+        self, seconds: float, limits: Limits | None
+    ) -> Done[Result] | Broken | Exception | None:
         """The task's result, or why it has none; None while the process is at work.
 
         seconds: since the last look. A process over a limit is killed. An Exception ends all work: bad input, a process that cannot start,
@@ -123,7 +127,9 @@ class Worker(Generic[Task, Result]):
             return Broken(f"detect timed out after {limits.frame_s:g} s", again=False)
         if self._task_s > longest:
             return Broken(f"timed out after {longest:g} s", again=False)
-        if _resident_mb(self._process.pid) > limits.memory_mb:  # Perhaps a leak in earlier tests, so a new process may succeed.
+        if (
+            _resident_mb(self._process.pid) > limits.memory_mb
+        ):  # Perhaps a leak in earlier tests, so a new process may succeed.
             return Broken(f"took more than {limits.memory_mb} MB of memory", again=True)
         return None
 
@@ -143,7 +149,9 @@ def _resident_mb(pid: int | None) -> float:
 
 
 def _serve(make: Make[Task, Result], connection: Connection, calls: Calls, parent: int) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes; the parent ends its workers.
+    signal.signal(
+        signal.SIGINT, signal.SIG_IGN
+    )  # Ctrl-C reaches all processes; the parent ends its workers.
     # With several threads, sums depend on their number; and the processes already share the cores.
     os.environ.update(OMP_NUM_THREADS="1", OPENCV_FOR_THREADS_NUM="1", LP_NUM_THREADS="0")
     threadpool_limits(1)
@@ -155,7 +163,11 @@ def _serve(make: Make[Task, Result], connection: Connection, calls: Calls, paren
             connection.send(Done(execute(task)))
     except Exception as error:
         told = explained(error)
-        connection.send(RuntimeError(f"in a worker process:\n{traceback.format_exc()}") if told is None else type(told)(str(told)))
+        connection.send(
+            RuntimeError(f"in a worker process:\n{traceback.format_exc()}")
+            if told is None
+            else type(told)(str(told))
+        )
 
 
 def _next(connection: Connection) -> Any:

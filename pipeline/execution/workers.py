@@ -55,22 +55,52 @@ class Setup:
     keep_every: int = 0
 
     @staticmethod
-    def of(config: Config, scenario: str, model: Path, calibration: DetectorCalibration | None = None, *, keep_every: int = 0) -> Setup:
+    def of(
+        config: Config,
+        scenario: str,
+        model: Path,
+        calibration: DetectorCalibration | None = None,
+        *,
+        keep_every: int = 0,
+    ) -> Setup:
         """The setup of a study's scenario, by name. calibration: of the model, if the study calibrates it."""
         detector = as_tested(config.detector, calibration)
-        return Setup(config.simulator, config.scenarios[scenario], detector, model, config.car, config.limits, keep_every)
+        return Setup(
+            config.simulator,
+            config.scenarios[scenario],
+            detector,
+            model,
+            config.car,
+            config.limits,
+            keep_every,
+        )
 
     @staticmethod
     def recorded(folders: Folders, scenario: str, version: str, *, keep_every: int = 0) -> Setup:
         """The setup with which a study has tested a version: its detector, calibrated as then."""
         calibration = read_calibration(folders.calibrations([version]))
-        return Setup.of(folders.config, scenario, Path(folders.detector(version)), calibration, keep_every=keep_every)
+        return Setup.of(
+            folders.config,
+            scenario,
+            Path(folders.detector(version)),
+            calibration,
+            keep_every=keep_every,
+        )
 
     @property
     def identity(self) -> str:
         """Digest of everything that the outcome of a test depends on, beside its concrete scenario."""
-        settings = [self.simulator, self.scenario.model_dump(), self.detector, asdict(self.car), self.limits.model_dump(), self.keep_every]
-        return hashlib.sha256(json.dumps([settings, sha256(self.model), program_sha256()], sort_keys=True).encode()).hexdigest()
+        settings = [
+            self.simulator,
+            self.scenario.model_dump(),
+            self.detector,
+            asdict(self.car),
+            self.limits.model_dump(),
+            self.keep_every,
+        ]
+        return hashlib.sha256(
+            json.dumps([settings, sha256(self.model), program_sha256()], sort_keys=True).encode()
+        ).hexdigest()
 
 
 class Workers:
@@ -108,7 +138,10 @@ def _executor(setup: Setup, calls: Calls) -> Callable[[Execution], None]:
     def execute(job: Execution) -> None:
         started = time.perf_counter()
         try:
-            outcome = Outcome.of(simulator.execute(job.concrete, detector, setup.keep_every, job.noise), time.perf_counter() - started)
+            outcome = Outcome.of(
+                simulator.execute(job.concrete, detector, setup.keep_every, job.noise),
+                time.perf_counter() - started,
+            )
         except SimulationError as error:
             outcome = Outcome.error(str(error), time.perf_counter() - started)
         journal.write(job.path, outcome, job.concrete)

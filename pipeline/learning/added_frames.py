@@ -51,11 +51,16 @@ class Campaigns:
         taken = self.config.retraining.selection
         groups = selection.groups(taken, tests, read_spaces(self.spaces), self.config.regions)
         scenarios = dict(zip(tests["test_id"], tests["scenario"], strict=True))
-        return selection.pool(judged[judged["test_id"].isin(list(scenarios))], groups, scenarios, taken)
+        return selection.pool(
+            judged[judged["test_id"].isin(list(scenarios))], groups, scenarios, taken
+        )
 
     def read(self, chosen: pd.DataFrame) -> ImageSet:
         """InputError if a frame is missing from the campaigns' frames.parquet."""
-        rows = pd.concat([read_frames(path).merge(chosen[FRAME], on=FRAME) for path in self.frames], ignore_index=True)
+        rows = pd.concat(
+            [read_frames(path).merge(chosen[FRAME], on=FRAME) for path in self.frames],
+            ignore_index=True,
+        )
         if len(rows) != len(chosen):
             raise InputError(
                 f"the filter lists {len(chosen)} frames, only {len(rows)} are in {', '.join(map(str, self.frames))}; run filter again"
@@ -63,7 +68,9 @@ class Campaigns:
         rows = rows.sort_values(FRAME, ignore_index=True)
         labels = rows.drop(columns="image").to_csv(index=False).encode()
         digest = hashlib.sha256(labels + b"".join(rows["image"])).hexdigest()
-        return image_set([(decode_jpeg(row["image"]), frame_truth(row)) for _, row in rows.iterrows()], digest)
+        return image_set(
+            [(decode_jpeg(row["image"]), frame_truth(row)) for _, row in rows.iterrows()], digest
+        )
 
 
 @dataclass(frozen=True)
@@ -77,8 +84,19 @@ class Scenes:
         """The images without a pedestrian, and those with one that is as visible as the filter demands of a frame."""
         images, section = read_dataset(self.truth.parent, "train"), self.config.filter
         pixels, place = images.visible_pixels, np.arange(len(images))
-        clear = (pixels >= section.min_visible_pixels) & (detectability(pixels, images.contrast) >= section.min_detectability)
-        rows = pd.DataFrame({"test_id": "", "step": place, "empty": pixels == 0, "group": selection.ANY, "scenario": "", "weight": 1.0})
+        clear = (pixels >= section.min_visible_pixels) & (
+            detectability(pixels, images.contrast) >= section.min_detectability
+        )
+        rows = pd.DataFrame(
+            {
+                "test_id": "",
+                "step": place,
+                "empty": pixels == 0,
+                "group": selection.ANY,
+                "scenario": "",
+                "weight": 1.0,
+            }
+        )
         return rows[rows["empty"] | clear].reset_index(drop=True)
 
     def read(self, chosen: pd.DataFrame) -> ImageSet:
@@ -87,17 +105,23 @@ class Scenes:
         return images.take(places, digest)
 
 
-def choose(config: Config, sources: Mapping[str, Source], version: Version, seed: int) -> pd.DataFrame:
+def choose(
+    config: Config, sources: Mapping[str, Source], version: Version, seed: int
+) -> pd.DataFrame:
     """Draw the frames that a version learns from: rows of its arm's pool, at most as many as the pool of every other arm has.
 
     sources: of every arm that adds frames. The draw depends on the seed and on the pools alone.
     """
     settings = config.retraining
     pools = {name: source.pool() for name, source in sources.items()}
-    capacities = {name: selection.capacity(pool, settings.empty_share) for name, pool in pools.items()}
+    capacities = {
+        name: selection.capacity(pool, settings.empty_share) for name, pool in pools.items()
+    }
     count = min(settings.added_frames * version.round, *capacities.values())
     if count == 0:
-        lacking = ", ".join(_counted(name, pools[name]) for name, capacity in capacities.items() if not capacity)
+        lacking = ", ".join(
+            _counted(name, pools[name]) for name, capacity in capacities.items() if not capacity
+        )
         raise InputError(
             f"arms: too few frames to train {lacking}, and `retraining.empty_share` needs both kinds; run more tests, or relax `filter` or "
             "`retraining.selection`"

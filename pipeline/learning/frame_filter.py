@@ -22,7 +22,10 @@ def judge(frames: pd.DataFrame, section: Filter) -> pd.DataFrame:
     frames: columns of frames.parquet, each episode's in order of time. A frame that no criterion rejects is `visible` or, if the pedestrian
     does not show, `negative`.
     """
-    kept, reasons = np.ones(len(frames), bool), np.where(shows(frames), "visible", "negative").astype(object)
+    kept, reasons = (
+        np.ones(len(frames), bool),
+        np.where(shows(frames), "visible", "negative").astype(object),
+    )
     for criterion in CRITERIA:
         rejected = kept & criterion.rejects(frames, kept, section)
         reasons[rejected] = criterion.reason
@@ -30,31 +33,44 @@ def judge(frames: pd.DataFrame, section: Filter) -> pd.DataFrame:
     return frames.assign(kept=kept, reason=reasons)[list(COLUMNS)]
 
 
-def overrule(judged: pd.DataFrame, overrules: pd.DataFrame, elsewhere: Collection[str], path: Path) -> pd.DataFrame:
+def overrule(
+    judged: pd.DataFrame, overrules: pd.DataFrame, elsewhere: Collection[str], path: Path
+) -> pd.DataFrame:
     """Apply a person's rows; the reason then reads `overruled (was <reason>)`.
 
     elsewhere: names of the tests in the study's other filter tables; rows about them are ignored here. path: of `overrules`.
 
     InputError for a row about a frame that does not exist, and for duplicate rows.
     """
-    rows = {frame: row for row, frame in enumerate(zip(judged["test_id"], judged["step"], strict=True))}
+    rows = {
+        frame: row for row, frame in enumerate(zip(judged["test_id"], judged["step"], strict=True))
+    }
     kept, reasons = judged["kept"].to_list(), judged["reason"].to_list()
     seen: set[tuple[str, int]] = set()
     for line, (test_id, step, keep) in enumerate(overrules.itertuples(index=False), 2):
         if (test_id, step) in seen:
-            raise InputError(f"{path}, line {line}: frame {step} of test {test_id} is overruled twice")
+            raise InputError(
+                f"{path}, line {line}: frame {step} of test {test_id} is overruled twice"
+            )
         seen.add((test_id, step))
         if (test_id, step) in rows:
             row = rows[(test_id, step)]
             reasons[row] = f"overruled (was {judged['reason'].iloc[row]})"
             kept[row] = bool(keep)
         elif test_id not in elsewhere:
-            raise InputError(f"{path}, line {line}: expected a kept frame of this study, got frame {step} of test {test_id!r}")
+            raise InputError(
+                f"{path}, line {line}: expected a kept frame of this study, got frame {step} of test {test_id!r}"
+            )
     return judged.assign(kept=kept, reason=reasons)
 
 
 def judged_elsewhere(config: Config, strategy: str, version: str) -> set[str]:
     """Names of the study's search tests, except those in the filter table of one strategy against one version."""
     others = config.searched - {(strategy, version)}
-    campaigns = (CampaignId(scenario, *other, seed) for scenario in config.search for other in others for seed in config.seeds)
+    campaigns = (
+        CampaignId(scenario, *other, seed)
+        for scenario in config.search
+        for other in others
+        for seed in config.seeds
+    )
     return {str(test) for campaign in campaigns for test in campaign.tests(config.campaign.tests)}

@@ -16,7 +16,9 @@ from pipeline.core.worlds import Worlds
 from pipeline.errors import InputError
 
 
-def refuse_worlds(config: Config, image_sets: Sequence[Path], spaces: Sequence[Path], parent: Path | None = None) -> Worlds:
+def refuse_worlds(
+    config: Config, image_sets: Sequence[Path], spaces: Sequence[Path], parent: Path | None = None
+) -> Worlds:
     """All towns and people in a version's training data. InputError with the name of a held-out scenario if its town or its people are
     among them.
 
@@ -48,14 +50,20 @@ def refuse_learnt(cards: Sequence[ModelCard], held_out: Sequence[ScenarioInfo]) 
                 )
 
 
-def refuse_frames(held_out: Sequence[str], chosen: pd.DataFrame, added: ImageSet, validation: ImageSet) -> None:
+def refuse_frames(
+    held_out: Sequence[str], chosen: pd.DataFrame, added: ImageSet, validation: ImageSet
+) -> None:
     """InputError that names the tests if a frame comes from a held-out scenario or is a validation image.
 
     chosen: test_id and scenario of each added frame.
     """
     if leaked := sorted(set(chosen.loc[chosen["scenario"].isin(held_out), "test_id"])):
-        raise InputError(f"training must not use frames of held-out scenarios: {', '.join(leaked[:5])}; make the filter tables again")
+        raise InputError(
+            f"training must not use frames of held-out scenarios: {', '.join(leaked[:5])}; make the filter tables again"
+        )
     known = {hashlib.sha256(image.tobytes()).digest() for image in validation.images}
     for test, image in zip(chosen["test_id"], added.images, strict=True):
         if hashlib.sha256(image.tobytes()).digest() in known:
-            raise InputError(f"a frame of {test} is a validation image, so it must not be used for training")
+            raise InputError(
+                f"a frame of {test} is a validation image, so it must not be used for training"
+            )

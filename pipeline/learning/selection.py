@@ -28,7 +28,12 @@ WEIGHTS: Mapping[str, Callable[[Floats], Floats]] = {
 variance of a coin with that bias; `missed`: the log loss."""
 
 
-def groups(selection: str, tests: pd.DataFrame, spaces: Mapping[str, tuple[ScenarioInfo, Space]], section: Regions) -> dict[str, str]:
+def groups(
+    selection: str,
+    tests: pd.DataFrame,
+    spaces: Mapping[str, tuple[ScenarioInfo, Space]],
+    section: Regions,
+) -> dict[str, str]:
     """test_id -> group, for the tests with frames that may be added.
 
     selection: `all` tests, `failures`, all tests by `causes`, each cause a group and passing tests another, or failures by `regions`, each
@@ -51,15 +56,26 @@ def groups(selection: str, tests: pd.DataFrame, spaces: Mapping[str, tuple[Scena
     return found
 
 
-def pool(judged: pd.DataFrame, grouped: Mapping[str, str], scenarios: Mapping[str, str], selection: str = "all") -> pd.DataFrame:
+def pool(
+    judged: pd.DataFrame,
+    grouped: Mapping[str, str],
+    scenarios: Mapping[str, str],
+    selection: str = "all",
+) -> pd.DataFrame:
     """The frames that may be drawn, in a fixed order, with the columns `POOL`.
 
     judged: rows of filter tables. grouped, scenarios: group and scenario by test. selection: as for `groups`.
     """
     rows = judged[judged["kept"] & judged["test_id"].isin(list(grouped))]
     ids = rows["test_id"]
-    rows = rows.assign(empty=rows["visible_pixels"] == 0, group=ids.map(grouped), scenario=ids.map(scenarios))
-    rows = rows.assign(weight=WEIGHTS[selection](rows["confidence"].to_numpy(float)) if selection in WEIGHTS else 1.0)
+    rows = rows.assign(
+        empty=rows["visible_pixels"] == 0, group=ids.map(grouped), scenario=ids.map(scenarios)
+    )
+    rows = rows.assign(
+        weight=WEIGHTS[selection](rows["confidence"].to_numpy(float))
+        if selection in WEIGHTS
+        else 1.0
+    )
     return rows[POOL].sort_values(["test_id", "step"], ignore_index=True)
 
 
@@ -78,7 +94,11 @@ def draw(rows: pd.DataFrame, count: int, empty_share: float, seed: int) -> pd.Da
     parts = [empty.iloc[np.sort(rng.choice(len(empty), wanted, replace=False))]]
     shown = {name: group for name, group in rows[~rows["empty"]].groupby("group")}
     left = count - wanted
-    for rest, (_, group) in zip(range(len(shown), 0, -1), sorted(shown.items(), key=lambda item: (len(item[1]), item[0])), strict=True):
+    for rest, (_, group) in zip(
+        range(len(shown), 0, -1),
+        sorted(shown.items(), key=lambda item: (len(item[1]), item[0])),
+        strict=True,
+    ):
         # The smallest first: larger groups make up for what it lacks.
         part = min(len(group), -(-left // rest))
         weight = group["weight"].to_numpy(float)

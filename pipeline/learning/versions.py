@@ -44,7 +44,14 @@ class Origin:
     worlds: Worlds
 
 
-def write_version(config: Config, fitted: Fitted, validation: ImageSet, origin: Origin, out: Path, progress: OnProgress) -> None:
+def write_version(
+    config: Config,
+    fitted: Fitted,
+    validation: ImageSet,
+    origin: Origin,
+    out: Path,
+    progress: OnProgress,
+) -> None:
     """Save a model version and its training curve beside `out`, calibrate its scores, measure it as it is used, and write its card.
 
     All versions of a study, including a shipped base, are calibrated on the same images: otherwise the confidence at which they brake would
@@ -62,9 +69,17 @@ def write_version(config: Config, fitted: Fitted, validation: ImageSet, origin: 
     calibration = calibrate(plain, validation)
     export_onnx(onnx, saved, validation.size, calibration)
     # The file now includes the calibration, which keeps the boxes and the order of scores: no second pass over the images.
-    found = [Detections(one.boxes, calibration.apply(one.scores).astype(np.float32)) for one in plain]
-    diagrams = {name: reliability(*judged_scores(f, validation)) for name, f in {"uncalibrated": plain, "calibrated": found}.items()}
-    errors = {f"calibration_error_{name}": calibration_error(diagram) for name, diagram in diagrams.items()}
+    found = [
+        Detections(one.boxes, calibration.apply(one.scores).astype(np.float32)) for one in plain
+    ]
+    diagrams = {
+        name: reliability(*judged_scores(f, validation))
+        for name, f in {"uncalibrated": plain, "calibrated": found}.items()
+    }
+    errors = {
+        f"calibration_error_{name}": calibration_error(diagram)
+        for name, diagram in diagrams.items()
+    }
     architecture = {"widths": list(model.architecture.widths), "head": model.architecture.head}
     card = ModelCard(
         version=origin.version,
@@ -74,10 +89,16 @@ def write_version(config: Config, fitted: Fitted, validation: ImageSet, origin: 
         input_size=validation.size,
         seed=origin.seed,
         data=origin.data,
-        training={key: value if isinstance(value, str) else float(value) for key, value in origin.training.items()},
+        training={
+            key: value if isinstance(value, str) else float(value)
+            for key, value in origin.training.items()
+        },
         metrics=evaluate(found, validation, config.threshold) | errors,
         calibration=asdict(calibration),
-        reliability={name: tuple((b.score, b.right, b.count) for b in diagram) for name, diagram in diagrams.items()},
+        reliability={
+            name: tuple((b.score, b.right, b.count) for b in diagram)
+            for name, diagram in diagrams.items()
+        },
         weights_sha256=sha256(weights),
         towns=tuple(sorted(origin.worlds.towns)),
         people=tuple(sorted(origin.worlds.people)),
@@ -85,10 +106,16 @@ def write_version(config: Config, fitted: Fitted, validation: ImageSet, origin: 
     write_card(out, card)
 
 
-def detect_all(onnx: Path, images: ImageSet, progress: OnProgress, calibration: Calibration | None = None) -> list[Detections]:
+def detect_all(
+    onnx: Path, images: ImageSet, progress: OnProgress, calibration: Calibration | None = None
+) -> list[Detections]:
     """A model's detections in each image, down to scores far below its threshold. calibration: the one inside the file, if any: the file
     then keeps the same detections as without it, and average precision is unchanged."""
-    lowest = LOWEST_SCORE if calibration is None else float(calibration.apply(np.array([LOWEST_SCORE]))[0])
+    lowest = (
+        LOWEST_SCORE
+        if calibration is None
+        else float(calibration.apply(np.array([LOWEST_SCORE]))[0])
+    )
     detector = OnnxDetector(onnx, threshold=lowest)
     found = []
     for i in range(len(images)):

@@ -36,37 +36,61 @@ class Case:
     box: NDArray[np.float64]
 
 
-def nearest(judged: pd.DataFrame, min_visible_pixels: int, min_detectability: float, count: int) -> pd.DataFrame:
+def nearest(
+    judged: pd.DataFrame, min_visible_pixels: int, min_detectability: float, count: int
+) -> pd.DataFrame:
     """Up to `count` rows of a filter table, half of them kept, nearest to the thresholds by ratio; one a test, the nearest first."""
     rows = judged[judged["reason"].isin(JUDGED)]
     pixels = np.log2(rows["visible_pixels"] / max(min_visible_pixels, 1))
-    clear = np.log2(detectability(rows["visible_pixels"], rows["contrast"].clip(lower=0.01)) / max(min_detectability, 0.01))
-    ordered = rows.assign(border=np.minimum(pixels, clear).abs()).sort_values(["border", "test_id", "step"], kind="stable")
+    clear = np.log2(
+        detectability(rows["visible_pixels"], rows["contrast"].clip(lower=0.01))
+        / max(min_detectability, 0.01)
+    )
+    ordered = rows.assign(border=np.minimum(pixels, clear).abs()).sort_values(
+        ["border", "test_id", "step"], kind="stable"
+    )
     if ordered.empty:
         return ordered
-    return pd.concat([group.drop_duplicates("test_id").head(count // 2) for _, group in ordered.groupby("kept", sort=False)])
+    return pd.concat(
+        [
+            group.drop_duplicates("test_id").head(count // 2)
+            for _, group in ordered.groupby("kept", sort=False)
+        ]
+    )
 
 
 def cases(rows: pd.DataFrame, frames: Sequence[Path]) -> list[Case]:
     """The crops of rows of a filter table, in their order. frames: frames.parquet of the campaigns."""
     found: dict[tuple[str, int], Case] = {}
     for path in frames:
-        wanted = read_frames(path, ["test_id", "step"]).merge(rows[["test_id", "step"]], on=["test_id", "step"])
+        wanted = read_frames(path, ["test_id", "step"]).merge(
+            rows[["test_id", "step"]], on=["test_id", "step"]
+        )
         if not len(wanted):
             continue
-        for row in read_frames(path).merge(rows[["test_id", "step", "kept"]], on=["test_id", "step"]).to_dict("records"):
+        for row in (
+            read_frames(path)
+            .merge(rows[["test_id", "step", "kept"]], on=["test_id", "step"])
+            .to_dict("records")
+        ):
             crop, box = _crop(decode_jpeg(row["image"]), np.array([row[side] for side in VISIBLE]))
             shown = int(row["visible_pixels"]), float(row["contrast"])
-            found[row["test_id"], row["step"]] = Case(row["test_id"], row["step"], bool(row["kept"]), *shown, crop, box)
+            found[row["test_id"], row["step"]] = Case(
+                row["test_id"], row["step"], bool(row["kept"]), *shown, crop, box
+            )
     keys = zip(rows["test_id"], rows["step"], strict=True)
     return [found[key] for key in keys if key in found]
 
 
-def _crop(image: NDArray[np.uint8], box: NDArray[np.float64]) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+def _crop(
+    image: NDArray[np.uint8], box: NDArray[np.float64]
+) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
     """A square around a box, twice as large as a large one, at one size; the image's edge is repeated beyond it."""
     side = max(CROP, 2 * float(np.max(box[2:] - box[:2])))
     left, top = (box[:2] + box[2:]) / 2 - side / 2
     scale = CROP / side
     matrix = np.array([[scale, 0, -scale * left], [0, scale, -scale * top]])
-    shown = cv2.warpAffine(image, matrix, (CROP, CROP), flags=cv2.INTER_AREA, borderMode=cv2.BORDER_REPLICATE)
+    shown = cv2.warpAffine(
+        image, matrix, (CROP, CROP), flags=cv2.INTER_AREA, borderMode=cv2.BORDER_REPLICATE
+    )
     return np.asarray(shown, np.uint8), (box - (left, top, left, top)) * scale

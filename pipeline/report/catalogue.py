@@ -6,7 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import PurePosixPath
 
-PAGES, SEARCH, COMPARISON, DETECTOR, FRONT_CAR = "Pages", "Search", "Comparison of versions", "Detector and frames", "Front car"
+PAGES, SEARCH, COMPARISON, DETECTOR, FRONT_CAR = (
+    "Pages",
+    "Search",
+    "Comparison of versions",
+    "Detector and frames",
+    "Front car",
+)
 CATEGORIES: Mapping[str, str] = {
     "page": PAGES,
     "evidence": PAGES,
@@ -54,6 +60,12 @@ def entry(path: str) -> Entry:
     file = PurePosixPath(path)
     if file.suffix == ".html":
         kind = FOLDERS.get(file.parent.name, "front_car" if file.stem == "front_car" else "page")
-        return Entry(kind, (("page", kind.replace("_", " ")), ("of", file.stem if file.parent.name in FOLDERS else "the study")))
+        return Entry(
+            kind,
+            (
+                ("page", kind.replace("_", " ")),
+                ("of", file.stem if file.parent.name in FOLDERS else "the study"),
+            ),
+        )
     kind, scenario = (file.stem, "") if file.stem in CATEGORIES else file.stem.split("_", 1)
     return Entry(kind, (("plot", kind.replace("_", " ")), ("of", scenario or "the study")))

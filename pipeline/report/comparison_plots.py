@@ -9,7 +9,14 @@ from matplotlib.figure import Figure
 from pipeline.artefacts.comparison_results import Comparison
 from pipeline.artefacts.failure_counts import Modes
 from pipeline.artefacts.tables import is_valid
-from pipeline.report.style import MODE_COLOURS, MODE_NAMES, legend_below, panels, series_colours, styled
+from pipeline.report.style import (
+    MODE_COLOURS,
+    MODE_NAMES,
+    legend_below,
+    panels,
+    series_colours,
+    styled,
+)
 
 
 def comparison_bars(comparison: Comparison) -> Figure:
@@ -24,11 +31,17 @@ def comparison_bars(comparison: Comparison) -> Figure:
                 name = MODE_NAMES[mode] if position == 0 else None
                 axis.barh(position, share, 0.6, left=left, color=MODE_COLOURS[mode], label=name)
                 left += share
-        axis.set_yticks(range(len(comparison.versions)), [version.version for version in comparison.versions])
+        axis.set_yticks(
+            range(len(comparison.versions)), [version.version for version in comparison.versions]
+        )
         axis.invert_yaxis()
         axis.grid(False, axis="y")
         axis.xaxis.set_major_formatter(lambda value, _: f"{100 * value:g} %")
-        axis.set(xlabel="share of tests that fail", xlim=(0, None), title=" + ".join(comparison.scenarios.values()))
+        axis.set(
+            xlabel="share of tests that fail",
+            xlim=(0, None),
+            title=" + ".join(comparison.scenarios.values()),
+        )
         legend_below(figure, [axis])
     return figure
 
@@ -46,14 +59,32 @@ def kpi_histogram(table: pd.DataFrame, comparison: Comparison, threshold_s: floa
     edges = np.arange(0, top + threshold_s, threshold_s)
     with styled():
         labels = comparison.scenarios
-        figure, axes = panels(len(labels), len(groups), width=9.4 / len(groups), height=2.5 if len(labels) == 1 else 1.8)
+        figure, axes = panels(
+            len(labels),
+            len(groups),
+            width=9.4 / len(groups),
+            height=2.5 if len(labels) == 1 else 1.8,
+        )
         for line, (scenario, label) in zip(axes, labels.items(), strict=True):
             for axis, group in zip(line, groups, strict=True):
-                rows = table[table["version"].isin(group.versions) & (table["scenario"] == scenario)]
-                parts = [rows.loc[rows["failure"], "adj_ttc_s"], rows.loc[~rows["failure"], "adj_ttc_s"]]
+                rows = table[
+                    table["version"].isin(group.versions) & (table["scenario"] == scenario)
+                ]
+                parts = [
+                    rows.loc[rows["failure"], "adj_ttc_s"],
+                    rows.loc[~rows["failure"], "adj_ttc_s"],
+                ]
                 weights = [np.full(len(part), 1 / len(group.versions)) for part in parts]
                 colours = [MODE_COLOURS["contact"], MODE_COLOURS["none"]]
-                axis.hist(parts, list(edges), weights=weights, stacked=True, color=colours, label=["failure", "no failure"], rwidth=0.92)
+                axis.hist(
+                    parts,
+                    list(edges),
+                    weights=weights,
+                    stacked=True,
+                    color=colours,
+                    label=["failure", "no failure"],
+                    rwidth=0.92,
+                )
                 axis.set(xlim=(0, None))
                 axis.grid(False, axis="x")
             line[0].set_ylabel(f"{label}, tests")
@@ -76,9 +107,20 @@ def failures_by_round(comparison: Comparison) -> Figure:
         for rank, kind in enumerate(kinds):
             line = [base, *(group for group in retrained if group.group.partition("-")[0] == kind)]
             values = np.array([group.failures.value for group in line])
-            errors = np.abs(np.array([[g.failures.low for g in line], [g.failures.high for g in line]]) - values)
+            errors = np.abs(
+                np.array([[g.failures.low for g in line], [g.failures.high for g in line]]) - values
+            )
             rounds = [group.round + 0.06 * (rank - (len(kinds) - 1) / 2) for group in line]
-            axis.errorbar(rounds, values, errors, color=colours[kind], marker="o", linewidth=2, capsize=3, label=kind)
+            axis.errorbar(
+                rounds,
+                values,
+                errors,
+                color=colours[kind],
+                marker="o",
+                linewidth=2,
+                capsize=3,
+                label=kind,
+            )
         axis.set(xlabel="round", ylabel="failures on held-out tests", ylim=(0, None))
         axis.set_xticks(range(max(group.round for group in comparison.groups) + 1))
         legend_below(figure, [axis])

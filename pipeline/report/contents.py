@@ -18,7 +18,15 @@ from pipeline.core.space import Space
 from pipeline.detectors.calibrated import as_tested
 from pipeline.progress import OnProgress
 from pipeline.protocols import Detector
-from pipeline.report import comparison_plots, coverage_plots, search_plots, sections, texts, training_plots, verdict_section
+from pipeline.report import (
+    comparison_plots,
+    coverage_plots,
+    search_plots,
+    sections,
+    texts,
+    training_plots,
+    verdict_section,
+)
 from pipeline.report.before_after import before_after
 from pipeline.report.border import Case, cases, nearest
 from pipeline.report.data import ComparedVersions, ReportData
@@ -39,16 +47,22 @@ FIXES = 3
 Both = tuple[Episode, Episode]
 
 
-def border_cases(config: Config, filters: Mapping[str, pd.DataFrame], frames: Sequence[Path]) -> tuple[Case, ...]:
+def border_cases(
+    config: Config, filters: Mapping[str, pd.DataFrame], frames: Sequence[Path]
+) -> tuple[Case, ...]:
     """The frames nearest to the filter's border, over all strategies. frames: frames.parquet of their campaigns."""
     if not filters:  # No version learns from tests.
         return ()
     judged = pd.concat(filters.values(), ignore_index=True)
-    rows = nearest(judged, config.filter.min_visible_pixels, config.filter.min_detectability, BORDER_CASES)
+    rows = nearest(
+        judged, config.filter.min_visible_pixels, config.filter.min_detectability, BORDER_CASES
+    )
     return tuple(cases(rows, frames))
 
 
-def draw_figures(data: ReportData, strategies: Sequence[str], threshold_s: float) -> dict[str, Figure]:
+def draw_figures(
+    data: ReportData, strategies: Sequence[str], threshold_s: float
+) -> dict[str, Figure]:
     """Every figure of the report by the name of its file. threshold_s: the adj. TTC of a failure."""
     figures = {
         "theta": search_plots.theta_curves(data.measures, data.labels),
@@ -56,9 +70,13 @@ def draw_figures(data: ReportData, strategies: Sequence[str], threshold_s: float
     }
     for regions in data.regions:
         name, tests = regions.scenario, data.tests[regions.scenario]
-        figures[f"kpi_{name}"] = search_plots.kpi_scatter(tests, strategies, regions.label, threshold_s)
+        figures[f"kpi_{name}"] = search_plots.kpi_scatter(
+            tests, strategies, regions.label, threshold_s
+        )
         figures[f"pairs_{name}"] = coverage_plots.pair_matrix(data.pairs[name], regions.label)
-        figures[f"failures_{name}"] = search_plots.parallel_coordinates(tests, data.spaces[name], regions)
+        figures[f"failures_{name}"] = search_plots.parallel_coordinates(
+            tests, data.spaces[name], regions
+        )
     if data.compared is not None:
         figures |= _comparison_figures(data.compared, threshold_s)
     if data.filters:
@@ -82,7 +100,9 @@ def _comparison_figures(compared: ComparedVersions, threshold_s: float) -> dict[
     return figures
 
 
-def make_page(config: Config, data: ReportData, figures: Mapping[str, Figure], progress: OnProgress) -> Page:
+def make_page(
+    config: Config, data: ReportData, figures: Mapping[str, Figure], progress: OnProgress
+) -> Page:
     """The page with its stills and replays, whose tests are simulated again."""
     spaces = dict(data.spaces) | {name: config.space(name) for name in config.held_out}
     drawings: dict[str, Drawing] = {}
@@ -94,10 +114,18 @@ def make_page(config: Config, data: ReportData, figures: Mapping[str, Figure], p
     filmed = 2 if fixes and budget >= 2 else 0
     pair = pair if budget - filmed >= 2 else []
     chosen = choose_regions(data.regions, data.version, budget - filmed - len(pair))
-    reruns = Reruns(config, partial(_detector, config, data), 2 * len(fixes) + len(pair) + len(chosen), progress)
+    reruns = Reruns(
+        config, partial(_detector, config, data), 2 * len(fixes) + len(pair) + len(chosen), progress
+    )
     executed = [(fix, (reruns.execute(fix.before), reruns.execute(fix.after))) for fix in fixes]
-    stills = [_stills(fix, episodes, config.campaign.failure_threshold_s) for fix, episodes in executed[1:]]
-    films = [_film(reruns, test, spaces[test.scenario], config.campaign.failure_threshold_s) for test in pair]
+    stills = [
+        _stills(fix, episodes, config.campaign.failure_threshold_s)
+        for fix, episodes in executed[1:]
+    ]
+    films = [
+        _film(reruns, test, spaces[test.scenario], config.campaign.failure_threshold_s)
+        for test in pair
+    ]
     by_region: dict[str, list[Film]] = {}
     for test in chosen:
         film = _film(reruns, test, spaces[test.scenario], config.campaign.failure_threshold_s)
@@ -107,20 +135,50 @@ def make_page(config: Config, data: ReportData, figures: Mapping[str, Figure], p
         _verdict(data, drawings, stills, films),
         _regions(data, drawings, _cards(data, frames, by_region, config.threshold)),
         _search(data, drawings),
-        sections.data_section(data.filters, data.cards, _named(drawings, "border"), _named(drawings, "detection", "reliability")),
+        sections.data_section(
+            data.filters,
+            data.cards,
+            _named(drawings, "border"),
+            _named(drawings, "detection", "reliability"),
+        ),
     ]
     if data.calibrations:
-        found.append(sections.calibration_section(tuple(data.calibrations.values()), _named(drawings, "reliability")))
+        found.append(
+            sections.calibration_section(
+                tuple(data.calibrations.values()), _named(drawings, "reliability")
+            )
+        )
     every = data.every_test
-    found.append(identity_section(every, data.every_label, data.cards, data.files, _settings(config)))
-    title = "Where does the detector fail, and did retraining help?" if data.cards else "Where does the detector fail?"
+    found.append(
+        identity_section(every, data.every_label, data.cards, data.files, _settings(config))
+    )
+    title = (
+        "Where does the detector fail, and did retraining help?"
+        if data.cards
+        else "Where does the detector fail?"
+    )
     shown = tuple(section for section in found if section is not None)
     tested = set(every["scenario"])
-    table = explorer(every, data.every_label, {name: space for name, space in spaces.items() if name in tested}, data.regions, frames)
-    return Page(config.study, _headline(data), shown, title, table, _first(config, data, executed, bool(filmed)))
+    table = explorer(
+        every,
+        data.every_label,
+        {name: space for name, space in spaces.items() if name in tested},
+        data.regions,
+        frames,
+    )
+    return Page(
+        config.study,
+        _headline(data),
+        shown,
+        title,
+        table,
+        _first(config, data, executed, bool(filmed)),
+    )
 
 
-def _first(config: Config, data: ReportData, executed: Sequence[tuple[Fix, Both]], filmed: bool) -> FirstScreen | None:
+def _first(
+    config: Config, data: ReportData, executed: Sequence[tuple[Fix, Both]], filmed: bool
+) -> FirstScreen | None:
     """The first fix, as films or as stills; words if there is none, and nothing if no versions are compared."""
     if data.compared is None:
         return None
@@ -130,30 +188,51 @@ def _first(config: Config, data: ReportData, executed: Sequence[tuple[Fix, Both]
     scenario, space = config.scenarios[fix.before.scenario], config.space(fix.before.scenario)
     where = f"{scenario.label}: {scenario.description.partition('. ')[0].removesuffix('.')}."
     if not filmed:
-        return first_screen(where, fix.before.concrete, space, stills=_stills(fix, episodes, threshold_s))
+        return first_screen(
+            where, fix.before.concrete, space, stills=_stills(fix, episodes, threshold_s)
+        )
     both = zip((fix.before, fix.after), episodes, strict=True)
-    return first_screen(where, fix.before.concrete, space, [drive(one.test_id, one.version, episode, threshold_s) for one, episode in both])
+    return first_screen(
+        where,
+        fix.before.concrete,
+        space,
+        [drive(one.test_id, one.version, episode, threshold_s) for one, episode in both],
+    )
 
 
 def _settings(config: Config) -> list[tuple[str, str]]:
     """The settings that decide what fails, as in params.yaml."""
-    judged = {"campaign.failure_threshold_s": config.campaign.failure_threshold_s, "campaign.match_iou": config.campaign.match_iou}
+    judged = {
+        "campaign.failure_threshold_s": config.campaign.failure_threshold_s,
+        "campaign.match_iou": config.campaign.match_iou,
+    }
     sections = {
         "detector": config.detector,
         "simulator": config.simulator,
         "aeb": config.aeb.model_dump(),
         "vehicle": config.vehicle.model_dump(),
     }
-    flat = {f"{name}.{key}": value for name, section in sections.items() for key, value in section.items()}
-    return [(key, value if isinstance(value, str) else json.dumps(value)) for key, value in (judged | flat).items()]
+    flat = {
+        f"{name}.{key}": value
+        for name, section in sections.items()
+        for key, value in section.items()
+    }
+    return [
+        (key, value if isinstance(value, str) else json.dumps(value))
+        for key, value in (judged | flat).items()
+    ]
 
 
 def _detector(config: Config, data: ReportData, version: str) -> Detector:
     """A version's detector, calibrated as in its tests."""
-    return make_detector(as_tested(config.detector, data.calibrations.get(version)), data.detectors[version])
+    return make_detector(
+        as_tested(config.detector, data.calibrations.get(version)), data.detectors[version]
+    )
 
 
-def _changes(compared: ComparedVersions | None, spaces: Mapping[str, Space]) -> tuple[list[Fix], list[Chosen]]:
+def _changes(
+    compared: ComparedVersions | None, spaces: Mapping[str, Space]
+) -> tuple[list[Fix], list[Chosen]]:
     """Tests whose outcome retraining changed: the fixes, and a regression with both versions."""
     if compared is None:
         return [], []
@@ -163,28 +242,52 @@ def _changes(compared: ComparedVersions | None, spaces: Mapping[str, Space]) -> 
 
 def _headline(data: ReportData) -> str:
     if data.compared is not None:
-        return " ".join([verdict_section.headline(data.compared.comparison), *sections.largest_regions(data.regions)])
+        return " ".join(
+            [
+                verdict_section.headline(data.compared.comparison),
+                *sections.largest_regions(data.regions),
+            ]
+        )
     return sections.headline(data.regions, data.measures.base_rates)
 
 
-def _verdict(data: ReportData, drawings: Mapping[str, Drawing], stills: Sequence[BeforeAfter], films: Sequence[Film]) -> Section | None:
+def _verdict(
+    data: ReportData,
+    drawings: Mapping[str, Drawing],
+    stills: Sequence[BeforeAfter],
+    films: Sequence[Film],
+) -> Section | None:
     if data.compared is None:
         return None
-    rounds = verdict_section.rounds_part(data.learnt, [drawings["rounds"]]) if "rounds" in drawings else None
+    rounds = (
+        verdict_section.rounds_part(data.learnt, [drawings["rounds"]])
+        if "rounds" in drawings
+        else None
+    )
     plots = _named(drawings, "comparison", "histogram")
-    return verdict_section.verdict_section(data.compared.comparison, data.compared.named_changes, plots, rounds, stills, films)
+    return verdict_section.verdict_section(
+        data.compared.comparison, data.compared.named_changes, plots, rounds, stills, films
+    )
 
 
-def _cards(data: ReportData, frames: KeptFrames, films: Mapping[str, Sequence[Film]], reported_from: float) -> dict[str, tuple[Card, ...]]:
+def _cards(
+    data: ReportData, frames: KeptFrames, films: Mapping[str, Sequence[Film]], reported_from: float
+) -> dict[str, tuple[Card, ...]]:
     """The cards of each scenario. films: by region."""
     tests = {regions.scenario: pictured(regions, frames) for regions in data.regions}
     wanted = {test for chosen in tests.values() for some in chosen.values() for test in some}
     rows = pd.concat(data.tests.values())
-    shown = Shown(frames.moments(wanted), ends(rows[rows["test_id"].isin(wanted)]), films, reported_from)
-    return {regions.scenario: cards(regions, tests[regions.scenario], shown) for regions in data.regions}
+    shown = Shown(
+        frames.moments(wanted), ends(rows[rows["test_id"].isin(wanted)]), films, reported_from
+    )
+    return {
+        regions.scenario: cards(regions, tests[regions.scenario], shown) for regions in data.regions
+    }
 
 
-def _regions(data: ReportData, drawings: Mapping[str, Drawing], found: Mapping[str, Sequence[Card]]) -> Section:
+def _regions(
+    data: ReportData, drawings: Mapping[str, Drawing], found: Mapping[str, Sequence[Card]]
+) -> Section:
     plots = {name: drawings[f"failures_{name}"] for name in data.labels}
     return sections.regions_section(data.regions, data.measures.base_rates, plots, found)
 
@@ -192,7 +295,9 @@ def _regions(data: ReportData, drawings: Mapping[str, Drawing], found: Mapping[s
 def _search(data: ReportData, drawings: Mapping[str, Drawing]) -> Section:
     plots = _named(drawings, "theta", *(f"kpi_{name}" for name in data.labels))
     covered = _named(drawings, "coverage", *(f"pairs_{name}" for name in data.labels))
-    return sections.search_section(data.measures, data.white_box, data.labels, plots, covered, data.pairs)
+    return sections.search_section(
+        data.measures, data.white_box, data.labels, plots, covered, data.pairs
+    )
 
 
 def _drawing(figure: Figure, name: str, data: ReportData) -> Drawing:
@@ -213,7 +318,12 @@ def _named(drawings: Mapping[str, Drawing], *names: str) -> list[Drawing]:
 def _stills(fix: Fix, episodes: Both, threshold_s: float) -> BeforeAfter:
     heading, _, _ = fix.before.heading.rpartition(" · ")
     values = (group.rpartition(" = ")[2] for group in fix.groups)
-    return before_after(f"{heading}: {', '.join(values)}", (fix.before.version, fix.after.version), episodes, threshold_s)
+    return before_after(
+        f"{heading}: {', '.join(values)}",
+        (fix.before.version, fix.after.version),
+        episodes,
+        threshold_s,
+    )
 
 
 def _film(reruns: Reruns, test: Chosen, space: Space, threshold_s: float) -> Film:

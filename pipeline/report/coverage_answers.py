@@ -57,7 +57,9 @@ def score(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
     by_strength = [replace(demand, k=k, extras=space.extras.of(k)) for k in range(1, options.k + 1)]
     pairs = [replace(demand, k=2, extras=NOTHING)] if options.figures and len(space) > 1 else []
     demands = [*pairs, *by_strength, *([demand] if space.extras else [])]
-    counts, raising = counted(table.counting(options.strict), demands, lambda rows: progress(0, 1, f"{rows:,} points"))
+    counts, raising = counted(
+        table.counting(options.strict), demands, lambda rows: progress(0, 1, f"{rows:,} points")
+    )
     every = [list(planes(cells, one)) for cells, one in zip(counts, demands, strict=True)]
     by_k = [_total(options.space, found) for found in every[len(pairs) : len(pairs) + options.k]]
     coverage = _total(options.space, every[-1])
@@ -70,10 +72,17 @@ def score(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
         "by_k": [{"k": k, **fraction(value)} for k, value in enumerate(by_k, 1)],
         **of_extras(space, every[-1]),
         **details(space, every[-1]),
-        "next": next_points(space, raising.points, demands[-1]) if coverage.covered < coverage.required else [],
+        "next": next_points(space, raising.points, demands[-1])
+        if coverage.covered < coverage.required
+        else [],
     }
     if options.figures:
-        found["figures"] = [str(path) for path in _draw(options, space, growth(raising, coverage), every[0] if pairs else None)]
+        found["figures"] = [
+            str(path)
+            for path in _draw(
+                options, space, growth(raising, coverage), every[0] if pairs else None
+            )
+        ]
     return found, "\n".join([*imperfect_text(found), score_text(found, space)])
 
 
@@ -89,7 +98,11 @@ def propose(options: argparse.Namespace, progress: Progress) -> tuple[Found, str
     rows, existing = np.zeros((0, len(space)), np.int64), {}
     if options.points is not None:
         table = read_points(options.points, space, metadata=options.metadata, empty=True)
-        _, raising = counted(table.counting(options.strict), [demand], lambda rows: progress(0, 1, f"{rows:,} points"))
+        _, raising = counted(
+            table.counting(options.strict),
+            [demand],
+            lambda rows: progress(0, 1, f"{rows:,} points"),
+        )
         rows, existing = raising.points, imperfect(table)
     before = _total(options.space, planes_of(rows, demand))
     proposer = Proposer(demand, heavy_first=options.heavy_first, seed=options.seed)
@@ -113,7 +126,12 @@ def propose(options: argparse.Namespace, progress: Progress) -> tuple[Found, str
         "points": space.names_of(found.categories),
         "existing": existing,
     }
-    text = propose_text(result, options.complete, options.heavy_first, (f"{options.k}-projection coverage{_with(space)}", before, after))
+    text = propose_text(
+        result,
+        options.complete,
+        options.heavy_first,
+        (f"{options.k}-projection coverage{_with(space)}", before, after),
+    )
     return result, "\n".join([*(imperfect_text(existing) if existing else []), text])
 
 
@@ -126,7 +144,11 @@ def _proposal(proposer: Proposer, rows: Ints, options: argparse.Namespace) -> tu
         added = completion.categories
         gain = int((proposer.missing(rows) - proposer.missing(np.vstack([rows, added]))).sum())
         return Proposal(added, gain, gain), completion.bound
-    found = proposer.propose_exact(rows, options.count, options.seconds) if options.exact else proposer.propose(rows, options.count)
+    found = (
+        proposer.propose_exact(rows, options.count, options.seconds)
+        if options.exact
+        else proposer.propose(rows, options.count)
+    )
     return Proposal(rows[:0], 0, 0) if found is None else found, proposer.fewest(rows)
 
 
@@ -143,8 +165,18 @@ def plan(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
         progress(min(999, int(1000 * share)), 1000, f"{size} points, at least {bound} needed")
 
     limit = options.seconds if options.cpu_seconds is None else options.cpu_seconds
-    effort = Effort((limit or None) if options.effort == "polish" else None, told, processor=options.cpu_seconds is not None)
-    array = certified_array(space.constraints, Mixed(options.strength, space.extras), seeds=seeds, seed=options.seed, effort=effort)
+    effort = Effort(
+        (limit or None) if options.effort == "polish" else None,
+        told,
+        processor=options.cpu_seconds is not None,
+    )
+    array = certified_array(
+        space.constraints,
+        Mixed(options.strength, space.extras),
+        seeds=seeds,
+        seed=options.seed,
+        effort=effort,
+    )
     progress(1000, 1000, f"{array.size} points")
     if options.output:
         write_points(options.output, space, array.rows)
@@ -158,8 +190,15 @@ def plan(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
         "effort": options.effort,
         "seconds": round(time.monotonic() - started, 3),
     }
-    sure = "this is the smallest possible number" if found["optimal"] else f"no plan has fewer than {array.lower_bound}"
-    return found, f"{array.size} points cover all {array.cells:,} feasible combinations of {_combined(space, options.strength)}; {sure}."
+    sure = (
+        "this is the smallest possible number"
+        if found["optimal"]
+        else f"no plan has fewer than {array.lower_bound}"
+    )
+    return (
+        found,
+        f"{array.size} points cover all {array.cells:,} feasible combinations of {_combined(space, options.strength)}; {sure}.",
+    )
 
 
 def verify(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]:
@@ -169,7 +208,8 @@ def verify(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]
     rows = table.complete()
     checked = verify_rows(rows, space.constraints, Mixed(options.strength, space.extras), progress)
     broken = [
-        f"row {row + 1} breaks the constraint '{space.clause(clause)}': {row_text(space, rows[row])}" for row, clause in checked.broken
+        f"row {row + 1} breaks the constraint '{space.clause(clause)}': {row_text(space, rows[row])}"
+        for row, clause in checked.broken
     ]
     missing = [cell_names(space, plane, cell) for plane, cell in checked.missing[:LISTED]]
     found: Found = {
@@ -185,10 +225,15 @@ def verify(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]
     }
     if checked.valid:
         combined = _combined(space, options.strength)
-        return found, f"valid: {checked.rows} points cover all {checked.cells:,} feasible combinations of {combined}"
+        return (
+            found,
+            f"valid: {checked.rows} points cover all {checked.cells:,} feasible combinations of {combined}",
+        )
     lines = [f"not valid: {line}" for line in broken[:SHOWN]]
     if missing:
-        lines.append(f"not valid: {len(checked.missing):,} of {checked.cells:,} feasible combinations are missing, among them")
+        lines.append(
+            f"not valid: {len(checked.missing):,} of {checked.cells:,} feasible combinations are missing, among them"
+        )
         lines += [f"  {cell_text(cell)}" for cell in missing[:SHOWN]]
     return found, "\n".join(lines)
 
@@ -198,8 +243,16 @@ def export(options: argparse.Namespace, progress: Progress) -> tuple[Found, str]
     space, kind = read_space_of_any_format(options.space), format_of(options.output, options.format)
     left_out = write_model(options.output, space, kind)
     progress(1, 1, f"{len(space)} conditions")
-    found: Found = {"format": kind, "conditions": len(space), "constraints": len(space.clauses), "left_out": left_out}
-    lines = [f"{options.output}: {len(space)} conditions, {len(space.clauses)} constraints", *(f"left out: {what}" for what in left_out)]
+    found: Found = {
+        "format": kind,
+        "conditions": len(space),
+        "constraints": len(space.clauses),
+        "left_out": left_out,
+    }
+    lines = [
+        f"{options.output}: {len(space)} conditions, {len(space.clauses)} constraints",
+        *(f"left out: {what}" for what in left_out),
+    ]
     return found, "\n".join(lines)
 
 
@@ -207,12 +260,16 @@ def _read_space(options: argparse.Namespace, option: str) -> Space:
     """The space of --space; InputError if --k or --strength does not fit it."""
     space, k = read_space_of_any_format(options.space), getattr(options, option)
     if not 1 <= k <= len(space):
-        raise InputError(f"--{option} must be in [1, {len(space)}], the number of conditions; got {k}")
+        raise InputError(
+            f"--{option} must be in [1, {len(space)}], the number of conditions; got {k}"
+        )
     if options.verb == "plan" and k > STRONGEST:
         raise InputError(f"--strength must be in [1, {STRONGEST}], got {k}")
     by_strength = _cells(space.sizes, k)
     if (cells := sum(by_strength) if options.verb == "score" else by_strength[-1]) > MOST_CELLS:
-        raise InputError(f"--{option} = {k}: about {cells:.2g} cells are more than the {MOST_CELLS:.0e} that fit; choose a smaller one")
+        raise InputError(
+            f"--{option} = {k}: about {cells:.2g} cells are more than the {MOST_CELLS:.0e} that fit; choose a smaller one"
+        )
     _check_extras(options.space, space)
     return space
 
@@ -236,19 +293,33 @@ def _cells(sizes: Sequence[int], k: int) -> list[float]:
 
 def _check_extras(path: Path, space: Space) -> None:
     """InputError if named planes or single combinations have too many cells."""
-    parts = [(f"planes.{named.name}", named.variables, named.strength) for named in space.extras.planes]
+    parts = [
+        (f"planes.{named.name}", named.variables, named.strength) for named in space.extras.planes
+    ]
     single = space.extras.combinations
-    parts += [(f"combinations[{i}]", one.variables, len(one.variables)) for i, one in enumerate(single, start=1)]
+    parts += [
+        (f"combinations[{i}]", one.variables, len(one.variables))
+        for i, one in enumerate(single, start=1)
+    ]
     for key, variables, strength in parts:
         if (cells := _cells([space.sizes[v] for v in variables], strength)[-1]) > MOST_CELLS:
-            raise InputError(f"{path}: {key}: about {cells:.2g} cells are more than the {MOST_CELLS:.0e} that fit; choose fewer conditions")
+            raise InputError(
+                f"{path}: {key}: about {cells:.2g} cells are more than the {MOST_CELLS:.0e} that fit; choose fewer conditions"
+            )
 
 
 def _combined(space: Space, strength: int) -> str:
     """What a plan combines, in words."""
-    *parts, last = f"{strength} conditions", *(f"{named.strength} of {named.name}" for named in space.extras.planes)
+    *parts, last = (
+        f"{strength} conditions",
+        *(f"{named.strength} of {named.name}" for named in space.extras.planes),
+    )
     single = len(space.extras.combinations)
-    return (f"{', '.join(parts)} and " if parts else "") + last + (f", and {single} single ones" if single else "")
+    return (
+        (f"{', '.join(parts)} and " if parts else "")
+        + last
+        + (f", and {single} single ones" if single else "")
+    )
 
 
 def _with(space: Space) -> str:
@@ -262,7 +333,12 @@ def _total(path: Path, every: Iterable[Plane]) -> Coverage:
         raise InputError(f"{path}: {error}") from error
 
 
-def _draw(options: argparse.Namespace, space: Space, shares: list[tuple[int, float]], pairs: list[Plane] | None) -> list[Path]:
+def _draw(
+    options: argparse.Namespace,
+    space: Space,
+    shares: list[tuple[int, float]],
+    pairs: list[Plane] | None,
+) -> list[Path]:
     from pipeline.report import coverage_plots as plots
     from pipeline.report.style import save_png
 
@@ -280,7 +356,11 @@ def _announce_compilation() -> None:
 
     cached = Path(config.CACHE_DIR or Path(arrays.__file__).parent / "__pycache__")
     if not any(cached.rglob("annealing.*.nbi")) or not any(cached.rglob("counting.*.nbi")):
-        print(f"compiling the kernels of {counting.__package__}, once on this machine …", file=sys.stderr, flush=True)
+        print(
+            f"compiling the kernels of {counting.__package__}, once on this machine …",
+            file=sys.stderr,
+            flush=True,
+        )
 
 
 VERBS: Mapping[str, Callable[[argparse.Namespace, Progress], tuple[Found, str]]] = {

@@ -21,17 +21,32 @@ SHADES = LinearSegmentedColormap.from_list("coverage", ["#e9927f", "#f6e3ac", "#
 
 def heat_maps(planes: Sequence[Plane], space: Space) -> Figure:
     """Coverage of each cell of each plane of two conditions, least covered planes first; grey: no feasible point, or none required."""
-    shown = sorted(planes, key=lambda plane: plane.coverage.ratio if plane.coverage else 2)[:MOST_PLANES]
+    shown = sorted(planes, key=lambda plane: plane.coverage.ratio if plane.coverage else 2)[
+        :MOST_PLANES
+    ]
     columns = min(COLUMNS, len(shown))
     with styled({"axes.grid": False, "font.size": 7.5, "axes.titlesize": 8}):
-        figure, axes = panels(-(-len(shown) // columns), columns, width=2.6, height=2.1, sharey=False)
+        figure, axes = panels(
+            -(-len(shown) // columns), columns, width=2.6, height=2.1, sharey=False
+        )
         for axis in (axis for row in axes for axis in row):
             axis.set_visible(False)
         for plane, axis in zip(shown, (axis for row in axes for axis in row), strict=False):
             axis.set_visible(True)
-            share = np.where(plane.wanted > 0, np.minimum(plane.counts, plane.wanted) / np.maximum(plane.wanted, 1), np.nan)
+            share = np.where(
+                plane.wanted > 0,
+                np.minimum(plane.counts, plane.wanted) / np.maximum(plane.wanted, 1),
+                np.nan,
+            )
             axis.set_facecolor("#c8ccd2")
-            axis.imshow(np.ma.masked_invalid(share), cmap=SHADES, vmin=0, vmax=1, aspect="auto", interpolation="nearest")
+            axis.imshow(
+                np.ma.masked_invalid(share),
+                cmap=SHADES,
+                vmin=0,
+                vmax=1,
+                aspect="auto",
+                interpolation="nearest",
+            )
             first, second = (space.variables[v] for v in plane.variables)
             axis.set_title(f"{first.name} × {second.name}")
             for ticks, variable in ((axis.set_yticks, first), (axis.set_xticks, second)):
@@ -55,13 +70,32 @@ def pair_matrix(shares: Sequence[PairShare], title: str) -> Figure:
         for axis, field in zip(axes[0], ("tests", "failures"), strict=True):
             values = np.full((len(names), len(names)), np.nan)
             for share in shares:
-                values[names.index(share.second), names.index(share.first)] = 100 * getattr(share, field) / share.feasible
+                values[names.index(share.second), names.index(share.first)] = (
+                    100 * getattr(share, field) / share.feasible
+                )
             shown = values[1:, :-1]
-            axis.imshow(np.ma.masked_invalid(shown), cmap=SHADES, vmin=0, vmax=100, aspect="auto", interpolation="nearest")
+            axis.imshow(
+                np.ma.masked_invalid(shown),
+                cmap=SHADES,
+                vmin=0,
+                vmax=100,
+                aspect="auto",
+                interpolation="nearest",
+            )
             for row, column in np.argwhere(np.isfinite(shown)):
-                axis.text(column, row, f"{shown[row, column]:.0f}", ha="center", va="center", fontsize=8.5, color="#20262e")
+                axis.text(
+                    column,
+                    row,
+                    f"{shown[row, column]:.0f}",
+                    ha="center",
+                    va="center",
+                    fontsize=8.5,
+                    color="#20262e",
+                )
             labels = [name.replace("_", " ") for name in names]
-            axis.set_xticks(range(len(names) - 1), labels[:-1], rotation=35, ha="right", rotation_mode="anchor")
+            axis.set_xticks(
+                range(len(names) - 1), labels[:-1], rotation=35, ha="right", rotation_mode="anchor"
+            )
             axis.set_yticks(range(len(names) - 1), labels[1:])
             axis.tick_params(length=0)
             axis.set_title(f"{title}: pairs in {field} (%)")

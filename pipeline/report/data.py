@@ -40,7 +40,9 @@ class ComparedVersions:
     @property
     def named_changes(self) -> pd.DataFrame:
         """The changes with `test_id`, the test as the version executed it."""
-        return self.changes.merge(self.tests[["scenario", "index", "version", "test_id"]], how="left")
+        return self.changes.merge(
+            self.tests[["scenario", "index", "version", "test_id"]], how="left"
+        )
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,9 @@ class ReportData:
         """What the valid tests of all strategies cover, by scenario."""
         valid = {name: tests[is_valid(tests)] for name, tests in self.tests.items()}
         return {
-            name: pair_shares(self.spaces[name], encode_tests(rows, self.spaces[name]), rows["failure"].to_numpy())
+            name: pair_shares(
+                self.spaces[name], encode_tests(rows, self.spaces[name]), rows["failure"].to_numpy()
+            )
             for name, rows in valid.items()
         }
 
@@ -109,4 +113,7 @@ class ReportData:
     @property
     def every_label(self) -> dict[str, str]:
         """The labels of the scenarios of the search and of the comparison."""
-        return {**self.labels, **({} if self.compared is None else self.compared.comparison.scenarios)}
+        return {
+            **self.labels,
+            **({} if self.compared is None else self.compared.comparison.scenarios),
+        }

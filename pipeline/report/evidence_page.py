@@ -6,7 +6,16 @@ from collections.abc import Sequence
 from html import escape
 from math import ceil
 
-from pipeline.artefacts.evidence import Area, Areas, Coverage, Domain, Evidence, OpenRegion, Risk, ScenarioEvidence
+from pipeline.artefacts.evidence import (
+    Area,
+    Areas,
+    Coverage,
+    Domain,
+    Evidence,
+    OpenRegion,
+    Risk,
+    ScenarioEvidence,
+)
 from pipeline.report.failure_tables import CAUSES, MIXED
 from pipeline.report.formats import percent
 from pipeline.report.fresh_counts import fresh_counts
@@ -35,7 +44,11 @@ WIDTH, BAR, LEFT = 640, 26, 130
 def evidence_page(evidence: Evidence) -> Page:
     """The page of one detector's evidence."""
     together = evidence.whole is not None and len(evidence.scenarios) > 1
-    whole = [_areas("All scenarios", evidence.whole.failure, evidence.whole.areas)] if evidence.whole and together else []
+    whole = (
+        [_areas("All scenarios", evidence.whole.failure, evidence.whole.areas)]
+        if evidence.whole and together
+        else []
+    )
     each = [_areas(one.domain.label, one.failure, one.areas) for one in evidence.scenarios]
     sections = (
         Section("Areas and residual risk", (HOW,), (*whole, *each)),
@@ -46,17 +59,32 @@ def evidence_page(evidence: Evidence) -> Page:
         ),
         Section("Coverage reached", (), (Passage(table=_coverage(evidence.scenarios)),)),
         Section("Open failure regions", (), tuple(map(_regions, evidence.scenarios))),
-        Section("Assumptions and limits", (), (Passage(notes=evidence.assumptions), Passage(notes=evidence.limits))),
+        Section(
+            "Assumptions and limits",
+            (),
+            (Passage(notes=evidence.assumptions), Passage(notes=evidence.limits)),
+        ),
         Section("Identity", (), (Passage(table=_identity(evidence)),)),
     )
-    return Page(evidence.study, evidence.claim, sections, f"Evidence for a safety case: {evidence.model.version}")
+    return Page(
+        evidence.study,
+        evidence.claim,
+        sections,
+        f"Evidence for a safety case: {evidence.model.version}",
+    )
 
 
 def _areas(title: str, failure: Risk, areas: Areas) -> Passage:
-    rows = [(NAMES[name], _share(area), area.definition, area.source) for name, area in _each(areas)]
+    rows = [
+        (NAMES[name], _share(area), area.definition, area.source) for name, area in _each(areas)
+    ]
     rows.append(("residual risk", _share(failure), failure.definition, failure.source))
-    table = Table(("area", "share, 95 % interval", "what belongs to it", "source"), tuple(rows), numbers=(0,))
-    return Passage(title, table=table, plots=(Drawing(bars(title, areas), _counts(failure, areas)),))
+    table = Table(
+        ("area", "share, 95 % interval", "what belongs to it", "source"), tuple(rows), numbers=(0,)
+    )
+    return Passage(
+        title, table=table, plots=(Drawing(bars(title, areas), _counts(failure, areas)),)
+    )
 
 
 def _each(areas: Areas) -> list[tuple[str, Area]]:
@@ -67,14 +95,22 @@ def _share(area: Area) -> str:
     if area.share is None:
         return f"{NO_ESTIMATE}: {area.missing}"
     below = getattr(area, "below", None)
-    return percent(area.share) if below is None else f"{percent(area.share)}; 95 % sure: below {ceil(1000 * below - 1e-9) / 10:.1f} %"
+    return (
+        percent(area.share)
+        if below is None
+        else f"{percent(area.share)}; 95 % sure: below {ceil(1000 * below - 1e-9) / 10:.1f} %"
+    )
 
 
 def _counts(failure: Risk, areas: Areas) -> str:
     hidden = areas.unknown_unsafe
     if failure.share is None:
         return f"Residual risk not estimated: {failure.missing}."
-    outside = f"{hidden.failures:,} outside all rules" if hidden.share else f"outside all rules: {hidden.missing}"
+    outside = (
+        f"{hidden.failures:,} outside all rules"
+        if hidden.share
+        else f"outside all rules: {hidden.missing}"
+    )
     return f"{failure.failures:,} of {failure.tests:,} random tests fail, {outside}; {failure.errors:,} errors, in no share."
 
 
@@ -84,15 +120,24 @@ def bars(title: str, areas: Areas) -> str:
     place, parts = float(LEFT), []
     for name, value in shares.items():
         width = value * (WIDTH - LEFT)
-        parts.append(f'<rect x="{place:.2f}" y="4" width="{width:.2f}" height="{BAR}" fill="{COLOURS[name]}"/>')
+        parts.append(
+            f'<rect x="{place:.2f}" y="4" width="{width:.2f}" height="{BAR}" fill="{COLOURS[name]}"/>'
+        )
         place += width
     if (risk := areas.unknown_unsafe.share) is not None:
         low, high = (LEFT + value * (WIDTH - LEFT) for value in (risk.low, risk.high))
-        parts.append(f'<rect x="{low:.2f}" y="40" width="{max(high - low, 1):.2f}" height="10" fill="{HIDDEN}"/>')
+        parts.append(
+            f'<rect x="{low:.2f}" y="40" width="{max(high - low, 1):.2f}" height="10" fill="{HIDDEN}"/>'
+        )
         middle = LEFT + risk.value * (WIDTH - LEFT)
-        parts.append(f'<rect x="{middle - 1:.2f}" y="37" width="2" height="16" fill="currentColor"/>')
+        parts.append(
+            f'<rect x="{middle - 1:.2f}" y="37" width="2" height="16" fill="currentColor"/>'
+        )
     labels = [("areas", 22), ("unknown unsafe", 50)]
-    parts += [f'<text x="0" y="{y}" font-size="13" fill="currentColor">{text}</text>' for text, y in labels]
+    parts += [
+        f'<text x="0" y="{y}" font-size="13" fill="currentColor">{text}</text>'
+        for text, y in labels
+    ]
     keys = [(COLOURS[name], NAMES[name]) for name in shares]
     if risk is not None:
         keys.append((HIDDEN, "95 %, mark: estimate"))
@@ -111,18 +156,29 @@ def _key(index: int, colour: str, text: str) -> str:
 def _domain(domain: Domain) -> Passage:
     rows = tuple(_variable(name, variable) for name, variable in domain.variables.items())
     table = Table(("variable", "unit", "values"), rows, codes=(0,))
-    return Passage(domain.label, domain.description, table, notes=tuple(" or ".join(clause) for clause in domain.constraints))
+    return Passage(
+        domain.label,
+        domain.description,
+        table,
+        notes=tuple(" or ".join(clause) for clause in domain.constraints),
+    )
 
 
 def _variable(name: str, plain: dict[str, object]) -> tuple[str, str, str]:
     values = plain.get("values")
-    text = ", ".join(map(str, values)) if isinstance(values, list) else " to ".join(f"{plain[end]:g}" for end in ("low", "high"))
+    text = (
+        ", ".join(map(str, values))
+        if isinstance(values, list)
+        else " to ".join(f"{plain[end]:g}" for end in ("low", "high"))
+    )
     return name, str(plain.get("unit", "")), text
 
 
 def _coverage(scenarios: Sequence[ScenarioEvidence]) -> Table:
     rows = tuple((one.domain.label, *_covered(one.coverage)) for one in scenarios)
-    return Table(("scenario", "projection", "cells with a test", "coverage", "tests of all strategies"), rows)
+    return Table(
+        ("scenario", "projection", "cells with a test", "coverage", "tests of all strategies"), rows
+    )
 
 
 def _covered(coverage: Coverage) -> tuple[str, ...]:
@@ -134,14 +190,39 @@ def _regions(found: ScenarioEvidence) -> Passage:
     title, text = found.domain.label, f"Failures in no region: {found.isolated_failures}."
     if not found.open_regions:
         return Passage(title, f"No failure region was found. {text}")
-    headers = ("region", "rule", "cause", "failures", "share of the exposure", "status", "fresh tests that fail inside", "just outside")
-    return Passage(title, text, Table(headers, tuple(map(_region, found.open_regions)), numbers=(3,), codes=(1,)))
+    headers = (
+        "region",
+        "rule",
+        "cause",
+        "failures",
+        "share of the exposure",
+        "status",
+        "fresh tests that fail inside",
+        "just outside",
+    )
+    return Passage(
+        title,
+        text,
+        Table(headers, tuple(map(_region, found.open_regions)), numbers=(3,), codes=(1,)),
+    )
 
 
 def _region(region: OpenRegion) -> tuple[str, ...]:
     tested = region.confirmation
-    fresh = (fresh_counts(tested.inside), fresh_counts(tested.outside)) if tested else (NOT_EXECUTED, NOT_EXECUTED)
-    return region.name, region.rule, CAUSES.get(region.cause, MIXED), str(region.failures), percent(region.share), region.status, *fresh
+    fresh = (
+        (fresh_counts(tested.inside), fresh_counts(tested.outside))
+        if tested
+        else (NOT_EXECUTED, NOT_EXECUTED)
+    )
+    return (
+        region.name,
+        region.rule,
+        CAUSES.get(region.cause, MIXED),
+        str(region.failures),
+        percent(region.share),
+        region.status,
+        *fresh,
+    )
 
 
 def _identity(evidence: Evidence) -> Table:
@@ -151,5 +232,7 @@ def _identity(evidence: Evidence) -> Table:
         rows.append(("weights", model.version, model.weights_sha256))
     rows += [("training data", name, digest) for name, digest in model.data.items()]
     rows += [("settings", f"study {evidence.study}", evidence.settings_sha256)]
-    rows += [("file", path, digest) for path, digest in evidence.files.items() if path != model.file]
+    rows += [
+        ("file", path, digest) for path, digest in evidence.files.items() if path != model.file
+    ]
     return Table(("what", "name", "SHA-256"), tuple(rows), codes=(2,))

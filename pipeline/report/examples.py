@@ -15,7 +15,11 @@ from pipeline.artefacts.region_results import FailureRegions
 from pipeline.core.comparison import SequenceTest
 from pipeline.core.space import Space, Value
 
-ROLES = {"medoid": "most typical failure", "worst": "worst failure", "furthest": "most unusual failure"}
+ROLES = {
+    "medoid": "most typical failure",
+    "worst": "worst failure",
+    "furthest": "most unusual failure",
+}
 
 
 @dataclass(frozen=True)
@@ -44,7 +48,13 @@ def choose_regions(found: Sequence[FailureRegions], version: str, limit: int) ->
     """At most `limit` representatives, scenarios in turn: the medoids of all regions, largest region first, then the other roles."""
     queues = []
     for regions in found:
-        ranked = [(region, r) for role in ROLES for region in regions.regions for r in region.representatives if r.role == role]
+        ranked = [
+            (region, r)
+            for role in ROLES
+            for region in regions.regions
+            for r in region.representatives
+            if r.role == role
+        ]
         queues.append(
             [
                 Chosen(
@@ -59,10 +69,14 @@ def choose_regions(found: Sequence[FailureRegions], version: str, limit: int) ->
                 for region, r in ranked
             ]
         )
-    return [chosen for turn in zip_longest(*queues) for chosen in turn if chosen is not None][:limit]
+    return [chosen for turn in zip_longest(*queues) for chosen in turn if chosen is not None][
+        :limit
+    ]
 
 
-def choose_regression(comparison: Comparison, table: pd.DataFrame, spaces: Mapping[str, Space]) -> list[Chosen]:
+def choose_regression(
+    comparison: Comparison, table: pd.DataFrame, spaces: Mapping[str, Space]
+) -> list[Chosen]:
     """A regression of one retrained version, with base and that version, in this order: the champion's, or that of the version with the
     fewest failures that changes any outcome.
 
@@ -74,7 +88,9 @@ def choose_regression(comparison: Comparison, table: pd.DataFrame, spaces: Mappi
     return _both(comparison, paired, (paired.regressions[0], "regression"), table, spaces)
 
 
-def choose_fixes(comparison: Comparison, table: pd.DataFrame, spaces: Mapping[str, Space], limit: int) -> list[Fix]:
+def choose_fixes(
+    comparison: Comparison, table: pd.DataFrame, spaces: Mapping[str, Space], limit: int
+) -> list[Fix]:
     """At most `limit` fixes of one retrained version: the champion, or the one with the fewest failures that has any. They cover as many
     groups that the base set shows rarely as possible, then as many other named groups; the first in the sequence wins a tie."""
     paired = next((pair for pair in _ranked(comparison) if pair.fixes), None)
@@ -88,31 +104,53 @@ def choose_fixes(comparison: Comparison, table: pd.DataFrame, spaces: Mapping[st
         test = max(left, key=lambda test: (len(left[test] & rare - shown), len(left[test] - shown)))
         groups = left.pop(test)
         shown |= groups
-        chosen.append(Fix(tuple(sorted(groups)), *_both(comparison, paired, (test, "fix"), table, spaces)))
+        chosen.append(
+            Fix(tuple(sorted(groups)), *_both(comparison, paired, (test, "fix"), table, spaces))
+        )
     return chosen
 
 
 def _ranked(comparison: Comparison) -> list[VersionPair]:
     """The retrained versions beside base: the champion first, then those with the fewest failures."""
-    ranked = sorted(comparison.versions, key=lambda result: (result.version != comparison.champion, result.failures))
+    ranked = sorted(
+        comparison.versions,
+        key=lambda result: (result.version != comparison.champion, result.failures),
+    )
     return [result.paired for result in ranked if result.paired]
 
 
 def _groups(test: SequenceTest, table: pd.DataFrame, space: Space) -> set[str]:
     rows = table[(table["scenario"] == test.scenario) & (table["index"] == test.index)].head(1)
-    return {name for name, members in named_groups(space, encode_tests(rows, space)).items() if members[0]}
+    return {
+        name
+        for name, members in named_groups(space, encode_tests(rows, space)).items()
+        if members[0]
+    }
 
 
 def _both(
-    comparison: Comparison, paired: VersionPair, changed: tuple[SequenceTest, str], table: pd.DataFrame, spaces: Mapping[str, Space]
+    comparison: Comparison,
+    paired: VersionPair,
+    changed: tuple[SequenceTest, str],
+    table: pd.DataFrame,
+    spaces: Mapping[str, Space],
 ) -> list[Chosen]:
     """A test with both versions. changed: the test, and which change it is."""
     (test, change), scenario = changed, changed[0].scenario
-    rows = table[(table["scenario"] == scenario) & (table["index"] == test.index)].set_index("version")
+    rows = table[(table["scenario"] == scenario) & (table["index"] == test.index)].set_index(
+        "version"
+    )
     heading = f"{comparison.scenarios[scenario]} · {comparison.strategy} · {test.index:05d}"
     reason = f"A {change} of {paired.version} on a held-out test."
     versions = (paired.against, paired.version)
     return [
-        Chosen(str(rows.loc[v, "test_id"]), scenario, v, f"{heading} · {v}", reason, concrete(rows.loc[v], spaces[scenario]))
+        Chosen(
+            str(rows.loc[v, "test_id"]),
+            scenario,
+            v,
+            f"{heading} · {v}",
+            reason,
+            concrete(rows.loc[v], spaces[scenario]),
+        )
         for v in versions
     ]

@@ -42,22 +42,45 @@ class Explorer:
 
 
 def explorer(
-    tests: pd.DataFrame, labels: Mapping[str, str], spaces: Mapping[str, Space], regions: Iterable[FailureRegions], frames: KeptFrames
+    tests: pd.DataFrame,
+    labels: Mapping[str, str],
+    spaces: Mapping[str, Space],
+    regions: Iterable[FailureRegions],
+    frames: KeptFrames,
 ) -> Explorer:
     """The rows of tests.parquet of several campaigns. labels, spaces: of their scenarios. frames: of campaigns with thumbnails."""
     fields = list(_fields(tests.assign(scenario=tests["scenario"].map(labels)), spaces, regions))
-    content = {"colours": {**{MODE_NAMES[mode]: colour for mode, colour in MODE_COLOURS.items()}, "error": "#8f98a3"}, "fields": fields}
-    packed = gzip.compress(json.dumps(content, allow_nan=False, separators=(",", ":")).encode(), mtime=0)
-    return Explorer(texts.EXPLORER, base64.b64encode(packed).decode(), json.dumps(_thumbnails(tests, frames)))
+    content = {
+        "colours": {
+            **{MODE_NAMES[mode]: colour for mode, colour in MODE_COLOURS.items()},
+            "error": "#8f98a3",
+        },
+        "fields": fields,
+    }
+    packed = gzip.compress(
+        json.dumps(content, allow_nan=False, separators=(",", ":")).encode(), mtime=0
+    )
+    return Explorer(
+        texts.EXPLORER, base64.b64encode(packed).decode(), json.dumps(_thumbnails(tests, frames))
+    )
 
 
 def groups(found: FailureRegions) -> dict[str, tuple[str, ...]]:
     """The failures of each region and those in none, by the name that the table has for them."""
-    return {region.name: region.members for region in found.regions} | {f"{found.label} {ISOLATED}": found.isolated}
+    return {region.name: region.members for region in found.regions} | {
+        f"{found.label} {ISOLATED}": found.isolated
+    }
 
 
-def _fields(tests: pd.DataFrame, spaces: Mapping[str, Space], regions: Iterable[FailureRegions]) -> Iterator[dict[str, Any]]:
-    region_of = {test: name for found in regions for name, tests_of in groups(found).items() for test in tests_of}
+def _fields(
+    tests: pd.DataFrame, spaces: Mapping[str, Space], regions: Iterable[FailureRegions]
+) -> Iterator[dict[str, Any]]:
+    region_of = {
+        test: name
+        for found in regions
+        for name, tests_of in groups(found).items()
+        for test in tests_of
+    }
     yield _text("test", tests["test_id"])
     for name in ("scenario", "strategy", "version"):
         yield _text(name, tests[name])
@@ -80,7 +103,12 @@ def _of_variable(same: Sequence[Variable], values: pd.Series) -> Iterator[dict[s
     first = same[0]
     if first.kind != "categorical":
         low, high = min(one.low for one in same), max(one.high for one in same)
-        yield {**_number(first.name, values, first.unit), "variable": True, "low": low, "high": high}
+        yield {
+            **_number(first.name, values, first.unit),
+            "variable": True,
+            "low": low,
+            "high": high,
+        }
         return
     yield {**_text(first.name, values.fillna("")), "variable": True}
     attributes: dict[str, dict[str, float]] = {}
@@ -98,7 +126,11 @@ def _text(name: str, values: pd.Series) -> dict[str, Any]:
 
 def _number(name: str, values: pd.Series, unit: str = "") -> dict[str, Any]:
     numbers = (None if pd.isna(value) else float(f"{value:.{DIGITS}g}") for value in values)
-    return {"name": name, "unit": unit, "numbers": [int(n) if n is not None and n == int(n) else n for n in numbers]}
+    return {
+        "name": name,
+        "unit": unit,
+        "numbers": [int(n) if n is not None and n == int(n) else n for n in numbers],
+    }
 
 
 def _thumbnails(tests: pd.DataFrame, frames: KeptFrames) -> dict[str, str]:
@@ -109,5 +141,7 @@ def _thumbnails(tests: pd.DataFrame, frames: KeptFrames) -> dict[str, str]:
 
 def _small(jpeg: bytes) -> str:
     buffer = io.BytesIO()
-    Image.open(io.BytesIO(jpeg)).resize(THUMBNAIL, Image.Resampling.BOX).save(buffer, "JPEG", quality=70)
+    Image.open(io.BytesIO(jpeg)).resize(THUMBNAIL, Image.Resampling.BOX).save(
+        buffer, "JPEG", quality=70
+    )
     return data_uri(buffer.getvalue(), "image/jpeg")

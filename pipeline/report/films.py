@@ -20,7 +20,11 @@ def write_films(frames: Path, out: Path, rate_hz: float) -> int:
     rate_hz: steps of the camera per second. Frames without tests.parquet beside them have no known failure, so no film. Removes the films
     of an earlier export in `out`.
     """
-    tags = {test: found for test, found in tags_of_tests(frames).items() if found["outcome"] == "failure"}
+    tags = {
+        test: found
+        for test, found in tags_of_tests(frames).items()
+        if found["outcome"] == "failure"
+    }
     table = read_frames(frames).sort_values(["test_id", "step"], kind="stable")
     remove(out / "data")
     (out / "data").mkdir(parents=True)
@@ -30,8 +34,13 @@ def write_films(frames: Path, out: Path, rate_hz: float) -> int:
         images = [decode_jpeg(image) for image in kept["image"]]
         height, width = (side // 2 * 2 for side in images[0].shape[:2])
         every = kept["step"].diff().median() if len(kept) > 1 else 1
-        write_mp4([image[:height, :width] for image in images], path, max(1, round(rate_hz / every)))
+        write_mp4(
+            [image[:height, :width] for image in images], path, max(1, round(rate_hz / every))
+        )
         rows.append({"filepath": path.name, "test_id": test, **tags[str(test)]})
     labels = pd.DataFrame(rows, columns=None if rows else ["filepath", "test_id"])
-    write_bytes(out / "labels.csv", labels.to_csv(index=False, lineterminator="\n", float_format="%.6g").encode())
+    write_bytes(
+        out / "labels.csv",
+        labels.to_csv(index=False, lineterminator="\n", float_format="%.6g").encode(),
+    )
     return len(rows)

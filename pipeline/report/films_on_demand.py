@@ -56,8 +56,15 @@ class FilmsOnDemand:
         """Where a film is kept: its name holds the digest of all that it depends on."""
         version = str(recorded(self._folders, test)["version"])
         table = campaigns(self._folders)[test.rpartition("-")[0]]
-        files = [table, self._params, Path(self._folders.detector(version)), *map(Path, self._folders.calibrations([version]))]
-        digest = hashlib.sha256("".join([program_sha256(), *map(sha256, files)]).encode()).hexdigest()
+        files = [
+            table,
+            self._params,
+            Path(self._folders.detector(version)),
+            *map(Path, self._folders.calibrations([version])),
+        ]
+        digest = hashlib.sha256(
+            "".join([program_sha256(), *map(sha256, files)]).encode()
+        ).hexdigest()
         return Path(self._folders.root, "films", f"{test}.{digest[:16]}.mp4")
 
     def _read_or_made(self, test: str, kept: Path) -> MadeFilm:
@@ -77,12 +84,31 @@ class FilmsOnDemand:
 
     def _replay(self, test: str, new: Path) -> str:
         """Make a film; returns how the test ends if that is not as recorded."""
-        command = [sys.executable, "-m", "pipeline", "replay", test, "--params", str(self._params), "--out", str(new)]
+        command = [
+            sys.executable,
+            "-m",
+            "pipeline",
+            "replay",
+            test,
+            "--params",
+            str(self._params),
+            "--out",
+            str(new),
+        ]
         longest_s = START_S + self._folders.config.limits.test_s
         try:
-            done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=longest_s, check=False)
+            done = subprocess.run(
+                command,
+                capture_output=True,
+                text=True,
+                stdin=subprocess.DEVNULL,
+                timeout=longest_s,
+                check=False,
+            )
         except subprocess.TimeoutExpired as error:
             raise InputError(f"{test}: no film after {longest_s:g} s") from error
         if not new.is_file():
-            raise InputError(one_line((done.stderr.splitlines() or [f"{test}: the film was not made"])[-1]))
+            raise InputError(
+                one_line((done.stderr.splitlines() or [f"{test}: the film was not made"])[-1])
+            )
         return one_line(done.stdout.removeprefix(f"{new}: ")) if done.returncode else ""

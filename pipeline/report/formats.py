@@ -15,7 +15,11 @@ def share(value: float) -> str:
 def percent(estimate: Estimate) -> str:
     """`12.5 % (8.0 to 18.9)`."""
     value = share(estimate.value)
-    return value if estimate.low == estimate.high else f"{value} ({100 * estimate.low:.1f} to {100 * estimate.high:.1f})"
+    return (
+        value
+        if estimate.low == estimate.high
+        else f"{value} ({100 * estimate.low:.1f} to {100 * estimate.high:.1f})"
+    )
 
 
 def mean_text(value: float) -> str:
@@ -26,7 +30,11 @@ def mean_text(value: float) -> str:
 def counted(estimate: Estimate) -> str:
     """`76.3 (70–82)`."""
     value = mean_text(estimate.value)
-    return value if estimate.low == estimate.high else f"{value} ({estimate.low:.0f}–{estimate.high:.0f})"
+    return (
+        value
+        if estimate.low == estimate.high
+        else f"{value} ({estimate.low:.0f}–{estimate.high:.0f})"
+    )
 
 
 def signed(mean: Estimate) -> str:
@@ -44,7 +52,9 @@ def censored(estimate: Estimate, count: int, seeds: int, form: str, beyond: str)
 
     form: of one number. beyond: the sign of a bound.
     """
-    text = f"{beyond} {form.format(estimate.value)}" if count == seeds else form.format(estimate.value)
+    text = (
+        f"{beyond} {form.format(estimate.value)}" if count == seeds else form.format(estimate.value)
+    )
     if estimate.low != estimate.high:
         text += f" ({form.format(estimate.low)} to {form.format(estimate.high)})"
     return f"{text}, {count} of {seeds} censored" if count else text
@@ -58,7 +68,10 @@ def decimal(value: float | None) -> str:
 def in_columns(rows: Sequence[Sequence[str]]) -> list[str]:
     """Lines with aligned cells."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    return [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    ]
 
 
 def aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:

@@ -9,4 +9,6 @@ from pipeline.report.formats import percent
 def fresh_counts(found: Fresh) -> str:
     """`3 / 20 = 15.0 % (3.2 to 37.9); errors: 1`."""
     rate = f" = {percent(found.rate)}" if found.rate else ""
-    return f"{found.failures} / {found.tests}{rate}" + (f"; errors: {found.errors}" if found.errors else "")
+    return f"{found.failures} / {found.tests}{rate}" + (
+        f"; errors: {found.errors}" if found.errors else ""
+    )

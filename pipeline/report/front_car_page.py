@@ -22,7 +22,9 @@ EXISTING, GENERATED = SERIES[0], SERIES[1]
 Pixels = NDArray[np.uint8]
 
 
-def first_covering(categories: Ints, names: Sequence[str], sizes: Sequence[int], chosen: tuple[int, int]) -> list[list[str]]:
+def first_covering(
+    categories: Ints, names: Sequence[str], sizes: Sequence[int], chosen: tuple[int, int]
+) -> list[list[str]]:
     """The name of the first point in each cell of two variables; empty if there is none."""
     rows, columns = (sizes[variable] for variable in chosen)
     cells = [[""] * columns for _ in range(rows)]
@@ -43,12 +45,22 @@ def table(points: Points, categories: Ints, space: Space) -> Figure:
                 continue
             chosen = planes[index]
             cells = first_covering(categories, names, space.sizes, chosen)
-            _small_table(axis, cells, space.constraints.feasible_cells(chosen), [space.variables[v].labels for v in chosen])
-            axis.set_title(f"({chr(97 + index)}) " + " × ".join(space.names[v].replace("_", " ") for v in chosen))
+            _small_table(
+                axis,
+                cells,
+                space.constraints.feasible_cells(chosen),
+                [space.variables[v].labels for v in chosen],
+            )
+            axis.set_title(
+                f"({chr(97 + index)}) "
+                + " × ".join(space.names[v].replace("_", " ") for v in chosen)
+            )
     return figure
 
 
-def _small_table(axis: Axes, cells: list[list[str]], feasible: NDArray[np.bool_], labels: list[tuple[str, ...]]) -> None:
+def _small_table(
+    axis: Axes, cells: list[list[str]], feasible: NDArray[np.bool_], labels: list[tuple[str, ...]]
+) -> None:
     axis.set(xlim=(-0.5, len(labels[1]) - 0.5), ylim=(len(labels[0]) - 0.5, -0.5))
     axis.set_xticks(range(len(labels[1])), labels[1])
     axis.set_yticks(range(len(labels[0])), labels[0])
@@ -60,7 +72,14 @@ def _small_table(axis: Axes, cells: list[list[str]], feasible: NDArray[np.bool_]
         for j, name in enumerate(row):
             text = name if feasible[i, j] else NOT_COVERABLE
             colour = GRID if not feasible[i, j] else EXISTING if name.startswith("E") else GENERATED
-            axis.axhspan(i - 0.42, i + 0.42, (j + 0.04) / len(row), (j + 0.96) / len(row), color=to_rgba(colour, 0.16), linewidth=0)
+            axis.axhspan(
+                i - 0.42,
+                i + 0.42,
+                (j + 0.04) / len(row),
+                (j + 0.96) / len(row),
+                color=to_rgba(colour, 0.16),
+                linewidth=0,
+            )
             axis.text(j, i, text, ha="center", va="center", color=INK)
 
 
@@ -76,23 +95,40 @@ def growth(points: Points) -> Figure:
             (0, points.existing, EXISTING, "existing (random)"),
             (points.existing, len(shares), GENERATED, "proposed"),
         ):
-            axis.scatter(places[low:high], shares[low:high], color=colour, s=42, zorder=3, label=label)
+            axis.scatter(
+                places[low:high], shares[low:high], color=colour, s=42, zorder=3, label=label
+            )
         for place, (share, point) in enumerate(zip(shares, points.points, strict=True)):
-            axis.annotate(f"{point.covered}", (place, share), (0, 8), textcoords="offset points", ha="center", fontsize=8)
+            axis.annotate(
+                f"{point.covered}",
+                (place, share),
+                (0, 8),
+                textcoords="offset points",
+                ha="center",
+                fontsize=8,
+            )
         axis.set_xticks(places, [point.name for point in points.points])
-        axis.set(ylim=(0, 112), ylabel=f"{points.k}-projection coverage (%)", title=f"{points.required} feasible cells")
+        axis.set(
+            ylim=(0, 112),
+            ylabel=f"{points.k}-projection coverage (%)",
+            title=f"{points.required} feasible cells",
+        )
         axis.legend(loc="lower right")
     return figure
 
 
-def gallery(names: Sequence[str], images: Sequence[Pixels], classes: Sequence[Pixels], columns: int = 4) -> Figure:
+def gallery(
+    names: Sequence[str], images: Sequence[Pixels], classes: Sequence[Pixels], columns: int = 4
+) -> Figure:
     """The first snapshot of each point above its segmentation."""
     rows = -(-len(names) // columns)
     with styled({"axes.grid": False}):
         figure, axes = panels(rows, columns, width=2.9, height=3.7, sharey=False)
         for axis in (axis for row in axes for axis in row):
             axis.set_axis_off()
-        for name, image, numbers, axis in zip(names, images, classes, (axis for row in axes for axis in row), strict=False):
+        for name, image, numbers, axis in zip(
+            names, images, classes, (axis for row in axes for axis in row), strict=False
+        ):
             axis.imshow(np.vstack([image, SEGMENT_COLOURS[numbers]]), interpolation="antialiased")
             axis.set_title(name, color=EXISTING if name.startswith("E") else GENERATED)
     return figure
@@ -102,18 +138,37 @@ def by_condition(evaluation: Evaluation, space: Space) -> Figure:
     """Share of test snapshots on which each detector is right, for every value of every condition that a feasible point has.
 
     Without intervals: the snapshots share a few towns and are spread evenly over the points, so they are no independent samples."""
-    tested = {value for detector in evaluation.detectors for point in detector.points for value in point.values.items()}
-    rows = [(variable.name, label) for variable in space.variables for label in variable.labels if (variable.name, label) in tested]
+    tested = {
+        value
+        for detector in evaluation.detectors
+        for point in detector.points
+        for value in point.values.items()
+    }
+    rows = [
+        (variable.name, label)
+        for variable in space.variables
+        for label in variable.labels
+        if (variable.name, label) in tested
+    ]
     with styled():
         figure, axes = panels(1, 1, width=7.6, height=0.3 * len(rows) + 0.9)
         axis = axes[0][0]
-        for index, (detector, colour) in enumerate(zip(evaluation.detectors, (EXISTING, GENERATED), strict=True)):
+        for index, (detector, colour) in enumerate(
+            zip(evaluation.detectors, (EXISTING, GENERATED), strict=True)
+        ):
             for place, (name, label) in enumerate(rows):
-                right = [right for point in detector.points if point.values[name] == label for right in point.right]
+                right = [
+                    right
+                    for point in detector.points
+                    if point.values[name] == label
+                    for right in point.right
+                ]
                 share, y = sum(right) / len(right), place + 0.22 * (2 * index - 1) / 2
                 label_once = f"trained on {detector.learnt_points} points" if place == 0 else None
                 axis.scatter([100 * share], [y], color=colour, s=22, zorder=3, label=label_once)
-        axis.set_yticks(range(len(rows)), [f"{name.replace('_', ' ')}: {label}" for name, label in rows])
+        axis.set_yticks(
+            range(len(rows)), [f"{name.replace('_', ' ')}: {label}" for name, label in rows]
+        )
         axis.set(ylim=(len(rows) - 0.5, -0.5), xlabel="share of right test snapshots (%)")
         axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2)
     return figure
@@ -122,7 +177,12 @@ def by_condition(evaluation: Evaluation, space: Space) -> Figure:
 def page(study: str, points: Points, evaluation: Evaluation, figures: Mapping[str, Figure]) -> Page:
     """The whole page. figures: name of a drawing function above -> its figure."""
     sections = (_coverage(points, figures), _snapshots(figures), _detectors(evaluation, figures))
-    return Page(study, _headline(points, evaluation), sections, title="Does full coverage make a better detector?")
+    return Page(
+        study,
+        _headline(points, evaluation),
+        sections,
+        title="Does full coverage make a better detector?",
+    )
 
 
 def _headline(points: Points, evaluation: Evaluation) -> str:
@@ -139,8 +199,15 @@ def _headline(points: Points, evaluation: Evaluation) -> str:
 
 def _coverage(points: Points, figures: Mapping[str, Figure]) -> Section:
     conditions = tuple(points.points[0].values)
-    rows = tuple((p.name, *(p.values[name] for name in conditions), f"{p.covered} of {points.required}") for p in points.points)
-    listed = Table(("point", *(name.replace("_", " ") for name in conditions), "covered"), rows, numbers=(len(conditions) + 1,))
+    rows = tuple(
+        (p.name, *(p.values[name] for name in conditions), f"{p.covered} of {points.required}")
+        for p in points.points
+    )
+    listed = Table(
+        ("point", *(name.replace("_", " ") for name in conditions), "covered"),
+        rows,
+        numbers=(len(conditions) + 1,),
+    )
     how = (
         "Two operating conditions form a plane; each pair of their values is a cell. A cell is covered if a point has both values. Each "
         "proposal is the feasible point that covers the most new cells, found by 0-1 programming."
@@ -150,7 +217,9 @@ def _coverage(points: Points, figures: Mapping[str, Figure]) -> Section:
         "Coverage",
         (how,),
         (
-            Passage(plots=(Drawing.of(figures["growth"], "Number of cells covered after each point."),)),
+            Passage(
+                plots=(Drawing.of(figures["growth"], "Number of cells covered after each point."),)
+            ),
             Passage(title="Points", table=listed),
             Passage(title="Planes", plots=(Drawing.of(figures["table"], legend),)),
         ),
@@ -158,7 +227,10 @@ def _coverage(points: Points, figures: Mapping[str, Figure]) -> Section:
 
 
 def _snapshots(figures: Mapping[str, Figure]) -> Section:
-    drawing = Drawing.of(figures["gallery"], "The first snapshot of each point, above its segmentation. Yellow: the forward vehicle.")
+    drawing = Drawing.of(
+        figures["gallery"],
+        "The first snapshot of each point, above its segmentation. Yellow: the forward vehicle.",
+    )
     text = "A point fixes the conditions. Town, place, distances, vehicles, pedestrians and light are random."
     return Section("Snapshots", (text,), (Passage(plots=(drawing,)),))
 
@@ -175,10 +247,29 @@ def _detectors(evaluation: Evaluation, figures: Mapping[str, Figure]) -> Section
     for detector in evaluation.detectors:
         right = _right(detector)
         share = f"{np.mean(right):.3f}"
-        rows.append((f"{detector.learnt_points} points", f"{detector.images}", *(f"{detector.metrics[n]:.3f}" for n in names), share))
-    headers = ("trained on", "images", "AP50", "AP50-95", "precision", "recall", "false positives per image", "right snapshots")
+        rows.append(
+            (
+                f"{detector.learnt_points} points",
+                f"{detector.images}",
+                *(f"{detector.metrics[n]:.3f}" for n in names),
+                share,
+            )
+        )
+    headers = (
+        "trained on",
+        "images",
+        "AP50",
+        "AP50-95",
+        "precision",
+        "recall",
+        "false positives per image",
+        "right snapshots",
+    )
     plot = Drawing.of(figures["by_condition"], "Share of right snapshots by condition.")
-    parts = (Passage(table=Table(headers, tuple(rows), numbers=(7,))), Passage(title="By operating condition", plots=(plot,)))
+    parts = (
+        Passage(table=Table(headers, tuple(rows), numbers=(7,))),
+        Passage(title="By operating condition", plots=(plot,)),
+    )
     return Section("Detectors", (how,), parts)
 
 

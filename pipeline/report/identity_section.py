@@ -23,7 +23,11 @@ def identity_section(
     headers = ("scenario", "strategy", "version", "seeds", "tests", "errors")
     parts = [
         Passage("What it does not show", notes=texts.NOT_SHOWN),
-        Passage("Tests and seeds", texts.SEEDS, Table(headers, tuple(_campaigns(tests, labels)), numbers=(3, 4, 5))),
+        Passage(
+            "Tests and seeds",
+            texts.SEEDS,
+            Table(headers, tuple(_campaigns(tests, labels)), numbers=(3, 4, 5)),
+        ),
         Passage("Settings", table=Table(("setting", "value"), tuple(settings), codes=(1,))),
         *([Passage("Model versions", table=_versions(cards))] if cards else []),
         Passage(
@@ -36,11 +40,27 @@ def identity_section(
 
 def _campaigns(tests: pd.DataFrame, labels: Mapping[str, str]) -> Iterator[tuple[str, ...]]:
     """A row for each scenario, strategy and version."""
-    for (scenario, strategy, version), rows in tests.groupby(["scenario", "strategy", "version"], sort=False):
+    for (scenario, strategy, version), rows in tests.groupby(
+        ["scenario", "strategy", "version"], sort=False
+    ):
         seeds = ", ".join(map(str, sorted(rows["seed"].unique())))
-        yield labels.get(scenario, scenario), strategy, version, seeds, str(len(rows)), str(int((~is_valid(rows)).sum()))
+        yield (
+            labels.get(scenario, scenario),
+            strategy,
+            version,
+            seeds,
+            str(len(rows)),
+            str(int((~is_valid(rows)).sum())),
+        )
 
 
 def _versions(cards: Sequence[ModelCard]) -> Table:
-    rows = tuple((card.version, card.parent or "none", str(card.seed), card.weights_sha256) for card in cards)
-    return Table(("version", "parent", "seed of its training", "SHA-256 of its weights"), rows, numbers=(2,), codes=(3,))
+    rows = tuple(
+        (card.version, card.parent or "none", str(card.seed), card.weights_sha256) for card in cards
+    )
+    return Table(
+        ("version", "parent", "seed of its training", "SHA-256 of its weights"),
+        rows,
+        numbers=(2,),
+        codes=(3,),
+    )

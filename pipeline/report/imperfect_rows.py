@@ -20,7 +20,10 @@ def imperfect(table: PointTable) -> dict[str, Any]:
         "points": table.points,
         "partial": table.partial,
         "left_out": table.rows - table.points,
-        "causes": [{"cause": table.told(fault), "rows": fault.rows, "left_out": fault.left_out} for fault in faults[:LISTED]],
+        "causes": [
+            {"cause": table.told(fault), "rows": fault.rows, "left_out": fault.left_out}
+            for fault in faults[:LISTED]
+        ],
         "more_causes": len(faults[LISTED:]),
         "unused_metadata": table.unused,
     }
@@ -28,7 +31,11 @@ def imperfect(table: PointTable) -> dict[str, Any]:
 
 def imperfect_text(found: dict[str, Any]) -> list[str]:
     """Lines on the imperfect rows, none if there are none."""
-    lines = [f"{found['unused_metadata']:,} rows of the metadata belong to no image."] if found["unused_metadata"] else []
+    lines = (
+        [f"{found['unused_metadata']:,} rows of the metadata belong to no image."]
+        if found["unused_metadata"]
+        else []
+    )
     if not found["causes"]:
         return lines
     lines += [

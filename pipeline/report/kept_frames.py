@@ -32,16 +32,24 @@ class KeptFrames:
     """The kept frames of campaigns. tables: frames.parquet of each, with detections.parquet beside it."""
 
     def __init__(self, tables: Sequence[Path]) -> None:
-        self._tables: Mapping[Path, pd.DataFrame] = {path: read_frames(path, COLUMNS) for path in tables}
+        self._tables: Mapping[Path, pd.DataFrame] = {
+            path: read_frames(path, COLUMNS) for path in tables
+        }
 
     @property
     def tests(self) -> frozenset[str]:
         """The tests with a kept frame."""
-        return frozenset(str(test) for rows in self._tables.values() for test in rows["test_id"].unique())
+        return frozenset(
+            str(test) for rows in self._tables.values() for test in rows["test_id"].unique()
+        )
 
     def images(self, wanted: Collection[str]) -> dict[str, bytes]:
         """The decisive moment of each wanted test that has a kept frame, as JPEG."""
-        return {test: image for _, rows, images in self._chosen(wanted) for test, image in zip(rows["test_id"], images, strict=True)}
+        return {
+            test: image
+            for _, rows, images in self._chosen(wanted)
+            for test, image in zip(rows["test_id"], images, strict=True)
+        }
 
     def moments(self, wanted: Collection[str]) -> dict[str, Moment]:
         """The same with the boxes in it."""
@@ -55,7 +63,11 @@ class KeptFrames:
                 for _, own in every[every["test_id"].isin(wanted)].groupby("test_id", sort=False)
             ]
             if chosen:
-                yield path, every.loc[chosen], read_frames(path, ["image"])["image"].loc[chosen].tolist()
+                yield (
+                    path,
+                    every.loc[chosen],
+                    read_frames(path, ["image"])["image"].loc[chosen].tolist(),
+                )
 
 
 def most_telling(visible: Iterable[bool]) -> int:
@@ -67,12 +79,22 @@ def most_telling(visible: Iterable[bool]) -> int:
     return shown[max(0, len(shown) * 3 // 4 - 1)] if shown else 0
 
 
-def _with_boxes(path: Path, rows: pd.DataFrame, images: Sequence[bytes]) -> Iterator[tuple[str, Moment]]:
+def _with_boxes(
+    path: Path, rows: pd.DataFrame, images: Sequence[bytes]
+) -> Iterator[tuple[str, Moment]]:
     stored = read_detections(path.with_name("detections.parquet"))
-    stored = stored[stored["test_id"].isin(rows["test_id"])].set_index(["test_id", "step"]).sort_index()
+    stored = (
+        stored[stored["test_id"].isin(rows["test_id"])].set_index(["test_id", "step"]).sort_index()
+    )
     for (_, row), image in zip(rows.iterrows(), images, strict=True):
         key, truth = (row["test_id"], row["step"]), frame_box(row, "visible")
         own = stored.loc[[key]] if key in stored.index else stored.iloc[:0]
-        boxes = [((left, top, right, bottom), score) for left, top, right, bottom, score in own[[*SIDES, "score"]].to_numpy(float).tolist()]
+        boxes = [
+            ((left, top, right, bottom), score)
+            for left, top, right, bottom, score in own[[*SIDES, "score"]].to_numpy(float).tolist()
+        ]
         ranked = sorted(boxes, key=lambda found: -found[1])
-        yield str(row["test_id"]), Moment(image, Image.open(io.BytesIO(image)).size, truth, tuple(ranked))
+        yield (
+            str(row["test_id"]),
+            Moment(image, Image.open(io.BytesIO(image)).size, truth, tuple(ranked)),
+        )

@@ -170,14 +170,25 @@ def render(page: Page) -> str:
     """The page as HTML; texts and cells are escaped."""
     loader = FileSystemLoader(Path(__file__).parent)
     environment = Environment(
-        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, finalize=_unbroken
+        loader=loader,
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=_unbroken,
     )
-    return environment.get_template("page.html.jinja").render(page=page, asset=_asset, first_how=texts.FIRST)
+    return environment.get_template("page.html.jinja").render(
+        page=page, asset=_asset, first_how=texts.FIRST
+    )
 
 
 def _unbroken(value: Any) -> Any:
     """The text with no-break spaces before per cent signs, so that no line begins with one."""
-    return value.replace(" %", "\u00a0%") if isinstance(value, str) and not isinstance(value, Markup) else value
+    return (
+        value.replace(" %", "\u00a0%")
+        if isinstance(value, str) and not isinstance(value, Markup)
+        else value
+    )
 
 
 def _asset(name: str) -> Markup:

@@ -39,10 +39,16 @@ class Shown:
 
 def pictured(found: FailureRegions, frames: KeptFrames) -> dict[str, tuple[str, ...]]:
     """The tests on each card of a scenario: a region's representatives, then its other failures, as far as frames were kept."""
-    first = {region.name: [one.test_id for one in region.representatives] for region in found.regions}
+    first = {
+        region.name: [one.test_id for one in region.representatives] for region in found.regions
+    }
     known = frames.tests
     return {
-        name: tuple([test for test in dict.fromkeys([*first.get(name, []), *tests]) if test in known][:PICTURES])
+        name: tuple(
+            [test for test in dict.fromkeys([*first.get(name, []), *tests]) if test in known][
+                :PICTURES
+            ]
+        )
         for name, tests in groups(found).items()
     }
 
@@ -53,16 +59,23 @@ def ends(tests: pd.DataFrame) -> dict[str, str]:
     return {test: f"{MODE_NAMES[mode]}, adj. TTC {value:.2f} s" for test, mode, value in rows}
 
 
-def cards(found: FailureRegions, tests: Mapping[str, Sequence[str]], shown: Shown) -> tuple[Card, ...]:
+def cards(
+    found: FailureRegions, tests: Mapping[str, Sequence[str]], shown: Shown
+) -> tuple[Card, ...]:
     """The cards of a scenario: its regions, then the failures in none. tests: those pictured, by card."""
     *regions, isolated = groups(found).items()
     return (
-        *(_region(region, found, tests[name], shown) for region, (name, _) in zip(found.regions, regions, strict=True)),
+        *(
+            _region(region, found, tests[name], shown)
+            for region, (name, _) in zip(found.regions, regions, strict=True)
+        ),
         *([_isolated(*isolated, tests[isolated[0]], shown)] if found.isolated else []),
     )
 
 
-def _region(region: FailureRegion, found: FailureRegions, tests: Sequence[str], shown: Shown) -> Card:
+def _region(
+    region: FailureRegion, found: FailureRegions, tests: Sequence[str], shown: Shown
+) -> Card:
     why = region.why
     return Card(
         name=region.name,
@@ -73,7 +86,9 @@ def _region(region: FailureRegion, found: FailureRegions, tests: Sequence[str], 
         facts=tuple(_facts(region, found)),
         pictures=tuple(_picture(test, shown) for test in tests),
         fewer=_fewer(len(tests), len(region.members)),
-        bars=() if why is None else tuple(map(_bar, [*why.repairs, *([why.control] if why.control else [])])),
+        bars=()
+        if why is None
+        else tuple(map(_bar, [*why.repairs, *([why.control] if why.control else [])])),
         replays=tuple(shown.films.get(region.name, ())),
         test=region.representatives[0].test_id,
     )
@@ -100,12 +115,23 @@ def _facts(region: FailureRegion, found: FailureRegions) -> list[tuple[str, str]
     return [
         ("failures", str(len(region.members))),
         ("cause", CAUSES.get(region.cause, MIXED)),
-        ("failures inside the rule", f"{region.failures_inside} / {region.support} = {share(region.precision)}"),
+        (
+            "failures inside the rule",
+            f"{region.failures_inside} / {region.support} = {share(region.precision)}",
+        ),
         ("lift", f"{region.lift:.1f}"),
-        ("held back", NONE if held_back.rate is None else f"{held_back.failures} / {held_back.tests} = {share(held_back.rate)}"),
+        (
+            "held back",
+            NONE
+            if held_back.rate is None
+            else f"{held_back.failures} / {held_back.tests} = {share(held_back.rate)}",
+        ),
         ("covered by the rule", share(region.recall)),
         *_confirmation(region.confirmation),
-        ("failure modes", ", ".join(f"{count} {MODE_NAMES[name]}" for name, count in region.modes if count)),
+        (
+            "failure modes",
+            ", ".join(f"{count} {MODE_NAMES[name]}" for name, count in region.modes if count),
+        ),
         ("found by", ", ".join(f"{count} {name}" for name, count in region.strategies.items())),
         *([("not solvable with this camera", str(len(unsolvable)))] if unsolvable else []),
     ]
@@ -125,21 +151,35 @@ def _confirmation(found: Confirmation | None) -> list[tuple[str, str]]:
 def _bar(repair: Repair) -> Bar:
     errors = f"; errors: {repair.errors}" if repair.errors else ""
     rate = f" = {percent(repair.rate)}" if repair.rate else ""
-    return Bar(repair.change, repair.repaired, max(1, repair.tests), f"{repair.repaired} / {repair.tests}{rate}{errors}")
+    return Bar(
+        repair.change,
+        repair.repaired,
+        max(1, repair.tests),
+        f"{repair.repaired} / {repair.tests}{rate}{errors}",
+    )
 
 
 def _fewer(pictures: int, members: int) -> str:
     """Why a card has fewer pictures than usual; empty if it has all."""
     if pictures == min(PICTURES, members):
         return ""
-    return f"Frames were kept for {pictures} of its {members} failures." if pictures else "No frames of its failures were kept."
+    return (
+        f"Frames were kept for {pictures} of its {members} failures."
+        if pictures
+        else "No frames of its failures were kept."
+    )
 
 
 def _picture(test: str, shown: Shown) -> Picture:
     """The frame, less sharp than it was kept, so that many fit on the page."""
     moment = shown.moments[test]
-    scored = [(box, score, "reported" if score >= shown.reported_from else "unreported") for box, score in moment.detections[:BOXES]]
-    boxes = [Box(*box, kind=kind, label=_score(score)) for box, score, kind in reversed(scored)]  # The best one on top.
+    scored = [
+        (box, score, "reported" if score >= shown.reported_from else "unreported")
+        for box, score in moment.detections[:BOXES]
+    ]
+    boxes = [
+        Box(*box, kind=kind, label=_score(score)) for box, score, kind in reversed(scored)
+    ]  # The best one on top.
     truth = [Box(*moment.truth, kind="truth")] if moment.truth else []
     words = f"{shown.ends[test]}. {_words(moment, shown.reported_from)}"
     return Picture(test, jpeg_uri(decode_jpeg(moment.image)), moment.size, (*truth, *boxes), words)

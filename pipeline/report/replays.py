@@ -59,7 +59,9 @@ class Replay:
 
     def __post_init__(self) -> None:
         if not self.episode.frames:
-            raise ValueError("a replay needs the frames of the episode; execute it with keep_every=1")
+            raise ValueError(
+                "a replay needs the frames of the episode; execute it with keep_every=1"
+            )
 
     @property
     def frames_per_second(self) -> int:
@@ -98,7 +100,9 @@ def render_replay(replay: Replay, path: Path, frames_per_second: int = 5) -> Non
         write_mp4(images, partial, frames_per_second)
     elif path.suffix == ".gif":
         first, *rest = (Image.fromarray(image) for image in images)
-        first.save(partial, save_all=True, append_images=rest, duration=1000 // frames_per_second, loop=0)
+        first.save(
+            partial, save_all=True, append_images=rest, duration=1000 // frames_per_second, loop=0
+        )
     else:
         raise ValueError(f"a replay must be an .mp4 or a .gif, got {path.name}")
     partial.replace(path)
@@ -116,11 +120,17 @@ def draw_view(kept: KeptFrame) -> Pixels:
     image = kept.frame.image
     scale = FRAME_HEIGHT / image.shape[0]
     view: Pixels = np.asarray(
-        cv2.resize(image, (round(FRAME_HEIGHT * image.shape[1] / image.shape[0] / 2) * 2, FRAME_HEIGHT), interpolation=cv2.INTER_CUBIC)
+        cv2.resize(
+            image,
+            (round(FRAME_HEIGHT * image.shape[1] / image.shape[0] / 2) * 2, FRAME_HEIGHT),
+            interpolation=cv2.INTER_CUBIC,
+        )
     )
     if kept.frame.truth.visible_box is not None:
         _rectangle(view, kept.frame.truth.visible_box, scale, 5, TRUTH)
-    for box, score, outcome in zip(kept.detections.boxes, kept.detections.scores, kept.matching.outcomes, strict=True):
+    for box, score, outcome in zip(
+        kept.detections.boxes, kept.detections.scores, kept.matching.outcomes, strict=True
+    ):
         if outcome == "unreported":
             continue
         left, top = _rectangle(view, tuple(float(value) for value in box), scale, 2, DETECTION)
@@ -141,7 +151,9 @@ def outcome_text(kpi: Kpi) -> str:
 
 def jpeg_uri(image: Pixels) -> str:
     """An image, (height, width, 3) RGB, as a data: address."""
-    _, content = cv2.imencode(".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 80])
+    _, content = cv2.imencode(
+        ".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 80]
+    )
     return data_uri(content.tobytes(), "image/jpeg")
 
 
@@ -153,11 +165,21 @@ def most_telling_frame(episode: Episode) -> int:
 def _side_text(replay: Replay, kpi: Kpi) -> str:
     result = outcome_text(kpi) if kpi.failure_mode == "none" else f"FAILURE: {outcome_text(kpi)}"
     seen = "never" if np.isnan(kpi.first_detection_m) else f"{kpi.first_detection_m:.1f} m away"
-    lines = [part for line in replay.title.splitlines() for part in textwrap.wrap(line, SIDE_CHARACTERS)]
-    lines += ["", f"adj. TTC {kpi.adj_ttc_s:.2f} s (TTC alone {kpi.ttc_s:.2f} s)", *textwrap.wrap(result, SIDE_CHARACTERS)]
+    lines = [
+        part for line in replay.title.splitlines() for part in textwrap.wrap(line, SIDE_CHARACTERS)
+    ]
+    lines += [
+        "",
+        f"adj. TTC {kpi.adj_ttc_s:.2f} s (TTC alone {kpi.ttc_s:.2f} s)",
+        *textwrap.wrap(result, SIDE_CHARACTERS),
+    ]
     lines += [f"first detected  {seen}", f"false positives {kpi.false_positives}", ""]
     for name, value in replay.concrete.items():
-        shown = value if isinstance(value, str) else f"{value:.3g} {replay.units.get(name, '')}".rstrip()
+        shown = (
+            value
+            if isinstance(value, str)
+            else f"{value:.3g} {replay.units.get(name, '')}".rstrip()
+        )
         lines.append(f"{name.replace('_', ' '):<17} {shown}")
     return "\n".join(lines)
 
@@ -169,8 +191,17 @@ def _layout(episode: Episode, text: str, kpi: Kpi, threshold_s: float) -> Layout
     with styled({"font.size": 12}):
         figure = Figure(figsize=(total_width / DPI, total_height / DPI), dpi=DPI, facecolor="white")
         figure.set_layout_engine("none")
-        figure.text((frame_width + 1.5 * MARGIN) / total_width, 1 - MARGIN / total_height, text, **_TEXT)
-        axis = figure.add_axes((0.065, BELOW_SIGNALS / total_height, 0.765, (SIGNALS_HEIGHT - BELOW_SIGNALS - 40) / total_height))
+        figure.text(
+            (frame_width + 1.5 * MARGIN) / total_width, 1 - MARGIN / total_height, text, **_TEXT
+        )
+        axis = figure.add_axes(
+            (
+                0.065,
+                BELOW_SIGNALS / total_height,
+                0.765,
+                (SIGNALS_HEIGHT - BELOW_SIGNALS - 40) / total_height,
+            )
+        )
         _draw_signals(axis, episode, kpi, threshold_s)
         canvas = FigureCanvasAgg(figure)
         canvas.draw()
@@ -178,10 +209,25 @@ def _layout(episode: Episode, text: str, kpi: Kpi, threshold_s: float) -> Layout
         left, right = (axis.transData.transform((value, 0))[0] for value in axis.get_xlim())
     pixels: Pixels = np.asarray(canvas.buffer_rgba())[..., :3].copy()
     last_s = float(episode.signals["time_s"][-1])
-    return Layout(pixels, frame_width, left, right, total_height - int(box.y1), total_height - int(box.y0), last_s)
+    return Layout(
+        pixels,
+        frame_width,
+        left,
+        right,
+        total_height - int(box.y1),
+        total_height - int(box.y0),
+        last_s,
+    )
 
 
-_TEXT: dict[str, Any] = {"va": "top", "ha": "left", "fontsize": 12.5, "family": "DejaVu Sans Mono", "color": INK, "linespacing": 1.3}
+_TEXT: dict[str, Any] = {
+    "va": "top",
+    "ha": "left",
+    "fontsize": 12.5,
+    "family": "DejaVu Sans Mono",
+    "color": INK,
+    "linespacing": 1.3,
+}
 
 
 def _draw_signals(axis: Axes, episode: Episode, kpi: Kpi, threshold_s: float) -> None:
@@ -208,7 +254,12 @@ def _draw_signals(axis: Axes, episode: Episode, kpi: Kpi, threshold_s: float) ->
         target.spines["right"].set_visible(target is not axis)
         target.spines["right"].set_color(GRID)
     axis.set(xlim=(0, max(float(time_s[-1]), 0.1)), xlabel="time (s)")
-    axis.set_title("no collision path" if np.isnan(shown).all() else f"smallest adj. TTC {kpi.adj_ttc_s:.2f} s", fontsize=12)
+    axis.set_title(
+        "no collision path"
+        if np.isnan(shown).all()
+        else f"smallest adj. TTC {kpi.adj_ttc_s:.2f} s",
+        fontsize=12,
+    )
 
 
 def _compose(layout: Layout, kept: KeptFrame) -> Pixels:
@@ -222,27 +273,55 @@ def _compose(layout: Layout, kept: KeptFrame) -> Pixels:
     return canvas
 
 
-def _rectangle(view: Pixels, box: tuple[float, ...], scale: float, aside: int, colour: tuple[int, int, int]) -> tuple[int, int]:
+def _rectangle(
+    view: Pixels, box: tuple[float, ...], scale: float, aside: int, colour: tuple[int, int, int]
+) -> tuple[int, int]:
     # OpenCV refuses places far beyond the image, which a detector may report.
-    left, top, right, bottom = (round(min(max(value * scale, -FARTHEST), FARTHEST)) for value in box)
+    left, top, right, bottom = (
+        round(min(max(value * scale, -FARTHEST), FARTHEST)) for value in box
+    )
     # Drawn outside, so that a small pedestrian stays visible, and the true box does not vanish under a good detection.
-    cv2.rectangle(view, (left - aside, top - aside), (right + aside - 1, bottom + aside - 1), colour, 2)
+    cv2.rectangle(
+        view, (left - aside, top - aside), (right + aside - 1, bottom + aside - 1), colour, 2
+    )
     return left, top
 
 
-def _label(view: Pixels, text: str, left: int, bottom: int, colour: tuple[int, int, int] = DETECTION) -> None:
+def _label(
+    view: Pixels, text: str, left: int, bottom: int, colour: tuple[int, int, int] = DETECTION
+) -> None:
     (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, LABEL_SCALE, 1)
     left = int(np.clip(left, 4, view.shape[1] - width - 4))
     bottom = int(np.clip(bottom - 5, height + 4, view.shape[0] - 4))
     cv2.rectangle(view, (left - 3, bottom - height - 3), (left + width + 3, bottom + 4), colour, -1)
-    cv2.putText(view, text, (left, bottom), cv2.FONT_HERSHEY_SIMPLEX, LABEL_SCALE, (255, 255, 255), 1, cv2.LINE_AA)
+    cv2.putText(
+        view,
+        text,
+        (left, bottom),
+        cv2.FONT_HERSHEY_SIMPLEX,
+        LABEL_SCALE,
+        (255, 255, 255),
+        1,
+        cv2.LINE_AA,
+    )
 
 
 def write_mp4(images: list[Pixels], path: Path, frames_per_second: int) -> None:
     """Write images (height, width, 3) RGB of even height and width as H.264; the same images give the same file."""
     height, width = images[0].shape[:2]
     # Bit-exact and on one thread, so that the file is the same.
-    options = ["-crf", "27", "-preset", "slow", "-threads", "1", "-movflags", "+faststart", "-fflags", "+bitexact"]
+    options = [
+        "-crf",
+        "27",
+        "-preset",
+        "slow",
+        "-threads",
+        "1",
+        "-movflags",
+        "+faststart",
+        "-fflags",
+        "+bitexact",
+    ]
     writer = imageio_ffmpeg.write_frames(
         str(path),
         (width, height),

@@ -24,7 +24,10 @@ from pipeline.report.films_on_demand import FilmsOnDemand
 
 ADDRESS = "127.0.0.1"
 FILM = re.compile(r"/films/([\w-]+)\.mp4", re.ASCII)
-SERVED = {'<html lang="en">': '<html lang="en" data-served>', "media-src data:;": "media-src data: blob:; connect-src 'self';"}
+SERVED = {
+    '<html lang="en">': '<html lang="en" data-served>',
+    "media-src data:;": "media-src data: blob:; connect-src 'self';",
+}
 """What the served page has in place of the file's text: a mark that films can be had, and the right to fetch and play them."""
 
 
@@ -53,7 +56,9 @@ def served(page: Path) -> bytes:
     text = read_bytes(page).decode()
     for stored, instead in SERVED.items():
         if text.count(stored) != 1:
-            raise InputError(f"{page}: expected a page made by this version of the program; make it again with ./run")
+            raise InputError(
+                f"{page}: expected a page made by this version of the program; make it again with ./run"
+            )
         text = text.replace(stored, instead)
     return text.encode()
 
@@ -71,8 +76,13 @@ class _Request(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         path = _path(self.path)
-        if self.headers.get("Host") not in [f"{name}:{self.server.port}" for name in (ADDRESS, "localhost")]:
-            return self._say(HTTPStatus.FORBIDDEN, f"This server answers only at http://{ADDRESS}:{self.server.port}.")
+        if self.headers.get("Host") not in [
+            f"{name}:{self.server.port}" for name in (ADDRESS, "localhost")
+        ]:
+            return self._say(
+                HTTPStatus.FORBIDDEN,
+                f"This server answers only at http://{ADDRESS}:{self.server.port}.",
+            )
         try:
             if film := FILM.fullmatch(path):
                 return self._film(film[1])
@@ -81,7 +91,9 @@ class _Request(BaseHTTPRequestHandler):
         except InputError as error:
             return self._say(HTTPStatus.NOT_FOUND, str(error))
         if path == "/":
-            return self._answer(HTTPStatus.FOUND, "text/plain", b"", Location=next(iter(self.server.pages)))
+            return self._answer(
+                HTTPStatus.FOUND, "text/plain", b"", Location=next(iter(self.server.pages))
+            )
         self._say(HTTPStatus.NOT_FOUND, "There is no such page.")
 
     def _film(self, test: str) -> None:
@@ -91,19 +103,35 @@ class _Request(BaseHTTPRequestHandler):
         film = self.server.films.film(test, self._waits)
         if film is not None:
             # A header holds Latin letters only.
-            self._answer(HTTPStatus.OK, "video/mp4", film.video, **({"X-Changed": quote(film.changed)} if film.changed else {}))
+            self._answer(
+                HTTPStatus.OK,
+                "video/mp4",
+                film.video,
+                **({"X-Changed": quote(film.changed)} if film.changed else {}),
+            )
 
     def _waits(self) -> bool:
         """Whether the other end still waits: a page that goes on to another test hangs up."""
-        return not select([self.connection], [], [], 0)[0] or bool(self.connection.recv(1, MSG_PEEK))
+        return not select([self.connection], [], [], 0)[0] or bool(
+            self.connection.recv(1, MSG_PEEK)
+        )
 
     def _say(self, status: HTTPStatus, sentence: str) -> None:
         self._answer(status, "text/plain; charset=utf-8", sentence.encode())
 
     def _answer(self, status: HTTPStatus, kind: str, body: bytes, **headers: str) -> None:
-        own = {"X-Content-Type-Options": "nosniff", "Cross-Origin-Resource-Policy": "same-origin", "Cache-Control": "no-store"}
+        own = {
+            "X-Content-Type-Options": "nosniff",
+            "Cross-Origin-Resource-Policy": "same-origin",
+            "Cache-Control": "no-store",
+        }
         self.send_response(status)
-        for name, value in {"Content-Type": kind, "Content-Length": str(len(body)), **own, **headers}.items():
+        for name, value in {
+            "Content-Type": kind,
+            "Content-Length": str(len(body)),
+            **own,
+            **headers,
+        }.items():
             self.send_header(name, value)
         self.end_headers()
         self.wfile.write(body)

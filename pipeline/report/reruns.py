@@ -19,8 +19,19 @@ class Reruns:
     detector_of: makes a version's detector. total: number of tests to come, for `progress`.
     """
 
-    def __init__(self, config: Config, detector_of: Callable[[str], Detector], total: int, progress: OnProgress) -> None:
-        self._config, self._detector_of, self._total, self._progress = config, detector_of, total, progress
+    def __init__(
+        self,
+        config: Config,
+        detector_of: Callable[[str], Detector],
+        total: int,
+        progress: OnProgress,
+    ) -> None:
+        self._config, self._detector_of, self._total, self._progress = (
+            config,
+            detector_of,
+            total,
+            progress,
+        )
         self._simulators: dict[str, Simulator] = {}
         self._detectors: dict[str, Detector] = {}
         self._done = 0
@@ -29,18 +40,26 @@ class Reruns:
         """The episode of a test; InputError if it cannot be executed again."""
         if test.scenario not in self._simulators:
             scenario = self._config.scenarios[test.scenario]
-            self._simulators[test.scenario] = make_simulator(self._config.simulator, scenario, self._config.car)
+            self._simulators[test.scenario] = make_simulator(
+                self._config.simulator, scenario, self._config.car
+            )
         if test.version not in self._detectors:
             self._detectors[test.version] = self._detector_of(test.version)
         try:
-            episode = self._simulators[test.scenario].execute(test.concrete, self._detectors[test.version], keep_every=1)
+            episode = self._simulators[test.scenario].execute(
+                test.concrete, self._detectors[test.version], keep_every=1
+            )
         except SimulationError as error:
-            raise InputError(f"{test.test_id}: expected the test to end as before, got an error: {error}") from error
+            raise InputError(
+                f"{test.test_id}: expected the test to end as before, got an error: {error}"
+            ) from error
         except InputError:
             raise
         except Exception as error:  # Foreign code may raise anything.
             told = machine_error(error)
-            raise told or InputError(f"{test.test_id}: expected the test to end as before, got {type(error).__name__}: {error}") from error
+            raise told or InputError(
+                f"{test.test_id}: expected the test to end as before, got {type(error).__name__}: {error}"
+            ) from error
         self._done += 1
         self._progress(self._done, self._total, test.heading)
         return episode

@@ -33,12 +33,19 @@ DRAWN_AS_SHAPES = 2000
 """With more tests, a panel's points are one picture: shapes would make the page large and slow."""
 
 
-def kpi_scatter(tests: pd.DataFrame, strategies: Sequence[str], label: str, threshold_s: float) -> Figure:
+def kpi_scatter(
+    tests: pd.DataFrame, strategies: Sequence[str], label: str, threshold_s: float
+) -> Figure:
     """`kpi_panels` of one scenario: a panel for each strategy. tests: rows of its campaigns, columns of tests.parquet."""
-    return kpi_panels({f"{label} · {strategy}": tests[tests["strategy"] == strategy] for strategy in strategies}, threshold_s)
+    return kpi_panels(
+        {f"{label} · {strategy}": tests[tests["strategy"] == strategy] for strategy in strategies},
+        threshold_s,
+    )
 
 
-def kpi_panels(campaigns: Mapping[str, pd.DataFrame], threshold_s: float, columns: int = 3) -> Figure:
+def kpi_panels(
+    campaigns: Mapping[str, pd.DataFrame], threshold_s: float, columns: int = 3
+) -> Figure:
     """adj. TTC over the position in the campaign, one panel for each title (thesis Fig. 6.1), with the mean of each batch.
 
     campaigns: tests by title, columns of tests.parquet. Tests that ended in an error are left out.
@@ -48,9 +55,20 @@ def kpi_panels(campaigns: Mapping[str, pd.DataFrame], threshold_s: float, column
         for axis, (title, tests) in zip(axes, campaigns.items(), strict=True):
             chosen = tests[is_valid(tests)]
             _scatter_modes(axis, chosen)
-            batches = chosen.groupby("batch").agg(index=("index", "mean"), adj_ttc_s=("adj_ttc_s", "mean"))
-            axis.plot(batches["index"] + 1, batches["adj_ttc_s"], color=INK, linewidth=1.4, label="batch mean", zorder=3)
-            axis.axhline(threshold_s, color=MODE_COLOURS["contact"], linestyle="--", linewidth=1, zorder=2)
+            batches = chosen.groupby("batch").agg(
+                index=("index", "mean"), adj_ttc_s=("adj_ttc_s", "mean")
+            )
+            axis.plot(
+                batches["index"] + 1,
+                batches["adj_ttc_s"],
+                color=INK,
+                linewidth=1.4,
+                label="batch mean",
+                zorder=3,
+            )
+            axis.axhline(
+                threshold_s, color=MODE_COLOURS["contact"], linestyle="--", linewidth=1, zorder=2
+            )
             axis.set(title=title, xlabel="test")
             whole_numbers(axis.xaxis)
         axes[0].set_ylim(bottom=-0.04)
@@ -60,7 +78,11 @@ def kpi_panels(campaigns: Mapping[str, pd.DataFrame], threshold_s: float, column
 
 def _scatter_modes(axis: Axes, tests: pd.DataFrame) -> None:
     # Only scenarios that ask not to brake know unnecessary braking. Passed tests come first, below the failures.
-    modes = [mode for mode in reversed([*MODE_COLOURS]) if mode != "false_activation" or (tests["failure_mode"] == mode).any()]
+    modes = [
+        mode
+        for mode in reversed([*MODE_COLOURS])
+        if mode != "false_activation" or (tests["failure_mode"] == mode).any()
+    ]
     for seed_rank, seed in enumerate(sorted(tests["seed"].unique())):
         for mode in modes:
             rows = tests[(tests["seed"] == seed) & (tests["failure_mode"] == mode)]
@@ -87,15 +109,30 @@ def theta_curves(measures: Measures, labels: Mapping[str, str]) -> Figure:
         figure, axes = wrapped(len(labels), 4, height=2.8, ylabel="failures found, Θ", sharey=False)
         for axis, (scenario, label) in zip(axes, labels.items(), strict=True):
             for strategy in strategies:
-                curves = [c.theta for c in measures.campaigns if (c.scenario, c.strategy) == (scenario, strategy)]
+                curves = [
+                    c.theta
+                    for c in measures.campaigns
+                    if (c.scenario, c.strategy) == (scenario, strategy)
+                ]
                 length = min((len(curve) for curve in curves), default=0)
                 if length == 0:
                     continue
                 table = np.array([curve[:length] for curve in curves])
                 position = np.arange(1, length + 1)
-                axis.fill_between(position, table.min(0), table.max(0), color=colours[strategy], alpha=0.18, linewidth=0)
-                axis.plot(position, table.mean(0), color=colours[strategy], linewidth=2, label=strategy)
-            axis.set(title=label, xlabel="tests", ylim=(0, max(1.0, axis.get_ylim()[1])), xlim=(0, None))
+                axis.fill_between(
+                    position,
+                    table.min(0),
+                    table.max(0),
+                    color=colours[strategy],
+                    alpha=0.18,
+                    linewidth=0,
+                )
+                axis.plot(
+                    position, table.mean(0), color=colours[strategy], linewidth=2, label=strategy
+                )
+            axis.set(
+                title=label, xlabel="tests", ylim=(0, max(1.0, axis.get_ylim()[1])), xlim=(0, None)
+            )
             whole_numbers(axis.xaxis, axis.yaxis)
         legend_below(figure, axes)
     return figure
@@ -107,9 +144,16 @@ def parallel_coordinates(tests: pd.DataFrame, space: Space, regions: FailureRegi
     tests: rows of the scenario's campaigns.
     """
     failures = tests[tests["failure"]].set_index("test_id")
-    groups = {"isolated": regions.isolated} | {region.name: region.members for region in regions.regions}
-    chosen = {name: failures.loc[failures.index.intersection(list(members))] for name, members in groups.items()}
-    return parallel_lines(chosen, space, f"{regions.label}: {count_of(regions.failures, 'failure')}")
+    groups = {"isolated": regions.isolated} | {
+        region.name: region.members for region in regions.regions
+    }
+    chosen = {
+        name: failures.loc[failures.index.intersection(list(members))]
+        for name, members in groups.items()
+    }
+    return parallel_lines(
+        chosen, space, f"{regions.label}: {count_of(regions.failures, 'failure')}"
+    )
 
 
 def parallel_lines(groups: Mapping[str, pd.DataFrame], space: Space, title: str) -> Figure:
@@ -126,9 +170,18 @@ def parallel_lines(groups: Mapping[str, pd.DataFrame], space: Space, title: str)
         for name, rows in groups.items():
             if len(rows) == 0:
                 continue
-            heights = np.column_stack([_heights(variable, rows[variable.name]) for variable in space.variables])
+            heights = np.column_stack(
+                [_heights(variable, rows[variable.name]) for variable in space.variables]
+            )
             many, alpha = len(rows) > DRAWN_AS_SHAPES, 0.45 if name == first else 0.85
-            lines = axis.plot(np.arange(len(space)), heights.T, color=colours[name], alpha=alpha, linewidth=1.3, rasterized=many)
+            lines = axis.plot(
+                np.arange(len(space)),
+                heights.T,
+                color=colours[name],
+                alpha=alpha,
+                linewidth=1.3,
+                rasterized=many,
+            )
             lines[0].set_label(f"{name} ({len(rows)})")
         _vertical_axes(axis, space)
         axis.set_title(title)
@@ -147,11 +200,18 @@ def _heights(variable: Variable, column: pd.Series) -> np.ndarray:
 def _vertical_axes(axis: Axes, space: Space) -> None:
     for position, variable in enumerate(space.variables):
         axis.plot([position] * 2, [0, 1], color=INK, linewidth=0.8, alpha=0.6, zorder=0)
-        low, high = (variable.labels[0], variable.labels[-1]) if variable.values else (variable.low, variable.high)
+        low, high = (
+            (variable.labels[0], variable.labels[-1])
+            if variable.values
+            else (variable.low, variable.high)
+        )
         for height, value, side in ((-0.01, low, "top"), (1.01, high, "bottom")):
             text = value if isinstance(value, str) else f"{value:g}"
             axis.text(position + 0.04, height, text, ha="left", va=side, fontsize=8)
-    titles = [name.replace("_", "\n") + (f"\n({unit})" if unit else "") for name, unit in space.units.items()]
+    titles = [
+        name.replace("_", "\n") + (f"\n({unit})" if unit else "")
+        for name, unit in space.units.items()
+    ]
     axis.set_xticks(range(len(space)), titles)
     axis.tick_params(axis="x", length=0, pad=8)
     axis.set(yticks=[], ylim=(-0.16, 1.16), xlim=(-0.4, len(space) - 0.6))
@@ -174,17 +234,35 @@ def coverage_bars(measures: Measures, labels: Mapping[str, str]) -> Figure:
     return figure
 
 
-def _grouped_bars(axis: Axes, rows: Sequence[StrategyMeasures], field: str, labels: Mapping[str, str]) -> None:
+def _grouped_bars(
+    axis: Axes, rows: Sequence[StrategyMeasures], field: str, labels: Mapping[str, str]
+) -> None:
     strategies = list(dict.fromkeys(row.strategy for row in rows))
     colours = series_colours(strategies)
     width = 0.8 / max(1, len(strategies))
     for rank, strategy in enumerate(strategies):
-        chosen = [next(r for r in rows if (r.scenario, r.strategy) == (scenario, strategy)) for scenario in labels]
+        chosen = [
+            next(r for r in rows if (r.scenario, r.strategy) == (scenario, strategy))
+            for scenario in labels
+        ]
         estimates = [getattr(row, field) for row in chosen]
         positions = np.arange(len(chosen)) + (rank - (len(strategies) - 1) / 2) * width
         values = np.array([estimate.value for estimate in estimates])
-        errors = np.abs(np.array([[e.low for e in estimates], [e.high for e in estimates]]) - values)
-        bars = errors if errors.any() else None  # With one seed there is no interval, rather than one of width 0.
-        axis.bar(positions, values, width * 0.9, color=colours[strategy], label=strategy, yerr=bars, ecolor=INK, capsize=3)
+        errors = np.abs(
+            np.array([[e.low for e in estimates], [e.high for e in estimates]]) - values
+        )
+        bars = (
+            errors if errors.any() else None
+        )  # With one seed there is no interval, rather than one of width 0.
+        axis.bar(
+            positions,
+            values,
+            width * 0.9,
+            color=colours[strategy],
+            label=strategy,
+            yerr=bars,
+            ecolor=INK,
+            capsize=3,
+        )
     axis.set_xticks(range(len(labels)), list(labels.values()))
     axis.grid(False, axis="x")

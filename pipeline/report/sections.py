@@ -16,7 +16,14 @@ from pipeline.artefacts.search_results import BaseRate, Measures, StrategyMeasur
 from pipeline.artefacts.white_box_results import WhiteBoxMeasures, WhiteBoxSet
 from pipeline.core.names import count_of
 from pipeline.report import texts
-from pipeline.report.failure_tables import CAUSES, NONE, base_rate_sentence, braking_in_search, cause_cells, rate_text
+from pipeline.report.failure_tables import (
+    CAUSES,
+    NONE,
+    base_rate_sentence,
+    braking_in_search,
+    cause_cells,
+    rate_text,
+)
 from pipeline.report.formats import censored, decimal, mean_text, percent, share
 from pipeline.report.page import Card, Drawing, Passage, Section, Table
 
@@ -41,8 +48,16 @@ def largest_regions(found: Sequence[FailureRegions]) -> list[str]:
     named = []
     for regions, largest in ((one, one.regions[0]) for one in found if one.regions):
         who = subject(largest.conditions)
-        named.append(f"{who[0].lower()}{who[1:]} in {regions.label} ({count_of(len(largest.members), 'failure')})")
-    return [f"Largest failure {'region' if len(named) == 1 else 'regions'} of the search: {'; '.join(named)}."] if named else []
+        named.append(
+            f"{who[0].lower()}{who[1:]} in {regions.label} ({count_of(len(largest.members), 'failure')})"
+        )
+    return (
+        [
+            f"Largest failure {'region' if len(named) == 1 else 'regions'} of the search: {'; '.join(named)}."
+        ]
+        if named
+        else []
+    )
 
 
 def search_section(
@@ -54,73 +69,168 @@ def search_section(
     pairs: Mapping[str, Sequence[PairShare]],
 ) -> Section:
     """How well the strategies find failures. labels: scenario -> its label. white_box: None leaves its part out. pairs: by scenario."""
-    found = [_failures_found(measures, labels, plots), _theta(measures, labels), _causes(measures, labels), *_braking(measures, labels)]
+    found = [
+        _failures_found(measures, labels, plots),
+        _theta(measures, labels),
+        _causes(measures, labels),
+        *_braking(measures, labels),
+    ]
     parts = [*found, _coverage(measures, labels, coverage), _pairs(pairs, labels)]
     if white_box is not None:
         parts.append(_white_box(white_box))
-    return Section("Search", (texts.SEARCH.format(confidence=100 * measures.confidence),), tuple(parts))
+    return Section(
+        "Search", (texts.SEARCH.format(confidence=100 * measures.confidence),), tuple(parts)
+    )
 
 
-def _failures_found(measures: Measures, labels: Mapping[str, str], plots: Sequence[Drawing]) -> Passage:
-    headers = ("scenario", "strategy", "failures / tests", "failure rate", "base failure rate", "F", "C")
+def _failures_found(
+    measures: Measures, labels: Mapping[str, str], plots: Sequence[Drawing]
+) -> Passage:
+    headers = (
+        "scenario",
+        "strategy",
+        "failures / tests",
+        "failure rate",
+        "base failure rate",
+        "F",
+        "C",
+    )
     bases = {rate.scenario: rate_text(rate) for rate in measures.base_rates}
-    rows = tuple(_search_row(row, labels[row.scenario], bases.get(row.scenario, NONE)) for row in measures.strategies)
+    rows = tuple(
+        _search_row(row, labels[row.scenario], bases.get(row.scenario, NONE))
+        for row in measures.strategies
+    )
     how = texts.MEASURES.format(baseline=measures.baseline)
     return Passage("Failures found", how, Table(headers, rows, numbers=(2, 3, 4)), tuple(plots))
 
 
 def _search_row(row: StrategyMeasures, label: str, base: str) -> tuple[str, ...]:
     seeds = len(row.seeds)
-    saved = "baseline" if row.c_measure is None else censored(row.c_measure, row.c_measure_censored, seeds, "{:.2f}", "<")
+    saved = (
+        "baseline"
+        if row.c_measure is None
+        else censored(row.c_measure, row.c_measure_censored, seeds, "{:.2f}", "<")
+    )
     first = censored(row.f_measure, row.f_measure_censored, seeds, "{:.0f}", ">")
-    return label, row.strategy, f"{row.failures} / {row.tests - row.errors}", percent(row.rate), base, first, saved
+    return (
+        label,
+        row.strategy,
+        f"{row.failures} / {row.tests - row.errors}",
+        percent(row.rate),
+        base,
+        first,
+        saved,
+    )
 
 
 def _theta(measures: Measures, labels: Mapping[str, str]) -> Passage:
     """The curves of failures found in numbers."""
     rows = []
     for row in measures.strategies:
-        curves = [c.theta for c in measures.campaigns if (c.scenario, c.strategy) == (row.scenario, row.strategy)]
+        curves = [
+            c.theta
+            for c in measures.campaigns
+            if (c.scenario, c.strategy) == (row.scenario, row.strategy)
+        ]
         length = min(map(len, curves))
-        found = (sum(curve[max(0, round(part * length) - 1)] for curve in curves) / len(curves) for part in QUARTERS if length)
+        found = (
+            sum(curve[max(0, round(part * length) - 1)] for curve in curves) / len(curves)
+            for part in QUARTERS
+            if length
+        )
         rows.append((labels[row.scenario], row.strategy, str(length), *map(mean_text, found)))
-    headers = ("scenario", "strategy", "tests", *(f"after {100 * part:.0f} % of them" for part in QUARTERS))
-    return Passage(table=Table(headers, tuple(rows)), folded="Failures found after each quarter of the tests, mean over seeds")
+    headers = (
+        "scenario",
+        "strategy",
+        "tests",
+        *(f"after {100 * part:.0f} % of them" for part in QUARTERS),
+    )
+    return Passage(
+        table=Table(headers, tuple(rows)),
+        folded="Failures found after each quarter of the tests, mean over seeds",
+    )
 
 
 def _causes(measures: Measures, labels: Mapping[str, str]) -> Passage:
-    rows = tuple((labels[row.scenario], row.strategy, str(row.failures), *cause_cells(row.causes)) for row in measures.strategies)
-    return Passage("Failures by cause", texts.CAUSES, Table(("scenario", "strategy", "failures", *CAUSES.values()), rows))
+    rows = tuple(
+        (labels[row.scenario], row.strategy, str(row.failures), *cause_cells(row.causes))
+        for row in measures.strategies
+    )
+    return Passage(
+        "Failures by cause",
+        texts.CAUSES,
+        Table(("scenario", "strategy", "failures", *CAUSES.values()), rows),
+    )
 
 
 def _braking(measures: Measures, labels: Mapping[str, str]) -> list[Passage]:
     """Nothing if all scenarios ask to brake."""
     found = braking_in_search(measures, labels)
-    return [Passage("Unnecessary braking", texts.BRAKING, Table(found[0], tuple(found[1:]), numbers=(6, 7)))] if found else []
+    return (
+        [
+            Passage(
+                "Unnecessary braking",
+                texts.BRAKING,
+                Table(found[0], tuple(found[1:]), numbers=(6, 7)),
+            )
+        ]
+        if found
+        else []
+    )
 
 
 def _coverage(measures: Measures, labels: Mapping[str, str], plots: Sequence[Drawing]) -> Passage:
-    headers = ("scenario", "strategy", "pairs in tests", "pairs in failures", "pairs tested three times")
+    headers = (
+        "scenario",
+        "strategy",
+        "pairs in tests",
+        "pairs in failures",
+        "pairs tested three times",
+    )
     rows = tuple(
         (
             labels[row.scenario],
             row.strategy,
-            *map(percent, (row.pair_coverage_tests, row.pair_coverage_failures, row.projection_coverage)),
+            *map(
+                percent,
+                (row.pair_coverage_tests, row.pair_coverage_failures, row.projection_coverage),
+            ),
         )
         for row in measures.strategies
     )
-    return Passage("Coverage of the scenario space", texts.COVERAGE, Table(headers, rows, numbers=(2, 3, 4)), tuple(plots))
+    return Passage(
+        "Coverage of the scenario space",
+        texts.COVERAGE,
+        Table(headers, rows, numbers=(2, 3, 4)),
+        tuple(plots),
+    )
 
 
 def _pairs(pairs: Mapping[str, Sequence[PairShare]], labels: Mapping[str, str]) -> Passage:
     """The heat maps in numbers."""
     rows = tuple(
-        (labels[scenario], one.first, one.second, str(one.feasible), *(_of(part, one.feasible) for part in (one.tests, one.failures)))
+        (
+            labels[scenario],
+            one.first,
+            one.second,
+            str(one.feasible),
+            *(_of(part, one.feasible) for part in (one.tests, one.failures)),
+        )
         for scenario, shares in pairs.items()
         for one in shares
     )
-    headers = ("scenario", "variable", "and variable", "pairs of categories", "in tests", "in failures")
-    return Passage(table=Table(headers, rows, numbers=(4, 5)), folded=f"Covered pairs of categories in numbers ({len(rows)})")
+    headers = (
+        "scenario",
+        "variable",
+        "and variable",
+        "pairs of categories",
+        "in tests",
+        "in failures",
+    )
+    return Passage(
+        table=Table(headers, rows, numbers=(4, 5)),
+        folded=f"Covered pairs of categories in numbers ({len(rows)})",
+    )
 
 
 def _of(part: int, whole: int) -> str:
@@ -128,10 +238,22 @@ def _of(part: int, whole: int) -> str:
 
 
 def _white_box(measures: WhiteBoxMeasures) -> Passage:
-    headers = ("strategy", "images", "active neurons", "sections", "strongly active", "top", "pairs")
-    how = texts.WHITE_BOX.format(neurons=f"{measures.neurons:,}", layers=measures.layers, images=measures.training_images)
+    headers = (
+        "strategy",
+        "images",
+        "active neurons",
+        "sections",
+        "strongly active",
+        "top",
+        "pairs",
+    )
+    how = texts.WHITE_BOX.format(
+        neurons=f"{measures.neurons:,}", layers=measures.layers, images=measures.training_images
+    )
     return Passage(
-        "Coverage of the detector's neurons", how, Table(headers, tuple(map(_white_box_row, measures.sets)), numbers=(2, 3, 4, 5, 6))
+        "Coverage of the detector's neurons",
+        how,
+        Table(headers, tuple(map(_white_box_row, measures.sets)), numbers=(2, 3, 4, 5, 6)),
     )
 
 
@@ -141,15 +263,25 @@ def _white_box_row(shown: WhiteBoxSet) -> tuple[str, ...]:
 
 
 def regions_section(
-    found: Sequence[FailureRegions], rates: Sequence[BaseRate], plots: Mapping[str, Drawing], cards: Mapping[str, Sequence[Card]]
+    found: Sequence[FailureRegions],
+    rates: Sequence[BaseRate],
+    plots: Mapping[str, Drawing],
+    cards: Mapping[str, Sequence[Card]],
 ) -> Section:
     """Where the searched version fails, scenario by scenario. rates: its base failure rates. cards: by scenario."""
-    bases = {rate.scenario: f" Base failure rate: {rate_text(rate)}, {rate.strategy} tests." for rate in rates}
-    parts = tuple(_scenario_regions(r, bases.get(r.scenario, ""), plots, cards[r.scenario]) for r in found)
+    bases = {
+        rate.scenario: f" Base failure rate: {rate_text(rate)}, {rate.strategy} tests."
+        for rate in rates
+    }
+    parts = tuple(
+        _scenario_regions(r, bases.get(r.scenario, ""), plots, cards[r.scenario]) for r in found
+    )
     return Section("Failure regions", (texts.REGIONS,), parts)
 
 
-def _scenario_regions(regions: FailureRegions, base: str, plots: Mapping[str, Drawing], cards: Sequence[Card]) -> Passage:
+def _scenario_regions(
+    regions: FailureRegions, base: str, plots: Mapping[str, Drawing], cards: Sequence[Card]
+) -> Passage:
     every = "Every test fails. " if regions.failures == regions.tests > 0 else ""
     summary = (
         f"{every}{regions.failures} of {regions.tests} tests fail ({100 * regions.failure_rate:.1f} %). Regions: {len(regions.regions)}. "
@@ -157,25 +289,42 @@ def _scenario_regions(regions: FailureRegions, base: str, plots: Mapping[str, Dr
         f"Not solvable with this camera: {len(regions.not_solvable)}.{base}"
     )
     text = summary if regions.failures else f"{summary} {texts.NO_FAILURES}"
-    return Passage(regions.label, text, plots=(plots[regions.scenario],) if regions.failures else (), cards=tuple(cards))
+    return Passage(
+        regions.label,
+        text,
+        plots=(plots[regions.scenario],) if regions.failures else (),
+        cards=tuple(cards),
+    )
 
 
 def data_section(
-    filters: Mapping[str, pd.DataFrame], cards: Sequence[ModelCard], border: Sequence[Drawing], plots: Sequence[Drawing]
+    filters: Mapping[str, pd.DataFrame],
+    cards: Sequence[ModelCard],
+    border: Sequence[Drawing],
+    plots: Sequence[Drawing],
 ) -> Section | None:
     """What the versions were trained on and how well they detect on single images; None without filters and cards."""
-    parts = [*([_frames(filters, border)] if filters else []), *([_detection(cards, plots)] if cards else [])]
+    parts = [
+        *([_frames(filters, border)] if filters else []),
+        *([_detection(cards, plots)] if cards else []),
+    ]
     return Section("Data and training", (), tuple(parts)) if parts else None
 
 
 def _frames(filters: Mapping[str, pd.DataFrame], border: Sequence[Drawing]) -> Passage:
-    reasons = list(dict.fromkeys([*MEANINGS, *(str(r) for table in filters.values() for r in table["reason"].unique())]))
+    reasons = list(
+        dict.fromkeys(
+            [*MEANINGS, *(str(r) for table in filters.values() for r in table["reason"].unique())]
+        )
+    )
     rows = [
         (MEANINGS.get(reason, reason), *(_kept(table, reason) for table in filters.values()))
         for reason in reasons
         if any((table["reason"] == reason).any() for table in filters.values())
     ]
-    rows.append(("all", *(f"{int(table['kept'].sum())} kept of {len(table)}" for table in filters.values())))
+    rows.append(
+        ("all", *(f"{int(table['kept'].sum())} kept of {len(table)}" for table in filters.values()))
+    )
     table = Table(("frames", *filters), tuple(rows), numbers=tuple(range(1, len(filters) + 1)))
     return Passage("Frames from the search", texts.FRAMES, table, tuple(border))
 
@@ -190,11 +339,25 @@ def _kept(table: pd.DataFrame, reason: str) -> str:
     return f"{len(rows)} rejected" if kept == 0 else f"{kept} kept, {len(rows) - kept} rejected"
 
 
-def calibration_section(calibrations: Sequence[DetectorCalibration], plots: Sequence[Drawing]) -> Section:
+def calibration_section(
+    calibrations: Sequence[DetectorCalibration], plots: Sequence[Drawing]
+) -> Section:
     """How the confidences of detectors under test are calibrated."""
-    headers = ("detector", "slope", "offset", "error before", "error after", "detections", "correct")
+    headers = (
+        "detector",
+        "slope",
+        "offset",
+        "error before",
+        "error after",
+        "detections",
+        "correct",
+    )
     table = Table(headers, tuple(map(_calibration_row, calibrations)))
-    notes = tuple(texts.NOT_CALIBRATED.format(version=found.version) for found in calibrations if not found.fitted)
+    notes = tuple(
+        texts.NOT_CALIBRATED.format(version=found.version)
+        for found in calibrations
+        if not found.fitted
+    )
     how = texts.CALIBRATION.format(images=calibrations[0].images)
     return Section("Calibration", (how,), (Passage(table=table, plots=tuple(plots), notes=notes),))
 
@@ -205,7 +368,14 @@ def _calibration_row(found: DetectorCalibration) -> tuple[str, ...]:
 
 
 def _detection(cards: Sequence[ModelCard], plots: Sequence[Drawing]) -> Passage:
-    headers = ("version", "parent", "parameters", *METRICS.values(), "false positives per image", "weights")
+    headers = (
+        "version",
+        "parent",
+        "parameters",
+        *METRICS.values(),
+        "false positives per image",
+        "weights",
+    )
     table = Table(headers, tuple(map(_card_row, cards)), codes=(len(headers) - 1,))
     return Passage("Single-image detection", texts.DETECTION, table, tuple(plots))
 
@@ -213,4 +383,10 @@ def _detection(cards: Sequence[ModelCard], plots: Sequence[Drawing]) -> Passage:
 def _card_row(card: ModelCard) -> tuple[str, ...]:
     metrics = (*METRICS, "false_positives_an_image")
     numbers = (decimal(card.metrics.get(name)) for name in metrics)
-    return card.version, card.parent or "none", f"{card.parameters:,}", *numbers, card.weights_sha256[:12]
+    return (
+        card.version,
+        card.parent or "none",
+        f"{card.parameters:,}",
+        *numbers,
+        card.weights_sha256[:12],
+    )

@@ -34,7 +34,18 @@ MODE_NAMES: Mapping[str, str] = {
     "false_activation": "unnecessary braking",
     "none": "no failure",
 }
-SERIES = ("#3b7dd8", "#e0682e", "#2a9d78", "#8f6bc9", "#b9912b", "#c9497c", "#5a8f3c", "#4aa3b5", "#a0624a", "#7f93ab")
+SERIES = (
+    "#3b7dd8",
+    "#e0682e",
+    "#2a9d78",
+    "#8f6bc9",
+    "#b9912b",
+    "#c9497c",
+    "#5a8f3c",
+    "#4aa3b5",
+    "#a0624a",
+    "#7f93ab",
+)
 UNASSIGNED = "#a3acb8"
 PAGE_INCHES = 9.2
 """Width of a figure that fills the page."""
@@ -71,17 +82,23 @@ def styled(changes: Mapping[str, object] | None = None) -> Iterator[None]:
         yield
 
 
-def panels(rows: int, columns: int, *, width: float, height: float, sharey: bool = True) -> tuple[Figure, list[list[Axes]]]:
+def panels(
+    rows: int, columns: int, *, width: float, height: float, sharey: bool = True
+) -> tuple[Figure, list[list[Axes]]]:
     """A figure of rows x columns panels, each width x height inches; without pyplot, so no global state and no display."""
     figure = Figure(figsize=(width * columns, height * rows))
     grid = figure.subplots(rows, columns, squeeze=False, sharey=sharey)
     return figure, [list(row) for row in grid]
 
 
-def wrapped(count: int, columns: int, *, height: float, ylabel: str, sharey: bool = True) -> tuple[Figure, list[Axes]]:
+def wrapped(
+    count: int, columns: int, *, height: float, ylabel: str, sharey: bool = True
+) -> tuple[Figure, list[Axes]]:
     """A figure as wide as the page: `count` panels in rows of at most `columns`, each `height` inches high; one y label a row."""
     columns = min(columns, count)
-    figure, axes = panels(-(-count // columns), columns, width=PAGE_INCHES / columns, height=height, sharey=sharey)
+    figure, axes = panels(
+        -(-count // columns), columns, width=PAGE_INCHES / columns, height=height, sharey=sharey
+    )
     flat = [axis for line in axes for axis in line]
     for axis in flat[count:]:
         axis.set_axis_off()
@@ -103,7 +120,12 @@ def legend_below(figure: Figure, axes: Sequence[Axes]) -> None:
         for handle, name in zip(*axis.get_legend_handles_labels(), strict=True):
             entries.setdefault(name, handle)
     if entries:
-        legend = figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=min(5, len(entries)))
+        legend = figure.legend(
+            list(entries.values()),
+            list(entries),
+            loc="outside lower center",
+            ncols=min(5, len(entries)),
+        )
         for shown in legend.legend_handles:
             if shown is not None:
                 shown.set_alpha(1)
@@ -118,16 +140,28 @@ def svg(figure: Figure, label: str) -> str:
     """The figure as an inline SVG element in the text colour of the page; the same figure gives the same SVG. label: what it shows."""
     buffer = io.StringIO()
     with styled():
-        figure.savefig(buffer, format="svg", transparent=True, dpi=150, metadata={"Date": None, "Creator": None})
+        figure.savefig(
+            buffer,
+            format="svg",
+            transparent=True,
+            dpi=150,
+            metadata={"Date": None, "Creator": None},
+        )
     text = buffer.getvalue()
-    return text[text.index("<svg") :].replace("<svg", f'<svg role="img" aria-label="{escape(label)}"', 1).replace(INK, "currentColor")
+    return (
+        text[text.index("<svg") :]
+        .replace("<svg", f'<svg role="img" aria-label="{escape(label)}"', 1)
+        .replace(INK, "currentColor")
+    )
 
 
 def save_png(figure: Figure, path: Path) -> None:
     """Write the figure as a PNG on white, atomically, without a date in it."""
     buffer = io.BytesIO()
     with styled():
-        figure.savefig(buffer, format="png", dpi=130, facecolor="white", metadata={"Software": None})
+        figure.savefig(
+            buffer, format="png", dpi=130, facecolor="white", metadata={"Software": None}
+        )
     write_bytes(path, buffer.getvalue())
 
 

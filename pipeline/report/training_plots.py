@@ -37,7 +37,16 @@ def border_sheet(cases: Sequence[Case], columns: int = 8) -> Figure:
             for spine in axis.spines.values():
                 spine.set(visible=True, color=KEPT if case.kept else REJECTED, linewidth=2.5)
             left, top, right, bottom = case.box
-            axis.add_patch(Rectangle((left - 2, top - 2), right - left + 4, bottom - top + 4, fill=False, color=TRUTH, linewidth=0.8))
+            axis.add_patch(
+                Rectangle(
+                    (left - 2, top - 2),
+                    right - left + 4,
+                    bottom - top + 4,
+                    fill=False,
+                    color=TRUTH,
+                    linewidth=0.8,
+                )
+            )
             words = f"{case.test_id}\nstep {case.step}: {case.visible_pixels} px, contrast {case.contrast:.0f}"
             axis.set_title(words, fontsize=5.5, fontweight="normal", loc="center")
     return figure
@@ -53,16 +62,42 @@ def reliability_diagrams(diagrams: Mapping[str, Mapping[str, Diagram]]) -> Figur
     colours = series_colours(list(dict.fromkeys(groups)))
     with styled():
         figure, axes = panels(1, 2, width=4.0, height=3.4)
-        shown: list[tuple[Axes, str, str, str, str]] = [(axes[0][0], first, groups[0], name, name) for name in diagrams[first]]
+        shown: list[tuple[Axes, str, str, str, str]] = [
+            (axes[0][0], first, groups[0], name, name) for name in diagrams[first]
+        ]
         labels = [group if group not in groups[:rank] else "" for rank, group in enumerate(groups)]
-        shown += [(axes[0][1], version, group, "calibrated", label) for version, group, label in zip(diagrams, groups, labels, strict=True)]
+        shown += [
+            (axes[0][1], version, group, "calibrated", label)
+            for version, group, label in zip(diagrams, groups, labels, strict=True)
+        ]
         for axis, version, group, name, label in shown:
-            bins = np.array([one for one in diagrams[version].get(name, ()) if one[2] >= FEWEST]).reshape(-1, 3)
+            bins = np.array(
+                [one for one in diagrams[version].get(name, ()) if one[2] >= FEWEST]
+            ).reshape(-1, 3)
             scores, right, counts = bins.T
             colour, style = (UNASSIGNED, "--") if name == "uncalibrated" else (colours[group], "-")
-            axis.plot(scores, right, color=colour, linestyle=style, linewidth=1.4, label=label, clip_on=False)
-            axis.scatter(scores, right, s=6 + 60 * counts / counts.max(initial=1), color=colour, zorder=3, clip_on=False)
-        for axis, title in zip(axes[0], (f"{first}, before and after calibration", "all versions, calibrated"), strict=True):
+            axis.plot(
+                scores,
+                right,
+                color=colour,
+                linestyle=style,
+                linewidth=1.4,
+                label=label,
+                clip_on=False,
+            )
+            axis.scatter(
+                scores,
+                right,
+                s=6 + 60 * counts / counts.max(initial=1),
+                color=colour,
+                zorder=3,
+                clip_on=False,
+            )
+        for axis, title in zip(
+            axes[0],
+            (f"{first}, before and after calibration", "all versions, calibrated"),
+            strict=True,
+        ):
             axis.plot([0, 1], [0, 1], color=INK, linewidth=0.8, zorder=1)
             axis.set(title=title, xlabel="confidence", xlim=(0, 1), ylim=(0, 1))
             axis.legend(loc="upper left", fontsize=8)
@@ -85,7 +120,13 @@ def detection_bars(metrics: Mapping[str, Mapping[str, float]], names: Mapping[st
         for rank, (version, values) in enumerate(metrics.items()):
             positions = np.arange(len(names)) + (rank - (len(metrics) - 1) / 2) * width
             heights = [values.get(name, float("nan")) for name in names]
-            bars = axis.bar(positions, heights, width * 0.9, color=colours[groups[version]], label=groups[version])
+            bars = axis.bar(
+                positions,
+                heights,
+                width * 0.9,
+                color=colours[groups[version]],
+                label=groups[version],
+            )
             if len(metrics) <= LABELLED:
                 axis.bar_label(bars, fmt="%.2f", fontsize=7, padding=1)
         axis.set_xticks(range(len(names)), list(names.values()))

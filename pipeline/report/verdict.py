@@ -23,11 +23,22 @@ def verdict_rows(comparison: Comparison) -> list[tuple[str, ...]]:
 def verdict_table(comparison: Comparison, report: Path | None = None) -> str:
     """The table, how to read it and, given the path of the page, where to go next."""
     scenarios = " + ".join(comparison.scenarios.values())
-    lines = [f"Held out: {scenarios}; the same tests for every version\n", *aligned([HEADERS, *verdict_rows(comparison)])]
+    lines = [
+        f"Held out: {scenarios}; the same tests for every version\n",
+        *aligned([HEADERS, *verdict_rows(comparison)]),
+    ]
     if len(comparison.groups) < len(comparison.versions) or len(comparison.scenarios) > 1:
-        lines += ["", f"Failures by scenario{_averaged(comparison)}\n", *aligned([group_headers(comparison), *group_rows(comparison)])]
+        lines += [
+            "",
+            f"Failures by scenario{_averaged(comparison)}\n",
+            *aligned([group_headers(comparison), *group_rows(comparison)]),
+        ]
     if planted := planted_rows(comparison):
-        lines += ["", "Planted blind spots: people and poses that the base set shows rarely\n", *aligned(planted)]
+        lines += [
+            "",
+            "Planted blind spots: people and poses that the base set shows rarely\n",
+            *aligned(planted),
+        ]
     if braking := braking_held_out(comparison):
         lines += ["", "Unnecessary braking\n", *aligned(braking)]
     lines += ["", *verdict_sentences(comparison)]
@@ -44,7 +55,9 @@ def verdict_markdown(comparison: Comparison, bold: str = "") -> str:
     lines = [f"| {' | '.join(cells)} |" for cells in (HEADERS, ["---"] * len(HEADERS), *rows)]
     scenarios = " + ".join(comparison.scenarios.values())
     sentences = [f"- {sentence}" for sentence in verdict_sentences(comparison)]
-    return "\n".join([f"Held out: {scenarios}; the same tests for every version.", "", *lines, "", *sentences])
+    return "\n".join(
+        [f"Held out: {scenarios}; the same tests for every version.", "", *lines, "", *sentences]
+    )
 
 
 def verdict_sentences(comparison: Comparison) -> list[str]:
@@ -58,16 +71,22 @@ def verdict_sentences(comparison: Comparison) -> list[str]:
     if (passing := len(comparison.passing)) > 1:
         chosen = f"{comparison.champion} is the best of {passing} versions that pass, chosen on these tests"
         sentences.append(f"{chosen}: expect more failures on new tests.")
-    sentences += [_group_sentence(comparison, pair) for pair in comparison.group_pairs if _rivals(pair)]
+    sentences += [
+        _group_sentence(comparison, pair) for pair in comparison.group_pairs if _rivals(pair)
+    ]
     sentences += second_sentences(comparison)
     sentences += [
         f"{version} {'' if comparison.passes(version) else 'is '}{reason}."
         for version, reason in comparison.gate.items()
         if version != comparison.versions[0].version
     ]
-    errors = ", ".join(f"{result.errors} of {result.version}" for result in comparison.versions if result.errors)
+    errors = ", ".join(
+        f"{result.errors} of {result.version}" for result in comparison.versions if result.errors
+    )
     if errors:
-        sentences.append(f"Tests that ended in an error do not count: {errors}. Failures by scenario leave them out for every version.")
+        sentences.append(
+            f"Tests that ended in an error do not count: {errors}. Failures by scenario leave them out for every version."
+        )
     return sentences
 
 
@@ -83,9 +102,13 @@ def second_sentences(comparison: Comparison) -> list[str]:
     lost = [again for first, again in shown if not holds(first, again, comparison.alpha)]
     if shown:
         kept = len(shown) - len(lost)
-        sentences.append(f"Differences shown at {second.first:g} that are shown at {second.iou:g}, too: {kept} of {len(shown)}.")
+        sentences.append(
+            f"Differences shown at {second.first:g} that are shown at {second.iou:g}, too: {kept} of {len(shown)}."
+        )
     if lost:
-        listed = ", ".join(f"{pair.group} from {pair.against} (p = {pair.p_value:.2g})" for pair in lost)
+        listed = ", ".join(
+            f"{pair.group} from {pair.against} (p = {pair.p_value:.2g})" for pair in lost
+        )
         sentences.append(f"Not shown at {second.iou:g}: {listed}.")
     return sentences
 
@@ -101,9 +124,20 @@ def base_sentences(comparison: Comparison) -> list[str]:
     found = [rates] if rates else []
     if comparison.base_set is None:
         return found
-    trained = "an unknown base set: its card does not say" if comparison.trained_on is None else _base_set(comparison.trained_on)
-    own = "of the same kind" if comparison.trained_on == comparison.base_set else _base_set(comparison.base_set)
-    return [*found, f"{comparison.versions[0].version} was trained on {trained}; this study's base set is {own}."]
+    trained = (
+        "an unknown base set: its card does not say"
+        if comparison.trained_on is None
+        else _base_set(comparison.trained_on)
+    )
+    own = (
+        "of the same kind"
+        if comparison.trained_on == comparison.base_set
+        else _base_set(comparison.base_set)
+    )
+    return [
+        *found,
+        f"{comparison.versions[0].version} was trained on {trained}; this study's base set is {own}.",
+    ]
 
 
 def _base_set(shown: Frequencies) -> str:
@@ -127,7 +161,11 @@ def _group_sentence(comparison: Comparison, pair: GroupPair) -> str:
     outcome = f"{mean.value:+.1f} failures, mean of {seeds} seeds{interval(mean)}"
     p_value = f"p = {pair.p_value:.2g}, exact randomisation test over the tests, seeds summed"
     by_tests_alone = pair.p_value <= comparison.alpha and not pair.shown(comparison.alpha)
-    seeds_differ = "; no difference is shown, because the interval over the seeds includes 0" if by_tests_alone else ""
+    seeds_differ = (
+        "; no difference is shown, because the interval over the seeds includes 0"
+        if by_tests_alone
+        else ""
+    )
     return f"{pair.group} against {pair.against}: {outcome}; {p_value}{seeds_differ}."
 
 
@@ -159,7 +197,12 @@ def _kind(comparison: Comparison) -> str:
 
 def group_headers(comparison: Comparison) -> tuple[str, ...]:
     """Headers of `group_rows`."""
-    return "version", *comparison.scenarios.values(), "all", f"ratio to {comparison.versions[0].version}"
+    return (
+        "version",
+        *comparison.scenarios.values(),
+        "all",
+        f"ratio to {comparison.versions[0].version}",
+    )
 
 
 def group_rows(comparison: Comparison) -> list[tuple[str, ...]]:
@@ -179,7 +222,11 @@ def _averaged(comparison: Comparison) -> str:
     if comparison.base_set is None:
         return ""
     seeds = comparison.seeds
-    return f", means over {seeds} seeds of retraining with Student's intervals" if seeds > 1 else ", one seed of retraining"
+    return (
+        f", means over {seeds} seeds of retraining with Student's intervals"
+        if seeds > 1
+        else ", one seed of retraining"
+    )
 
 
 def planted_rows(comparison: Comparison) -> list[tuple[str, ...]]:
@@ -187,7 +234,9 @@ def planted_rows(comparison: Comparison) -> list[tuple[str, ...]]:
     its held-out tests, as failures / tests. Empty without such a group."""
     if not comparison.planted:
         return []
-    strategies = list(dict.fromkeys(name for group in comparison.planted for name in group.searched))
+    strategies = list(
+        dict.fromkeys(name for group in comparison.planted for name in group.searched)
+    )
     versions = [result.version for result in comparison.versions]
     first = (
         "group",
@@ -200,7 +249,15 @@ def planted_rows(comparison: Comparison) -> list[tuple[str, ...]]:
     for group in comparison.planted:
         searched = (_share(group.searched.get(name)) for name in strategies)
         held_out = (_share(group.held_out.get(name)) for name in versions)
-        columns.append((group.group, f"{group.frequency:g}", *searched, _by_scenario(group.regions) or "no rule", *held_out))
+        columns.append(
+            (
+                group.group,
+                f"{group.frequency:g}",
+                *searched,
+                _by_scenario(group.regions) or "no rule",
+                *held_out,
+            )
+        )
     return list(zip(first, *columns, strict=True))
 
 
@@ -210,7 +267,9 @@ def _by_scenario(regions: Sequence[str]) -> str:
     for region in regions:
         scenario, _, number = region.partition(" region ")
         numbers.setdefault(scenario, []).append(number)
-    return "; ".join(f"{scenario}: {', '.join(of_scenario)}" for scenario, of_scenario in numbers.items())
+    return "; ".join(
+        f"{scenario}: {', '.join(of_scenario)}" for scenario, of_scenario in numbers.items()
+    )
 
 
 def _share(count: Count | None) -> str:

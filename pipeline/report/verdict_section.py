@@ -13,7 +13,15 @@ from pipeline.report.failure_tables import CAUSES, base_rate_sentence, braking_h
 from pipeline.report.formats import counted, mean_text, share, signed
 from pipeline.report.page import BeforeAfter, Drawing, Film, Passage, Section, Table
 from pipeline.report.style import MODE_NAMES
-from pipeline.report.verdict import HEADERS, group_headers, group_rows, holds, planted_rows, verdict_rows, verdict_sentences
+from pipeline.report.verdict import (
+    HEADERS,
+    group_headers,
+    group_rows,
+    holds,
+    planted_rows,
+    verdict_rows,
+    verdict_sentences,
+)
 
 CHANGES = 20
 """Rows shown of changes.csv."""
@@ -24,17 +32,24 @@ def headline(comparison: Comparison) -> str:
     base = comparison.groups[0]
     *most, last = comparison.scenarios.values()
     where = f"scenarios {', '.join(most)} and {last}" if most else f"scenario {last}"
-    parts = [f"On the held-out {where}, {base.group} fails {mean_text(base.failures.value)} of {base.tests} tests."]
+    parts = [
+        f"On the held-out {where}, {base.group} fails {mean_text(base.failures.value)} of {base.tests} tests."
+    ]
     parts += [base_rate_sentence(comparison.base_rates), *_against_base(comparison)]
     parts += _at_second_iou(comparison)
     if comparison.seeds > 1:
-        parts.append(f"Failures of retrained versions are means over {comparison.seeds} seeds of retraining.")
+        parts.append(
+            f"Failures of retrained versions are means over {comparison.seeds} seeds of retraining."
+        )
     return " ".join(filter(None, parts))
 
 
 def _against_base(comparison: Comparison) -> list[str]:
     """A sentence for each verdict on groups that some group has."""
-    failures = {group.group: f"{group.group} {mean_text(group.failures.value)}" for group in comparison.groups}
+    failures = {
+        group.group: f"{group.group} {mean_text(group.failures.value)}"
+        for group in comparison.groups
+    }
     base = comparison.groups[0].group
     pairs = [pair for pair in comparison.group_pairs if pair.against == base]
     shown = [pair for pair in pairs if pair.shown(comparison.alpha)]
@@ -43,7 +58,11 @@ def _against_base(comparison: Comparison) -> list[str]:
         f"More failures than {base}": [pair for pair in shown if pair.difference.value > 0],
         f"Not shown to differ from {base}": [pair for pair in pairs if pair not in shown],
     }
-    return [f"{verdict}: {', '.join(failures[pair.group] for pair in chosen)}." for verdict, chosen in by_verdict.items() if chosen]
+    return [
+        f"{verdict}: {', '.join(failures[pair.group] for pair in chosen)}."
+        for verdict, chosen in by_verdict.items()
+        if chosen
+    ]
 
 
 def _at_second_iou(comparison: Comparison) -> list[str]:
@@ -52,11 +71,19 @@ def _at_second_iou(comparison: Comparison) -> list[str]:
     if second is None:
         return []
     both = list(zip(comparison.group_pairs, second.group_pairs, strict=True))
-    shown = [(first, again) for first, again in both if first.against == base and first.shown(comparison.alpha)]
+    shown = [
+        (first, again)
+        for first, again in both
+        if first.against == base and first.shown(comparison.alpha)
+    ]
     if not shown:
         return []
     lost = [first.group for first, again in shown if not holds(first, again, comparison.alpha)]
-    found = f"not shown at {second.iou:g} for {', '.join(lost)}" if lost else f"shown at {second.iou:g}, too"
+    found = (
+        f"not shown at {second.iou:g} for {', '.join(lost)}"
+        if lost
+        else f"shown at {second.iou:g}, too"
+    )
     return [f"The differences shown at an IoU of {second.first:g} are {found}."]
 
 
@@ -72,11 +99,19 @@ def verdict_section(
     base = comparison.versions[0].version
     parts = [
         Passage(table=Table(HEADERS, tuple(verdict_rows(comparison)), numbers=(1, 2, 3))),
-        *([Passage("More fixes, before and after", texts.STILLS, stills=tuple(stills))] if stills else []),
+        *(
+            [Passage("More fixes, before and after", texts.STILLS, stills=tuple(stills))]
+            if stills
+            else []
+        ),
         *_planted(comparison),
         Passage("What the verdict rests on", notes=tuple(verdict_sentences(comparison))),
         *_limits(comparison),
-        Passage("By scenario", texts.TABLE, Table(group_headers(comparison), tuple(group_rows(comparison)))),
+        Passage(
+            "By scenario",
+            texts.TABLE,
+            Table(group_headers(comparison), tuple(group_rows(comparison))),
+        ),
         *([] if rounds is None else [rounds]),
         _modes(comparison.versions, plots),
         _causes(comparison.versions),
@@ -85,7 +120,13 @@ def verdict_section(
         *_every_pair(comparison),
     ]
     if comparison.regions:
-        parts.append(Passage(f"Failure regions of {base}", texts.HELD_OUT_REGIONS.format(base=base), _regions(comparison)))
+        parts.append(
+            Passage(
+                f"Failure regions of {base}",
+                texts.HELD_OUT_REGIONS.format(base=base),
+                _regions(comparison),
+            )
+        )
     if len(changes):
         parts.append(_changes(changes, comparison))
     if replays:
@@ -95,7 +136,9 @@ def verdict_section(
 
 def _planted(comparison: Comparison) -> list[Passage]:
     header, *rows = planted_rows(comparison) or [()]
-    return [Passage("Planted blind spots", texts.PLANTED, Table(header, tuple(rows)))] if rows else []
+    return (
+        [Passage("Planted blind spots", texts.PLANTED, Table(header, tuple(rows)))] if rows else []
+    )
 
 
 def _introduction(comparison: Comparison) -> tuple[str, ...]:
@@ -108,8 +151,19 @@ def rounds_part(searched: pd.DataFrame, plots: Sequence[Drawing]) -> Passage:
     valid, rows = searched[is_valid(searched)], []
     for (version, strategy), tests in valid.groupby(["version", "strategy"], sort=False):
         failures = int(tests["failure"].sum())
-        rows.append((str(version), str(strategy), f"{failures} / {len(tests)}", share(failures / len(tests))))
-    table = Table(("searched version", "strategy", "failures / tests", "failure rate"), tuple(rows), numbers=(2, 3))
+        rows.append(
+            (
+                str(version),
+                str(strategy),
+                f"{failures} / {len(tests)}",
+                share(failures / len(tests)),
+            )
+        )
+    table = Table(
+        ("searched version", "strategy", "failures / tests", "failure rate"),
+        tuple(rows),
+        numbers=(2, 3),
+    )
     return Passage("Round by round", texts.ROUNDS, table, tuple(plots))
 
 
@@ -125,24 +179,50 @@ def _modes(versions: Sequence[VersionResult], plots: Sequence[Drawing]) -> Passa
         "failure rate",
         "errors",
     )
-    return Passage("Failure modes", texts.MODES, Table(headers, tuple(map(_modes_row, versions)), numbers=(7,)), tuple(plots))
+    return Passage(
+        "Failure modes",
+        texts.MODES,
+        Table(headers, tuple(map(_modes_row, versions)), numbers=(7,)),
+        tuple(plots),
+    )
 
 
 def _modes_row(result: VersionResult) -> tuple[str, ...]:
     modes = result.modes
-    counts = (modes.total, modes.contact, modes.late, modes.by_ttc, modes.false_positives, modes.false_activation)
+    counts = (
+        modes.total,
+        modes.contact,
+        modes.late,
+        modes.by_ttc,
+        modes.false_positives,
+        modes.false_activation,
+    )
     return result.version, *(str(count) for count in counts), share(result.rate), str(result.errors)
 
 
 def _causes(versions: Sequence[VersionResult]) -> Passage:
-    rows = tuple((result.version, str(result.failures), *cause_cells(result.causes)) for result in versions)
-    return Passage("Failures by cause", texts.CAUSES, Table(("version", "failures", *CAUSES.values()), rows))
+    rows = tuple(
+        (result.version, str(result.failures), *cause_cells(result.causes)) for result in versions
+    )
+    return Passage(
+        "Failures by cause", texts.CAUSES, Table(("version", "failures", *CAUSES.values()), rows)
+    )
 
 
 def _braking(comparison: Comparison) -> list[Passage]:
     """Nothing if all held-out scenarios ask to brake."""
     found = braking_held_out(comparison)
-    return [Passage("Unnecessary braking", texts.BRAKING, Table(found[0], tuple(found[1:]), numbers=(5, 6)))] if found else []
+    return (
+        [
+            Passage(
+                "Unnecessary braking",
+                texts.BRAKING,
+                Table(found[0], tuple(found[1:]), numbers=(5, 6)),
+            )
+        ]
+        if found
+        else []
+    )
 
 
 def _second_iou(comparison: Comparison) -> list[Passage]:
@@ -150,7 +230,10 @@ def _second_iou(comparison: Comparison) -> list[Passage]:
     second = comparison.second
     if second is None:
         return []
-    base, pairs = comparison.groups[0].group, {(pair.group, pair.against): pair for pair in second.group_pairs}
+    base, pairs = (
+        comparison.groups[0].group,
+        {(pair.group, pair.against): pair for pair in second.group_pairs},
+    )
     rows = []
     for first, again in zip(comparison.groups, second.groups, strict=True):
         pair = pairs.get((again.group, base))
@@ -172,10 +255,27 @@ def _limits(comparison: Comparison) -> list[Passage]:
     judged = [result for result in comparison.versions if result.limits]
     if not judged:
         return []
-    rows = tuple(_limits_row(limits) for limits in zip(*(result.limits for result in judged), strict=True))
-    table = Table(("scenario or group", "tests", *(result.version for result in judged)), rows, numbers=tuple(range(2, len(judged) + 2)))
-    text = texts.LIMITS.format(base=comparison.versions[0].version, confidence=100 * comparison.confidence, margin=100 * comparison.margin)
-    return [Passage("", text, table, folded=f"The gate: how far the failure rate may rise, by scenario and group ({len(rows)})")]
+    rows = tuple(
+        _limits_row(limits) for limits in zip(*(result.limits for result in judged), strict=True)
+    )
+    table = Table(
+        ("scenario or group", "tests", *(result.version for result in judged)),
+        rows,
+        numbers=tuple(range(2, len(judged) + 2)),
+    )
+    text = texts.LIMITS.format(
+        base=comparison.versions[0].version,
+        confidence=100 * comparison.confidence,
+        margin=100 * comparison.margin,
+    )
+    return [
+        Passage(
+            "",
+            text,
+            table,
+            folded=f"The gate: how far the failure rate may rise, by scenario and group ({len(rows)})",
+        )
+    ]
 
 
 def _limits_row(limits: Sequence[LimitResult]) -> tuple[str, ...]:
@@ -188,24 +288,47 @@ def _limits_row(limits: Sequence[LimitResult]) -> tuple[str, ...]:
 def _limit(limit: LimitResult) -> str:
     if limit.judgement == "too small to judge":
         return "too small"
-    return f"{share(limit.limit)} (above)" if limit.judgement == "above the margin" else share(limit.limit)
+    return (
+        f"{share(limit.limit)} (above)"
+        if limit.judgement == "above the margin"
+        else share(limit.limit)
+    )
 
 
 def _every_pair(comparison: Comparison) -> list[Passage]:
     """All against all; with several seeds the groups, and the single versions folded away."""
     if len(comparison.groups) == len(comparison.versions):
         return [Passage("All pairs of versions", texts.PAIRS, _pairs(comparison))]
-    rows = tuple((pair.group, pair.against, signed(pair.difference), f"{pair.p_value:.2g}") for pair in comparison.group_pairs)
+    rows = tuple(
+        (pair.group, pair.against, signed(pair.difference), f"{pair.p_value:.2g}")
+        for pair in comparison.group_pairs
+    )
     groups = Table(("versions", "against", "difference in failures", "p"), rows, numbers=(2,))
     return [
-        Passage("All pairs of versions, seeds together", texts.GROUP_PAIRS.format(alpha=comparison.alpha), groups),
-        Passage("", texts.PAIRS, _pairs(comparison), folded=f"All pairs of single versions ({len(comparison.pairs)})"),
+        Passage(
+            "All pairs of versions, seeds together",
+            texts.GROUP_PAIRS.format(alpha=comparison.alpha),
+            groups,
+        ),
+        Passage(
+            "",
+            texts.PAIRS,
+            _pairs(comparison),
+            folded=f"All pairs of single versions ({len(comparison.pairs)})",
+        ),
     ]
 
 
 def _pairs(comparison: Comparison) -> Table:
     rows = tuple(
-        (pair.version, pair.against, str(len(pair.fixes)), str(len(pair.regressions)), f"{pair.p_value:.2g}") for pair in comparison.pairs
+        (
+            pair.version,
+            pair.against,
+            str(len(pair.fixes)),
+            str(len(pair.regressions)),
+            f"{pair.p_value:.2g}",
+        )
+        for pair in comparison.pairs
     )
     return Table(("version", "against", "fixes", "regressions", "p"), rows)
 
@@ -213,10 +336,20 @@ def _pairs(comparison: Comparison) -> Table:
 def _regions(comparison: Comparison) -> Table:
     groups = comparison.groups
     rows = tuple(
-        (r.name, r.rule, str(r.tests), *(mean_text(sum(r.failures[name] for name in g.versions) / len(g.versions)) for g in groups))
+        (
+            r.name,
+            r.rule,
+            str(r.tests),
+            *(
+                mean_text(sum(r.failures[name] for name in g.versions) / len(g.versions))
+                for g in groups
+            ),
+        )
         for r in comparison.regions
     )
-    return Table(("region", "rule", "tests inside", *(group.group for group in groups)), rows, codes=(1,))
+    return Table(
+        ("region", "rule", "tests inside", *(group.group for group in groups)), rows, codes=(1,)
+    )
 
 
 def _changes(changes: pd.DataFrame, comparison: Comparison) -> Passage:
@@ -232,7 +365,13 @@ def _changes(changes: pd.DataFrame, comparison: Comparison) -> Passage:
         codes=(0,),
     )
     of = f"the champion {comparison.champion}" if released else "another version"
-    text = texts.CHANGES.format(base=comparison.versions[0].version, of=of, shown=len(shown), chosen=len(chosen), all=len(changes))
+    text = texts.CHANGES.format(
+        base=comparison.versions[0].version,
+        of=of,
+        shown=len(shown),
+        chosen=len(chosen),
+        all=len(changes),
+    )
     return Passage("Fixes and regressions", text, table)
 
 

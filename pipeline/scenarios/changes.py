@@ -52,7 +52,9 @@ CONTROL = Change(NOISE)
 
 def ranked(repaired: Sequence[tuple[Change, float]]) -> list[Change]:
     """Changes with how much each repairs, best first: single ones, then the others: the fewer changes, the more a repair tells."""
-    return [change for change, _ in sorted(repaired, key=lambda one: (not one[0].is_single, -one[1]))]
+    return [
+        change for change, _ in sorted(repaired, key=lambda one: (not one[0].is_single, -one[1]))
+    ]
 
 
 def changes(tests: Outcomes, members: Bools) -> tuple[Change, ...]:
@@ -63,7 +65,9 @@ def changes(tests: Outcomes, members: Bools) -> tuple[Change, ...]:
     repair.
     """
     single = tuple(_single(tests, members))
-    weather = {name: value for change in single for name, value in change.values.items() if name in WEATHER}
+    weather = {
+        name: value for change in single for name, value in change.values.items() if name in WEATHER
+    }
     return (*single, Change(CLEAR, weather)) if len(weather) > 1 else single
 
 
@@ -92,7 +96,11 @@ def _single(tests: Outcomes, members: Bools) -> Iterator[Change]:
         elif variable.kind == "categorical" and variable.size > 1:
             best = best_known(column, tests.failed, variable.size)
             value = variable.decode(best)
-            text = _person(variable, best, column[members]) if variable.name == people.VARIABLE else _text(variable, value)
+            text = (
+                _person(variable, best, column[members])
+                if variable.name == people.VARIABLE
+                else _text(variable, value)
+            )
             yield Change(text, {variable.name: value})
 
 
@@ -106,13 +114,24 @@ def _text(variable: Variable, value: Value) -> str:
     """`no rain`, `sun altitude 60 deg` or `walking`."""
     name = variable.name.replace("_", " ")
     if isinstance(value, str):
-        words = [word.text for word in people.WORDS if (word.variable, word.value) == (variable.name, value)]
+        words = [
+            word.text
+            for word in people.WORDS
+            if (word.variable, word.value) == (variable.name, value)
+        ]
         return words[0] if words else f"{name} {value}"
-    return f"no {name}" if value == 0 and variable.unit == "%" else f"{name} {value:g} {variable.unit}".rstrip()
+    return (
+        f"no {name}"
+        if value == 0 and variable.unit == "%"
+        else f"{name} {value:g} {variable.unit}".rstrip()
+    )
 
 
 def _person(variable: Variable, best: int, failing: Floats) -> str:
     """A person, who is `taller` if at least nine of ten of the people who fail are smaller. failing: (n,), encoded."""
     heights = dict(variable.attributes).get("height_m")
-    taller = heights is not None and np.mean(np.array(heights)[failing.astype(np.int64)] < heights[best]) >= 0.9
+    taller = (
+        heights is not None
+        and np.mean(np.array(heights)[failing.astype(np.int64)] < heights[best]) >= 0.9
+    )
     return f"{'a taller' if taller else 'another'} person ({variable.values[best]})"

@@ -39,26 +39,44 @@ class SnapshotSpace(Part):
         """Accept whole numbers as names of values."""
         if not isinstance(plain, Mapping):
             return plain
-        return {name: tuple(map(_as_name, values)) if isinstance(values, list | tuple) else values for name, values in plain.items()}
+        return {
+            name: tuple(map(_as_name, values)) if isinstance(values, list | tuple) else values
+            for name, values in plain.items()
+        }
 
     @model_validator(mode="after")
     def _can_be_rendered(self) -> SnapshotSpace:
         if set(self.variables) != set(CONDITIONS):
-            raise ValueError(f"variables must be {', '.join(CONDITIONS)}; got {', '.join(self.variables)}")
+            raise ValueError(
+                f"variables must be {', '.join(CONDITIONS)}; got {', '.join(self.variables)}"
+            )
         for name, values in self.variables.items():
             if unknown := set(values) - set(CONDITIONS[name]):
-                raise ValueError(f"variables.{name} must be among {', '.join(CONDITIONS[name])}; got {', '.join(sorted(unknown))}")
+                raise ValueError(
+                    f"variables.{name} must be among {', '.join(CONDITIONS[name])}; got {', '.join(sorted(unknown))}"
+                )
         space = self.space()
         lanes, current = space.names.index("lanes"), space.names.index("current_lane")
         if {"1"} <= set(self.variables["lanes"]) and {"2"} <= set(self.variables["current_lane"]):
-            fixed = {lanes: self.variables["lanes"].index("1"), current: self.variables["current_lane"].index("2")}
+            fixed = {
+                lanes: self.variables["lanes"].index("1"),
+                current: self.variables["current_lane"].index("2"),
+            }
             if space.constraints.satisfiable(fixed):
-                raise ValueError("constraints must exclude the second of one lane: add [lanes = 2, current_lane != 2]")
+                raise ValueError(
+                    "constraints must exclude the second of one lane: add [lanes = 2, current_lane != 2]"
+                )
         return self
 
     def space(self) -> Space:
         """The space; ValueError for a condition without values or with duplicates, a wrong literal and contradictory constraints."""
-        return Space(tuple(Variable(name, "categorical", values=values) for name, values in self.variables.items()), self.constraints)
+        return Space(
+            tuple(
+                Variable(name, "categorical", values=values)
+                for name, values in self.variables.items()
+            ),
+            self.constraints,
+        )
 
     def feasible_points(self) -> Ints:
         """Category indices (m, d) of all points that the constraints allow, in their order."""

@@ -20,8 +20,22 @@ from pipeline.scenarios.streets import Town, on_asphalt
 
 VehicleKind = Literal["hatchback", "saloon", "van", "bus", "estate", "suv"]
 Waypoint = tuple[float, float]
-HALF_LENGTHS_M: dict[VehicleKind, float] = {"hatchback": 1.95, "saloon": 2.25, "van": 2.45, "bus": 4.5, "estate": 2.35, "suv": 2.3}
-HALF_WIDTHS_M: dict[VehicleKind, float] = {"hatchback": 0.88, "saloon": 0.89, "van": 0.95, "bus": 1.25, "estate": 0.9, "suv": 0.95}
+HALF_LENGTHS_M: dict[VehicleKind, float] = {
+    "hatchback": 1.95,
+    "saloon": 2.25,
+    "van": 2.45,
+    "bus": 4.5,
+    "estate": 2.35,
+    "suv": 2.3,
+}
+HALF_WIDTHS_M: dict[VehicleKind, float] = {
+    "hatchback": 0.88,
+    "saloon": 0.89,
+    "van": 0.95,
+    "bus": 1.25,
+    "estate": 0.9,
+    "suv": 0.95,
+}
 EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M = 2.5, 0.95
 ON_PATH_M = 0.25
 CLEAR_M = 2.2
@@ -30,7 +44,14 @@ TIME_LIMIT_S = 12.0
 """A test ends after this time at the latest, even if the ego still rolls or the pedestrian is still in its path."""
 
 RESERVED = {
-    *("test_id", "index", "batch", "status", "reason", *(each.name for each in (*columns(CampaignId), *KPIS))),
+    *(
+        "test_id",
+        "index",
+        "batch",
+        "status",
+        "reason",
+        *(each.name for each in (*columns(CampaignId), *KPIS)),
+    ),
     *("test", "region", "end", "number"),
 }
 """Columns of tests.parquet and of the report's table beside the variables."""
@@ -115,13 +136,18 @@ class FunctionalScenario(Part):
 
     def logical_space(self) -> Space:
         """The scenario's variables with its constraints."""
-        person = {} if self.people is None else {populations.VARIABLE: populations.variable(self.people)}
+        person = (
+            {} if self.people is None else {populations.VARIABLE: populations.variable(self.people)}
+        )
         return Space.from_dict({**self.space, **person}, self.constraints)
 
     @property
     def worlds(self) -> Worlds:
         """Fingerprints of its town and of its people."""
-        return Worlds.of(self.town.fingerprint, "" if self.people is None else populations.fingerprint(self.people))
+        return Worlds.of(
+            self.town.fingerprint,
+            "" if self.people is None else populations.fingerprint(self.people),
+        )
 
     @property
     def has_pedestrian(self) -> bool:
@@ -143,7 +169,10 @@ class FunctionalScenario(Part):
     def pedestrian_pose(self, time_s: float, speed_mps: float, shift_m: float = 0.0) -> Pose:
         """Position of the pedestrian: without shift it reaches the conflict point after `horizon_s`, like the unbraked ego's front; the
         shift is along its path."""
-        along, heading = (time_s - self.ego.horizon_s) * speed_mps + shift_m, float(np.radians(self.pedestrian.heading_deg))
+        along, heading = (
+            (time_s - self.ego.horizon_s) * speed_mps + shift_m,
+            float(np.radians(self.pedestrian.heading_deg)),
+        )
         x, y = self.pedestrian.at
         return Pose(float(x + along * np.cos(heading)), float(y + along * np.sin(heading)), heading)
 
@@ -151,9 +180,13 @@ class FunctionalScenario(Part):
     @classmethod
     def _variables(cls, plain: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
         if populations.VARIABLE in plain:
-            raise ValueError(f"'{populations.VARIABLE}' comes from `people`, the number of a population; constraints may exclude persons")
+            raise ValueError(
+                f"'{populations.VARIABLE}' comes from `people`, the number of a population; constraints may exclude persons"
+            )
         if taken := sorted(RESERVED & set(plain)):
-            raise ValueError(f"'{taken[0]}' is a column of every table of tests already; choose another name")
+            raise ValueError(
+                f"'{taken[0]}' is a column of every table of tests already; choose another name"
+            )
         Space.from_dict(plain)
         return plain
 
@@ -161,13 +194,19 @@ class FunctionalScenario(Part):
     @classmethod
     def _bodies(cls, actors: dict[str, Actor]) -> dict[str, Actor]:
         if taken := [name for name in actors if name.partition("_")[0] in BODIES]:
-            raise ValueError(f"'{taken[0]}' is the name of a body that every world has; choose another name")
+            raise ValueError(
+                f"'{taken[0]}' is the name of a body that every world has; choose another name"
+            )
         return actors
 
     @model_validator(mode="after")
     def _can_be_tested(self) -> FunctionalScenario:
-        if (count := len(self.logical_space())) < 2:  # Coverage and diversity count pairs of categories.
-            raise ValueError(f"space: expected at least two variables, `people` included, got {count}")
+        if (
+            count := len(self.logical_space())
+        ) < 2:  # Coverage and diversity count pairs of categories.
+            raise ValueError(
+                f"space: expected at least two variables, `people` included, got {count}"
+            )
         return self
 
     @model_validator(mode="after")
@@ -177,11 +216,15 @@ class FunctionalScenario(Part):
         except ValueError as error:
             raise ValueError(f"ego.path: {error}") from error
         self._role_fits(route)
-        for s in np.arange(self.start_s() - EGO_HALF_LENGTH_M, self.conflict_s() + EGO_HALF_LENGTH_M, 1.0):
+        for s in np.arange(
+            self.start_s() - EGO_HALF_LENGTH_M, self.conflict_s() + EGO_HALF_LENGTH_M, 1.0
+        ):
             pose = route.at(float(s))
             if not on_asphalt(self.town, pose.x, pose.y, margin=EGO_HALF_WIDTH_M):
                 raise ValueError(f"ego.path: leaves the road at ({pose.x:.1f}, {pose.y:.1f})")
-        footprints = {"ego": Rectangle(route.at(self.start_s()), EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M)}
+        footprints = {
+            "ego": Rectangle(route.at(self.start_s()), EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M)
+        }
         for name, actor in self.actors.items():
             self._drivable(name, actor)
             footprint = actor.footprint(actor.route().at(0))
@@ -194,7 +237,9 @@ class FunctionalScenario(Part):
     def _role_fits(self, route: Path) -> None:
         _, aside = route.project(*self.pedestrian.at)
         if self.pedestrian.role == "crosses" and abs(aside) > ON_PATH_M:
-            raise ValueError(f"pedestrian.at: {self.pedestrian.at} must lie on the ego's path, but lies {abs(aside):.2f} m beside it")
+            raise ValueError(
+                f"pedestrian.at: {self.pedestrian.at} must lie on the ego's path, but lies {abs(aside):.2f} m beside it"
+            )
         if self.pedestrian.role == "stays_clear" and (nearest := self._nearest_m(route)) < CLEAR_M:
             raise ValueError(
                 f"pedestrian: with role 'stays_clear' it must stay {CLEAR_M:g} m beside the middle of the ego's path, "
@@ -204,7 +249,10 @@ class FunctionalScenario(Part):
     def _nearest_m(self, route: Path) -> float:
         """Smallest distance of any test's pedestrian to the middle of the ego's path, metres."""
         space = self.logical_space()
-        speed, shift = (next((v for v in space.variables if v.name == name), None) for name in ("pedestrian_speed", "pedestrian_shift"))
+        speed, shift = (
+            next((v for v in space.variables if v.name == name), None)
+            for name in ("pedestrian_speed", "pedestrian_shift")
+        )
         speeds, shifts = [(v.low, v.high) if v else (0.0, 0.0) for v in (speed, shift)]
         # A test moves the pedestrian along one line: by its speed times the time from the conflict, plus its shift.
         times = (-self.ego.horizon_s, TIME_LIMIT_S - self.ego.horizon_s)
@@ -221,4 +269,6 @@ class FunctionalScenario(Part):
         for time_s in np.arange(0, self.ego.horizon_s, 0.25):
             pose = route.at(actor.travelled(float(time_s)))
             if not on_asphalt(self.town, pose.x, pose.y, margin=HALF_WIDTHS_M[actor.kind] - 0.15):
-                raise ValueError(f"actors.{name}: is off the road at ({pose.x:.1f}, {pose.y:.1f}) after {time_s:g} s")
+                raise ValueError(
+                    f"actors.{name}: is off the road at ({pose.x:.1f}, {pose.y:.1f}) after {time_s:g} s"
+                )

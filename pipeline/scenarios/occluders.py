@@ -19,13 +19,20 @@ def occluders(scenario: FunctionalScenario, signals: Signals) -> frozenset[str]:
     """
     visible, whole = (_areas(signals, box) for box in ("visible", "whole"))
     steps = np.flatnonzero((whole > 0) & (visible <= (1 - HIDDEN) * whole))
-    return frozenset(name for name in scenario.actors if any(_between(scenario, name, signals, step) for step in steps.tolist()))
+    return frozenset(
+        name
+        for name in scenario.actors
+        if any(_between(scenario, name, signals, step) for step in steps.tolist())
+    )
 
 
 def _between(scenario: FunctionalScenario, name: str, signals: Signals, step: int) -> bool:
     actor = scenario.actors[name]
     footprint = actor.footprint(actor.route().at(actor.travelled(float(signals["time_s"][step]))))
-    ego, pedestrian = ((float(signals[f"{who}_x_m"][step]), float(signals[f"{who}_y_m"][step])) for who in ("ego", "pedestrian"))
+    ego, pedestrian = (
+        (float(signals[f"{who}_x_m"][step]), float(signals[f"{who}_y_m"][step]))
+        for who in ("ego", "pedestrian")
+    )
     return footprint.crossed_by(ego, pedestrian)
 
 

@@ -8,7 +8,9 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from pipeline.core.names import check_name
 
-STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False, use_attribute_docstrings=True)
+STRICT = ConfigDict(
+    extra="forbid", frozen=True, strict=True, allow_inf_nan=False, use_attribute_docstrings=True
+)
 """No unknown key, no text for a number, no true for 1, nothing infinite. Lists become tuples only if the data are validated as JSON."""
 MOST = 10_000_000
 """The largest number of anything that has no limit of its own."""

@@ -43,7 +43,10 @@ VARIABLE = "blueprint"
 POSE = "animation"
 """The scenario variable that names the pose."""
 WORDS = (
-    *(Word(pose, POSE, value=pose) for pose in ("walking", "texting", "crouching", "limping", "drunk")),
+    *(
+        Word(pose, POSE, value=pose)
+        for pose in ("walking", "texting", "crouching", "limping", "drunk")
+    ),
     Word("stumbling", POSE, value="stumble"),
     Word("child", VARIABLE, "height_m", high=1.4),
     Word("adult", VARIABLE, "height_m", low=1.5),
@@ -64,8 +67,20 @@ CLOTH: tuple[Colour, ...] = (
     (0.05, 0.05, 0.06), (0.09, 0.1, 0.14), (0.12, 0.16, 0.3), (0.25, 0.26, 0.28), (0.45, 0.44, 0.42), (0.75, 0.74, 0.7), (0.9, 0.9, 0.88),
     (0.55, 0.1, 0.1), (0.8, 0.35, 0.1), (0.85, 0.72, 0.2), (0.2, 0.38, 0.2), (0.15, 0.35, 0.6), (0.45, 0.25, 0.5), (0.35, 0.24, 0.16),
 )  # fmt: skip
-SKIN: tuple[Colour, ...] = ((0.86, 0.68, 0.56), (0.78, 0.58, 0.44), (0.62, 0.43, 0.3), (0.42, 0.27, 0.18), (0.26, 0.17, 0.12))
-HAIR: tuple[Colour, ...] = ((0.05, 0.04, 0.03), (0.18, 0.11, 0.06), (0.42, 0.28, 0.14), (0.7, 0.58, 0.36), (0.6, 0.6, 0.6))
+SKIN: tuple[Colour, ...] = (
+    (0.86, 0.68, 0.56),
+    (0.78, 0.58, 0.44),
+    (0.62, 0.43, 0.3),
+    (0.42, 0.27, 0.18),
+    (0.26, 0.17, 0.12),
+)
+HAIR: tuple[Colour, ...] = (
+    (0.05, 0.04, 0.03),
+    (0.18, 0.11, 0.06),
+    (0.42, 0.28, 0.14),
+    (0.7, 0.58, 0.36),
+    (0.6, 0.6, 0.6),
+)
 PATTERNS: tuple[Pattern, ...] = ("plain", "plain", "vest", "band")
 
 
@@ -141,8 +156,14 @@ def variable(number: int) -> dict[str, Any]:
     for name in ("umbrella", "bag", "hat", "skirt"):
         attributes[name] = [int(getattr(person, name)) for person in people]
     for name in ("top", "trousers"):
-        attributes[f"{name}_brightness"] = [round(sum(getattr(person, name)) / 3, 3) for person in people]
-    return {"kind": "categorical", "values": [person.name for person in people], "attributes": attributes}
+        attributes[f"{name}_brightness"] = [
+            round(sum(getattr(person, name)) / 3, 3) for person in people
+        ]
+    return {
+        "kind": "categorical",
+        "values": [person.name for person in people],
+        "attributes": attributes,
+    }
 
 
 def _blueprint(number: int, index: int) -> Blueprint:
@@ -178,4 +199,8 @@ def _colour(choices: tuple[Colour, ...], spread: float, rng: np.random.Generator
     """One of the colours, lighter or darker by a factor of up to 1 ± spread."""
     red, green, blue = choices[rng.integers(len(choices))]
     factor = rng.uniform(1 - spread, 1 + spread)
-    return round(min(0.95, red * factor), 3), round(min(0.95, green * factor), 3), round(min(0.95, blue * factor), 3)
+    return (
+        round(min(0.95, red * factor), 3),
+        round(min(0.95, green * factor), 3),
+        round(min(0.95, blue * factor), 3),
+    )

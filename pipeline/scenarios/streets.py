@@ -71,17 +71,27 @@ class Town(Part):
     def _fits(self) -> Town:
         if self.bus_bay and self.bus_bay[0] >= self.bus_bay[1]:
             raise ValueError(f"bus_bay must run from a smaller to a larger x, got {self.bus_bay}")
-        if self.junction is None and any(crosswalk.street == "side" for crosswalk in self.crosswalks):
-            raise ValueError("crosswalks: one lies on the side street, but the town has no junction")
+        if self.junction is None and any(
+            crosswalk.street == "side" for crosswalk in self.crosswalks
+        ):
+            raise ValueError(
+                "crosswalks: one lies on the side street, but the town has no junction"
+            )
         for crosswalk in self.crosswalks:
             street = streets(self)[crosswalk.street == "side"]
             if not street.start <= crosswalk.at_m <= street.end:
                 limits = f"[{street.start:g}, {street.end:g}]"
-                raise ValueError(f"crosswalks: at_m must be in {limits} on the {street.name} street, got {crosswalk.at_m:g}")
+                raise ValueError(
+                    f"crosswalks: at_m must be in {limits} on the {street.name} street, got {crosswalk.at_m:g}"
+                )
         if self.curvature_1pm and (self.junction or self.rails_x_m is not None):
-            raise ValueError("curvature_1pm: a street with a junction or a train line must be straight")
+            raise ValueError(
+                "curvature_1pm: a street with a junction or a train line must be straight"
+            )
         gaps = [(gap.start, gap.end) for gap in streets(self)[0].gaps if gap.side == -1]
-        if self.bus_bay and any(start < self.bus_bay[1] + 1 and end > self.bus_bay[0] - 1 for start, end in gaps):
+        if self.bus_bay and any(
+            start < self.bus_bay[1] + 1 and end > self.bus_bay[0] - 1 for start, end in gaps
+        ):
             raise ValueError(f"bus_bay {self.bus_bay} overlaps the junction or the train line")
         for x, y in self.trees:
             if on_asphalt(self, x, y, margin=-0.3):
@@ -139,7 +149,9 @@ class Street:
     def pose(self, u: float, v: float) -> Pose:
         """Pose in the world of a point of the street's frame, looking along the street."""
         on = self.axis.at(u)
-        return Pose(float(on.x - v * np.sin(on.heading)), float(on.y + v * np.cos(on.heading)), on.heading)
+        return Pose(
+            float(on.x - v * np.sin(on.heading)), float(on.y + v * np.cos(on.heading)), on.heading
+        )
 
     def world(self, u: float, v: float) -> tuple[float, float]:
         """Convert a point of the street's frame to world coordinates."""
@@ -165,7 +177,9 @@ class Street:
 
     def open(self, side: int, u: float, margin: float = 0.0) -> bool:
         """Whether a gap interrupts this side within `margin` of u."""
-        return any(gap.side == side and gap.start - margin < u < gap.end + margin for gap in self.gaps)
+        return any(
+            gap.side == side and gap.start - margin < u < gap.end + margin for gap in self.gaps
+        )
 
 
 def streets(town: Town) -> tuple[Street, ...]:
@@ -174,16 +188,37 @@ def streets(town: Town) -> tuple[Street, ...]:
     gaps: list[Gap] = []
     if town.junction:
         half = LANE_WIDTH + CORNER_RADIUS
-        gaps.append(Gap(1 if town.junction.side == "left" else -1, town.junction.x_m - half, town.junction.x_m + half, True))
+        gaps.append(
+            Gap(
+                1 if town.junction.side == "left" else -1,
+                town.junction.x_m - half,
+                town.junction.x_m + half,
+                True,
+            )
+        )
     if town.rails_x_m is not None:
         gaps += [Gap(side, town.rails_x_m - 3, town.rails_x_m + 3, False) for side in (-1, 1)]
     middle = LANE_WIDTH * (town.lanes_ahead - 1)
-    main = Street("main", (0, 0), 0, town.curvature_1pm, START_X, END_X, LANE_WIDTH, left, middle, town.bus_bay, tuple(gaps))
+    main = Street(
+        "main",
+        (0, 0),
+        0,
+        town.curvature_1pm,
+        START_X,
+        END_X,
+        LANE_WIDTH,
+        left,
+        middle,
+        town.bus_bay,
+        tuple(gaps),
+    )
     if town.junction is None:
         return (main,)
     sign = 1 if town.junction.side == "left" else -1
     origin = (town.junction.x_m, left if sign > 0 else -LANE_WIDTH)
-    return main, Street("side", origin, sign * np.pi / 2, 0, 0, SIDE_LENGTH, LANE_WIDTH, LANE_WIDTH, 0, None, ())
+    return main, Street(
+        "side", origin, sign * np.pi / 2, 0, 0, SIDE_LENGTH, LANE_WIDTH, LANE_WIDTH, 0, None, ()
+    )
 
 
 def on_asphalt(town: Town, x: float, y: float, margin: float = 0.0) -> bool:
@@ -198,5 +233,8 @@ def on_asphalt(town: Town, x: float, y: float, margin: float = 0.0) -> bool:
             return True
         # The rounded corners: a square without the disc inside the kerb.
         if -margin <= u <= CORNER_RADIUS and abs(v) <= LANE_WIDTH + CORNER_RADIUS:
-            return bool(np.hypot(CORNER_RADIUS - u, LANE_WIDTH + CORNER_RADIUS - abs(v)) >= CORNER_RADIUS + margin)
+            return bool(
+                np.hypot(CORNER_RADIUS - u, LANE_WIDTH + CORNER_RADIUS - abs(v))
+                >= CORNER_RADIUS + margin
+            )
     return False

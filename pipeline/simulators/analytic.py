@@ -48,7 +48,11 @@ class Planted:
 
 PLANTED = (
     Planted("fog at night", {"sun_altitude": (-20.0, -4.0), "fog": (55.0, 100.0)}, {}),
-    Planted("low sun ahead", {"sun_altitude": (0.0, 14.0), "rain": (0.0, 35.0)}, {"animation": ("crouching", "stumble")}),
+    Planted(
+        "low sun ahead",
+        {"sun_altitude": (0.0, 14.0), "rain": (0.0, 35.0)},
+        {"animation": ("crouching", "stumble")},
+    ),
     Planted("running in heavy rain", {"rain": (80.0, 100.0), "pedestrian_speed": (2.2, 3.0)}, {}),
 )
 
@@ -56,7 +60,9 @@ PLANTED = (
 class AnalyticSimulator:
     """Executes concrete scenarios by formula. The detector gets a simple image, but the outcome depends on the point alone."""
 
-    needs: ClassVar[Mapping[str, Admitted]] = dict.fromkeys(("rain", "fog", "sun_altitude", "pedestrian_speed", "animation"), ())
+    needs: ClassVar[Mapping[str, Admitted]] = dict.fromkeys(
+        ("rain", "fog", "sun_altitude", "pedestrian_speed", "animation"), ()
+    )
     """The variables that a scenario must have."""
 
     def __init__(self, scenario: FunctionalScenario, car: Car) -> None:
@@ -65,10 +71,20 @@ class AnalyticSimulator:
     def planted(self, points: Floats) -> NDArray[np.int64]:
         """Index in `PLANTED` of each point's region (n, d), -1 for none, as (n,)."""
         concretes = [self._space.decode(point) for point in points]
-        return np.array([next((i for i, region in enumerate(PLANTED) if _depth(region, c) >= 1), -1) for c in concretes], dtype=np.int64)
+        return np.array(
+            [
+                next((i for i, region in enumerate(PLANTED) if _depth(region, c) >= 1), -1)
+                for c in concretes
+            ],
+            dtype=np.int64,
+        )
 
     def execute(
-        self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0, noise: Mapping[str, Value] | None = None
+        self,
+        concrete: Mapping[str, Value],
+        detector: Detector,
+        keep_every: int = 0,
+        noise: Mapping[str, Value] | None = None,
     ) -> Episode:
         """Execute one concrete scenario; see `pipeline.protocols.Simulator`. It fails exactly inside the planted regions, without noise."""
         self._space.encode(concrete)
@@ -84,7 +100,14 @@ class AnalyticSimulator:
             braking = distance <= sees_at
             detections = detector.detect(frame) if braking else Detections.none()
             if keep_every and len(steps) % keep_every == 0:
-                kept.append(KeptFrame(len(steps), frame, detections, match(detections, frame.truth, self._car.criterion)))
+                kept.append(
+                    KeptFrame(
+                        len(steps),
+                        frame,
+                        detections,
+                        match(detections, frame.truth, self._car.criterion),
+                    )
+                )
             found.append(FrameDetections(detections, np.zeros(len(detections.boxes), bool)))
             walked = (time - HORIZON_S) * float(concrete["pedestrian_speed"])
             steps.append(_step(frame, distance, speed, braking, walked))

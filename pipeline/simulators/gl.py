@@ -23,7 +23,9 @@ def choose_backend() -> str:
 
     If MUJOCO_GL is set, only that backend is tried. `.cache/gl` stores the result, because each try costs a second.
     """
-    os.environ.setdefault("LP_NUM_THREADS", "0")  # Software GL is fastest with one thread per worker.
+    os.environ.setdefault(
+        "LP_NUM_THREADS", "0"
+    )  # Software GL is fastest with one thread per worker.
     wanted = os.environ.get("MUJOCO_GL", "").strip().lower()
     if wanted and wanted not in BACKENDS:
         raise InputError(f"MUJOCO_GL must be {' or '.join(BACKENDS)}, or unset; got {wanted!r}")
@@ -36,7 +38,9 @@ def choose_backend() -> str:
         if not chosen:
             if find_spec("mujoco") is None:
                 raise ModuleNotFoundError("No module named 'mujoco'", name="mujoco")
-            raise InputError(f"no OpenGL library works on this machine (tried {', '.join(candidates)}); type: {INSTALL}")
+            raise InputError(
+                f"no OpenGL library works on this machine (tried {', '.join(candidates)}); type: {INSTALL}"
+            )
         for name in (remembered.name, f"{platform.node()}-{chosen}"):
             _remember(CACHE / name, chosen)
     os.environ["MUJOCO_GL"] = chosen
@@ -47,7 +51,12 @@ def works(backend: str) -> bool:
     """Whether MuJoCo can create a context with this backend, tried in a separate process."""
     environment = {**os.environ, "MUJOCO_GL": backend}
     try:
-        return subprocess.run([sys.executable, "-c", PROBE], env=environment, capture_output=True, timeout=60).returncode == 0
+        return (
+            subprocess.run(
+                [sys.executable, "-c", PROBE], env=environment, capture_output=True, timeout=60
+            ).returncode
+            == 0
+        )
     except subprocess.TimeoutExpired:
         return False
 

@@ -23,7 +23,10 @@ if TYPE_CHECKING:
 
 STEP = Step(
     "Calibrate the confidences of a detector under test.",
-    reads=lambda folders, wildcards: {**folders.dataset("base_set"), "detector": folders.detector(wildcards["version"])},
+    reads=lambda folders, wildcards: {
+        **folders.dataset("base_set"),
+        "detector": folders.detector(wildcards["version"]),
+    },
     writes=lambda folders: {"calibration": folders.calibration("{version}")},
     sections=("detector", "limits"),
 )
@@ -35,7 +38,9 @@ def run(job: Job) -> None:
     from pipeline.detectors.evaluation import judged_scores
 
     validation, model = read_dataset(job.input("truth").parent, "val"), job.input("detector")
-    scores, right = judged_scores(detect_all(job.config, model, validation, job.progress), validation)
+    scores, right = judged_scores(
+        detect_all(job.config, model, validation, job.progress), validation
+    )
     calibration = platt(scores, right)
     shown = {"uncalibrated": scores, "calibrated": calibration.apply(scores)}
     diagrams = {name: reliability(values, right) for name, values in shown.items()}
@@ -48,13 +53,18 @@ def run(job: Job) -> None:
         images=len(validation),
         detections=len(scores),
         right=int(right.sum()),
-        reliability={name: tuple((b.score, b.right, b.count) for b in diagram) for name, diagram in diagrams.items()},
+        reliability={
+            name: tuple((b.score, b.right, b.count) for b in diagram)
+            for name, diagram in diagrams.items()
+        },
         errors={name: calibration_error(diagram) for name, diagram in diagrams.items()},
     )
     write(job.output("calibration"), result)
 
 
-def detect_all(config: Config, model: Path, images: ImageSet, progress: OnProgress) -> list[Detections]:
+def detect_all(
+    config: Config, model: Path, images: ImageSet, progress: OnProgress
+) -> list[Detections]:
     """The detections in each image, down to the lowest score that the calibration uses; InputError if the detector fails on an image.
 
     The detector runs in a process of its own with the limits of a test.
@@ -66,18 +76,28 @@ def detect_all(config: Config, model: Path, images: ImageSet, progress: OnProgre
 
     lowest = {"threshold": CALIBRATED_FROM} if "threshold" in config.detector else {}
     make = partial(_detection, {**config.detector, **lowest}, model)
-    frames = [Frame(image, truth) for image, truth in zip(images.images, truths_of(images), strict=True)]
+    frames = [
+        Frame(image, truth) for image, truth in zip(images.images, truths_of(images), strict=True)
+    ]
     found: dict[int, Detections] = {}
     with Pool(1, make, config.limits) as pool:
         for index, said in pool.run(frames):
             if isinstance(said, Broken | str):
-                raise InputError(f"{model} fails on validation image {index + 1}: {said if isinstance(said, str) else said.reason}")
+                raise InputError(
+                    f"{model} fails on validation image {index + 1}: {said if isinstance(said, str) else said.reason}"
+                )
             found[index] = said
-            progress(len(found), len(images), f"{sum(len(one.boxes) for one in found.values())} detections")
+            progress(
+                len(found),
+                len(images),
+                f"{sum(len(one.boxes) for one in found.values())} detections",
+            )
     return [found[index] for index in range(len(images))]
 
 
-def _detection(section: Mapping[str, Any], model: Path, calls: Calls) -> Callable[[Frame], Detections | str]:
+def _detection(
+    section: Mapping[str, Any], model: Path, calls: Calls
+) -> Callable[[Frame], Detections | str]:
     """What detects in a frame; it returns why the detector failed."""
     from pipeline.config.components import make_detector
     from pipeline.execution.guarded import GuardedDetector

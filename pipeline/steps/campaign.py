@@ -27,19 +27,32 @@ FOLDER = "{kind}/{scenario}/{strategy}/{version}/{seed}"
 
 def reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
     """What the tests of a campaign are executed with."""
-    return {"space": folders.space(wildcards["scenario"]), **detector_files(folders, wildcards["version"])}
+    return {
+        "space": folders.space(wildcards["scenario"]),
+        **detector_files(folders, wildcards["version"]),
+    }
 
 
 def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
-    return {**reads(folders, wildcards), "earlier": folders.earlier(**wildcards), **_shards(folders, wildcards)}
+    return {
+        **reads(folders, wildcards),
+        "earlier": folders.earlier(**wildcards),
+        **_shards(folders, wildcards),
+    }
 
 
 def _shards(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
     """The tables of the jobs that share the campaign, by table; none if one job executes it."""
     config = folders.config
-    shards = [] if config.learns(wildcards["strategy"]) else Shard.of(_tests(config, wildcards), config.campaign.shards)
+    shards = (
+        []
+        if config.learns(wildcards["strategy"])
+        else Shard.of(_tests(config, wildcards), config.campaign.shards)
+    )
     root = f"{folders.root}/{SHARDS}/{FOLDER.format(**wildcards)}"
-    return {f"shard_{name}": [f"{root}/{shard}/{name}.parquet" for shard in shards] for name in TABLES}
+    return {
+        f"shard_{name}": [f"{root}/{shard}/{name}.parquet" for shard in shards] for name in TABLES
+    }
 
 
 def _tests(config: Config, wildcards: Wildcards) -> int:
@@ -58,7 +71,13 @@ def setup(job: Job, keep_every: int = 0) -> Setup:
     from pipeline.execution.workers import Setup
 
     calibration = read_calibration(job.inputs("calibration"))
-    return Setup.of(job.config, job.wildcards["scenario"], job.input("model"), calibration, keep_every=keep_every)
+    return Setup.of(
+        job.config,
+        job.wildcards["scenario"],
+        job.input("model"),
+        calibration,
+        keep_every=keep_every,
+    )
 
 
 def sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
@@ -89,11 +108,19 @@ def run(job: Job) -> None:
     if shards := job.inputs("shard_tests"):
         join(_named(job.wildcards), shards, read_space(job.input("space"))[1], job.output("tests"))
     else:
-        run_campaign(planned(job, job.inputs("earlier")), job.output("tests"), job.scratch, job.threads, job.progress)
+        run_campaign(
+            planned(job, job.inputs("earlier")),
+            job.output("tests"),
+            job.scratch,
+            job.threads,
+            job.progress,
+        )
 
 
 def _named(wildcards: Wildcards) -> CampaignId:
-    return CampaignId(wildcards["scenario"], wildcards["strategy"], wildcards["version"], int(wildcards["seed"]))
+    return CampaignId(
+        wildcards["scenario"], wildcards["strategy"], wildcards["version"], int(wildcards["seed"])
+    )
 
 
 def planned(job: Job, earlier: Sequence[Path] = (), shard: Shard | None = None) -> CampaignPlan:
@@ -103,7 +130,9 @@ def planned(job: Job, earlier: Sequence[Path] = (), shard: Shard | None = None) 
     config, model, wildcards = job.config, job.input("model"), job.wildcards
     campaign = _named(wildcards)
     if not model.exists():
-        raise InputError(f"{model}: expected the detector of version '{campaign.version}', found none; train it first")
+        raise InputError(
+            f"{model}: expected the detector of version '{campaign.version}', found none; train it first"
+        )
     return CampaignPlan(
         campaign=campaign,
         space=read_space(job.input("space"))[1],
@@ -113,5 +142,7 @@ def planned(job: Job, earlier: Sequence[Path] = (), shard: Shard | None = None) 
         earlier=earlier,
         shard=shard,
         frozen=wildcards["kind"] == HELD_OUT,
-        setup=setup(job, 0 if wildcards["kind"] in (HELD_OUT, AUDITS) else config.campaign.keep_every),
+        setup=setup(
+            job, 0 if wildcards["kind"] in (HELD_OUT, AUDITS) else config.campaign.keep_every
+        ),
     )

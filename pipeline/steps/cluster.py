@@ -31,21 +31,34 @@ def _executes(config: Config) -> bool:
 def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
     files: dict[str, Files] = {
         "space": folders.space(wildcards["scenario"]),
-        "tests": folders.search("tests.parquet", wildcards["scenario"], version=wildcards["version"]),
-        "signals": folders.search("signals.parquet", wildcards["scenario"], version=wildcards["version"]),
+        "tests": folders.search(
+            "tests.parquet", wildcards["scenario"], version=wildcards["version"]
+        ),
+        "signals": folders.search(
+            "signals.parquet", wildcards["scenario"], version=wildcards["version"]
+        ),
     }
-    return files | campaign.detector_files(folders, wildcards["version"]) if _executes(folders.config) else files
+    return (
+        files | campaign.detector_files(folders, wildcards["version"])
+        if _executes(folders.config)
+        else files
+    )
 
 
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
     own = ("regions", "comparison.confidence")
-    return (*own, "scenarios.{scenario}", "simulator", *JUDGED, "limits") if _executes(config) else own
+    return (
+        (*own, "scenarios.{scenario}", "simulator", *JUDGED, "limits") if _executes(config) else own
+    )
 
 
 STEP = Step(
     "Group the failures of a scenario into regions, confirm their rules, and say why these tests fail.",
     reads=_reads,
-    writes=lambda folders: {"regions": folders.regions("{version}", "{scenario}"), "why": folders.why("{version}", "{scenario}")},
+    writes=lambda folders: {
+        "regions": folders.regions("{version}", "{scenario}"),
+        "why": folders.why("{version}", "{scenario}"),
+    },
     sections=_sections,
     parallel=True,
 )
@@ -68,7 +81,11 @@ def run(job: Job) -> None:
     explained, rows = _explained(job, logical, table, found, confirmed)
     write_why(job.output("why"), rows)
     write(job.output("regions"), regions.model_copy(update={"regions": explained}))
-    job.progress(1, 1, f"{len(regions.regions)} regions of {regions.failures} failures in {regions.tests} tests")
+    job.progress(
+        1,
+        1,
+        f"{len(regions.regions)} regions of {regions.failures} failures in {regions.tests} tests",
+    )
 
 
 def _confirmed(job: Job, space: Space, found: Sequence[Found]) -> tuple[FailureRegion, ...]:
@@ -79,7 +96,9 @@ def _confirmed(job: Job, space: Space, found: Sequence[Found]) -> tuple[FailureR
     if not config.regions.confirm:
         return tuple(one.region for one in found)
     threshold_s, confidence = config.campaign.failure_threshold_s, config.comparison.confidence
-    return FreshTests(space, _executor(job, "confirm"), threshold_s, config.regions.confirm, confidence).confirm(found)
+    return FreshTests(
+        space, _executor(job, "confirm"), threshold_s, config.regions.confirm, confidence
+    ).confirm(found)
 
 
 def _executor(job: Job, journal: str) -> Executor:
@@ -89,14 +108,22 @@ def _executor(job: Job, journal: str) -> Executor:
 
 
 def _explained(
-    job: Job, space: Space, tests: pd.DataFrame, found: Sequence[Found], regions: Sequence[FailureRegion]
+    job: Job,
+    space: Space,
+    tests: pd.DataFrame,
+    found: Sequence[Found],
+    regions: Sequence[FailureRegion],
 ) -> tuple[tuple[FailureRegion, ...], pd.DataFrame]:
     """The regions with what the camera saw and what repairs them, and the rows behind both. tests: valid rows."""
     from pipeline.analysis.failure_regions import outcomes_of
     from pipeline.analysis.why import explained, recorded
     from pipeline.execution.explaining import Counterfactuals, table
 
-    config, outcomes, named = job.config, outcomes_of(space, tests), tests.set_index("test_id", drop=False)
+    config, outcomes, named = (
+        job.config,
+        outcomes_of(space, tests),
+        tests.set_index("test_id", drop=False),
+    )
     signals = _signals(job, {test for region in regions for test in region.members})
     rows = [row for region in regions for row in recorded(region, named, signals)]
     changes: list[tuple[Change, ...]] = [() for _ in regions]
@@ -104,11 +131,17 @@ def _explained(
         threshold_s = config.campaign.failure_threshold_s
         executing = Counterfactuals(_executor(job, "explain"), threshold_s, config.regions.explain)
         chosen = [executing.chosen(one, named, outcomes) for one in found]
-        changes = [executing.planned(one, failures, outcomes, signals) for one, failures in zip(found, chosen, strict=True)]
+        changes = [
+            executing.planned(one, failures, outcomes, signals)
+            for one, failures in zip(found, chosen, strict=True)
+        ]
         rows += executing.rows(list(zip(chosen, changes, strict=True)), outcomes)
     made = table(rows)
     confidence = config.comparison.confidence
-    return tuple(explained(region, made_of, made, confidence) for region, made_of in zip(regions, changes, strict=True)), made
+    return tuple(
+        explained(region, made_of, made, confidence)
+        for region, made_of in zip(regions, changes, strict=True)
+    ), made
 
 
 def _signals(job: Job, wanted: set[str]) -> Mapping[str, Signals]:

@@ -24,7 +24,14 @@ if TYPE_CHECKING:
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
     """A study that only tests detectors has no base set."""
     judged = ("campaign.failure_threshold_s", "campaign.match_iou", "comparison.second_iou")
-    own = ("comparison.alpha", "comparison.confidence", "comparison.margin", "regions", "tested", *judged)
+    own = (
+        "comparison.alpha",
+        "comparison.confidence",
+        "comparison.margin",
+        "regions",
+        "tested",
+        *judged,
+    )
     return own if config.tested else (*own, "base_set.rare")
 
 
@@ -39,8 +46,15 @@ def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
     }
     if config.tested:
         return files
-    searched = {"searched": folders.search("tests.parquet"), "searched_spaces": folders.spaces(config.search)}
-    return files | searched | {"regions": [folders.regions("base", scenario) for scenario in config.search]}
+    searched = {
+        "searched": folders.search("tests.parquet"),
+        "searched_spaces": folders.spaces(config.search),
+    }
+    return (
+        files
+        | searched
+        | {"regions": [folders.regions("base", scenario) for scenario in config.search]}
+    )
 
 
 STEP = Step(
@@ -59,7 +73,13 @@ def run(job: Job) -> None:
     Raises InputError if the versions did not execute the same points in the same order, or if one has no campaign, was judged at another
     threshold than the config's, or was trained on a held-out town or on held-out people.
     """
-    from pipeline.analysis.comparison import base_regions, changed_tests, compare, compared_again, shown_metrics
+    from pipeline.analysis.comparison import (
+        base_regions,
+        changed_tests,
+        compare,
+        compared_again,
+        shown_metrics,
+    )
     from pipeline.analysis.held_out import read_held_out
     from pipeline.analysis.named_groups import named_groups
     from pipeline.analysis.planted import planted_groups
@@ -72,22 +92,36 @@ def run(job: Job) -> None:
     infos = {name: info for name, (info, _) in known.items()}
     cards = [read_card(path) for path in job.inputs("models")]
     refuse_learnt(cards, [info for info, _ in known.values()])
-    versions, threshold_s = [card.version for card in cards] or list(config.tested), config.campaign.failure_threshold_s
+    versions, threshold_s = (
+        [card.version for card in cards] or list(config.tested),
+        config.campaign.failure_threshold_s,
+    )
     held_out = read_held_out(job.inputs("tests"), versions, infos, threshold_s, job.progress)
     digest = held_out.digest({name: space.names for name, (_, space) in known.items()})
     regions = base_regions(held_out, known, config.regions)
     measures = read(job.input("measures"), Measures)
-    first, policy = next(space for _, space in known.values()), Policy(settings.alpha, settings.confidence, settings.margin)
+    first, policy = (
+        next(space for _, space in known.values()),
+        Policy(settings.alpha, settings.confidence, settings.margin),
+    )
     named = named_groups(first, encode_tests(held_out.rows(versions[0]), first))
-    result = compare(held_out, named, digest, regions, policy, config.version).model_copy(update={"base_rates": measures.base_rates})
+    result = compare(held_out, named, digest, regions, policy, config.version).model_copy(
+        update={"base_rates": measures.base_rates}
+    )
     if settings.second_iou:
         again = read_held_out(job.inputs("second_iou"), versions, infos, threshold_s, job.progress)
         ious = settings.second_iou, config.campaign.match_iou
-        result = result.model_copy(update={"second": compared_again(again, *ious, policy, config.version)})
+        result = result.model_copy(
+            update={"second": compared_again(again, *ious, policy, config.version)}
+        )
     if cards:
         shown, learnt = Frequencies(**config.base_set.rare.model_dump()), cards[0].frequencies
-        planted = () if learnt is None else tuple(planted_groups(learnt, _searched(job), held_out, named))
-        result = result.model_copy(update={"trained_on": learnt, "base_set": shown, "planted": planted})
+        planted = (
+            () if learnt is None else tuple(planted_groups(learnt, _searched(job), held_out, named))
+        )
+        result = result.model_copy(
+            update={"trained_on": learnt, "base_set": shown, "planted": planted}
+        )
     write(job.output("comparison"), result)
     write_tests(job.output("table"), held_out.joined, first)
     write_changes(job.output("changes"), changed_tests(result, held_out.joined, first.names))
@@ -102,5 +136,9 @@ def _searched(job: Job) -> Searched:
     from pipeline.analysis.planted import Searched
 
     rows = read_all_tests(job.inputs("searched"))
-    spaces = {name: space for name, (_, space) in read_spaces(job.inputs("searched_spaces")).items()}
-    return Searched(rows[is_valid(rows)], spaces, [read(path, FailureRegions) for path in job.inputs("regions")])
+    spaces = {
+        name: space for name, (_, space) in read_spaces(job.inputs("searched_spaces")).items()
+    }
+    return Searched(
+        rows[is_valid(rows)], spaces, [read(path, FailureRegions) for path in job.inputs("regions")]
+    )

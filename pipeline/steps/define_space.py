@@ -20,6 +20,14 @@ def run(job: Job) -> None:
     name = job.wildcards["scenario"]
     body, space = job.config.scenarios[name], job.config.space(name)
     pairs, people = feasible_pairs(space), "" if body.people is None else fingerprint(body.people)
-    info = ScenarioInfo(name, body.label, body.description, pairs, body.town.fingerprint, people, asks_to_brake=body.asks_to_brake)
+    info = ScenarioInfo(
+        name,
+        body.label,
+        body.description,
+        pairs,
+        body.town.fingerprint,
+        people,
+        asks_to_brake=body.asks_to_brake,
+    )
     write_space(job.output("space"), info, space)
     job.progress(1, 1, f"{len(space)} variables, {pairs} pairs")

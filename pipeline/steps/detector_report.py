@@ -42,10 +42,14 @@ def run(job: Job) -> None:
     config, version = job.config, job.wildcards["version"]
     compared = None
     if "comparison" in job.reads:
-        compared = ComparedVersions.read(job.input("comparison"), job.input("table"), job.input("changes"))
+        compared = ComparedVersions.read(
+            job.input("comparison"), job.input("table"), job.input("changes")
+        )
     rows = read_all_tests(job.inputs("tests"))
     calibrations = [read(path, DetectorCalibration) for path in job.inputs("calibrations")]
-    calibrations.sort(key=lambda found: found.version != version)  # The page's own detector comes first.
+    calibrations.sort(
+        key=lambda found: found.version != version
+    )  # The page's own detector comes first.
     data = ReportData(
         version=version,
         measures=read(job.input("measures"), Measures).of(version),

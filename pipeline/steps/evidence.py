@@ -33,14 +33,26 @@ def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
 
 
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
-    samplers = (f"samplers.{name}" for name in (*config.strategies, *([AUDIT] if config.audited else [])))
-    return ("study", "goal", "search", "exposure", "regions", "campaign.failure_threshold_s", *samplers)
+    samplers = (
+        f"samplers.{name}" for name in (*config.strategies, *([AUDIT] if config.audited else []))
+    )
+    return (
+        "study",
+        "goal",
+        "search",
+        "exposure",
+        "regions",
+        "campaign.failure_threshold_s",
+        *samplers,
+    )
 
 
 STEP = Step(
     "Write what the study shows about a detector, for a safety case.",
     reads=_reads,
-    writes=lambda folders: {name: f"{folders.root}/evidence/{{version}}.{name}" for name in ("json", "html")},
+    writes=lambda folders: {
+        name: f"{folders.root}/evidence/{{version}}.{name}" for name in ("json", "html")
+    },
     sections=_sections,
 )
 
@@ -81,9 +93,17 @@ def _judged(job: Job) -> list[Judged]:
     rows = read_all_tests(job.inputs("tests"))
     independent = frozenset(filter(job.config.independent, job.config.samplers))
     found = []
-    for done, (space_file, regions) in enumerate(zip(job.inputs("spaces"), job.inputs("regions"), strict=True), 1):
+    for done, (space_file, regions) in enumerate(
+        zip(job.inputs("spaces"), job.inputs("regions"), strict=True), 1
+    ):
         info, space = read_space(space_file)
-        tested = Searched(info, space, rows[rows["scenario"] == info.name], read(regions, FailureRegions), independent)
+        tested = Searched(
+            info,
+            space,
+            rows[rows["scenario"] == info.name],
+            read(regions, FailureRegions),
+            independent,
+        )
         found.append(judged(tested, job.config.regions, job.config.exposure))
         job.progress(done, len(job.config.search), info.name)
     return found

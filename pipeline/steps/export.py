@@ -15,10 +15,16 @@ from pipeline.errors import InputError
 def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
     tested, version = folders.config.tested, wildcards["version"]
     if version not in tested:
-        raise InputError(f"version: '{version}' is no tested detector; known are {', '.join(tested) or 'none'}")
+        raise InputError(
+            f"version: '{version}' is no tested detector; known are {', '.join(tested) or 'none'}"
+        )
     weights = PurePosixPath(tested[version])
     card = weights.with_name(VERSION_FILES["card"])
-    return {"weights": str(weights), "card": str(card), "spaces": folders.spaces(folders.config.held_out)}
+    return {
+        "weights": str(weights),
+        "card": str(card),
+        "spaces": folders.spaces(folders.config.held_out),
+    }
 
 
 STEP = Step(
@@ -34,5 +40,8 @@ def run(job: Job) -> None:
     from pipeline.detectors.yolo.export import export_version
     from pipeline.learning.leakage import refuse_learnt
 
-    refuse_learnt([read_card(job.input("card"))], [info for info, _ in read_spaces(job.inputs("spaces")).values()])
+    refuse_learnt(
+        [read_card(job.input("card"))],
+        [info for info, _ in read_spaces(job.inputs("spaces")).values()],
+    )
     export_version(job.input("weights"), job.input("card"), job.output("onnx"))

@@ -16,14 +16,25 @@ from pipeline.contract import Job, Step, Wildcards
 
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
     """Only a person's table needs the list of campaigns, because it may name frames of any of them."""
-    known = ("goal", "search", "seeds", "strategies", "arms", "campaign.tests", "retraining.rounds", "retraining.seeds")
+    known = (
+        "goal",
+        "search",
+        "seeds",
+        "strategies",
+        "arms",
+        "campaign.tests",
+        "retraining.rounds",
+        "retraining.seeds",
+    )
     return ("filter", *(known if config.filter.overrules else ()))
 
 
 STEP = Step(
     "Decide which campaign frames are used for training.",
     reads=lambda folders, wildcards: {
-        "frames": folders.search("frames.parquet", strategy=wildcards["strategy"], version=wildcards["version"]),
+        "frames": folders.search(
+            "frames.parquet", strategy=wildcards["strategy"], version=wildcards["version"]
+        ),
         "overrules": folders.overrules,
     },
     writes=lambda folders: {"table": f"{folders.root}/{{kind}}/{{strategy}}/{{version}}.csv"},

@@ -38,14 +38,20 @@ def run(job: Job) -> None:
     from pipeline.learning.versions import detect_all
 
     threshold = job.config.threshold
-    known, images = read(job.input("points"), Points), read_dataset(job.input("truth").parent, "val")
+    known, images = (
+        read(job.input("points"), Points),
+        read_dataset(job.input("truth").parent, "val"),
+    )
     space, each = job.config.front_car.space.space(), job.config.front_car.test_images
     results = []
     models = list(zip(job.inputs("cards"), job.inputs("models"), strict=True))
     for done, (path, model) in enumerate(models, 1):
         card = read_card(path)
         found = detect_all(model, images, job.progress)
-        right = [_right(detections, truth, threshold) for detections, truth in zip(found, truths_of(images), strict=True)]
+        right = [
+            _right(detections, truth, threshold)
+            for detections, truth in zip(found, truths_of(images), strict=True)
+        ]
         judged = []
         for i, row in enumerate(job.config.front_car.space.feasible_points()):
             values = {name: str(value) for name, value in space.decode(row.astype(float)).items()}
@@ -54,7 +60,11 @@ def run(job: Job) -> None:
         metrics = evaluate(found, images, threshold)
         results.append(
             DetectorResult(
-                version=card.version, learnt_points=learnt, images=job.config.front_car.images, metrics=metrics, points=tuple(judged)
+                version=card.version,
+                learnt_points=learnt,
+                images=job.config.front_car.images,
+                metrics=metrics,
+                points=tuple(judged),
             )
         )
         job.progress(done, len(models), f"{card.version}: right on {sum(right)} of {len(right)}")

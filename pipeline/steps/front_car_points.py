@@ -24,8 +24,12 @@ def run(job: Job) -> None:
     settings = job.config.front_car
     space, feasible = settings.space.space(), settings.space.feasible_points()
     if settings.existing > len(feasible):
-        raise InputError(f"front_car.existing must be at most {len(feasible)}, the number of feasible points; got {settings.existing}")
-    drawn = np.random.default_rng(settings.seed).choice(len(feasible), settings.existing, replace=False)
+        raise InputError(
+            f"front_car.existing must be at most {len(feasible)}, the number of feasible points; got {settings.existing}"
+        )
+    drawn = np.random.default_rng(settings.seed).choice(
+        len(feasible), settings.existing, replace=False
+    )
     points = feasible[drawn]
     demand = Demand(space.constraints, settings.k)
     for proposal in Proposer(demand).complete(points, exact=True):
@@ -34,8 +38,14 @@ def run(job: Job) -> None:
     for i in range(len(points)):
         coverage = projection_coverage(points[: i + 1], demand)
         required = coverage.required
-        values = {name: str(value) for name, value in space.decode(space.representatives(points[i : i + 1])[0]).items()}
+        values = {
+            name: str(value)
+            for name, value in space.decode(space.representatives(points[i : i + 1])[0]).items()
+        }
         name = f"E{i + 1}" if i < settings.existing else f"G{i + 1 - settings.existing}"
         named.append(CoveredPoint(name=name, values=values, covered=coverage.covered))
         job.progress(i + 1, len(points), f"{name}: {coverage.covered} of {required} cells")
-    write(job.output("points"), Points(k=settings.k, existing=settings.existing, required=required, points=tuple(named)))
+    write(
+        job.output("points"),
+        Points(k=settings.k, existing=settings.existing, required=required, points=tuple(named)),
+    )

@@ -41,10 +41,15 @@ def run(job: Job) -> None:
     root, plots = job.input("images").parent, {path.stem: path for path in job.outputs("plots")}
     known, result = read(job.input("points"), Points), read(job.input("evaluation"), Evaluation)
     space = job.config.front_car.space.space()
-    categories = space.categorise(np.array([space.encode(dict(point.values)) for point in known.points]))
+    categories = space.categorise(
+        np.array([space.encode(dict(point.values)) for point in known.points])
+    )
     first = [0, *accumulate(job.config.front_car.images_of(len(known.points)))][:-1]
     images = [decode_jpeg(read_bytes(image_path(root, "train", index))) for index in first]
-    classes = [np.asarray(Image.open(io.BytesIO(read_bytes(segments_path(root, "train", index))))) for index in first]
+    classes = [
+        np.asarray(Image.open(io.BytesIO(read_bytes(segments_path(root, "train", index)))))
+        for index in first
+    ]
     figures = {
         "table": draw.table(known, categories, space),
         "growth": draw.growth(known),
@@ -54,5 +59,7 @@ def run(job: Job) -> None:
     for done, (name, figure) in enumerate(figures.items(), 1):
         save_png(figure, plots[name])
         job.progress(done, len(figures) + 1, name)
-    write_bytes(job.output("page"), render(draw.page(job.config.study, known, result, figures)).encode())
+    write_bytes(
+        job.output("page"), render(draw.page(job.config.study, known, result, figures)).encode()
+    )
     job.progress(len(figures) + 1, len(figures) + 1, job.output("page").name)

@@ -7,7 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.artefacts.dataset import Record, Split, place_dataset, remove_leftovers, write_classes, write_image, write_truth
+from pipeline.artefacts.dataset import (
+    Record,
+    Split,
+    place_dataset,
+    remove_leftovers,
+    write_classes,
+    write_image,
+    write_truth,
+)
 from pipeline.artefacts.files import flush_all, write_json
 from pipeline.artefacts.front_car_results import Points
 from pipeline.artefacts.results import read
@@ -33,7 +41,13 @@ STEP = Step(
         "segments": f"{folders.root}/snapshots/{{version}}/segments/",
     },
     sections=(
-        *("front_car.space", "front_car.seed", "front_car.images", "front_car.validation_share", "front_car.test_images"),
+        *(
+            "front_car.space",
+            "front_car.seed",
+            "front_car.images",
+            "front_car.validation_share",
+            "front_car.test_images",
+        ),
         "simulator",
     ),
     wildcards={"version": "existing|covered|test"},
@@ -47,15 +61,26 @@ def run(job: Job) -> None:
     `existing` renders the random points alone, `covered` all points, both with the same number of snapshots; `test` renders every feasible
     point in other towns, as validation images.
     """
-    config, known, version, root = job.config, read(job.input("points"), Points), job.wildcards["version"], job.scratch
+    config, known, version, root = (
+        job.config,
+        read(job.input("points"), Points),
+        job.wildcards["version"],
+        job.scratch,
+    )
     if version == "test":
         space = config.front_car.space.space()
-        shown = [space.decode(row.astype(float)) for row in config.front_car.space.feasible_points()]
+        shown = [
+            space.decode(row.astype(float)) for row in config.front_car.space.feasible_points()
+        ]
         counts, share, stream = [config.front_car.test_images] * len(shown), 1.0, TESTING
     else:
         chosen = known.points[: known.existing] if version == "existing" else known.points
         shown = [dict(point.values) for point in chosen]
-        counts, share, stream = config.front_car.images_of(len(shown)), config.front_car.validation_share, LEARNING
+        counts, share, stream = (
+            config.front_car.images_of(len(shown)),
+            config.front_car.validation_share,
+            LEARNING,
+        )
         if not all(counts) or not any(round(count * share) for count in counts):
             raise InputError(
                 f"front_car.images: expected an image of each of {len(shown)} points and, at a validation share of {share:g}, a validation "
@@ -72,7 +97,9 @@ def run(job: Job) -> None:
     place_dataset(root, job.output("truth").parent)
 
 
-def _jobs(config: Config, shown: list[Any], counts: list[int], share: float, stream: int, root: Path) -> list[TownJob]:
+def _jobs(
+    config: Config, shown: list[Any], counts: list[int], share: float, stream: int, root: Path
+) -> list[TownJob]:
     """One job per town; each point's snapshots alternate between the towns of its kind of street."""
     space, seed = config.front_car.space.space(), config.front_car.seed
     towns: dict[tuple[int, int, int], list[Shot]] = {}
@@ -82,10 +109,17 @@ def _jobs(config: Config, shown: list[Any], counts: list[int], share: float, str
         validation = count - round(count * share)
         for n in range(count):
             town = (int(values["lanes"]), int(values["lane_orientation"] == "curvy"), n % TOWNS)
-            towns.setdefault(town, []).append((values, (seed, stream, code, n), "val" if n >= validation else "train", first + n))
+            towns.setdefault(town, []).append(
+                (values, (seed, stream, code, n), "val" if n >= validation else "train", first + n)
+            )
         first += count
     return [
-        (int(np.random.default_rng([seed, stream, *town]).integers(2**31)), shots, config.camera, root)
+        (
+            int(np.random.default_rng([seed, stream, *town]).integers(2**31)),
+            shots,
+            config.camera,
+            root,
+        )
         for town, shots in sorted(towns.items())
     ]
 
@@ -93,7 +127,10 @@ def _jobs(config: Config, shown: list[Any], counts: list[int], share: float, str
 def _render(job: TownJob) -> list[Record]:
     """Render and write the snapshots of one town."""
     from pipeline.simulators.mujoco.lens import CameraSettings
-    from pipeline.simulators.mujoco.snapshots import CLASSES, snapshots  # Needs a GL library, unlike the parent process.
+    from pipeline.simulators.mujoco.snapshots import (
+        CLASSES,
+        snapshots,
+    )  # Needs a GL library, unlike the parent process.
 
     town_seed, shots, camera, root = job
     settings = CameraSettings.model_validate(camera)
@@ -103,9 +140,20 @@ def _render(job: TownJob) -> list[Record]:
         for (_, _, split, index), snapshot in zip(shots, rendered, strict=True):
             write_image(root, split, index, snapshot.image, snapshot.truth)
             write_classes(root, split, index, snapshot.classes)
-            records.append(Record(split, index, settings.width, settings.height, snapshot.truth, snapshot.attributes))
+            records.append(
+                Record(
+                    split,
+                    index,
+                    settings.width,
+                    settings.height,
+                    snapshot.truth,
+                    snapshot.attributes,
+                )
+            )
     except SimulationError as error:
-        raise InputError(f"simulator.camera: {error}; take more pixels or a narrower view") from error
+        raise InputError(
+            f"simulator.camera: {error}; take more pixels or a narrower view"
+        ) from error
     flush_all()
     write_json(root / "segments" / "classes.json", dict(enumerate(CLASSES)))
     return records

@@ -22,7 +22,13 @@ STEP = Step(
     "Train a detector of the forward vehicle.",
     reads=_reads,
     writes=lambda folders: folders.version("{version}", "detectors"),
-    sections=("front_car.iterations", "front_car.batch_size", "front_car.learning_rate", "front_car.seed", "detector"),
+    sections=(
+        "front_car.iterations",
+        "front_car.batch_size",
+        "front_car.learning_rate",
+        "front_car.seed",
+        "detector",
+    ),
     wildcards={"version": "existing|covered"},
     parallel=True,
 )
@@ -40,8 +46,26 @@ def run(job: Job) -> None:
     data = {"snapshots": images.digest, "parent": sha256(weights)}
     training = settings.model_dump(include={"iterations", "batch_size", "learning_rate", "seed"})
     checkpoint = job.scratch / "checkpoint.pt"
-    plan = Refinement(settings.iterations, settings.batch_size, settings.learning_rate, added_share=0.0, seed=(settings.seed,))
-    fitted = retrain(load_weights(weights), ImageSets(images, None, validation), plan, Run(checkpoint, job.threads, job.progress))
+    plan = Refinement(
+        settings.iterations,
+        settings.batch_size,
+        settings.learning_rate,
+        added_share=0.0,
+        seed=(settings.seed,),
+    )
+    fitted = retrain(
+        load_weights(weights),
+        ImageSets(images, None, validation),
+        plan,
+        Run(checkpoint, job.threads, job.progress),
+    )
     worlds = read_card(job.input("card")).worlds
-    origin = Origin(job.wildcards["version"], "base", data, training | {"images": len(images)}, settings.seed, worlds)
+    origin = Origin(
+        job.wildcards["version"],
+        "base",
+        data,
+        training | {"images": len(images)},
+        settings.seed,
+        worlds,
+    )
     write_version(job.config, fitted, validation, origin, job.output("card"), job.progress)

@@ -22,8 +22,15 @@ STEP = Step(
         "tests": folders.searches,
         "audit": folders.audits,
     },
-    writes=lambda folders: {"measures": f"{folders.root}/measures.json", "theta": f"{folders.root}/theta.csv"},
-    sections=lambda config, wildcards: ("strategies", "comparison.confidence", *(f"samplers.{name}" for name in config.strategies)),
+    writes=lambda folders: {
+        "measures": f"{folders.root}/measures.json",
+        "theta": f"{folders.root}/theta.csv",
+    },
+    sections=lambda config, wildcards: (
+        "strategies",
+        "comparison.confidence",
+        *(f"samplers.{name}" for name in config.strategies),
+    ),
 )
 
 
@@ -32,7 +39,13 @@ def run(job: Job) -> None:
 
     Raises InputError for a campaign without its space or its baseline of the same seed.
     """
-    from pipeline.analysis.measures import audited, by_strategy, measure_campaign, summarise, theta_table
+    from pipeline.analysis.measures import (
+        audited,
+        by_strategy,
+        measure_campaign,
+        summarise,
+        theta_table,
+    )
 
     baseline, confidence = job.config.strategies[0], job.config.comparison.confidence
     known = read_spaces(job.inputs("spaces"))
@@ -43,8 +56,12 @@ def run(job: Job) -> None:
         measured.append(measure_campaign(campaign, tables, spaces, baseline))
         job.progress(done, len(tables), str(campaign))
     independent = set(filter(job.config.independent, job.config.strategies))
-    audit |= {campaign: table for campaign, table in tables.items() if campaign.strategy in independent}
-    groups = tuple(summarise(group, confidence, baseline, independent) for group in by_strategy(measured))
+    audit |= {
+        campaign: table for campaign, table in tables.items() if campaign.strategy in independent
+    }
+    groups = tuple(
+        summarise(group, confidence, baseline, independent) for group in by_strategy(measured)
+    )
     measures = Measures(
         confidence=confidence,
         baseline=baseline,
@@ -54,7 +71,9 @@ def run(job: Job) -> None:
         no_braking=tuple(name for name, (info, _) in known.items() if not info.asks_to_brake),
     )
     write(job.output("measures"), measures)
-    write_bytes(job.output("theta"), theta_table(measured).to_csv(index=False, lineterminator="\n").encode())
+    write_bytes(
+        job.output("theta"), theta_table(measured).to_csv(index=False, lineterminator="\n").encode()
+    )
 
 
 def _tables(paths: Sequence[Path]) -> dict[CampaignId, pd.DataFrame]:

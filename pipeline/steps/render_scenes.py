@@ -37,4 +37,6 @@ def _section(config: Config, source: str, seed: int) -> BaseSet:
     """How the scenes are drawn: as those of the base set, or with all people and poses equally frequent."""
     count = round(SPARE * config.retraining.added_frames * config.retraining.rounds)
     rare = Rarity(children=1, crouching=1) if source == BALANCED_SCENES else config.base_set.rare
-    return config.base_set.model_copy(update={"images": count, "validation_share": 0.0, "seed": FIRST_SEED + seed, "rare": rare})
+    return config.base_set.model_copy(
+        update={"images": count, "validation_share": 0.0, "seed": FIRST_SEED + seed, "rare": rare}
+    )

@@ -24,7 +24,10 @@ def searched(folders: Folders, version: str) -> dict[str, Files]:
     return {
         "measures": f"{folders.root}/measures.json",
         "regions": [folders.regions(version, scenario) for scenario in folders.config.search],
-        **{name: folders.search(f"{name}.parquet", version=version) for name in ("tests", "frames", "detections")},
+        **{
+            name: folders.search(f"{name}.parquet", version=version)
+            for name in ("tests", "frames", "detections")
+        },
         "spaces": folders.spaces(folders.config.search),
     }
 
@@ -41,7 +44,9 @@ def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
         **folders.compared,
         "white_box": f"{folders.root}/white_box.json",
         "later_tests": folders.later_searches,
-        "filters": [folders.filter(strategy) for strategy in dict.fromkeys(folders.config.sources.values())],
+        "filters": [
+            folders.filter(strategy) for strategy in dict.fromkeys(folders.config.sources.values())
+        ],
         "models": folders.models("model.json"),
         "detectors": folders.models("model.onnx"),
     }
@@ -73,12 +78,17 @@ def run(job: Job) -> None:
         regions=tuple(read(path, FailureRegions) for path in job.inputs("regions")),
         known=read_spaces(job.inputs("spaces")),
         rows=rows,
-        learnt=pd.concat([rows[rows["strategy"].isin(sources)], *map(read_tests, job.inputs("later_tests"))], ignore_index=True),
+        learnt=pd.concat(
+            [rows[rows["strategy"].isin(sources)], *map(read_tests, job.inputs("later_tests"))],
+            ignore_index=True,
+        ),
         detectors=dict(zip((card.version for card in cards), job.inputs("detectors"), strict=True)),
         frames=job.inputs("frames"),
         files=job.digests(),
         white_box=read(job.input("white_box"), WhiteBoxMeasures),
-        compared=ComparedVersions.read(job.input("comparison"), job.input("table"), job.input("changes")),
+        compared=ComparedVersions.read(
+            job.input("comparison"), job.input("table"), job.input("changes")
+        ),
         filters=filters,
         cards=cards,
         border=border_cases(config, filters, job.inputs("frames")),

@@ -15,7 +15,9 @@ from pipeline.errors import InputError
 def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
     config, version = folders.config, wildcards["version"]
     if (own := Version.named(version).arm) not in config.arms:
-        raise InputError(f"version: '{version}' is not retrained; the study's arms are {', '.join(config.arms)}")
+        raise InputError(
+            f"version: '{version}' is not retrained; the study's arms are {', '.join(config.arms)}"
+        )
     files: dict[str, Files] = {
         **folders.dataset("base_set"),
         "parent": folders.parent(version, "model.json"),
@@ -39,10 +41,18 @@ def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
 def _sections(config: Config, wildcards: Wildcards) -> tuple[str, ...]:
     """Another round or seed adds versions and leaves the present ones unchanged; section `training` only matters for training from
     scratch, the filter's limits only for new scenes, as campaigns are filtered before."""
-    own = [f"retraining.{name}" for name in Retraining.model_fields if name not in ("seeds", "rounds", "searches")]
+    own = [
+        f"retraining.{name}"
+        for name in Retraining.model_fields
+        if name not in ("seeds", "rounds", "searches")
+    ]
     seed = ["retraining.seeds.0"] if Version.named(wildcards["version"]).seed is None else []
     scratch = ["training"] if config.retraining.start == "scratch" else []
-    limits = ["filter.min_visible_pixels", "filter.min_detectability"] if config.learns_from_scenes else []
+    limits = (
+        ["filter.min_visible_pixels", "filter.min_detectability"]
+        if config.learns_from_scenes
+        else []
+    )
     return (*own, *seed, *scratch, *limits, "regions", "detector", *held_out_worlds(config))
 
 
@@ -70,26 +80,54 @@ def run(job: Job) -> None:
 
     config, described = job.config, Version.named(job.wildcards["version"])
     seed = config.retraining.seeds[0] if described.seed is None else described.seed
-    truth, weights, checkpoint = job.input("truth"), job.input("weights"), job.scratch / "checkpoint.pt"
+    truth, weights, checkpoint = (
+        job.input("truth"),
+        job.input("weights"),
+        job.scratch / "checkpoint.pt",
+    )
     # Not from config.arms: a version does not depend on the names of other arms.
     arms = [name.removesuffix("_filters") for name in job.reads if name.endswith("_filters")]
-    scenes = {name.removesuffix("_scenes"): job.input(name) for name in job.reads if name.endswith("_scenes")}
-    worlds = leakage.refuse_worlds(config, [truth, *scenes.values()], job.inputs("spaces"), job.input("parent"))
+    scenes = {
+        name.removesuffix("_scenes"): job.input(name)
+        for name in job.reads
+        if name.endswith("_scenes")
+    }
+    worlds = leakage.refuse_worlds(
+        config, [truth, *scenes.values()], job.inputs("spaces"), job.input("parent")
+    )
     base, validation = (read_dataset(truth.parent, split) for split in ("train", "val"))
     added = None
     if arms or scenes:
         sources: dict[str, Source] = {arm: Scenes(config, path) for arm, path in scenes.items()}
         for arm in arms:
             frames = job.inputs("frames") if arm == described.arm else ()
-            sources[arm] = Campaigns(config, job.inputs(f"{arm}_filters"), job.inputs(f"{arm}_tests"), job.inputs("spaces"), frames)
+            sources[arm] = Campaigns(
+                config,
+                job.inputs(f"{arm}_filters"),
+                job.inputs(f"{arm}_tests"),
+                job.inputs("spaces"),
+                frames,
+            )
         chosen = choose(config, sources, described, seed)
         added = sources[described.arm].read(chosen)
         leakage.refuse_frames(config.held_out, chosen, added, validation)
-    data = {"base_set": base.digest, "parent": sha256(weights)} | ({} if added is None else {"added": added.digest})
+    data = {"base_set": base.digest, "parent": sha256(weights)} | (
+        {} if added is None else {"added": added.digest}
+    )
     # The same batches again would teach a second round nothing new.
     stream = (seed,) if described.round == 1 else (seed, described.round)
-    fitted = fit_version(config, weights, ImageSets(base, added, validation), stream, Run(checkpoint, job.threads, job.progress))
-    training = settings_taken(config) | {"seed": seed, "round": described.round, "base_images": len(base)}
+    fitted = fit_version(
+        config,
+        weights,
+        ImageSets(base, added, validation),
+        stream,
+        Run(checkpoint, job.threads, job.progress),
+    )
+    training = settings_taken(config) | {
+        "seed": seed,
+        "round": described.round,
+        "base_images": len(base),
+    }
     training |= {"added_frames": 0 if added is None else len(added)}
     origin = Origin(str(described), str(described.parent), data, training, seed, worlds)
     write_version(config, fitted, validation, origin, job.output("card"), job.progress)

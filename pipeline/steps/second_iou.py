@@ -18,7 +18,10 @@ STEP = Step(
     reads=lambda folders, wildcards: {
         "space": folders.space(wildcards["scenario"]),
         **campaign.detector_files(folders, wildcards["version"]),
-        **{name: f"{folders.root}/{FOLDER.format(**wildcards)}/{name}.parquet" for name in ("tests", "signals", "detections")},
+        **{
+            name: f"{folders.root}/{FOLDER.format(**wildcards)}/{name}.parquet"
+            for name in ("tests", "signals", "detections")
+        },
     },
     writes=lambda folders: {"tests": f"{folders.root}/{FOLDER}/second_iou.parquet"},
     sections=("scenarios.{scenario}", "simulator", *JUDGED, "limits", "comparison.second_iou"),
@@ -38,6 +41,8 @@ def run(job: Job) -> None:
     space, threshold_s = read_space(job.input("space"))[1], config.campaign.failure_threshold_s
     car = with_criterion(config.car, iou, config.threshold)
     again = judged_again(job.input("tests").parent, car, threshold_s)
-    executor = Executor(replace(campaign.setup(job), car=car), job.scratch, job.threads, job.progress)
+    executor = Executor(
+        replace(campaign.setup(job), car=car), job.scratch, job.threads, job.progress
+    )
     tests = driven_again(again, space, threshold_s, executor)
     write_tests(job.output("tests"), tests, space)

@@ -12,7 +12,10 @@ from pipeline.steps import campaign
 STEP = Step(
     "Execute a part of a campaign; a killed part resumes.",
     reads=campaign.reads,
-    writes=lambda folders: {name: f"{folders.root}/{SHARDS}/{campaign.FOLDER}/{{shard}}/{name}.parquet" for name in TABLES},
+    writes=lambda folders: {
+        name: f"{folders.root}/{SHARDS}/{campaign.FOLDER}/{{shard}}/{name}.parquet"
+        for name in TABLES
+    },
     sections=campaign.sections,
     wildcards={**campaign.KINDS, "shard": Shard.PATTERN},
     parallel=True,
@@ -24,7 +27,9 @@ def run(job: Job) -> None:
     from pipeline.execution.campaign import run_campaign
 
     if job.config.learns(strategy := job.wildcards["strategy"]):
-        raise InputError(f"strategy: {strategy} learns from all tests, so its campaign has no shards")
+        raise InputError(
+            f"strategy: {strategy} learns from all tests, so its campaign has no shards"
+        )
     try:
         shard = Shard.named(job.wildcards["shard"])
     except ValueError as error:

@@ -13,14 +13,22 @@ from pipeline.tracking import ARTIFACTS, STORE, UNTRACKED
 
 
 def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
-    campaigns = [*folders.search("tests.parquet"), *folders.later_searches, *folders.held_out("tests.parquet")]
+    campaigns = [
+        *folders.search("tests.parquet"),
+        *folders.later_searches,
+        *folders.held_out("tests.parquet"),
+    ]
     return {
         "measures": f"{folders.root}/measures.json",
         "comparison": folders.compared["comparison"],
         "campaigns": campaigns,
         "plots": folders.plots,
         "models": folders.models("model.json"),
-        "model_files": [path for name in ("weights.safetensors", "model.onnx", "curve.csv") for path in folders.models(name)],
+        "model_files": [
+            path
+            for name in ("weights.safetensors", "model.onnx", "curve.csv")
+            for path in folders.models(name)
+        ],
     }
 
 
@@ -52,15 +60,33 @@ def _logged(job: Job) -> TrackedStudy:
     from pipeline.core.identity import CampaignId
     from pipeline.report.verdict import verdict_markdown, verdict_table
     from pipeline.tracking.champion import point_champion
-    from pipeline.tracking.contents import campaign_content, comparison_content, git_commit, registration_of, study_content
+    from pipeline.tracking.contents import (
+        campaign_content,
+        comparison_content,
+        git_commit,
+        registration_of,
+        study_content,
+    )
     from pipeline.tracking.registry import Registry
     from pipeline.tracking.runs import Tracker
 
-    config, campaigns, models, plots = job.config, job.inputs("campaigns"), job.inputs("models"), job.inputs("plots")
+    config, campaigns, models, plots = (
+        job.config,
+        job.inputs("campaigns"),
+        job.inputs("models"),
+        job.inputs("plots"),
+    )
     model = config.tracking.model_name
-    measured, compared = read(job.input("measures"), Measures), read(job.input("comparison"), Comparison)
-    by_campaign = {CampaignId(c.scenario, c.strategy, c.version, c.seed): c for c in measured.campaigns}
-    tracker = Tracker(STORE, ARTIFACTS, config.tracking.experiment, {"mlflow.source.git.commit": git_commit()})
+    measured, compared = (
+        read(job.input("measures"), Measures),
+        read(job.input("comparison"), Comparison),
+    )
+    by_campaign = {
+        CampaignId(c.scenario, c.strategy, c.version, c.seed): c for c in measured.campaigns
+    }
+    tracker = Tracker(
+        STORE, ARTIFACTS, config.tracking.experiment, {"mlflow.source.git.commit": git_commit()}
+    )
     registry = Registry(tracker)
     study = study_content(config)
     parent = tracker.log(study)
@@ -97,4 +123,10 @@ def _logged(job: Job) -> TrackedStudy:
         registry.describe(model, said + verdict_markdown(compared, version), number)
     tracked = tuple(TrackedRun(name=c.name, kind=c.kind, digest=c.digest) for c in contents)
     failures = {result.version: result.failures for result in compared.versions}
-    return TrackedStudy(experiment=config.tracking.experiment, model=model, runs=tracked, failures=failures, champion=compared.champion)
+    return TrackedStudy(
+        experiment=config.tracking.experiment,
+        model=model,
+        runs=tracked,
+        failures=failures,
+        champion=compared.champion,
+    )

@@ -40,16 +40,26 @@ def run(job: Job) -> None:
     config, truth, checkpoint = job.config, job.input("truth"), job.scratch / "checkpoint.pt"
     validation = read_dataset(truth.parent, "val")
     if config.base.source == "shipped":
-        fitted = Fitted(load_weights(job.input("shipped_weights")), tuple(read_curve(job.input("shipped_curve"))))
+        fitted = Fitted(
+            load_weights(job.input("shipped_weights")),
+            tuple(read_curve(job.input("shipped_curve"))),
+        )
         card = read_card(job.input("shipped_card"))
         leakage.refuse_worlds(config, [truth], [], job.input("shipped_card"))
         origin = Origin("base", None, card.data, dict(card.training), card.seed, card.worlds)
     else:
-        images, worlds = read_dataset(truth.parent, "train"), leakage.refuse_worlds(config, [truth], [])
+        images, worlds = (
+            read_dataset(truth.parent, "train"),
+            leakage.refuse_worlds(config, [truth], []),
+        )
         settings = config.training.model_dump()
-        fitted = train_from_scratch(images, usable(images), validation, settings, Run(checkpoint, job.threads, job.progress))
+        fitted = train_from_scratch(
+            images, usable(images), validation, settings, Run(checkpoint, job.threads, job.progress)
+        )
         rare = Frequencies(**config.base_set.rare.model_dump())
         taken = {"images": len(images), **rare.figures(), **settings}
-        origin = Origin("base", None, {"base_set": images.digest}, taken, config.training.seed, worlds)
+        origin = Origin(
+            "base", None, {"base_set": images.digest}, taken, config.training.seed, worlds
+        )
     write_version(config, fitted, validation, origin, job.output("card"), job.progress)
     job.progress(1, 1, "evaluated")

@@ -15,8 +15,14 @@ from pipeline.errors import InputError
 
 
 def _reads(folders: Folders, wildcards: Wildcards) -> dict[str, Files]:
-    frames = {f"frames_{strategy}": folders.search("frames.parquet", strategy=strategy) for strategy in folders.config.strategies}
-    version = {"weights": folders.model("base", "weights.safetensors"), "card": folders.model("base", "model.json")}
+    frames = {
+        f"frames_{strategy}": folders.search("frames.parquet", strategy=strategy)
+        for strategy in folders.config.strategies
+    }
+    version = {
+        "weights": folders.model("base", "weights.safetensors"),
+        "card": folders.model("base", "model.json"),
+    }
     return {**version, **folders.dataset("base_set"), **frames}
 
 
@@ -39,17 +45,27 @@ def run(job: Job) -> None:
 
     use_threads(job.threads)
     network = load_weights(job.input("weights"))
-    kept = {strategy: kept_frames(job.inputs(f"frames_{strategy}")) for strategy in job.config.strategies}
+    kept = {
+        strategy: kept_frames(job.inputs(f"frames_{strategy}"))
+        for strategy in job.config.strategies
+    }
     if without := [strategy for strategy, frames in kept.items() if not frames]:
-        raise InputError(f"frames.parquet of {', '.join(without)}: expected kept frames, got none; set campaign.keep_every to 1 or more")
-    training, validation = (read_dataset(job.input("truth").parent, split).images for split in ("train", "val"))
+        raise InputError(
+            f"frames.parquet of {', '.join(without)}: expected kept frames, got none; set campaign.keep_every to 1 or more"
+        )
+    training, validation = (
+        read_dataset(job.input("truth").parent, split).images for split in ("train", "val")
+    )
     count = min(FRAMES, len(validation), *map(len, kept.values()))
     total = 2 + len(kept)
     training = training[drawn(len(training), min(PROFILED, len(training)))]
     profile = profile_of(network, training)
     job.progress(1, total, "profile of the training images")
     images = {"validation images": validation[drawn(len(validation), count)]}
-    images |= {strategy: np.stack([decode_jpeg(every[i]) for i in drawn(len(every), count)]) for strategy, every in kept.items()}
+    images |= {
+        strategy: np.stack([decode_jpeg(every[i]) for i in drawn(len(every), count)])
+        for strategy, every in kept.items()
+    }
     sets = []
     for name, batch in images.items():
         measured = WhiteBox(profile)
@@ -60,5 +76,10 @@ def run(job: Job) -> None:
     neurons = sum(len(layer) for layer in profile.high)
     write(
         job.output("measures"),
-        WhiteBoxMeasures(layers=len(profile.high), neurons=neurons, training_images=len(training), sets=tuple(sets)),
+        WhiteBoxMeasures(
+            layers=len(profile.high),
+            neurons=neurons,
+            training_images=len(training),
+            sets=tuple(sets),
+        ),
     )

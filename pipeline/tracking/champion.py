@@ -20,13 +20,23 @@ def successor(comparison: Comparison, holder: str | None) -> tuple[str | None, s
     """
     best, base = comparison.champion, comparison.versions[0].version
     if holder is None:
-        return None, "champion stays with a version that did not execute these tests; to compare with it, set base.weights to its folder"
+        return (
+            None,
+            "champion stays with a version that did not execute these tests; to compare with it, set base.weights to its folder",
+        )
     if holder == best:
         return None, f"champion stays with {holder}"
     if fails_less(comparison, best, holder):
         return best, f"champion moves from {holder} to {best}, which fails significantly less"
-    found = "" if holder == base or comparison.passes(holder) else f" ({holder} is {comparison.gate[holder]})"
-    return None, f"champion stays with {holder}: {best} does not fail significantly less than it{found}"
+    found = (
+        ""
+        if holder == base or comparison.passes(holder)
+        else f" ({holder} is {comparison.gate[holder]})"
+    )
+    return (
+        None,
+        f"champion stays with {holder}: {best} does not fail significantly less than it{found}",
+    )
 
 
 def fails_less(comparison: Comparison, version: str, other: str) -> bool:
@@ -38,7 +48,13 @@ def fails_less(comparison: Comparison, version: str, other: str) -> bool:
     raise ValueError(f"expected both {version} and {other} in the comparison")
 
 
-def point_champion(registry: Registry, model: str, compared: Comparison, numbers: Mapping[str, str], weights: Mapping[str, str]) -> str:
+def point_champion(
+    registry: Registry,
+    model: str,
+    compared: Comparison,
+    numbers: Mapping[str, str],
+    weights: Mapping[str, str],
+) -> str:
     """Update the alias `champion` after the comparison and return a sentence about it.
 
     numbers, weights: number of the registered version, and SHA-256 of the weights, of each version. A holder from another study counts as
@@ -49,7 +65,9 @@ def point_champion(registry: Registry, model: str, compared: Comparison, numbers
         registry.set_alias(model, CHAMPION, numbers[compared.champion])
         return f"the first champion is the version {compared.champion}"
     own = registry.run_tags(model, number).get(WEIGHTS)
-    same = [version for version in weights if numbers[version] == number] or [v for v, digest in weights.items() if digest == own]
+    same = [version for version in weights if numbers[version] == number] or [
+        v for v, digest in weights.items() if digest == own
+    ]
     version, why = successor(compared, same[0] if same else None)
     if version is not None:
         registry.set_alias(model, CHAMPION, numbers[version])

@@ -72,14 +72,18 @@ def _check(store: Path) -> None:
     try:
         with closing(sqlite3.connect(store)) as database:
             found = str(database.execute("PRAGMA integrity_check(1)").fetchone()[0])
-            if half := database.execute("SELECT name FROM sqlite_master WHERE name LIKE '\\_alembic\\_tmp%' ESCAPE '\\'").fetchone():
+            if half := database.execute(
+                "SELECT name FROM sqlite_master WHERE name LIKE '\\_alembic\\_tmp%' ESCAPE '\\'"
+            ).fetchone():
                 found = f"a migration was interrupted at {half[0]}"
     except sqlite3.Error as error:
         found = str(error)
     if found != "ok":
         said = found.splitlines()[-1]
         again = f"mv {store} {store}.damaged && ./run --forcerun track"
-        raise InputError(f"{store}: damaged ({said}); to register this study's versions in a new one, type: {again}")
+        raise InputError(
+            f"{store}: damaged ({said}); to register this study's versions in a new one, type: {again}"
+        )
 
 
 def check_answer(address: str) -> None:
@@ -91,7 +95,9 @@ def check_answer(address: str) -> None:
     except (OSError, ValueError, HTTPException) as error:
         reason = error.reason if isinstance(error, URLError) else error
         if isinstance(reason, TimeoutError):
-            raise InputError(f"MLflow at {address} does not answer within {ANSWER_S:g} s; the same command resumes once it does") from error
+            raise InputError(
+                f"MLflow at {address} does not answer within {ANSWER_S:g} s; the same command resumes once it does"
+            ) from error
 
 
 @contextmanager
@@ -102,4 +108,6 @@ def usable(store: Path) -> Iterator[None]:
     try:
         yield
     except MlflowException as error:
-        raise InputError(f"MLflow at {server() or store} cannot be used: {str(error).splitlines()[0]}") from error
+        raise InputError(
+            f"MLflow at {server() or store} cannot be used: {str(error).splitlines()[0]}"
+        ) from error

@@ -41,7 +41,9 @@ class Registration:
 
     @property
     def digest(self) -> str:
-        return hashlib.sha256(json.dumps([self.content.digest, [sha256(path) for path in self.files]]).encode()).hexdigest()
+        return hashlib.sha256(
+            json.dumps([self.content.digest, [sha256(path) for path in self.files]]).encode()
+        ).hexdigest()
 
 
 class Registry:
@@ -61,10 +63,14 @@ class Registry:
             for name, value in registration.tags.items():
                 self._client.set_model_version_tag(model, known.version, name, value)
             for logged in known_models:
-                self._tracker.log_results(run_id, registration.content, _newest(logged), logged.model_id)
+                self._tracker.log_results(
+                    run_id, registration.content, _newest(logged), logged.model_id
+                )
             return str(known.version), run_id
         if not self._client.search_registered_models(f"name = '{model}'"):
-            self._client.create_registered_model(model, description="Pedestrian detectors, tested in closed loop by Blindspot.")
+            self._client.create_registered_model(
+                model, description="Pedestrian detectors, tested in closed loop by Blindspot."
+            )
         logged = self._logged_model(registration, run_id)
         version = self._client.create_model_version(
             model,
@@ -77,7 +83,10 @@ class Registry:
 
     def aliases(self, model: str) -> dict[str, str]:
         """The aliases of a registered model, each with the number of its version."""
-        return {name: str(number) for name, number in self._client.get_registered_model(model).aliases.items()}
+        return {
+            name: str(number)
+            for name, number in self._client.get_registered_model(model).aliases.items()
+        }
 
     def run_tags(self, model: str, version: str) -> dict[str, str]:
         """The tags of a registered version's run; none if it has no run."""
@@ -119,21 +128,31 @@ class Registry:
         with tempfile.TemporaryDirectory() as folder:
             for path in registration.files:
                 if path.suffix == ".onnx":
-                    save_served(path, Path(folder) / "model", {name: float(content.params[name]) for name in LIMITS})
+                    save_served(
+                        path,
+                        Path(folder) / "model",
+                        {name: float(content.params[name]) for name in LIMITS},
+                    )
                     self._client.log_model_artifacts(logged.model_id, str(Path(folder) / "model"))
             for path in registration.files:
                 if path.suffix != ".onnx":
                     self._client.log_model_artifact(logged.model_id, str(path))
         if points := content.metrics.items():
-            self._client.log_batch(run_id, metrics=[Metric(*point, 1, 0, model_id=logged.model_id) for point in points])
+            self._client.log_batch(
+                run_id, metrics=[Metric(*point, 1, 0, model_id=logged.model_id) for point in points]
+            )
         self._tracker.log_results(run_id, content, _newest(logged), logged.model_id)
         return self._client.finalize_logged_model(logged.model_id, "READY")
 
     def _logged_models(self, digest: str) -> Sequence[LoggedModel]:
-        found: Sequence[LoggedModel] = self._client.search_logged_models([self._tracker.experiment], f"tags.`{DIGEST}` = '{digest}'")
+        found: Sequence[LoggedModel] = self._client.search_logged_models(
+            [self._tracker.experiment], f"tags.`{DIGEST}` = '{digest}'"
+        )
         return found
 
-    def _version(self, model: str, run_id: str, logged: Sequence[LoggedModel]) -> ModelVersion | None:
+    def _version(
+        self, model: str, run_id: str, logged: Sequence[LoggedModel]
+    ) -> ModelVersion | None:
         sources = {one.artifact_location for one in logged}
         found = self._client.search_model_versions(f"name = '{model}' and run_id = '{run_id}'")
         return next((version for version in found if version.source in sources), None)
@@ -141,7 +160,10 @@ class Registry:
 
 def _newest(logged: LoggedModel) -> dict[str, float]:
     """The newest value of each metric of a logged model."""
-    return {metric.key: metric.value for metric in sorted(logged.metrics or [], key=lambda metric: metric.timestamp)}
+    return {
+        metric.key: metric.value
+        for metric in sorted(logged.metrics or [], key=lambda metric: metric.timestamp)
+    }
 
 
 def _pages(search: Callable[..., Any], **wanted: str) -> list[Any]:
@@ -160,10 +182,14 @@ def registered(store: Path) -> list[dict[str, str]]:
     Raises InputError if there is no store, or if MLflow cannot use it.
     """
     if server() is None and not store.is_file():
-        raise InputError(f"{store.absolute()}: expected MLflow's database, found no file; the step track makes it")
+        raise InputError(
+            f"{store.absolute()}: expected MLflow's database, found no file; the step track makes it"
+        )
     with usable(store):
         client = connect(store)
-        return [row for model in _pages(client.search_registered_models) for row in _rows(client, model)]
+        return [
+            row for model in _pages(client.search_registered_models) for row in _rows(client, model)
+        ]
 
 
 def _rows(client: MlflowClient, model: RegisteredModel) -> list[dict[str, str]]:
@@ -171,10 +197,25 @@ def _rows(client: MlflowClient, model: RegisteredModel) -> list[dict[str, str]]:
     aliases: dict[str, list[str]] = {}
     for alias, number in model.aliases.items():
         aliases.setdefault(str(number), []).append(alias)
-    found = [v for v in _pages(client.search_model_versions, filter_string=f"name = '{model.name}'") if "study" in v.tags]
+    found = [
+        v
+        for v in _pages(client.search_model_versions, filter_string=f"name = '{model.name}'")
+        if "study" in v.tags
+    ]
     rows = []
     for version in sorted(found, key=lambda one: int(one.version)):
         number = str(version.version)
-        metrics = {name: f"{value:g}" for name, value in client.get_run(version.run_id).data.metrics.items()}
-        rows.append({**metrics, **version.tags, "model": model.name, "number": number, "alias": ", ".join(sorted(aliases.get(number, [])))})
+        metrics = {
+            name: f"{value:g}"
+            for name, value in client.get_run(version.run_id).data.metrics.items()
+        }
+        rows.append(
+            {
+                **metrics,
+                **version.tags,
+                "model": model.name,
+                "number": number,
+                "alias": ", ".join(sorted(aliases.get(number, []))),
+            }
+        )
     return rows

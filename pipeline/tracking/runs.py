@@ -65,7 +65,11 @@ class Content:
     @property
     def digest(self) -> str:
         """SHA-256 of everything but the pictures and results, including the files' bytes; excludes paths and times."""
-        plain = {key: value for key, value in asdict(self).items() if key not in ("files", "pictures", "results")}
+        plain = {
+            key: value
+            for key, value in asdict(self).items()
+            if key not in ("files", "pictures", "results")
+        }
         plain["files"] = _named_digests(self.files)
         return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()
 
@@ -73,7 +77,9 @@ class Content:
 class Tracker:
     """One experiment. Creates store, artifacts and experiment if they are missing."""
 
-    def __init__(self, store: Path, artifacts: Path, experiment: str, lineage: Mapping[str, str]) -> None:
+    def __init__(
+        self, store: Path, artifacts: Path, experiment: str, lineage: Mapping[str, str]
+    ) -> None:
         """store: SQLite file, and artifacts: folder, if no server is named. lineage: tags on every new run that are not part of its
         content, such as the git commit."""
         if server() is None:
@@ -83,8 +89,14 @@ class Tracker:
         self.client = connect(store)
         known = self.client.get_experiment_by_name(experiment)
         if known is not None and known.lifecycle_stage == "deleted":
-            raise InputError(f"MLflow's experiment '{experiment}' is deleted; restore it, or name another as tracking.experiment")
-        self.experiment = str(known.experiment_id if known else self.client.create_experiment(experiment, place, tags={KIND: TRAINING}))
+            raise InputError(
+                f"MLflow's experiment '{experiment}' is deleted; restore it, or name another as tracking.experiment"
+            )
+        self.experiment = str(
+            known.experiment_id
+            if known
+            else self.client.create_experiment(experiment, place, tags={KIND: TRAINING})
+        )
 
     def log(self, content: Content, parent: str | None = None) -> str:
         """Log a run unless one with the same name and content exists; returns its id.
@@ -101,7 +113,9 @@ class Tracker:
             self.log_results(known.info.run_id, content, known.data.metrics)
             return str(known.info.run_id)
         if known is None:
-            tags = {**self._lineage, **content.tags, DIGEST: digest, "kind": content.kind} | ({} if parent is None else {PARENT: parent})
+            tags = {**self._lineage, **content.tags, DIGEST: digest, "kind": content.kind} | (
+                {} if parent is None else {PARENT: parent}
+            )
             known = self.client.create_run(self.experiment, run_name=content.name, tags=tags)
         run_id = str(known.info.run_id)
         self._log_numbers(run_id, content)
@@ -129,12 +143,22 @@ class Tracker:
                 self.client.log_artifact(run_id, str(path))
             self.client.set_tag(run_id, PICTURES, digest)
 
-    def log_results(self, run_id: str, content: Content, logged: Mapping[str, float], model_id: str | None = None) -> None:
+    def log_results(
+        self,
+        run_id: str,
+        content: Content,
+        logged: Mapping[str, float],
+        model_id: str | None = None,
+    ) -> None:
         """The metrics that differ from those of a run or its logged model; MLflow shows the newest."""
         from mlflow.entities import Metric
 
         now = time.time_ns() // 1_000_000
-        changed = [Metric(*point, now, 0, model_id=model_id) for point in content.results.items() if logged.get(point[0]) != point[1]]
+        changed = [
+            Metric(*point, now, 0, model_id=model_id)
+            for point in content.results.items()
+            if logged.get(point[0]) != point[1]
+        ]
         if changed:
             self.client.log_batch(run_id, metrics=changed)
 
@@ -143,7 +167,11 @@ class Tracker:
 
         # A fixed time: metrics have no time of measurement, and the steps order a series.
         points = [Metric(name, float(value), 0, 0) for name, value in content.metrics.items()]
-        points += [Metric(name, float(value), 0, step) for name, values in content.series.items() for step, value in values]
+        points += [
+            Metric(name, float(value), 0, step)
+            for name, values in content.series.items()
+            for step, value in values
+        ]
         params = [Param(name, value) for name, value in content.params.items()]
         for begin in range(0, len(params), PARAMS):
             self.client.log_batch(run_id, params=params[begin : begin + PARAMS])
@@ -152,7 +180,9 @@ class Tracker:
 
     def _known(self, name: str, digest: str) -> Run | None:
         """The run with this name and content, a finished one before one that was killed."""
-        runs = self.client.search_runs([self.experiment], f"tags.`{DIGEST}` = '{digest}' and attributes.run_name = '{name}'")
+        runs = self.client.search_runs(
+            [self.experiment], f"tags.`{DIGEST}` = '{digest}' and attributes.run_name = '{name}'"
+        )
         return next((run for run in runs if run.info.status == FINISHED), runs[0] if runs else None)
 
 

@@ -34,7 +34,9 @@ with warnings.catch_warnings():  # MLflow asks for hints that it would take for 
 
         def load_context(self, context: Any) -> None:
             """Open the ONNX file; MLflow calls it once."""
-            self._session = onnxruntime.InferenceSession(context.artifacts["onnx"], providers=["CPUExecutionProvider"])
+            self._session = onnxruntime.InferenceSession(
+                context.artifacts["onnx"], providers=["CPUExecutionProvider"]
+            )
             _, self._height, self._width, _ = self._session.get_inputs()[0].shape
 
         def predict(self, context, model_input, params=None):  # type: ignore[no-untyped-def]  # MLflow takes hints for a schema.
@@ -43,19 +45,32 @@ with warnings.catch_warnings():  # MLflow asks for hints that it would take for 
             rows = [
                 (number, *map(float, box), float(score))
                 for number, image in enumerate(model_input)
-                for box, score in self._found(np.asarray(image, np.uint8), limits["threshold"], limits["iou"])
+                for box, score in self._found(
+                    np.asarray(image, np.uint8), limits["threshold"], limits["iou"]
+                )
             ]
-            return pd.DataFrame(rows, columns=list(COLUMNS)).astype({"image": "int64"} | dict.fromkeys(COLUMNS[1:], "float64"))
+            return pd.DataFrame(rows, columns=list(COLUMNS)).astype(
+                {"image": "int64"} | dict.fromkeys(COLUMNS[1:], "float64")
+            )
 
-        def _found(self, image: NDArray[np.uint8], threshold: float, iou: float) -> Iterator[tuple[Floats, np.float32]]:
+        def _found(
+            self, image: NDArray[np.uint8], threshold: float, iou: float
+        ) -> Iterator[tuple[Floats, np.float32]]:
             height, width = image.shape[:2]
             scale = min(self._width / width, self._height / height)
             columns, rows = round(width * scale), round(height * scale)
             left, top = (self._width - columns) // 2, (self._height - rows) // 2
             padded = np.full((self._height, self._width, 3), GREY, np.uint8)
-            padded[top : top + rows, left : left + columns] = image if scale == 1 else cv2.resize(image, (columns, rows))
-            boxes, scores = (output[0] for output in self._session.run(["boxes", "scores"], {"image": padded[None]}))
-            boxes = np.clip((boxes - (left, top, left, top)) / scale, 0, (width, height, width, height)).astype(np.float32)
+            padded[top : top + rows, left : left + columns] = (
+                image if scale == 1 else cv2.resize(image, (columns, rows))
+            )
+            boxes, scores = (
+                output[0]
+                for output in self._session.run(["boxes", "scores"], {"image": padded[None]})
+            )
+            boxes = np.clip(
+                (boxes - (left, top, left, top)) / scale, 0, (width, height, width, height)
+            ).astype(np.float32)
             # Of a box in the grey border, nothing is left.
             real = (boxes[:, 2:] > boxes[:, :2]).all(axis=1)
             boxes, scores = boxes[real], scores[real]
@@ -71,7 +86,9 @@ def suppressed(boxes: Floats, scores: Floats, iou: float) -> Iterator[int]:
     while len(order):
         best, order = order[0], order[1:]
         yield int(best)
-        sides = np.minimum(boxes[best, 2:], boxes[order, 2:]) - np.maximum(boxes[best, :2], boxes[order, :2])
+        sides = np.minimum(boxes[best, 2:], boxes[order, 2:]) - np.maximum(
+            boxes[best, :2], boxes[order, :2]
+        )
         shared = np.clip(sides, 0, None).prod(axis=1)
         order = order[shared <= iou * (areas[best] + areas[order] - shared)]
 

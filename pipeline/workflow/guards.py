@@ -45,7 +45,13 @@ def check_source(config: Config, workflow: Workflow) -> None:
         return
     given = workflow.config_settings
     own = Path(Folders(config).root, "params.yaml").absolute()
-    named = "--config" if given.config else next(("--configfile" for path in given.configfiles if Path(path).absolute() != own), "")
+    named = (
+        "--config"
+        if given.config
+        else next(
+            ("--configfile" for path in given.configfiles if Path(path).absolute() != own), ""
+        )
+    )
     if named:
         instead = "type: python -m pipeline compose study=NAME key=value, then ./run"
         raise InputError(f"{named} would change only a part of the study; {instead}")

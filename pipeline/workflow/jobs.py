@@ -54,7 +54,9 @@ class Jobs:
 
     def __post_init__(self) -> None:
         if self.config.goal == "report" and not self.config.campaign.keep_every:
-            raise InputError("campaign.keep_every must be at least 1, got 0: no frame would be left to train on")
+            raise InputError(
+                "campaign.keep_every must be at least 1, got 0: no frame would be left to train on"
+            )
 
     @cached_property
     def folders(self) -> Folders:
@@ -91,7 +93,10 @@ class Jobs:
 
     def outputs(self, target: Target) -> list[str]:
         """The paths that a job writes; the last is its stamp."""
-        return [path.format(**dict(target.wildcards)) for path in flat(self.contracts[target.step].outputs(self.folders))]
+        return [
+            path.format(**dict(target.wildcards))
+            for path in flat(self.contracts[target.step].outputs(self.folders))
+        ]
 
     def in_order(self) -> Iterator[tuple[Target, list[str]]]:
         """Every job of the study with its outputs, after the jobs that it depends on."""
@@ -123,7 +128,11 @@ class Jobs:
     @property
     def targets(self) -> dict[str, list[str]]:
         """The files of the parts that are not named after a step."""
-        return {name: [path for _, outputs in jobs for path in outputs] for name, jobs in self.parts.items() if name not in self.steps}
+        return {
+            name: [path for _, outputs in jobs for path in outputs]
+            for name, jobs in self.parts.items()
+            if name not in self.steps
+        }
 
 
 def step_names() -> tuple[str, ...]:
@@ -133,10 +142,14 @@ def step_names() -> tuple[str, ...]:
 
 def flat(files: Mapping[str, Files]) -> list[str]:
     """All paths of named files."""
-    return [path for paths in files.values() for path in ([paths] if isinstance(paths, str) else paths)]
+    return [
+        path for paths in files.values() for path in ([paths] if isinstance(paths, str) else paths)
+    ]
 
 
 def _expression(pattern: str, limits: Mapping[str, str]) -> str:
     """The regular expression of a path with wildcards in braces."""
-    limited = re.sub(r"\{(\w+)\}", lambda found: f"{{{found[1]},{limits.get(found[1], '[^/]+')}}}", pattern)
+    limited = re.sub(
+        r"\{(\w+)\}", lambda found: f"{{{found[1]},{limits.get(found[1], '[^/]+')}}}", pattern
+    )
     return str(regex_from_filepattern(limited))

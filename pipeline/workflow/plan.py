@@ -64,7 +64,10 @@ class Plan:
             if self.staleness.out_of_date(target):
                 # Only through inputs that are not ancient does Snakemake see that a job follows one that runs again.
                 return {**files, **self.staleness.marks(target)}
-            return {key: ancient(paths) if isinstance(paths, str) else list(map(ancient, paths)) for key, paths in files.items()}
+            return {
+                key: ancient(paths) if isinstance(paths, str) else list(map(ancient, paths))
+                for key, paths in files.items()
+            }
 
         return read
 
@@ -72,12 +75,18 @@ class Plan:
         """The outputs of a step's rule; pages and plots go into Snakemake's own report, files of parts are deleted after use."""
         outputs = self.jobs.contracts[name].outputs(self.jobs.folders)
         flag = temp if name in {step.parts for step in self.jobs.contracts.values()} else _flagged
-        return {key: flag(paths) if isinstance(paths, str) else list(map(flag, paths)) for key, paths in outputs.items()}
+        return {
+            key: flag(paths) if isinstance(paths, str) else list(map(flag, paths))
+            for key, paths in outputs.items()
+        }
 
     def log(self, name: str, suffix: str) -> str:
         """The path of a job's log or benchmark."""
         wildcards = self.jobs.contracts[name].names(self.jobs.folders)
-        return "/".join(["logs", self.jobs.config.study, name, *(f"{{{w}}}" for w in wildcards)]) + suffix
+        return (
+            "/".join(["logs", self.jobs.config.study, name, *(f"{{{w}}}" for w in wildcards)])
+            + suffix
+        )
 
     def stamps(self, name: str) -> Callable[[Any], str]:
         """The stamp of a rule's job, by its wildcards."""
@@ -86,10 +95,23 @@ class Plan:
     def finish(self, asked: DAGSettings) -> None:
         """Print the verdict after a run of the whole study, or of its last step; in a storage, its files are not at hand."""
         targets = set(asked.targets)
-        part = self.stored or (targets and not targets & {"all", "track"} and not targets >= set(self.jobs.folders.goals))
-        if part or asked.until or asked.omit_from or asked.allowed_rules or asked.batch or VERDICT_FOLLOWS in os.environ:
+        part = self.stored or (
+            targets
+            and not targets & {"all", "track"}
+            and not targets >= set(self.jobs.folders.goals)
+        )
+        if (
+            part
+            or asked.until
+            or asked.omit_from
+            or asked.allowed_rules
+            or asked.batch
+            or VERDICT_FOLLOWS in os.environ
+        ):
             return
-        subprocess.run([sys.executable, "-m", "pipeline", "verdict", "--params", str(self.params)], check=False)
+        subprocess.run(
+            [sys.executable, "-m", "pipeline", "verdict", "--params", str(self.params)], check=False
+        )
 
 
 def plan(config: Mapping[str, Any], workflow: Workflow, steps: Sequence[str]) -> Plan:
@@ -122,4 +144,6 @@ def _flagged(path: str) -> Any:
     if not path.endswith((".html", ".png")):
         return path
     listed = entry(path)
-    return report(path, caption=listed.caption, category=listed.category, labels=dict(listed.labels))
+    return report(
+        path, caption=listed.caption, category=listed.category, labels=dict(listed.labels)
+    )

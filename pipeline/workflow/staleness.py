@@ -45,7 +45,9 @@ class Staleness:
 
     def _has_its_stamp(self, target: Target) -> bool:
         found = stamps.read(Path(self.jobs.outputs(target)[-1]))
-        return found is not None and found.depends == self.today.stamp(target.step, dict(target.wildcards))
+        return found is not None and found.depends == self.today.stamp(
+            target.step, dict(target.wildcards)
+        )
 
     def _made(self, target: Target) -> bool:
         return any(Path(path).exists() for path in self.jobs.outputs(target))
@@ -70,7 +72,9 @@ class Staleness:
         named = [folder / _file_name(name) for name in (*names[:SHOWN], *more)]
         folder.mkdir(parents=True, exist_ok=True)
         for mark in named:
-            mark.write_text(str(time.time_ns()))  # A newer file with the same content would not count.
+            mark.write_text(
+                str(time.time_ns())
+            )  # A newer file with the same content would not count.
         return {MARKS: list(map(str, named))}
 
 

@@ -57,7 +57,9 @@ class Stamps:
 
     def modules(self, name: str, sections: Mapping[str, Any]) -> set[str]:
         """The modules of ours that a step's outputs depend on, given its sections of the config by key."""
-        return {f"pipeline.steps.{step}" for step in (name, self.jobs.contracts[name].parts) if step} | targets_in(sections)
+        return {
+            f"pipeline.steps.{step}" for step in (name, self.jobs.contracts[name].parts) if step
+        } | targets_in(sections)
 
     def value(self, key: str) -> Any:
         """The plain value at a dotted key of the config."""
@@ -102,6 +104,10 @@ def targets_in(plain: Any) -> set[str]:
     if isinstance(plain, list):
         return set().union(*map(targets_in, plain))
     if isinstance(plain, dict):
-        own = {plain["_target_"].rpartition(".")[0]} if str(plain.get("_target_", "")).startswith("pipeline.") else set()
+        own = (
+            {plain["_target_"].rpartition(".")[0]}
+            if str(plain.get("_target_", "")).startswith("pipeline.")
+            else set()
+        )
         return own.union(*(targets_in(value) for value in plain.values()))
     return set()

@@ -20,7 +20,15 @@ from pipeline.artefacts.folders import Folders
 from pipeline.artefacts.model_card import CurvePoint, ModelCard, write_card, write_curve
 from pipeline.artefacts.results import write
 from pipeline.artefacts.scenario_space import ScenarioInfo, write_space
-from pipeline.artefacts.tables import DETECTIONS, FRAMES, TESTS, write_detections, write_frames, write_signals, write_tests
+from pipeline.artefacts.tables import (
+    DETECTIONS,
+    FRAMES,
+    TESTS,
+    write_detections,
+    write_frames,
+    write_signals,
+    write_tests,
+)
 from pipeline.artefacts.white_box_results import WhiteBoxMeasures, WhiteBoxSet
 from pipeline.config.composing import compose
 from pipeline.config.schema import Config
@@ -31,25 +39,44 @@ from pipeline.core.signals import SIDES, SIGNALS
 from pipeline.core.space import Floats, Space
 
 VERSIONS = ("base", "control", "random", "adaptive")
-OVERRIDES = ["simulator=analytic", "detector=oracle", "seeds=[0,1]", "campaign.tests=60", "comparison.tests=60", "comparison.seed=0"]
+OVERRIDES = [
+    "simulator=analytic",
+    "detector=oracle",
+    "seeds=[0,1]",
+    "campaign.tests=60",
+    "comparison.tests=60",
+    "comparison.seed=0",
+]
 OVERRIDES += ["retraining.rounds=1", "retraining.seeds=[0]"]
 # A version fails at night in fog above this value.
 FOG_FROM = {"base": 12.0, "control": 18.0, "random": 50.0, "adaptive": 88.0}
 
 
-IMAGES = [encode_jpeg(np.random.default_rng(step).integers(0, 255, (48, 80, 3), dtype=np.uint8)) for step in range(5)]
+IMAGES = [
+    encode_jpeg(np.random.default_rng(step).integers(0, 255, (48, 80, 3), dtype=np.uint8))
+    for step in range(5)
+]
 TRUTH = (30.0, 10.0, 42.0, 38.0)
 """Box around every fabricated pedestrian."""
 
 
-def make_tests(space: Space, keys: dict[str, Any], points: Floats, fog_from: float = 45.0) -> pd.DataFrame:
+def make_tests(
+    space: Space, keys: dict[str, Any], points: Floats, fog_from: float = 45.0
+) -> pd.DataFrame:
     """Rows of tests.parquet: a test fails at night in fog from `fog_from` on; one test in 50 is an error."""
-    fog, altitude = points[:, space.names.index("fog")], points[:, space.names.index("sun_altitude")]
+    fog, altitude = (
+        points[:, space.names.index("fog")],
+        points[:, space.names.index("sun_altitude")],
+    )
     near = np.maximum((fog_from - fog) / 60, (altitude - 2) / 60)
     failed = near <= 0
     error = (np.arange(len(points)) % 50 == 49) & ~failed
-    adjusted = np.where(failed, 0.02 + 0.05 * (np.arange(len(points)) % 2), 0.12 + np.clip(near, 0, 1.5))
-    modes = np.where(failed, np.array(["contact", "late", "false_positives"])[np.arange(len(points)) % 3], "none")
+    adjusted = np.where(
+        failed, 0.02 + 0.05 * (np.arange(len(points)) % 2), 0.12 + np.clip(near, 0, 1.5)
+    )
+    modes = np.where(
+        failed, np.array(["contact", "late", "false_positives"])[np.arange(len(points)) % 3], "none"
+    )
     columns: dict[str, Any] = {column.name: 0 for column in TESTS}
     table = pd.DataFrame(columns, index=range(len(points)))
     table = table.assign(
@@ -86,16 +113,28 @@ def adaptive_points(space: Space, count: int, rng: np.random.Generator) -> Float
 
 def make_frames(tests: pd.DataFrame) -> pd.DataFrame:
     """Rows of frames.parquet: per test one empty, one far, one faint, one partly hidden and one good frame."""
-    pixels, whole, contrast = [0, 12, 200, 60, 400], [0, 12, 200, 900, 400], [0.0, 30.0, 4.0, 30.0, 30.0]
+    pixels, whole, contrast = (
+        [0, 12, 200, 60, 400],
+        [0, 12, 200, 900, 400],
+        [0.0, 30.0, 4.0, 30.0, 30.0],
+    )
     rows = [
-        {"test_id": test_id, "step": step, "visible_pixels": pixels[step], "whole_pixels": whole[step], "contrast": contrast[step]}
+        {
+            "test_id": test_id,
+            "step": step,
+            "visible_pixels": pixels[step],
+            "whole_pixels": whole[step],
+            "contrast": contrast[step],
+        }
         for test_id in tests["test_id"]
         for step in range(5)
     ]
     frames = pd.DataFrame(rows)
     for column in FRAMES:
         if column.name not in frames:
-            frames[column.name] = [IMAGES[step] for step in frames["step"]] if column.name == "image" else 0
+            frames[column.name] = (
+                [IMAGES[step] for step in frames["step"]] if column.name == "image" else 0
+            )
     shown = frames["visible_pixels"] > 0
     for side, value in zip(SIDES, TRUTH, strict=True):
         frames[f"visible_{side}"] = np.where(shown, value, np.nan)
@@ -104,10 +143,14 @@ def make_frames(tests: pd.DataFrame) -> pd.DataFrame:
 
 def make_detections(frames: pd.DataFrame) -> pd.DataFrame:
     """Rows of detections.parquet: per frame a box that is reported and one that is not."""
-    rows = pd.DataFrame({"test_id": np.repeat(frames["test_id"], 2), "step": np.repeat(frames["step"], 2)}).reset_index(drop=True)
+    rows = pd.DataFrame(
+        {"test_id": np.repeat(frames["test_id"], 2), "step": np.repeat(frames["step"], 2)}
+    ).reset_index(drop=True)
     for side, value in zip(SIDES, TRUTH, strict=True):
         rows[side] = value + 2.0
-    return rows.assign(score=np.tile([0.9, 0.3], len(frames)), in_path=True)[[column.name for column in DETECTIONS]]
+    return rows.assign(score=np.tile([0.9, 0.3], len(frames)), in_path=True)[
+        [column.name for column in DETECTIONS]
+    ]
 
 
 def make_signals(tests: pd.DataFrame) -> pd.DataFrame:
@@ -129,11 +172,22 @@ def make_onnx(score: float) -> bytes:
     """A detector that reports one person with this score in the middle of every image."""
     image = helper.make_tensor_value_info("image", TensorProto.UINT8, ["images", 192, 320, 3])
     outputs = [
-        helper.make_tensor_value_info(name, TensorProto.FLOAT, shape) for name, shape in {"boxes": [1, 1, 4], "scores": [1, 1]}.items()
+        helper.make_tensor_value_info(name, TensorProto.FLOAT, shape)
+        for name, shape in {"boxes": [1, 1, 4], "scores": [1, 1]}.items()
     ]
-    values = {"boxes": np.array([[[150, 80, 170, 120]]], np.float32), "scores": np.array([[score]], np.float32)}
-    nodes = [helper.make_node("Constant", [], [name], value=numpy_helper.from_array(value)) for name, value in values.items()]
-    model = helper.make_model(helper.make_graph(nodes, "one", [image], outputs), opset_imports=[helper.make_opsetid("", 17)], ir_version=9)
+    values = {
+        "boxes": np.array([[[150, 80, 170, 120]]], np.float32),
+        "scores": np.array([[score]], np.float32),
+    }
+    nodes = [
+        helper.make_node("Constant", [], [name], value=numpy_helper.from_array(value))
+        for name, value in values.items()
+    ]
+    model = helper.make_model(
+        helper.make_graph(nodes, "one", [image], outputs),
+        opset_imports=[helper.make_opsetid("", 17)],
+        ir_version=9,
+    )
     return bytes(model.SerializeToString())
 
 
@@ -200,7 +254,14 @@ class FabricatedStudy:
         for name in (*self.config.search, *self.config.held_out):
             scenario = self.config.scenarios[name]
             worlds = (one for _, one in scenario.worlds)
-            info = ScenarioInfo(name, scenario.label, scenario.description, 8084, *worlds, asks_to_brake=scenario.asks_to_brake)
+            info = ScenarioInfo(
+                name,
+                scenario.label,
+                scenario.description,
+                8084,
+                *worlds,
+                asks_to_brake=scenario.asks_to_brake,
+            )
             write_space(self.folder / self.files.space(name), info, self.config.space(name))
         for path in self.search_tests:
             self._search(path)
@@ -209,9 +270,15 @@ class FabricatedStudy:
         for rank, (version, path) in enumerate(zip(VERSIONS, self.cards, strict=True)):
             self._model(version, path, rank)
         sets = [
-            WhiteBoxSet(name=name, images=9, neuron=1, multisection=0.5, strong=0.1, top=0.4, pairs=0.9) for name in self.config.strategies
+            WhiteBoxSet(
+                name=name, images=9, neuron=1, multisection=0.5, strong=0.1, top=0.4, pairs=0.9
+            )
+            for name in self.config.strategies
         ]
-        write(self.root / "white_box.json", WhiteBoxMeasures(layers=2, neurons=48, training_images=20, sets=tuple(sets)))
+        write(
+            self.root / "white_box.json",
+            WhiteBoxMeasures(layers=2, neurons=48, training_images=20, sets=tuple(sets)),
+        )
         return self
 
     def analyse(self) -> FabricatedStudy:
@@ -228,7 +295,9 @@ class FabricatedStudy:
         scenario, strategy, version, seed = path.parts[-5:-1]
         space, count = self.config.space(scenario), self.config.campaign.tests
         rng = np.random.default_rng([int(seed), len(strategy), ord(scenario[-1])])
-        points = space.sample(count, rng) if strategy == "random" else adaptive_points(space, count, rng)
+        points = (
+            space.sample(count, rng) if strategy == "random" else adaptive_points(space, count, rng)
+        )
         keys = {"scenario": scenario, "strategy": strategy, "version": version, "seed": int(seed)}
         tests = make_tests(space, keys, points)
         write_tests(path, tests, space)
@@ -257,9 +326,17 @@ class FabricatedStudy:
             seed=0,
             data={"base_set": "ab" * 32},
             training={"iterations": 100.0 + rank},
-            metrics={"precision": 0.9, "recall": 0.84, "ap50": 0.88 + 0.01 * rank, "ap50_95": 0.5, "false_positives_an_image": 0.08},
+            metrics={
+                "precision": 0.9,
+                "recall": 0.84,
+                "ap50": 0.88 + 0.01 * rank,
+                "ap50_95": 0.5,
+                "false_positives_an_image": 0.08,
+            },
             calibration={"slope": 1.0, "offset": 0.0},
-            reliability={name: ((0.2, 0.3, 20), (0.9, 0.85, 80)) for name in ("uncalibrated", "calibrated")},
+            reliability={
+                name: ((0.2, 0.3, 20), (0.9, 0.85, 80)) for name in ("uncalibrated", "calibrated")
+            },
             weights_sha256=f"{rank}" * 64,
             towns=(),
             people=(),
@@ -268,7 +345,10 @@ class FabricatedStudy:
         path.with_name("weights.safetensors").write_bytes(f"weights {rank}".encode())
         path.with_name("model.onnx").write_bytes(make_onnx(rank / 10))
         write_curve(
-            path.with_name("curve.csv"), [CurvePoint(10, 3e-4, 1.5, 0.3, 0.8), CurvePoint(20, 1e-5, 1.2, 0.2, 0.85)] if rank else []
+            path.with_name("curve.csv"),
+            [CurvePoint(10, 3e-4, 1.5, 0.3, 0.8), CurvePoint(20, 1e-5, 1.2, 0.2, 0.85)]
+            if rank
+            else [],
         )
 
 

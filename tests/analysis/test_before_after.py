@@ -18,7 +18,11 @@ from pipeline.testing import CAR
 
 CONFIG = compose("default", [])
 SPACE = CONFIG.space("F1")
-CLEAR = {**SPACE.decode(SPACE.sample(1, np.random.default_rng(0))[0]), "fog": 0.0, "sun_altitude": 30.0}
+CLEAR = {
+    **SPACE.decode(SPACE.sample(1, np.random.default_rng(0))[0]),
+    "fog": 0.0,
+    "sun_altitude": 30.0,
+}
 FOG_AT_NIGHT = {**CLEAR, "fog": 90.0, "sun_altitude": -15.0}
 
 
@@ -48,5 +52,11 @@ def test_captions_say_how_the_tests_end() -> None:
     # The analytic simulator fails in fog at night, whatever the detector reports.
     episodes = episode(Blind(), FOG_AT_NIGHT), episode(VisiblePixelOracle())
     shown = before_after("a test", ("base", "adaptive"), episodes, 0.1)
-    assert shown.before.caption.startswith("base: contact at ") and shown.after.caption == "adaptive: no failure"
-    assert shown.before.image.startswith("data:image/jpeg;base64,") and shown.before.image != shown.after.image
+    assert (
+        shown.before.caption.startswith("base: contact at ")
+        and shown.after.caption == "adaptive: no failure"
+    )
+    assert (
+        shown.before.image.startswith("data:image/jpeg;base64,")
+        and shown.before.image != shown.after.image
+    )

@@ -20,12 +20,37 @@ FEWEST = "c" + "." * 39
         ("adaptive", {"base": BASE, "adaptive": FEW}, None, "stays with adaptive"),
         ("base", {"base": BASE, "adaptive": BASE}, None, "stays with base"),
         # One failure fewer is not significant, eight are.
-        ("random", {"base": BASE, "random": FEW, "adaptive": FEWER}, None, "adaptive does not fail significantly less than it"),
-        ("random", {"base": BASE, "random": FEW, "adaptive": FEWEST}, "adaptive", "moves from random to adaptive"),
-        ("adaptive", {"base": BASE, "random": FEWEST, "adaptive": FEW}, "random", "moves from adaptive to random"),
+        (
+            "random",
+            {"base": BASE, "random": FEW, "adaptive": FEWER},
+            None,
+            "adaptive does not fail significantly less than it",
+        ),
+        (
+            "random",
+            {"base": BASE, "random": FEW, "adaptive": FEWEST},
+            "adaptive",
+            "moves from random to adaptive",
+        ),
+        (
+            "adaptive",
+            {"base": BASE, "random": FEWEST, "adaptive": FEW},
+            "random",
+            "moves from adaptive to random",
+        ),
         # A holder that more tests show to be no better keeps it, and loses it to a version that is better than it.
-        ("adaptive", {"base": BASE, "adaptive": BASE}, None, "less than it (adaptive is held back: not significantly fewer failures"),
-        ("random", {"base": BASE, "random": BASE, "adaptive": FEW}, "adaptive", "moves from random to adaptive"),
+        (
+            "adaptive",
+            {"base": BASE, "adaptive": BASE},
+            None,
+            "less than it (adaptive is held back: not significantly fewer failures",
+        ),
+        (
+            "random",
+            {"base": BASE, "random": BASE, "adaptive": FEW},
+            "adaptive",
+            "moves from random to adaptive",
+        ),
         # The base takes it from a version that fails significantly more.
         ("adaptive", {"base": FEW, "adaptive": BASE}, "base", "moves from adaptive to base"),
         (
@@ -36,7 +61,9 @@ FEWEST = "c" + "." * 39
         ),
     ],
 )
-def test_successor(holder: str | None, versions: dict[str, str], taken: str | None, why: str) -> None:
+def test_successor(
+    holder: str | None, versions: dict[str, str], taken: str | None, why: str
+) -> None:
     version, reason = successor(compared(**versions), holder)
     assert version == taken and why in reason
 
@@ -47,7 +74,10 @@ def test_a_version_that_the_gate_holds_back_takes_the_alias_from_nobody() -> Non
     second = {"base": "." * 40, "random": "." * 40, "adaptive": "c" * 6 + "." * 34}
     result = compared_on(scenarios(F1star=first, F2star=second))
     assert fails_less(result, "adaptive", "random") and not fails_less(result, "random", "adaptive")
-    assert not result.passes("adaptive") and successor(result, "random") == (None, "champion stays with random")
+    assert not result.passes("adaptive") and successor(result, "random") == (
+        None,
+        "champion stays with random",
+    )
     assert successor(result, "base")[0] == "random"
 
 

@@ -23,16 +23,31 @@ from tests.planted import SPACE, WORLDS, Band
 
 def test_the_mildest_value_stays_in_the_range_and_among_the_values() -> None:
     altitude = Variable("sun_altitude", "continuous", "deg", -20, 40, 10, mildest=60)
-    assert altitude.mild == 40 and replace(altitude, high=90).mild == 60 and replace(altitude, mildest=None).mild is None
+    assert (
+        altitude.mild == 40
+        and replace(altitude, high=90).mild == 60
+        and replace(altitude, mildest=None).mild is None
+    )
     pose = Variable("animation", "categorical", values=("crouching", "walking"), mildest="walking")
     assert pose.mild == 1 and replace(pose, values=("crouching", "limping")).mild is None
     assert Variable.from_dict("animation", pose.to_dict()) == pose
 
 
-@pytest.mark.parametrize(("kind", "mildest", "expected"), [("continuous", "low", "a number"), ("categorical", 3, "the name of a value")])
-def test_a_mildest_value_of_the_wrong_type_is_refused(kind: str, mildest: float | str, expected: str) -> None:
-    plain = {"kind": kind, "mildest": mildest, **({"low": 0, "high": 1, "step": 1} if kind == "continuous" else {"values": ["a", "b"]})}
-    with pytest.raises(ValueError, match=f"variable 'x': mildest must be {expected}, got {mildest!r}"):
+@pytest.mark.parametrize(
+    ("kind", "mildest", "expected"),
+    [("continuous", "low", "a number"), ("categorical", 3, "the name of a value")],
+)
+def test_a_mildest_value_of_the_wrong_type_is_refused(
+    kind: str, mildest: float | str, expected: str
+) -> None:
+    plain = {
+        "kind": kind,
+        "mildest": mildest,
+        **({"low": 0, "high": 1, "step": 1} if kind == "continuous" else {"values": ["a", "b"]}),
+    }
+    with pytest.raises(
+        ValueError, match=f"variable 'x': mildest must be {expected}, got {mildest!r}"
+    ):
         Variable.from_dict("x", plain)
     with pytest.raises(ValueError, match=r"x\.mildest: expected a number or a name, got \[1\]"):
         Variable.from_dict("x", {**plain, "mildest": [1]})
@@ -43,11 +58,19 @@ def test_the_shipped_space_has_a_change_for_every_condition_of_sight() -> None:
     points = space.sample(40, np.random.default_rng(0))
     made = changes(Outcomes(space, points, np.arange(40) < 5), np.arange(40) < 5)
     values = {change.text: dict(change.values) for change in made}
-    assert values["no rain"] == {"rain": 0} and values["no fog"] == {"fog": 0} and values["walking"] == {"animation": "walking"}
+    assert (
+        values["no rain"] == {"rain": 0}
+        and values["no fog"] == {"fog": 0}
+        and values["walking"] == {"animation": "walking"}
+    )
     assert values["pedestrian speed 0.5 m/s"] == {"pedestrian_speed": 0.5}
     assert values[CLEAR] == {"rain": 0, "fog": 0, "sun_azimuth": 180, "sun_altitude": 60}
     assert [change.text for change in made if not change.is_single] == [CLEAR]
-    assert CONTROL.is_control and not CONTROL.is_single and not any(change.is_control for change in made)
+    assert (
+        CONTROL.is_control
+        and not CONTROL.is_single
+        and not any(change.is_control for change in made)
+    )
 
 
 def test_the_person_is_one_whom_the_detector_knows_well() -> None:
@@ -58,15 +81,34 @@ def test_the_person_is_one_whom_the_detector_knows_well() -> None:
 
 
 def test_a_person_is_taller_if_nearly_all_who_fail_are_smaller() -> None:
-    space = Space((Variable("blueprint", "categorical", values=("A", "B", "C"), attributes=(("height_m", (1.2, 1.8, 1.9)),)),))
+    space = Space(
+        (
+            Variable(
+                "blueprint",
+                "categorical",
+                values=("A", "B", "C"),
+                attributes=(("height_m", (1.2, 1.8, 1.9)),),
+            ),
+        )
+    )
     points, failed = np.array([[0.0]] * 4 + [[1.0]] * 4 + [[2.0]] * 4), np.arange(12) < 4
-    assert [change.text for change in changes(Outcomes(space, points, failed), failed)] == ["a taller person (B)"]
+    assert [change.text for change in changes(Outcomes(space, points, failed), failed)] == [
+        "a taller person (B)"
+    ]
     tall = np.arange(12) >= 8
-    assert [change.text for change in changes(Outcomes(space, points, tall), tall)] == ["another person (A)"]
+    assert [change.text for change in changes(Outcomes(space, points, tall), tall)] == [
+        "another person (A)"
+    ]
 
 
 def test_a_change_that_breaks_a_constraint_is_none() -> None:
-    space = Space((Variable("a", "categorical", values=("x", "y")), Variable("b", "categorical", values=("x", "y"))), (("a = x", "b = y"),))
+    space = Space(
+        (
+            Variable("a", "categorical", values=("x", "y")),
+            Variable("b", "categorical", values=("x", "y")),
+        ),
+        (("a = x", "b = y"),),
+    )
     assert Change("", {"a": "y"}).of({"a": "x", "b": "y"}, space) == {"a": "y", "b": "y"}
     assert Change("", {"a": "y"}).of({"a": "x", "b": "x"}, space) is None
 
@@ -80,17 +122,31 @@ def test_the_first_repair_is_the_planted_cause(name: str) -> None:
     assert groups
     for group in groups:
         failures = [SPACE.decode(point) for point in tests.points[group.members][:10]]
-        tried = [(change, _repaired(name, failures, change)) for change in (*changes(tests, group.members), CONTROL)]
+        tried = [
+            (change, _repaired(name, failures, change))
+            for change in (*changes(tests, group.members), CONTROL)
+        ]
         first = ranked(tried)[0]
         box = max(world.boxes, key=lambda one: int(one.holds(tests.points[group.members]).sum()))
-        about = {"rain", "fog"} if isinstance(box, Band) else {SPACE.names[c.variable] for c in box.conditions}
+        about = (
+            {"rain", "fog"}
+            if isinstance(box, Band)
+            else {SPACE.names[c.variable] for c in box.conditions}
+        )
         assert set(first.values) <= about, f"{group.rule.text(SPACE)}: {first.text}"
-        assert {change.text: share for change, share in tried}[first.text] >= 0.8 and tried[-1][1] == 0
+        assert {change.text: share for change, share in tried}[first.text] >= 0.8 and tried[-1][
+            1
+        ] == 0
 
 
 def _repaired(name: str, failures: list[dict[str, float | str]], change: Change) -> float:
     changed = [change.of(one, SPACE) for one in failures]
-    return float(1 - WORLDS[name].fails(np.array([SPACE.encode(one) for one in changed if one is not None])).mean())
+    return float(
+        1
+        - WORLDS[name]
+        .fails(np.array([SPACE.encode(one) for one in changed if one is not None]))
+        .mean()
+    )
 
 
 def test_words_of_rules_fit_the_planted_space() -> None:
@@ -101,7 +157,9 @@ coordinates = st.floats(-10, 10).map(lambda value: round(value, 2))
 
 
 @given(coordinates, coordinates, coordinates, coordinates, st.floats(0, 6.3))
-def test_a_line_crosses_a_footprint_where_its_points_do(x: float, y: float, to_x: float, to_y: float, heading: float) -> None:
+def test_a_line_crosses_a_footprint_where_its_points_do(
+    x: float, y: float, to_x: float, to_y: float, heading: float
+) -> None:
     rectangle = Rectangle(Pose(1, 2, heading), 3, 1)
     along = np.linspace(0, 1, 400)
     nearest = min(rectangle.distance(x + t * (to_x - x), y + t * (to_y - y)) for t in along)
@@ -114,8 +172,18 @@ def test_a_line_crosses_a_footprint_where_its_points_do(x: float, y: float, to_x
 def _signals(pedestrian_y: float, visible_width: float) -> dict[str, np.ndarray]:
     """One frame: the ego 20 m before the conflict point of F1, and a pedestrian whose box is 10 pixels wide without occluders."""
     boxes = {"whole": (0.0, 0.0, 10.0, 20.0), "visible": (0.0, 0.0, visible_width, 20.0)}
-    sides = {f"{kind}_{side}": value for kind, box in boxes.items() for side, value in zip(SIDES, box, strict=True)}
-    place = {"time_s": 0.0, "ego_x_m": -20.0, "ego_y_m": -1.75, "pedestrian_x_m": 0.0, "pedestrian_y_m": pedestrian_y}
+    sides = {
+        f"{kind}_{side}": value
+        for kind, box in boxes.items()
+        for side, value in zip(SIDES, box, strict=True)
+    }
+    place = {
+        "time_s": 0.0,
+        "ego_x_m": -20.0,
+        "ego_y_m": -1.75,
+        "pedestrian_x_m": 0.0,
+        "pedestrian_y_m": pedestrian_y,
+    }
     return {name: np.array([value]) for name, value in {**place, **sides}.items()}
 
 
@@ -125,5 +193,8 @@ def test_the_bus_hides_who_stands_behind_it() -> None:
     assert occluders(scenario, _signals(-8, 9.5)) == frozenset(), "nothing hides a tenth of the box"
     assert occluders(scenario, _signals(-1.75, 4)) == frozenset(), "the line of sight is free"
     (change,) = without(scenario, ["bus", "parked_far"])
-    assert change.text == "without the bus and the parked far van" and change.without == ("bus", "parked_far")
+    assert change.text == "without the bus and the parked far van" and change.without == (
+        "bus",
+        "parked_far",
+    )
     assert change.is_single and without(scenario, []) == ()

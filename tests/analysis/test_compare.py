@@ -34,8 +34,22 @@ POLICY = Policy(alpha=0.05, confidence=0.95, margin=0.1)
 
 def table(outcomes: Mapping[str, str]) -> pd.DataFrame:
     """Tests from strings: '.' passes, 'c' contact, 'l' late, 'f' by false positives alone, 'n' unnecessary braking, 'e' error."""
-    modes = {".": "none", "c": "contact", "l": "late", "f": "false_positives", "n": "false_activation", "e": "none"}
-    causes = {".": "none", "c": "never_seen", "l": "box", "f": "false_positives", "n": "false_activation", "e": "none"}
+    modes = {
+        ".": "none",
+        "c": "contact",
+        "l": "late",
+        "f": "false_positives",
+        "n": "false_activation",
+        "e": "none",
+    }
+    causes = {
+        ".": "none",
+        "c": "never_seen",
+        "l": "box",
+        "f": "false_positives",
+        "n": "false_activation",
+        "e": "none",
+    }
     return pd.DataFrame(
         [
             {
@@ -60,7 +74,10 @@ def table(outcomes: Mapping[str, str]) -> pd.DataFrame:
 
 def held_out(tests: pd.DataFrame) -> HeldOut:
     """Tests as `HeldOut`, versions and scenarios in order of appearance."""
-    tables = {key: rows.reset_index(drop=True) for key, rows in tests.groupby(["scenario", "version"], sort=False)}
+    tables = {
+        key: rows.reset_index(drop=True)
+        for key, rows in tests.groupby(["scenario", "version"], sort=False)
+    }
     labels = {name: name.replace("star", "*") for name in tests["scenario"].unique()}
     return HeldOut(tuple(tests["version"].unique()), labels, tables)
 
@@ -76,13 +93,23 @@ def compared(**outcomes: str) -> Comparison:
 
 def scenarios(**outcomes: Mapping[str, str]) -> HeldOut:
     """Several scenarios: name -> version -> outcomes."""
-    return held_out(pd.concat([table(found).assign(scenario=name) for name, found in outcomes.items()], ignore_index=True))
+    return held_out(
+        pd.concat(
+            [table(found).assign(scenario=name) for name, found in outcomes.items()],
+            ignore_index=True,
+        )
+    )
 
 
 def test_counts_pairs_and_exact_p_value() -> None:
     result = compared(base="cccccclf....", adaptive="c.......f...")
     base, adaptive = result.versions
-    assert (base.failures, base.modes.contact, base.modes.by_ttc, base.verdict) == (8, 6, 7, "baseline")
+    assert (base.failures, base.modes.contact, base.modes.by_ttc, base.verdict) == (
+        8,
+        6,
+        7,
+        "baseline",
+    )
     assert adaptive.paired is not None
     assert adaptive.paired.fixes == tuple(SequenceTest("F1star", i) for i in range(1, 8))
     assert adaptive.paired.regressions == (SequenceTest("F1star", 8),)
@@ -90,24 +117,37 @@ def test_counts_pairs_and_exact_p_value() -> None:
     assert adaptive.paired.p_value == pytest.approx(18 / 256)
     assert (adaptive.change, adaptive.verdict) == (-6, "no difference shown")
     assert result.champion == "base"
-    assert result.gate["adaptive"] == "held back: not significantly fewer failures than base (p = 0.07)"
+    assert (
+        result.gate["adaptive"]
+        == "held back: not significantly fewer failures than base (p = 0.07)"
+    )
 
 
 def test_a_worse_version_is_held_back_for_more_failures() -> None:
     # Eight regressions without a fix: p = 2 / 2 ** 8.
     result = compared(base="............", adaptive="cccccccc....")
     assert result.versions[1].verdict == "worse"
-    assert result.gate["adaptive"] == "held back: significantly more failures than base (p = 0.0078)"
+    assert (
+        result.gate["adaptive"] == "held back: significantly more failures than base (p = 0.0078)"
+    )
 
 
 def test_failures_are_counted_by_cause() -> None:
     result = compared(base="cclfn.e", adaptive=".......")
-    assert result.versions[0].causes == Causes(never_seen=2, box=1, false_positives=1, false_activation=1)
-    assert (result.versions[0].modes.by_ttc, result.versions[0].modes.total, result.versions[1].causes.total) == (3, 5, 0)
+    assert result.versions[0].causes == Causes(
+        never_seen=2, box=1, false_positives=1, false_activation=1
+    )
+    assert (
+        result.versions[0].modes.by_ttc,
+        result.versions[0].modes.total,
+        result.versions[1].causes.total,
+    ) == (3, 5, 0)
 
 
 def test_unnecessary_braking_is_listed_by_version_and_scenario() -> None:
-    sequence = replace(held_out(table({"base": "nn.e", "adaptive": "...."})), no_braking=("F1star",))
+    sequence = replace(
+        held_out(table({"base": "nn.e", "adaptive": "...."})), no_braking=("F1star",)
+    )
     result = compared_on(sequence)
     headers, base, adaptive = braking_held_out(result)
     assert dict(zip(headers, base, strict=True)) == {
@@ -120,7 +160,9 @@ def test_unnecessary_braking_is_listed_by_version_and_scenario() -> None:
         "mean speed loss": "4.0 m/s (14 km/h)",
     }
     assert adaptive[2:] == ("4", "0", "0", "–", "–")
-    assert "Unnecessary braking" in verdict_table(result) and "Unnecessary braking" not in verdict_table(compared(base="c"))
+    assert "Unnecessary braking" in verdict_table(
+        result
+    ) and "Unnecessary braking" not in verdict_table(compared(base="c"))
 
 
 def test_verdicts() -> None:
@@ -134,7 +176,10 @@ def test_errors_do_not_count_in_pairs() -> None:
     assert (adaptive.tests, adaptive.errors, adaptive.failures) == (3, 1, 1)
     assert adaptive.paired is not None
     assert adaptive.paired.tests == 2
-    assert (adaptive.paired.fixes, adaptive.paired.regressions) == ((SequenceTest("F1star", 1),), (SequenceTest("F1star", 2),))
+    assert (adaptive.paired.fixes, adaptive.paired.regressions) == (
+        (SequenceTest("F1star", 1),),
+        (SequenceTest("F1star", 2),),
+    )
 
 
 EIGHT, NONE = "c" * 8 + "." * 8, "." * 16
@@ -152,18 +197,28 @@ EIGHT, NONE = "c" * 8 + "." * 8, "." * 16
 def test_champion(outcomes: dict[str, str], champion: str) -> None:
     result = compared(**outcomes)
     assert result.champion == champion
-    assert result.gate["base"] == "the reference" and result.passes(champion) == (champion != "base")
+    assert result.gate["base"] == "the reference" and result.passes(champion) == (
+        champion != "base"
+    )
 
 
 BETTER = {"base": "c" * 30 + "." * 30, "adaptive": "." * 60}
 
 
 def test_a_version_that_may_be_worse_somewhere_is_held_back() -> None:
-    result = compared_on(scenarios(F1star=BETTER, F2star={"base": "." * 60, "adaptive": "ccc" + "." * 57}))
+    result = compared_on(
+        scenarios(F1star=BETTER, F2star={"base": "." * 60, "adaptive": "ccc" + "." * 57})
+    )
     # Wilson's one-sided limit of 3 of 60, because there are no fixes.
     assert result.versions[1].verdict == "better" and result.champion == "base"
-    assert result.gate["adaptive"] == "held back: the failure rate may rise by up to 11.9 points (F2*), more than the margin of 10 points"
-    assert [(limit.name, limit.tests, limit.fixes, limit.regressions, limit.judgement) for limit in result.versions[1].limits] == [
+    assert (
+        result.gate["adaptive"]
+        == "held back: the failure rate may rise by up to 11.9 points (F2*), more than the margin of 10 points"
+    )
+    assert [
+        (limit.name, limit.tests, limit.fixes, limit.regressions, limit.judgement)
+        for limit in result.versions[1].limits
+    ] == [
         ("F1*", 60, 30, 0, "within the margin"),
         ("F2*", 60, 0, 3, "above the margin"),
     ]
@@ -171,7 +226,9 @@ def test_a_version_that_may_be_worse_somewhere_is_held_back() -> None:
 
 
 def test_a_rise_within_the_margin_passes() -> None:
-    result = compared_on(scenarios(F1star=BETTER, F2star={"base": "." * 60, "adaptive": "cc" + "." * 58}))
+    result = compared_on(
+        scenarios(F1star=BETTER, F2star={"base": "." * 60, "adaptive": "cc" + "." * 58})
+    )
     assert result.champion == "adaptive"
     assert result.gate["adaptive"] == (
         "passes: significantly fewer failures than base (p = 2.5e-07); the failure rate rises by at most 10 points in "
@@ -182,13 +239,23 @@ def test_a_rise_within_the_margin_passes() -> None:
 def test_a_named_group_that_may_be_worse_holds_a_version_back() -> None:
     """Five regressions of 120 tests in all, but of 30 at night, in both scenarios."""
     few = {"base": "." * 60, "adaptive": "ccc" + "." * 57}
-    sequence = scenarios(F1star={"base": "." * 15 + "c" * 45, "adaptive": "cc" + "." * 58}, F2star=few)
+    sequence = scenarios(
+        F1star={"base": "." * 15 + "c" * 45, "adaptive": "cc" + "." * 58}, F2star=few
+    )
     night = np.tile(np.arange(60) < 15, 2)
     wide = replace(POLICY, margin=0.15)
     assert compare(sequence, {}, "digest", [], wide).passes("adaptive")
     result = compare(sequence, {"night": night, "day": ~night}, "digest", [], wide)
-    assert result.gate["adaptive"] == "held back: the failure rate may rise by up to 30.5 points (night), more than the margin of 15 points"
-    assert [(limit.name, limit.tests) for limit in result.versions[1].limits] == [("F1*", 60), ("F2*", 60), ("night", 30), ("day", 90)]
+    assert (
+        result.gate["adaptive"]
+        == "held back: the failure rate may rise by up to 30.5 points (night), more than the margin of 15 points"
+    )
+    assert [(limit.name, limit.tests) for limit in result.versions[1].limits] == [
+        ("F1*", 60),
+        ("F2*", 60),
+        ("night", 30),
+        ("day", 90),
+    ]
 
 
 def test_a_group_that_is_too_small_to_judge_is_named_and_holds_nothing_back() -> None:
@@ -198,7 +265,11 @@ def test_a_group_that_is_too_small_to_judge_is_named_and_holds_nothing_back() ->
     assert result.gate["adaptive"].endswith(
         "rises by at most 10 points in each judged scenario and group (95 % upper limits); too small to judge: children"
     )
-    assert [limit.judgement for limit in result.versions[1].limits] == ["within the margin", "too small to judge", "within the margin"]
+    assert [limit.judgement for limit in result.versions[1].limits] == [
+        "within the margin",
+        "too small to judge",
+        "within the margin",
+    ]
 
 
 def test_a_version_that_passes_without_a_part_to_judge_claims_no_limit() -> None:
@@ -209,14 +280,28 @@ def test_a_version_that_passes_without_a_part_to_judge_claims_no_limit() -> None
 
 def test_false_activations_are_limited_apart_from_failures() -> None:
     """Fewer failures among children do not make up for more false activations there."""
-    brake, calm = {"base": "c" * 40 + "." * 20, "adaptive": "." * 60}, {"base": "." * 60, "adaptive": "n" * 4 + "." * 56}
+    brake, calm = (
+        {"base": "c" * 40 + "." * 20, "adaptive": "." * 60},
+        {"base": "." * 60, "adaptive": "n" * 4 + "." * 56},
+    )
     sequence = replace(scenarios(F1star=brake, N1=calm), no_braking=("N1",))
     children = np.tile(np.arange(60) < 30, 2)
     result = compared_on(sequence, children=children, adults=~children)
-    limits = [(limit.name, limit.measure, limit.tests, limit.regressions) for limit in result.versions[1].limits]
+    limits = [
+        (limit.name, limit.measure, limit.tests, limit.regressions)
+        for limit in result.versions[1].limits
+    ]
     assert limits == [
-        *[("F1*", "failures", 60, 0), ("children", "failures", 30, 0), ("adults", "failures", 30, 0)],
-        *[("N1", "false activations", 60, 4), ("children", "false activations", 30, 4), ("adults", "false activations", 30, 0)],
+        *[
+            ("F1*", "failures", 60, 0),
+            ("children", "failures", 30, 0),
+            ("adults", "failures", 30, 0),
+        ],
+        *[
+            ("N1", "false activations", 60, 4),
+            ("children", "false activations", 30, 4),
+            ("adults", "false activations", 30, 0),
+        ],
     ]
     assert result.gate["adaptive"] == (
         "held back: the rate of false activations may rise by up to 14.0 points (N1), 26.6 points (children), more than the margin of "
@@ -224,16 +309,33 @@ def test_false_activations_are_limited_apart_from_failures() -> None:
     )
     assert (
         "too small to judge: false activations in N1"
-        in compared_on(replace(scenarios(F1star=brake, N1={"base": "..", "adaptive": ".."}), no_braking=("N1",))).gate["adaptive"]
+        in compared_on(
+            replace(
+                scenarios(F1star=brake, N1={"base": "..", "adaptive": ".."}), no_braking=("N1",)
+            )
+        ).gate["adaptive"]
     )
 
 
 def test_a_reason_names_the_rate_that_was_judged() -> None:
     brake, calm = {"base": "c" * 12, "adaptive": "." * 12}, {"base": "." * 60, "adaptive": "." * 60}
-    judged = compared_on(replace(scenarios(F1star=brake, N1=calm), no_braking=("N1",))).gate["adaptive"]
-    assert "; the rate of false activations rises by at most 10 points in each" in judged and judged.endswith("too small to judge: F1*")
-    both = compared_on(replace(scenarios(F1star={name: row * 5 for name, row in brake.items()}, N1=calm), no_braking=("N1",)))
-    assert "; the failure rate and the rate of false activations rise by at most 10 points in each" in both.gate["adaptive"]
+    judged = compared_on(replace(scenarios(F1star=brake, N1=calm), no_braking=("N1",))).gate[
+        "adaptive"
+    ]
+    assert (
+        "; the rate of false activations rises by at most 10 points in each" in judged
+        and judged.endswith("too small to judge: F1*")
+    )
+    both = compared_on(
+        replace(
+            scenarios(F1star={name: row * 5 for name, row in brake.items()}, N1=calm),
+            no_braking=("N1",),
+        )
+    )
+    assert (
+        "; the failure rate and the rate of false activations rise by at most 10 points in each"
+        in both.gate["adaptive"]
+    )
 
 
 def test_a_version_whose_other_seeds_are_no_better_is_held_back() -> None:
@@ -263,19 +365,38 @@ def test_every_pair_is_tested() -> None:
     paired = result.pair("adaptive", "random")
     assert paired is not None
     assert (len(paired.fixes), len(paired.regressions)) == (2, 1)
-    assert [(p.version, p.against) for p in result.pairs] == [("random", "base"), ("adaptive", "base"), ("adaptive", "random")]
+    assert [(p.version, p.against) for p in result.pairs] == [
+        ("random", "base"),
+        ("adaptive", "base"),
+        ("adaptive", "random"),
+    ]
     assert result.pair("random", "adaptive") is None
 
 
 def test_groups_average_over_the_seeds_of_retraining() -> None:
-    result = compared(**{"base": "cccc....", "adaptive": "c.......", "adaptive-s1": "ccc.....", "adaptive-r2": "........"})
+    result = compared(
+        **{
+            "base": "cccc....",
+            "adaptive": "c.......",
+            "adaptive-s1": "ccc.....",
+            "adaptive-r2": "........",
+        }
+    )
     base, first, second = result.groups
     assert (base.group, base.failures.value, base.against_base) == ("base", 4, 1)
-    assert (first.versions, first.failures.value, first.against_base) == (("adaptive", "adaptive-s1"), 2, 0.5)
+    assert (first.versions, first.failures.value, first.against_base) == (
+        ("adaptive", "adaptive-s1"),
+        2,
+        0.5,
+    )
     # Student's t of two seeds is wide: 2 ± 12.7, and no count is below 0.
-    assert (first.failures.low, first.failures.high) == pytest.approx((0, 14.706), abs=1e-3) and first.scenarios["F1star"].value == 2
+    assert (first.failures.low, first.failures.high) == pytest.approx(
+        (0, 14.706), abs=1e-3
+    ) and first.scenarios["F1star"].value == 2
     assert (second.group, second.round, second.failures.value) == ("adaptive-r2", 2, 0)
-    assert (base.failures.low, base.failures.high) == (4, 4), "a single version on a designed list has no interval"
+    assert (base.failures.low, base.failures.high) == (4, 4), (
+        "a single version on a designed list has no interval"
+    )
     none = compared(base="....", adaptive="c...")
     assert none.groups[1].against_base is None
 
@@ -290,19 +411,38 @@ def test_a_test_that_ends_in_an_error_counts_for_no_group() -> None:
 
 def test_groups_are_compared_over_all_seeds() -> None:
     result = compared(
-        **{"base": "cccccc..", "random": "ccc...e.", "random-s1": "cc......", "adaptive": "c.......", "adaptive-s1": "......c."}
+        **{
+            "base": "cccccc..",
+            "random": "ccc...e.",
+            "random-s1": "cc......",
+            "adaptive": "c.......",
+            "adaptive-s1": "......c.",
+        }
     )
-    pair = next(pair for pair in result.group_pairs if (pair.group, pair.against) == ("adaptive", "random"))
+    pair = next(
+        pair for pair in result.group_pairs if (pair.group, pair.against) == ("adaptive", "random")
+    )
     # The error counts for no version. By test, seeds summed: -1, -2, -1, 0 ...: 2 of the 8 sign patterns reach as far.
     assert (pair.tests, pair.difference.value, pair.p_value) == (7, -2, 0.25)
-    assert (pair.difference.low, pair.difference.high) == pytest.approx((-4.594, 0.594), abs=1e-3), "counts are rounded"
-    base = next(pair for pair in result.group_pairs if (pair.group, pair.against) == ("adaptive", "base"))
+    assert (pair.difference.low, pair.difference.high) == pytest.approx(
+        (-4.594, 0.594), abs=1e-3
+    ), "counts are rounded"
+    base = next(
+        pair for pair in result.group_pairs if (pair.group, pair.against) == ("adaptive", "base")
+    )
     # 5 failures fewer with each seed. The base fails each test with a chance of 2, five times 1 and 1 in 3: 7/3 failures are expected,
     # and only 6 and 7 are as far from it as 6.
     assert (base.tests, base.difference.value) == (8, -5)
     assert base.p_value == pytest.approx((2 * 6 * 2 + 1 + 2) / 3**7)
-    sentence = next(line for line in verdict_table(result, Path("report.html")).splitlines() if line.startswith("adaptive against random"))
-    assert "-2.0 failures, mean of 2 seeds (-4.6 to +0.6); p = 0.25, exact randomisation test" in sentence
+    sentence = next(
+        line
+        for line in verdict_table(result, Path("report.html")).splitlines()
+        if line.startswith("adaptive against random")
+    )
+    assert (
+        "-2.0 failures, mean of 2 seeds (-4.6 to +0.6); p = 0.25, exact randomisation test"
+        in sentence
+    )
 
 
 def test_one_seed_leaves_mcnemar() -> None:
@@ -313,10 +453,14 @@ def test_one_seed_leaves_mcnemar() -> None:
 
 
 def test_changed_tests_are_listed_with_both_results() -> None:
-    tests = table({"base": "cc.", "adaptive": "c.f"}).assign(adj_ttc_s=0.5, false_positives=1, first_detection_m=9.0, fog=[10, 20, 30] * 2)
+    tests = table({"base": "cc.", "adaptive": "c.f"}).assign(
+        adj_ttc_s=0.5, false_positives=1, first_detection_m=9.0, fog=[10, 20, 30] * 2
+    )
     result = compared_on(held_out(tests))
     changes = changed_tests(result, tests, ["fog"])
-    assert changes[["version", "change", "index", "failure_mode_before", "failure_mode_after", "fog"]].to_numpy().tolist() == [
+    assert changes[
+        ["version", "change", "index", "failure_mode_before", "failure_mode_after", "fog"]
+    ].to_numpy().tolist() == [
         ["adaptive", "regression", 2, "none", "false_positives", 30],
         ["adaptive", "fix", 1, "contact", "none", 20],
     ]
@@ -327,24 +471,44 @@ def test_failures_are_counted_in_the_regions_of_the_base() -> None:
     points = SMALL.sample(200, np.random.default_rng(0))
     points[:30] = points[0]
     rows = pd.DataFrame([SMALL.decode(point) for point in points])
-    rows = rows.assign(index=range(200), status="ok", strategy="pairwise", seed=0, impact_speed_mps=0.0)
+    rows = rows.assign(
+        index=range(200), status="ok", strategy="pairwise", seed=0, impact_speed_mps=0.0
+    )
     tests = {}
-    for version, failed in {"base": np.arange(200) < 30, "adaptive": np.isin(np.arange(200), [3, 4, 150])}.items():
+    for version, failed in {
+        "base": np.arange(200) < 30,
+        "adaptive": np.isin(np.arange(200), [3, 4, 150]),
+    }.items():
         modes = np.where(failed, "contact", "none")
         ids = [f"F1star-pairwise-{version}-0-{i:05d}" for i in range(200)]
-        tests[version] = rows.assign(test_id=ids, failure=failed, failure_mode=modes, cause="box", adj_ttc_s=np.where(failed, 0.0, 1.0))
-    sequence = HeldOut(("base", "adaptive"), LABELS, {("F1star", version): found for version, found in tests.items()})
+        tests[version] = rows.assign(
+            test_id=ids,
+            failure=failed,
+            failure_mode=modes,
+            cause="box",
+            adj_ttc_s=np.where(failed, 0.0, 1.0),
+        )
+    sequence = HeldOut(
+        ("base", "adaptive"),
+        LABELS,
+        {("F1star", version): found for version, found in tests.items()},
+    )
     spaces = {"F1star": (ScenarioInfo("F1star", "F1*", "", 100), SMALL)}
     (region,) = base_regions(sequence, spaces, compose("default", []).regions)
     assert (region.scenario, region.name) == ("F1star", "F1* region 1")
     assert region.failures == {"base": 30, "adaptive": 2} and 30 <= region.tests < 60
     tests["base"].loc[:9, ["status", "failure"]] = ["error", False]
     (fewer,) = base_regions(sequence, spaces, compose("default", []).regions)
-    assert fewer.failures == {"base": 20, "adaptive": 0} and fewer.tests == region.tests - 10, "errors of the base count for no version"
+    assert fewer.failures == {"base": 20, "adaptive": 0} and fewer.tests == region.tests - 10, (
+        "errors of the base count for no version"
+    )
 
 
 def test_a_version_that_reads_like_no_value_keeps_its_name(tmp_path: Path) -> None:
-    write_changes(tmp_path / "changes.csv", pd.DataFrame({"version": ["null", "NA"], "base_mode": ["contact", None]}))
+    write_changes(
+        tmp_path / "changes.csv",
+        pd.DataFrame({"version": ["null", "NA"], "base_mode": ["contact", None]}),
+    )
     assert read_changes(tmp_path / "changes.csv")["version"].tolist() == ["null", "NA"]
     assert read_changes(tmp_path / "changes.csv")["base_mode"].isna().tolist() == [False, True]
 
@@ -352,20 +516,49 @@ def test_a_version_that_reads_like_no_value_keeps_its_name(tmp_path: Path) -> No
 def test_step_on_files(tmp_path: Path) -> None:
     study = FabricatedStudy(tmp_path).make_analysed()
     result = read(study.root / "comparison.json", Comparison)
-    assert [version.version for version in result.versions] == ["base", "control", "random", "adaptive"]
+    assert [version.version for version in result.versions] == [
+        "base",
+        "control",
+        "random",
+        "adaptive",
+    ]
     assert result.champion == "adaptive"
     assert len(read_tests(study.root / "comparison.parquet")) == 4 * study.config.comparison.tests
     assert result.versions[3].scenarios["F1star"].failures == result.versions[3].failures
     changes = pd.read_csv(study.root / "changes.csv")
     assert (changes["version"] == "adaptive").sum() == -result.versions[3].change
-    metrics = {str(path.relative_to(study.root / "metrics")): read_json(path) for path in (study.root / "metrics").rglob("*.json")}
+    metrics = {
+        str(path.relative_to(study.root / "metrics")): read_json(path)
+        for path in (study.root / "metrics").rglob("*.json")
+    }
     versions = {f"held_out/{version.version}.json": version for version in result.versions}
-    assert metrics.keys() == {*versions, *(f"search/{name}-{strategy}.json" for name in ("F1", "F2") for strategy in ("mixed", "random"))}
-    assert {name: metrics[name]["failures"] for name in versions} == {name: version.failures for name, version in versions.items()}
-    assert metrics["held_out/base.json"].keys() == {"failures", "tests", "failure_rate", "ap50", "recall"}
+    assert metrics.keys() == {
+        *versions,
+        *(
+            f"search/{name}-{strategy}.json"
+            for name in ("F1", "F2")
+            for strategy in ("mixed", "random")
+        ),
+    }
+    assert {name: metrics[name]["failures"] for name in versions} == {
+        name: version.failures for name, version in versions.items()
+    }
+    assert metrics["held_out/base.json"].keys() == {
+        "failures",
+        "tests",
+        "failure_rate",
+        "ap50",
+        "recall",
+    }
     assert metrics["held_out/base.json"]["ap50"] == 0.88
-    searched = pd.concat(read_tests(path) for path in study.search_tests if path.parts[-5:-3] == ("F1", "random"))
-    assert metrics["search/F1-random.json"]["tests"] == (searched["status"] == "ok").sum() < len(searched)
+    searched = pd.concat(
+        read_tests(path) for path in study.search_tests if path.parts[-5:-3] == ("F1", "random")
+    )
+    assert (
+        metrics["search/F1-random.json"]["tests"]
+        == (searched["status"] == "ok").sum()
+        < len(searched)
+    )
     assert metrics["search/F1-random.json"]["tests_to_first_failure"] >= 1
     text = verdict_table(result, study.root / "report.html")
     assert "adaptive ★" in text
@@ -390,7 +583,10 @@ def test_an_unknown_key_of_a_result_is_told_with_the_nearest(tmp_path: Path) -> 
     path = tmp_path / "comparison.json"
     write(path, compared(base="ccc", adaptive="..."))
     path.write_text(path.read_text().replace('"regressions"', '"regression"', 1))
-    with pytest.raises(InputError, match=r"Comparison file: unknown key '.*\.regression'; did you mean 'regressions'\?; make it again"):
+    with pytest.raises(
+        InputError,
+        match=r"Comparison file: unknown key '.*\.regression'; did you mean 'regressions'\?; make it again",
+    ):
         read(path, Comparison)
     path.write_text("[]")
     with pytest.raises(InputError, match=r"Comparison file: expected .*, got \[\]; make it again"):
@@ -403,7 +599,9 @@ def test_another_sequence_is_refused_with_the_first_difference(tmp_path: Path) -
     tests = read_tests(path)
     tests.loc[7, "fog"] = 41.0
     write_tests(path, tests, study.config.space("F1star"))
-    with pytest.raises(InputError, match="version 'random' on scenario 'F1star', test 7: fog must be .* got 41"):
+    with pytest.raises(
+        InputError, match="version 'random' on scenario 'F1star', test 7: fog must be .* got 41"
+    ):
         study.run("compare")
     write_tests(path, tests.head(59), study.config.space("F1star"))
     with pytest.raises(InputError, match="expected 60 tests as version 'base' has, got 59"):
@@ -414,18 +612,30 @@ def test_tests_judged_at_another_threshold_are_refused(tmp_path: Path) -> None:
     study = FabricatedStudy(tmp_path).make()
     campaign = study.config.campaign.model_copy(update={"failure_threshold_s": 0.9})
     study.config = study.config.model_copy(update={"campaign": campaign})
-    with pytest.raises(InputError, match=r"tests\.parquet, test \d+: expected a failure at an adjusted TTC of 0\.9 s or below"):
+    with pytest.raises(
+        InputError,
+        match=r"tests\.parquet, test \d+: expected a failure at an adjusted TTC of 0\.9 s or below",
+    ):
         study.analyse()
 
 
 def test_a_false_activation_does_not_contradict_the_threshold(tmp_path: Path) -> None:
     study = FabricatedStudy(tmp_path).make()
     scenario = study.config.held_out[0]
-    path, space, info = study.held_out_tests[0], study.config.space(scenario), ScenarioInfo(scenario, "F1*", "", 1)
+    path, space, info = (
+        study.held_out_tests[0],
+        study.config.space(scenario),
+        ScenarioInfo(scenario, "F1*", "", 1),
+    )
     rows = read_tests(path)
     # Without a collision path: a false activation fails however long the TTC, and false positives alone shorten it without a failure.
     rows.loc[0, ["failure", "failure_mode", "adj_ttc_s"]] = [True, "false_activation", 2.0]
-    rows.loc[1, ["failure", "failure_mode", "adj_ttc_s", "false_positives"]] = [False, "none", 0.049, 40]
+    rows.loc[1, ["failure", "failure_mode", "adj_ttc_s", "false_positives"]] = [
+        False,
+        "none",
+        0.049,
+        40,
+    ]
     write_tests(path, rows, space)
     read_held_out([path], ["base"], {scenario: info}, 0.1, lambda *_: None)
     rows.loc[1, "false_positives"] = 0
@@ -436,7 +646,9 @@ def test_a_false_activation_does_not_contradict_the_threshold(tmp_path: Path) ->
 
 def test_a_version_without_campaign_is_named() -> None:
     tests = {("F1star", "base"): table({"base": ".."})}
-    with pytest.raises(InputError, match="expected a campaign of version 'control' on held-out scenario 'F1star'"):
+    with pytest.raises(
+        InputError, match="expected a campaign of version 'control' on held-out scenario 'F1star'"
+    ):
         HeldOut(("base", "control"), LABELS, tests).digest({"F1star": []})
 
 
@@ -445,7 +657,12 @@ VARIABLES = {"F1star": ["fog"]}
 
 def digest_of(**changes: str | int) -> str:
     tests = table({"base": "c.", "adaptive": ".."}).assign(fog=[0.1234567890123, 20.0] * 2)
-    changed = tests.assign(**{name: np.where(tests["version"] == "adaptive", value, tests[name]) for name, value in changes.items()})
+    changed = tests.assign(
+        **{
+            name: np.where(tests["version"] == "adaptive", value, tests[name])
+            for name, value in changes.items()
+        }
+    )
     return held_out(changed).digest(VARIABLES)
 
 
@@ -453,24 +670,36 @@ def test_the_digest_of_a_sequence_knows_its_scenario_and_every_digit_of_its_valu
     tests = table({"base": "c."}).assign(fog=[0.1234567890123, 20.0])
     other = tests.assign(fog=[0.1234567890124, 20.0])
     renamed = tests.assign(scenario="F2star")
-    digests = {held_out(tests).digest(VARIABLES), held_out(other).digest(VARIABLES), held_out(renamed).digest({"F2star": ["fog"]})}
+    digests = {
+        held_out(tests).digest(VARIABLES),
+        held_out(other).digest(VARIABLES),
+        held_out(renamed).digest({"F2star": ["fog"]}),
+    }
     assert len(digests) == 3 and digest_of() in digests
 
 
 @pytest.mark.parametrize(("name", "value"), [("seed", 1), ("strategy", "random"), ("index", 7)])
 def test_a_sequence_of_another_seed_or_strategy_is_refused(name: str, value: str | int) -> None:
-    with pytest.raises(InputError, match=f"version 'adaptive' on scenario 'F1star', test .*: {name} must be"):
+    with pytest.raises(
+        InputError, match=f"version 'adaptive' on scenario 'F1star', test .*: {name} must be"
+    ):
         digest_of(**{name: value})
 
 
 def test_an_error_is_no_failure_whatever_its_row_says() -> None:
-    found = held_out(table({"base": "ce."}).assign(failure=True, failure_mode="contact")).outcomes("base")
+    found = held_out(table({"base": "ce."}).assign(failure=True, failure_mode="contact")).outcomes(
+        "base"
+    )
     assert (found.tests, found.failures, int(found.by_ttc.sum())) == (2, 2, 2)
 
 
 def test_the_tests_of_a_version_are_read_in_the_order_of_the_sequence(tmp_path: Path) -> None:
     study = FabricatedStudy(tmp_path).make()
-    path, space, info = study.held_out_tests[0], study.config.space("F1star"), ScenarioInfo("F1star", "F1*", "", 1)
+    path, space, info = (
+        study.held_out_tests[0],
+        study.config.space("F1star"),
+        ScenarioInfo("F1star", "F1*", "", 1),
+    )
     write_tests(path, read_tests(path).iloc[::-1], space)
     read = read_held_out([path], ["base"], {"F1star": info}, 0.1, lambda *_: None)
     assert [test.index for test in read.tests] == list(range(60))

@@ -28,7 +28,12 @@ from pipeline.analysis.stored_rules import stored_rule
 from pipeline.artefacts.evidence import Evidence
 from pipeline.artefacts.failure_counts import Count, Modes
 from pipeline.artefacts.files import read_json, sha256
-from pipeline.artefacts.region_results import FailureRegion, FailureRegions, Representative, RuleCondition
+from pipeline.artefacts.region_results import (
+    FailureRegion,
+    FailureRegions,
+    Representative,
+    RuleCondition,
+)
 from pipeline.artefacts.results import read
 from pipeline.artefacts.scenario_space import ScenarioInfo
 from pipeline.artefacts.tables import read_tests
@@ -39,7 +44,9 @@ from pipeline.core.shown import shown_share
 from pipeline.core.space import Floats, Space, Variable
 from tests.analysis.fabricated import OVERRIDES, FabricatedStudy
 
-SPACE = Space((Variable("x", "continuous", "m", 0, 10, 2), Variable("y", "continuous", "m", 0, 10, 2)))
+SPACE = Space(
+    (Variable("x", "continuous", "m", 0, 10, 2), Variable("y", "continuous", "m", 0, 10, 2))
+)
 SECTION = Regions(chance_neighbours=0.5, min_failures=4, confirm=0, explain=0)
 FOUND = RuleCondition(variable="x", text="x <= 2 m", low=0, high=2)
 """The search finds this region, a fifth of the space."""
@@ -53,22 +60,48 @@ def fails(points: Floats) -> np.ndarray:
 
 def rows(strategy: str, points: Floats) -> pd.DataFrame:
     failed = fails(points)
-    table = pd.DataFrame({"strategy": strategy, "status": "ok", "failure": failed, "cause": np.where(failed, "box", "none")})
-    return table.assign(test_id=[f"{strategy}-{i}" for i in range(len(points))], x=points[:, 0], y=points[:, 1])
+    table = pd.DataFrame(
+        {
+            "strategy": strategy,
+            "status": "ok",
+            "failure": failed,
+            "cause": np.where(failed, "box", "none"),
+        }
+    )
+    return table.assign(
+        test_id=[f"{strategy}-{i}" for i in range(len(points))], x=points[:, 0], y=points[:, 1]
+    )
 
 
-def world(random: int, searched: int, seed: int = 0, status: Literal["confirmed", "not confirmed"] = "not confirmed") -> Searched:
+def world(
+    random: int,
+    searched: int,
+    seed: int = 0,
+    status: Literal["confirmed", "not confirmed"] = "not confirmed",
+) -> Searched:
     """Random tests, and as many of a search that never looks beyond x = 8."""
     rng = np.random.default_rng(seed)
     looks = SPACE.sample(searched, rng) * [0.8, 1.0]
-    tests = pd.concat([rows("random", SPACE.sample(random, rng)), rows("mixed", looks)], ignore_index=True)
-    medoid = Representative(test_id="mixed-0", role="medoid", strategy="mixed", seed=0, adj_ttc_s=0.0, concrete={})
+    tests = pd.concat(
+        [rows("random", SPACE.sample(random, rng)), rows("mixed", looks)], ignore_index=True
+    )
+    medoid = Representative(
+        test_id="mixed-0", role="medoid", strategy="mixed", seed=0, adj_ttc_s=0.0, concrete={}
+    )
     region = FailureRegion(
         name="one", cause="box", members=("mixed-0",), modes=Modes(), strategies={}, rule="x <= 2 m", conditions=(FOUND,), support=1,
         failures_inside=1, precision=1, lift=1, recall=1, held_back=Count(tests=0, failures=0), status=status, representatives=(medoid,),
     )  # fmt: skip
     regions = FailureRegions(
-        scenario="S", label="S", tests=1, failures=1, failure_rate=1, connected=1, regions=(region,), isolated=(), not_solvable=()
+        scenario="S",
+        label="S",
+        tests=1,
+        failures=1,
+        failure_rate=1,
+        connected=1,
+        regions=(region,),
+        isolated=(),
+        not_solvable=(),
     )
     return Searched(ScenarioInfo("S", "S", "", 0), SPACE, tests, regions, frozenset({"random"}))
 
@@ -80,20 +113,36 @@ def look(tested: Searched, exposure: str = "uniform") -> Judged:
 def test_a_share_that_every_draw_has_is_no_certainty() -> None:
     """As 1,000 tests without a failure: at most 3 / 1,000, by the rule of three."""
     nothing = mean_of(np.zeros(1000))
-    assert nothing == share_of(np.zeros(1000, bool)) and nothing.limits.below == pytest.approx(0.003, abs=1e-4)
+    assert nothing == share_of(np.zeros(1000, bool)) and nothing.limits.below == pytest.approx(
+        0.003, abs=1e-4
+    )
     half = mean_of(np.tile([0.0, 1.0], 500))
-    assert (half.limits.low, half.limits.below, half.limits.high) == pytest.approx((0.469, 0.526, 0.531), abs=1e-3)
+    assert (half.limits.low, half.limits.below, half.limits.high) == pytest.approx(
+        (0.469, 0.526, 0.531), abs=1e-3
+    )
 
 
 def test_the_areas_of_a_known_world() -> None:
     found = scenario_evidence(look(world(random=600, searched=300)))
     areas, risk = found.areas, found.areas.unknown_unsafe
-    assert areas.known_unsafe.share is not None and areas.known_unsafe.share.low <= 0.2 <= areas.known_unsafe.share.high
+    assert (
+        areas.known_unsafe.share is not None
+        and areas.known_unsafe.share.low <= 0.2 <= areas.known_unsafe.share.high
+    )
     assert risk.share is not None and risk.share.low <= HIDDEN <= risk.share.high
-    assert found.failure.share is not None and found.failure.share.low <= 0.2 + HIDDEN <= found.failure.share.high
+    assert (
+        found.failure.share is not None
+        and found.failure.share.low <= 0.2 + HIDDEN <= found.failure.share.high
+    )
     # The last category, x >= 9, has passed tests below 9.4, so every combination outside the rule is shown.
-    assert areas.known_safe.share is not None and areas.known_safe.share.value == pytest.approx(0.8, abs=0.01)
-    total = sum(area.share.value for area in (areas.known_unsafe, areas.known_safe, areas.unknown) if area.share)
+    assert areas.known_safe.share is not None and areas.known_safe.share.value == pytest.approx(
+        0.8, abs=0.01
+    )
+    total = sum(
+        area.share.value
+        for area in (areas.known_unsafe, areas.known_safe, areas.unknown)
+        if area.share
+    )
     assert total == pytest.approx(1)
 
 
@@ -110,13 +159,17 @@ def test_the_interval_of_the_unknown_unsafe_area_holds() -> None:
 def test_conditions_that_no_passed_test_shows_are_unknown() -> None:
     """The search ends at x = 8; the next category begins at x = 9."""
     areas = scenario_evidence(look(world(random=0, searched=3000))).areas
-    assert areas.unknown.share is not None and areas.unknown.share.value == pytest.approx(0.1, abs=0.005)
+    assert areas.unknown.share is not None and areas.unknown.share.value == pytest.approx(
+        0.1, abs=0.005
+    )
 
 
 def test_tests_of_a_search_enter_no_rate() -> None:
     tested = world(random=100, searched=100)
     before = look(tested).failure
-    changed = tested.tests.assign(failure=np.where(tested.tests["strategy"] == "mixed", True, tested.tests["failure"]))
+    changed = tested.tests.assign(
+        failure=np.where(tested.tests["strategy"] == "mixed", True, tested.tests["failure"])
+    )
     assert look(replace(tested, tests=changed)).failure == before
 
 
@@ -124,33 +177,53 @@ def test_each_constraint_stays_as_it_was_written() -> None:
     tested = world(random=60, searched=20)
     clauses = ("if x <= 2 then y >= 6", ("x = 0", "y != 2"))
     outside = (tested.tests["x"] > 3) & (tested.tests["y"] > 5)
-    found = scenario_evidence(look(replace(tested, space=Space(SPACE.variables, clauses), tests=tested.tests[outside])))
+    found = scenario_evidence(
+        look(replace(tested, space=Space(SPACE.variables, clauses), tests=tested.tests[outside]))
+    )
     assert found.domain.constraints == ((clauses[0],), clauses[1])
 
 
 def test_where_no_estimate_is_possible_the_file_says_why() -> None:
     searched = scenario_evidence(look(world(random=0, searched=100)))
     assert (searched.failure.share, searched.failure.missing) == (None, NO_RANDOM)
-    assert (searched.areas.unknown_unsafe.share, searched.areas.unknown_unsafe.missing) == (None, NO_RANDOM)
+    assert (searched.areas.unknown_unsafe.share, searched.areas.unknown_unsafe.missing) == (
+        None,
+        NO_RANDOM,
+    )
     random = scenario_evidence(look(world(random=100, searched=0)))
-    assert random.failure.share and (random.areas.unknown_unsafe.share, random.areas.unknown_unsafe.missing) == (None, ONLY_RANDOM)
+    assert random.failure.share and (
+        random.areas.unknown_unsafe.share,
+        random.areas.unknown_unsafe.missing,
+    ) == (None, ONLY_RANDOM)
     assert (random.areas.confirmed.share, random.areas.confirmed.missing) == (None, UNCONFIRMED)
 
 
 def test_errors_are_in_no_share() -> None:
     tested = world(random=100, searched=100)
-    broken = tested.tests["test_id"].isin(["random-0", "random-1", "mixed-0"])  # The last is of a search.
-    failure = scenario_evidence(look(replace(tested, tests=tested.tests.assign(status=np.where(broken, "error", "ok"))))).failure
+    broken = tested.tests["test_id"].isin(
+        ["random-0", "random-1", "mixed-0"]
+    )  # The last is of a search.
+    failure = scenario_evidence(
+        look(replace(tested, tests=tested.tests.assign(status=np.where(broken, "error", "ok"))))
+    ).failure
     assert (failure.tests, failure.errors) == (98, 2)
 
 
 def test_another_exposure_weighs_the_same_tests() -> None:
     """On this road, x is below 5 in nine of ten encounters: 0.4 of those fail, and 2 * HIDDEN of the others."""
-    plain = {"kind": "histogram", "edges": [0, 5, 10], "shares": [0.9, 0.1], "source": "made for this test"}
+    plain = {
+        "kind": "histogram",
+        "edges": [0, 5, 10],
+        "shares": [0.9, 0.1],
+        "source": "made for this test",
+    }
     exposure = ExposureFile(description="d", variables={"x": plain})
     found = scenario_evidence(judged(world(random=2000, searched=300), SECTION, exposure))
     truth = {"failure": 0.9 * 0.4 + 0.1 * 2 * HIDDEN, "hidden": 0.1 * 2 * HIDDEN}
-    assert found.failure.share and found.failure.share.low <= truth["failure"] <= found.failure.share.high
+    assert (
+        found.failure.share
+        and found.failure.share.low <= truth["failure"] <= found.failure.share.high
+    )
     risk, known = found.areas.unknown_unsafe.share, found.areas.known_unsafe.share
     assert risk and risk.low <= truth["hidden"] <= risk.high
     assert known and known.low <= 0.36 <= known.high
@@ -168,7 +241,12 @@ def test_shown_share_equals_brute_force() -> None:
     for k in (1, 2, 3):
         subsets = list(combinations(range(4), k))
         known = [{tuple(point[list(subset)]) for point in seen} for subset in subsets]
-        truth = [np.mean([tuple(point[list(s)]) in cells for s, cells in zip(subsets, known, strict=True)]) for point in asked]
+        truth = [
+            np.mean(
+                [tuple(point[list(s)]) in cells for s, cells in zip(subsets, known, strict=True)]
+            )
+            for point in asked
+        ]
         assert shown_share(sizes, seen, asked, k) == pytest.approx(truth)
     assert shown_share(sizes, seen[:0], asked, 2).max() == 0
 
@@ -182,7 +260,9 @@ def test_a_stored_rule_admits_the_same_points() -> None:
         RuleCondition(variable="animation", text="", values=("crouching", "walking")),
     )
     points = space.sample(500, np.random.default_rng(0))
-    azimuth, rain, fog, pose = (points[:, space.names.index(name)] for name in ("sun_azimuth", "rain", "fog", "animation"))
+    azimuth, rain, fog, pose = (
+        points[:, space.names.index(name)] for name in ("sun_azimuth", "rain", "fog", "animation")
+    )
     values = space.variables[space.names.index("animation")].values
     truth = ((azimuth >= 330) | (azimuth <= 30)) & (np.abs(rain - fog) <= 12)
     truth &= np.isin(pose, [values.index("crouching"), values.index("walking")])
@@ -191,7 +271,9 @@ def test_a_stored_rule_admits_the_same_points() -> None:
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> FabricatedStudy:
-    made = FabricatedStudy(tmp_path_factory.mktemp("study"), compose("default", [*OVERRIDES, "search=[F1]"])).make()
+    made = FabricatedStudy(
+        tmp_path_factory.mktemp("study"), compose("default", [*OVERRIDES, "search=[F1]"])
+    ).make()
     made.run("cluster", version="base", scenario="F1")
     made.run("evidence", version="base")
     return made
@@ -211,7 +293,10 @@ def test_every_number_equals_its_artefact(study: FabricatedStudy) -> None:
     ]
     assert one.isolated_failures == len(regions.isolated)
     assert evidence.model.sha256 == sha256(study.folder / study.files.detector("base"))
-    assert evidence.files == {name: sha256(study.folder / name) for name in evidence.files} and len(evidence.files) == len(tables) + 4
+    assert (
+        evidence.files == {name: sha256(study.folder / name) for name in evidence.files}
+        and len(evidence.files) == len(tables) + 4
+    )
     # Fails at night in fog: 55 % of the fog's range, and 22 of 110 degrees of the sun's.
     space = study.config.space("F1").to_dict()
     assert one.domain.variables == json.loads(json.dumps(space))
@@ -232,4 +317,6 @@ def test_the_page_shows_the_same_numbers(study: FabricatedStudy) -> None:
 def test_the_file_meets_the_published_schema(study: FabricatedStudy) -> None:
     jsonschema = pytest.importorskip("jsonschema")
     schema = Path(__file__).parents[2] / "docs" / "reference" / "evidence.schema.json"
-    jsonschema.validate(read_json(study.root / "evidence" / "base.json"), json.loads(schema.read_text()))
+    jsonschema.validate(
+        read_json(study.root / "evidence" / "base.json"), json.loads(schema.read_text())
+    )

@@ -25,25 +25,40 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> FabricatedStudy:
 
 @pytest.fixture(scope="module")
 def rows(study: FabricatedStudy) -> pd.DataFrame:
-    return pd.concat(map(read_tests, [*study.search_tests, *study.held_out_tests]), ignore_index=True)
+    return pd.concat(
+        map(read_tests, [*study.search_tests, *study.held_out_tests]), ignore_index=True
+    )
 
 
 @pytest.fixture(scope="module")
 def made(study: FabricatedStudy, rows: pd.DataFrame) -> Explorer:
     regions = [read(path, FailureRegions) for path in study.regions]
-    spaces = {name: study.config.space(name) for name in (*study.config.search, *study.config.held_out)}
+    spaces = {
+        name: study.config.space(name) for name in (*study.config.search, *study.config.held_out)
+    }
     labels = {name: study.config.scenarios[name].label for name in spaces}
-    return explorer(rows, labels, spaces, regions, KeptFrames([path.with_name("frames.parquet") for path in study.search_tests]))
+    return explorer(
+        rows,
+        labels,
+        spaces,
+        regions,
+        KeptFrames([path.with_name("frames.parquet") for path in study.search_tests]),
+    )
 
 
 @pytest.fixture(scope="module")
 def shown(made: Explorer) -> dict[str, list[Any]]:
     """Field -> its values, as the browser reads them."""
     fields = json.loads(gzip.decompress(base64.b64decode(made.data)))["fields"]
-    return {f["name"]: f["numbers"] if "numbers" in f else [f["known"][code] for code in f["codes"]] for f in fields}
+    return {
+        f["name"]: f["numbers"] if "numbers" in f else [f["known"][code] for code in f["codes"]]
+        for f in fields
+    }
 
 
-def test_every_row_is_there_with_its_values(shown: dict[str, list[Any]], rows: pd.DataFrame) -> None:
+def test_every_row_is_there_with_its_values(
+    shown: dict[str, list[Any]], rows: pd.DataFrame
+) -> None:
     assert shown["test"] == rows["test_id"].tolist()
     assert shown["blueprint"] == rows["blueprint"].tolist()
     ok = rows["status"] == "ok"
@@ -60,11 +75,15 @@ def test_an_error_has_no_kpi(shown: dict[str, list[Any]], rows: pd.DataFrame) ->
     assert {shown["adj_ttc_s"][row] for row in errors} == {None}
 
 
-def test_people_have_their_attributes_in_every_space(shown: dict[str, list[Any]], rows: pd.DataFrame, study: FabricatedStudy) -> None:
+def test_people_have_their_attributes_in_every_space(
+    shown: dict[str, list[Any]], rows: pd.DataFrame, study: FabricatedStudy
+) -> None:
     people = study.config.space("F1").variables[study.config.space("F1").names.index("blueprint")]
     heights = dict(zip(people.values, dict(people.attributes)["height_m"], strict=True))
     searched = rows.index[rows["scenario"] == "F1"]
-    assert [shown["height_m"][row] for row in searched] == pytest.approx([heights[name] for name in rows["blueprint"][searched]])
+    assert [shown["height_m"][row] for row in searched] == pytest.approx(
+        [heights[name] for name in rows["blueprint"][searched]]
+    )
     assert None not in shown["height_m"]
 
 

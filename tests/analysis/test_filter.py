@@ -36,7 +36,15 @@ FRAMES = pd.DataFrame(
 
 def test_reasons_at_their_limits() -> None:
     judged = judge(FRAMES, SECTION)
-    assert judged["reason"].tolist() == ["negative", "negative", "few_pixels", "low_contrast", "visible", "barely_in_view", "visible"]
+    assert judged["reason"].tolist() == [
+        "negative",
+        "negative",
+        "few_pixels",
+        "low_contrast",
+        "visible",
+        "barely_in_view",
+        "visible",
+    ]
     assert judged["kept"].tolist() == [True, True, False, False, True, False, True]
 
 
@@ -48,11 +56,17 @@ def test_the_first_criterion_gives_the_reason() -> None:
 
 def test_every_reason_has_a_meaning() -> None:
     assert set(judge(FRAMES, SECTION)["reason"]) <= set(MEANINGS)
-    assert len(MEANINGS) == len(KEPT) + len(CRITERIA) and len(set(MEANINGS.values())) == len(MEANINGS)
+    assert len(MEANINGS) == len(KEPT) + len(CRITERIA) and len(set(MEANINGS.values())) == len(
+        MEANINGS
+    )
 
 
 def test_a_new_criterion_judges_by_its_declaration_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    unsure = Criterion("unsure", "the detector hardly sees it", lambda frames, kept, _: kept & (frames["confidence"] < 0.1).to_numpy())
+    unsure = Criterion(
+        "unsure",
+        "the detector hardly sees it",
+        lambda frames, kept, _: kept & (frames["confidence"] < 0.1).to_numpy(),
+    )
     monkeypatch.setattr(frame_filter, "CRITERIA", (unsure, *CRITERIA))
     assert set(judge(FRAMES, SECTION)["reason"]) == {"unsure"}
 
@@ -66,18 +80,29 @@ def run(study: FabricatedStudy, overrules: Path) -> pd.DataFrame:
 
 def test_a_person_overrules(tmp_path: Path) -> None:
     study, path = FabricatedStudy(tmp_path).make(), tmp_path / "overrules.csv"
-    path.write_text("test_id,step,keep\nF1-random-base-0-00001,1,true\nF1-random-base-0-00001,4,no\nF1-mixed-base-0-00001,1,true\n")
+    path.write_text(
+        "test_id,step,keep\nF1-random-base-0-00001,1,true\nF1-random-base-0-00001,4,no\nF1-mixed-base-0-00001,1,true\n"
+    )
     table = run(study, path)
     assert len(table) == 4 * 6 * 5
-    assert table.loc[("F1-random-base-0-00001", 1)][["kept", "reason"]].tolist() == [True, "overruled (was few_pixels)"]
-    assert table.loc[("F1-random-base-0-00001", 4)][["kept", "reason"]].tolist() == [False, "overruled (was visible)"]
+    assert table.loc[("F1-random-base-0-00001", 1)][["kept", "reason"]].tolist() == [
+        True,
+        "overruled (was few_pixels)",
+    ]
+    assert table.loc[("F1-random-base-0-00001", 4)][["kept", "reason"]].tolist() == [
+        False,
+        "overruled (was visible)",
+    ]
     assert table.loc[("F1-random-base-0-00002", 4), "kept"]
 
 
 @pytest.mark.parametrize(
     ("row", "message"),
     [
-        ("F1-random-base-0-99999,1,true", "line 2: expected a kept frame of this study, got frame 1 of test 'F1-random-base-0-99999'"),
+        (
+            "F1-random-base-0-99999,1,true",
+            "line 2: expected a kept frame of this study, got frame 1 of test 'F1-random-base-0-99999'",
+        ),
         ("F1-randon-base-0-00001,1,true", "line 2: expected a kept frame"),
         ("F1-random-adaptive-r9-s7-0-00001,1,true", "line 2: expected a kept frame"),
         ("F1-random-control-0-00001,1,true", "line 2: expected a kept frame"),
@@ -116,20 +141,55 @@ def test_wrong_columns_and_missing_file_are_named(tmp_path: Path) -> None:
 
 def test_repeated_views_of_an_episode_are_kept_once() -> None:
     rng = np.random.default_rng(0)
-    views = [rng.integers(0, 255, (24, 40, 3), dtype=np.uint8).repeat(8, 0).repeat(8, 1) for _ in range(2)]
-    boxes = [(10.0, 10.0, 30.0, 60.0), (11.0, 10.0, 31.0, 60.0), (60.0, 10.0, 80.0, 60.0), (np.nan,) * 4]
+    views = [
+        rng.integers(0, 255, (24, 40, 3), dtype=np.uint8).repeat(8, 0).repeat(8, 1)
+        for _ in range(2)
+    ]
+    boxes = [
+        (10.0, 10.0, 30.0, 60.0),
+        (11.0, 10.0, 31.0, 60.0),
+        (60.0, 10.0, 80.0, 60.0),
+        (np.nan,) * 4,
+    ]
     # Episode a: the same frame twice, the pedestrian elsewhere, nobody, another view twice. Episode b: the first view again.
-    rows = [("a", 0, 0), ("a", 0, 1), ("a", 0, 2), ("a", 0, 3), ("a", 1, 3), ("a", 1, 3), ("b", 0, 0)]
-    frames = pd.DataFrame({"test_id": [test for test, _, _ in rows], "image": [encode_jpeg(views[view]) for _, view, _ in rows]})
-    frames = frames.assign(step=range(7), visible_pixels=500, whole_pixels=500, contrast=50.0, confidence=0.0)
+    rows = [
+        ("a", 0, 0),
+        ("a", 0, 1),
+        ("a", 0, 2),
+        ("a", 0, 3),
+        ("a", 1, 3),
+        ("a", 1, 3),
+        ("b", 0, 0),
+    ]
+    frames = pd.DataFrame(
+        {
+            "test_id": [test for test, _, _ in rows],
+            "image": [encode_jpeg(views[view]) for _, view, _ in rows],
+        }
+    )
+    frames = frames.assign(
+        step=range(7), visible_pixels=500, whole_pixels=500, contrast=50.0, confidence=0.0
+    )
     for position, side in enumerate(SIDES):
         frames[f"visible_{side}"] = [boxes[box][position] for _, _, box in rows]
     assert judge(frames, SECTION)["kept"].tolist() == [True, False, True, True, True, False, True]
     # A frame rejected for another reason is not compared with.
     judged = judge(frames.assign(visible_pixels=[5, *[500] * 6]), SECTION)
-    assert judged["reason"].tolist() == ["few_pixels", "visible", "visible", "visible", "visible", "near_duplicate", "visible"]
+    assert judged["reason"].tolist() == [
+        "few_pixels",
+        "visible",
+        "visible",
+        "visible",
+        "visible",
+        "near_duplicate",
+        "visible",
+    ]
     # Empty frames are also kept once.
-    assert judge(frames.assign(visible_pixels=0), SECTION)["reason"].tolist()[:3] == ["negative", "near_duplicate", "negative"]
+    assert judge(frames.assign(visible_pixels=0), SECTION)["reason"].tolist()[:3] == [
+        "negative",
+        "near_duplicate",
+        "negative",
+    ]
 
 
 def test_a_frame_exactly_at_a_limit_is_kept() -> None:
@@ -138,13 +198,25 @@ def test_a_frame_exactly_at_a_limit_is_kept() -> None:
 
 
 def test_a_pedestrian_who_has_moved_half_a_box_or_drifts_away_is_seen_anew() -> None:
-    frames = pd.DataFrame({"test_id": "a", "image": [IMAGE] * 5, "step": range(5), "visible_pixels": 500, "whole_pixels": 500})
+    frames = pd.DataFrame(
+        {
+            "test_id": "a",
+            "image": [IMAGE] * 5,
+            "step": range(5),
+            "visible_pixels": 500,
+            "whole_pixels": 500,
+        }
+    )
     frames = frames.assign(contrast=50.0, confidence=0.0, visible_top=10.0, visible_bottom=60.0)
     # Boxes 20 wide: 10 apart is an IoU of a third; then 1 to the right from frame to frame, and 3 are an IoU of 17 / 23.
     left = np.array([10.0, 20, 21, 22, 23])
-    assert judge(frames.assign(visible_left=left, visible_right=left + 20), SECTION)["kept"].tolist() == [True, True, False, False, True]
+    assert judge(frames.assign(visible_left=left, visible_right=left + 20), SECTION)[
+        "kept"
+    ].tolist() == [True, True, False, False, True]
 
 
 def test_equal_frames_of_two_tests_are_both_kept() -> None:
     frames = FRAMES.iloc[[4, 4]].assign(visible_right=20.0, visible_bottom=20.0)
-    assert [judge(frames.assign(test_id=names), SECTION)["kept"].tolist() for names in (["a", "b"], "a")] == [[True, True], [True, False]]
+    assert [
+        judge(frames.assign(test_id=names), SECTION)["kept"].tolist() for names in (["a", "b"], "a")
+    ] == [[True, True], [True, False]]

@@ -23,7 +23,12 @@ from pipeline.report.failure_tables import CAUSES, braking_cells
 from pipeline.report.formats import censored
 from tests.analysis.fabricated import FabricatedStudy, make_tests
 
-SPACE = Space((Variable("fog", "continuous", "%", 0, 100, 50), Variable("gait", "categorical", values=("walk", "run"))))
+SPACE = Space(
+    (
+        Variable("fog", "continuous", "%", 0, 100, 50),
+        Variable("gait", "categorical", values=("walk", "run")),
+    )
+)
 
 
 def rows(strategy: str, failures: Sequence[int], errors: Sequence[int] = ()) -> pd.DataFrame:
@@ -47,7 +52,9 @@ def rows(strategy: str, failures: Sequence[int], errors: Sequence[int] = ()) -> 
     )
 
 
-def measured(own: Sequence[int], baseline: Sequence[int], errors: Sequence[int] = ()) -> CampaignMeasures:
+def measured(
+    own: Sequence[int], baseline: Sequence[int], errors: Sequence[int] = ()
+) -> CampaignMeasures:
     tables = {
         CampaignId("F", "random", "base", 0): rows("random", baseline),
         CampaignId("F", "forest", "base", 0): rows("forest", own, errors),
@@ -87,11 +94,20 @@ def test_failures_by_cause_and_false_activations_by_hand() -> None:
     assert result.causes == Causes(box=3) and result.causes.total == 3
     # One, two, none, one and two false activations of half a second.
     found = result.false_activations
-    assert (found.tests, found.braking, found.number, found.mean_duration_s, found.mean_speed_loss_mps) == (5, 4, 6, 0.5, 2)
+    assert (
+        found.tests,
+        found.braking,
+        found.number,
+        found.mean_duration_s,
+        found.mean_speed_loss_mps,
+    ) == (5, 4, 6, 0.5, 2)
     # The second test, with two of them, is an error.
     assert measured(own=[], baseline=[3], errors=[2]).false_activations.number == 4
     summary = over_seeds(result, result)
-    assert summary.causes.box == 6 and (summary.false_activations.tests, summary.false_activations.number) == (10, 12)
+    assert summary.causes.box == 6 and (
+        summary.false_activations.tests,
+        summary.false_activations.number,
+    ) == (10, 12)
     none = FalseActivations(tests=3)
     assert none.mean_duration_s is none.mean_speed_loss_mps is None
     assert braking_cells(none) == ("3", "0", "0", "–", "–")
@@ -99,19 +115,32 @@ def test_failures_by_cause_and_false_activations_by_hand() -> None:
 
 
 def test_every_cause_of_a_failure_is_counted_and_named() -> None:
-    assert {*Causes.model_fields, "none"} == set(get_args(Cause)) and [*Causes.model_fields] == [*CAUSES]
+    assert {*Causes.model_fields, "none"} == set(get_args(Cause)) and [*Causes.model_fields] == [
+        *CAUSES
+    ]
 
 
 def test_the_baseline_has_no_c_measure() -> None:
     tables = {CampaignId("F", "random", "base", 0): rows("random", [1])}
-    assert measure_campaign(CampaignId("F", "random", "base", 0), tables, {"F": SPACE}, "random").c_measure is None
+    assert (
+        measure_campaign(
+            CampaignId("F", "random", "base", 0), tables, {"F": SPACE}, "random"
+        ).c_measure
+        is None
+    )
 
 
 def test_missing_baseline_and_space_are_named() -> None:
     tables = {CampaignId("F", "forest", "base", 3): rows("forest", [1])}
-    with pytest.raises(InputError, match="^campaign F-forest-base-3: expected a 'random' campaign of seed 3 beside it, got none$"):
+    with pytest.raises(
+        InputError,
+        match="^campaign F-forest-base-3: expected a 'random' campaign of seed 3 beside it, got none$",
+    ):
         measure_campaign(CampaignId("F", "forest", "base", 3), tables, {"F": SPACE}, "random")
-    with pytest.raises(InputError, match=r"^campaign F-forest-base-3: expected the space of scenario 'F', got \[\]$"):
+    with pytest.raises(
+        InputError,
+        match=r"^campaign F-forest-base-3: expected the space of scenario 'F', got \[\]$",
+    ):
         measure_campaign(CampaignId("F", "forest", "base", 3), tables, {}, "random")
 
 
@@ -128,13 +157,25 @@ def test_summary_over_seeds() -> None:
 
 
 def over_seeds(*campaigns: CampaignMeasures) -> StrategyMeasures:
-    return summarise([c.model_copy(update={"seed": seed}) for seed, c in enumerate(campaigns)], 0.95, "random", {"random"})
+    return summarise(
+        [c.model_copy(update={"seed": seed}) for seed, c in enumerate(campaigns)],
+        0.95,
+        "random",
+        {"random"},
+    )
 
 
 def test_the_rate_of_independent_tests_has_the_exact_interval() -> None:
-    summary = over_seeds(*(measured([1, 2], [4]).model_copy(update={"strategy": "random", "c_measure": None}) for _ in range(2)))
+    summary = over_seeds(
+        *(
+            measured([1, 2], [4]).model_copy(update={"strategy": "random", "c_measure": None})
+            for _ in range(2)
+        )
+    )
     # Clopper-Pearson's interval of 4 of 10.
-    assert (summary.rate.value, summary.rate.low, summary.rate.high) == pytest.approx((0.4, 0.1216, 0.7376), abs=1e-4)
+    assert (summary.rate.value, summary.rate.low, summary.rate.high) == pytest.approx(
+        (0.4, 0.1216, 0.7376), abs=1e-4
+    )
     assert summary.c_measure is None and summary.c_measure_censored == 0
 
 
@@ -144,13 +185,24 @@ def test_campaigns_without_a_failure_count_as_censored() -> None:
     assert (summary.f_measure.value, summary.f_measure_censored) == (3.5, 1)
     # Of the baseline's four tests, the first needs two and the second more than five.
     assert summary.c_measure is not None
-    assert summary.c_measure.value == pytest.approx(1 - (0.5 + 1.25) / 2) and summary.c_measure_censored == 1
+    assert (
+        summary.c_measure.value == pytest.approx(1 - (0.5 + 1.25) / 2)
+        and summary.c_measure_censored == 1
+    )
 
 
 def test_with_all_campaigns_censored_the_estimates_are_bounds() -> None:
     summary = over_seeds(measured([], [4]), measured([], [2]))
-    assert (summary.f_measure.low, summary.f_measure.value, summary.f_measure.high, summary.f_measure_censored) == (5, 5, 5, 2)
-    assert summary.c_measure is not None and (summary.c_measure.value, summary.c_measure_censored) == (1 - 5 / 2, 2)
+    assert (
+        summary.f_measure.low,
+        summary.f_measure.value,
+        summary.f_measure.high,
+        summary.f_measure_censored,
+    ) == (5, 5, 5, 2)
+    assert summary.c_measure is not None and (
+        summary.c_measure.value,
+        summary.c_measure_censored,
+    ) == (1 - 5 / 2, 2)
     assert censored(summary.f_measure, 2, 2, "{:.0f}", ">") == "> 5, 2 of 2 censored"
 
 
@@ -166,19 +218,28 @@ def test_step_writes_the_same_measures_twice(tmp_path: Path) -> None:
     contents = []
     for _ in range(2):
         study.run("measure")
-        contents.append([(study.root / name).read_bytes() for name in ("measures.json", "theta.csv")])
+        contents.append(
+            [(study.root / name).read_bytes() for name in ("measures.json", "theta.csv")]
+        )
     assert contents[0] == contents[1]
     result = read(study.root / "measures.json", Measures)
     assert len(result.campaigns) == 8
     for campaign in result.campaigns:
-        assert campaign.theta[-1] == campaign.failures == campaign.modes.total == campaign.causes.total
+        assert (
+            campaign.theta[-1] == campaign.failures == campaign.modes.total == campaign.causes.total
+        )
     assert result.no_braking == ()
     for rate in result.base_rates:
-        rows = [c for c in result.campaigns if (c.scenario, c.strategy) == (rate.scenario, "random")]
+        rows = [
+            c for c in result.campaigns if (c.scenario, c.strategy) == (rate.scenario, "random")
+        ]
         assert (rate.version, rate.failures) == ("base", sum(c.failures for c in rows))
         assert rate.rate.low < rate.failures / rate.tests < rate.rate.high
         assert (rate.strategy, rate.tests) == ("random", sum(c.tests - c.errors for c in rows))
-    assert [rate.scenario for rate in result.base_rates] == ["F1", "F2"] and result.base_rates == result.audit
+    assert [rate.scenario for rate in result.base_rates] == [
+        "F1",
+        "F2",
+    ] and result.base_rates == result.audit
     assert sum(campaign.errors for campaign in result.campaigns) > 0
 
 
@@ -187,25 +248,43 @@ def test_wrong_results_are_refused_by_name(tmp_path: Path) -> None:
     path.write_text('{"confidence": 0.95')
     with pytest.raises(InputError, match="measures.json"):
         read(path, Measures)
-    path.write_text('{"confidence": 0.95, "baseline": "random", "campaigns": [], "strategies": [], "more": 1}')
+    path.write_text(
+        '{"confidence": 0.95, "baseline": "random", "campaigns": [], "strategies": [], "more": 1}'
+    )
     with pytest.raises(InputError, match="more"):
         read(path, Measures)
 
 
 def test_value_outside_the_space_names_the_test() -> None:
-    tests = make_tests(SPACE_OF_STUDY, {"scenario": "F", "strategy": "s", "version": "base", "seed": 0}, SPACE_OF_STUDY.sample(3, RNG))
+    tests = make_tests(
+        SPACE_OF_STUDY,
+        {"scenario": "F", "strategy": "s", "version": "base", "seed": 0},
+        SPACE_OF_STUDY.sample(3, RNG),
+    )
     tests.loc[1, "fog"] = 300.0
-    with pytest.raises(InputError, match=r"test F-s-base-0-00001: fog must be in \[0, 100\] %, got"):
+    with pytest.raises(
+        InputError, match=r"test F-s-base-0-00001: fog must be in \[0, 100\] %, got"
+    ):
         encode_tests(tests, SPACE_OF_STUDY)
 
 
 RNG = np.random.default_rng(0)
-SPACE_OF_STUDY = Space((Variable("fog", "continuous", "%", 0, 100, 10), Variable("sun_altitude", "continuous", "deg", -20, 90, 10)))
+SPACE_OF_STUDY = Space(
+    (
+        Variable("fog", "continuous", "%", 0, 100, 10),
+        Variable("sun_altitude", "continuous", "deg", -20, 90, 10),
+    )
+)
 
 
 def test_a_test_that_ended_in_an_error_covers_no_pair() -> None:
-    own = rows("forest", [2], errors=[1]).assign(fog=[100.0, 0, 0, 0, 0], gait=["run", *["walk"] * 4])
-    tables = {CampaignId("F", "random", "base", 0): rows("random", [3]), CampaignId("F", "forest", "base", 0): own}
+    own = rows("forest", [2], errors=[1]).assign(
+        fog=[100.0, 0, 0, 0, 0], gait=["run", *["walk"] * 4]
+    )
+    tables = {
+        CampaignId("F", "random", "base", 0): rows("random", [3]),
+        CampaignId("F", "forest", "base", 0): own,
+    }
     found = measure_campaign(CampaignId("F", "forest", "base", 0), tables, {"F": SPACE}, "random")
     assert found.pair_coverage_tests == found.pair_coverage_failures == pytest.approx(1 / 6)
 
@@ -220,13 +299,19 @@ def test_an_error_is_in_no_rate_of_a_strategy() -> None:
 def test_only_independent_tests_have_the_exact_interval_whichever_is_the_baseline() -> None:
     forest = measured([1, 2], [4])
     assert summarise([forest], 0.95, "forest", ()).rate.low == 0.4, "one seed has no interval"
-    assert summarise([forest], 0.95, "random", {"forest"}).rate.low == pytest.approx(0.0527, abs=1e-4)
+    assert summarise([forest], 0.95, "random", {"forest"}).rate.low == pytest.approx(
+        0.0527, abs=1e-4
+    )
 
 
 def test_the_interval_of_the_saved_tests_contains_their_mean() -> None:
     found = over_seeds(measured([1], [4]), measured([3], [4])).c_measure
     # A quarter and three quarters of the tests are needed: 0.5 ± 12.706 * 0.25, and no cost is below 0.
-    assert found is not None and (found.value, found.high) == (0.5, 1) and found.low == pytest.approx(0.5 - 3.1766, abs=1e-3)
+    assert (
+        found is not None
+        and (found.value, found.high) == (0.5, 1)
+        and found.low == pytest.approx(0.5 - 3.1766, abs=1e-3)
+    )
 
 
 def test_the_mean_curve_ends_with_the_shortest_campaign() -> None:

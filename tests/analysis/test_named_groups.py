@@ -28,16 +28,37 @@ def test_the_groups_of_the_held_out_points() -> None:
         points[:, column] = [space.variables[column].encode(value) for value in values]
     groups = {name: rows.tolist() for name, rows in named_groups(space, points).items()}
     poses = space.variables[space.names.index("animation")].values
-    assert set(groups) == {*(f"animation = {pose}" for pose in poses), "children", "adults", "night", "rain"}
-    assert groups["animation = crouching"] == [False, True, True, False] and not any(groups["animation = limping"])
-    assert groups["children"] == [False, False, True, True] and groups["adults"] == [True, True, False, False]
-    assert groups["night"] == [True, True, False, False] and groups["rain"] == [False, False, True, True]
+    assert set(groups) == {
+        *(f"animation = {pose}" for pose in poses),
+        "children",
+        "adults",
+        "night",
+        "rain",
+    }
+    assert groups["animation = crouching"] == [False, True, True, False] and not any(
+        groups["animation = limping"]
+    )
+    assert groups["children"] == [False, False, True, True] and groups["adults"] == [
+        True,
+        True,
+        False,
+        False,
+    ]
+    assert groups["night"] == [True, True, False, False] and groups["rain"] == [
+        False,
+        False,
+        True,
+        True,
+    ]
 
 
 def test_a_space_without_these_variables_has_the_groups_of_its_categories_alone() -> None:
     fog = Variable("fog", "continuous", low=0, high=100, step=10)
     space = Space((fog, POSES))
-    assert list(named_groups(space, space.sample(5, np.random.default_rng(0)))) == ["animation = walking", "animation = crouching"]
+    assert list(named_groups(space, space.sample(5, np.random.default_rng(0)))) == [
+        "animation = walking",
+        "animation = crouching",
+    ]
 
 
 @pytest.mark.parametrize(("values", "groups"), [(MOST_VALUES, MOST_VALUES), (MOST_VALUES + 1, 0)])

@@ -12,17 +12,32 @@ from pipeline.errors import InputError
 from pipeline.learning.frame_filter import judged_elsewhere, overrule
 
 CONFIG = compose("default", ["seeds=[0,1]", "campaign.tests=60", "retraining.rounds=2"])
-JUDGED = pd.DataFrame({"test_id": "F1-random-base-0-00001", "step": [0, 5], "kept": [True, False], "reason": ["visible", "few_pixels"]})
+JUDGED = pd.DataFrame(
+    {
+        "test_id": "F1-random-base-0-00001",
+        "step": [0, 5],
+        "kept": [True, False],
+        "reason": ["visible", "few_pixels"],
+    }
+)
 ELSEWHERE = judged_elsewhere(CONFIG, "random", "base")
 
 
 def overruled(*rows: tuple[str, int, bool]) -> pd.DataFrame:
-    return overrule(JUDGED, pd.DataFrame(rows, columns=["test_id", "step", "keep"]), ELSEWHERE, Path("o.csv"))
+    return overrule(
+        JUDGED, pd.DataFrame(rows, columns=["test_id", "step", "keep"]), ELSEWHERE, Path("o.csv")
+    )
 
 
 def test_rows_for_other_tables_are_ignored() -> None:
-    others = [("F1-mixed-base-1-00059", 3, True), ("F1-mixed-adaptive-0-00000", 0, False), ("F1-random-random-1-00007", 0, True)]
-    table = overruled(("F1-random-base-0-00001", 0, False), *others, ("F1-random-base-0-00001", 5, True))
+    others = [
+        ("F1-mixed-base-1-00059", 3, True),
+        ("F1-mixed-adaptive-0-00000", 0, False),
+        ("F1-random-random-1-00007", 0, True),
+    ]
+    table = overruled(
+        ("F1-random-base-0-00001", 0, False), *others, ("F1-random-base-0-00001", 5, True)
+    )
     assert table["kept"].tolist() == [False, True]
     assert table["reason"].tolist() == ["overruled (was visible)", "overruled (was few_pixels)"]
 
@@ -44,4 +59,7 @@ def test_rows_for_other_tables_are_ignored() -> None:
 def test_a_row_about_an_unknown_test_is_refused(test_id: str) -> None:
     with pytest.raises(InputError) as caught:
         overruled(("F1-random-base-0-00001", 0, False), (test_id, 3, True))
-    assert str(caught.value) == f"o.csv, line 3: expected a kept frame of this study, got frame 3 of test '{test_id}'"
+    assert (
+        str(caught.value)
+        == f"o.csv, line 3: expected a kept frame of this study, got frame 3 of test '{test_id}'"
+    )

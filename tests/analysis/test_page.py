@@ -13,7 +13,9 @@ def page(*parts: Passage, headline: str = "headline", texts: tuple[str, ...] = (
 
 def test_texts_and_cells_are_escaped_and_figures_are_not() -> None:
     table = Table(("rule",), (("fog >= 40 & sun < 0",),))
-    text = page(Passage("<t>", "<p>", table, (Drawing(SVG, "<how>"),)), headline="<b>", texts=("<i>",))
+    text = page(
+        Passage("<t>", "<p>", table, (Drawing(SVG, "<how>"),)), headline="<b>", texts=("<i>",)
+    )
     assert "fog &gt;= 40 &amp; sun &lt; 0" in text
     assert SVG in text
     for raw in ("<t>", "<how>", '<p class="lead"><b>', "<i>"):
@@ -23,7 +25,9 @@ def test_texts_and_cells_are_escaped_and_figures_are_not() -> None:
 
 def test_verdict_cells_and_columns_are_marked() -> None:
     rows = (("adaptive", "8 / 150", "better"), ("random", "23 / 150", "worse"))
-    text = page(Passage(table=Table(("version", "failures", "verdict"), rows, numbers=(1,), codes=(0,))))
+    text = page(
+        Passage(table=Table(("version", "failures", "verdict"), rows, numbers=(1,), codes=(0,)))
+    )
     assert '<td class=" better">better</td>' in text
     assert '<td class=" worse">worse</td>' in text
     assert '<td class="number ">8 / 150</td>' in text
@@ -39,7 +43,9 @@ def test_empty_parts_are_left_out() -> None:
 
 def test_a_folded_table_opens_by_a_click_and_has_notes_below() -> None:
     table = Table(("version",), (("adaptive",),))
-    body = page(Passage(table=table, folded="Every <pair>", notes=("first", "<second>"))).partition("<main>")[2]
+    body = page(Passage(table=table, folded="Every <pair>", notes=("first", "<second>"))).partition(
+        "<main>"
+    )[2]
     inside, _, after = body.partition("</details>")
     assert "<summary>Every &lt;pair&gt;</summary>" in inside and "<table>" in inside
     assert "<li>first</li><li>&lt;second&gt;</li>" in after
@@ -47,7 +53,11 @@ def test_a_folded_table_opens_by_a_click_and_has_notes_below() -> None:
 
 def test_film_keeps_its_data_addresses() -> None:
     film = Film(
-        "F1-random-base-0-00001", "F1 · random", "R1, most typical failure.", "data:video/mp4;base64,AAAA+/=", "data:image/jpeg;base64,BBBB"
+        "F1-random-base-0-00001",
+        "F1 · random",
+        "R1, most typical failure.",
+        "data:video/mp4;base64,AAAA+/=",
+        "data:image/jpeg;base64,BBBB",
     )
     text = page(Passage("replays", replays=(film,)))
     assert 'src="data:video/mp4;base64,AAAA+/="' in text
@@ -56,7 +66,9 @@ def test_film_keeps_its_data_addresses() -> None:
 
 
 def test_every_section_has_its_link() -> None:
-    text = render(Page("smoke", "headline", (Section("Verdict", (), ()), Section("Search", (), ()))))
+    text = render(
+        Page("smoke", "headline", (Section("Verdict", (), ()), Section("Search", (), ())))
+    )
     for number, title in ((1, "Verdict"), (2, "Search")):
         assert f'<a href="#s{number}">{title}</a>' in text
         assert f'<h2 id="s{number}">{title}</h2>' in text

@@ -39,7 +39,9 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> FabricatedStudy:
 
 @pytest.fixture(scope="module")
 def tables(study: FabricatedStudy) -> list[Path]:
-    return [path.with_name("frames.parquet") for path in study.search_tests if path.parts[-5] == "F1"]
+    return [
+        path.with_name("frames.parquet") for path in study.search_tests if path.parts[-5] == "F1"
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +51,9 @@ def frames(tables: list[Path]) -> KeptFrames:
 
 @pytest.fixture(scope="module")
 def rows(tables: list[Path]) -> pd.DataFrame:
-    return pd.concat([read_tests(path.with_name("tests.parquet")) for path in tables], ignore_index=True)
+    return pd.concat(
+        [read_tests(path.with_name("tests.parquet")) for path in tables], ignore_index=True
+    )
 
 
 @pytest.fixture(scope="module")
@@ -57,8 +61,12 @@ def found(study: FabricatedStudy) -> FailureRegions:
     """The first region confirmed and explained, the last one dissolved into isolated failures."""
     made = read(study.regions[0], FailureRegions)
     first, *others, last = made.regions
-    repair = Repair(change="no fog", values={"fog": 0.0}, without=(), tests=4, repaired=3, errors=1, rate=RATE)
-    control = repair.model_copy(update={"change": "other noise", "repaired": 0, "rate": None, "errors": 0})
+    repair = Repair(
+        change="no fog", values={"fog": 0.0}, without=(), tests=4, repaired=3, errors=1, rate=RATE
+    )
+    control = repair.model_copy(
+        update={"change": "other noise", "repaired": 0, "rate": None, "errors": 0}
+    )
     told = first.model_copy(
         update={
             "status": "confirmed",
@@ -68,7 +76,13 @@ def found(study: FabricatedStudy) -> FailureRegions:
                 outside=Fresh(tests=6, failures=0, errors=0, rate=None),
                 p_value=0.033,
             ),
-            "why": Why(sentence="People in <fog> fail.", seen=SEEN, confidence=0.95, repairs=(repair,), control=control),
+            "why": Why(
+                sentence="People in <fog> fail.",
+                seen=SEEN,
+                confidence=0.95,
+                repairs=(repair,),
+                control=control,
+            ),
             "held_back": Count(tests=8, failures=6),
         }
     )
@@ -78,23 +92,46 @@ def found(study: FabricatedStudy) -> FailureRegions:
 @pytest.fixture(scope="module")
 def made(found: FailureRegions, frames: KeptFrames, rows: pd.DataFrame) -> tuple[Card, ...]:
     tests = pictured(found, frames)
-    return cards(found, tests, Shown(frames.moments({t for some in tests.values() for t in some}), ends(rows), {}, 0.5))
+    return cards(
+        found,
+        tests,
+        Shown(frames.moments({t for some in tests.values() for t in some}), ends(rows), {}, 0.5),
+    )
 
 
-def test_every_number_on_a_card_is_the_artefacts(found: FailureRegions, made: tuple[Card, ...]) -> None:
+def test_every_number_on_a_card_is_the_artefacts(
+    found: FailureRegions, made: tuple[Card, ...]
+) -> None:
     for card, region in zip(made, found.regions, strict=False):
         facts = dict(card.facts)
-        assert (card.name, card.tag, card.rule, card.members) == (region.name, region.status, region.rule, len(region.members))
-        assert facts["failures"] == str(len(region.members)) == str(sum(region.strategies.values())) == str(region.modes.total)
+        assert (card.name, card.tag, card.rule, card.members) == (
+            region.name,
+            region.status,
+            region.rule,
+            len(region.members),
+        )
+        assert (
+            facts["failures"]
+            == str(len(region.members))
+            == str(sum(region.strategies.values()))
+            == str(region.modes.total)
+        )
         inside = f"{region.failures_inside} / {region.support} = {100 * region.failures_inside / region.support:.1f} %"
         assert facts["failures inside the rule"] == inside and facts["lift"] == f"{region.lift:.1f}"
         assert facts["covered by the rule"] == f"{100 * region.recall:.1f} %"
-        assert facts["found by"] == ", ".join(f"{count} {name}" for name, count in region.strategies.items())
-        assert int(facts.get("not solvable with this camera", "0")) == len(set(region.members) & set(found.not_solvable))
+        assert facts["found by"] == ", ".join(
+            f"{count} {name}" for name, count in region.strategies.items()
+        )
+        assert int(facts.get("not solvable with this camera", "0")) == len(
+            set(region.members) & set(found.not_solvable)
+        )
     first = dict(made[0].facts)
     assert first["held back"] == "6 / 8 = 75.0 %"
     assert first["fresh tests inside"] == "3 / 4 = 75.0 % (19.4 to 99.4); errors: 2"
-    assert (first["fresh tests just outside"], first["p, Fisher's exact test"]) == ("0 / 6", "0.033")
+    assert (first["fresh tests just outside"], first["p, Fisher's exact test"]) == (
+        "0 / 6",
+        "0.033",
+    )
     assert dict(made[1].facts)["fresh tests"] == "not executed"
 
 
@@ -105,13 +142,20 @@ def test_bars_are_the_repairs_with_the_control_last(made: tuple[Card, ...]) -> N
     ]
 
 
-def test_isolated_failures_have_a_card_beside(found: FailureRegions, made: tuple[Card, ...]) -> None:
+def test_isolated_failures_have_a_card_beside(
+    found: FailureRegions, made: tuple[Card, ...]
+) -> None:
     last = made[-1]
     assert (last.name, last.members, last.rule) == ("F1 isolated", len(found.isolated), "")
     assert last.test in found.isolated
-    assert last.text == "Failures in no region. Some may lie inside the rule of a region whose failures have another cause."
+    assert (
+        last.text
+        == "Failures in no region. Some may lie inside the rule of a region whose failures have another cause."
+    )
     none = found.model_copy(update={"isolated": ()})
-    assert "F1 isolated" not in [card.name for card in cards(none, pictured(none, KeptFrames([])), Shown({}, {}, {}, 0.5))]
+    assert "F1 isolated" not in [
+        card.name for card in cards(none, pictured(none, KeptFrames([])), Shown({}, {}, {}, 0.5))
+    ]
 
 
 def test_pictures_are_kept_frames_of_its_failures(
@@ -122,14 +166,22 @@ def test_pictures_are_kept_frames_of_its_failures(
     assert any(card.pictures for card in made)
     for card, region in zip(made, found.regions, strict=False):
         tests = [one.test_id for one in card.pictures]
-        assert set(tests) == set(list(dict.fromkeys(t for t in region.members if t in set(kept["test_id"])))[:PICTURES])
+        assert set(tests) == set(
+            list(dict.fromkeys(t for t in region.members if t in set(kept["test_id"])))[:PICTURES]
+        )
         assert bool(card.fewer) == (len(tests) < min(PICTURES, card.members))
         for one in card.pictures:
             image = decode_jpeg(kept[kept["test_id"] == one.test_id].iloc[0]["image"])
             assert one.size == image.shape[1::-1]
             assert one.boxes[0] == Box(*TRUTH, kind="truth")
-            assert [(box.kind, box.label) for box in one.boxes[1:]] == [("unreported", "0.30"), ("reported", "0.90")]
-            assert f"adj. TTC {outcomes.loc[one.test_id, 'adj_ttc_s']:.2f} s" in one.words and "reported detections: 1, best" in one.words
+            assert [(box.kind, box.label) for box in one.boxes[1:]] == [
+                ("unreported", "0.30"),
+                ("reported", "0.90"),
+            ]
+            assert (
+                f"adj. TTC {outcomes.loc[one.test_id, 'adj_ttc_s']:.2f} s" in one.words
+                and "reported detections: 1, best" in one.words
+            )
 
 
 def test_a_card_without_frames_says_so(found: FailureRegions) -> None:
@@ -140,11 +192,21 @@ def test_a_card_without_frames_says_so(found: FailureRegions) -> None:
 
 
 def test_the_page_shows_a_card_and_the_command_of_a_failure(made: tuple[Card, ...]) -> None:
-    text = render(Page("smoke", "headline", (Section("Failure regions", (), (Passage("F1", cards=made),)),))).replace("\u00a0", " ")
+    text = render(
+        Page("smoke", "headline", (Section("Failure regions", (), (Passage("F1", cards=made),)),))
+    ).replace("\u00a0", " ")
     assert "People in &lt;fog&gt; fail." in text and text.count("<article") == len(made)
     for card in made:
-        assert f'data-region="{card.name}"' in text and f"<code>python -m pipeline replay {card.test}</code>" in text
+        assert (
+            f'data-region="{card.name}"' in text
+            and f"<code>python -m pipeline replay {card.test}</code>" in text
+        )
         for name, value in card.facts:
-            assert f"<dt>{name.replace(chr(39), '&#39;')}</dt><dd>{value.replace('<', '&lt;')}</dd>" in text
+            assert (
+                f"<dt>{name.replace(chr(39), '&#39;')}</dt><dd>{value.replace('<', '&lt;')}</dd>"
+                in text
+            )
     assert '<meter min="0" max="4" value="3" aria-label="no fog">' in text
-    assert text.count("<rect class=") == sum(len(one.boxes) for card in made for one in card.pictures)
+    assert text.count("<rect class=") == sum(
+        len(one.boxes) for card in made for one in card.pictures
+    )

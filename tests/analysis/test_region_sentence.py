@@ -29,7 +29,9 @@ def conditions(*texts: str) -> list[RuleCondition]:
 
 def repair(change: str, repaired: int, variables: int = 1) -> Repair:
     values: dict[str, Any] = {f"v{i}": 0.0 for i in range(variables)}
-    return Repair(change=change, values=values, without=(), tests=20, repaired=repaired, errors=0, rate=None)
+    return Repair(
+        change=change, values=values, without=(), tests=20, repaired=repaired, errors=0, rate=None
+    )
 
 
 @pytest.mark.parametrize(
@@ -43,14 +45,24 @@ def repair(change: str, repaired: int, variables: int = 1) -> Repair:
         ),
         (("animation in {crouching, stumble}",), "Crouching or stumbling people"),
         (("animation in {stumble, limping, drunk}", "adult"), "Stumbling, limping or drunk adults"),
-        (("trousers_brightness in [0.6, 0.65]",), "People with trousers brightness from 0.6 to 0.65"),
+        (
+            ("trousers_brightness in [0.6, 0.65]",),
+            "People with trousers brightness from 0.6 to 0.65",
+        ),
         (("crouching", "under an umbrella"), "Crouching people under an umbrella"),
         (("under an umbrella", "adult", "limping"), "Limping adults under an umbrella"),
         (
-            ("sun_altitude in [-1, 2] deg", "pedestrian_speed <= 0.75 m/s", "rain - fog in [-12, 12] %"),
+            (
+                "sun_altitude in [-1, 2] deg",
+                "pedestrian_speed <= 0.75 m/s",
+                "rain - fog in [-12, 12] %",
+            ),
             "People with sun altitude from -1 to 2 deg, pedestrian speed of at most 0.75 m/s and rain - fog from -12 to 12 %",
         ),
-        (("crouching", "under an umbrella", "hat = 0"), "Crouching people under an umbrella without a hat"),
+        (
+            ("crouching", "under an umbrella", "hat = 0"),
+            "Crouching people under an umbrella without a hat",
+        ),
         ((), "People in every test"),
     ],
 )
@@ -60,23 +72,36 @@ def test_the_subject_says_the_rule(texts: tuple[str, ...], expected: str) -> Non
 
 def test_people_listed_by_name_are_children_if_all_of_them_are() -> None:
     def listed(*names: str) -> RuleCondition:
-        return RuleCondition(variable="blueprint", text=f"blueprint in {{{', '.join(names)}}}", values=names)
+        return RuleCondition(
+            variable="blueprint", text=f"blueprint in {{{', '.join(names)}}}", values=names
+        )
 
     assert subject([listed("M 34", "W 37")]) == "Children (M 34 or W 37)"
     assert subject([listed("M 34", "W 01")]) == "People (M 34 or W 01)"
-    assert subject([listed("M 34", "W 01"), RuleCondition(variable="blueprint", text="hat = 0", values=("M 34", "M 02"))]) == (
-        "Children (M 34 or W 01) without a hat"
-    )
+    assert subject(
+        [
+            listed("M 34", "W 01"),
+            RuleCondition(variable="blueprint", text="hat = 0", values=("M 34", "M 02")),
+        ]
+    ) == ("Children (M 34 or W 01) without a hat")
 
 
 def test_listed_values_and_circles() -> None:
     assert plain("blueprint in {W 04, M 04, M 35}") == "blueprint W 04, M 04 or M 35"
     assert plain("animation = drunk") == "animation drunk"
-    assert plain("sun_azimuth from 330 through 360 to 30 deg") == "sun azimuth from 330 through 360 to 30 deg"
+    assert (
+        plain("sun_azimuth from 330 through 360 to 30 deg")
+        == "sun azimuth from 330 through 360 to 30 deg"
+    )
 
 
 def test_the_whole_text() -> None:
-    repairs = [repair("a taller person (M 12)", 14), repair("no rain", 3), repair("no fog", 1), repair("clear weather by day", 14, 4)]
+    repairs = [
+        repair("a taller person (M 12)", 14),
+        repair("no rain", 3),
+        repair("no fog", 1),
+        repair("clear weather by day", 14, 4),
+    ]
     said = sentence(conditions("child"), SEEN, repairs, repair("other noise", 1, 0))
     assert said == (
         "Children are first detected 0.6 s after they come into sight, 9 m before the conflict point. "
@@ -99,8 +124,14 @@ def test_nothing_repairs() -> None:
     ("changes", "expected"),
     [
         ({"in_sight": 0}, "are never in sight (20 failures)."),
-        ({"delay_s": None, "detected": 0}, "come into sight 21 m before the conflict point and are never detected (median"),
-        ({"delay_s": None, "detected": 1, "in_sight": 19}, "never detected, except for 1 never in sight (median of 19 failures)."),
+        (
+            {"delay_s": None, "detected": 0},
+            "come into sight 21 m before the conflict point and are never detected (median",
+        ),
+        (
+            {"delay_s": None, "detected": 1, "in_sight": 19},
+            "never detected, except for 1 never in sight (median of 19 failures).",
+        ),
         ({"delay_s": -0.1}, "are first detected as soon as they come into sight, 9 m before"),
         ({"detected": 19}, ". Medians of 20 failures; 1 is never detected."),
         ({"detected": 20}, ". Medians of 20 failures."),

@@ -16,7 +16,13 @@ from pipeline.core.episode import Episode
 from pipeline.core.matching import Matching
 from pipeline.core.space import Space, Value
 from pipeline.detectors.scripted import VisiblePixelOracle
-from pipeline.report.replays import Replay, draw_replay, draw_view, most_telling_frame, render_replay
+from pipeline.report.replays import (
+    Replay,
+    draw_replay,
+    draw_view,
+    most_telling_frame,
+    render_replay,
+)
 from pipeline.simulators.analytic import AnalyticSimulator
 from pipeline.testing import CAR
 
@@ -29,7 +35,11 @@ def space() -> Space:
 @pytest.fixture(scope="module")
 def episode(space: Space) -> Episode:
     simulator = AnalyticSimulator(compose("default", []).scenarios["F1"], CAR)
-    concrete = {**space.decode(space.sample(1, np.random.default_rng(0))[0]), "fog": 90.0, "sun_altitude": -15.0}
+    concrete = {
+        **space.decode(space.sample(1, np.random.default_rng(0))[0]),
+        "fog": 90.0,
+        "sun_altitude": -15.0,
+    }
     return simulator.execute(concrete, VisiblePixelOracle(), keep_every=1)
 
 
@@ -50,8 +60,13 @@ def test_a_film_has_every_frame_in_a_portable_format(tmp_path: Path, episode: Ep
 
 @pytest.mark.parametrize("rate_hz", [5, 10, 28.57])
 def test_a_replay_plays_as_fast_as_it_happened(episode: Episode, rate_hz: float) -> None:
-    frames = tuple(replace(kept, frame=replace(kept.frame, time_s=i / rate_hz)) for i, kept in enumerate(episode.frames))
-    assert Replay(replace(episode, frames=frames), "title", CONCRETE, 0.1).frames_per_second == round(rate_hz)
+    frames = tuple(
+        replace(kept, frame=replace(kept.frame, time_s=i / rate_hz))
+        for i, kept in enumerate(episode.frames)
+    )
+    assert Replay(
+        replace(episode, frames=frames), "title", CONCRETE, 0.1
+    ).frames_per_second == round(rate_hz)
 
 
 def test_a_box_far_beyond_the_image_is_drawn(episode: Episode) -> None:
@@ -79,7 +94,10 @@ def test_gif_and_unknown_suffix(tmp_path: Path, episode: Episode) -> None:
 def test_cursor_moves_and_boxes_are_drawn(episode: Episode) -> None:
     images = draw_replay(Replay(episode, "title", CONCRETE, 0.1))
     # The threshold's dashes share the cursor's colour but have no height.
-    below = [np.flatnonzero((image[490:] == (214, 40, 40)).all(axis=2).sum(axis=0) > 100) for image in images]
+    below = [
+        np.flatnonzero((image[490:] == (214, 40, 40)).all(axis=2).sum(axis=0) > 100)
+        for image in images
+    ]
     assert all(len(columns) == 2 for columns in below)
     assert np.all(np.diff([columns[0] for columns in below]) > 0)
     blue = (images[most_telling_frame(episode)] == (70, 140, 255)).all(axis=2)
@@ -87,5 +105,7 @@ def test_cursor_moves_and_boxes_are_drawn(episode: Episode) -> None:
 
 
 def test_episode_without_frames_is_refused(episode: Episode) -> None:
-    with pytest.raises(ValueError, match="^a replay needs the frames of the episode; execute it with keep_every=1$"):
+    with pytest.raises(
+        ValueError, match="^a replay needs the frames of the episode; execute it with keep_every=1$"
+    ):
         Replay(Episode(episode.signals), "title", CONCRETE, 0.1)

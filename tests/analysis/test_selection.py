@@ -20,7 +20,14 @@ ROWS = pd.DataFrame(
         "confidence": [0.0, 0.5, 0.99, 0.0] * 40,
     }
 )
-TESTS = pd.DataFrame({"test_id": ROWS["test_id"].unique(), "status": "ok", "failure": np.arange(40) < 12, "scenario": "F"})
+TESTS = pd.DataFrame(
+    {
+        "test_id": ROWS["test_id"].unique(),
+        "status": "ok",
+        "failure": np.arange(40) < 12,
+        "scenario": "F",
+    }
+)
 SCENARIOS = dict.fromkeys(TESTS["test_id"], "F")
 
 
@@ -36,7 +43,9 @@ def test_a_share_is_empty_and_both_sources_have_enough_frames() -> None:
     assert selection.capacity(rows, 0.25) == 32 and selection.capacity(rows, 0.5) == 24
     drawn = selection.draw(rows, 32, 0.25, seed=0)
     assert len(drawn) == 32 and (drawn["step"] == 0).sum() == 8 and (drawn["scenario"] == "F").all()
-    assert drawn.equals(selection.draw(rows, 32, 0.25, seed=0)) and not drawn.equals(selection.draw(rows, 30, 0.25, seed=0))
+    assert drawn.equals(selection.draw(rows, 32, 0.25, seed=0)) and not drawn.equals(
+        selection.draw(rows, 30, 0.25, seed=0)
+    )
     assert not drawn.duplicated().any()
 
 
@@ -52,10 +61,16 @@ def test_unsure_and_missed_frames_are_drawn_more_often() -> None:
 
 def test_causes_are_groups_and_so_are_passing_tests() -> None:
     tests = TESTS.assign(cause=["box"] * 4 + ["never_seen"] * 8 + ["none"] * 28)
-    groups = selection.groups("causes", tests, {}, Regions(chance_neighbours=0.5, min_failures=4, confirm=0, explain=0))
+    groups = selection.groups(
+        "causes", tests, {}, Regions(chance_neighbours=0.5, min_failures=4, confirm=0, explain=0)
+    )
     drawn = selection.draw(selection.pool(ROWS, groups, SCENARIOS, "causes"), 32, 0.25, seed=0)
     # 24 frames with a pedestrian, 8 a group; "box" has just 8.
-    assert drawn[drawn["step"] > 0]["test_id"].map(groups).value_counts().to_dict() == {"box": 8, "never_seen": 8, "none": 8}
+    assert drawn[drawn["step"] > 0]["test_id"].map(groups).value_counts().to_dict() == {
+        "box": 8,
+        "never_seen": 8,
+        "none": 8,
+    }
 
 
 def test_small_groups_give_all_frames_and_large_groups_the_rest() -> None:
@@ -64,7 +79,9 @@ def test_small_groups_give_all_frames_and_large_groups_the_rest() -> None:
     drawn = selection.draw(rows, 24, 0.25, seed=3)
     shown = drawn[drawn["step"] > 0]["test_id"].map(grouped).value_counts()
     assert (shown["small"], shown["large"]) == (4, 14)
-    assert selection.draw(rows, 8, 0.25, seed=3)["test_id"].map(grouped).value_counts()["small"] >= 3
+    assert (
+        selection.draw(rows, 8, 0.25, seed=3)["test_id"].map(grouped).value_counts()["small"] >= 3
+    )
 
 
 def test_regions_are_groups_and_failures_outside_are_another() -> None:
@@ -80,7 +97,12 @@ def test_regions_are_groups_and_failures_outside_are_another() -> None:
     )  # fmt: skip
     assert concrete(tests.iloc[0], SMALL) == SMALL.decode(centre)
     info = ScenarioInfo("F", "F", "", 100)
-    found = selection.groups("regions", tests, {"F": (info, SMALL)}, Regions(chance_neighbours=0.5, min_failures=4, confirm=0, explain=0))
+    found = selection.groups(
+        "regions",
+        tests,
+        {"F": (info, SMALL)},
+        Regions(chance_neighbours=0.5, min_failures=4, confirm=0, explain=0),
+    )
     assert len(found) == failed.sum()
     assert {found[f"F-a-base-0-{i:05d}"] for i in range(40)} == {"F region 1"}
     assert "F, isolated" in found.values()
@@ -88,8 +110,14 @@ def test_regions_are_groups_and_failures_outside_are_another() -> None:
 
 def test_the_share_of_empty_frames_is_rounded_to_the_nearest_number() -> None:
     rows = selection.pool(ROWS, dict.fromkeys(TESTS["test_id"], ""), SCENARIOS)
-    assert [int(selection.draw(rows, count, 0.25, seed=0)["empty"].sum()) for count in (30, 31, 33)] == [8, 8, 8]
+    assert [
+        int(selection.draw(rows, count, 0.25, seed=0)["empty"].sum()) for count in (30, 31, 33)
+    ] == [8, 8, 8]
 
 
 def test_a_frame_that_the_filter_rejects_is_in_no_pool() -> None:
-    assert set(selection.pool(ROWS, dict.fromkeys(TESTS["test_id"], ""), SCENARIOS)["step"]) == {0, 2, 4}
+    assert set(selection.pool(ROWS, dict.fromkeys(TESTS["test_id"], ""), SCENARIOS)["step"]) == {
+        0,
+        2,
+        4,
+    }

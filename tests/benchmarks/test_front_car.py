@@ -22,7 +22,11 @@ def test_further_points_are_random_feasible_and_new() -> None:
     feasible = CONFIG.front_car.space.feasible_points()
     proposed = Points(k=2, existing=5, required=69, points=tuple(map(point_of, feasible[:11])))
     drawn = front_car.drawn(CONFIG, proposed)
-    assert drawn.points[:5] == proposed.points[:5] and drawn != proposed and drawn == front_car.drawn(CONFIG, proposed)
+    assert (
+        drawn.points[:5] == proposed.points[:5]
+        and drawn != proposed
+        and drawn == front_car.drawn(CONFIG, proposed)
+    )
     assert [point.name for point in drawn.points[5:]] == ["R1", "R2", "R3", "R4", "R5", "R6"]
     encoded = np.array([SPACE.encode(dict(point.values)) for point in drawn.points]).astype(int)
     assert len(np.unique(encoded, axis=0)) == 11 and SPACE.constraints.holds(encoded).all()
@@ -33,7 +37,14 @@ def test_further_points_are_random_feasible_and_new() -> None:
 def test_the_table_by_hand() -> None:
     right = {"existing": ["1000", "1100"], "covered": ["1110", "1110"], "random": ["1110", "1111"]}
     rows = [
-        {"seed": seed, "version": version, "points": 5 if version == "existing" else 9, "pairs": 60, "ap50": 0.5, "right": texts[seed]}
+        {
+            "seed": seed,
+            "version": version,
+            "points": 5 if version == "existing" else 9,
+            "pairs": 60,
+            "ap50": 0.5,
+            "right": texts[seed],
+        }
         for seed in (0, 1)
         for version, texts in right.items()
     ]

@@ -25,7 +25,12 @@ def piece(base: int, adaptive: int) -> pd.DataFrame:
 
 
 def test_retrainings_are_compared_over_searches_that_have_both() -> None:
-    pieces = {("published", 0): piece(4, 3), ("longer", 0): piece(4, 2), ("published", 1): piece(4, 2), ("longer", 1): piece(4, 2)}
+    pieces = {
+        ("published", 0): piece(4, 3),
+        ("longer", 0): piece(4, 2),
+        ("published", 1): piece(4, 2),
+        ("longer", 1): piece(4, 2),
+    }
     text = longer.answer({**pieces, ("published", 2): piece(4, 4)})
     assert text.startswith("2 of 3 searches, 120 held-out tests each.")
     assert "| `base` | 28, 28 | 28.0 | |" in text

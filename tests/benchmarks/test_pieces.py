@@ -36,7 +36,9 @@ from tests.studies import ROOT
 
 TESTS = 40
 SETTINGS = f"comparison.tests={TESTS} comparison.seed=60"
-TINY = pieces.Experiment("tiny", "default", {("all", 1): SETTINGS, ("fewer", 1): f"{SETTINGS} ~arms.random"})
+TINY = pieces.Experiment(
+    "tiny", "default", {("all", 1): SETTINGS, ("fewer", 1): f"{SETTINGS} ~arms.random"}
+)
 
 
 @pytest.fixture(autouse=True)
@@ -50,7 +52,11 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def composed(experiment: pieces.Experiment, piece: pieces.Piece, *more: str) -> Config:
     """Execute the plan's command that composes a piece. more: what a person added to it."""
     lines = experiment.plan().splitlines()
-    (at,) = (number for number, line in enumerate(lines) if line.startswith(f"# {piece[0]}, seed {piece[1]}:"))
+    (at,) = (
+        number
+        for number, line in enumerate(lines)
+        if line.startswith(f"# {piece[0]}, seed {piece[1]}:")
+    )
     assert main([*shlex.split(lines[at + 1])[3:], *more]) == 0
     return load()
 
@@ -60,9 +66,23 @@ def execute(config: Config, versions: list[str] | None = None, seed: int = 60) -
     for rank, version in enumerate(versions or map(str, config.versions)):
         for scenario in config.held_out:
             space = config.space(scenario)
-            keys = {"scenario": scenario, "strategy": config.comparison.strategy, "version": version, "seed": seed}
-            rows = make_tests(space, keys, space.sample(TESTS, np.random.default_rng(seed)), 5.0 * rank)
-            path = Path(Folders(config).root) / "held_out" / scenario / config.comparison.strategy / version / str(seed)
+            keys = {
+                "scenario": scenario,
+                "strategy": config.comparison.strategy,
+                "version": version,
+                "seed": seed,
+            }
+            rows = make_tests(
+                space, keys, space.sample(TESTS, np.random.default_rng(seed)), 5.0 * rank
+            )
+            path = (
+                Path(Folders(config).root)
+                / "held_out"
+                / scenario
+                / config.comparison.strategy
+                / version
+                / str(seed)
+            )
             write_tests(path / "tests.parquet", rows, space)
     stamp(config)
 
@@ -76,7 +96,9 @@ def stamp(config: Config) -> None:
             job = jobs.maker(path)
             assert job is not None
             name = Path(jobs.outputs(job)[-1])
-            name.write_text(stamps.made(name, today.stamp(job.step, dict(job.wildcards)), [Path(path)]).text())
+            name.write_text(
+                stamps.made(name, today.stamp(job.step, dict(job.wildcards)), [Path(path)]).text()
+            )
 
 
 def test_only_what_the_piece_made_is_published() -> None:
@@ -93,7 +115,10 @@ def test_only_what_the_piece_made_is_published() -> None:
 
 def test_a_study_of_another_piece_is_refused_by_the_first_key() -> None:
     execute(composed(TINY, ("all", 1)))
-    with pytest.raises(SystemExit, match=r"params\.yaml, piece fewer 1: arms\.random: expected nothing, got 'random'; compose"):
+    with pytest.raises(
+        SystemExit,
+        match=r"params\.yaml, piece fewer 1: arms\.random: expected nothing, got 'random'; compose",
+    ):
         TINY.keep(("fewer", 1))
     composed(TINY, ("all", 1), "campaign.tests=7")
     with pytest.raises(SystemExit, match=r"piece all 1: campaign\.tests: expected 100, got 7;"):
@@ -106,14 +131,20 @@ def test_a_study_of_another_piece_is_refused_by_the_first_key() -> None:
 def test_an_unfinished_study_is_refused() -> None:
     config = composed(TINY, ("all", 1))
     execute(config, versions=["base"])
-    with pytest.raises(SystemExit, match=r"held_out/.*/tests\.parquet: expected the tests of a finished study, got no file"):
+    with pytest.raises(
+        SystemExit,
+        match=r"held_out/.*/tests\.parquet: expected the tests of a finished study, got no file",
+    ):
         TINY.keep(("all", 1))
 
 
 def test_tests_of_other_settings_are_refused_although_params_yaml_is_the_piece() -> None:
     execute(composed(TINY, ("all", 1), "retraining.iterations=7"))
     composed(TINY, ("all", 1))
-    with pytest.raises(SystemExit, match=r"held_out/.*/control/60/tests\.parquet: expected .* params\.yaml, got .*other settings"):
+    with pytest.raises(
+        SystemExit,
+        match=r"held_out/.*/control/60/tests\.parquet: expected .* params\.yaml, got .*other settings",
+    ):
         TINY.keep(("all", 1))
     assert not TINY.folder.exists()
 
@@ -127,7 +158,9 @@ def test_what_the_plan_composes_is_the_piece(script: ModuleType) -> None:
         experiment.keep(piece)
 
 
-def test_a_kill_leaves_no_piece_without_what_its_page_shows(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_kill_leaves_no_piece_without_what_its_page_shows(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     def killed(config: Config, version: str, scenarios: list[str]) -> pd.DataFrame:
         assert version == "adaptive" and scenarios == list(config.held_out) and TINY.folder.is_dir()
         raise KeyboardInterrupt
@@ -136,7 +169,9 @@ def test_a_kill_leaves_no_piece_without_what_its_page_shows(monkeypatch: pytest.
 
     execute(composed(TINY, ("all", 1)))
     with pytest.raises(KeyboardInterrupt):
-        pieces.Experiment("tiny", "default", TINY.compose, explained=lambda kind: "adaptive").keep(("all", 1))
+        pieces.Experiment("tiny", "default", TINY.compose, explained=lambda kind: "adaptive").keep(
+            ("all", 1)
+        )
     assert not TINY.published()
 
 
@@ -152,7 +187,9 @@ def test_the_figure_shows_the_piece_that_is_kept() -> None:
     assert drawn == [("all", 1)] and TINY.folder.with_suffix(".png").exists()
 
 
-def test_what_is_left_counts_the_failures_of_the_version_and_scenario(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_left_counts_the_failures_of_the_version_and_scenario(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     config = composed(TINY, ("all", 1))
     execute(config)
     executed: list[pd.DataFrame] = []
@@ -165,7 +202,9 @@ def test_what_is_left_counts_the_failures_of_the_version_and_scenario(monkeypatc
     monkeypatch.setattr(what_is_left, "_failures", failures)
     scenario = config.held_out[0]
     counts = what_is_left.what_is_left(config, "adaptive", [scenario])
-    assert {(*row,) for table in executed for row in table[["scenario", "version"]].to_numpy()} == {(scenario, "adaptive")}
+    assert {(*row,) for table in executed for row in table[["scenario", "version"]].to_numpy()} == {
+        (scenario, "adaptive")
+    }
     assert counts.loc["failures", scenario] == len(executed[0]) > 0
 
 
@@ -173,7 +212,16 @@ def test_what_is_left_drives_a_calibrated_study_calibrated(monkeypatch: pytest.M
     Path("base.onnx").touch()
     config = compose("smoke", ["goal=detectors", "+tested.base=base.onnx", "calibrate=true"])
     made = DetectorCalibration(
-        version="base", slope=2, offset=1, detector_sha256="", images_sha256="", images=1, detections=2, right=1, reliability={}, errors={}
+        version="base",
+        slope=2,
+        offset=1,
+        detector_sha256="",
+        images_sha256="",
+        images=1,
+        detections=2,
+        right=1,
+        reliability={},
+        errors={},
     )
     write(Path(Folders(config).calibration("base")), made)
     execute(config, seed=config.comparison.seed)

@@ -21,18 +21,39 @@ def no_published_piece(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def piece(tests: int = 100, **failed: int) -> pd.DataFrame:
     """A published piece: of each version, the first tests fail."""
-    keys = {"scenario": "F1star", "index": range(tests), "animation": "walking", "blueprint": "W 01"}
-    return pd.DataFrame({**keys, **{version: (np.arange(tests) < count).astype(int) for version, count in failed.items()}})
+    keys = {
+        "scenario": "F1star",
+        "index": range(tests),
+        "animation": "walking",
+        "blueprint": "W 01",
+    }
+    return pd.DataFrame(
+        {
+            **keys,
+            **{
+                version: (np.arange(tests) < count).astype(int) for version, count in failed.items()
+            },
+        }
+    )
 
 
-def long_tailed(adaptive: list[int], random: list[int], base: int = 50) -> dict[tuple[str, int], pd.DataFrame]:
+def long_tailed(
+    adaptive: list[int], random: list[int], base: int = 50
+) -> dict[tuple[str, int], pd.DataFrame]:
     pairs = enumerate(zip(adaptive, random, strict=True))
-    return {("long_tailed", seed): piece(base=base, random=other, adaptive=count) for seed, (count, other) in pairs}
+    return {
+        ("long_tailed", seed): piece(base=base, random=other, adaptive=count)
+        for seed, (count, other) in pairs
+    }
 
 
 def rows(answer: str, version: str) -> list[list[str]]:
     """The cells of a version's row in the table of each base."""
-    return [[cell.strip() for cell in line.strip("|").split("|")] for line in answer.splitlines() if line.startswith(f"| `{version}`")]
+    return [
+        [cell.strip() for cell in line.strip("|").split("|")]
+        for line in answer.splitlines()
+        if line.startswith(f"| `{version}`")
+    ]
 
 
 def row(answer: str, version: str) -> list[str]:
@@ -42,9 +63,19 @@ def row(answer: str, version: str) -> list[str]:
 
 def test_means_and_intervals_by_hand() -> None:
     answer = retraining.answer(long_tailed(adaptive=[10, 12, 14], random=[20, 20, 20]))
-    assert "3 of 10 pieces are published." in answer and "3 searches, 100 held-out tests each" in answer
+    assert (
+        "3 of 10 pieces are published." in answer
+        and "3 searches, 100 held-out tests each" in answer
+    )
     # Differences -10, -8, -6: mean -8, standard error 2 / sqrt(3), t quantile 4.303 with two degrees of freedom.
-    assert row(answer, "random") == ["`random`", "20, 20, 20", "20.0", "-8.0 (-13.0 to -3.0)", "0.020", "fewer"]
+    assert row(answer, "random") == [
+        "`random`",
+        "20, 20, 20",
+        "20.0",
+        "-8.0 (-13.0 to -3.0)",
+        "0.020",
+        "fewer",
+    ]
     assert row(answer, "adaptive")[2] == "12.0 (7.0 to 17.0)"
 
 
@@ -63,7 +94,10 @@ def test_equal_within_a_tenth_of_the_base_is_equivalent() -> None:
 
 
 def test_one_search_shows_nothing() -> None:
-    assert row(retraining.answer(long_tailed(adaptive=[0], random=[50])), "random")[-2:] == ["1.000", "not shown"]
+    assert row(retraining.answer(long_tailed(adaptive=[0], random=[50])), "random")[-2:] == [
+        "1.000",
+        "not shown",
+    ]
 
 
 @pytest.mark.parametrize("ahead", [-5, 0, 1])
@@ -80,7 +114,9 @@ def test_an_equivalence_is_judged_alone() -> None:
         table["control"] = (np.arange(100) < count).astype(int)
     alone = row(retraining.answer(searches), "control")
     searches |= {("uniform", seed): table for (_, seed), table in searches.items()}
-    assert rows(retraining.answer(searches), "control") == [alone, alone] and alone[-1] == "equivalent"
+    assert (
+        rows(retraining.answer(searches), "control") == [alone, alone] and alone[-1] == "equivalent"
+    )
 
 
 def test_a_test_with_an_error_counts_for_no_version() -> None:
@@ -92,7 +128,9 @@ def test_a_test_with_an_error_counts_for_no_version() -> None:
 
 def test_secondary_questions_share_their_alpha() -> None:
     """Holm: two p-values of 0.04 are 0.08 each; the primary question stays as it is."""
-    contrasts = [retraining.Contrast(-1.0, -2.0, -0.1, 0.0, p_value) for p_value in (0.04, 0.04, 0.001)]
+    contrasts = [
+        retraining.Contrast(-1.0, -2.0, -0.1, 0.0, p_value) for p_value in (0.04, 0.04, 0.001)
+    ]
     retraining._adjust(contrasts)
     assert [round(each.p_value, 6) for each in contrasts] == [0.08, 0.08, 0.003]
     # The largest of three secondary p-values is left as it is, the middle one doubles.
@@ -109,8 +147,14 @@ def test_a_failure_stays_if_nearly_all_versions_that_learnt_from_tests_have_it()
         table["index"] += 1
         table.loc[50:, "scenario"] = "F2star"
         table.loc[50:, "adaptive"] = 1
-    searches["long_tailed", 0].loc[0, "base"] = outcomes.ERROR  # Counts for no version of this search.
-    cells = {line.split(" | ")[0]: line.split(" | ")[1:] for line in retraining.answer(searches).splitlines() if line.startswith("| ")}
+    searches["long_tailed", 0].loc[0, "base"] = (
+        outcomes.ERROR
+    )  # Counts for no version of this search.
+    cells = {
+        line.split(" | ")[0]: line.split(" | ")[1:]
+        for line in retraining.answer(searches).splitlines()
+        if line.startswith("| ")
+    }
     assert cells["| failures"] == ["F1\\*", "F2\\*", "all |"]
     assert cells["| mean of `base`"] == ["50.0", "0.0", "50.0 |"]
     # Ten versions: all have the tests 0 to 8, nine of them test 9; the mean of `adaptive` is that of 10, 12, 14, 10 and 10.
@@ -123,8 +167,14 @@ def test_repairs_are_summed_over_the_pieces_that_publish_them() -> None:
     assert "replaced" not in retraining.answer(searches)
     retraining.EXPERIMENT.folder.mkdir(parents=True)
     for seed in (0, 2):
-        repaired = pd.DataFrame({"F1star": [10 + seed, 4], "F2star": [1, 0]}, index=pd.Index(["failures", "true boxes"], name="part"))
+        repaired = pd.DataFrame(
+            {"F1star": [10 + seed, 4], "F2star": [1, 0]},
+            index=pd.Index(["failures", "true boxes"], name="part"),
+        )
         repaired.to_csv(retraining.EXPERIMENT.left(("long_tailed", seed)))
     lines = retraining.answer(searches).splitlines()
-    assert "Failures repaired when [one part of the loop](rounds.md#setup) is replaced, seeds 0, 2:" in lines
+    assert (
+        "Failures repaired when [one part of the loop](rounds.md#setup) is replaced, seeds 0, 2:"
+        in lines
+    )
     assert lines[-2:] == ["| failures | 22 | 2 | 24 |", "| true boxes | 8 | 0 | 8 |"]

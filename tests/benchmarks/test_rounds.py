@@ -12,12 +12,19 @@ from pipeline.config.composing import compose
 
 def counts(base: int, control: list[int], random: list[int], adaptive: list[int]) -> dict[str, int]:
     arms = zip(rounds.ARMS, (control, random, adaptive), strict=True)
-    failed = {rounds.version(arm, after): found[after - 1] for arm, found in arms for after in rounds.ROUNDS}
+    failed = {
+        rounds.version(arm, after): found[after - 1]
+        for arm, found in arms
+        for after in rounds.ROUNDS
+    }
     return {"base": base, **failed}
 
 
 def left(f1: int, f2: int) -> pd.DataFrame:
-    return pd.DataFrame({"F1star": [f1, 0], "F2star": [f2, 1]}, index=pd.Index(["failures", "true boxes"], name="part"))
+    return pd.DataFrame(
+        {"F1star": [f1, 0], "F2star": [f2, 1]},
+        index=pd.Index(["failures", "true boxes"], name="part"),
+    )
 
 
 def test_rounds_by_hand() -> None:
@@ -44,8 +51,15 @@ def outcomes(**failed: list[int]) -> pd.DataFrame:
 
 
 def test_the_figure_joins_the_means() -> None:
-    failed = {rounds.version(arm, after): [1, 0, 0, after % 2] for arm in rounds.ARMS for after in rounds.ROUNDS}
-    pieces = {("three", 0): outcomes(base=[1, 1, 1, 0], **failed), ("three", 1): outcomes(base=[1, 0, 0, 0], **failed)}
+    failed = {
+        rounds.version(arm, after): [1, 0, 0, after % 2]
+        for arm in rounds.ARMS
+        for after in rounds.ROUNDS
+    }
+    pieces = {
+        ("three", 0): outcomes(base=[1, 1, 1, 0], **failed),
+        ("three", 1): outcomes(base=[1, 0, 0, 0], **failed),
+    }
     (axis,) = rounds.figure(pieces).axes
     assert [np.asarray(line.get_ydata()).tolist() for line in axis.lines] == [[2, 2, 1, 2]] * 3
 
@@ -56,7 +70,15 @@ def test_another_detector_by_hand() -> None:
     # The last test ended in an error, so it counts for neither.
     finer = outcomes(base=[0, 1, 0, 1], adaptive=[0, 0, 1, 1], **{"adaptive-r3": [0, 0, 1, 2]})
     again = outcomes(base=[0, 1, 0, 1], adaptive=[0, 0, 0, 1], **{"adaptive-r3": [1, 1, 1, 1]})
-    lines = rounds.changed({("three", 0): plain, ("three", 1): plain, ("pixels", 0): again, ("pixels", 1): finer, ("small", 2): finer})
+    lines = rounds.changed(
+        {
+            ("three", 0): plain,
+            ("three", 1): plain,
+            ("pixels", 0): again,
+            ("pixels", 1): finer,
+            ("small", 2): finer,
+        }
+    )
     assert lines.splitlines()[2:] == [
         "| `random`: other frames alone | 3, 3 | 3, 3 | 2, 2 | +0.0 | 2 of 4 |",
         # Differences 2 and -1: mean 0.5, standard error 1.5, t quantile 12.706 with one degree of freedom.
@@ -64,8 +86,13 @@ def test_another_detector_by_hand() -> None:
     ]
 
 
-@pytest.mark.parametrize(("kind", "arms", "width"), [("three", {"control", "random", "adaptive"}, 320), ("pixels", {"adaptive"}, 480)])
-def test_a_change_has_the_held_out_tests_of_the_published_setup(kind: str, arms: set[str], width: int) -> None:
+@pytest.mark.parametrize(
+    ("kind", "arms", "width"),
+    [("three", {"control", "random", "adaptive"}, 320), ("pixels", {"adaptive"}, 480)],
+)
+def test_a_change_has_the_held_out_tests_of_the_published_setup(
+    kind: str, arms: set[str], width: int
+) -> None:
     config = compose("default", rounds.EXPERIMENT.overrides((kind, 2)))
     assert set(config.arms) == arms and config.simulator["camera"]["width"] == width
     assert config.comparison.seed == 62 and config.retraining.rounds == len(rounds.ROUNDS)

@@ -24,7 +24,11 @@ def test_the_radius_contains_the_expected_failures_by_chance() -> None:
     points = THESIS.sample(failures, np.random.default_rng(5))
     inside = (mixed_distance(THESIS, points, points) <= radius).sum(axis=1) - 1
     assert 0.7 * neighbours < inside.mean() < 1.4 * neighbours
-    assert chance_radius(THESIS, 2 * failures, neighbours) < radius < chance_radius(THESIS, failures, 2 * neighbours)
+    assert (
+        chance_radius(THESIS, 2 * failures, neighbours)
+        < radius
+        < chance_radius(THESIS, failures, 2 * neighbours)
+    )
     assert chance_radius(THESIS, 1, neighbours) == 1
 
 

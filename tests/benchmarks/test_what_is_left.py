@@ -32,11 +32,16 @@ def test_confidence_becomes_full_only_on_the_pedestrian() -> None:
     found = what_is_left.Helped(Fixed(), least=0.1, scores=True).detect(FRAME)
     assert found.boxes.tolist() == [list(NEAR), list(FAR)] and np.allclose(found.scores, [1.0, 0.9])
     # Half covered is an IoU of 0.5: no match above 0.5.
-    assert np.allclose(what_is_left.Helped(Fixed(), least=0.5, scores=True).detect(FRAME).scores, [0.9, 0.4])
+    assert np.allclose(
+        what_is_left.Helped(Fixed(), least=0.5, scores=True).detect(FRAME).scores, [0.9, 0.4]
+    )
 
 
 def test_nothing_is_told_without_a_pedestrian() -> None:
-    assert np.allclose(what_is_left.Helped(Fixed(), least=0.1, boxes=True, scores=True).detect(EMPTY).scores, [0.9, 0.4])
+    assert np.allclose(
+        what_is_left.Helped(Fixed(), least=0.1, boxes=True, scores=True).detect(EMPTY).scores,
+        [0.9, 0.4],
+    )
 
 
 def test_each_part_changes_the_car_or_the_detector() -> None:

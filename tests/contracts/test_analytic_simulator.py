@@ -29,7 +29,10 @@ def test_the_simulator_keeps_the_contract(detector: Detector) -> None:
 def test_it_fails_exactly_inside_the_planted_regions(detector: Detector) -> None:
     simulator = AnalyticSimulator(SCENARIO, CAR)
     points = THESIS.sample(400, np.random.default_rng(0))
-    failures = [kpi.evaluate(simulator.execute(THESIS.decode(point), detector).signals, 0.1).failure for point in points]
+    failures = [
+        kpi.evaluate(simulator.execute(THESIS.decode(point), detector).signals, 0.1).failure
+        for point in points
+    ]
     planted = simulator.planted(points)
     assert np.array_equal(failures, planted >= 0)
     assert 0.05 < np.mean(failures) < 0.25
@@ -50,12 +53,21 @@ def test_frames_are_kept_as_asked() -> None:
 def test_its_frames_can_teach_a_shipped_detector() -> None:
     """They have the default camera's size, and some show no pedestrian."""
     concrete = THESIS.decode(THESIS.sample(1, np.random.default_rng(1))[0])
-    frames = [kept.frame for kept in AnalyticSimulator(SCENARIO, CAR).execute(concrete, BlindDetector(), keep_every=1).frames]
+    frames = [
+        kept.frame
+        for kept in AnalyticSimulator(SCENARIO, CAR)
+        .execute(concrete, BlindDetector(), keep_every=1)
+        .frames
+    ]
     camera = compose("default", []).camera
     assert {frame.image.shape for frame in frames} == {(camera["height"], camera["width"], 3)}
     assert {frame.truth.visible_pixels == 0 for frame in frames} == {True, False}
 
 
 def test_a_scenario_of_another_space_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"^variables must be \[.+\]; missing \[.+\], unknown \[.+\]$"):
-        AnalyticSimulator(SCENARIO, CAR).execute(SMALL.decode(SMALL.sample(1, np.random.default_rng(0))[0]), BlindDetector())
+    with pytest.raises(
+        ValueError, match=r"^variables must be \[.+\]; missing \[.+\], unknown \[.+\]$"
+    ):
+        AnalyticSimulator(SCENARIO, CAR).execute(
+            SMALL.decode(SMALL.sample(1, np.random.default_rng(0))[0]), BlindDetector()
+        )

@@ -46,11 +46,21 @@ def test_a_hugging_face_model_keeps_the_contract(tmp_path: Path) -> None:
     check_detector(detector, 320, 192)
     found = detector.detect(Frame(IMAGE, Truth()))
     assert len(found.scores) >= 1 and found.scores[0] > 0.9
-    assert len(HuggingFaceDetector(tmp_path / "model", threshold=0.3, person="tree").detect(Frame(IMAGE, Truth())).scores) == 0
+    assert (
+        len(
+            HuggingFaceDetector(tmp_path / "model", threshold=0.3, person="tree")
+            .detect(Frame(IMAGE, Truth()))
+            .scores
+        )
+        == 0
+    )
 
 
 def test_a_hugging_face_model_in_half_precision_finds_the_same(tmp_path: Path) -> None:
-    exact, half = (HuggingFaceDetector(save(tmp_path / str(half), half=half), threshold=0.3) for half in (False, True))
+    exact, half = (
+        HuggingFaceDetector(save(tmp_path / str(half), half=half), threshold=0.3)
+        for half in (False, True)
+    )
     first, second = (detector.detect(Frame(IMAGE, Truth())) for detector in (exact, half))
     assert len(first.scores) and second.scores == pytest.approx(first.scores, abs=0.01)
 
@@ -62,15 +72,23 @@ def test_non_finite_hugging_face_values_raise_a_simulation_error(tmp_path: Path)
 
 
 def test_wrong_hugging_face_folders_are_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"expected a folder written by save_pretrained; config\.json is missing"):
+    with pytest.raises(
+        InputError, match=r"expected a folder written by save_pretrained; config\.json is missing"
+    ):
         HuggingFaceDetector(tmp_path)
     save(tmp_path / "other", person="wolf")
-    with pytest.raises(InputError, match="expected a class called pedestrian or person or people among its 3 classes, got names 0: car"):
+    with pytest.raises(
+        InputError,
+        match="expected a class called pedestrian or person or people among its 3 classes, got names 0: car",
+    ):
         HuggingFaceDetector(tmp_path / "other")
     pickled = save(tmp_path / "pickled")
     (pickled / "model.safetensors").unlink()
     torch.save({}, pickled / "pytorch_model.bin")
-    with pytest.raises(InputError, match=r"expected model\.safetensors, found pytorch_model\.bin, which can run code"):
+    with pytest.raises(
+        InputError,
+        match=r"expected model\.safetensors, found pytorch_model\.bin, which can run code",
+    ):
         HuggingFaceDetector(pickled)
     truncated = save(tmp_path / "truncated")
     weights = truncated / "model.safetensors"
@@ -79,7 +97,9 @@ def test_wrong_hugging_face_folders_are_named(tmp_path: Path) -> None:
         HuggingFaceDetector(truncated)
 
 
-def test_an_error_of_hugging_face_may_have_no_text(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_error_of_hugging_face_may_have_no_text(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def fails(*_: object, **__: object) -> None:
         raise AssertionError
 
@@ -100,8 +120,16 @@ def test_ultralytics_gets_no_onnx_file_with_its_weights_beside_it(tmp_path: Path
     path = tmp_path / "best.onnx"
     weights = onnx.numpy_helper.from_array(np.ones(4, np.float32), "weights")
     graph = onnx.helper.make_graph([], "detector", [], [], [weights])
-    onnx.save(onnx.helper.make_model(graph), path, save_as_external_data=True, location="best.onnx.data", size_threshold=0)
-    with pytest.raises(InputError, match=r"best\.onnx: expected one file, but its weights are in best\.onnx\.data"):
+    onnx.save(
+        onnx.helper.make_model(graph),
+        path,
+        save_as_external_data=True,
+        location="best.onnx.data",
+        size_threshold=0,
+    )
+    with pytest.raises(
+        InputError, match=r"best\.onnx: expected one file, but its weights are in best\.onnx\.data"
+    ):
         UltralyticsDetector(path)
 
 
@@ -150,8 +178,14 @@ def test_a_wrong_function_raises_a_simulation_error(name: str, message: str) -> 
 
 @pytest.mark.parametrize("threshold", [50, 0, -1])
 def test_a_threshold_that_reports_all_or_nothing_is_refused(threshold: float) -> None:
-    section = {"_target_": "pipeline.detectors.function.FunctionDetector", "function": f"{__name__}.bright", "threshold": threshold}
-    with pytest.raises(InputError, match=rf"detector\.threshold: expected (more|less) than \d, got {threshold}"):
+    section = {
+        "_target_": "pipeline.detectors.function.FunctionDetector",
+        "function": f"{__name__}.bright",
+        "threshold": threshold,
+    }
+    with pytest.raises(
+        InputError, match=rf"detector\.threshold: expected (more|less) than \d, got {threshold}"
+    ):
         make_detector(section, Path("none"))
 
 
@@ -159,7 +193,10 @@ def test_a_threshold_that_reports_all_or_nothing_is_refused(threshold: float) ->
     ("name", "message"),
     [
         ("nowhere.detect", "there is no 'nowhere.detect' (No module named 'nowhere')"),
-        (f"{__name__}.missing", f"there is no '{__name__}.missing' (module '{__name__}' has no attribute 'missing')"),
+        (
+            f"{__name__}.missing",
+            f"there is no '{__name__}.missing' (module '{__name__}' has no attribute 'missing')",
+        ),
         ("detect", "there is no 'detect' (Empty module name)"),
         (f"{__name__}.IMAGE", f"expected a function, got '{__name__}.IMAGE' of type ndarray"),
     ],

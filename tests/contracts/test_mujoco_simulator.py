@@ -31,7 +31,10 @@ NAMES = sorted(path.stem for path in CONF.glob("F*.yaml"))
 
 
 def described(name: str) -> FunctionalScenario:
-    plain = {**yaml.safe_load((CONF / "_space.yaml").read_text()), **yaml.safe_load((CONF / f"{name}.yaml").read_text())}
+    plain = {
+        **yaml.safe_load((CONF / "_space.yaml").read_text()),
+        **yaml.safe_load((CONF / f"{name}.yaml").read_text()),
+    }
     del plain["defaults"]
     return FunctionalScenario.model_validate_json(json.dumps(plain))
 
@@ -76,23 +79,41 @@ def test_unbraked_ego_and_pedestrian_meet_at_the_conflict_point(world: Any) -> N
 def test_the_python_type_of_a_number_changes_nothing() -> None:
     scenario = described("F1")
     space, simulator = scenario.logical_space(), MujocoSimulator(scenario, CAR)
-    whole: dict[str, Any] = {v.name: v.values[0] if v.values else np.int64(1) for v in space.variables}
+    whole: dict[str, Any] = {
+        v.name: v.values[0] if v.values else np.int64(1) for v in space.variables
+    }
     whole |= {"pedestrian_shift": 0, "rain": 30}
     exact = space.decode(space.encode(whole))
-    kept = [simulator.execute(one, BlindDetector(), 9, noise).frames for one in (whole, exact) for noise in (None, whole, exact)]
+    kept = [
+        simulator.execute(one, BlindDetector(), 9, noise).frames
+        for one in (whole, exact)
+        for noise in (None, whole, exact)
+    ]
     other = simulator.execute(exact, BlindDetector(), 9, {**exact, "noise": "other"}).frames
     simulator.close()
-    assert not any(np.array_equal(a.frame.image, b.frame.image) for a, b in zip(kept[0], other, strict=True))
-    assert all(np.array_equal(a.frame.image, b.frame.image) for other in kept[1:] for a, b in zip(kept[0], other, strict=True))
+    assert not any(
+        np.array_equal(a.frame.image, b.frame.image) for a, b in zip(kept[0], other, strict=True)
+    )
+    assert all(
+        np.array_equal(a.frame.image, b.frame.image)
+        for other in kept[1:]
+        for a, b in zip(kept[0], other, strict=True)
+    )
 
 
 def test_the_ego_follows_its_path(world: Any) -> None:
     simulator, space, scenario = world
-    signals = simulator.execute(space.decode(space.sample(1, np.random.default_rng(5))[0]), BlindDetector()).signals
+    signals = simulator.execute(
+        space.decode(space.sample(1, np.random.default_rng(5))[0]), BlindDetector()
+    ).signals
     route = scenario.ego.route()
-    for x, y, heading in zip(signals["ego_x_m"], signals["ego_y_m"], signals["ego_heading_deg"], strict=True):
+    for x, y, heading in zip(
+        signals["ego_x_m"], signals["ego_y_m"], signals["ego_heading_deg"], strict=True
+    ):
         s, aside = route.project(x, y)
-        assert abs(aside) < 1e-6 and np.degrees(route.at(s).heading) == pytest.approx(heading, abs=1e-6)
+        assert abs(aside) < 1e-6 and np.degrees(route.at(s).heading) == pytest.approx(
+            heading, abs=1e-6
+        )
 
 
 def test_speed_and_shift_move_the_pedestrian_by_their_values(world: Any) -> None:
@@ -103,14 +124,20 @@ def test_speed_and_shift_move_the_pedestrian_by_their_values(world: Any) -> None
     def along(**changes: float) -> Any:
         """Position of the pedestrian along its path in the first second, metres from the conflict point."""
         signals = simulator.execute({**concrete, **changes}, BlindDetector()).signals
-        dx, dy = signals["pedestrian_x_m"][:11] - scenario.pedestrian.at[0], signals["pedestrian_y_m"][:11] - scenario.pedestrian.at[1]
+        dx, dy = (
+            signals["pedestrian_x_m"][:11] - scenario.pedestrian.at[0],
+            signals["pedestrian_y_m"][:11] - scenario.pedestrian.at[1],
+        )
         return np.cos(heading) * dx + np.sin(heading) * dy
 
     for speed in (0.0, 0.8, 2.6):
         place = along(pedestrian_speed=speed, pedestrian_shift=0.0)
         assert place[-1] - place[0] == pytest.approx(speed, abs=1e-6)
     shifted = [along(pedestrian_speed=1.0, pedestrian_shift=shift) for shift in (-0.5, 0.0, 0.5)]
-    assert np.allclose(np.abs(np.diff(shifted, axis=0)), 0.5) and len({float(np.sign(d)) for d in np.diff(shifted, axis=0)[:, 0]}) == 1
+    assert (
+        np.allclose(np.abs(np.diff(shifted, axis=0)), 0.5)
+        and len({float(np.sign(d)) for d in np.diff(shifted, axis=0)[:, 0]}) == 1
+    )
 
 
 def test_the_oracle_avoids_failure_in_plain_weather_and_in_fog(world: Any) -> None:
@@ -169,13 +196,20 @@ def test_occluded_scenarios_show_the_pedestrian_later_than_open_ones() -> None:
         }  # fmt: skip
         signals = simulator.execute(concrete, BlindDetector()).signals
         simulator.close()
-        hidden = np.flatnonzero(np.asarray(signals["visible_pixels"][:-1], int) < MIN_VISIBLE_PIXELS)
+        hidden = np.flatnonzero(
+            np.asarray(signals["visible_pixels"][:-1], int) < MIN_VISIBLE_PIXELS
+        )
         seen[name] = float(signals["time_s"][hidden[-1] + 1]) if len(hidden) else 0.0
         assert signals["visible_pixels"][-2] > 500
-    assert min(seen[name] for name in ("F1", "F1star", "F6", "F7")) > max(seen[name] for name in ("F3", "F4", "F3star", "F4star")) + 0.5
+    assert (
+        min(seen[name] for name in ("F1", "F1star", "F6", "F7"))
+        > max(seen[name] for name in ("F3", "F4", "F3star", "F4star")) + 0.5
+    )
 
 
-@pytest.mark.parametrize(("margin_m", "in_path"), [(0.34, [False, True, False]), (0.35, [True, True, False])])
+@pytest.mark.parametrize(
+    ("margin_m", "in_path"), [(0.34, [False, True, False]), (0.35, [True, True, False])]
+)
 def test_a_detection_is_in_the_path_up_to_the_margin(margin_m: float, in_path: list[bool]) -> None:
     """In a left turn with a radius of 9 m, the road 5 m ahead lies hypot(9, 5) - 9 = 1.296 m to the right of the path.
 
@@ -187,7 +221,10 @@ def test_a_detection_is_in_the_path_up_to_the_margin(margin_m: float, in_path: l
     car = replace(CAR, aeb=replace(CAR.aeb, margin_m=margin_m))
     loop = _Loop(Mock(camera=Mock(focal_px=focal_px)), scenario, car, concrete, CameraSettings())
     per_metre = focal_px / (5 - CAMERA_X_M)
-    boxes = [(160 + x - 4, 60, 160 + x + 4, 96 + CAMERA_Z_M * per_metre) for x in (0, -3 * per_metre, 1.5 * per_metre)]
+    boxes = [
+        (160 + x - 4, 60, 160 + x + 4, 96 + CAMERA_Z_M * per_metre)
+        for x in (0, -3 * per_metre, 1.5 * per_metre)
+    ]
     found = Detections(np.array(boxes, np.float32), np.array([0.9, 0.8, 0.7], np.float32))
     turning = 62.75 + 9 * np.pi * 3 / 16  # In the middle of the turn, which begins after 62.75 m.
     state = _State(0.0, turning, route.at(turning), 0.0, Pose(0, 0, 0))
@@ -200,7 +237,8 @@ def test_a_replay_in_another_process_gives_the_same_bits(tmp_path: Path) -> None
     points = space.sample(3, np.random.default_rng(6))
     # In this order, night, dusk and rain would change the lamps if episodes shared state.
     concretes = [
-        space.decode(p) | {"sun_altitude": a, "rain": r} for p, a, r in zip(points, (-12.0, -0.5, 40.0), (0.0, 0.0, 90.0), strict=True)
+        space.decode(p) | {"sun_altitude": a, "rain": r}
+        for p, a, r in zip(points, (-12.0, -0.5, 40.0), (0.0, 0.0, 90.0), strict=True)
     ]
     simulator = MujocoSimulator(scenario, CAR)
     here = [_signature(simulator, concrete) for concrete in concretes]
@@ -213,7 +251,12 @@ def test_a_replay_in_another_process_gives_the_same_bits(tmp_path: Path) -> None
     )
     root = str(Path(__file__).resolve().parents[2])
     done = subprocess.run(
-        [sys.executable, "-c", program, root], input=json.dumps(concretes), text=True, capture_output=True, check=True, cwd=root
+        [sys.executable, "-c", program, root],
+        input=json.dumps(concretes),
+        text=True,
+        capture_output=True,
+        check=True,
+        cwd=root,
     )
     assert json.loads(done.stdout.splitlines()[-1]) == here[::-1]
 
@@ -221,4 +264,8 @@ def test_a_replay_in_another_process_gives_the_same_bits(tmp_path: Path) -> None
 def _signature(simulator: MujocoSimulator, concrete: dict[str, Any]) -> list[Any]:
     episode = simulator.execute(concrete, VisiblePixelOracle(), keep_every=1)
     images = [int(kept.frame.image.astype(np.int64).sum()) for kept in episode.frames]
-    return [images, kpi.evaluate(episode.signals, 0.1).adj_ttc_s.hex(), episode.signals["contrast"].tolist()]
+    return [
+        images,
+        kpi.evaluate(episode.signals, 0.1).adj_ttc_s.hex(),
+        episode.signals["contrast"].tolist(),
+    ]

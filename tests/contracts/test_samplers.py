@@ -14,7 +14,9 @@ from tests.spaces import CONSTRAINED, SMALL, THESIS
 from tests.strategies import Strategy, strategies
 
 
-@pytest.mark.parametrize("space", [SMALL, THESIS, CONSTRAINED], ids=["small", "thesis", "constrained"])
+@pytest.mark.parametrize(
+    "space", [SMALL, THESIS, CONSTRAINED], ids=["small", "thesis", "constrained"]
+)
 @pytest.mark.parametrize("make", strategies().values(), ids=strategies().keys())
 def test_samplers_keep_the_contract(make: Strategy, space: Space) -> None:
     assert isinstance(make(space, 0), Sampler)

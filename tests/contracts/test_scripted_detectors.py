@@ -22,7 +22,9 @@ BOX = (10.0, 10.0, 20.0, 40.0)
 STAND_INS = (VisiblePixelOracle, BlindDetector, EverywhereDetector)
 
 
-@pytest.mark.parametrize("detector", [made for kind in STAND_INS for made in (kind(), kind(model="any"))])
+@pytest.mark.parametrize(
+    "detector", [made for kind in STAND_INS for made in (kind(), kind(model="any"))]
+)
 def test_stand_ins_keep_the_contract(detector: Detector) -> None:
     assert isinstance(detector, Detector)
     check_detector(detector, 64, 48)
@@ -32,7 +34,11 @@ def test_the_oracle_sees_what_a_person_sees() -> None:
     oracle = VisiblePixelOracle()
     seen = oracle.detect(Frame(IMAGE, Truth(BOX, BOX, 30, 30, 8.0)))
     assert seen.boxes.tolist() == [list(BOX)] and seen.scores.tolist() == [1]
-    for truth in (Truth(BOX, BOX, 29, 300, 50.0), Truth(BOX, BOX, 300, 300, 7.9), Truth(None, BOX, 0, 300, 0.0)):
+    for truth in (
+        Truth(BOX, BOX, 29, 300, 50.0),
+        Truth(BOX, BOX, 300, 300, 7.9),
+        Truth(None, BOX, 0, 300, 0.0),
+    ):
         assert not len(oracle.detect(Frame(IMAGE, truth)).scores)
 
 
@@ -41,8 +47,12 @@ def test_the_person_seen_everywhere_stands_ten_metres_ahead() -> None:
     assert found.scores.tolist() == [1]
     focal = 160 / np.tan(np.radians(30))
     left, top, right, bottom = found.boxes[0]
-    assert Pinhole(320, 192, focal, 0, 1.35).ground(found.boxes)[0] == pytest.approx((10, 0), abs=0.05)
-    assert 10 / focal * np.array([bottom - top, right - left]) == pytest.approx((1.7, 0.55), abs=0.01)
+    assert Pinhole(320, 192, focal, 0, 1.35).ground(found.boxes)[0] == pytest.approx(
+        (10, 0), abs=0.05
+    )
+    assert 10 / focal * np.array([bottom - top, right - left]) == pytest.approx(
+        (1.7, 0.55), abs=0.01
+    )
 
 
 class Restless:

@@ -36,7 +36,9 @@ def test_snapshots_show_the_conditions_of_their_points(shown: list[Snapshot]) ->
         assert {name: snapshot.attributes[name] for name in point} == point
         assert (snapshot.truth.visible_box is not None) == (point["forward_vehicle"] == "present")
         assert bool((snapshot.classes == FORWARD).any()) == (point["forward_vehicle"] == "present")
-        assert bool((snapshot.classes == ONCOMING).any()) == (point["oncoming_vehicle"] == "present")
+        assert bool((snapshot.classes == ONCOMING).any()) == (
+            point["oncoming_vehicle"] == "present"
+        )
         assert (float(snapshot.attributes["rain"]) > 0) == (point["weather"] == "rainy")
         for part in ("sky", "road", "lane marking", "pavement", "building"):
             assert (snapshot.classes == CLASSES.index(part)).sum() > 50, (part, point)
@@ -44,8 +46,14 @@ def test_snapshots_show_the_conditions_of_their_points(shown: list[Snapshot]) ->
 
 def test_a_camera_that_cannot_show_the_vehicles_is_named(tmp_path: Path) -> None:
     camera = {**CameraSettings().model_dump(), "width": 64, "height": 64, "hfov_deg": 120.0}
-    shots = [({**CURVY[-1], "weather": kind}, (3,), "train", i) for i, kind in enumerate(("sunny", "cloudy", "rainy") * 4)]
-    with pytest.raises(InputError, match="^simulator.camera: no arrangement of .*; take more pixels or a narrower view$"):
+    shots = [
+        ({**CURVY[-1], "weather": kind}, (3,), "train", i)
+        for i, kind in enumerate(("sunny", "cloudy", "rainy") * 4)
+    ]
+    with pytest.raises(
+        InputError,
+        match="^simulator.camera: no arrangement of .*; take more pixels or a narrower view$",
+    ):
         _render((5, shots, camera, tmp_path))  # type: ignore[arg-type]
 
 
@@ -54,7 +62,12 @@ def test_the_box_is_that_of_the_segmentation(shown: list[Snapshot]) -> None:
         if snapshot.truth.visible_box is None:
             continue
         rows, columns = np.nonzero(snapshot.classes == FORWARD)
-        assert snapshot.truth.visible_box == (columns.min(), rows.min(), columns.max() + 1, rows.max() + 1)
+        assert snapshot.truth.visible_box == (
+            columns.min(),
+            rows.min(),
+            columns.max() + 1,
+            rows.max() + 1,
+        )
         assert snapshot.truth.visible_pixels == len(rows)
 
 
@@ -62,7 +75,9 @@ def test_a_snapshot_does_not_depend_on_earlier_ones(shown: list[Snapshot]) -> No
     chosen = (20, 3)
     again = list(snapshots(5, [(CURVY[i], (3, i)) for i in chosen], CameraSettings()))
     for i, snapshot in zip(chosen, again, strict=True):
-        assert (snapshot.image == shown[i].image).all() and (snapshot.classes == shown[i].classes).all()
+        assert (snapshot.image == shown[i].image).all() and (
+            snapshot.classes == shown[i].classes
+        ).all()
 
 
 @pytest.mark.parametrize("curvature", [1 / 80, -1 / 80])

@@ -12,7 +12,9 @@ from pipeline.core.coverage.projection import Demand, projection_coverage
 from pipeline.core.coverage.verification import verify
 from tests.spaces import THESIS
 
-LINKED = Constraints((3, 4, 2, 3), ((Literal(0, 0, False), Literal(1, 2)), (Literal(2, 1), Literal(3, 0, False))))
+LINKED = Constraints(
+    (3, 4, 2, 3), ((Literal(0, 0, False), Literal(1, 2)), (Literal(2, 1), Literal(3, 0, False)))
+)
 
 
 def test_the_thesis_space_takes_exactly_962_tests() -> None:
@@ -61,7 +63,9 @@ def test_polishing_never_enlarges_an_array_and_reports_progress() -> None:
     free = Constraints((4,) * 10)
     quick = covering_array(free)
     covering_array(Constraints((3,) * 5), effort=Effort(0.1))  # Compiles what only polishing needs.
-    polished = covering_array(free, effort=Effort(1.5, lambda *now: told.append(now), processor=True))
+    polished = covering_array(
+        free, effort=Effort(1.5, lambda *now: told.append(now), processor=True)
+    )
     assert polished.size <= quick.size + 1 and verify(polished.rows, free, 2).valid
     assert all(0 <= share <= 1 and bound == 16 for share, _, bound in told)
     assert told[0][1] == 0 and told[-1][1] >= polished.size
@@ -69,7 +73,9 @@ def test_polishing_never_enlarges_an_array_and_reports_progress() -> None:
 
 @pytest.mark.usefixtures("short_annealing")
 def test_only_the_seed_changes_the_array() -> None:
-    first, second, other = (covering_array(Constraints((3, 4, 5, 2)), seed=seed).rows for seed in (5, 5, 6))
+    first, second, other = (
+        covering_array(Constraints((3, 4, 5, 2)), seed=seed).rows for seed in (5, 5, 6)
+    )
     assert np.array_equal(first, second) and not np.array_equal(first, other)
     # Also with a solver that answered other queries before.
     asked = Constraints(LINKED.sizes, LINKED.clauses)
@@ -80,7 +86,15 @@ def test_only_the_seed_changes_the_array() -> None:
 
 @pytest.mark.parametrize(
     ("sizes", "strength", "bound"),
-    [((2,) * 10, 2, 6), ((2,) * 35, 2, 8), ((2,) * 100, 2, 10), ((5, 4, 3), 2, 20), ((5, 4, 3), 3, 60), ((2,) * 20, 3, 16), ((6, 5), 1, 6)],
+    [
+        ((2,) * 10, 2, 6),
+        ((2,) * 35, 2, 8),
+        ((2,) * 100, 2, 10),
+        ((5, 4, 3), 2, 20),
+        ((5, 4, 3), 3, 60),
+        ((2,) * 20, 3, 16),
+        ((6, 5), 1, 6),
+    ],
 )
 def test_lower_bounds(sizes: tuple[int, ...], strength: int, bound: int) -> None:
     assert lower_bound(sizes, strength) == bound
@@ -88,7 +102,9 @@ def test_lower_bounds(sizes: tuple[int, ...], strength: int, bound: int) -> None
 
 def test_the_bound_counts_feasible_cells_alone() -> None:
     only = Constraints((3, 3, 2), ((Literal(0, 0), Literal(1, 0)),))
-    assert lower_bound(only.sizes, 2, only) == 6  # 3 x 2; 5 of the 3 x 3 cells of the first plane are feasible.
+    assert (
+        lower_bound(only.sizes, 2, only) == 6
+    )  # 3 x 2; 5 of the 3 x 3 cells of the first plane are feasible.
 
 
 def test_impossible_arrays_are_refused() -> None:
@@ -119,7 +135,9 @@ def test_the_order_takes_the_row_with_the_most_new_pairs() -> None:
     covered: set[tuple[int, int, int, int]] = set()
 
     def new(row: int) -> set[tuple[int, int, int, int]]:
-        return {(i, j, rows[row, i], rows[row, j]) for i in range(4) for j in range(i + 1, 4)} - covered
+        return {
+            (i, j, rows[row, i], rows[row, j]) for i in range(4) for j in range(i + 1, 4)
+        } - covered
 
     for position, row in enumerate(order):
         assert len(new(row)) == max(len(new(other)) for other in order[position:])

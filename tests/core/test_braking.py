@@ -11,11 +11,20 @@ from pipeline.core.braking import Aeb, EmergencyBrake, Vehicle
 from pipeline.core.detections import Detections
 
 CAR = Vehicle(dry_friction=0.8, wet_friction=0.5, build_up_s=0.1, latency_s=0.2)
-THESIS: dict[str, Any] = {"gate": "truth", "law": "confidence", "brakes_from": 0.5, "votes": 1, "window": 1, "margin_m": 0.5}
+THESIS: dict[str, Any] = {
+    "gate": "truth",
+    "law": "confidence",
+    "brakes_from": 0.5,
+    "votes": 1,
+    "window": 1,
+    "margin_m": 0.5,
+}
 
 
 def test_friction_falls_until_the_road_is_wet() -> None:
-    assert [CAR.full_brake_mps2(rain) for rain in (0, 30, 60, 100)] == pytest.approx([9.81 * 0.8, 9.81 * 0.65, 9.81 * 0.5, 9.81 * 0.5])
+    assert [CAR.full_brake_mps2(rain) for rain in (0, 30, 60, 100)] == pytest.approx(
+        [9.81 * 0.8, 9.81 * 0.65, 9.81 * 0.5, 9.81 * 0.5]
+    )
 
 
 def test_stopping_distance_by_hand() -> None:
@@ -28,7 +37,9 @@ def test_stopping_distance_by_hand() -> None:
 def demands(scores: list[list[float]], **changes: Any) -> list[float]:
     """The demands of a brake that sees these scores frame by frame, all of the pedestrian."""
     brake = EmergencyBrake(Aeb(**THESIS | changes))
-    frames = [Detections(np.zeros((len(one), 4), np.float32), np.array(one, np.float32)) for one in scores]
+    frames = [
+        Detections(np.zeros((len(one), 4), np.float32), np.array(one, np.float32)) for one in scores
+    ]
     return [round(brake.demand(frame, np.ones(len(frame.scores), bool)), 6) for frame in frames]
 
 
@@ -51,7 +62,10 @@ def test_only_followed_detections_brake() -> None:
     assert EmergencyBrake(Aeb(**THESIS)).demand(both, np.array([False, True])) == pytest.approx(0.6)
 
 
-@pytest.mark.parametrize(("changes", "name"), [({"votes": 3, "window": 2}, "votes"), ({"brakes_from": 2.0}, "brakes_from")])
+@pytest.mark.parametrize(
+    ("changes", "name"),
+    [({"votes": 3, "window": 2}, "votes"), ({"brakes_from": 2.0}, "brakes_from")],
+)
 def test_a_law_is_checked(changes: dict[str, Any], name: str) -> None:
     with pytest.raises(ValueError, match=name):
         Aeb(**THESIS | changes)

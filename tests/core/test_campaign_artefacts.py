@@ -19,12 +19,26 @@ from pipeline.core.space import Space, Variable
 from pipeline.core.truth import Truth
 from pipeline.errors import InputError
 
-SPACE = Space((Variable("fog", "continuous", "%", 0, 100, 10), Variable("animation", "categorical", values=("walking", "drunk"))))
+SPACE = Space(
+    (
+        Variable("fog", "continuous", "%", 0, 100, 10),
+        Variable("animation", "categorical", values=("walking", "drunk")),
+    )
+)
 
 
 def row(index: int = 0, **changed: Any) -> dict[str, Any]:
-    values: dict[str, Any] = {column.name: {str: "x", int: 1, float: 0.5, bool: True}[column.kind] for column in campaign.TESTS}
-    values |= {"test_id": f"F1-random-base-0-{index:05d}", "index": index, "status": "ok", "failure_mode": "late", "cause": "box"}
+    values: dict[str, Any] = {
+        column.name: {str: "x", int: 1, float: 0.5, bool: True}[column.kind]
+        for column in campaign.TESTS
+    }
+    values |= {
+        "test_id": f"F1-random-base-0-{index:05d}",
+        "index": index,
+        "status": "ok",
+        "failure_mode": "late",
+        "cause": "box",
+    }
     return values | {"fog": 12.5, "animation": "drunk"} | changed
 
 
@@ -50,16 +64,22 @@ def test_tables_without_rows_can_be_read(tmp_path: Path) -> None:
     assert campaign.read_frames(path, ["test_id", "step"]).empty
 
 
-@pytest.mark.parametrize("changed", [{"status": "maybe"}, {"failure_mode": "unlucky"}, {"more": 1}, {"test_id": None}])
+@pytest.mark.parametrize(
+    "changed", [{"status": "maybe"}, {"failure_mode": "unlucky"}, {"more": 1}, {"test_id": None}]
+)
 def test_wrong_rows_are_not_written(tmp_path: Path, changed: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=next(iter(changed))):
-        campaign.write_tests(tmp_path / "tests.parquet", pd.DataFrame([row(), row(**changed)]), SPACE)
+        campaign.write_tests(
+            tmp_path / "tests.parquet", pd.DataFrame([row(), row(**changed)]), SPACE
+        )
     assert not (tmp_path / "tests.parquet").exists()
 
 
 def test_a_missing_column_is_named(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"missing \['ttc_s'\]"):
-        campaign.write_tests(tmp_path / "tests.parquet", pd.DataFrame([row()]).drop(columns="ttc_s"), SPACE)
+        campaign.write_tests(
+            tmp_path / "tests.parquet", pd.DataFrame([row()]).drop(columns="ttc_s"), SPACE
+        )
 
 
 @pytest.mark.parametrize("size", [0, 3, 200, -20])
@@ -73,7 +93,9 @@ def test_a_truncated_table_is_named(tmp_path: Path, size: int) -> None:
 
 def test_another_table_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "timings.parquet"
-    campaign.write_timings(path, pd.DataFrame([{"test_id": "a", "sampler_s": 0.1, "simulate_s": 0.2}]))
+    campaign.write_timings(
+        path, pd.DataFrame([{"test_id": "a", "sampler_s": 0.1, "simulate_s": 0.2}])
+    )
     with pytest.raises(InputError, match="expected a tests table"):
         campaign.read_tests(path)
 
@@ -85,7 +107,9 @@ def test_a_space_survives_a_round_trip(tmp_path: Path) -> None:
     assert space.read_space(path) == (info, SPACE)
 
 
-@pytest.mark.parametrize("text", ["", '{"format": 1', "[]", '{"format": 9}', '{"format": 1, "scenario": "F1"}'])
+@pytest.mark.parametrize(
+    "text", ["", '{"format": 1', "[]", '{"format": 9}', '{"format": 1, "scenario": "F1"}']
+)
 def test_a_damaged_space_is_named(tmp_path: Path, text: str) -> None:
     path = tmp_path / "F1.json"
     path.write_text(text)
@@ -107,17 +131,24 @@ def test_every_column_is_explained() -> None:
     for name, table in campaign.TABLES.items():
         section = page.partition(f"## {name}.parquet")[2].partition("\n## ")[0]
         rows = [line.split(" | ") for line in section.splitlines() if line.startswith("| `")]
-        assert [(row[0], row[2], row[3]) for row in rows] == [(f"| `{c.name}`", c.unit, f"{c.meaning} |") for c in table]
+        assert [(row[0], row[2], row[3]) for row in rows] == [
+            (f"| `{c.name}`", c.unit, f"{c.meaning} |") for c in table
+        ]
 
 
 def test_a_table_of_several_campaigns_is_refused(tmp_path: Path) -> None:
     rows = pd.DataFrame([row(0), row(1)])
     assert campaign.campaign_of(rows, tmp_path) == CampaignId("x", "x", "x", 1)
-    with pytest.raises(InputError, match=r"^tests\.parquet: expected the tests of one campaign, got 2 campaigns; make it again$"):
+    with pytest.raises(
+        InputError,
+        match=r"^tests\.parquet: expected the tests of one campaign, got 2 campaigns; make it again$",
+    ):
         campaign.campaign_of(rows.assign(seed=[0, 1]), Path("tests.parquet"))
 
 
-@pytest.mark.parametrize("truth", [Truth(), Truth((1.0, 2.0, 3.0, 4.0), (0.0, 1.5, 3.0, 5.0), 7, 9, 12.5)])
+@pytest.mark.parametrize(
+    "truth", [Truth(), Truth((1.0, 2.0, 3.0, 4.0), (0.0, 1.5, 3.0, 5.0), 7, 9, 12.5)]
+)
 def test_a_frames_truth_survives_a_round_trip(truth: Truth) -> None:
     kept = KeptFrame(3, Frame(np.zeros((8, 8, 3), np.uint8), truth), Detections.none(), Matching())
     row = campaign.frame_row(kept)
@@ -128,5 +159,10 @@ def test_a_frames_truth_survives_a_round_trip(truth: Truth) -> None:
 def test_the_confidence_of_a_kept_frame_is_that_of_a_detection_too_weak_to_be_reported() -> None:
     truth = Truth((10.0, 10.0, 20.0, 30.0), (10.0, 10.0, 20.0, 30.0), 200, 200, 50.0)
     found = Detections(np.array([truth.visible_box], np.float32), np.array([0.5], np.float32))
-    kept = KeptFrame(0, Frame(np.zeros((8, 8, 3), np.uint8), truth), found, match(found, truth, Criterion(0.5, 0.8)))
+    kept = KeptFrame(
+        0,
+        Frame(np.zeros((8, 8, 3), np.uint8), truth),
+        found,
+        match(found, truth, Criterion(0.5, 0.8)),
+    )
     assert kept.matching.confidence == 0 and campaign.frame_row(kept)["confidence"] == 0.5

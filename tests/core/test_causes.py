@@ -28,14 +28,28 @@ def signals(**changes: list[float]) -> dict[str, Any]:
     ("changes", "expected"),
     [
         ({}, "never_seen"),
-        ({"confidence": [0, 0, 0, 0.9], "overlap": [0, 0, 0, 0.8], "any_confidence": [0, 0, 0, 0.9]}, "too_late"),
+        (
+            {
+                "confidence": [0, 0, 0, 0.9],
+                "overlap": [0, 0, 0, 0.8],
+                "any_confidence": [0, 0, 0, 0.9],
+            },
+            "too_late",
+        ),
         ({"overlap": [0, 0.4, 0.3, 0.4]}, "box"),
         ({"any_confidence": [0, 0.3, 0.6, 0.6]}, "confidence"),
         ({"overlap": [0, 0.4, 0, 0], "any_confidence": [0, 0, 0.6, 0.7]}, "box"),
         # What comes after the last chance does not count, but shows that the detector can see the pedestrian.
         ({"overlap": [0, 0, 0, 0.4]}, "too_late"),
         # Detected all the time, and still too late: the brake was too weak.
-        ({"confidence": [0, 0.5, 0.5, 0.5], "overlap": [0, 0.7, 0.7, 0.7], "any_confidence": [0, 0.5, 0.5, 0.5]}, "too_late"),
+        (
+            {
+                "confidence": [0, 0.5, 0.5, 0.5],
+                "overlap": [0, 0.7, 0.7, 0.7],
+                "any_confidence": [0, 0.5, 0.5, 0.5],
+            },
+            "too_late",
+        ),
         ({"visible_pixels": [0, 0, 0, 90]}, "not_solvable"),
     ],
 )
@@ -59,6 +73,13 @@ def test_other_modes_are_their_own_cause(mode: str) -> None:
         ([30, 17.6, 10], [0, 30, 0], [0, 8, 0], False),
     ],
 )
-def test_a_person_must_see_the_pedestrian_in_time(distance: list[float], pixels: list[int], contrast: list[float], expected: bool) -> None:
-    columns = {"stopping_distance_m": [17.6] * 3, "conflict_distance_m": distance, "visible_pixels": pixels, "contrast": contrast}
+def test_a_person_must_see_the_pedestrian_in_time(
+    distance: list[float], pixels: list[int], contrast: list[float], expected: bool
+) -> None:
+    columns = {
+        "stopping_distance_m": [17.6] * 3,
+        "conflict_distance_m": distance,
+        "visible_pixels": pixels,
+        "contrast": contrast,
+    }
     assert solvable({name: np.array(values) for name, values in columns.items()}) is expected

@@ -38,15 +38,25 @@ def test_a_text_that_names_no_test_is_refused(name: str) -> None:
 
 def test_errors_count_for_neither_version_of_a_pair() -> None:
     found = pair(outcomes("ccc.e"), outcomes("c.ec."))
-    assert (found.fixed.tolist(), found.regressed.tolist()) == ([False, True, *[False] * 3], [*[False] * 3, True, False])
+    assert (found.fixed.tolist(), found.regressed.tolist()) == (
+        [False, True, *[False] * 3],
+        [*[False] * 3, True, False],
+    )
     assert (found.tests, found.p_value) == (3, 1.0)
 
 
 @pytest.mark.parametrize(
     ("fixes", "regressions", "p_value", "verdict"),
-    [(6, 0, 0.03125, "better"), (0, 6, 0.03125, "worse"), (5, 0, 0.0625, "no difference shown"), (3, 1, 0.05, "better")],
+    [
+        (6, 0, 0.03125, "better"),
+        (0, 6, 0.03125, "worse"),
+        (5, 0, 0.0625, "no difference shown"),
+        (3, 1, 0.05, "better"),
+    ],
 )
-def test_a_difference_counts_up_to_alpha(fixes: int, regressions: int, p_value: float, verdict: str) -> None:
+def test_a_difference_counts_up_to_alpha(
+    fixes: int, regressions: int, p_value: float, verdict: str
+) -> None:
     assert judge(fixes, regressions, p_value, 0.05) == verdict
 
 
@@ -60,7 +70,9 @@ def test_rate_and_group_failures() -> None:
 
 
 def test_groups_are_paired_by_seed() -> None:
-    found = pair_groups([outcomes("cccc.e"), outcomes("cccc.e")], [outcomes("....cc"), outcomes("c....c")], 0.95)
+    found = pair_groups(
+        [outcomes("cccc.e"), outcomes("cccc.e")], [outcomes("....cc"), outcomes("c....c")], 0.95
+    )
     # The last test is an error with one version. Differences by seed: -3 and -3; by test, summed: -1, -2, -2, -2, 1.
     assert (found.tests, found.difference.value) == (5, -3)
     # Sums of the 32 sign patterns at least as far as 6: +-8 twice; +-6, by flipping one of the two ones, four times.
@@ -78,13 +90,19 @@ def test_a_single_version_is_compared_with_each_seed() -> None:
 
 
 def test_groups_of_different_sizes_cannot_be_paired() -> None:
-    with pytest.raises(ValueError, match="expected groups of equally many versions or a single one, got 2 and 3"):
+    with pytest.raises(
+        ValueError, match="expected groups of equally many versions or a single one, got 2 and 3"
+    ):
         pair_groups([outcomes("c")] * 2, [outcomes("c")] * 3, 0.95)
 
 
 def test_equal_differences_of_several_seeds_are_equal_as_counts_alone() -> None:
     several = pair_groups([outcomes("cccc")] * 2, [outcomes("c...")] * 2, 0.95).difference
-    half = 12.7062 / 12**0.5 / 2**0.5  # t quantile of one degree of freedom, standard deviation of rounding.
-    assert (several.value, several.low, several.high) == pytest.approx((-3, -3 - half, -3 + half), abs=1e-4)
+    half = (
+        12.7062 / 12**0.5 / 2**0.5
+    )  # t quantile of one degree of freedom, standard deviation of rounding.
+    assert (several.value, several.low, several.high) == pytest.approx(
+        (-3, -3 - half, -3 + half), abs=1e-4
+    )
     single = pair_groups([outcomes("cccc")], [outcomes("c...")], 0.95).difference
     assert single.value == single.low == single.high == -3

@@ -17,7 +17,15 @@ pytestmark = pytest.mark.usefixtures("short_annealing")
 
 PAPER = Constraints((3, 2, 2, 2, 2, 2), ((Literal(2, 1), Literal(3, 0)),))
 """Weather, lane orientation, lanes, current lane, forward and oncoming vehicle; who drives in lane 2 has two lanes."""
-GIVEN = np.array([[2, 0, 1, 0, 1, 0], [2, 1, 1, 0, 1, 0], [2, 1, 0, 0, 0, 1], [2, 1, 1, 0, 1, 1], [2, 1, 0, 0, 0, 1]])
+GIVEN = np.array(
+    [
+        [2, 0, 1, 0, 1, 0],
+        [2, 1, 1, 0, 1, 0],
+        [2, 1, 0, 0, 0, 1],
+        [2, 1, 1, 0, 1, 1],
+        [2, 1, 0, 0, 0, 1],
+    ]
+)
 """E1 to E5 as in Table 1, which says no more about E5: it is assumed to equal E3."""
 
 
@@ -43,7 +51,11 @@ def test_only_the_conditions_that_miss_something_are_listed() -> None:
     points = np.zeros((3, 30), np.int64)
     points[1:] = [[1] * 30, [2] + [1] * 29]
     found = Proposer(Demand(wide, 1)).completion(points)
-    assert found.smallest and sorted(found.categories[:, 0]) == [3, 4] and wide.holds(found.categories).all()
+    assert (
+        found.smallest
+        and sorted(found.categories[:, 0]) == [3, 4]
+        and wide.holds(found.categories).all()
+    )
 
 
 def test_a_large_domain_gets_the_bound_of_its_part() -> None:
@@ -70,4 +82,7 @@ def test_an_array_is_certified_and_keeps_its_given_rows() -> None:
 def test_an_array_too_large_to_certify_is_polished() -> None:
     large = Constraints((3,) * 8)
     array = certified_array(large, 2, effort=Effort(0.2))
-    assert array.lower_bound == 9 < array.size and projection_coverage(array.rows, Demand(large, 2)).ratio == 1
+    assert (
+        array.lower_bound == 9 < array.size
+        and projection_coverage(array.rows, Demand(large, 2)).ratio == 1
+    )

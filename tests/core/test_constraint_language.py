@@ -40,7 +40,9 @@ def allowed(text: str, *shown: str) -> list[tuple[str, ...]]:
     space = Space(DRIVE, (text,))
     columns = [NAMES.index(name) for name in shown]
     cells = np.argwhere(space.constraints.feasible_cells(columns))
-    return [tuple(DRIVE[v].labels[int(c)] for v, c in zip(columns, cell, strict=True)) for cell in cells]
+    return [
+        tuple(DRIVE[v].labels[int(c)] for v, c in zip(columns, cell, strict=True)) for cell in cells
+    ]
 
 
 @pytest.mark.parametrize(
@@ -61,7 +63,9 @@ def allowed(text: str, *shown: str) -> list[tuple[str, ...]]:
         ("fog <= 100", ("fog",), set()),
     ],
 )  # fmt: skip
-def test_a_text_excludes_what_it_says(text: str, shown: tuple[str, ...], gone: set[tuple[str, ...]]) -> None:
+def test_a_text_excludes_what_it_says(
+    text: str, shown: tuple[str, ...], gone: set[tuple[str, ...]]
+) -> None:
     every = set(product(*(DRIVE[NAMES.index(name)].labels for name in shown)))
     assert set(allowed(text, *shown)) == every - gone
 
@@ -111,16 +115,29 @@ def test_a_wrong_text_is_refused_where_it_is_wrong(text: str, message: str) -> N
 def test_variables_with_many_categories_are_compared_up_to_a_limit() -> None:
     def linked(size: int) -> Space:
         values = tuple(map(str, range(size)))
-        return Space((Variable("a", "categorical", values=values), Variable("b", "categorical", values=values)), ("a <= b",))
+        return Space(
+            (
+                Variable("a", "categorical", values=values),
+                Variable("b", "categorical", values=values),
+            ),
+            ("a <= b",),
+        )
 
     assert len(linked(300).constraints.clauses) == 299
-    with pytest.raises(ValueError, match="a <= b compares 250,000 pairs of categories, more than 200,000"):
+    with pytest.raises(
+        ValueError, match="a <= b compares 250,000 pairs of categories, more than 200,000"
+    ):
         linked(500)
 
 
 def test_texts_that_contradict_each_other_are_named() -> None:
-    with pytest.raises(ValueError, match=r"no point is left: if lane >= 2 then lanes = 1; \[lane != 1\]; lanes > 1$"):
-        Space(DRIVE, ("if lane >= 2 then lanes = 1", ("fog != [0, 20)",), ("lane != 1",), "lanes > 1"))
+    with pytest.raises(
+        ValueError,
+        match=r"no point is left: if lane >= 2 then lanes = 1; \[lane != 1\]; lanes > 1$",
+    ):
+        Space(
+            DRIVE, ("if lane >= 2 then lanes = 1", ("fog != [0, 20)",), ("lane != 1",), "lanes > 1")
+        )
 
 
 def test_a_broken_text_is_named_as_it_is_written() -> None:
@@ -131,20 +148,30 @@ def test_a_broken_text_is_named_as_it_is_written() -> None:
     ]  # fmt: skip
     point = np.zeros(len(DRIVE))
     point[NAMES.index("lane")] = 1
-    assert space.violation(point[None]) == (0, f"breaks the constraint '{text}': lane = 2, lanes = 1")
+    assert space.violation(point[None]) == (
+        0,
+        f"breaks the constraint '{text}': lane = 2, lanes = 1",
+    )
 
 
 def test_files_hold_texts_beside_clauses(tmp_path: Path) -> None:
     path = tmp_path / "space.yaml"
     head = "variables: {fog: {interval: [0, 100], cuts: [50]}, lights: {values: [on, low, off]}, 'a: b': {values: [1, 2]}}\nconstraints:\n"
     path.write_text(
-        head + "  - if fog >= 50 then lights in {on, low}\n  - [lights != off, 'a: b = 2']\n  - '\"a: b\" = 2 or lights = off'\n"
+        head
+        + "  - if fog >= 50 then lights in {on, low}\n  - [lights != off, 'a: b = 2']\n  - '\"a: b\" = 2 or lights = off'\n"
     )
     space = read_space_file(path)
-    assert space.clauses[0] == "if fog >= 50 then lights in {on, low}" and space.clauses[2] == '"a: b" = 2 or lights = off'
+    assert (
+        space.clauses[0] == "if fog >= 50 then lights in {on, low}"
+        and space.clauses[2] == '"a: b" = 2 or lights = off'
+    )
     assert space.constraints.feasible_cells([0, 1]).tolist() == [[True] * 3, [True, True, False]]
     path.write_text(head + "  - {if: fog}\n")
-    with pytest.raises(InputError, match="space.yaml: constraints: expected a text such as 'if fog >= 50 then lights in {on, low}'"):
+    with pytest.raises(
+        InputError,
+        match="space.yaml: constraints: expected a text such as 'if fog >= 50 then lights in {on, low}'",
+    ):
         read_space_file(path)
     write_space(tmp_path / "F1.json", ScenarioInfo("F1", "one", "text", 3), space)
     assert read_space(tmp_path / "F1.json")[1].clauses == space.clauses
@@ -171,7 +198,11 @@ class Said:
 
 
 def quoted(draw: st.DrawFn, name: str) -> str:
-    if re.fullmatch(r"[a-z0-9.]+", name) and name not in ("if", "then", "else", "and", "or", "not", "in") and draw(st.booleans()):
+    if (
+        re.fullmatch(r"[a-z0-9.]+", name)
+        and name not in ("if", "then", "else", "and", "or", "not", "in")
+        and draw(st.booleans())
+    ):
         return name
     quote = draw(st.sampled_from("'\""))
     return quote + name.replace(quote, quote * 2) + quote
@@ -184,16 +215,27 @@ def variables(draw: st.DrawFn) -> tuple[Variable, ...]:
     for name in names:
         kind = draw(st.sampled_from(("names", "numbers", "cuts", "step", "cyclic")))
         if kind == "names":
-            found.append(Variable(name, "categorical", values=tuple(texts[3 : 3 + draw(st.integers(1, 3))])))
+            found.append(
+                Variable(name, "categorical", values=tuple(texts[3 : 3 + draw(st.integers(1, 3))]))
+            )
         elif kind == "numbers":
-            values = draw(st.lists(st.sampled_from(("0", "1", "2", "2.0", "5", "-1")), min_size=1, max_size=4, unique=True))
+            values = draw(
+                st.lists(
+                    st.sampled_from(("0", "1", "2", "2.0", "5", "-1")),
+                    min_size=1,
+                    max_size=4,
+                    unique=True,
+                )
+            )
             found.append(Variable(name, "categorical", values=tuple(values)))
         elif kind == "step":
             found.append(Variable(name, "continuous", "", 0, 3, 1))
         else:
             cyclic = kind == "cyclic"
             cuts = sorted(draw(st.sets(st.integers(1, 4), min_size=2 if cyclic else 0, max_size=3)))
-            found.append(Variable(name, "continuous", "", 0, 5, cyclic=cyclic, cuts=tuple(map(float, cuts))))
+            found.append(
+                Variable(name, "continuous", "", 0, 5, cyclic=cyclic, cuts=tuple(map(float, cuts)))
+            )
     return tuple(found)
 
 
@@ -201,7 +243,10 @@ def values_of(variable: Variable) -> list[list[Value]]:
     """For each category, values that its comparisons with whole numbers and with other variables cannot tell from any other value."""
     found: list[list[Value]] = [[] for _ in variable.labels]
     if variable.cuts is None:
-        return [[(label, float(label) if re.fullmatch(r"-?\d+(\.\d)?", label) else None)] for label in variable.labels]
+        return [
+            [(label, float(label) if re.fullmatch(r"-?\d+(\.\d)?", label) else None)]
+            for label in variable.labels
+        ]
     points = np.arange(variable.low, variable.high + 0.1, 0.25)
     for point, category in zip(points, variable.categorise(points), strict=True):
         found[category].append((variable.labels[category], float(point)))
@@ -211,37 +256,75 @@ def values_of(variable: Variable) -> list[list[Value]]:
 @st.composite
 def comparison(draw: st.DrawFn, space: tuple[Variable, ...]) -> Said:
     one = draw(st.sampled_from(space))
-    name, kind = quoted(draw, one.name), draw(st.sampled_from(("list", "category", "constant", "variable")))
+    name, kind = (
+        quoted(draw, one.name),
+        draw(st.sampled_from(("list", "category", "constant", "variable"))),
+    )
     if kind == "list":
         chosen = draw(st.lists(st.sampled_from(one.labels), min_size=1, max_size=3))
         word, inside = draw(st.sampled_from((("in", True), ("not in", False))))
         listed = ", ".join(quoted(draw, label) for label in chosen)
-        return Said(f"{name} {word} {{{listed}}}", lambda row: (row[one.name][0] in chosen) == inside)
+        return Said(
+            f"{name} {word} {{{listed}}}", lambda row: (row[one.name][0] in chosen) == inside
+        )
     if kind == "category":
         label, sign = draw(st.sampled_from(one.labels)), draw(st.sampled_from(("=", "!=")))
-        return Said(f"{name} {sign} {quoted(draw, label)}", lambda row: COMPARED[sign](row[one.name][0], label))
+        return Said(
+            f"{name} {sign} {quoted(draw, label)}",
+            lambda row: COMPARED[sign](row[one.name][0], label),
+        )
     if kind == "constant":
         number, sign = draw(st.integers(-1, 6)), draw(st.sampled_from(("<", "<=", ">", ">=")))
         return Said(f"{name}{sign}{number}", lambda row: COMPARED[sign](row[one.name][1], number))
     other, sign = draw(st.sampled_from(space)), draw(st.sampled_from(sorted(COMPARED)))
     # Two variables compare as numbers if both have only numbers.
-    by = 1 if all(value is not None for v in (one, other) for several in values_of(v) for _, value in several) else 0
-    return Said(f"{name} {sign} {quoted(draw, other.name)}", lambda row: COMPARED[sign](row[one.name][by], row[other.name][by]))
+    by = (
+        1
+        if all(
+            value is not None
+            for v in (one, other)
+            for several in values_of(v)
+            for _, value in several
+        )
+        else 0
+    )
+    return Said(
+        f"{name} {sign} {quoted(draw, other.name)}",
+        lambda row: COMPARED[sign](row[one.name][by], row[other.name][by]),
+    )
 
 
 def joined(draw: st.DrawFn, space: tuple[Variable, ...], depth: int) -> Said:
-    kind = draw(st.sampled_from(("one", "not", "and", "or", "=>", "if", "else"))) if depth else "one"
+    kind = (
+        draw(st.sampled_from(("one", "not", "and", "or", "=>", "if", "else"))) if depth else "one"
+    )
     if kind == "one":
         return draw(comparison(space))
     a, b, c = (joined(draw, space, depth - 1) for _ in range(3))
     x, y, z = (f"({part.text})" for part in (a, b, c))
     texts: dict[str, tuple[str, Callable[[Row], bool], tuple[Said, ...]]] = {
         "not": (f"not {x}", lambda row: not a.holds(row), (a,)),
-        "and": (f"{x} and {y} and {z}", lambda row: a.holds(row) and b.holds(row) and c.holds(row), (a, b, c)),
-        "or": (f"{x} or {y} and {z}", lambda row: a.holds(row) or (b.holds(row) and c.holds(row)), (a, b, c)),
-        "=>": (f"{x} => {y} => {z}", lambda row: not a.holds(row) or not b.holds(row) or c.holds(row), (a, b, c)),
+        "and": (
+            f"{x} and {y} and {z}",
+            lambda row: a.holds(row) and b.holds(row) and c.holds(row),
+            (a, b, c),
+        ),
+        "or": (
+            f"{x} or {y} and {z}",
+            lambda row: a.holds(row) or (b.holds(row) and c.holds(row)),
+            (a, b, c),
+        ),
+        "=>": (
+            f"{x} => {y} => {z}",
+            lambda row: not a.holds(row) or not b.holds(row) or c.holds(row),
+            (a, b, c),
+        ),
         "if": (f"if {a.text} then {b.text}", lambda row: not a.holds(row) or b.holds(row), (a, b)),
-        "else": (f"if {a.text} then {y} else {c.text}", lambda row: b.holds(row) if a.holds(row) else c.holds(row), (a, b, c)),
+        "else": (
+            f"if {a.text} then {y} else {c.text}",
+            lambda row: b.holds(row) if a.holds(row) else c.holds(row),
+            (a, b, c),
+        ),
     }
     return Said(*texts[kind])
 
@@ -249,7 +332,10 @@ def joined(draw: st.DrawFn, space: tuple[Variable, ...], depth: int) -> Said:
 def outcomes(said: Said, space: tuple[Variable, ...]) -> list[set[bool]]:
     """Whether a text holds, for some values of each row of categories, in the order of the rows."""
     names, values = [variable.name for variable in space], list(map(values_of, space))
-    return [{said.holds(dict(zip(names, row, strict=True))) for row in product(*cell)} for cell in product(*values)]
+    return [
+        {said.holds(dict(zip(names, row, strict=True))) for row in product(*cell)}
+        for cell in product(*values)
+    ]
 
 
 UNCOMPARED = ("compares a variable with itself", "no category in common", "compare by <")
@@ -267,7 +353,10 @@ def test_clauses_allow_exactly_the_rows_in_which_the_text_holds(data: st.DataObj
         refused, allowed = str(error), [False] * len(rows)
     assume(not any(words in refused for words in UNCOMPARED))
     if "holds for some values" in refused:
-        assert any({True, False} in outcomes(one, space) for one in said.comparisons()), (said.text, refused)
+        assert any({True, False} in outcomes(one, space) for one in said.comparisons()), (
+            said.text,
+            refused,
+        )
         return
     assert not refused or re.search("no combination satisfies it|no point is left", refused)
     assert [{holds} for holds in allowed] == outcomes(said, space), said.text

@@ -23,11 +23,18 @@ def random_constraints(rng: np.random.Generator) -> Constraints:
         variable = int(rng.integers(len(SIZES)))
         return Literal(variable, int(rng.integers(SIZES[variable])), bool(rng.integers(2)))
 
-    return Constraints(SIZES, tuple(tuple(literal() for _ in range(rng.integers(1, 4))) for _ in range(rng.integers(0, 9))))
+    return Constraints(
+        SIZES,
+        tuple(
+            tuple(literal() for _ in range(rng.integers(1, 4))) for _ in range(rng.integers(0, 9))
+        ),
+    )
 
 
 @pytest.mark.parametrize("paired", [constraints.PAIRED, 1])
-def test_feasible_cells_agree_with_brute_force(paired: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_feasible_cells_agree_with_brute_force(
+    paired: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(constraints, "PAIRED", paired)
     rng = np.random.default_rng(0)
     rows = np.array(list(product(*(range(size) for size in SIZES))))
@@ -40,7 +47,9 @@ def test_feasible_cells_agree_with_brute_force(paired: int, monkeypatch: pytest.
             assert np.array_equal(limits.feasible_cells(pair), expected)
 
 
-def test_a_contradiction_takes_one_solver_and_leaves_out_the_first_constraints_that_it_can(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_contradiction_takes_one_solver_and_leaves_out_the_first_constraints_that_it_can(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     made = []
 
     def solver(**given: Any) -> Any:
@@ -70,11 +79,23 @@ def test_an_empty_clause_leaves_no_point() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("kind", "a constraint must read 'variable = category' or 'variable != category', got 'kind'"),
-        ("fog = 3", "constraint 'fog = 3': variable must be one of x, angle, count, kind; got 'fog'"),
+        (
+            "kind",
+            "a constraint must read 'variable = category' or 'variable != category', got 'kind'",
+        ),
+        (
+            "fog = 3",
+            "constraint 'fog = 3': variable must be one of x, angle, count, kind; got 'fog'",
+        ),
         ("kind = d", "constraint 'kind = d': category must be one of a, b, c; got 'd'"),
-        ("count = 1.4", "constraint 'count = 1.4': category must be one of 1, 2, 3, 4, 5; got '1.4'; did you mean '1'?"),
-        ("angle = 100", "category must be one of 0, 30, 60, 90, 120, 150, 180, 210, 240, 270, 300, 330; got '100'; did you mean '90'?"),
+        (
+            "count = 1.4",
+            "constraint 'count = 1.4': category must be one of 1, 2, 3, 4, 5; got '1.4'; did you mean '1'?",
+        ),
+        (
+            "angle = 100",
+            "category must be one of 0, 30, 60, 90, 120, 150, 180, 210, 240, 270, 300, 330; got '100'; did you mean '90'?",
+        ),
     ],
 )
 def test_a_wrong_literal_is_named(text: str, message: str) -> None:
@@ -84,7 +105,9 @@ def test_a_wrong_literal_is_named(text: str, message: str) -> None:
 
 def test_a_wrong_name_gets_a_suggestion_by_spelling() -> None:
     blueprints = THESIS.variables[-1:]
-    with pytest.raises(ValueError, match=r"category must be one of .*M 33.*, …; got 'M33'; did you mean 'M 33'\?$"):
+    with pytest.raises(
+        ValueError, match=r"category must be one of .*M 33.*, …; got 'M33'; did you mean 'M 33'\?$"
+    ):
         Space(blueprints, (("blueprint != M33",),))
 
 

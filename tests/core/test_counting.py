@@ -18,9 +18,13 @@ from pipeline.core.coverage.counting import FEW_POINTS, CellCounts
     ],
 )  # fmt: skip
 @pytest.mark.parametrize("points", [0, 7, FEW_POINTS + 77])
-def test_counts_are_right_with_and_without_batches(sizes: tuple[int, ...], k: int, points: int) -> None:
+def test_counts_are_right_with_and_without_batches(
+    sizes: tuple[int, ...], k: int, points: int
+) -> None:
     rng = np.random.default_rng(points)
-    rows = np.column_stack([rng.integers(0, size, points) for size in sizes]).reshape(points, len(sizes))
+    rows = np.column_stack([rng.integers(0, size, points) for size in sizes]).reshape(
+        points, len(sizes)
+    )
     counts = CellCounts(sizes, k)
     counts.add(rows[: points // 3])
     counts.add(rows[points // 3 :])
@@ -35,7 +39,9 @@ def test_a_condition_with_thousands_of_categories_costs_no_memory_beside_its_own
     sizes, points = (60_000, 4, 4, 4), FEW_POINTS
     rows = np.column_stack([np.random.default_rng(0).integers(0, size, points) for size in sizes])
     counts = CellCounts(sizes, 3)
-    counts.add(rows)  # The square of the sizes, as bit sets, would be terabytes, which no machine has.
+    counts.add(
+        rows
+    )  # The square of the sizes, as bit sets, would be terabytes, which no machine has.
     expected = Counter(map(tuple, rows[:, 1:].tolist()))
     assert all(counts.plane(3)[cell] == expected[cell] for cell in np.ndindex(4, 4, 4))
 

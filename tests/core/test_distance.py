@@ -13,7 +13,9 @@ def test_distance_is_the_mean_over_variables() -> None:
     a = np.array([[0.0, 350, 1, 0]])
     b = np.array([[5.0, 10, 3, 1], [0, 350, 1, 0], [0, 170, 1, 0]])
     # x 0.5, angle 20 of 180 degrees, count 0.5, kind 1.
-    assert mixed_distance(SMALL, a, b) == pytest.approx(np.array([[(0.5 + 20 / 180 + 0.5 + 1) / 4, 0, 0.25]]))
+    assert mixed_distance(SMALL, a, b) == pytest.approx(
+        np.array([[(0.5 + 20 / 180 + 0.5 + 1) / 4, 0, 0.25]])
+    )
 
 
 def test_relevance_is_non_failures_minus_failures_nearer_than_epsilon() -> None:
@@ -26,4 +28,6 @@ def test_relevance_is_non_failures_minus_failures_nearer_than_epsilon() -> None:
 
 
 def test_relevance_without_tests_is_zero() -> None:
-    assert relevance(SMALL, np.zeros((2, 4)), np.zeros((0, 4)), np.zeros(0, bool), 0.1).tolist() == [0, 0]
+    assert relevance(
+        SMALL, np.zeros((2, 4)), np.zeros((0, 4)), np.zeros(0, bool), 0.1
+    ).tolist() == [0, 0]

@@ -12,7 +12,9 @@ from tests.spaces import CONSTRAINED, SMALL
 nan = np.nan
 
 
-def told(kpi: Floats, space: Space = SMALL, **settings: float) -> tuple[EvolutionarySampler, Floats]:
+def told(
+    kpi: Floats, space: Space = SMALL, **settings: float
+) -> tuple[EvolutionarySampler, Floats]:
     """A sampler after its first batch, which has these KPIs."""
     sampler = EvolutionarySampler(space, 0, batch_size=len(kpi), initial=len(kpi), **settings)  # type: ignore[arg-type]
     points = sampler.ask()
@@ -48,18 +50,29 @@ def test_no_parents_are_chosen_before_the_initial_tests() -> None:
     sampler = EvolutionarySampler(SMALL, 0, batch_size=6, initial=7, parents=1, explore=0.0)
     for near in (False, False, True):
         points = sampler.ask()
-        assert (((points != points[:1]).sum(axis=1) <= 2).all()) == near  # Siblings differ in one or two variables.
+        assert (
+            ((points != points[:1]).sum(axis=1) <= 2).all()
+        ) == near  # Siblings differ in one or two variables.
         sampler.tell(points, np.arange(6.0))
 
 
 def test_steps_stay_small_and_change_integers() -> None:
-    space = Space((Variable("angle", "continuous", "deg", 0, 360, 30, cyclic=True), Variable("count", "integer", "", 1, 100, 1)))
+    space = Space(
+        (
+            Variable("angle", "continuous", "deg", 0, 360, 30, cyclic=True),
+            Variable("count", "integer", "", 1, 100, 1),
+        )
+    )
     sampler, points = told(np.arange(40.0), space, parents=1, explore=0.0, step=0.01)
     moved = sampler.ask() - points[0]
     turned = (moved[:, 0] + 180) % 360 - 180
     assert 0 < np.abs(turned).max() < 5 * 3.6
     steps = moved[moved[:, 1] != 0, 1]
-    assert set(np.abs(steps)) >= {1.0} and np.abs(steps).max() <= 5 and (steps == np.round(steps)).all()
+    assert (
+        set(np.abs(steps)) >= {1.0}
+        and np.abs(steps).max() <= 5
+        and (steps == np.round(steps)).all()
+    )
 
 
 def test_impact_is_the_mean_deviation_among_tests_that_differ_in_one_variable() -> None:
@@ -71,7 +84,9 @@ def test_impact_is_the_mean_deviation_among_tests_that_differ_in_one_variable() 
 
 def test_variables_with_more_impact_change_more_often() -> None:
     def changes(impact: float) -> Floats:
-        sampler = EvolutionarySampler(SMALL, 0, batch_size=100, initial=100, parents=1, explore=0.0, impact=impact)
+        sampler = EvolutionarySampler(
+            SMALL, 0, batch_size=100, initial=100, parents=1, explore=0.0, impact=impact
+        )
         for _ in range(2):
             points = sampler.ask()
             sampler.tell(points, points[:, 0])
@@ -98,5 +113,13 @@ def test_wrong_settings_are_named(settings: dict[str, float], message: str) -> N
 
 
 def test_an_integer_moves_by_at_least_one_however_small_the_step() -> None:
-    lanes, steps = Variable("lanes", "integer", "", 1, 100, 1), np.array([0.001, -0.001, 0.03, 0.02])
-    assert _moved(lanes, np.array([50.0, 50, 50, 100]), steps, np.zeros(4)).tolist() == [51, 49, 53, 100]
+    lanes, steps = (
+        Variable("lanes", "integer", "", 1, 100, 1),
+        np.array([0.001, -0.001, 0.03, 0.02]),
+    )
+    assert _moved(lanes, np.array([50.0, 50, 50, 100]), steps, np.zeros(4)).tolist() == [
+        51,
+        49,
+        53,
+        100,
+    ]

@@ -51,14 +51,21 @@ def test_clauses_hold_where_the_expression_holds(expression: Expression) -> None
 
 def test_the_clauses_of_an_implication_are_few() -> None:
     rain, dry = OneOf((2,), frozenset({(2,), (3,)})), OneOf((1,), frozenset({(0,)}))
-    assert clauses_of(Some((Not(rain), dry)), SIZES) == ((Literal(1, 1, equal=False), Literal(2, 0), Literal(2, 1)),)
+    assert clauses_of(Some((Not(rain), dry)), SIZES) == (
+        (Literal(1, 1, equal=False), Literal(2, 0), Literal(2, 1)),
+    )
     assert clauses_of(Every(()), SIZES) == ()
 
 
 def test_what_no_point_satisfies_and_what_is_too_large_are_refused() -> None:
     with pytest.raises(ValueError, match="no combination satisfies it"):
         clauses_of(Every((OneOf((0,), frozenset({(0,)})), OneOf((0,), frozenset()))), SIZES)
-    pairs = Some(tuple(Every(tuple(OneOf((2 * i + j,), frozenset({(0,)})) for j in range(2))) for i in range(12)))
+    pairs = Some(
+        tuple(
+            Every(tuple(OneOf((2 * i + j,), frozenset({(0,)})) for j in range(2)))
+            for i in range(12)
+        )
+    )
     with pytest.raises(ValueError, match="needs more than 1,000 clauses"):
         clauses_of(pairs, (2,) * 24)
     with pytest.raises(ValueError, match="1,000,000 combinations"):

@@ -59,7 +59,11 @@ def read(folder: Path, text: str, name: str = "model.txt") -> Space:
 def test_a_pict_model_is_a_space(tmp_path: Path) -> None:
     space = read(tmp_path, PICT)
     assert space.names == ("Type", "Size", "File system", "Second")
-    assert space.variables[0].values == ("Single", "Span", "RAID-5") and space.weights[0] == (10, 1, 2)
+    assert space.variables[0].values == ("Single", "Span", "RAID-5") and space.weights[0] == (
+        10,
+        1,
+        2,
+    )
     assert space.variables[3].values == ("FAT", "NTFS", "none")
     assert space.clauses == (
         ("Size != 40000", "File system != FAT"),
@@ -126,7 +130,9 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("text", "message"), REFUSED)
-def test_what_a_space_cannot_say_is_refused_with_its_line(text: str, message: str, tmp_path: Path) -> None:
+def test_what_a_space_cannot_say_is_refused_with_its_line(
+    text: str, message: str, tmp_path: Path
+) -> None:
     with pytest.raises(InputError) as refused:
         read(tmp_path, text)
     assert message in str(refused.value) and str(tmp_path / "model.txt") in str(refused.value)
@@ -140,9 +146,17 @@ def test_what_a_space_cannot_say_is_refused_with_its_line(text: str, message: st
             'type="7"',
             "Parameter[1]: expected a name and a type from 0 to 2 (int, enum, boolean), got name 'speed' and type '7'",
         ),
-        ("<invalidValues />", "<invalidValues><invalidValue>9</invalidValue></invalidValues>", "Parameter[1]: speed has invalid values"),
+        (
+            "<invalidValues />",
+            "<invalidValues><invalidValue>9</invalidValue></invalidValues>",
+            "Parameter[1]: speed has invalid values",
+        ),
         (' Default="true"', "", "System/Relations/Relation: relations have strengths of their own"),
-        ("wet =&gt;", "wett =&gt;", "Constraint[1]: there is no parameter wett; did you mean 'wet'?"),
+        (
+            "wet =&gt;",
+            "wett =&gt;",
+            "Constraint[1]: there is no parameter wett; did you mean 'wet'?",
+        ),
         ("</System>", "", "not valid XML"),
         ("System", "Sut", "expected the element System, got Sut"),
     ],
@@ -183,13 +197,17 @@ def test_parts_of_intervals_become_names_in_models(kind: str, tmp_path: Path) ->
     ]
     if kind == "space":
         assert (
-            back.variables[:2] == (INTERVALS.variables[0], back.variables[1]) and back.variables[1].labels == INTERVALS.variables[1].labels
+            back.variables[:2] == (INTERVALS.variables[0], back.variables[1])
+            and back.variables[1].labels == INTERVALS.variables[1].labels
         )
         assert not left_out
     else:
         assert back.variables[0].values == ("[0 .. 20)", "[20 .. 50)", "[50 .. 100]")
         weights = "the weights of 0 of fog" if kind == "pict" else "the weights of fog"
-        assert weights in left_out and "that sun is a number; its parts become names such as [90 .. 270)" in left_out
+        assert (
+            weights in left_out
+            and "that sun is a number; its parts become names such as [90 .. 270)" in left_out
+        )
 
 
 @pytest.mark.parametrize(
@@ -201,28 +219,72 @@ def test_parts_of_intervals_become_names_in_models(kind: str, tmp_path: Path) ->
         ("a", ("x (3)", "z"), "pict", "a: PICT cannot write"),
         ("[a]", ("x", "z"), "pict", "[a]: PICT cannot write"),
         ("a", ("x", "X"), "pict", "a: PICT treats some of the values x, X as the same"),
-        ("a b", ("x", "z"), "acts", "a b: the name of an ACTS parameter consists of letters, digits and _"),
+        (
+            "a b",
+            ("x", "z"),
+            "acts",
+            "a b: the name of an ACTS parameter consists of letters, digits and _",
+        ),
         ("a", ("x;y", "z"), "acts-xml", "a: ACTS cannot write the value 'x;y'"),
     ],
 )
-def test_names_that_a_format_cannot_write_are_refused(name: str, values: tuple[str, ...], kind: str, message: str, tmp_path: Path) -> None:
+def test_names_that_a_format_cannot_write_are_refused(
+    name: str, values: tuple[str, ...], kind: str, message: str, tmp_path: Path
+) -> None:
     other = Variable("other", "categorical", values=("p", "q"))
-    space = Space((other, Variable(name, "categorical", values=values)), ((f"{name} = {values[0]}", "other = p"),))
+    space = Space(
+        (other, Variable(name, "categorical", values=values)),
+        ((f"{name} = {values[0]}", "other = p"),),
+    )
     with pytest.raises(InputError) as refused:
         write_model(tmp_path / "m.txt", space, kind)
     assert message in str(refused.value) and not (tmp_path / "m.txt").exists()
 
 
-def test_models_are_planned_scored_and_exported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_models_are_planned_scored_and_exported(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "model.txt").write_text(PICT)
-    (tmp_path / "rows.csv").write_text("Type,Size,File system,Second\nSingle,10,FAT,NTFS\nRaid5,500,NTFS,none\n")
-    words = ["coverage", "score", "--space", str(tmp_path / "model.txt"), "--points", str(tmp_path / "rows.csv"), "--k", "1", "--json"]
+    (tmp_path / "rows.csv").write_text(
+        "Type,Size,File system,Second\nSingle,10,FAT,NTFS\nRaid5,500,NTFS,none\n"
+    )
+    words = [
+        "coverage",
+        "score",
+        "--space",
+        str(tmp_path / "model.txt"),
+        "--points",
+        str(tmp_path / "rows.csv"),
+        "--k",
+        "1",
+        "--json",
+    ]
     assert main(words) == 0
     found = json.loads(capsys.readouterr().out)
     # Type wants 13 points and has one: the second row has another name than the first one of its value.
-    assert (found["numerator"], found["denominator"], found["partial"]) == (1 + 2 + 2 + 2, 13 + 3 + 2 + 3, 1)
-    words = ["coverage", "export", "--space", str(tmp_path / "model.txt"), "--output", str(tmp_path / "model.yaml"), "--json"]
+    assert (found["numerator"], found["denominator"], found["partial"]) == (
+        1 + 2 + 2 + 2,
+        13 + 3 + 2 + 3,
+        1,
+    )
+    words = [
+        "coverage",
+        "export",
+        "--space",
+        str(tmp_path / "model.txt"),
+        "--output",
+        str(tmp_path / "model.yaml"),
+        "--json",
+    ]
     assert main(words) == 0
-    assert json.loads(capsys.readouterr().out) == {"format": "space", "conditions": 4, "constraints": 3, "left_out": []}
+    assert json.loads(capsys.readouterr().out) == {
+        "format": "space",
+        "conditions": 4,
+        "constraints": 3,
+        "left_out": [],
+    }
     assert main([*words[:5], str(tmp_path / "model.acts")]) == 2
-    assert "expected a name that ends in .txt, .xml, .yaml, .yml, or --format" in capsys.readouterr().err
+    assert (
+        "expected a name that ends in .txt, .xml, .yaml, .yml, or --format"
+        in capsys.readouterr().err
+    )

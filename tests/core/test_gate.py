@@ -5,7 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.core.gate import Gate, Judgement, Part, Policy, champion, gate, judge_limit, limit_rise
+from pipeline.core.gate import (
+    Gate,
+    Judgement,
+    Part,
+    Policy,
+    champion,
+    gate,
+    judge_limit,
+    limit_rise,
+)
 from pipeline.core.statistics import wilson_interval
 from tests.core.test_comparison import outcomes
 
@@ -26,7 +35,9 @@ def test_a_version_without_failures_passes() -> None:
 def test_more_errors_hold_a_version_back() -> None:
     found = judged("e" + "." * 59)
     assert found.more_errors and not found.passes
-    assert gate(outcomes("e" * 2 + "c" * 58), outcomes("." * 59 + "e"), True, (), POLICY).passes, "as many or fewer errors do not"
+    assert gate(outcomes("e" * 2 + "c" * 58), outcomes("." * 59 + "e"), True, (), POLICY).passes, (
+        "as many or fewer errors do not"
+    )
 
 
 def test_a_difference_that_is_not_significant_holds_a_version_back() -> None:
@@ -45,7 +56,11 @@ def test_a_limit_above_the_margin_holds_a_version_back() -> None:
     # One regression of 30 without a fix: the upper end of Wilson's interval of 1/30, 13.6 %; one-sided 95 % are two-sided 90 %.
     (limit,) = found.limits_that_are("above the margin")
     assert (limit.name, limit.tests, limit.fixes, limit.regressions) == ("second half", 30, 0, 1)
-    assert limit.limit == pytest.approx(wilson_interval(1, 30, 0.9)[1]) and found.fewer and not found.passes
+    assert (
+        limit.limit == pytest.approx(wilson_interval(1, 30, 0.9)[1])
+        and found.fewer
+        and not found.passes
+    )
     assert judged("." * 60, True, ALL, second).passes
 
 
@@ -65,17 +80,26 @@ def test_a_part_that_is_too_small_holds_nothing_back() -> None:
         (0, 1, "too small to judge"),
     ],
 )
-def test_a_limit_is_judged_where_equal_results_could_meet_the_margin(tests: int, limit: float, judgement: Judgement) -> None:
+def test_a_limit_is_judged_where_equal_results_could_meet_the_margin(
+    tests: int, limit: float, judgement: Judgement
+) -> None:
     assert judge_limit(limit, tests, POLICY) == judgement
 
 
 def test_a_limit_counts_the_tests_that_are_valid_for_both() -> None:
-    found = limit_rise(outcomes("cc.e."), outcomes(".ecc."), Part("all", "failures", np.ones(5, bool)), POLICY)
+    found = limit_rise(
+        outcomes("cc.e."), outcomes(".ecc."), Part("all", "failures", np.ones(5, bool)), POLICY
+    )
     assert (found.tests, found.fixes, found.regressions) == (3, 1, 1)
 
 
 def test_the_champion_fails_least_on_the_tests_that_all_executed() -> None:
-    versions = {"base": outcomes("cccc"), "one": outcomes("c..e"), "two": outcomes("f..c"), "three": outcomes("cc..")}
+    versions = {
+        "base": outcomes("cccc"),
+        "one": outcomes("c..e"),
+        "two": outcomes("f..c"),
+        "three": outcomes("cc.."),
+    }
     # The last test counts for no version: one and two fail once each, two by false positives.
     assert champion(versions, ["one", "two", "three"]) == "two"
     assert champion(versions, ["one", "three"]) == "one"
@@ -83,10 +107,19 @@ def test_the_champion_fails_least_on_the_tests_that_all_executed() -> None:
 
 
 def test_an_error_of_a_version_that_is_held_back_counts_for_no_champion() -> None:
-    versions = {"base": outcomes("cccc"), "two": outcomes(".c.."), "one": outcomes("c..."), "held back": outcomes("e...")}
+    versions = {
+        "base": outcomes("cccc"),
+        "two": outcomes(".c.."),
+        "one": outcomes("c..."),
+        "held back": outcomes("e..."),
+    }
     assert champion(versions, ["two", "one"]) == "one", "without the first test, one never fails"
 
 
 def test_a_limit_has_the_confidence_of_the_policy_and_not_that_of_its_tests() -> None:
-    found = limit_rise(BASE, outcomes("c" * 31 + "." * 29), ALL, Policy(alpha=0.05, confidence=0.8, margin=0.1))
-    assert found.limit == pytest.approx(wilson_interval(1, 60, 0.6)[1]), "one-sided 80 % are two-sided 60 %"
+    found = limit_rise(
+        BASE, outcomes("c" * 31 + "." * 29), ALL, Policy(alpha=0.05, confidence=0.8, margin=0.1)
+    )
+    assert found.limit == pytest.approx(wilson_interval(1, 60, 0.6)[1]), (
+        "one-sided 80 % are two-sided 60 %"
+    )

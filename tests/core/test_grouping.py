@@ -18,7 +18,12 @@ NEIGHBOURS, MIN_FAILURES = 0.5, 4
 
 
 def groups_of(tests: Outcomes, causes: np.ndarray | None = None) -> list[Group]:
-    return group_failures(tests, np.where(tests.failed, "box", "none") if causes is None else causes, NEIGHBOURS, MIN_FAILURES)
+    return group_failures(
+        tests,
+        np.where(tests.failed, "box", "none") if causes is None else causes,
+        NEIGHBOURS,
+        MIN_FAILURES,
+    )
 
 
 @pytest.mark.parametrize("name", WORLDS)
@@ -54,18 +59,32 @@ def test_each_cause_has_regions_of_its_own_and_what_is_left_is_grouped_together(
     found = groups_of(Outcomes(SPACE, points, causes != "none", WORDS), causes)
     texts = {(group.cause, group.rule.text(SPACE)) for group in found}
     assert {("never_seen", "sun_altitude <= 0 deg"), ("box", "child")} <= texts
-    assert all(set(causes[group.members]) == {group.cause} for group in found if group.cause != MIXED)
+    assert all(
+        set(causes[group.members]) == {group.cause} for group in found if group.cause != MIXED
+    )
     assert not any(group.members[isolated].any() for group in found)
-    assert np.sum([group.members for group in found], axis=0).max() == 1, "a failure is in one region"
+    assert np.sum([group.members for group in found], axis=0).max() == 1, (
+        "a failure is in one region"
+    )
 
 
 def test_too_few_failures_of_each_cause_are_one_region_of_several() -> None:
     points = SPACE.sample(300, np.random.default_rng(1))
     failed = (points[:, FOG] > 90) & (np.cumsum(points[:, FOG] > 90) <= 15)
     points[(points[:, FOG] > 90) & ~failed, FOG] = 50
-    causes = np.where(failed, np.array(["box", "confidence", "too_late", "never_seen", "false_positives"])[np.cumsum(failed) % 5], "none")
+    causes = np.where(
+        failed,
+        np.array(["box", "confidence", "too_late", "never_seen", "false_positives"])[
+            np.cumsum(failed) % 5
+        ],
+        "none",
+    )
     (group,) = groups_of(Outcomes(SPACE, points, failed, WORDS), causes)
-    assert group.cause == MIXED and group.rule.text(SPACE).startswith("fog >= 9") and group.members.sum() == 15
+    assert (
+        group.cause == MIXED
+        and group.rule.text(SPACE).startswith("fog >= 9")
+        and group.members.sum() == 15
+    )
 
 
 def test_if_nearly_every_test_fails_all_failures_are_one_region() -> None:
@@ -89,19 +108,28 @@ def test_held_back_tests_are_judged_by_rules_that_have_not_seen_them() -> None:
 
 
 def test_values_with_similar_attributes_are_near_each_other() -> None:
-    people = Variable("person", "categorical", values=("a", "b", "c"), attributes=(("height_m", (1.0, 1.1, 1.4)), ("hat", (0, 0, 1))))
+    people = Variable(
+        "person",
+        "categorical",
+        values=("a", "b", "c"),
+        attributes=(("height_m", (1.0, 1.1, 1.4)), ("hat", (0, 0, 1))),
+    )
     space = Space((people, SMALL.variables[0]))
     points = np.array([[0.0, 2], [1, 2], [2, 2], [0, 7]])
     by_hand = [[0, (0.25 + 0) / 4, (1 + 1) / 4, 0.25], [0.0625, 0, (0.75 + 1) / 4, 0.0625 + 0.25]]
     assert described_distance(space, points[:2], points) == pytest.approx(np.array(by_hand))
     bare = THESIS.sample(5, np.random.default_rng(0))
-    assert (described_distance(THESIS, bare, bare) == mixed_distance(THESIS, bare, bare)).all(), "without attributes"
+    assert (described_distance(THESIS, bare, bare) == mixed_distance(THESIS, bare, bare)).all(), (
+        "without attributes"
+    )
 
 
 def test_the_radius_contains_the_expected_failures_by_chance() -> None:
     radius = described_radius(SPACE, 200, 2.0)
     points = SPACE.sample(200, np.random.default_rng(5))
-    assert 1.4 < ((described_distance(SPACE, points, points) <= radius).sum(axis=1) - 1).mean() < 2.8
+    assert (
+        1.4 < ((described_distance(SPACE, points, points) <= radius).sum(axis=1) - 1).mean() < 2.8
+    )
     assert described_radius(SPACE, 400, 2.0) < radius < described_radius(SPACE, 200, 4.0)
     assert described_radius(SPACE, 1, 2.0) == 1
     with pytest.raises(ValueError, match="neighbours must be positive, got 0"):
@@ -110,7 +138,16 @@ def test_the_radius_contains_the_expected_failures_by_chance() -> None:
 
 def test_dense_groups_come_larger_first_with_noise_apart() -> None:
     near, far, alone = [[1.0, 0, 1, 0]] * 3, [[9.0, 180, 5, 2]] * 4, [[5.0, 90, 3, 1]]
-    assert dense_groups(SMALL, np.array(near + far + alone), 0.0, 3).tolist() == [1, 1, 1, 0, 0, 0, 0, -1]
+    assert dense_groups(SMALL, np.array(near + far + alone), 0.0, 3).tolist() == [
+        1,
+        1,
+        1,
+        0,
+        0,
+        0,
+        0,
+        -1,
+    ]
     assert dense_groups(SMALL, np.zeros((0, 4)), 0.1, 3).tolist() == []
 
 
@@ -123,7 +160,9 @@ def test_a_space_of_few_categories_has_regions_too() -> None:
 
 
 def test_points_and_failures_must_have_equal_length() -> None:
-    with pytest.raises(ValueError, match=rf"points must be \(3, {len(SMALL)}\), got \(2, {len(SMALL)}\)"):
+    with pytest.raises(
+        ValueError, match=rf"points must be \(3, {len(SMALL)}\), got \(2, {len(SMALL)}\)"
+    ):
         Outcomes(SMALL, SMALL.sample(2, np.random.default_rng(0)), np.zeros(3, bool))
 
 

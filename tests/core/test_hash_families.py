@@ -29,16 +29,22 @@ def test_opposed_powers_reach_the_published_size(order: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("order", "number", "columns", "strength", "size"), [(3, 2, 9, 3, 51), (4, 2, 13, 3, 124), (3, 3, 14, 3, 75), (3, 2, 8, 4, 159)]
+    ("order", "number", "columns", "strength", "size"),
+    [(3, 2, 9, 3, 51), (4, 2, 13, 3, 124), (3, 3, 14, 3, 75), (3, 2, 8, 4, 159)],
 )
-def test_a_family_that_begins_with_ones_shares_its_constant_rows(order: int, number: int, columns: int, strength: int, size: int) -> None:
+def test_a_family_that_begins_with_ones_shares_its_constant_rows(
+    order: int, number: int, columns: int, strength: int, size: int
+) -> None:
     """n (q^t - q) + q rows (Sherwood, Martirosyan and Colbourn 2006)."""
     arithmetic = galois_field(order)
     assert arithmetic is not None
     family = searched(arithmetic, (number, columns, strength), 0)
     assert family is not None and (family[:, :, 0] == 1).all()
     rows = products(arithmetic, family)
-    assert rows.shape == (size, columns) and verify(rows, Constraints((order,) * columns), strength).valid
+    assert (
+        rows.shape == (size, columns)
+        and verify(rows, Constraints((order,) * columns), strength).valid
+    )
     if order == 3:  # A prime, so determinants of integers tell what is independent.
         for columns_ in combinations(range(columns), strength):
             assert any(round(np.linalg.det(vectors[list(columns_)])) % order for vectors in family)
@@ -61,7 +67,12 @@ def test_no_family_is_found_where_there_is_none(monkeypatch: pytest.MonkeyPatch)
 def test_missing_values_are_free_and_only_small_enough_arrays_are_made() -> None:
     sizes = (3, 4, 2, *(4,) * 8)
     rows = from_hash_family(sizes, 3, 125, 0)
-    assert rows is not None and len(rows) <= 124 and (rows < sizes).all() and (rows[:, 2] == FREE).any()
+    assert (
+        rows is not None
+        and len(rows) <= 124
+        and (rows < sizes).all()
+        and (rows[:, 2] == FREE).any()
+    )
     assert verify(np.where(rows == FREE, 0, rows).astype(np.int64), Constraints(sizes), 3).valid
     assert from_hash_family(sizes, 3, 124, 0) is None
     again = from_hash_family(sizes, 3, 125, 0)
@@ -80,6 +91,10 @@ def test_no_construction_begins_after_the_time() -> None:
 
     def started(go_on: bool) -> int:
         nothing, rng = np.zeros((0, 9), np.int32), np.random.default_rng(0)
-        return len(Search(of_strength(limits, 3), limits, nothing, rng, lambda share, size: None).start(lambda: go_on))
+        return len(
+            Search(of_strength(limits, 3), limits, nothing, rng, lambda share, size: None).start(
+                lambda: go_on
+            )
+        )
 
     assert started(True) == 124 < started(False)

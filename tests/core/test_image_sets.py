@@ -19,13 +19,17 @@ META = "file_name,weather\na.jpg,sunny\nb.jpg,rainy\nc.jpg,rainy\n"
 @pytest.fixture
 def space(tmp_path: Path) -> Space:
     path = tmp_path / "space.yaml"
-    path.write_text("variables: {weather: {values: [sunny, rainy]}, objects: {interval: [0, 9], cuts: [1, 3]}}")
+    path.write_text(
+        "variables: {weather: {values: [sunny, rainy]}, objects: {interval: [0, 9], cuts: [1, 3]}}"
+    )
     return read_space_file(path)
 
 
 def points(folder: Path, space: Space, points: str, metadata: str = META) -> list[list[int]]:
     (folder / "meta.csv").write_text(metadata)
-    found: list[list[int]] = read_points(folder / points, space, metadata=folder / "meta.csv").strict().tolist()
+    found: list[list[int]] = (
+        read_points(folder / points, space, metadata=folder / "meta.csv").strict().tolist()
+    )
     return found
 
 
@@ -49,34 +53,51 @@ LAYOUTS = {
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_images_without_labels_are_backgrounds_in_every_layout(layout: str, space: Space, tmp_path: Path) -> None:
+def test_images_without_labels_are_backgrounds_in_every_layout(
+    layout: str, space: Space, tmp_path: Path
+) -> None:
     lay(tmp_path / "set", LAYOUTS[layout])
     assert points(tmp_path, space, "set") == EXPECTED
 
 
 @pytest.mark.parametrize("named", ["images", "labels"])
-def test_either_folder_of_images_and_labels_names_both(named: str, space: Space, tmp_path: Path) -> None:
+def test_either_folder_of_images_and_labels_names_both(
+    named: str, space: Space, tmp_path: Path
+) -> None:
     lay(tmp_path / "set", LAYOUTS["apart"])
     assert points(tmp_path, space, f"set/{named}") == EXPECTED
 
 
 def test_names_with_points_are_whole_names(space: Space, tmp_path: Path) -> None:
     lay(tmp_path / "set", {"scene.1.txt": LABEL, "scene.2.txt": ""})
-    assert points(tmp_path, space, "set", "file_name,weather\nscene.1.jpg,sunny\nscene.2,rainy\n") == [[0, 1], [1, 0]]
+    assert points(
+        tmp_path, space, "set", "file_name,weather\nscene.1.jpg,sunny\nscene.2,rainy\n"
+    ) == [[0, 1], [1, 0]]
 
 
 def test_a_row_twice_must_agree(space: Space, tmp_path: Path) -> None:
     lay(tmp_path / "set", LAYOUTS["apart"])
     assert points(tmp_path, space, "set", META + "a.jpg,sunny\n") == EXPECTED
-    with pytest.raises(InputError, match=r"meta.csv: rows 1 and 4 are both a and differ in weather"):
+    with pytest.raises(
+        InputError, match=r"meta.csv: rows 1 and 4 are both a and differ in weather"
+    ):
         points(tmp_path, space, "set", META + "a.jpg,rainy\n")
-    with pytest.raises(InputError, match=r"row 4: file_name must be the name of an image, got nothing"):
+    with pytest.raises(
+        InputError, match=r"row 4: file_name must be the name of an image, got nothing"
+    ):
         points(tmp_path, space, "set", META + ",rainy\n")
-    with pytest.raises(InputError, match=r"meta.csv: expected a column file_name, got name, weather"):
+    with pytest.raises(
+        InputError, match=r"meta.csv: expected a column file_name, got name, weather"
+    ):
         points(tmp_path, space, "set", "name,weather\na,sunny\n")
-    with pytest.raises(InputError, match=r"meta.csv: expected a column file_name, got filename, Weather"):
+    with pytest.raises(
+        InputError, match=r"meta.csv: expected a column file_name, got filename, Weather"
+    ):
         points(tmp_path, space, "set", "filename,Weather\na,sunny\n")
-    with pytest.raises(InputError, match=r"meta.csv: expected a column for each condition; there is none for weather"):
+    with pytest.raises(
+        InputError,
+        match=r"meta.csv: expected a column for each condition; there is none for weather",
+    ):
         points(tmp_path, space, "set", META.replace("weather", "wether"))
 
 
@@ -96,7 +117,9 @@ def test_two_images_with_one_label_file_are_refused(space: Space, tmp_path: Path
 @pytest.mark.parametrize("text", ["person 1 2 3 4\n", "0 0.5 0.5 0.1\n", "notes\n"])
 def test_a_file_that_is_no_label_file_is_named(text: str, space: Space, tmp_path: Path) -> None:
     lay(tmp_path / "set", {"a.txt": LABEL + text})
-    with pytest.raises(InputError, match=r"a.txt: line 2: expected a class and at least four numbers, got"):
+    with pytest.raises(
+        InputError, match=r"a.txt: line 2: expected a class and at least four numbers, got"
+    ):
         points(tmp_path, space, "set")
 
 
@@ -106,19 +129,31 @@ def test_a_file_that_is_no_label_file_is_named(text: str, space: Space, tmp_path
         ([(1, "a.jpg"), (1, "b.jpg")], 1, "the image id 1 belongs to a.jpg and to b.jpg"),
         ([(1, "a.jpg"), (2, "a.jpg")], 1, "the image a.jpg appears twice, with different ids"),
         ([(1, "a.jpg")], 7, r"annotations\[0\]: expected the id of an image, got 7"),
-        ([(1, "d.jpg")], 1, "expected a row for every image of .*truth.json, there is none for d.jpg"),
+        (
+            [(1, "d.jpg")],
+            1,
+            "expected a row for every image of .*truth.json, there is none for d.jpg",
+        ),
     ],
 )
 def test_coco_files_that_contradict_themselves_are_refused(
     images: list[tuple[int, str]], image: int, message: str, space: Space, tmp_path: Path
 ) -> None:
-    plain = {"images": [{"id": i, "file_name": name} for i, name in images], "annotations": [{"id": 1, "image_id": image}]}
+    plain = {
+        "images": [{"id": i, "file_name": name} for i, name in images],
+        "annotations": [{"id": 1, "image_id": image}],
+    }
     (tmp_path / "truth.json").write_text(json.dumps(plain))
     with pytest.raises(InputError, match=message):
         points(tmp_path, space, "truth.json")
 
 
 def test_coco_tells_images_apart_by_their_suffix(space: Space, tmp_path: Path) -> None:
-    plain = {"images": [{"id": 1, "file_name": "a.jpg"}, {"id": 2, "file_name": "a.png"}], "annotations": []}
+    plain = {
+        "images": [{"id": 1, "file_name": "a.jpg"}, {"id": 2, "file_name": "a.png"}],
+        "annotations": [],
+    }
     (tmp_path / "truth.json").write_text(json.dumps(plain))
-    assert points(tmp_path, space, "truth.json", "file_name,weather\na.png,rainy\na.jpg,sunny\n") == [[0, 0], [1, 0]]
+    assert points(
+        tmp_path, space, "truth.json", "file_name,weather\na.png,rainy\na.jpg,sunny\n"
+    ) == [[0, 0], [1, 0]]

@@ -25,14 +25,19 @@ with held(Path(sys.argv[1]), lambda: None):
 
 
 def other_holds(path: Path, seconds: float) -> subprocess.Popen[str]:
-    process = subprocess.Popen([sys.executable, "-c", HOLDER, str(path), str(seconds)], stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [sys.executable, "-c", HOLDER, str(path), str(seconds)], stdout=subprocess.PIPE, text=True
+    )
     assert process.stdout is not None and process.stdout.readline() == "held\n"
     return process
 
 
 def test_a_second_process_waits_and_says_so(tmp_path: Path) -> None:
     path, told = tmp_path / "folder" / "a.lock", []
-    with other_holds(path, 1.0) as process, held(path, lambda: told.append(time.monotonic())) as waited:
+    with (
+        other_holds(path, 1.0) as process,
+        held(path, lambda: told.append(time.monotonic())) as waited,
+    ):
         assert waited and len(told) == 1 and path.with_name("done").exists()
     assert process.returncode == 0 and not path.exists()
 
@@ -55,7 +60,10 @@ def test_a_killed_process_holds_no_lock(tmp_path: Path) -> None:
 def test_ctrl_c_in_waiting_leaves_the_lock_to_its_holder(tmp_path: Path) -> None:
     path = tmp_path / "a.lock"
     with other_holds(path, 60) as process:
-        with pytest.raises(KeyboardInterrupt), held(path, lambda: signal.raise_signal(signal.SIGINT)):
+        with (
+            pytest.raises(KeyboardInterrupt),
+            held(path, lambda: signal.raise_signal(signal.SIGINT)),
+        ):
             pass
         with path.open("rb") as file, pytest.raises(BlockingIOError):
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -44,10 +44,18 @@ def test_ttc_counts_rows_on_a_collision_path_of_a_moving_ego() -> None:
 
 
 def test_false_positives_divide_the_shortest_ttc() -> None:
-    result = kpi(false_positives=[1, 0, 2, 0], false_positives_far=[1, 0, 1, 0], false_positives_duplicate=[0, 0, 1, 0])
+    result = kpi(
+        false_positives=[1, 0, 2, 0],
+        false_positives_far=[1, 0, 1, 0],
+        false_positives_duplicate=[0, 0, 1, 0],
+    )
     assert result.ttc_s == pytest.approx(0.1)
     assert result.adj_ttc_s == pytest.approx(0.025)
-    assert (result.false_positives, result.false_positives_far, result.false_positives_duplicate) == (3, 2, 1)
+    assert (
+        result.false_positives,
+        result.false_positives_far,
+        result.false_positives_duplicate,
+    ) == (3, 2, 1)
 
 
 def test_the_threshold_itself_is_a_failure() -> None:
@@ -84,22 +92,32 @@ def test_impact_speed_is_that_of_the_contact() -> None:
 
 
 def test_first_detection_and_missed_frames() -> None:
-    result = kpi(confidence=[0, 0, 0.7, 0], visible_pixels=[29, 30, 500, 500], contrast=[50, 8, 50, 7.9])
+    result = kpi(
+        confidence=[0, 0, 0.7, 0], visible_pixels=[29, 30, 500, 500], contrast=[50, 8, 50, 7.9]
+    )
     assert [result.first_detection_s, result.first_detection_m] == pytest.approx([0.2, 2.0])
     assert result.missed_frames == 1
     assert np.isnan([kpi().first_detection_s, kpi().first_detection_m]).all()
 
 
 def test_post_encroachment_needs_both_in_order_and_no_contact() -> None:
-    columns: dict[str, list[float]] = {"on_collision_path": [1, 0, 0, 0], "conflict_distance_m": [3, 2, 1, 0]}
+    columns: dict[str, list[float]] = {
+        "on_collision_path": [1, 0, 0, 0],
+        "conflict_distance_m": [3, 2, 1, 0],
+    }
     assert kpi(**columns).post_encroachment_s == pytest.approx(0.2)
     assert np.isnan(kpi(**columns, contact=[0, 0, 0, 1]).post_encroachment_s)
     assert np.isnan(kpi(on_collision_path=[1, 1, 1, 1]).post_encroachment_s)
-    assert np.isnan(kpi(on_collision_path=[1, 1, 1, 0], conflict_distance_m=[1, 0, 0, 0]).post_encroachment_s)
+    assert np.isnan(
+        kpi(on_collision_path=[1, 1, 1, 0], conflict_distance_m=[1, 0, 0, 0]).post_encroachment_s
+    )
 
 
 def test_post_encroachment_of_a_test_that_ends_before_the_ego_arrives() -> None:
-    columns: dict[str, list[float]] = {"on_collision_path": [1, 1, 0, 0], "conflict_distance_m": [9, 8, 7, 6]}
+    columns: dict[str, list[float]] = {
+        "on_collision_path": [1, 1, 0, 0],
+        "conflict_distance_m": [9, 8, 7, 6],
+    }
     # It leaves at 0.2 s; at 0.3 s, 6 m are left at 4 m/s.
     assert kpi(**columns, ego_speed_mps=[9, 8, 4, 4]).post_encroachment_s == pytest.approx(1.6)
     assert np.isnan(kpi(**columns, ego_speed_mps=[9, 8, 4, 0]).post_encroachment_s)
@@ -114,7 +132,12 @@ def test_a_strategy_takes_a_test_for_a_failure_exactly_if_it_is_one() -> None:
 
 
 def test_a_test_without_kpi_has_no_failure_no_count_and_no_number() -> None:
-    assert (NO_KPI.failure, NO_KPI.failure_mode, NO_KPI.contact, NO_KPI.false_positives) == (False, "none", False, 0)
+    assert (NO_KPI.failure, NO_KPI.failure_mode, NO_KPI.contact, NO_KPI.false_positives) == (
+        False,
+        "none",
+        False,
+        0,
+    )
     assert all(np.isnan(getattr(NO_KPI, column.name)) for column in KPIS if column.kind is float)
 
 
@@ -129,8 +152,16 @@ def test_unnecessary_braking_is_a_failure() -> None:
         "demand_mps2": [0, 5, 7, 0, 6, 2, 0],
     }
     result = kpi(**columns)
-    assert (result.failure, result.failure_mode, result.cause) == (True, "false_activation", "false_activation")
-    assert (result.false_activations, round(result.false_activation_s, 6), result.speed_loss_mps) == (2, 0.3, 4)
+    assert (result.failure, result.failure_mode, result.cause) == (
+        True,
+        "false_activation",
+        "false_activation",
+    )
+    assert (
+        result.false_activations,
+        round(result.false_activation_s, 6),
+        result.speed_loss_mps,
+    ) == (2, 0.3, 4)
     soft = kpi(**columns | {"demand_mps2": [0, 4.9, 0, 0, 0, 0, 0]})
     assert (soft.failure, soft.false_activations) == (False, 0)
     # On a collision path, the same braking is right.
@@ -139,9 +170,15 @@ def test_unnecessary_braking_is_a_failure() -> None:
 
 def test_false_positives_of_an_average_frame_depend_on_neither_duration_nor_frame_rate() -> None:
     once = {"time_s": [0, 1, 2], "false_positives": [1, 0, 0], "false_positives_far": [1, 0, 0]}
-    twice = {name: [*column[:-1], *column[:-1], column[-1]] for name, column in once.items()} | {"time_s": [0, 0.5, 1, 1.5, 2]}
+    twice = {name: [*column[:-1], *column[:-1], column[-1]] for name, column in once.items()} | {
+        "time_s": [0, 0.5, 1, 1.5, 2]
+    }
     one, other = (
-        kpi(**columns, ego_speed_mps=[5.0] * len(columns["time_s"]), conflict_distance_m=[10.0] * len(columns["time_s"]))
+        kpi(
+            **columns,
+            ego_speed_mps=[5.0] * len(columns["time_s"]),
+            conflict_distance_m=[10.0] * len(columns["time_s"]),
+        )
         for columns in (once, twice)
     )
     assert one.false_positives_per_frame == other.false_positives_per_frame == 0.5
@@ -150,7 +187,9 @@ def test_false_positives_of_an_average_frame_depend_on_neither_duration_nor_fram
 
 
 def test_a_contact_off_the_collision_path_is_a_failure_and_no_false_activation() -> None:
-    result = kpi(on_collision_path=[0, 0], conflict_distance_m=[4, 0], contact=[0, 1], demand_mps2=[7, 0])
+    result = kpi(
+        on_collision_path=[0, 0], conflict_distance_m=[4, 0], contact=[0, 1], demand_mps2=[7, 0]
+    )
     assert (result.failure, result.failure_mode, result.adj_ttc_s) == (True, "contact", 0)
 
 
@@ -160,12 +199,19 @@ def test_the_running_adjusted_ttc_counts_all_false_positives_so_far() -> None:
 
 
 def test_speed_lost_on_the_way_to_or_from_a_collision_path_is_no_unnecessary_loss() -> None:
-    result = kpi(on_collision_path=[0, 0, 1, 0, 0], ego_speed_mps=[10, 9, 7, 4, 4], conflict_distance_m=[5, 4, 3, 2, 1])
+    result = kpi(
+        on_collision_path=[0, 0, 1, 0, 0],
+        ego_speed_mps=[10, 9, 7, 4, 4],
+        conflict_distance_m=[5, 4, 3, 2, 1],
+    )
     assert result.speed_loss_mps == 1
 
 
 def test_a_pedestrian_who_leaves_as_the_ego_arrives_leaves_no_time() -> None:
-    assert kpi(on_collision_path=[1, 1, 0, 0], conflict_distance_m=[2, 1, 0, 0]).post_encroachment_s == 0
+    assert (
+        kpi(on_collision_path=[1, 1, 0, 0], conflict_distance_m=[2, 1, 0, 0]).post_encroachment_s
+        == 0
+    )
 
 
 def test_a_false_activation_that_lasts_until_the_end_ends_with_the_test() -> None:

@@ -11,7 +11,17 @@ from pipeline.core.exposure import Exposure
 from pipeline.core.likelihood.estimator import Estimator
 from pipeline.core.likelihood.importance import DEFENSIVE, FEW, ImportanceSampling
 from pipeline.core.likelihood.monte_carlo import MonteCarlo
-from pipeline.core.likelihood.rate import Limits, Rate, anytime, bounded, combined, exact, one_in, sentence, spread
+from pipeline.core.likelihood.rate import (
+    Limits,
+    Rate,
+    anytime,
+    bounded,
+    combined,
+    exact,
+    one_in,
+    sentence,
+    spread,
+)
 from pipeline.core.likelihood.reweighted import reweighted
 from pipeline.core.likelihood.subset import FLAT, SHORT, SubsetSimulation, family_limits, moved
 from pipeline.core.space import Floats, Space, Variable
@@ -28,15 +38,27 @@ def low_x(share: float) -> Kpi:
     return lambda points: points[:, 0] - 5 * share
 
 
-def made(name: str, seed: int = 0, budget: int = 1000, space: object = SMALL, **more: object) -> Estimator:
+def made(
+    name: str, seed: int = 0, budget: int = 1000, space: object = SMALL, **more: object
+) -> Estimator:
     method: Callable[..., Estimator] = MADE[name]
-    return method(space=space, seed=seed, exposure=EXPOSURE, budget=budget, failure_threshold_s=0.0, **{**FAST[name], **more})
+    return method(
+        space=space,
+        seed=seed,
+        exposure=EXPOSURE,
+        budget=budget,
+        failure_threshold_s=0.0,
+        **{**FAST[name], **more},
+    )
 
 
 def run(estimator: Estimator, kpi: Kpi, stop_after: int | None = None) -> Floats:
     """Ask and tell; returns the points."""
     told: list[Floats] = []
-    while len(points := estimator.ask()[: estimator.budget - sum(map(len, told))]) and len(told) != stop_after:
+    while (
+        len(points := estimator.ask()[: estimator.budget - sum(map(len, told))])
+        and len(told) != stop_after
+    ):
         estimator.tell(points, kpi(points))
         told.append(points)
     return np.concatenate(told)
@@ -52,7 +74,11 @@ def test_exact_limits_of_known_counts() -> None:
 def test_anytime_limits_contain_the_exact_ones() -> None:
     for failures, tests in ((0, 100), (1, 100), (20, 1000), (100, 100)):
         wide, narrow = anytime(failures, tests), exact(failures, tests)
-        assert wide.low <= narrow.low and narrow.high <= wide.high and narrow.below <= wide.below <= wide.high
+        assert (
+            wide.low <= narrow.low
+            and narrow.high <= wide.high
+            and narrow.below <= wide.below <= wide.high
+        )
 
 
 def test_anytime_limits_hold_at_all_moments_at_once() -> None:
@@ -66,8 +92,13 @@ def test_anytime_limits_hold_at_all_moments_at_once() -> None:
 
 def test_equal_weights_give_the_poisson_interval() -> None:
     limits = bounded(np.ones(4), 1.0, 100)
-    assert (limits.low, limits.high) == pytest.approx((0.010899, 0.102416), abs=1e-6)  # Garwood's for 4 events.
-    for never in (np.zeros(0), np.zeros(3)):  # Failures that the road does not show count like none.
+    assert (limits.low, limits.high) == pytest.approx(
+        (0.010899, 0.102416), abs=1e-6
+    )  # Garwood's for 4 events.
+    for never in (
+        np.zeros(0),
+        np.zeros(3),
+    ):  # Failures that the road does not show count like none.
         assert bounded(never, 5.0, 1000).below == pytest.approx(5 * -np.log(0.05) / 1000)
 
 
@@ -81,17 +112,28 @@ def test_the_system_rate_weighs_the_scenarios() -> None:
     assert system.value == pytest.approx(0.025) and system.tests == 200 and system.failures == 10
     assert system.limits.high == pytest.approx(0.025 + np.hypot(0.25 * 0.1, 0.75 * 0.03))
     assert system.limits.low == pytest.approx(0.025 - 0.25 * 0.05)
-    with pytest.raises(ValueError, match="a share for each of 2 scenarios, together 1, got \\[0.5, 0.4\\]"):
+    with pytest.raises(
+        ValueError, match="a share for each of 2 scenarios, together 1, got \\[0.5, 0.4\\]"
+    ):
         combined(rates, [0.5, 0.4])
     # These shares sum to a little more than 1.
-    every = combined([Rate(1.0, exact(5, 5), 5, 5)] * 3, [share / 0.3 for share in (0.05, 0.2, 0.05)])
+    every = combined(
+        [Rate(1.0, exact(5, 5), 5, 5)] * 3, [share / 0.3 for share in (0.05, 0.2, 0.05)]
+    )
     assert (every.value, every.limits.high) == (1, 1)
     assert system.limits.below == pytest.approx(0.025 + np.hypot(0.25 * 0.05, 0.75 * 0.02))
 
 
 @pytest.mark.parametrize(
     ("share", "words"),
-    [(0.001, "1 in 1,000"), (0.00101, "1 in 990"), (1 / 1555, "1 in 1,500"), (0.034, "1 in 29"), (0.1004, "10.1 %"), (1.0, "100 %")],
+    [
+        (0.001, "1 in 1,000"),
+        (0.00101, "1 in 990"),
+        (1 / 1555, "1 in 1,500"),
+        (0.034, "1 in 29"),
+        (0.1004, "10.1 %"),
+        (1.0, "100 %"),
+    ],
 )
 def test_a_claim_is_never_rounded_to_the_better_side(share: float, words: str) -> None:
     assert one_in(share) == words
@@ -99,7 +141,10 @@ def test_a_claim_is_never_rounded_to_the_better_side(share: float, words: str) -
 
 def test_the_sentence_names_exposure_and_tests() -> None:
     rate = Rate(0.0, exact(0, 2995), 2995, 0)
-    assert sentence(rate, "town") == "95 % sure: below 1 in 1,000 under exposure 'town', after 2,995 tests"
+    assert (
+        sentence(rate, "town")
+        == "95 % sure: below 1 in 1,000 under exposure 'town', after 2,995 tests"
+    )
 
 
 @pytest.mark.parametrize("name", MADE)
@@ -184,7 +229,11 @@ def test_subset_simulation_says_when_the_kpi_leads_nowhere() -> None:
     estimator = made("subset")
     run(estimator, lambda points: np.ones(len(points)))
     rate = estimator.rate()
-    assert rate.note == FLAT and rate.value == 0 and rate.limits.below == pytest.approx(exact(0, 220).below)
+    assert (
+        rate.note == FLAT
+        and rate.value == 0
+        and rate.limits.below == pytest.approx(exact(0, 220).below)
+    )
 
 
 def test_subset_simulation_on_pass_or_fail_alone_counts_like_monte_carlo() -> None:
@@ -198,7 +247,11 @@ def test_a_budget_that_ends_above_the_failures_gives_an_upper_limit() -> None:
     estimator = made("subset", budget=300)
     run(estimator, low_x(1e-9))
     rate = estimator.rate()
-    assert rate.note == SHORT and (rate.value, rate.limits.low) == (0, 0) and 1e-9 < rate.limits.below < 0.05
+    assert (
+        rate.note == SHORT
+        and (rate.value, rate.limits.low) == (0, 0)
+        and 1e-9 < rate.limits.below < 0.05
+    )
 
 
 def test_importance_sampling_without_failures_stays_random() -> None:
@@ -228,11 +281,17 @@ def test_uniform_tests_are_reweighted_to_the_exposure() -> None:
 def test_the_rate_holds_where_constraints_leave_little() -> None:
     """With 30 values each of `a` and `b`, 0.2 % of all combinations are feasible."""
     names = [f"v{i}" for i in range(30)]
-    a, b, c = (Variable(name, "categorical", values=tuple(values)) for name, values in (("a", names), ("b", names), ("c", "xy")))
+    a, b, c = (
+        Variable(name, "categorical", values=tuple(values))
+        for name, values in (("a", names), ("b", names), ("c", "xy"))
+    )
     space = Space((a, b, c), (("a = v0", "a = v1"), ("b = v0",)))
     points = space.sample(20_000, np.random.default_rng(1))
     often = {"v0": 0.5, **dict.fromkeys(names[1:], 0.5 / 29)}
-    exposure = {"a": {"kind": "shares", "shares": often}, "c": {"kind": "shares", "shares": {"x": 0.9, "y": 0.1}}}
+    exposure = {
+        "a": {"kind": "shares", "shares": often},
+        "c": {"kind": "shares", "shares": {"x": 0.9, "y": 0.1}},
+    }
     rate = reweighted(Exposure.from_dict(space, {"variables": exposure}), points, points[:, 2] == 0)
     assert rate.limits.low <= 0.9 <= rate.limits.high and rate.value == pytest.approx(0.9, abs=0.02)
 
@@ -240,10 +299,14 @@ def test_the_rate_holds_where_constraints_leave_little() -> None:
 def test_errors_where_the_road_seldom_is_leave_the_rate_of_the_other_conditions() -> None:
     points = SMALL.sample(20_000, np.random.default_rng(0))
     valid = points[points[:, 0] < 1]  # A tenth of the tests, but a fifth of the exposure.
-    rate = reweighted(Exposure.from_dict(SMALL, EXPOSURE), valid, valid[:, 0] < 0.5, 20_000 - len(valid))
+    rate = reweighted(
+        Exposure.from_dict(SMALL, EXPOSURE), valid, valid[:, 0] < 0.5, 20_000 - len(valid)
+    )
     assert rate.value == pytest.approx(0.5, rel=0.1) and rate.limits.low < 0.5 < rate.limits.high
     elsewhere = {"variables": {"x": {"kind": "histogram", "edges": [5, 10], "shares": [1]}}}
-    assert reweighted(Exposure.from_dict(SMALL, elsewhere), valid, valid[:, 0] < 0.5, 1).limits == Limits(0, 1, 1)
+    assert reweighted(
+        Exposure.from_dict(SMALL, elsewhere), valid, valid[:, 0] < 0.5, 1
+    ).limits == Limits(0, 1, 1)
 
 
 def test_errors_that_the_search_avoids_leave_the_rate_of_the_other_conditions() -> None:
@@ -275,13 +338,17 @@ def test_wrong_settings_are_told() -> None:
 
 def test_an_estimate_that_rests_on_five_failures_has_four_degrees_of_freedom() -> None:
     limits = spread(0.01, 5.0)
-    assert (limits.low, limits.high) == pytest.approx((0.01 * np.exp(-2.77645 / 5**0.5), 0.01 * np.exp(2.77645 / 5**0.5)), rel=1e-5)
+    assert (limits.low, limits.high) == pytest.approx(
+        (0.01 * np.exp(-2.77645 / 5**0.5), 0.01 * np.exp(2.77645 / 5**0.5)), rel=1e-5
+    )
     assert limits.below == pytest.approx(0.01 * np.exp(2.13185 / 5**0.5), rel=1e-5)
 
 
 def test_failures_that_come_after_half_of_the_budget_leave_all_tests_random() -> None:
     estimator = made("importance", budget=200, batch_size=20)
-    run(estimator, lambda points: np.where(np.arange(len(points)) % 8 == 0, -1.0, 1.0))  # Three of 20: 20 after 140 tests.
+    run(
+        estimator, lambda points: np.where(np.arange(len(points)) % 8 == 0, -1.0, 1.0)
+    )  # Three of 20: 20 after 140 tests.
     assert estimator.rate().note == FEW and estimator.rate().limits == exact(30, 200)
 
 
@@ -289,7 +356,9 @@ def test_a_weight_that_no_test_shows_leaves_the_limit_open() -> None:
     """Nine in ten conditions on the road lie in a thousandth of the space, where no uniform test was."""
     rare = {"variables": {"x": {"kind": "histogram", "edges": [0, 9.99, 10], "shares": [0.1, 0.9]}}}
     points = SMALL.sample(200, np.random.default_rng(0)) * [0.99, 1, 1, 1]
-    assert reweighted(Exposure.from_dict(SMALL, rare), points, np.zeros(200, bool)).limits.below == 1
+    assert (
+        reweighted(Exposure.from_dict(SMALL, rare), points, np.zeros(200, bool)).limits.below == 1
+    )
 
 
 @pytest.mark.parametrize("name", MADE)

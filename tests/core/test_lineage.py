@@ -10,8 +10,23 @@ from pipeline.errors import InputError
 
 def test_versions_by_round_arm_and_seed() -> None:
     names = [str(version) for version in versions(["control", "random", "adaptive"], 2, [7, 8])]
-    assert names[:7] == ["base", "control", "control-s8", "random", "random-s8", "adaptive", "adaptive-s8"]
-    assert names[7:] == ["control-r2", "control-r2-s8", "random-r2", "random-r2-s8", "adaptive-r2", "adaptive-r2-s8"]
+    assert names[:7] == [
+        "base",
+        "control",
+        "control-s8",
+        "random",
+        "random-s8",
+        "adaptive",
+        "adaptive-s8",
+    ]
+    assert names[7:] == [
+        "control-r2",
+        "control-r2-s8",
+        "random-r2",
+        "random-r2-s8",
+        "adaptive-r2",
+        "adaptive-r2-s8",
+    ]
     assert all(str(Version.named(name)) == name for name in names)
 
 
@@ -23,10 +38,16 @@ def test_parents_groups_and_tested_versions() -> None:
 
 
 def test_a_plain_word_names_a_version_of_the_first_round() -> None:
-    assert (Version.named("new_scenes"), Version.named("base")) == (Version("new_scenes", 1), Version())
+    assert (Version.named("new_scenes"), Version.named("base")) == (
+        Version("new_scenes", 1),
+        Version(),
+    )
 
 
 @pytest.mark.parametrize("name", ["base-r2", "adaptive-r", "adaptive-r0", "adaptive-r1", ""])
 def test_other_names_are_refused(name: str) -> None:
-    with pytest.raises(InputError, match=rf"^expected the name of a version, such as base or adaptive-r2-s1, got '{name}'$"):
+    with pytest.raises(
+        InputError,
+        match=rf"^expected the name of a version, such as base or adaptive-r2-s1, got '{name}'$",
+    ):
         Version.named(name)

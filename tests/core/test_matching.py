@@ -17,14 +17,21 @@ VISIBLE = Truth(BOX, BOX, 200, 200, 50.0)
 
 
 def said(*boxes: Box, scores: Sequence[float] = (0.9, 0.8, 0.7, 0.6)) -> Detections:
-    return Detections(np.array(boxes, np.float32).reshape(-1, 4), np.array(scores[: len(boxes)], np.float32))
+    return Detections(
+        np.array(boxes, np.float32).reshape(-1, 4), np.array(scores[: len(boxes)], np.float32)
+    )
 
 
 def test_match_sorts_detections_into_kinds() -> None:
     found = said((10, 10, 20, 29), (10, 10, 20, 18), (100, 10, 110, 30), BOX)
     result = match(found, VISIBLE)
     assert result.outcomes == ("true_positive", "localisation", "far", "duplicate")
-    assert (result.far, result.localisation, result.duplicate, result.false_positives) == (1, 1, 1, 3)
+    assert (result.far, result.localisation, result.duplicate, result.false_positives) == (
+        1,
+        1,
+        1,
+        3,
+    )
     assert result.confidence == pytest.approx(0.9)
 
 
@@ -62,4 +69,6 @@ def test_the_brake_follows_what_matches_and_nothing_at_the_limit_itself() -> Non
 @pytest.mark.parametrize("threshold", [0.5, 0.7, 0.9, 0.95])
 def test_a_detection_with_the_score_of_the_threshold_is_reported(threshold: float) -> None:
     # In single precision, 0.7, 0.9 and 0.95 are less than in double.
-    assert match(said(BOX, scores=[threshold]), VISIBLE, Criterion(threshold=threshold)).outcomes == ("true_positive",)
+    assert match(
+        said(BOX, scores=[threshold]), VISIBLE, Criterion(threshold=threshold)
+    ).outcomes == ("true_positive",)

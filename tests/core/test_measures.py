@@ -49,7 +49,10 @@ def test_the_area_under_theta_is_larger_for_earlier_failures() -> None:
     # The sequences are 1 1 1 and 0 0 1, of 1 + 2 + 3 possible.
     assert theta_area(failure_sequence([True, False, False])) == pytest.approx(3 / 6)
     assert theta_area(failure_sequence([False, False, True])) == pytest.approx(1 / 6)
-    assert theta_area(failure_sequence([True] * 7)) == 1 and theta_area(failure_sequence([False] * 7)) == 0
+    assert (
+        theta_area(failure_sequence([True] * 7)) == 1
+        and theta_area(failure_sequence([False] * 7)) == 0
+    )
     with pytest.raises(ValueError, match="undefined without a test"):
         theta_area(failure_sequence([]))
 
@@ -67,12 +70,22 @@ def test_kinds_are_combinations_of_categories() -> None:
 def test_the_thesis_space_has_8084_pairs() -> None:
     sizes = np.array(THESIS.sizes)
     assert (sizes.sum() ** 2 - (sizes**2).sum()) // 2 == 8084 == feasible_pairs(THESIS)
-    assert pair_coverage(THESIS, THESIS.sample(1, np.random.default_rng(0))) == pytest.approx(28 / 8084)
+    assert pair_coverage(THESIS, THESIS.sample(1, np.random.default_rng(0))) == pytest.approx(
+        28 / 8084
+    )
 
 
 def test_infeasible_pairs_are_not_required() -> None:
-    space = Space((Variable("a", "categorical", values=("x", "y")), Variable("b", "categorical", values=("x", "y"))), (("a = x", "b = x"),))
+    space = Space(
+        (
+            Variable("a", "categorical", values=("x", "y")),
+            Variable("b", "categorical", values=("x", "y")),
+        ),
+        (("a = x", "b = x"),),
+    )
     assert feasible_pairs(space) == 3
     assert pair_coverage(space, np.array([[0.0, 0], [0, 1], [1, 0]])) == 1
-    with pytest.raises(ValueError, match="1 points break a constraint, the first is point 1, which breaks clause 0"):
+    with pytest.raises(
+        ValueError, match="1 points break a constraint, the first is point 1, which breaks clause 0"
+    ):
         pair_coverage(space, np.array([[0.0, 0], [1, 1]]))

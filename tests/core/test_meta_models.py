@@ -24,15 +24,22 @@ class Constant(MetaModelSampler):
 
     grid = ({"value": 0.0}, {"value": 0.5}, {"value": 1.0})
 
-    def fit(self, inputs: Floats, kpi: Floats, hyperparameters: Hyperparameters, seed: int) -> MetaModel:
-        return lambda others: (np.full(len(others), hyperparameters["value"]), np.zeros(len(others)))
+    def fit(
+        self, inputs: Floats, kpi: Floats, hyperparameters: Hyperparameters, seed: int
+    ) -> MetaModel:
+        return lambda others: (
+            np.full(len(others), hyperparameters["value"]),
+            np.zeros(len(others)),
+        )
 
 
 def test_the_grid_is_judged_by_the_squared_error() -> None:
     inputs, kpi = np.zeros((16, 1)), np.full(16, 0.6)
     assert Constant(LINE, 0).tune(inputs, kpi, 0) == {"value": 0.5}
     assert Constant(LINE, 0).tune(inputs, kpi + 0.3, 0) == {"value": 1.0}
-    assert Constant(LINE, 0).tune(inputs[:7], kpi[:7] + 0.3, 0) == {"value": 0.0}  # Too few to split.
+    assert Constant(LINE, 0).tune(inputs[:7], kpi[:7] + 0.3, 0) == {
+        "value": 0.0
+    }  # Too few to split.
 
 
 @pytest.mark.parametrize(
@@ -59,20 +66,26 @@ def test_linear_regression_recovers_the_coefficients() -> None:
     model = LinearSampler(SMALL, 0).fit(inputs, kpi, {}, 0)
     assert model(inputs)[0] == pytest.approx(kpi)
     base = model(np.array([[0, 0, 1, 0, 0]]))[0]
-    assert model(np.array([[1, 0, 1, 0, 0], [0, 1, 1, 0, 0], [0, 0, 0, 0, 1]]))[0] - base == pytest.approx([0.2, -0.1, -0.2])
+    assert model(np.array([[1, 0, 1, 0, 0], [0, 1, 1, 0, 0], [0, 0, 0, 0, 1]]))[
+        0
+    ] - base == pytest.approx([0.2, -0.1, -0.2])
 
 
 def test_a_gaussian_process_passes_through_its_data_and_is_sure_there() -> None:
     inputs, kpi = np.array([[-2.0], [0.0], [1.5]]), np.array([0.2, 0.9, 0.4])
     model = GaussianProcessSampler(LINE, 0).fit(inputs, kpi, {"length": 1.0, "noise": 1e-10}, 0)
     mean, deviation = model(np.array([[-2.0], [0.0], [1.5], [50.0]]))
-    assert mean == pytest.approx([0.2, 0.9, 0.4, 0.5], abs=1e-4)  # Far away, the prior: mean and deviation of the data.
+    assert mean == pytest.approx(
+        [0.2, 0.9, 0.4, 0.5], abs=1e-4
+    )  # Far away, the prior: mean and deviation of the data.
     assert deviation == pytest.approx([0, 0, 0, kpi.std()], abs=1e-4)
 
 
 def test_a_gaussian_process_has_the_posterior_of_the_appendix() -> None:
     """Eq. .11 to .15, for standardised KPIs -1 and 1 at 0 and 2, sigma 1, noise 0.5; at 1, in between."""
-    model = GaussianProcessSampler(LINE, 0).fit(np.array([[0.0], [2.0]]), np.array([0.0, 2.0]), {"length": 1.0, "noise": 0.5}, 0)
+    model = GaussianProcessSampler(LINE, 0).fit(
+        np.array([[0.0], [2.0]]), np.array([0.0, 2.0]), {"length": 1.0, "noise": 0.5}, 0
+    )
     near, far = np.exp(-0.5), np.exp(-2)
     mean, deviation = model(np.array([[1.0], [0.0]]))
     assert mean == pytest.approx([1, 1 - (1 - far) / (1.5 - far)])
@@ -80,7 +93,9 @@ def test_a_gaussian_process_has_the_posterior_of_the_appendix() -> None:
 
 
 def test_kappa_prefers_uncertain_candidates() -> None:
-    assert list(GaussianProcessSampler(LINE, 0, kappa=2.0).rank(np.array([0.5, 0.4]), np.array([0.2, 0.1]))) == pytest.approx([0.1, 0.2])
+    assert list(
+        GaussianProcessSampler(LINE, 0, kappa=2.0).rank(np.array([0.5, 0.4]), np.array([0.2, 0.1]))
+    ) == pytest.approx([0.1, 0.2])
     with pytest.raises(ValueError, match=r"kappa must be in \[0, 100\], got -1"):
         GaussianProcessSampler(LINE, 0, kappa=-1)
 
@@ -122,7 +137,9 @@ def test_the_lowest_predictions_are_tested_and_others_at_random() -> None:
 
 
 def test_established_failure_regions_are_left() -> None:
-    first, second = batch(lambda x: np.where(x > 5, 0.0, 1.0), explore=0.0, epsilon=0.3, omega_threshold=-1)
+    first, second = batch(
+        lambda x: np.where(x > 5, 0.0, 1.0), explore=0.0, epsilon=0.3, omega_threshold=-1
+    )
     near = np.abs(second[:, None] - first) < 3
     assert (near @ np.where(first > 5, -1, 1) > -1).all()
 
@@ -149,5 +166,11 @@ def test_wrong_settings_are_named(settings: dict[str, float], message: str) -> N
 
 def test_hyperparameters_are_chosen_after_the_first_batch_and_kept_for_some() -> None:
     sampler, points = Constant(LINE, 0, batch_size=8, tune_every=5), np.zeros((48, 1))
-    kpi = np.where(np.arange(48) < 8, 1.0, 0.0)  # Equal KPIs count as a half; later, most are the lowest.
-    assert [sampler._hyperparameters(index, points, kpi)["value"] for index in (1, 5, 6)] == [0.5, 0.5, 0.0]
+    kpi = np.where(
+        np.arange(48) < 8, 1.0, 0.0
+    )  # Equal KPIs count as a half; later, most are the lowest.
+    assert [sampler._hyperparameters(index, points, kpi)["value"] for index in (1, 5, 6)] == [
+        0.5,
+        0.5,
+        0.0,
+    ]

@@ -41,5 +41,8 @@ def test_an_unknown_key_is_told_with_the_nearest(tmp_path: Path) -> None:
     path = tmp_path / "model.json"
     write_card(path, CARD)
     path.write_text(path.read_text().replace('"towns"', '"town"'))
-    with pytest.raises(InputError, match=r"model\.json: unknown key 'town'; did you mean 'towns'\?; train the version again"):
+    with pytest.raises(
+        InputError,
+        match=r"model\.json: unknown key 'town'; did you mean 'towns'\?; train the version again",
+    ):
         read_card(path)

@@ -25,7 +25,11 @@ EXAMPLE = Path(__file__).parents[2] / "docs/howto/standard-odds/odd.yaml"
 
 def read(folder: Path, plain: Any) -> Space:
     # By way of JSON, because a part that occurs twice would become an alias, which no reader takes.
-    text = plain if isinstance(plain, str) else yaml.safe_dump(json.loads(json.dumps(plain)), sort_keys=False)
+    text = (
+        plain
+        if isinstance(plain, str)
+        else yaml.safe_dump(json.loads(json.dumps(plain)), sort_keys=False)
+    )
     (folder / "odd.yaml").write_text(text)
     return read_space_of_any_format(folder / "odd.yaml")
 
@@ -35,7 +39,10 @@ def test_the_example_is_the_space_that_its_statements_mean() -> None:
     labels = {variable.name: variable.labels for variable in space.variables}
     assert labels["rainfall_intensity"] == ("no_rain", "light_rain", "moderate_rain", "heavy_rain")
     assert labels["intersection"] == ("t_junction", "y_junction", "cross_road", "not_applicable")
-    assert labels["subject_vehicle_speed"] == ("[0, 30)", "[30, 50)", "[50, inf]") and space.variables[-1].unit == "km/h"
+    assert (
+        labels["subject_vehicle_speed"] == ("[0, 30)", "[30, 50)", "[50, inf]")
+        and space.variables[-1].unit == "km/h"
+    )
     assert set(space.clauses) == {
         ("intersection = not_applicable", "intersection_classification != not_applicable"),
         ("intersection != not_applicable", "intersection_classification = not_applicable"),
@@ -43,7 +50,10 @@ def test_the_example_is_the_space_that_its_statements_mean() -> None:
         ("rainfall_intensity = no_rain", "rainfall_type != not_applicable"),
         ("drivable_area_type = distributor_road", "drivable_area_type = minor_road"),
         ("subject_vehicle_speed != [50, inf]",),
-        ("drivable_area_included_surface_condition = dry", "drivable_area_included_surface_condition = wet"),
+        (
+            "drivable_area_included_surface_condition = dry",
+            "drivable_area_included_surface_condition = wet",
+        ),
         ("rainfall_intensity != heavy_rain",),
         ("special_structures_type != tunnel",),
         ("drivable_area_included_surface_condition != wet", "subject_vehicle_speed = [0, 30)"),
@@ -55,7 +65,9 @@ def test_the_example_survives_as_a_space_file(tmp_path: Path) -> None:
     space = read_space_of_any_format(EXAMPLE)
     write_model(tmp_path / "space.yaml", space, "space")
     back = read_space_of_any_format(tmp_path / "space.yaml")
-    assert [(v.name, v.labels, v.unit) for v in back.variables] == [(v.name, v.labels, v.unit) for v in space.variables]
+    assert [(v.name, v.labels, v.unit) for v in back.variables] == [
+        (v.name, v.labels, v.unit) for v in space.variables
+    ]
     assert back.clauses == space.clauses
 
 
@@ -67,7 +79,11 @@ TAXONOMY: dict[str, Any] = {
     },
     "weather": {
         "rain_rate": "float precipitation_rate",
-        "rain": {"dry": {"rain_rate": "< 0.1 mm/h"}, "light": {"rain_rate": "[0.1 .. 2.5] mm/h"}, "heavy": {"rain_rate": "> 2.5 mm/h"}},
+        "rain": {
+            "dry": {"rain_rate": "< 0.1 mm/h"},
+            "light": {"rain_rate": "[0.1 .. 2.5] mm/h"},
+            "heavy": {"rain_rate": "> 2.5 mm/h"},
+        },
         "wind_speed": "float velocity",
     },
 }
@@ -75,7 +91,11 @@ CONDITIONS: list[tuple[str, Any, Any]] = [
     ("road", "city", lambda p: p["road"] == "city"),
     ("scenery.road", ["rural", "motorway"], lambda p: p["road"] in ("rural", "motorway")),
     ("size", "mini", lambda p: None if p["size"] == "not_applicable" else p["size"] == "mini"),
-    ("signals", "true", lambda p: None if p["signals"] == "not_applicable" else p["signals"] == "true"),
+    (
+        "signals",
+        "true",
+        lambda p: None if p["signals"] == "not_applicable" else p["signals"] == "true",
+    ),
     ("lanes", "<= 2", lambda p: p["lanes"] <= 2),
     ("lanes", "> 3", lambda p: p["lanes"] > 3),
     ("lanes", "[2 .. 3]", lambda p: 2 <= p["lanes"] <= 3),
@@ -122,13 +142,23 @@ class RandomModules:
         self.plain[name] = module
 
         def holds(point: dict[str, Any]) -> bool | None:
-            parts = [test(point) if kind == "INCLUDE" else (None if (got := test(point)) is None else not got) for kind, test in tests]
+            parts = [
+                test(point)
+                if kind == "INCLUDE"
+                else (None if (got := test(point)) is None else not got)
+                for kind, test in tests
+            ]
             return kleene("AND", parts)
 
         self.holds[name] = holds
 
-    def _section(self, operator: str, top: bool, nested: bool = False) -> tuple[dict[str, Any], Any]:
-        chosen = {key: (plain, test) for key, plain, test in self.rng.sample(CONDITIONS, self.rng.randint(1, 3))}
+    def _section(
+        self, operator: str, top: bool, nested: bool = False
+    ) -> tuple[dict[str, Any], Any]:
+        chosen = {
+            key: (plain, test)
+            for key, plain, test in self.rng.sample(CONDITIONS, self.rng.randint(1, 3))
+        }
         section = {key: plain for key, (plain, _) in chosen.items()}
         tests = [test for _, test in chosen.values()]
         if top and not nested:
@@ -153,11 +183,27 @@ class RandomModules:
 @pytest.mark.parametrize("seed", range(80))
 def test_random_modules_allow_what_three_valued_logic_allows(seed: int, tmp_path: Path) -> None:
     modules = RandomModules(random.Random(seed))
-    coverage = {"OPTIONAL": ["roundabout"], "CUTS": {"lanes": ["2", "3", "4"], "wind_speed": ["10 m/s", "72 km/h"]}}
-    plain = {"TAXONOMY": TAXONOMY, "ODD": {"top": modules.plain.pop("top")}, "MODULES": modules.plain, "COVERAGE": coverage}
+    coverage = {
+        "OPTIONAL": ["roundabout"],
+        "CUTS": {"lanes": ["2", "3", "4"], "wind_speed": ["10 m/s", "72 km/h"]},
+    }
+    plain = {
+        "TAXONOMY": TAXONOMY,
+        "ODD": {"top": modules.plain.pop("top")},
+        "MODULES": modules.plain,
+        "COVERAGE": coverage,
+    }
     points = [dict(zip(VALUES, values, strict=True)) for values in product(*VALUES.values())]
-    points = [point for point in points if (point["size"] == "not_applicable") == (point["signals"] == "not_applicable")]
-    expected = {tuple(map(str, point.values())) for point in points if modules.holds["top"](point) is not False}
+    points = [
+        point
+        for point in points
+        if (point["size"] == "not_applicable") == (point["signals"] == "not_applicable")
+    ]
+    expected = {
+        tuple(map(str, point.values()))
+        for point in points
+        if modules.holds["top"](point) is not False
+    }
     if not expected:
         with pytest.raises(InputError, match="no combination satisfies it|contradict"):
             read(tmp_path, plain)
@@ -169,7 +215,9 @@ def test_random_modules_allow_what_three_valued_logic_allows(seed: int, tmp_path
     found = set()
     for point in points:
         row = [
-            variable.labels.index(str(value)) if variable.kind == "categorical" else int(variable.categorise(np.array([float(value)]))[0])
+            variable.labels.index(str(value))
+            if variable.kind == "categorical"
+            else int(variable.categorise(np.array([float(value)]))[0])
             for variable, value in zip(space.variables, point.values(), strict=True)
         ]
         if tuple(row) in feasible:
@@ -178,7 +226,9 @@ def test_random_modules_allow_what_three_valued_logic_allows(seed: int, tmp_path
 
 
 def test_records_inside_optional_records_are_absent_with_them(tmp_path: Path) -> None:
-    taxonomy = {"junction": {"kind": ["t", "x"], "lights": {"colour": ["red", "green"], "arrow": "boolean"}}}
+    taxonomy = {
+        "junction": {"kind": ["t", "x"], "lights": {"colour": ["red", "green"], "arrow": "boolean"}}
+    }
     space = read(tmp_path, {"TAXONOMY": taxonomy, "COVERAGE": {"OPTIONAL": ["junction", "lights"]}})
     cells = space.constraints.feasible_cells([0, 1, 2])
     # Without a junction no light; with one, all lights' attributes or none of them.
@@ -192,15 +242,25 @@ def test_inactive_modules_are_as_if_they_were_not_there(tmp_path: Path) -> None:
         "top": {"INCLUDE_AND": {"a": "x"}, "EXCLUDE_OR": {"off": True, "b": "y"}},
         "off": {"ACTIVE": False, "INCLUDE_AND": {"b": "z"}},
     }
-    space = read(tmp_path, {"TAXONOMY": {"a": ["x", "y"], "b": ["x", "y", "z"]}, "MODULES": modules})
+    space = read(
+        tmp_path, {"TAXONOMY": {"a": ["x", "y"], "b": ["x", "y", "z"]}, "MODULES": modules}
+    )
     assert space.clauses == (("a != y",), ("b != y",))
 
 
 @pytest.mark.parametrize(
     ("section", "labels", "clause"),
     [
-        ({"EXCLUDE_AND": {"speed": ["> 60 km/h"]}}, ("[0, 30)", "[30, 60)", "[60, inf]"), ("speed != [60, inf]",)),
-        ({"INCLUDE_AND": {"speed": ["< 60 km/h"]}}, ("[0, 30)", "[30, 60)", "[60, inf]"), ("speed != [60, inf]",)),
+        (
+            {"EXCLUDE_AND": {"speed": ["> 60 km/h"]}},
+            ("[0, 30)", "[30, 60)", "[60, inf]"),
+            ("speed != [60, inf]",),
+        ),
+        (
+            {"INCLUDE_AND": {"speed": ["< 60 km/h"]}},
+            ("[0, 30)", "[30, 60)", "[60, inf]"),
+            ("speed != [60, inf]",),
+        ),
         (
             {"INCLUDE_AND": {"speed": ["< 10 km/h", "> 60 km/h"]}},
             ("[0, 10)", "[10, 30)", "[30, 60)", "[60, inf]"),
@@ -208,35 +268,69 @@ def test_inactive_modules_are_as_if_they_were_not_there(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_bounds_in_a_list_cut_like_bounds_alone(section: Any, labels: tuple[str, ...], clause: tuple[str, ...], tmp_path: Path) -> None:
+def test_bounds_in_a_list_cut_like_bounds_alone(
+    section: Any, labels: tuple[str, ...], clause: tuple[str, ...], tmp_path: Path
+) -> None:
     coverage = {"CUTS": {"speed": ["30 km/h"]}}
-    space = read(tmp_path, {"TAXONOMY": {"speed": "float velocity"}, "MODULES": {"m": section}, "COVERAGE": coverage})
+    space = read(
+        tmp_path,
+        {"TAXONOMY": {"speed": "float velocity"}, "MODULES": {"m": section}, "COVERAGE": coverage},
+    )
     assert space.variables[0].labels == labels and space.clauses == (clause,)
 
 
 @pytest.mark.parametrize(
     ("text", "unit", "first_inside"),
-    [("> 3.5 m/s", "m/s", 4), ("> 3 m/s", "m/s", 4), (">= 3.5 m/s", "m/s", 4), (">= 3 m/s", "m/s", 3), ("> 30 mph", "km/h", 49)],
+    [
+        ("> 3.5 m/s", "m/s", 4),
+        ("> 3 m/s", "m/s", 4),
+        (">= 3.5 m/s", "m/s", 4),
+        (">= 3 m/s", "m/s", 3),
+        ("> 30 mph", "km/h", 49),
+    ],
 )
-def test_whole_numbers_begin_at_the_first_inside(text: str, unit: str, first_inside: int, tmp_path: Path) -> None:
+def test_whole_numbers_begin_at_the_first_inside(
+    text: str, unit: str, first_inside: int, tmp_path: Path
+) -> None:
     coverage = {"CUTS": {"speed": [f"90 {unit}"]}}
     space = read(
-        tmp_path, {"TAXONOMY": {"speed": "integer velocity"}, "MODULES": {"m": {"EXCLUDE_AND": {"speed": text}}}, "COVERAGE": coverage}
+        tmp_path,
+        {
+            "TAXONOMY": {"speed": "integer velocity"},
+            "MODULES": {"m": {"EXCLUDE_AND": {"speed": text}}},
+            "COVERAGE": coverage,
+        },
     )
-    allowed = space.constraints.holds(space.categorise(np.array([[first_inside - 1.0], [first_inside]])))
+    allowed = space.constraints.holds(
+        space.categorise(np.array([[first_inside - 1.0], [first_inside]]))
+    )
     assert space.variables[0].unit == unit and allowed.tolist() == [True, False]
 
 
 @pytest.mark.parametrize(
-    ("text", "first_outside"), [("< 3.5 m/s", 4), ("<= 3.5 m/s", 4), ("< 3 m/s", 3), ("<= 3 m/s", 4), ("[2.5 .. 3.5] m/s", 4)]
+    ("text", "first_outside"),
+    [("< 3.5 m/s", 4), ("<= 3.5 m/s", 4), ("< 3 m/s", 3), ("<= 3 m/s", 4), ("[2.5 .. 3.5] m/s", 4)],
 )
-def test_whole_numbers_end_after_the_last_inside(text: str, first_outside: int, tmp_path: Path) -> None:
-    space = read(tmp_path, {"TAXONOMY": {"speed": "integer velocity"}, "MODULES": {"m": {"INCLUDE_AND": {"speed": text}}}})
-    assert space.constraints.holds(space.categorise(np.array([[first_outside - 1.0], [first_outside]]))).tolist() == [True, False]
+def test_whole_numbers_end_after_the_last_inside(
+    text: str, first_outside: int, tmp_path: Path
+) -> None:
+    space = read(
+        tmp_path,
+        {
+            "TAXONOMY": {"speed": "integer velocity"},
+            "MODULES": {"m": {"INCLUDE_AND": {"speed": text}}},
+        },
+    )
+    assert space.constraints.holds(
+        space.categorise(np.array([[first_outside - 1.0], [first_outside]]))
+    ).tolist() == [True, False]
 
 
 def test_bounds_inside_a_category_are_refused() -> None:
-    concept, speed = Concept(("speed",), unit_type="velocity"), Variable("speed", "continuous", "m/s", 0, np.inf, cuts=(10,))
+    concept, speed = (
+        Concept(("speed",), unit_type="velocity"),
+        Variable("speed", "continuous", "m/s", 0, np.inf, cuts=(10,)),
+    )
     assert categories_meant(concept, concept, speed, "< 10 m/s") == {0}
     for text in ("< 20 m/s", "> 5 m/s", "[10 .. 20] m/s"):
         with pytest.raises(ValueError, match="cuts through a category of speed"):
@@ -244,12 +338,25 @@ def test_bounds_inside_a_category_are_refused() -> None:
 
 
 def test_units_are_converted() -> None:
-    assert converted(36, "km/h", "m/s", "velocity") == 10 and converted(50, "km/h", "mph", "velocity") == pytest.approx(31.0686, abs=1e-4)
-    assert converted(32, "F", "C", "temperature") == 0 and converted(0, "C", "K", "temperature") == 273.15
-    assert (bounds("[1 .. 2] m").low, bounds("<3km").unit, bounds("5").high, bounds("< 1.5e3 lux").high) == (1, "km", 5, 1500)
+    assert converted(36, "km/h", "m/s", "velocity") == 10 and converted(
+        50, "km/h", "mph", "velocity"
+    ) == pytest.approx(31.0686, abs=1e-4)
+    assert (
+        converted(32, "F", "C", "temperature") == 0
+        and converted(0, "C", "K", "temperature") == 273.15
+    )
+    assert (
+        bounds("[1 .. 2] m").low,
+        bounds("<3km").unit,
+        bounds("5").high,
+        bounds("< 1.5e3 lux").high,
+    ) == (1, "km", 5, 1500)
 
 
-SMALL = {"TAXONOMY": {"road": ["city", "rural"], "speed": "float velocity"}, "MODULES": {"m": {"INCLUDE_AND": {"speed": "< 50 km/h"}}}}
+SMALL = {
+    "TAXONOMY": {"road": ["city", "rural"], "speed": "float velocity"},
+    "MODULES": {"m": {"INCLUDE_AND": {"speed": "< 50 km/h"}}},
+}
 
 
 @pytest.mark.parametrize(
@@ -257,13 +364,33 @@ SMALL = {"TAXONOMY": {"road": ["city", "rural"], "speed": "float velocity"}, "MO
     [
         ({"COD": []}, "COD is not read"),
         ({"TAXONOMY": []}, "TAXONOMY: expected a mapping, got []"),
-        ({"TAXONOMY": {"road": "colour"}}, "TAXONOMY.road: expected a record, a list of literals, boolean, shapefile or a number"),
-        ({"TAXONOMY": {"road": ["a", "a"]}}, "TAXONOMY.road: expected a list of distinct literals, got ['a', 'a']"),
-        ({"TAXONOMY": {"speed": "float velocity", "car": {"speed": "float velocity"}}}, "TAXONOMY.speed: this concept is declared twice"),
-        ({"TAXONOMY": {"speed": "float velocity", "area": "shapefile"}}, "TAXONOMY.area: a shape file has no categories, or leave it out"),
-        ({"TAXONOMY": {"speed": "float velocity", "width": "float length"}}, "TAXONOMY.width: no statement compares this number"),
         (
-            {"TAXONOMY": {"speed": "float velocity", "x": {"a": {"speed": "< 3 m/s"}, "b": {"speed": "> 2 m/s"}}}},
+            {"TAXONOMY": {"road": "colour"}},
+            "TAXONOMY.road: expected a record, a list of literals, boolean, shapefile or a number",
+        ),
+        (
+            {"TAXONOMY": {"road": ["a", "a"]}},
+            "TAXONOMY.road: expected a list of distinct literals, got ['a', 'a']",
+        ),
+        (
+            {"TAXONOMY": {"speed": "float velocity", "car": {"speed": "float velocity"}}},
+            "TAXONOMY.speed: this concept is declared twice",
+        ),
+        (
+            {"TAXONOMY": {"speed": "float velocity", "area": "shapefile"}},
+            "TAXONOMY.area: a shape file has no categories, or leave it out",
+        ),
+        (
+            {"TAXONOMY": {"speed": "float velocity", "width": "float length"}},
+            "TAXONOMY.width: no statement compares this number",
+        ),
+        (
+            {
+                "TAXONOMY": {
+                    "speed": "float velocity",
+                    "x": {"a": {"speed": "< 3 m/s"}, "b": {"speed": "> 2 m/s"}},
+                }
+            },
             "ranges of a and b overlap",
         ),
         (
@@ -271,21 +398,45 @@ SMALL = {"TAXONOMY": {"road": ["city", "rural"], "speed": "float velocity"}, "MO
             "MODULES.m.INCLUDE_AND.speeed: there is no concept speeed; did you mean",
         ),
         (
-            {"MODULES": {"m": {"INCLUDE_AND": {"speed": "< 5 kg"}}}, "COVERAGE": {"CUTS": {"speed": ["3 m/s"]}}},
+            {
+                "MODULES": {"m": {"INCLUDE_AND": {"speed": "< 5 kg"}}},
+                "COVERAGE": {"CUTS": {"speed": ["3 m/s"]}},
+            },
             "'kg' is not a unit of velocity",
         ),
         (
             {"MODULES": {"m": {"INCLUDE_AND": {"speed": "fast"}}}},
             "INCLUDE_AND.speed: expected a number with a unit, '< x', '> x' or '[x .. y]'",
         ),
-        ({"MODULES": {"m": {"INCLUDE_AND": {"speed": "50 km/h"}}}}, "50 km/h is a single number, which is not a category; use a range"),
-        ({"MODULES": {"m": {"INCLUDE_AND": {"road": "sity", "speed": "< 5 m/s"}}}}, "is not a literal of road; did you mean 'city'?"),
-        ({"MODULES": {"m": {"INCLUDE_AND": {"road": [], "speed": "< 5 m/s"}}}}, "MODULES.m: no combination satisfies it"),
-        ({"MODULES": {"m": {"INCLUDE_AND": []}}}, "MODULES.m.INCLUDE_AND: expected conditions such as"),
-        ({"MODULES": {"m": {"INCLUDED": {}}}}, "MODULES.m: unknown key 'INCLUDED'; did you mean 'INCLUDE_AND'?"),
+        (
+            {"MODULES": {"m": {"INCLUDE_AND": {"speed": "50 km/h"}}}},
+            "50 km/h is a single number, which is not a category; use a range",
+        ),
+        (
+            {"MODULES": {"m": {"INCLUDE_AND": {"road": "sity", "speed": "< 5 m/s"}}}},
+            "is not a literal of road; did you mean 'city'?",
+        ),
+        (
+            {"MODULES": {"m": {"INCLUDE_AND": {"road": [], "speed": "< 5 m/s"}}}},
+            "MODULES.m: no combination satisfies it",
+        ),
+        (
+            {"MODULES": {"m": {"INCLUDE_AND": []}}},
+            "MODULES.m.INCLUDE_AND: expected conditions such as",
+        ),
+        (
+            {"MODULES": {"m": {"INCLUDED": {}}}},
+            "MODULES.m: unknown key 'INCLUDED'; did you mean 'INCLUDE_AND'?",
+        ),
         ({"MODULES": {"m": {"TITLE": "x"}}}, "MODULES.m: expected at least one of INCLUDE_AND"),
-        ({"MODULES": {"m": {"INCLUDE_AND": {"a": "x"}, "INCLUDE_OR": {"a": "x"}}}}, "MODULES.m: expected at most one INCLUDE section"),
-        ({"MODULES": {"m": {"INCLUDE_AND": {"AND": {"road": "city"}}}}}, "INCLUDE_AND.AND: expected the other operator inside AND"),
+        (
+            {"MODULES": {"m": {"INCLUDE_AND": {"a": "x"}, "INCLUDE_OR": {"a": "x"}}}},
+            "MODULES.m: expected at most one INCLUDE section",
+        ),
+        (
+            {"MODULES": {"m": {"INCLUDE_AND": {"AND": {"road": "city"}}}}},
+            "INCLUDE_AND.AND: expected the other operator inside AND",
+        ),
         (
             {"MODULES": {"m": {"INCLUDE_AND": {"n": True}}, "n": {"INCLUDE_AND": {"m": True}}}},
             "MODULES: another module refers to each of them; leave at least one",
@@ -295,46 +446,85 @@ SMALL = {"TAXONOMY": {"road": ["city", "rural"], "speed": "float velocity"}, "MO
             "MODULES.n: this module refers to itself, by n → n",
         ),
         (
-            {"MODULES": {"m": {"INCLUDE_AND": {"n": "maybe"}}, "n": {"INCLUDE_AND": {"road": "city"}}}},
+            {
+                "MODULES": {
+                    "m": {"INCLUDE_AND": {"n": "maybe"}},
+                    "n": {"INCLUDE_AND": {"road": "city"}},
+                }
+            },
             "expected true or false, got 'maybe'",
         ),
         (
-            {"MODULES": {"m": {"INCLUDE_AND": {"road": "city"}}}, "ODD": {"m": {"INCLUDE_AND": {"road": "city"}}}},
+            {
+                "MODULES": {"m": {"INCLUDE_AND": {"road": "city"}}},
+                "ODD": {"m": {"INCLUDE_AND": {"road": "city"}}},
+            },
             "MODULES.m: this module appears twice",
         ),
         ({"COVERAGE": {"CUT": {}}}, "COVERAGE: unknown key 'CUT'; did you mean 'CUTS'?"),
-        ({"COVERAGE": {"CUTS": {"road": ["3"]}}}, "COVERAGE.CUTS.road: expected a number, got road with city, rural"),
-        ({"COVERAGE": {"CONCEPTS": ["rode"]}}, "COVERAGE.CONCEPTS: there is no record or concept rode; did you mean 'road'?"),
-        ({"COVERAGE": {"CONCEPTS": ["road"]}}, "speed is not among COVERAGE.CONCEPTS, so this cannot be checked"),
-        ({"COVERAGE": {"OPTIONAL": ["speed"]}}, "TAXONOMY.speed: a number that may not apply needs literals"),
-        ({"COVERAGE": {"APPLIES_IF": {"road": "city"}}}, "COVERAGE.APPLIES_IF.road: expected conditions such as"),
+        (
+            {"COVERAGE": {"CUTS": {"road": ["3"]}}},
+            "COVERAGE.CUTS.road: expected a number, got road with city, rural",
+        ),
+        (
+            {"COVERAGE": {"CONCEPTS": ["rode"]}},
+            "COVERAGE.CONCEPTS: there is no record or concept rode; did you mean 'road'?",
+        ),
+        (
+            {"COVERAGE": {"CONCEPTS": ["road"]}},
+            "speed is not among COVERAGE.CONCEPTS, so this cannot be checked",
+        ),
+        (
+            {"COVERAGE": {"OPTIONAL": ["speed"]}},
+            "TAXONOMY.speed: a number that may not apply needs literals",
+        ),
+        (
+            {"COVERAGE": {"APPLIES_IF": {"road": "city"}}},
+            "COVERAGE.APPLIES_IF.road: expected conditions such as",
+        ),
         ({"IMPORT": ["nowhere.yaml"]}, "nowhere.yaml: expected a YAML file, got no such file"),
         ({"IMPORT": "x"}, "IMPORT: expected a list of files, got 'x'"),
         (
             {
-                "TAXONOMY": {"r": "float length", "l": {"a": {"r": "< 2 m"}, "b": {"r": ">= 2 m"}}, "speed": "float velocity"},
+                "TAXONOMY": {
+                    "r": "float length",
+                    "l": {"a": {"r": "< 2 m"}, "b": {"r": ">= 2 m"}},
+                    "speed": "float velocity",
+                },
                 "MODULES": {"m": {"INCLUDE_AND": {"r": "< 3 m", "speed": "< 3 m/s"}}},
             },
             "INCLUDE_AND.r: this cuts through the literal b of l",
         ),
         (
             {
-                "TAXONOMY": {"r": "float length", "l": {"a": {"r": "[0 .. 2] m"}, "b": {"r": "> 2 m"}}},
+                "TAXONOMY": {
+                    "r": "float length",
+                    "l": {"a": {"r": "[0 .. 2] m"}, "b": {"r": "> 2 m"}},
+                },
                 "MODULES": {"m": {"EXCLUDE_AND": {"r": "2 m"}}},
             },
             "EXCLUDE_AND.r: 2 m is a single number, which is no literal of l; use a range",
         ),
     ],
 )
-def test_what_a_space_cannot_say_is_refused_by_place(change: dict[str, Any], message: str, tmp_path: Path) -> None:
+def test_what_a_space_cannot_say_is_refused_by_place(
+    change: dict[str, Any], message: str, tmp_path: Path
+) -> None:
     with pytest.raises(InputError) as refused:
         read(tmp_path, {**SMALL, **change})
     assert message in str(refused.value) and str(tmp_path) in str(refused.value)
 
 
 def test_imports_are_read_once_and_may_not_contradict(tmp_path: Path) -> None:
-    (tmp_path / "taxonomy.yaml").write_text("IMPORT: [odd.yaml]\nTAXONOMY: {scenery: {road: [city, rural]}}")
-    space = read(tmp_path, "IMPORT: [taxonomy.yaml]\nTAXONOMY: {scenery: {lit: boolean}}\nMODULES: {m: {EXCLUDE_OR: {road: rural}}}")
+    (tmp_path / "taxonomy.yaml").write_text(
+        "IMPORT: [odd.yaml]\nTAXONOMY: {scenery: {road: [city, rural]}}"
+    )
+    space = read(
+        tmp_path,
+        "IMPORT: [taxonomy.yaml]\nTAXONOMY: {scenery: {lit: boolean}}\nMODULES: {m: {EXCLUDE_OR: {road: rural}}}",
+    )
     assert space.names == ("road", "lit") and space.clauses == (("road != rural",),)
-    with pytest.raises(InputError, match=r"odd.yaml: TAXONOMY.scenery.road: an imported file has this, too"):
+    with pytest.raises(
+        InputError, match=r"odd.yaml: TAXONOMY.scenery.road: an imported file has this, too"
+    ):
         read(tmp_path, "IMPORT: [taxonomy.yaml]\nTAXONOMY: {scenery: {road: [city]}}")

@@ -15,7 +15,9 @@ from pipeline.core.coverage.proposals import Proposer
 from pipeline.core.coverage.verification import verify
 
 # x = 0 implies y = 1, and y = 1 implies z = 0: together they exclude x = 0 with z = 1.
-CHAIN = Constraints((2, 2, 2), ((Literal(0, 0, False), Literal(1, 1)), (Literal(1, 1, False), Literal(2, 0))))
+CHAIN = Constraints(
+    (2, 2, 2), ((Literal(0, 0, False), Literal(1, 1)), (Literal(1, 1, False), Literal(2, 0)))
+)
 
 
 @pytest.mark.parametrize("count", [40, FEW_POINTS + 500])
@@ -35,13 +37,26 @@ def test_a_partial_point_counts_in_the_cells_that_it_determines(k: int, count: i
 
 def test_clauses_that_a_point_breaks_are_found_as_by_trying_every_completion() -> None:
     rows = np.array(list(product((-1, 0, 1), repeat=3)))
-    feasible = [row for row in product((0, 1), repeat=3) if (row[0] != 0 or row[1] == 1) and (row[1] != 1 or row[2] == 0)]
+    feasible = [
+        row
+        for row in product((0, 1), repeat=3)
+        if (row[0] != 0 or row[1] == 1) and (row[1] != 1 or row[2] == 0)
+    ]
     found = broken_clauses(CHAIN, rows)
     for row, clause in zip(rows, found, strict=True):
-        possible = any(all(known in (-1, value) for known, value in zip(row, other, strict=True)) for other in feasible)
+        possible = any(
+            all(known in (-1, value) for known, value in zip(row, other, strict=True))
+            for other in feasible
+        )
         assert (clause < 0) == possible
-    assert dict(zip(map(tuple, rows.tolist()), found.tolist(), strict=True))[0, -1, 1] == 2  # Both clauses together.
-    assert broken_clauses(CHAIN, np.array([[0, 0, 1], [1, 1, 1], [0, -1, -1]])).tolist() == [0, 1, -1]
+    assert (
+        dict(zip(map(tuple, rows.tolist()), found.tolist(), strict=True))[0, -1, 1] == 2
+    )  # Both clauses together.
+    assert broken_clauses(CHAIN, np.array([[0, 0, 1], [1, 1, 1], [0, -1, -1]])).tolist() == [
+        0,
+        1,
+        -1,
+    ]
 
 
 def test_coverage_and_proposals_take_partial_points() -> None:

@@ -24,9 +24,19 @@ def test_a_population_is_37_women_and_37_men_with_four_children_each(number: int
     for half in (people[:OF_EACH_SEX], people[OF_EACH_SEX:]):
         assert [p.child for p in half] == [False] * 33 + [True] * 4
     assert all(1.1 <= p.height <= 1.4 if p.child else 1.5 <= p.height <= 1.98 for p in people)
-    assert all(0.88 <= p.stride <= 1.12 and 0.5 <= p.arm_swing <= 1.5 and 0 <= p.stoop <= 0.12 for p in people)
-    assert not any(p.umbrella for p in people if p.child) and not any(p.skirt for p in people[OF_EACH_SEX:])
-    assert all(0 <= c < 1 for p in people for colour in (p.top, p.trousers, p.shoes, p.skin, p.hair, p.accent) for c in colour)
+    assert all(
+        0.88 <= p.stride <= 1.12 and 0.5 <= p.arm_swing <= 1.5 and 0 <= p.stoop <= 0.12
+        for p in people
+    )
+    assert not any(p.umbrella for p in people if p.child) and not any(
+        p.skirt for p in people[OF_EACH_SEX:]
+    )
+    assert all(
+        0 <= c < 1
+        for p in people
+        for colour in (p.top, p.trousers, p.shoes, p.skin, p.hair, p.accent)
+        for c in colour
+    )
 
 
 @given(NUMBERS)
@@ -41,7 +51,13 @@ def test_two_populations_share_no_name_no_person_and_no_fingerprint(one: int, ot
     if one != other:
         first, second = population(one), population(other)
         assert not set(first) & set(second) and fingerprint(one) != fingerprint(other)
-        looks = [{tuple(value for key, value in vars(p).items() if key != "name") for p in people.values()} for people in (first, second)]
+        looks = [
+            {
+                tuple(value for key, value in vars(p).items() if key != "name")
+                for p in people.values()
+            }
+            for people in (first, second)
+        ]
         assert len(looks[0] | looks[1]) == 148
 
 
@@ -53,7 +69,9 @@ def test_everybody_is_found_by_name(number: int) -> None:
 
 @pytest.mark.parametrize("name", ["W 00", "W 001", "X 01", "W01", "W 1", ""])
 def test_other_names_are_refused(name: str) -> None:
-    with pytest.raises(ValueError, match=f"expected a person such as 'W 01' or 'M 38', got '{name}'"):
+    with pytest.raises(
+        ValueError, match=f"expected a person such as 'W 01' or 'M 38', got '{name}'"
+    ):
         person(name)
 
 
@@ -72,14 +90,18 @@ def test_people_follow_the_described_distribution() -> None:
     for sex, mean in (("W", 1.66), ("M", 1.79)):
         heights = [p.height for p in people if p.name[0] == sex and not p.child]
         assert np.mean(heights) == pytest.approx(mean, abs=3 * 0.07 / np.sqrt(len(heights)))
-    assert np.mean([p.stride for p in people]) == pytest.approx(1, abs=3 * 0.06 / np.sqrt(len(people)))
+    assert np.mean([p.stride for p in people]) == pytest.approx(
+        1, abs=3 * 0.06 / np.sqrt(len(people))
+    )
     for shares, expected in (
         ([p.hat for p in people], 0.2),
         ([p.bag for p in people], 0.3),
         ([p.umbrella for p in people if not p.child], 0.12),
         ([p.skirt for p in people if p.name[0] == "W"], 0.35),
     ):
-        assert np.mean(shares) == pytest.approx(expected, abs=3 * np.sqrt(expected * (1 - expected) / len(shares)))
+        assert np.mean(shares) == pytest.approx(
+            expected, abs=3 * np.sqrt(expected * (1 - expected) / len(shares))
+        )
 
 
 def test_the_variable_describes_each_person() -> None:
@@ -90,4 +112,6 @@ def test_the_variable_describes_each_person() -> None:
     for name in ("umbrella", "bag", "hat", "skirt"):
         assert known[name] == [getattr(p, name) for p in people.values()]
     for part in ("top", "trousers"):
-        assert known[f"{part}_brightness"] == pytest.approx([np.mean(getattr(p, part)) for p in people.values()], abs=5.1e-4)
+        assert known[f"{part}_brightness"] == pytest.approx(
+            [np.mean(getattr(p, part)) for p in people.values()], abs=5.1e-4
+        )

@@ -10,7 +10,9 @@ import pytest
 from pipeline.progress import Progress
 
 
-def test_a_log_gets_a_line_a_second_and_the_last(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_log_gets_a_line_a_second_and_the_last(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     clock = iter([0.0] + [i * 0.3 for i in range(1, 11)])
     monkeypatch.setattr(time, "monotonic", lambda: next(clock))
     log = tmp_path / "deep" / "step.log"
@@ -22,7 +24,9 @@ def test_a_log_gets_a_line_a_second_and_the_last(tmp_path: Path, monkeypatch: py
     assert "2 failures" in lines[-1] and "100%" in lines[-1]
 
 
-def test_the_time_left_leaves_out_the_start_and_what_was_done_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_time_left_leaves_out_the_start_and_what_was_done_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     # Started at 0 s; 20 s until the first report of a resumed run, then ten a second; another part begins at 40 s.
     clock = iter([0.0, 20.0, 22.0, 24.0, 40.0, 42.0])
     monkeypatch.setattr(time, "monotonic", lambda: next(clock))

@@ -12,11 +12,22 @@ def test_connected_failures_step_to_neighbouring_categories() -> None:
     chain = [[1.0, 0, 1, 0], [2, 0, 1, 0], [2, 330, 1, 0], [2, 330, 1, 2]]
     diagonal = [[6.0, 90, 3, 1], [7, 120, 3, 1]]
     jump = [[4.0, 0, 1, 0]]
-    assert connected_failures(SMALL, np.array(chain + diagonal + jump)).tolist() == [0, 0, 0, 0, 1, 2, 3]
+    assert connected_failures(SMALL, np.array(chain + diagonal + jump)).tolist() == [
+        0,
+        0,
+        0,
+        0,
+        1,
+        2,
+        3,
+    ]
 
 
 def test_medoid_is_the_point_in_the_middle() -> None:
-    assert medoid(SMALL, np.array([[0.0, 0, 1, 0], [4, 0, 1, 0], [5, 0, 1, 0], [10, 0, 1, 0]])) in (1, 2)
+    assert medoid(SMALL, np.array([[0.0, 0, 1, 0], [4, 0, 1, 0], [5, 0, 1, 0], [10, 0, 1, 0]])) in (
+        1,
+        2,
+    )
 
 
 def test_no_failures_are_in_no_set() -> None:

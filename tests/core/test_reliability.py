@@ -39,7 +39,9 @@ def test_an_uninformative_score_gives_the_identity(right: list[bool]) -> None:
     assert platt([0.2, 0.5, 0.8], right) == Calibration()
 
 
-@pytest.mark.parametrize(("slope", "offset"), [(0.0, 0.0), (-1.0, 0.0), (float("nan"), 0.0), (1.0, float("inf"))])
+@pytest.mark.parametrize(
+    ("slope", "offset"), [(0.0, 0.0), (-1.0, 0.0), (float("nan"), 0.0), (1.0, float("inf"))]
+)
 def test_ranges_are_checked(slope: float, offset: float) -> None:
     with pytest.raises(ValueError, match="slope must be positive"):
         Calibration(slope, offset)
@@ -47,7 +49,11 @@ def test_ranges_are_checked(slope: float, offset: float) -> None:
 
 def test_diagram_and_error_by_hand() -> None:
     diagram = reliability([0.05, 0.15, 0.19, 0.95, 1.0], [False, True, False, True, True])
-    assert [(round(b.score, 3), b.right, b.count) for b in diagram] == [(0.05, 0.0, 1), (0.17, 0.5, 2), (0.975, 1.0, 2)]
+    assert [(round(b.score, 3), b.right, b.count) for b in diagram] == [
+        (0.05, 0.0, 1),
+        (0.17, 0.5, 2),
+        (0.975, 1.0, 2),
+    ]
     assert calibration_error(diagram) == pytest.approx((0.05 + 2 * 0.33 + 2 * 0.025) / 5)
     assert reliability([], []) == () and calibration_error(()) == 0.0
     with pytest.raises(ValueError, match="must be lists of equal length"):
@@ -55,4 +61,9 @@ def test_diagram_and_error_by_hand() -> None:
 
 
 def test_a_bin_ends_where_the_next_begins() -> None:
-    assert [b.count for b in reliability([0.0, 0.099, 0.1, 0.16, 0.2, 0.99, 1.0], [True] * 7)] == [2, 2, 1, 2]
+    assert [b.count for b in reliability([0.0, 0.099, 0.1, 0.16, 0.2, 0.99, 1.0], [True] * 7)] == [
+        2,
+        2,
+        1,
+        2,
+    ]

@@ -25,16 +25,25 @@ def found(rule: Rule, tests: int = 600, words: tuple[Word, ...] = WORDS) -> str:
 def test_the_gain_is_the_ratio_of_likelihoods() -> None:
     failed = np.arange(20) < 5
     by_hand = binom.logpmf(4, 6, 4 / 6) + binom.logpmf(1, 14, 1 / 14) - binom.logpmf(5, 20, 5 / 20)
-    constant = np.log([15.0, 14.0, 15504.0])  # The binomial coefficients of 6 over 4, 14 over 1 and 20 over 5.
-    assert float(likelihood_gain(np.array(4), np.array(6), failed)) == pytest.approx(by_hand - constant[0] - constant[1] + constant[2])
-    assert likelihood_gain(np.array([1, 0]), np.array([4, 3]), failed).tolist() == [-np.inf, -np.inf]
+    constant = np.log(
+        [15.0, 14.0, 15504.0]
+    )  # The binomial coefficients of 6 over 4, 14 over 1 and 20 over 5.
+    assert float(likelihood_gain(np.array(4), np.array(6), failed)) == pytest.approx(
+        by_hand - constant[0] - constant[1] + constant[2]
+    )
+    assert likelihood_gain(np.array([1, 0]), np.array([4, 3]), failed).tolist() == [
+        -np.inf,
+        -np.inf,
+    ]
 
 
 def test_a_word_is_preferred_to_an_attribute_and_an_attribute_to_names() -> None:
     children = Rule((Condition(PERSON, values=CHILDREN),))
     assert found(children) == "child"
     assert found(children, words=()) in ("height_m <= 1.4", "height_m <= 1.45", "height_m <= 1.5")
-    assert found(Rule((Condition(PERSON, values=(3, 40, 71)),))) == "blueprint in {W 04, M 04, M 35}"
+    assert (
+        found(Rule((Condition(PERSON, values=(3, 40, 71)),))) == "blueprint in {W 04, M 04, M 35}"
+    )
 
 
 def test_words_describe_people_and_poses() -> None:
@@ -42,7 +51,9 @@ def test_words_describe_people_and_poses() -> None:
     names = SPACE.variables[PERSON].values
     assert {names[i] for i in known["child"]} == {name for name in names if person(name).child}
     assert set(known["child"]) | set(known["adult"]) == set(range(len(names)))
-    assert {names[i] for i in known["under an umbrella"]} == {name for name in names if person(name).umbrella}
+    assert {names[i] for i in known["under an umbrella"]} == {
+        name for name in names if person(name).umbrella
+    }
     assert known["stumbling"] == (SPACE.variables[POSE].values.index("stumble"),)
     assert len(known) == len(WORDS) and meanings(SMALL, WORDS) == ()
 
@@ -73,14 +84,19 @@ def test_the_text_of_an_attribute_is_its_bound(population: int) -> None:
     blueprint = Space.from_dict({people.VARIABLE: people.variable(population)}).variables[0]
     for _, known in blueprint.attributes:
         numbers, bounds = np.array(known), _readable(np.array(known))
-        assert [((numbers >= b) == (numbers >= float(f"{b:g}"))).all() for b in bounds] == [True] * len(bounds)
+        assert [((numbers >= b) == (numbers >= float(f"{b:g}"))).all() for b in bounds] == [
+            True
+        ] * len(bounds)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2, 3])
 def test_a_name_with_many_failures_pays_no_more_for_others_by_chance(seed: int) -> None:
     """Value 1 fails in 35 of 40 tests, 72 others in 15 % of a few tests each, some of which fail always."""
     rng = np.random.default_rng(seed)
-    values, failed = np.concatenate([np.ones(40), rng.integers(2, 74, size=200)]), np.arange(240) < 35
+    values, failed = (
+        np.concatenate([np.ones(40), rng.integers(2, 74, size=200)]),
+        np.arange(240) < 35,
+    )
     failed[40:] = rng.random(200) < 0.15
     offer = _Values(0, values, 74).best(np.ones(240, bool), failed)
     alone = float(likelihood_gain(np.array(35), np.array(40), failed)) - 2 * np.log(74)
@@ -91,12 +107,18 @@ def test_a_variable_of_one_value_says_nothing() -> None:
     space = Space((Variable("kind", "categorical", values=("only",)), SMALL.variables[0]))
     points = space.sample(200, np.random.default_rng(0))
     failed = points[:, 1] > space.variables[1].high / 2
-    assert [condition.subject(space).name for condition in find_rule(space, points, failed).rule.conditions] == [SMALL.names[0]]
+    assert [
+        condition.subject(space).name
+        for condition in find_rule(space, points, failed).rule.conditions
+    ] == [SMALL.names[0]]
 
 
 def test_a_wide_integer_has_as_many_bounds_as_a_number() -> None:
     for high, step in ((5_000, 250), (100_000, 5_000)):
-        whole, real = (_bounds(Variable("d", kind, "", 0, high, step=step))[0] for kind in ("integer", "continuous"))
+        whole, real = (
+            _bounds(Variable("d", kind, "", 0, high, step=step))[0]
+            for kind in ("integer", "continuous")
+        )
         assert (whole == np.round(whole)).all() and len(whole) <= len(real) + 1
     assert len(_bounds(Variable("d", "integer", "", 0, 200, step=10))[0]) == 201
 
@@ -120,8 +142,17 @@ def test_no_rule_pays_for_labels_at_random_or_without_two_outcomes() -> None:
 def test_of_equally_good_intervals_one_of_them_is_chosen() -> None:
     space = Space((Variable("fog", "continuous", "%", 0, 100, 10),))
     fog = np.concatenate(
-        [np.linspace(21, 29, 9), np.linspace(71, 79, 9), np.linspace(0, 19, 20), np.linspace(31, 69, 40), np.linspace(81, 100, 20)]
+        [
+            np.linspace(21, 29, 9),
+            np.linspace(71, 79, 9),
+            np.linspace(0, 19, 20),
+            np.linspace(31, 69, 40),
+            np.linspace(81, 100, 20),
+        ]
     )
     failed = np.arange(len(fog)) < 18
     found = find_rule(space, fog[:, None], failed)
-    assert failed[found.rule.holds(fog[:, None])].sum() == 9 and found.rule.text(space) in ("fog in [20, 30] %", "fog in [70, 80] %")
+    assert failed[found.rule.holds(fog[:, None])].sum() == 9 and found.rule.text(space) in (
+        "fog in [20, 30] %",
+        "fog in [70, 80] %",
+    )

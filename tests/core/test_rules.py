@@ -35,7 +35,10 @@ def test_the_empty_rule_holds_everywhere() -> None:
 
 
 def test_words_form_a_phrase_in_the_order_of_their_declaration() -> None:
-    child, crouching = Condition(7, values=(1,), text="child", order=3), Condition(6, values=(2,), text="crouching", order=1)
+    child, crouching = (
+        Condition(7, values=(1,), text="child", order=3),
+        Condition(6, values=(2,), text="crouching", order=1),
+    )
     rule = Rule((Condition(0, 40, 100), child, crouching))
     assert rule.text(THESIS) == "crouching child and rain >= 40 %"
 

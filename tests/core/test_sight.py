@@ -43,4 +43,7 @@ def test_the_end_of_a_test_is_no_last_chance() -> None:
 def test_what_never_comes_has_no_value() -> None:
     never = seen(contrast=[0] * 5, confidence=[0] * 5, conflict_distance_m=[5] * 5)
     assert np.isnan(list(vars(never).values())).all()
-    assert np.isnan(seen(confidence=[0] * 5).first_detection_m) and seen(confidence=[0] * 5).first_sight_m == 30
+    assert (
+        np.isnan(seen(confidence=[0] * 5).first_detection_m)
+        and seen(confidence=[0] * 5).first_sight_m == 30
+    )

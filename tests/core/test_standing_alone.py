@@ -13,7 +13,16 @@ from pipeline.errors import missing_extra
 
 EXTRAS = (
     *("cv2", "dvc", "faster_coco_eval", "grimp", "hydra", "imageio_ffmpeg", "jinja2", "mlflow"),
-    *("mujoco", "onnx", "onnxruntime", "omegaconf", "safetensors", "snakemake", "torch", "transformers"),
+    *(
+        "mujoco",
+        "onnx",
+        "onnxruntime",
+        "omegaconf",
+        "safetensors",
+        "snakemake",
+        "torch",
+        "transformers",
+    ),
 )
 WITHOUT_THEM = f"""
 import sys
@@ -32,7 +41,12 @@ def python(code: str, folder: Path) -> subprocess.CompletedProcess[str]:
     """Run code in a process in which no extra can be imported."""
     script = folder / "script.py"
     script.write_text(f"{WITHOUT_THEM}\n{code}")
-    return subprocess.run([sys.executable, script], env={"PYTHONPATH": str(Path(__file__).parents[2])}, capture_output=True, text=True)
+    return subprocess.run(
+        [sys.executable, script],
+        env={"PYTHONPATH": str(Path(__file__).parents[2])},
+        capture_output=True,
+        text=True,
+    )
 
 
 @pytest.mark.parametrize("package", ["pipeline.core", "pipeline.config", "pipeline.scenarios"])
@@ -58,11 +72,26 @@ def test_the_help_names_every_command(tmp_path: Path) -> None:
 def test_coverage_is_scored_and_drawn(tmp_path: Path) -> None:
     (tmp_path / "space.yaml").write_text(SPACE)
     (tmp_path / "points.csv").write_text("weather,lanes\nsunny,1\nrainy,2\n")
-    words = ["coverage", "score", "--space", "space.yaml", "--points", "points.csv", "--figures", "figures"]
-    done = python(f"import os; os.chdir({str(tmp_path)!r}); from pipeline.__main__ import main; sys.exit(main({words}))", tmp_path)
+    words = [
+        "coverage",
+        "score",
+        "--space",
+        "space.yaml",
+        "--points",
+        "points.csv",
+        "--figures",
+        "figures",
+    ]
+    done = python(
+        f"import os; os.chdir({str(tmp_path)!r}); from pipeline.__main__ import main; sys.exit(main({words}))",
+        tmp_path,
+    )
     assert done.returncode == 0, done.stderr
     assert "2  2        4       50.00 %" in done.stdout
-    assert sorted(path.name for path in (tmp_path / "figures").iterdir()) == ["growth.png", "planes.png"]
+    assert sorted(path.name for path in (tmp_path / "figures").iterdir()) == [
+        "growth.png",
+        "planes.png",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -73,7 +102,10 @@ def test_coverage_is_scored_and_drawn(tmp_path: Path) -> None:
 def test_a_missing_module_names_its_extra(module: str, extra: str) -> None:
     error = missing_extra(ModuleNotFoundError(name=module))
     name = module.partition(".")[0]
-    assert str(error) == f"needs {name}, which is not installed; type: pip install 'blindspot[{extra}]'"
+    assert (
+        str(error)
+        == f"needs {name}, which is not installed; type: pip install 'blindspot[{extra}]'"
+    )
 
 
 @pytest.mark.parametrize("module", ["numpy", "onn", "pipeline.nowhere", None])
@@ -86,12 +118,23 @@ def test_a_forgotten_environment_is_named(tmp_path: Path, monkeypatch: pytest.Mo
     (tmp_path / ".venv").mkdir()
     monkeypatch.setattr(errors, "__file__", str(tmp_path / "pipeline/errors.py"))
     monkeypatch.setattr(sys, "prefix", sys.base_prefix)
-    assert str(missing_extra(ModuleNotFoundError(name="numpy"))) == "needs numpy, which this Python lacks; type: source .venv/bin/activate"
+    assert (
+        str(missing_extra(ModuleNotFoundError(name="numpy")))
+        == "needs numpy, which this Python lacks; type: source .venv/bin/activate"
+    )
 
 
-@pytest.mark.parametrize(("command", "module", "extra"), [("simulate", "cv2", "simulation"), ("stages", "grimp", "workflow")])
-def test_a_command_without_its_extra_ends_with_one_line(command: str, module: str, extra: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("command", "module", "extra"),
+    [("simulate", "cv2", "simulation"), ("stages", "grimp", "workflow")],
+)
+def test_a_command_without_its_extra_ends_with_one_line(
+    command: str, module: str, extra: str, tmp_path: Path
+) -> None:
     words = [command, *(["F1"] if command == "simulate" else [])]
     done = python(f"from pipeline.__main__ import main; sys.exit(main({words}))", tmp_path)
     assert done.returncode == 2
-    assert done.stderr == f"blindspot {command}: needs {module}, which is not installed; type: pip install 'blindspot[{extra}]'\n"
+    assert (
+        done.stderr
+        == f"blindspot {command}: needs {module}, which is not installed; type: pip install 'blindspot[{extra}]'\n"
+    )

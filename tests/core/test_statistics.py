@@ -78,7 +78,9 @@ def test_mcnemar_of_equal_versions_and_unequal_lists() -> None:
     # Fagerland, Lydersen & Laake 2017, chapter 8: Tango's 95 % intervals of Bentur et al. 2009 and Cavo et al. 2012.
     [(1, 7, 21, -0.5172, -0.0260), (6, 16, 161, -0.1240, -0.0054)],
 )
-def test_the_rise_limits_of_published_tables(regressions: int, fixes: int, tests: int, low: float, high: float) -> None:
+def test_the_rise_limits_of_published_tables(
+    regressions: int, fixes: int, tests: int, low: float, high: float
+) -> None:
     assert paired_rise_limit(regressions, fixes, tests, 0.975) == pytest.approx(high, abs=5e-5)
     # The lower limit is the upper one of the reverse comparison.
     assert -paired_rise_limit(fixes, regressions, tests, 0.975) == pytest.approx(low, abs=5e-5)
@@ -94,7 +96,9 @@ def test_the_rise_limit_without_discordant_tests_and_at_its_ends() -> None:
 
 
 def test_the_rise_limit_refuses_impossible_counts() -> None:
-    with pytest.raises(ValueError, match="regressions and fixes must be counts among 10 tests, got 6 and 5"):
+    with pytest.raises(
+        ValueError, match="regressions and fixes must be counts among 10 tests, got 6 and 5"
+    ):
         paired_rise_limit(6, 5, 10, 0.95)
     with pytest.raises(ValueError, match=r"confidence must be in \(0, 1\), got 1"):
         paired_rise_limit(1, 1, 10, 1)
@@ -103,24 +107,39 @@ def test_the_rise_limit_refuses_impossible_counts() -> None:
 @pytest.mark.parametrize("tests", [30, 60])
 def test_the_rise_limit_has_its_nominal_coverage(tests: int) -> None:
     """Over every possible outcome, weighted by its probability: what a simulation approaches."""
-    outcomes = [(regressions, fixes) for regressions in range(tests + 1) for fixes in range(tests + 1 - regressions)]
+    outcomes = [
+        (regressions, fixes)
+        for regressions in range(tests + 1)
+        for fixes in range(tests + 1 - regressions)
+    ]
     limits = {outcome: paired_rise_limit(*outcome, tests, 0.95) for outcome in outcomes}
     for up, down in [(0.1, 0.0), (0.1, 0.05), (0.1, 0.1), (0.05, 0.2), (0.3, 0.2), (0.2, 0.4)]:
         held = 0.0
         for (regressions, fixes), limit in limits.items():
             neither = tests - regressions - fixes
             ways = comb(tests, regressions) * comb(tests - regressions, fixes)
-            held += (limit >= up - down) * ways * up**regressions * down**fixes * (1 - up - down) ** neither
+            held += (
+                (limit >= up - down)
+                * ways
+                * up**regressions
+                * down**fixes
+                * (1 - up - down) ** neither
+            )
         # Counts are whole numbers, so no method hits 0.95 everywhere. A two-sided limit would hold in 0.975 of cases.
         assert 0.925 < held < 0.97
 
 
 def test_sign_flip_is_mcnemar_for_two_versions_and_counts_all_signs_for_more() -> None:
-    before, after = np.array([1] * 9 + [0] * 11, bool), np.array([0] * 8 + [1] + [0] * 8 + [1] * 3, bool)
+    before, after = (
+        np.array([1] * 9 + [0] * 11, bool),
+        np.array([0] * 8 + [1] + [0] * 8 + [1] * 3, bool),
+    )
     assert sign_flip(after.astype(int) - before) == pytest.approx(mcnemar(before, after).p_value)
     differences = np.array([3, -1, 2, 0, 2, 1, -3, 2])
     signs = np.array(list(product((-1, 1), repeat=len(differences))))
-    assert sign_flip(differences) == pytest.approx(np.mean(np.abs(signs @ differences) >= abs(differences.sum())))
+    assert sign_flip(differences) == pytest.approx(
+        np.mean(np.abs(signs @ differences) >= abs(differences.sum()))
+    )
     assert sign_flip(np.zeros(5, int)) == sign_flip(np.array([], int)) == 1
     with pytest.raises(ValueError, match="whole numbers"):
         sign_flip(np.array([0.5]))
@@ -144,8 +163,13 @@ def test_one_against_several_is_no_more_often_significant_than_it_says() -> None
     failed = rng.random((400, 6, 20)) < 0.9
     own = [one_against_several(versions[0], versions[1:].sum(axis=0), 5) for versions in failed]
     flips = [sign_flip((versions[1:].astype(int) - versions[0]).sum(axis=0)) for versions in failed]
-    exact, too_often = (binom.sf(sum(p_value <= alpha for p_value in p_values) - 1, 400, alpha) for p_values in (own, flips))
-    assert exact > 0.01 > too_often, "the differences from one version are not symmetric, so their signs must not be flipped"
+    exact, too_often = (
+        binom.sf(sum(p_value <= alpha for p_value in p_values) - 1, 400, alpha)
+        for p_values in (own, flips)
+    )
+    assert exact > 0.01 > too_often, (
+        "the differences from one version are not symmetric, so their signs must not be flipped"
+    )
 
 
 @pytest.mark.parametrize("others", [[1], [3, 0], [-1, 0]])
@@ -164,14 +188,18 @@ def test_the_censored_mean_by_hand() -> None:
 def test_without_censoring_it_is_the_plain_mean() -> None:
     values = [3.0, 8.0, 2.0, 2.0]
     found = censored_mean(values, [True] * 4)
-    assert (found.value, found.low, found.high) == pytest.approx((3.75, *mean_interval(values, limits=(0, np.inf))))
+    assert (found.value, found.low, found.high) == pytest.approx(
+        (3.75, *mean_interval(values, limits=(0, np.inf)))
+    )
     single = censored_mean([7], [True])
     assert (single.value, single.low, single.high, single.censored) == (7, 7, 7, 0)
 
 
 def test_censoring_at_one_budget_gives_the_mean_of_what_was_spent() -> None:
     found, spent = censored_mean([3, 80, 80, 17], [True, False, False, True]), [3, 80, 80, 17]
-    assert (found.value, found.low, found.high) == pytest.approx((45, *mean_interval(spent, limits=(0, 80))))
+    assert (found.value, found.low, found.high) == pytest.approx(
+        (45, *mean_interval(spent, limits=(0, 80)))
+    )
 
 
 def test_if_all_are_censored_the_mean_is_a_bound() -> None:
@@ -179,7 +207,9 @@ def test_if_all_are_censored_the_mean_is_a_bound() -> None:
     assert (found.value, found.low, found.high, found.censored) == (80, 80, 80, 2)
 
 
-@pytest.mark.parametrize(("values", "reached"), [([], []), ([1, 2], [True]), ([-1], [True]), ([np.inf], [False])])
+@pytest.mark.parametrize(
+    ("values", "reached"), [([], []), ([1, 2], [True]), ([-1], [True]), ([np.inf], [False])]
+)
 def test_the_censored_mean_refuses_other_values(values: list[float], reached: list[bool]) -> None:
     with pytest.raises(ValueError, match="finite numbers from 0 and as many flags"):
         censored_mean(values, reached)
@@ -194,10 +224,14 @@ def test_bootstrap_of_two_values() -> None:
 def test_the_ratio_is_of_resampled_pairs() -> None:
     """Twice the reference in every pair is twice the reference in every resample, however far apart the pairs are."""
     reference = np.array([1.0, 50, 9, 200])
-    assert bootstrap_ratio(2 * reference, reference, np.random.default_rng(0)) == pytest.approx((2, 2))
+    assert bootstrap_ratio(2 * reference, reference, np.random.default_rng(0)) == pytest.approx(
+        (2, 2)
+    )
     # Resamples of the pairs (2, 1) and (4, 4) have the ratios 2, 6 / 5 and 1.
     assert bootstrap_ratio([2, 4], [1, 4], np.random.default_rng(0)) == (1, 2)
-    assert bootstrap_ratio([2, 4], [1, 4], np.random.default_rng(0), 0.4) == pytest.approx((1.2, 1.2))
+    assert bootstrap_ratio([2, 4], [1, 4], np.random.default_rng(0), 0.4) == pytest.approx(
+        (1.2, 1.2)
+    )
 
 
 def test_the_ratio_to_a_reference_of_zero() -> None:
@@ -208,7 +242,9 @@ def test_the_ratio_to_a_reference_of_zero() -> None:
 
 @pytest.mark.parametrize("reference", [[], [1.0], [1, np.nan]])
 def test_the_bootstrap_refuses_what_is_not_paired(reference: list[float]) -> None:
-    with pytest.raises(ValueError, match="values and reference must be equally many finite numbers"):
+    with pytest.raises(
+        ValueError, match="values and reference must be equally many finite numbers"
+    ):
         bootstrap_ratio([1.0, 2], reference, np.random.default_rng(0))
 
 

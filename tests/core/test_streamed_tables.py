@@ -47,13 +47,29 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def said(folder: Path, points: str, verb: str, *more: str) -> tuple[int, str, str]:
     with redirect_stdout(io.StringIO()) as out, redirect_stderr(io.StringIO()) as error:
-        code = main(["coverage", verb, "--space", str(folder / "space.yaml"), "--points", str(folder / points), "--json", *more])
+        code = main(
+            [
+                "coverage",
+                verb,
+                "--space",
+                str(folder / "space.yaml"),
+                "--points",
+                str(folder / points),
+                "--json",
+                *more,
+            ]
+        )
     return code, out.getvalue(), error.getvalue().splitlines()[-1] if code else ""
 
 
 def compared(folder: Path, points: str, block: int) -> None:
     """The same answers with blocks of a few bytes or rows as with the whole table."""
-    for words in (("score",), ("score", "--strict"), ("propose", "--count", "2"), ("propose", "--complete", "--k", "1")):
+    for words in (
+        ("score",),
+        ("score", "--strict"),
+        ("propose", "--count", "2"),
+        ("propose", "--complete", "--k", "1"),
+    ):
         whole = said(folder, points, *words)
         with pytest.MonkeyPatch.context() as patched:
             patched.setattr(csv_batches, "BLOCK", block)
@@ -63,23 +79,35 @@ def compared(folder: Path, points: str, block: int) -> None:
 
 @settings(max_examples=25)
 @given(rows=ROWS, end=ENDS, block=st.integers(1, 90), last=st.booleans())
-def test_a_csv_in_blocks_is_the_whole_csv(folder: Path, rows: list[tuple[str, ...]], end: str, block: int, last: bool) -> None:
-    text = end.join(["sky,fog,lanes,note", *(",".join((*row, "x")) for row in rows)]) + (end if last else "")
+def test_a_csv_in_blocks_is_the_whole_csv(
+    folder: Path, rows: list[tuple[str, ...]], end: str, block: int, last: bool
+) -> None:
+    text = end.join(["sky,fog,lanes,note", *(",".join((*row, "x")) for row in rows)]) + (
+        end if last else ""
+    )
     (folder / "points.csv").write_bytes(text.encode())
     compared(folder, "points.csv", block)
 
 
 @settings(max_examples=15)
 @given(rows=ROWS, block=st.integers(1, 9), groups=st.integers(1, 50))
-def test_a_parquet_table_in_batches_is_the_whole_table(folder: Path, rows: list[tuple[str, ...]], block: int, groups: int) -> None:
-    columns: dict[str, Any] = {name: [row[i] or None for row in rows] for i, name in enumerate(("sky", "fog", "lanes"))}
-    columns["fog"] = pa.array([float(text) if text and text.isdecimal() else None for text in columns["fog"]])
+def test_a_parquet_table_in_batches_is_the_whole_table(
+    folder: Path, rows: list[tuple[str, ...]], block: int, groups: int
+) -> None:
+    columns: dict[str, Any] = {
+        name: [row[i] or None for row in rows] for i, name in enumerate(("sky", "fog", "lanes"))
+    }
+    columns["fog"] = pa.array(
+        [float(text) if text and text.isdecimal() else None for text in columns["fog"]]
+    )
     pq.write_table(pa.table(columns), folder / "points.parquet", row_group_size=groups)
     compared(folder, "points.parquet", block)
 
 
 @pytest.mark.parametrize("block", [1, 7, 1 << 20])
-def test_wrong_rows_are_named_in_any_block(folder: Path, block: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_wrong_rows_are_named_in_any_block(
+    folder: Path, block: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(csv_batches, "BLOCK", block)
     head = "sky,fog,lanes\n"
     for rows, message in (
@@ -97,13 +125,20 @@ def test_a_row_without_end_is_refused(folder: Path, monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(csv_batches, "BLOCK", 64)
     monkeypatch.setattr(csv_batches, "LONGEST_ROW", 1024)
     (folder / "long.csv").write_text('sky,fog,lanes\non,"3,1\n' + "on,3,1\n" * 1000)
-    assert "a row is longer than 0 MB; perhaps a quote is opened and never closed" in said(folder, "long.csv", "score")[2]
+    assert (
+        "a row is longer than 0 MB; perhaps a quote is opened and never closed"
+        in said(folder, "long.csv", "score")[2]
+    )
 
 
-def test_many_different_values_are_kept_up_to_a_limit(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_many_different_values_are_kept_up_to_a_limit(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(table_categories, "MOST_DIFFERENT", 50)
     monkeypatch.setattr(csv_batches, "BLOCK", 256)
-    (folder / "many.csv").write_text("sky,fog,lanes\n" + "".join(f"on,{1000 + i},1\n" for i in range(200)))
+    (folder / "many.csv").write_text(
+        "sky,fog,lanes\n" + "".join(f"on,{1000 + i},1\n" for i in range(200))
+    )
     (cause,) = json.loads(said(folder, "many.csv", "score")[1])["causes"]
     assert cause["rows"] == 200 and "got 1000 and at least 49 other values" in cause["cause"]
 
@@ -113,8 +148,14 @@ def test_many_different_values_are_kept_up_to_a_limit(folder: Path, monkeypatch:
 def test_raising_points_stand_for_all_points(data: st.DataObject) -> None:
     sizes = tuple(data.draw(st.lists(st.integers(1, 4), min_size=2, max_size=4)))
     k = data.draw(st.integers(1, len(sizes)))
-    weights = [data.draw(st.lists(st.integers(0, 3), min_size=size, max_size=size).filter(any)) for size in sizes]
-    demand, rng = Demand(Constraints(sizes), k, weights), np.random.default_rng(data.draw(st.integers(0, 99)))
+    weights = [
+        data.draw(st.lists(st.integers(0, 3), min_size=size, max_size=size).filter(any))
+        for size in sizes
+    ]
+    demand, rng = (
+        Demand(Constraints(sizes), k, weights),
+        np.random.default_rng(data.draw(st.integers(0, 99))),
+    )
     points = rng.integers(-1, sizes, (data.draw(st.integers(1, 60)), len(sizes)))
     batches = np.array_split(points, data.draw(st.integers(1, 5)))
     _, raising = counted(batches, [demand], lambda _: None)

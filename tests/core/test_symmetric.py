@@ -27,10 +27,14 @@ def test_fields_satisfy_the_axioms(order: int) -> None:
     add, times, every = found.add, found.times, np.arange(order)
     assert np.array_equal(add, add.T) and np.array_equal(times, times.T)
     assert np.array_equal(add[0], every) and np.array_equal(times[1], every) and not times[0].any()
-    assert all(sorted(row) == every.tolist() for row in add) and all(sorted(row) == every.tolist() for row in times[1:])
+    assert all(sorted(row) == every.tolist() for row in add) and all(
+        sorted(row) == every.tolist() for row in times[1:]
+    )
     a, b, c = np.indices((order,) * 3)
     assert np.array_equal(times[a, add[b, c]], add[times[a, b], times[a, c]])
-    assert np.array_equal(times[a, times[b, c]], times[times[a, b], c]) and np.array_equal(add[a, add[b, c]], add[add[a, b], c])
+    assert np.array_equal(times[a, times[b, c]], times[times[a, b], c]) and np.array_equal(
+        add[a, add[b, c]], add[add[a, b], c]
+    )
     assert sorted(found.powers()) == every[1:].tolist()
 
 
@@ -39,7 +43,10 @@ def test_there_is_no_other_field(order: int) -> None:
     assert galois_field(order) is None
 
 
-@pytest.mark.parametrize(("order", "columns", "strength"), [(4, 5, 2), (9, 10, 2), (3, 4, 3), (4, 6, 3), (5, 6, 3), (8, 10, 3), (4, 5, 4)])
+@pytest.mark.parametrize(
+    ("order", "columns", "strength"),
+    [(4, 5, 2), (9, 10, 2), (3, 4, 3), (4, 6, 3), (5, 6, 3), (8, 10, 3), (4, 5, 4)],
+)
 def test_orthogonal_arrays_hold_every_cell_once(order: int, columns: int, strength: int) -> None:
     rows = orthogonal((order,) * columns, strength, order**strength)
     assert rows is not None and rows.shape == (order**strength, columns)
@@ -48,7 +55,10 @@ def test_orthogonal_arrays_hold_every_cell_once(order: int, columns: int, streng
     assert orthogonal((order,) * columns, strength, order**strength - 1) is None
 
 
-@pytest.mark.parametrize("sizes", [(13, 12, 12, 12, 12, 11, 6), (12,) * 7, (5, 4, 4, 4, 4), (9,) * 10, (3, 8, 20, 8), (7, 5, 5)])
+@pytest.mark.parametrize(
+    "sizes",
+    [(13, 12, 12, 12, 12, 11, 6), (12,) * 7, (5, 4, 4, 4, 4), (9,) * 10, (3, 8, 20, 8), (7, 5, 5)],
+)
 def test_a_factorial_with_a_difference_matrix_covers_every_pair(sizes: tuple[int, ...]) -> None:
     rows = factorial(sizes)
     assert rows is not None and len(rows) == lower_bound(sizes, 2)
@@ -56,7 +66,9 @@ def test_a_factorial_with_a_difference_matrix_covers_every_pair(sizes: tuple[int
 
 
 @pytest.mark.parametrize("sizes", [(12,) * 8, (6, 6, 6), (4,) * 6])
-def test_a_factorial_without_a_difference_matrix_leaves_columns_free(sizes: tuple[int, ...]) -> None:
+def test_a_factorial_without_a_difference_matrix_leaves_columns_free(
+    sizes: tuple[int, ...],
+) -> None:
     rows = factorial(sizes)
     assert rows is not None and len(rows) == sizes[0] ** 2 and (rows[:, 2:] == FREE).all()
 
@@ -78,22 +90,33 @@ def test_a_row_touches_the_classes_of_all_its_images(columns: int, categories: i
         of_cell = symmetric._classes(problem, symmetry)
         starter = rng.integers(0, categories, (1, columns)).astype(np.int32)
         images = symmetry.orbits(starter)
-        of_one, of_all = (set(of_cell[problem.counts(rows) > 0].tolist()) for rows in (with_constants(starter, symmetry), images))
+        of_one, of_all = (
+            set(of_cell[problem.counts(rows) > 0].tolist())
+            for rows in (with_constants(starter, symmetry), images)
+        )
         assert of_one == of_all
         assert symmetry.constants or symmetry.order % len(images) == 0
 
 
 def with_constants(rows: Int32s, symmetry: symmetric.Symmetry) -> Int32s:
-    constants = np.array([[category] * rows.shape[1] for category in symmetry.constants], np.int32).reshape(-1, rows.shape[1])
+    constants = np.array(
+        [[category] * rows.shape[1] for category in symmetry.constants], np.int32
+    ).reshape(-1, rows.shape[1])
     return np.vstack([rows, constants])
 
 
-@pytest.mark.parametrize(("categories", "columns", "strength", "size"), [(3, 10, 3, 45), (3, 8, 4, 129)])
-def test_symmetric_arrays_reach_published_sizes(categories: int, columns: int, strength: int, size: int) -> None:
+@pytest.mark.parametrize(
+    ("categories", "columns", "strength", "size"), [(3, 10, 3, 45), (3, 8, 4, 129)]
+)
+def test_symmetric_arrays_reach_published_sizes(
+    categories: int, columns: int, strength: int, size: int
+) -> None:
     sizes, calls = (categories,) * columns, iter(range(120))
     search, fewest = SymmetricSearch(sizes, strength, np.random.default_rng(0)), 4 * size
     while (rows := search.smaller(fewest, lambda: next(calls, None) is not None)) is not None:
-        assert len(rows) < fewest and verify(rows.astype(np.int64), Constraints(sizes), strength).valid
+        assert (
+            len(rows) < fewest and verify(rows.astype(np.int64), Constraints(sizes), strength).valid
+        )
         fewest = len(rows)
         if fewest <= size:
             return
@@ -101,7 +124,23 @@ def test_symmetric_arrays_reach_published_sizes(categories: int, columns: int, s
 
 
 def test_lengths_of_searches_follow_the_universal_sequence() -> None:
-    assert [symmetric.luby(number) for number in range(1, 16)] == [1, 1, 2, 1, 1, 2, 4, 1, 1, 2, 1, 1, 2, 4, 8]
+    assert [symmetric.luby(number) for number in range(1, 16)] == [
+        1,
+        1,
+        2,
+        1,
+        1,
+        2,
+        4,
+        1,
+        1,
+        2,
+        1,
+        1,
+        2,
+        4,
+        8,
+    ]
 
 
 class Ticks(Effort):
@@ -127,7 +166,13 @@ def test_a_repaired_row_is_in_its_cell_and_breaks_no_clause() -> None:
     for cell in np.flatnonzero(problem.required).tolist():
         columns, categories = problem.cell(cell)
         plane = int(np.searchsorted(problem.first, cell, side="right")) - 1
-        place, rows = (plane, cell - int(problem.first[plane])), [np.array([3, 3, 3, 0, 1], np.int32) for _ in range(100)]
+        place, rows = (
+            (plane, cell - int(problem.first[plane])),
+            [np.array([3, 3, 3, 0, 1], np.int32) for _ in range(100)],
+        )
         found = [row for row in rows if repaired(problem.grid, row, place)]
         assert found  # A repair draws at random and may fail.
-        assert all(np.array_equal(row[columns], categories) for row in found) and linked.holds(np.array(found, np.int64)).all()
+        assert (
+            all(np.array_equal(row[columns], categories) for row in found)
+            and linked.holds(np.array(found, np.int64)).all()
+        )

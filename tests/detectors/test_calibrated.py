@@ -26,7 +26,9 @@ class Fixed:
         self.model, self.kept = model, SCORES[threshold <= SCORES]
 
     def detect(self, frame: Frame) -> Detections:
-        boxes = np.array([[0, 0, 10 + i, 20] for i in range(len(self.kept))], np.float32).reshape(-1, 4)
+        boxes = np.array([[0, 0, 10 + i, 20] for i in range(len(self.kept))], np.float32).reshape(
+            -1, 4
+        )
         return Detections(boxes, self.kept.astype(np.float32))
 
 
@@ -36,7 +38,9 @@ def made(calibration: Calibration, **settings: Any) -> Any:
 
 
 @pytest.mark.parametrize("threshold", [0.05, 0.3, 0.55, 0.97])
-@pytest.mark.parametrize("calibration", [Calibration(), Calibration(2, 1), Calibration(0.5, -2), Calibration(1, 3)])
+@pytest.mark.parametrize(
+    "calibration", [Calibration(), Calibration(2, 1), Calibration(0.5, -2), Calibration(1, 3)]
+)
 def test_the_threshold_counts_calibrated_scores(threshold: float, calibration: Calibration) -> None:
     expected = calibration.apply(SCORES)
     found = made(calibration, threshold=threshold).detect(FRAME)

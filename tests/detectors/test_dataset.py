@@ -31,15 +31,20 @@ EMPTY = Truth()
 
 
 def image(seed: int) -> NDArray[np.uint8]:
-    smooth = np.linspace(0, 200, WIDTH)[None, :, None] + np.random.default_rng(seed).integers(0, 50, 3)
+    smooth = np.linspace(0, 200, WIDTH)[None, :, None] + np.random.default_rng(seed).integers(
+        0, 50, 3
+    )
     return np.broadcast_to(smooth, (HEIGHT, WIDTH, 3)).astype(np.uint8)
 
 
 def write(root: Path) -> None:
     records = []
-    for index, (split, truth) in enumerate([("val", EMPTY), ("train", SHOWN), ("train", HIDDEN), ("val", SHOWN)]):
+    for index, (split, truth) in enumerate(
+        [("val", EMPTY), ("train", SHOWN), ("train", HIDDEN), ("val", SHOWN)]
+    ):
         write_image(root, split, index, image(index), truth)  # type: ignore[arg-type]
-        records.append(Record(split, index, WIDTH, HEIGHT, truth, {"fog": 10.0, "animation": "walking"}))  # type: ignore[arg-type]
+        values = {"fog": 10.0, "animation": "walking"}
+        records.append(Record(split, index, WIDTH, HEIGHT, truth, values))  # type: ignore[arg-type]
     write_truth(root, records)
 
 
@@ -70,7 +75,11 @@ def test_images_of_an_earlier_set_and_of_a_killed_writer_are_removed(tmp_path: P
     for name in ("images/train/.000001.jpg.12345.tmp", "segments/.classes.json.12345.tmp"):
         (tmp_path / name).write_bytes(b"half")
     remove_leftovers(tmp_path, [Record("train", 1, WIDTH, HEIGHT, SHOWN, {})])
-    left = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file() and path.parent != tmp_path}
+    left = {
+        str(path.relative_to(tmp_path))
+        for path in tmp_path.rglob("*")
+        if path.is_file() and path.parent != tmp_path
+    }
     assert left == {"images/train/000001.jpg", "labels/train/000001.txt"}
 
 
@@ -89,7 +98,10 @@ def test_truth_file_is_coco(tmp_path: Path) -> None:
     assert annotation["iscrowd"] == 0
     assert annotation["whole_bbox"] == [8, 4, 8, 20]
     assert [a["id"] for a in plain["annotations"]] == [1, 2]
-    assert {a["image_id"] for a in plain["annotations"]} == {plain["images"][0]["id"], plain["images"][3]["id"]}
+    assert {a["image_id"] for a in plain["annotations"]} == {
+        plain["images"][0]["id"],
+        plain["images"][3]["id"],
+    }
     assert plain["images"][1]["hidden_bbox"] == [1, 2, 4, 10]
     assert plain["images"][0]["attributes"] == {"fog": 10.0, "animation": "walking"}
 
@@ -110,11 +122,16 @@ def test_jpeg_repeats_and_refuses_other_bytes() -> None:
             decode_jpeg(data)
 
 
-@pytest.mark.parametrize("damage", [lambda path: path.unlink(), lambda path: path.write_bytes(path.read_bytes()[:10])])
+@pytest.mark.parametrize(
+    "damage", [lambda path: path.unlink(), lambda path: path.write_bytes(path.read_bytes()[:10])]
+)
 def test_damaged_image_is_named(tmp_path: Path, damage: Callable[[Path], object]) -> None:
     write(tmp_path)
     damage(image_path(tmp_path, "train", 1))
-    with pytest.raises(InputError, match=r"000001\.jpg: expected a (JPEG image|readable file), got .*; \./run makes "):
+    with pytest.raises(
+        InputError,
+        match=r"000001\.jpg: expected a (JPEG image|readable file), got .*; \./run makes ",
+    ):
         read_dataset(tmp_path, "train")
 
 
@@ -132,7 +149,10 @@ def test_other_size_is_named(tmp_path: Path) -> None:
         ('{"images": [{}], "annotations": []}', " is not the truth file of a data set (KeyError("),
         ("[]", " is not the truth file of a data set (TypeError("),
         ("{", ": expected JSON, got a truncated or foreign file"),
-        ('{"images": [], "annotations": []}', " has no images of the split 'train'; it needs more images"),
+        (
+            '{"images": [], "annotations": []}',
+            " has no images of the split 'train'; it needs more images",
+        ),
     ],
 )
 def test_foreign_truth_is_named(tmp_path: Path, text: str, message: str) -> None:
@@ -146,6 +166,10 @@ def test_image_set_checks_shapes() -> None:
     assert len(whole.take(np.array([1]))) == 1
     assert whole.take(np.array([1])).visible_pixels.tolist() == [0]
     with pytest.raises(ValueError, match=r"^boxes must have shape \(2, 4\), got \(1, 4\)$"):
-        ImageSet(whole.images, whole.boxes[:1], whole.whole_boxes, whole.visible_pixels, whole.contrast)
-    with pytest.raises(ValueError, match=r"^images must be at least one and of one size, got 0 of sizes \[\]$"):
+        ImageSet(
+            whole.images, whole.boxes[:1], whole.whole_boxes, whole.visible_pixels, whole.contrast
+        )
+    with pytest.raises(
+        ValueError, match=r"^images must be at least one and of one size, got 0 of sizes \[\]$"
+    ):
         image_set([])

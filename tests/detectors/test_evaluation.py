@@ -22,10 +22,18 @@ def images(*people: tuple[tuple[float, ...], int, float]) -> ImageSet:
 
 
 def said(*found: tuple[tuple[float, ...], float]) -> Detections:
-    return Detections(np.array([box for box, _ in found], np.float32).reshape(-1, 4), np.array([score for _, score in found], np.float32))
+    return Detections(
+        np.array([box for box, _ in found], np.float32).reshape(-1, 4),
+        np.array([score for _, score in found], np.float32),
+    )
 
 
-VISIBLE, TINY, PALE, EMPTY = (PERSON, 800, 50.0), (PERSON, 20, 50.0), (PERSON, 800, 4.0), (NONE, 0, 0.0)
+VISIBLE, TINY, PALE, EMPTY = (
+    (PERSON, 800, 50.0),
+    (PERSON, 20, 50.0),
+    (PERSON, 800, 4.0),
+    (NONE, 0, 0.0),
+)
 
 
 def test_a_perfect_detector() -> None:
@@ -49,7 +57,12 @@ def test_a_better_scored_false_positive_halves_the_precision() -> None:
 
 
 def test_a_detection_counts_up_to_its_overlap() -> None:
-    shifted = (20.0, 15.0, 40.0, 55.0)  # IoU 35 / 45 = 0.78: correct at .5 to .75, six of the ten thresholds.
+    shifted = (
+        20.0,
+        15.0,
+        40.0,
+        55.0,
+    )  # IoU 35 / 45 = 0.78: correct at .5 to .75, six of the ten thresholds.
     metrics = evaluate([said((shifted, 0.9))], images(VISIBLE), 0.5)
     assert metrics["ap50"] == 1
     assert metrics["ap50_95"] == pytest.approx(0.6)
@@ -63,7 +76,12 @@ def test_barely_visible_people_are_ignored_whether_found_or_not() -> None:
 
 
 def test_false_positives_are_classified_at_the_threshold() -> None:
-    found = [said((PERSON, 0.9), (PERSON, 0.8), (BESIDE, 0.7), (AWAY, 0.6), (AWAY, 0.4)), said((AWAY, 0.9)), said(), said()]
+    found = [
+        said((PERSON, 0.9), (PERSON, 0.8), (BESIDE, 0.7), (AWAY, 0.6), (AWAY, 0.4)),
+        said((AWAY, 0.9)),
+        said(),
+        said(),
+    ]
     metrics = evaluate(found, images(VISIBLE, EMPTY, EMPTY, EMPTY), 0.5)
     assert metrics["false_positives_far_an_image"] == 0.5
     assert metrics["false_positives_localisation_an_image"] == 0.25
@@ -91,4 +109,6 @@ def test_understated_scores_are_raised_and_ignored_people_do_not_count() -> None
 
 def test_a_score_at_the_threshold_counts() -> None:
     found = [said((PERSON, 0.5))]
-    assert [evaluate(found, images(VISIBLE), threshold)["recall"] for threshold in (0.5, 0.5000001)] == [1, 0]
+    assert [
+        evaluate(found, images(VISIBLE), threshold)["recall"] for threshold in (0.5, 0.5000001)
+    ] == [1, 0]

@@ -23,7 +23,12 @@ CELLS = sum((WIDTH // s) * (HEIGHT // s) for s in (8, 16, 32))
 NAMES = "{0: 'person', 1: 'bicycle', 2: 'car'}"
 
 
-def export(path: Path, output: np.ndarray, names: str | None = NAMES, size: tuple[int, int] = (WIDTH, HEIGHT)) -> Path:
+def export(
+    path: Path,
+    output: np.ndarray,
+    names: str | None = NAMES,
+    size: tuple[int, int] = (WIDTH, HEIGHT),
+) -> Path:
     """A model with the same output for every image: a constant plus zero times the image's mean."""
     constant = numpy_helper.from_array(output.astype(np.float32), "constant")
     zero = numpy_helper.from_array(np.zeros((1, 1, 1), np.float32), "zero")
@@ -73,7 +78,9 @@ IMAGE = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
 
 
 @pytest.mark.parametrize(("make", "score"), [(yolov8, 0.9), (yolov5, 0.855), (end_to_end, 0.9)])
-def test_each_layout_is_recognised_and_gives_the_one_person(make: object, score: float, tmp_path: Path) -> None:
+def test_each_layout_is_recognised_and_gives_the_one_person(
+    make: object, score: float, tmp_path: Path
+) -> None:
     detector = OnnxDetector(export(tmp_path / "model.onnx", make()), 0.5)  # type: ignore[operator]
     found = detector.detect(Frame(IMAGE, Truth()))
     assert found.boxes == pytest.approx(np.array([[40, 30, 60, 70]]), abs=1e-3)
@@ -91,8 +98,12 @@ def test_boxes_come_back_through_scale_and_padding(tmp_path: Path) -> None:
 def test_a_letterbox_keeps_proportions() -> None:
     image = np.full((50, 100, 3), 200, np.uint8)
     padded, box = Letterbox.fit(image, 64, 64)
-    assert padded.shape == (64, 64, 3) and (padded[:16] == 114).all() and (padded[16:48] == 200).all()
-    assert box.back(np.array([[0, 16, 64, 48]], np.float32)) == pytest.approx(np.array([[0, 0, 100, 50]]))
+    assert (
+        padded.shape == (64, 64, 3) and (padded[:16] == 114).all() and (padded[16:48] == 200).all()
+    )
+    assert box.back(np.array([[0, 16, 64, 48]], np.float32)) == pytest.approx(
+        np.array([[0, 0, 100, 50]])
+    )
 
 
 @pytest.mark.parametrize(
@@ -109,16 +120,28 @@ def test_shapes_identify_layouts(shape: tuple[int | str, ...], layout: str | Non
 
 def test_a_person_may_have_any_number_or_be_declared(tmp_path: Path) -> None:
     other = yolov8()[:, [0, 1, 2, 3, 5, 4, 6]]
-    named = OnnxDetector(export(tmp_path / "a.onnx", other, "{0: 'bicycle', 1: 'Pedestrian', 2: 'car'}"), 0.5)
+    named = OnnxDetector(
+        export(tmp_path / "a.onnx", other, "{0: 'bicycle', 1: 'Pedestrian', 2: 'car'}"), 0.5
+    )
     declared = OnnxDetector(export(tmp_path / "b.onnx", other, None), 0.5, person=1)
     for detector in (named, declared):
         assert len(detector.detect(Frame(IMAGE, Truth())).scores) == 1
-    assert len(OnnxDetector(export(tmp_path / "c.onnx", yolov8(1), None), 0.5).detect(Frame(IMAGE, Truth())).scores) == 1
+    assert (
+        len(
+            OnnxDetector(export(tmp_path / "c.onnx", yolov8(1), None), 0.5)
+            .detect(Frame(IMAGE, Truth()))
+            .scores
+        )
+        == 1
+    )
 
 
 def test_a_layout_may_be_declared_if_the_shape_is_ambiguous(tmp_path: Path) -> None:
     turned = export(tmp_path / "a.onnx", yolov8().transpose(0, 2, 1))
-    with pytest.raises(InputError, match=r"cannot recognise the layout .*; set detector.layout to one of yolov5, yolov8, end_to_end$"):
+    with pytest.raises(
+        InputError,
+        match=r"cannot recognise the layout .*; set detector.layout to one of yolov5, yolov8, end_to_end$",
+    ):
         OnnxDetector(turned)
     detector = OnnxDetector(export(tmp_path / "b.onnx", end_to_end()), layout="end_to_end")
     assert len(detector.detect(Frame(IMAGE, Truth())).scores) == 1
@@ -134,8 +157,13 @@ def test_a_layout_may_be_declared_if_the_shape_is_ambiguous(tmp_path: Path) -> N
         (yolov8(), "end_to_end"),
     ],
 )
-def test_a_layout_that_the_output_cannot_have_is_refused(output: np.ndarray, layout: Layout, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=rf"detector.layout is {layout}, but an output \[1, \d+, \d+\] cannot have this layout$"):
+def test_a_layout_that_the_output_cannot_have_is_refused(
+    output: np.ndarray, layout: Layout, tmp_path: Path
+) -> None:
+    with pytest.raises(
+        InputError,
+        match=rf"detector.layout is {layout}, but an output \[1, \d+, \d+\] cannot have this layout$",
+    ):
         OnnxDetector(export(tmp_path / "a.onnx", output), layout=layout)
 
 
@@ -144,14 +172,19 @@ def test_a_fixed_batch_is_refused(tmp_path: Path) -> None:
     model = onnx.load(path)
     model.graph.input[0].type.tensor_type.shape.dim[0].dim_value = 2
     onnx.save(model, path)
-    with pytest.raises(InputError, match=r"a.onnx takes batches of 2 images; export it for one image"):
+    with pytest.raises(
+        InputError, match=r"a.onnx takes batches of 2 images; export it for one image"
+    ):
         OnnxDetector(path)
 
 
 def test_the_class_of_a_person_is_found_in_any_letter_case(tmp_path: Path) -> None:
     assert (
         len(
-            OnnxDetector(export(tmp_path / "a.onnx", yolov8(), "{0: 'Person', 1: 'b', 2: 'c'}"), person="Person")
+            OnnxDetector(
+                export(tmp_path / "a.onnx", yolov8(), "{0: 'Person', 1: 'b', 2: 'c'}"),
+                person="Person",
+            )
             .detect(Frame(IMAGE, Truth()))
             .boxes
         )
@@ -160,39 +193,58 @@ def test_the_class_of_a_person_is_found_in_any_letter_case(tmp_path: Path) -> No
 
 
 def test_wrong_settings_are_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="expected a class called pedestrian or person or people among its 3 classes, got names 0: cat"):
+    with pytest.raises(
+        InputError,
+        match="expected a class called pedestrian or person or people among its 3 classes, got names 0: cat",
+    ):
         OnnxDetector(export(tmp_path / "a.onnx", yolov8(), "{0: 'cat', 1: 'dog', 2: 'car'}"))
     with pytest.raises(InputError, match=r"detector.person must be in \[0, 3\), got 7"):
         OnnxDetector(export(tmp_path / "b.onnx", yolov8()), person=7)
     hostile = tmp_path / "best.pt"
     hostile.write_bytes(b"\x80\x04cos\nsystem\n.")
-    with pytest.raises(InputError, match=r"a .pt file can run code when read, so it is not opened; export it to ONNX"):
+    with pytest.raises(
+        InputError,
+        match=r"a .pt file can run code when read, so it is not opened; export it to ONNX",
+    ):
         OnnxDetector(hostile)
 
 
 def test_names_that_do_not_fit_the_output_are_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"its metadata name class 7 person, but its output has only 3 classes \(0 to 2\)"):
+    with pytest.raises(
+        InputError,
+        match=r"its metadata name class 7 person, but its output has only 3 classes \(0 to 2\)",
+    ):
         OnnxDetector(export(tmp_path / "a.onnx", yolov8(), "{7: 'person'}"))
     with pytest.raises(InputError, match="got names none"):
         OnnxDetector(export(tmp_path / "b.onnx", yolov8(), "{'a': 'person'}"))
 
 
-def test_a_tiny_box_of_a_person_among_boxes_in_pixels_is_no_sign_of_relative_boxes(tmp_path: Path) -> None:
+def test_a_tiny_box_of_a_person_among_boxes_in_pixels_is_no_sign_of_relative_boxes(
+    tmp_path: Path,
+) -> None:
     output = end_to_end()
     output[0, :, 5] = 2
     output[0, 0] = [0.2, 0.1, 1.6, 1.9, 0.01, 0]
-    assert not len(OnnxDetector(export(tmp_path / "a.onnx", output), 0.5).detect(Frame(IMAGE, Truth())).scores)
+    assert not len(
+        OnnxDetector(export(tmp_path / "a.onnx", output), 0.5).detect(Frame(IMAGE, Truth())).scores
+    )
 
 
 @pytest.mark.parametrize("make", [yolov8, yolov5, end_to_end])
 def test_logits_and_relative_boxes_are_refused(make: Any, tmp_path: Path) -> None:
     logits = make()
     logits[logits == np.float32(0.9)] = 7.3
-    with pytest.raises(SimulationError, match=r"returns a score of [67]\.\d+, expected scores in \[0, 1\]; apply a sigmoid to logits"):
+    with pytest.raises(
+        SimulationError,
+        match=r"returns a score of [67]\.\d+, expected scores in \[0, 1\]; apply a sigmoid to logits",
+    ):
         OnnxDetector(export(tmp_path / "a.onnx", logits)).detect(Frame(IMAGE, Truth()))
     shares = make()
     shares[shares > 1] /= 160
-    with pytest.raises(InputError, match=r"b.onnx: expected boxes in pixels of its 160 by 96 input, got none beyond"):
+    with pytest.raises(
+        InputError,
+        match=r"b.onnx: expected boxes in pixels of its 160 by 96 input, got none beyond",
+    ):
         OnnxDetector(export(tmp_path / "b.onnx", shares)).detect(Frame(IMAGE, Truth()))
 
 
@@ -217,7 +269,11 @@ def test_a_file_that_onnx_runtime_cannot_run_is_named(tmp_path: Path) -> None:
 
 
 def test_class_names_are_never_executed(tmp_path: Path) -> None:
-    path = export(tmp_path / "a.onnx", yolov8(), f"__import__('pathlib').Path({str(tmp_path / 'ran')!r}).touch()")
+    path = export(
+        tmp_path / "a.onnx",
+        yolov8(),
+        f"__import__('pathlib').Path({str(tmp_path / 'ran')!r}).touch()",
+    )
     with pytest.raises(InputError, match="got names none"):
         OnnxDetector(path)
     assert not (tmp_path / "ran").exists()
@@ -239,8 +295,13 @@ def final() -> np.ndarray:
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-@pytest.mark.parametrize(("output", "where"), [(yolov8(), (0, 4, 3)), (yolov8(), (0, 1, 7)), (final(), (0, 0, 2)), (final(), (0, 0, 5))])
-def test_non_finite_values_are_an_error(output: np.ndarray, where: tuple[int, int, int], value: float, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("output", "where"),
+    [(yolov8(), (0, 4, 3)), (yolov8(), (0, 1, 7)), (final(), (0, 0, 2)), (final(), (0, 0, 5))],
+)
+def test_non_finite_values_are_an_error(
+    output: np.ndarray, where: tuple[int, int, int], value: float, tmp_path: Path
+) -> None:
     output = output.copy()
     output[where] = value
     with pytest.raises(SimulationError, match="returns values that are not finite"):
@@ -249,10 +310,19 @@ def test_non_finite_values_are_an_error(output: np.ndarray, where: tuple[int, in
 
 def test_a_score_at_the_threshold_is_reported() -> None:
     box = np.array([[0, 0, 9, 9]], np.float32)
-    assert [len(reported("it", box, np.array([0.5], np.float32), threshold, 0.45).scores) for threshold in (0.5, 0.51)] == [1, 0]
+    assert [
+        len(reported("it", box, np.array([0.5], np.float32), threshold, 0.45).scores)
+        for threshold in (0.5, 0.51)
+    ] == [1, 0]
 
 
 def test_of_too_many_boxes_the_best_are_reported() -> None:
     left = np.arange(CANDIDATES + 20, dtype=np.float32) * 10
-    boxes, scores = np.column_stack([left, 0 * left, left + 9, 0 * left + 9]), np.linspace(0.1, 0.9, CANDIDATES + 20, dtype=np.float32)
-    assert reported("it", boxes, scores, 0.05, 0.45).scores.tolist() == sorted(scores.tolist(), reverse=True)[:CANDIDATES]
+    boxes, scores = (
+        np.column_stack([left, 0 * left, left + 9, 0 * left + 9]),
+        np.linspace(0.1, 0.9, CANDIDATES + 20, dtype=np.float32),
+    )
+    assert (
+        reported("it", boxes, scores, 0.05, 0.45).scores.tolist()
+        == sorted(scores.tolist(), reverse=True)[:CANDIDATES]
+    )

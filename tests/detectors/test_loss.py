@@ -27,7 +27,12 @@ def test_iou_by_hand() -> None:
 
 
 def test_no_cell_is_assigned_without_a_pedestrian() -> None:
-    assert assign(guesses(TRUTH), torch.zeros(1, len(CENTRES)), NOBODY, CENTRES, STRIDES).count_nonzero() == 0
+    assert (
+        assign(
+            guesses(TRUTH), torch.zeros(1, len(CENTRES)), NOBODY, CENTRES, STRIDES
+        ).count_nonzero()
+        == 0
+    )
 
 
 def test_the_best_aligned_cells_take_the_box() -> None:
@@ -58,7 +63,12 @@ def test_a_box_smaller_than_a_cell_is_taken() -> None:
     small = torch.tensor([[17.0, 17.0, 19.0, 20.0]])
     distance = (CENTRES - (small[0, :2] + small[0, 2:]) / 2).abs()
     assert not (distance < (small[0, 2:] - small[0, :2]) / 2).all(1).any()
-    assert assign(guesses(small), torch.zeros(1, len(CENTRES)), small, CENTRES, STRIDES).count_nonzero() > 0
+    assert (
+        assign(
+            guesses(small), torch.zeros(1, len(CENTRES)), small, CENTRES, STRIDES
+        ).count_nonzero()
+        > 0
+    )
 
 
 def test_loss_is_near_zero_for_a_perfect_answer_only() -> None:
@@ -72,7 +82,10 @@ def test_loss_is_near_zero_for_a_perfect_answer_only() -> None:
 
 
 def test_gradients_flow_to_boxes_and_scores() -> None:
-    boxes, logits = (guesses(TRUTH) + 4).requires_grad_(), torch.zeros(1, len(CENTRES), requires_grad=True)
+    boxes, logits = (
+        (guesses(TRUTH) + 4).requires_grad_(),
+        torch.zeros(1, len(CENTRES), requires_grad=True),
+    )
     detection_loss(boxes, logits, TRUTH, CENTRES, STRIDES).total.backward()  # type: ignore[no-untyped-call]
     assert boxes.grad is not None
     assert logits.grad is not None
@@ -103,4 +116,6 @@ def test_of_equal_boxes_the_one_with_the_highest_score_is_best_aligned() -> None
     logits[0, inside] = 4.0
     target = assign(guesses(TRUTH), logits, TRUTH, CENTRES, STRIDES)
     assert target.argmax() == inside
-    assert target[target > 0].sort().values.tolist() == pytest.approx([(0.5 * (1 + math.exp(-4))) ** 0.5] * (TOP - 1) + [1])
+    assert target[target > 0].sort().values.tolist() == pytest.approx(
+        [(0.5 * (1 + math.exp(-4))) ** 0.5] * (TOP - 1) + [1]
+    )

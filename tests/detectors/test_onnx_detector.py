@@ -84,14 +84,21 @@ def test_the_same_weights_give_the_same_file(network: Yolo, file: Path, tmp_path
 def test_the_calibration_is_inside_the_file(network: Yolo, file: Path, tmp_path: Path) -> None:
     calibration = Calibration(slope=1.5, offset=2.0)
     export_onnx(tmp_path / "calibrated.onnx", network, SIZE, calibration)
-    plain, calibrated = (OnnxDetector(path, 0.001, iou=0.999).detect_images(images(1))[0] for path in (file, tmp_path / "calibrated.onnx"))
+    plain, calibrated = (
+        OnnxDetector(path, 0.001, iou=0.999).detect_images(images(1))[0]
+        for path in (file, tmp_path / "calibrated.onnx")
+    )
     assert calibrated.scores == pytest.approx(calibration.apply(plain.scores), abs=1e-4)
     # Rounding may swap boxes with nearly equal scores.
-    assert np.sort(calibrated.boxes, axis=0) == pytest.approx(np.sort(plain.boxes, axis=0), abs=1e-3)
+    assert np.sort(calibrated.boxes, axis=0) == pytest.approx(
+        np.sort(plain.boxes, axis=0), abs=1e-3
+    )
 
 
 def test_another_image_size_is_refused(file: Path) -> None:
-    with pytest.raises(InputError, match=r"takes uint8 images of \(64, 96, 3\), got uint8 \(32, 96, 3\)"):
+    with pytest.raises(
+        InputError, match=r"takes uint8 images of \(64, 96, 3\), got uint8 \(32, 96, 3\)"
+    ):
         OnnxDetector(file).detect_images(images(1)[:, :32])
 
 
@@ -110,7 +117,9 @@ def test_wrong_settings_are_named(file: Path, wrong: dict[str, Any], message: st
 
 
 def test_missing_and_damaged_files_are_named(file: Path, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"none\.onnx: expected the ONNX file of a detector, found no file"):
+    with pytest.raises(
+        InputError, match=r"none\.onnx: expected the ONNX file of a detector, found no file"
+    ):
         OnnxDetector(tmp_path / "none.onnx")
     broken = tmp_path / "broken.onnx"
     for data in (b"", b"no model", file.read_bytes()[:2000]):
@@ -119,11 +128,20 @@ def test_missing_and_damaged_files_are_named(file: Path, tmp_path: Path) -> None
             OnnxDetector(broken)
 
 
-def test_weights_in_another_file_are_refused_until_they_are_inside(file: Path, tmp_path: Path) -> None:
+def test_weights_in_another_file_are_refused_until_they_are_inside(
+    file: Path, tmp_path: Path
+) -> None:
     path = tmp_path / "best.onnx"
-    onnx.save(onnx.load(file), path, save_as_external_data=True, location="best.onnx.data", size_threshold=0)
+    onnx.save(
+        onnx.load(file),
+        path,
+        save_as_external_data=True,
+        location="best.onnx.data",
+        size_threshold=0,
+    )
     with pytest.raises(
-        InputError, match=r"best\.onnx: expected one file, but its weights are in best\.onnx\.data; put them into it: "
+        InputError,
+        match=r"best\.onnx: expected one file, but its weights are in best\.onnx\.data; put them into it: ",
     ) as said:
         OnnxDetector(path)
     command = str(said.value).partition("put them into it: ")[2]
@@ -142,14 +160,21 @@ def test_weights_in_another_file_are_found_wherever_the_graph_has_them(
     output = helper.make_tensor_value_info("out", TensorProto.FLOAT, [4, 4])
     node = helper.make_node("Constant", [], ["out"], value=weights)
     if inside == "a branch":
-        branch = helper.make_graph([helper.make_node("Identity", ["weights"], ["out"])], "branch", [], [output], [weights])
+        branch = helper.make_graph(
+            [helper.make_node("Identity", ["weights"], ["out"])], "branch", [], [output], [weights]
+        )
         node = helper.make_node("If", ["yes"], ["out"], then_branch=branch, else_branch=branch)
     yes = numpy_helper.from_array(np.array(True), "yes")
     image = helper.make_tensor_value_info("image", TensorProto.FLOAT, [1, 3, 4, 4])
     graph = helper.make_graph([node], "graph", [image], [output], [yes])
-    model, path = helper.make_model(graph, ir_version=10, opset_imports=[helper.make_opsetid("", 17)]), tmp_path / "best.onnx"
+    model, path = (
+        helper.make_model(graph, ir_version=10, opset_imports=[helper.make_opsetid("", 17)]),
+        tmp_path / "best.onnx",
+    )
     onnx.save(model, path, save_as_external_data=True, location="best.data", size_threshold=10)
-    with pytest.raises(InputError, match=r"best\.onnx: expected one file, but its weights are in best\.data"):
+    with pytest.raises(
+        InputError, match=r"best\.onnx: expected one file, but its weights are in best\.data"
+    ):
         OnnxDetector(path)
 
 
@@ -165,7 +190,12 @@ def test_weights_in_another_file_are_found_wherever_the_graph_has_them(
 def test_other_networks_are_refused(tmp_path: Path, name: str, kind: int, rank: int) -> None:
     value = helper.make_tensor_value_info(name, kind, [1] * rank)
     result = helper.make_tensor_value_info("y", kind, [1] * rank)
-    graph = helper.make_graph([helper.make_node("Identity", [name], ["y"])], "other", [value], [result])
-    onnx.save(helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8), tmp_path / "other.onnx")
+    graph = helper.make_graph(
+        [helper.make_node("Identity", [name], ["y"])], "other", [value], [result]
+    )
+    onnx.save(
+        helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8),
+        tmp_path / "other.onnx",
+    )
     with pytest.raises(InputError, match=r"other\.onnx must have input 'image'"):
         OnnxDetector(tmp_path / "other.onnx")

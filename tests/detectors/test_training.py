@@ -21,7 +21,16 @@ from pipeline.detectors.yolo.data import batch
 from pipeline.detectors.yolo.network import Architecture, Yolo, cells, decode
 from pipeline.detectors.yolo.recipe import RELIT_ALL, RELIT_FROM, relit_share, train_from_scratch
 from pipeline.detectors.yolo.retraining import ImageSets, Refinement, crop_of, mixed_feed, retrain
-from pipeline.detectors.yolo.training import Batch, Fitted, Lesson, Run, Schedule, Validation, fit, initial_model
+from pipeline.detectors.yolo.training import (
+    Batch,
+    Fitted,
+    Lesson,
+    Run,
+    Schedule,
+    Validation,
+    fit,
+    initial_model,
+)
 from pipeline.errors import InputError
 
 SIZE = (96, 64)
@@ -43,7 +52,10 @@ def people(count: int, seed: int) -> ImageSet:
             scenes.append((image, Truth()))
             continue
         height = int(rng.integers(16, 48))
-        left, top = int(rng.integers(0, SIZE[0] - height // 2)), int(rng.integers(0, SIZE[1] - height))
+        left, top = (
+            int(rng.integers(0, SIZE[0] - height // 2)),
+            int(rng.integers(0, SIZE[1] - height)),
+        )
         box = (float(left), float(top), float(left + height // 2), float(top + height))
         image[top : top + height, left : left + height // 2] = (230, 40, 40)
         scenes.append((image, Truth(box, box, height * height // 2, height * height // 2, 60.0)))
@@ -61,20 +73,33 @@ def test_training_memorises_a_few_images() -> None:
     def feed(iteration: int) -> Batch:
         return images.images, images.boxes
 
-    model = fit(small(), Lesson(Schedule(0, 230, 4e-3, warm_up=10, averaging=0.95), feed), ALONE).model
+    model = fit(
+        small(), Lesson(Schedule(0, 230, 4e-3, warm_up=10, averaging=0.95), feed), ALONE
+    ).model
     scaled = torch.from_numpy(images.images).permute(0, 3, 1, 2).float() / 255
     with torch.inference_mode():
         boxes, logits = decode(model(scaled), *cells(*SIZE))
     scores, best = logits.sigmoid().max(1)
     shown = images.boxes[:, 2] > 0
-    overlaps = [iou(boxes[i, best[i]][None].numpy(), images.boxes[i : i + 1])[0, 0] for i in np.flatnonzero(shown)]
+    overlaps = [
+        iou(boxes[i, best[i]][None].numpy(), images.boxes[i : i + 1])[0, 0]
+        for i in np.flatnonzero(shown)
+    ]
     assert np.mean(np.array(overlaps) > 0.5) > 0.8
-    assert scores[torch.from_numpy(shown)].mean() > 0.5 > 0.2 > scores[torch.from_numpy(~shown)].mean()
+    assert (
+        scores[torch.from_numpy(shown)].mean() > 0.5 > 0.2 > scores[torch.from_numpy(~shown)].mean()
+    )
 
 
 @pytest.mark.parametrize("muon", [False, True])
-def test_a_killed_training_reaches_the_same_weights(muon: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    images, schedule, checkpoint = people(8, 1), Schedule(2, 5, 1e-3, warm_up=3, muon=muon), tmp_path / "checkpoint.pt"
+def test_a_killed_training_reaches_the_same_weights(
+    muon: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    images, schedule, checkpoint = (
+        people(8, 1),
+        Schedule(2, 5, 1e-3, warm_up=3, muon=muon),
+        tmp_path / "checkpoint.pt",
+    )
     monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
     killed: list[int] = []
 
@@ -102,14 +127,23 @@ def test_a_killed_training_reaches_the_same_weights(muon: bool, tmp_path: Path, 
     monkeypatch.setattr(training, "program_sha256", lambda *_: "another")
     done.clear()
     fit(small(), Lesson(schedule, feed, "b"), told)
-    assert done == [7] and torch.load(io.BytesIO(read_sealed(checkpoint)), weights_only=True)["identity"] == "banother"
+    assert (
+        done == [7]
+        and torch.load(io.BytesIO(read_sealed(checkpoint)), weights_only=True)["identity"]
+        == "banother"
+    )
     for damaged in (b"damaged", b"", b"\x80", b"q\xff\x01.", b"K\x01."):
         checkpoint.write_bytes(damaged)
-        assert same(uninterrupted, fit(small(), Lesson(schedule, feed, "a"), Run(checkpoint, threads=1)).model)
+        assert same(
+            uninterrupted,
+            fit(small(), Lesson(schedule, feed, "a"), Run(checkpoint, threads=1)).model,
+        )
 
 
 @pytest.mark.parametrize(("size", "share"), [((320, 192), 1 / 4), ((640, 384), 1 / 16)])
-def test_the_rate_follows_the_pixels_of_crops(size: tuple[int, int], share: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_rate_follows_the_pixels_of_crops(
+    size: tuple[int, int], share: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     lessons: list[Lesson] = []
     monkeypatch.setattr(recipe, "fit", lambda model, lesson, run: lessons.append(lesson))
     monkeypatch.setattr(recipe, "initial_model", Mock())
@@ -120,7 +154,9 @@ def test_the_rate_follows_the_pixels_of_crops(size: tuple[int, int], share: floa
     images: Any = Mock(size=size, digest="a")
     train_from_scratch(images, np.zeros(1, np.int64), images, config, ALONE)
     shown = 1600 * share / (1600 * share + 400)
-    assert lessons[0].schedule.rate(1600) == pytest.approx(1e-2 * (0.01 + 0.99 * 0.5 * (1 + np.cos(np.pi * shown))))
+    assert lessons[0].schedule.rate(1600) == pytest.approx(
+        1e-2 * (0.01 + 0.99 * 0.5 * (1 + np.cos(np.pi * shown)))
+    )
 
 
 def test_schedule_warms_up_and_falls() -> None:
@@ -130,7 +166,9 @@ def test_schedule_warms_up_and_falls() -> None:
     assert max(rates) == pytest.approx(1e-2, rel=0.01)
     assert rates[20:] == sorted(rates[20:], reverse=True)
     assert rates[-1] < 2e-4
-    assert rates[400] == pytest.approx(1e-2 * (0.01 + 0.99 * 0.5), rel=0.01)  # Half of the pixels have been shown.
+    assert rates[400] == pytest.approx(
+        1e-2 * (0.01 + 0.99 * 0.5), rel=0.01
+    )  # Half of the pixels have been shown.
 
 
 @pytest.mark.parametrize(
@@ -165,36 +203,62 @@ def test_retraining_mixes_and_the_control_does_not() -> None:
     assert red_base(0)[0].shape == mixed(0)[0].shape == (4, height, width, 3)
     assert np.array_equal(mixed(3)[0], mixed(3)[0])
     assert np.array_equal(mixed(0)[0][:2], mixed_feed(base, people(8, 5), 4, 0.5, (0,))(0)[0][:2])
-    assert not np.array_equal(mixed(0)[0][2:], mixed_feed(base, people(8, 5), 4, 0.5, (0,))(0)[0][2:])
+    assert not np.array_equal(
+        mixed(0)[0][2:], mixed_feed(base, people(8, 5), 4, 0.5, (0,))(0)[0][2:]
+    )
     assert not np.array_equal(mixed(0)[0], mixed_feed(base, added, 4, 0.5, (0, 2))(0)[0])
 
 
-@pytest.mark.parametrize(("size", "crop"), [((320, 192), (256, 160)), ((640, 384), (512, 320)), ((32, 32), (32, 32))])
+@pytest.mark.parametrize(
+    ("size", "crop"), [((320, 192), (256, 160)), ((640, 384), (512, 320)), ((32, 32), (32, 32))]
+)
 def test_retraining_shows_large_crops(size: tuple[int, int], crop: tuple[int, int]) -> None:
     assert crop_of(size) == crop
 
 
 def test_retraining_leaves_the_first_stage_as_it_is() -> None:
     images, parent = people(8, 6), small()
-    trained = retrain(copy.deepcopy(parent), ImageSets(images, None, images), Refinement(2, 4, 1e-3, 0.5, (0,)), ALONE).model
+    trained = retrain(
+        copy.deepcopy(parent),
+        ImageSets(images, None, images),
+        Refinement(2, 4, 1e-3, 0.5, (0,)),
+        ALONE,
+    ).model
     assert same(parent.stage4, trained.stage4) and not same(parent.stage8, trained.stage8)
 
 
 def test_both_recipes_run_and_repeat(tmp_path: Path) -> None:
     images = people(8, 6)
-    parent, sets, plan = small(), ImageSets(images, people(4, 7), people(4, 9)), Refinement(2, 4, 1e-4, 0.5, (0,))
-    versions = [retrain(copy.deepcopy(parent), sets, plan, Run(tmp_path / name, threads=1)) for name in "ab"]
+    parent, sets, plan = (
+        small(),
+        ImageSets(images, people(4, 7), people(4, 9)),
+        Refinement(2, 4, 1e-4, 0.5, (0,)),
+    )
+    versions = [
+        retrain(copy.deepcopy(parent), sets, plan, Run(tmp_path / name, threads=1)) for name in "ab"
+    ]
     assert same(versions[0].model, versions[1].model) and versions[0].curve == versions[1].curve
     assert [look.iteration for look in versions[0].curve] == [1, 2]
     assert not same(parent, versions[0].model)
 
 
 def test_a_checkpoint_of_other_images_or_weights_is_ignored(tmp_path: Path) -> None:
-    images, plan, run = people(8, 6), Refinement(2, 4, 1e-3, 0.5, (0,)), Run(tmp_path / "c", threads=1)
+    images, plan, run = (
+        people(8, 6),
+        Refinement(2, 4, 1e-3, 0.5, (0,)),
+        Run(tmp_path / "c", threads=1),
+    )
     other_weights = initial_model(1, lambda: Yolo(Architecture((8, 16, 16, 24, 32), 16)))
-    for parent, added in ((small(), people(4, 7)), (small(), people(4, 8)), (other_weights, people(4, 8))):
+    for parent, added in (
+        (small(), people(4, 7)),
+        (small(), people(4, 8)),
+        (other_weights, people(4, 8)),
+    ):
         sets = ImageSets(images, added, images)
-        assert same(retrain(copy.deepcopy(parent), sets, plan, run).model, retrain(copy.deepcopy(parent), sets, plan, ALONE).model)
+        assert same(
+            retrain(copy.deepcopy(parent), sets, plan, run).model,
+            retrain(copy.deepcopy(parent), sets, plan, ALONE).model,
+        )
 
 
 @pytest.mark.parametrize(
@@ -204,13 +268,17 @@ def test_a_checkpoint_of_other_images_or_weights_is_ignored(tmp_path: Path) -> N
         ((1, 4, 1e-3, 1.5, (0,)), r"added_share must be in \[0, 1\], got 1.5"),
     ],
 )
-def test_a_plan_checks_its_ranges(plan: tuple[int, int, float, float, tuple[int]], message: str) -> None:
+def test_a_plan_checks_its_ranges(
+    plan: tuple[int, int, float, float, tuple[int]], message: str
+) -> None:
     with pytest.raises(ValueError, match=message):
         Refinement(*plan)
 
 
 @pytest.mark.parametrize("iterations", [1, 3, 5])
-def test_every_version_takes_all_its_steps(iterations: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_version_takes_all_its_steps(
+    iterations: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def falling(_validation: ImageSet, every: int, patience: int) -> Validation:
         scores = iter((0.9, 0.5, 0.4, 0.3))
         return Validation(lambda _: next(scores), every, patience)
@@ -230,7 +298,13 @@ def test_the_average_contains_the_last_of_an_odd_number_of_steps(iterations: int
     for steps in (iterations - 1, iterations):
         model = small()
         if steps:
-            model = fit(model, Lesson(Schedule(0, steps, 1e-2, warm_up=0), lambda _: (images.images, images.boxes)), ALONE).model
+            model = fit(
+                model,
+                Lesson(
+                    Schedule(0, steps, 1e-2, warm_up=0), lambda _: (images.images, images.boxes)
+                ),
+                ALONE,
+            ).model
         averages.append(model)
     assert not same(*averages)
 
@@ -244,7 +318,11 @@ def test_a_checkpoint_of_other_images_is_ignored(monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(recipe, "fit", kept)
     images = people(8, 4)
-    for indices, validation in (([0, 1], people(4, 5)), ([4, 5], people(4, 5)), ([0, 1], people(4, 6))):
+    for indices, validation in (
+        ([0, 1], people(4, 5)),
+        ([4, 5], people(4, 5)),
+        ([0, 1], people(4, 6)),
+    ):
         train_from_scratch(images, np.array(indices), validation, SCRATCH, ALONE)
     assert len(set(identities)) == 3
 
@@ -252,14 +330,20 @@ def test_a_checkpoint_of_other_images_is_ignored(monkeypatch: pytest.MonkeyPatch
 def test_every_added_frame_is_trained_on(tmp_path: Path) -> None:
     # The pedestrian is too small for the base set, but the filter or a person has accepted it.
     box = (10.0, 10.0, 12.0, 14.0)
-    added = image_set([(np.full((SIZE[1], SIZE[0], 3), 9, np.uint8), Truth(box, box, 8, 8, 60.0))] * 2)
+    added = image_set(
+        [(np.full((SIZE[1], SIZE[0], 3), 9, np.uint8), Truth(box, box, 8, 8, 60.0))] * 2
+    )
     feed = mixed_feed(people(8, 3), added, 4, 0.5, (0,))
     boxes = np.concatenate([feed(iteration)[1][2:] for iteration in range(20)])
-    assert (boxes[:, 2] > boxes[:, 0]).mean() > 0.5  # Some crops show the street beside the pedestrian.
+    assert (
+        boxes[:, 2] > boxes[:, 0]
+    ).mean() > 0.5  # Some crops show the street beside the pedestrian.
 
 
 def streets() -> ImageSet:
-    return image_set([(np.tile(image, (3, 4, 1))[:192, :320], Truth()) for image in people(4, 8).images])
+    return image_set(
+        [(np.tile(image, (3, 4, 1))[:192, :320], Truth()) for image in people(4, 8).images]
+    )
 
 
 EVERY = np.arange(4)
@@ -276,10 +360,18 @@ SCRATCH = {
 }
 
 
-def test_training_from_scratch_resumes_in_every_phase(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_training_from_scratch_resumes_in_every_phase(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     sizes: list[tuple[int, int]] = []
 
-    def counted(images: ImageSet, indices: NDArray[np.int64], size: tuple[int, int], seed: tuple[int, ...], relit: float) -> Batch:
+    def counted(
+        images: ImageSet,
+        indices: NDArray[np.int64],
+        size: tuple[int, int],
+        seed: tuple[int, ...],
+        relit: float,
+    ) -> Batch:
         sizes.append(size)
         if len(sizes) == 4:
             raise KeyboardInterrupt
@@ -290,13 +382,23 @@ def test_training_from_scratch_resumes_in_every_phase(tmp_path: Path, monkeypatc
     monkeypatch.setattr(recipe, "batch", counted)
     with pytest.raises(KeyboardInterrupt):
         train_from_scratch(streets(), EVERY, streets(), SCRATCH, Run(tmp_path / "c.pt", threads=1))
-    resumed = train_from_scratch(streets(), EVERY, streets(), SCRATCH, Run(tmp_path / "c.pt", threads=1))
+    resumed = train_from_scratch(
+        streets(), EVERY, streets(), SCRATCH, Run(tmp_path / "c.pt", threads=1)
+    )
     assert same(uninterrupted.model, resumed.model) and uninterrupted.curve == resumed.curve
     assert [look.iteration for look in resumed.curve] == [2, 4]
-    assert sizes == [(160, 96), (320, 192), (320, 192), (320, 192), (320, 192)]  # The fourth call was interrupted.
+    assert sizes == [
+        (160, 96),
+        (320, 192),
+        (320, 192),
+        (320, 192),
+        (320, 192),
+    ]  # The fourth call was interrupted.
 
 
-def test_a_training_killed_during_an_evaluation_repeats_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_training_killed_during_an_evaluation_repeats_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
     images = people(4, 1)
 
@@ -312,7 +414,11 @@ def test_a_training_killed_during_an_evaluation_repeats_it(tmp_path: Path, monke
             return images.images, images.boxes
 
         watch = Validation(ap50, every=2, patience=2)
-        return fit(small(), Lesson(Schedule(0, 10, 1e-3, warm_up=3), feed, validation=watch), Run(checkpoint, threads=1))
+        return fit(
+            small(),
+            Lesson(Schedule(0, 10, 1e-3, warm_up=3), feed, validation=watch),
+            Run(checkpoint, threads=1),
+        )
 
     with pytest.raises(KeyboardInterrupt):
         fitted(tmp_path / "c", 0.5, None)
@@ -320,7 +426,9 @@ def test_a_training_killed_during_an_evaluation_repeats_it(tmp_path: Path, monke
     assert resumed.curve == uninterrupted.curve and same(resumed.model, uninterrupted.model)
 
 
-def test_a_non_finite_loss_ends_the_training_before_its_weights_are_saved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_non_finite_loss_ends_the_training_before_its_weights_are_saved(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
     images, checkpoint = people(4, 2), tmp_path / "checkpoint.pt"
 
@@ -330,13 +438,20 @@ def test_a_non_finite_loss_ends_the_training_before_its_weights_are_saved(tmp_pa
             boxes[0] = (np.nan, 0, 20, 20)
         return images.images, boxes
 
-    with pytest.raises(InputError, match="the loss is not finite at iteration 8: lower learning_rate, now 0.001, or check the labels"):
+    with pytest.raises(
+        InputError,
+        match="the loss is not finite at iteration 8: lower learning_rate, now 0.001, or check the labels",
+    ):
         fit(small(), Lesson(Schedule(0, 20, 1e-3, warm_up=3), feed), Run(checkpoint, threads=1))
     kept = torch.load(io.BytesIO(read_sealed(checkpoint)), weights_only=True)
-    assert kept["iteration"] == 7 and all(torch.isfinite(value.float()).all() for value in kept["model"].values())
+    assert kept["iteration"] == 7 and all(
+        torch.isfinite(value.float()).all() for value in kept["model"].values()
+    )
 
 
-def test_a_training_that_no_longer_improves_ends_early_with_its_best_weights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_training_that_no_longer_improves_ends_early_with_its_best_weights(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     images, seen = people(4, 3), []
     monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
 
@@ -348,7 +463,12 @@ def test_a_training_that_no_longer_improves_ends_early_with_its_best_weights(tmp
     schedule, checkpoint = Schedule(0, 20, 1e-3, warm_up=3), tmp_path / "checkpoint.pt"
     lesson = Lesson(schedule, lambda _: (images.images, images.boxes), validation=watch)
     fitted = fit(small(), lesson, Run(checkpoint, threads=1))
-    assert [(look.iteration, look.ap50) for look in fitted.curve] == [(2, 0.3), (4, 0.7), (6, 0.6), (8, 0.65)]
+    assert [(look.iteration, look.ap50) for look in fitted.curve] == [
+        (2, 0.3),
+        (4, 0.7),
+        (6, 0.6),
+        (8, 0.65),
+    ]
     assert same(fitted.model, seen[1])
     again = fit(small(), lesson, Run(checkpoint, threads=1))
     assert len(seen) == 4 and same(again.model, fitted.model)

@@ -9,12 +9,25 @@ from numpy.typing import NDArray
 
 from pipeline.artefacts.dataset import ImageSet, image_set
 from pipeline.core.truth import Truth
-from pipeline.detectors.yolo.data import Stream, View, batch, hardness, mapping, on_pixels, recolouring, show, shown_box, usable
+from pipeline.detectors.yolo.data import (
+    Stream,
+    View,
+    batch,
+    hardness,
+    mapping,
+    on_pixels,
+    recolouring,
+    show,
+    shown_box,
+    usable,
+)
 
 SIZE = (128, 96)
 
 
-def scene(box: tuple[int, int, int, int] | None, pixels: int | None = None) -> tuple[NDArray[np.uint8], Truth]:
+def scene(
+    box: tuple[int, int, int, int] | None, pixels: int | None = None
+) -> tuple[NDArray[np.uint8], Truth]:
     """A dark image with a bright red rectangle where the pedestrian is."""
     image = np.full((SIZE[1], SIZE[0], 3), 30, np.uint8)
     if box is None:
@@ -27,14 +40,20 @@ def scene(box: tuple[int, int, int, int] | None, pixels: int | None = None) -> t
 
 
 def people() -> ImageSet:
-    return image_set([scene((60, 30, 76, 66)), scene(None), scene((10, 40, 20, 64)), scene((90, 20, 104, 60))])
+    return image_set(
+        [scene((60, 30, 76, 66)), scene(None), scene((10, 40, 20, 64)), scene((90, 20, 104, 60))]
+    )
 
 
 def coloured(image: NDArray[np.uint8]) -> NDArray[np.float64]:
     """The box of the pixels that are not grey, of any hue; a tint gives grey a chroma of 31 at most."""
     chroma = image.max(2).astype(int) - image.min(2)
     rows, columns = np.nonzero(chroma > max(31, chroma.max() / 2))
-    return np.array([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1], float) if len(rows) else np.zeros(4)
+    return (
+        np.array([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1], float)
+        if len(rows)
+        else np.zeros(4)
+    )
 
 
 @pytest.mark.parametrize("size", [SIZE, (64, 64)])
@@ -98,14 +117,18 @@ def test_flipping_mirrors_image_and_box() -> None:
 def test_half_of_the_examples_are_flipped(size: tuple[int, int]) -> None:
     image, truth = scene((60, 30, 76, 66))
     image[30:66, 60:68] = (20, 20, 250)  # Its left half is blue.
-    shown, boxes = batch(image_set([(image, truth)]), np.zeros(100, np.int64), size, (0,), relit=0.0)
+    shown, boxes = batch(
+        image_set([(image, truth)]), np.zeros(100, np.int64), size, (0,), relit=0.0
+    )
     whole = boxes[:, 2] - boxes[:, 0] > 12
     blue = np.array([np.argwhere(example[..., 2] > 200)[:, 1].mean() for example in shown[whole]])
     assert 0.3 < (blue > (boxes[whole, 0] + boxes[whole, 2]) / 2).mean() < 0.7
 
 
 def test_a_crop_that_cuts_a_pedestrian_to_less_than_a_quarter_is_drawn_again() -> None:
-    boxes = batch(people().take(np.array([0])), np.zeros(400, np.int64), (32, 32), (0,), relit=0.0)[1]
+    boxes = batch(people().take(np.array([0])), np.zeros(400, np.int64), (32, 32), (0,), relit=0.0)[
+        1
+    ]
     left, top, right, bottom = boxes[boxes[:, 2] > boxes[:, 0]].T
     smallest = 16 * 36 * np.exp(-0.25) ** 2  # The whole box at the smallest scale.
     assert ((right - left) * (bottom - top)).min() > 0.25 * smallest
@@ -125,7 +148,14 @@ def test_crops_show_people_and_empty_places() -> None:
 
 
 def test_tiny_pedestrians_are_left_out_and_hard_ones_repeated() -> None:
-    images = image_set([scene((60, 30, 64, 40), pixels=11), scene((60, 30, 64, 40), pixels=12), scene(None), scene((40, 20, 60, 60))])
+    images = image_set(
+        [
+            scene((60, 30, 64, 40), pixels=11),
+            scene((60, 30, 64, 40), pixels=12),
+            scene(None),
+            scene((40, 20, 60, 60)),
+        ]
+    )
     assert usable(images).tolist() == [1, 2, 3]
     assert hardness(images, 3).tolist() == [3, 3, 1, 1]
     near = image_set([scene((40, 10, 70, 90)), scene((0, 30, 20, 60))])
@@ -136,7 +166,9 @@ def test_each_kind_of_hard_image_is_repeated() -> None:
     area = (48, 20, 68, 60)
     plain = scene(area)[1]
     plain, faint = replace(plain, contrast=16.0), replace(plain, contrast=15.9)
-    wide, right, tall = (scene(box)[1] for box in ((40, 20, 71, 60), (100, 20, 127, 60), (40, 20, 60, 69)))
+    wide, right, tall = (
+        scene(box)[1] for box in ((40, 20, 71, 60), (100, 20, 127, 60), (40, 20, 60, 69))
+    )
     images = image_set([(scene(area)[0], truth) for truth in (plain, faint, wide, right, tall)])
     assert hardness(images, 3).tolist() == [1, 3, 3, 3, 3]
 
@@ -148,6 +180,8 @@ def test_a_stream_shows_everything_once_an_epoch_from_any_start() -> None:
         assert sorted(epoch) == [3, 5, 5, 8]
     again = Stream(np.array([3, 5, 8]), np.array([1, 2, 1]), (0,))
     assert np.array_equal(np.concatenate([again.take(start, 3) for start in (0, 3, 6, 9)]), order)
-    assert np.array_equal(Stream(np.array([3, 5, 8]), np.array([1, 2, 1]), (0,)).take(5, 4), order[5:9])
+    assert np.array_equal(
+        Stream(np.array([3, 5, 8]), np.array([1, 2, 1]), (0,)).take(5, 4), order[5:9]
+    )
     with pytest.raises(ValueError, match="^a stream needs at least one image, got none$"):
         Stream(np.zeros(0, np.int64), np.zeros(0, np.int64), (0,))

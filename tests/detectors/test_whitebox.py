@@ -45,7 +45,9 @@ def test_batches_accumulate_and_more_images_never_cover_less() -> None:
         before = now
     assert before == whole.coverage()
     joined = Profile.of([training[:20]]).joined(Profile.of([training[20:]]))
-    assert all((a == b).all() for a, b in zip(joined.high, Profile.of([training]).high, strict=True))
+    assert all(
+        (a == b).all() for a, b in zip(joined.high, Profile.of([training]).high, strict=True)
+    )
 
 
 def test_the_shipped_detector_gives_its_activations() -> None:

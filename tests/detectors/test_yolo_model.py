@@ -8,7 +8,14 @@ import torch
 from safetensors.torch import save
 
 from pipeline.detectors.yolo.folding import Folded
-from pipeline.detectors.yolo.network import Architecture, ConvUnit, Yolo, cells, count_parameters, decode
+from pipeline.detectors.yolo.network import (
+    Architecture,
+    ConvUnit,
+    Yolo,
+    cells,
+    count_parameters,
+    decode,
+)
 from pipeline.detectors.yolo.training import initial_model
 from pipeline.detectors.yolo.weights import load_weights, save_weights
 from pipeline.errors import InputError
@@ -29,7 +36,10 @@ def test_shapes_and_size() -> None:
 
 def test_initial_weights_depend_on_the_seed_alone() -> None:
     torch.manual_seed(5)
-    first, second, other = (initial_model(seed, lambda: Yolo(SMALL)).state_dict()["stage4.0.0.weight"] for seed in (1, 1, 2))
+    first, second, other = (
+        initial_model(seed, lambda: Yolo(SMALL)).state_dict()["stage4.0.0.weight"]
+        for seed in (1, 1, 2)
+    )
     assert torch.equal(first, second)
     assert not torch.equal(first, other)
 
@@ -48,14 +58,22 @@ def frozen() -> torch.nn.Sequential:
     return torch.nn.Sequential(*units).double()
 
 
-def test_frozen_normalisation_inside_the_kernels_gives_the_same_output_and_gradients(frozen: torch.nn.Sequential) -> None:
-    images = torch.rand(4, 6, 10, 8, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
+def test_frozen_normalisation_inside_the_kernels_gives_the_same_output_and_gradients(
+    frozen: torch.nn.Sequential,
+) -> None:
+    images = torch.rand(
+        4, 6, 10, 8, dtype=torch.float64, generator=torch.Generator().manual_seed(0)
+    )
 
     def shown(network: torch.nn.Module) -> tuple[torch.Tensor, ...]:
         frozen.zero_grad()
         output = network(images)
         output.square().sum().backward()
-        return output.detach(), *(parameter.grad.clone() for parameter in frozen.parameters() if parameter.grad is not None)
+        return output.detach(), *(
+            parameter.grad.clone()
+            for parameter in frozen.parameters()
+            if parameter.grad is not None
+        )
 
     inside, apart = shown(Folded(frozen, torch.float64)), shown(frozen)
     assert len(inside) == 4
@@ -93,7 +111,9 @@ def test_cells_lie_in_the_middle_of_their_squares() -> None:
 
 @pytest.mark.parametrize("size", [(0, 32), (48, 32), (64, -32)])
 def test_cells_refuse_other_sizes(size: tuple[int, int]) -> None:
-    with pytest.raises(ValueError, match=f"^image sides must be positive multiples of 32, got {size[0]}x{size[1]}$"):
+    with pytest.raises(
+        ValueError, match=f"^image sides must be positive multiples of 32, got {size[0]}x{size[1]}$"
+    ):
         cells(*size)
 
 
@@ -126,7 +146,10 @@ def test_shipped_size_is_below_three_megabytes(tmp_path: Path) -> None:
 
 def test_wrong_weight_files_are_named(tmp_path: Path) -> None:
     path = tmp_path / "w.safetensors"
-    with pytest.raises(InputError, match=r"w\.safetensors: expected the weights of a detector \(weights\.safetensors\), found no file"):
+    with pytest.raises(
+        InputError,
+        match=r"w\.safetensors: expected the weights of a detector \(weights\.safetensors\), found no file",
+    ):
         load_weights(path)
     save_weights(path, small())
     whole = path.read_bytes()
@@ -138,7 +161,10 @@ def test_wrong_weight_files_are_named(tmp_path: Path) -> None:
         (whole[:-100], foreign),
         (save(one), foreign),
         (save(one, {"architecture": "[]"}), foreign),
-        (save(one, {"architecture": plain}), r"w\.safetensors: expected the \d+ tensors of our network; '.+' is missing or unexpected"),
+        (
+            save(one, {"architecture": plain}),
+            r"w\.safetensors: expected the \d+ tensors of our network; '.+' is missing or unexpected",
+        ),
     ]
     for data, message in wrong:
         path.write_bytes(data)

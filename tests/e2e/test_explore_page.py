@@ -25,7 +25,9 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> FabricatedStudy:
     made = FabricatedStudy(tmp_path_factory.mktemp("study")).make()
     (made.folder / "params.yaml").write_text(dump(made.config, "test"))
     # This campaign is really executed, so that its tests end as recorded; the others are fabricated.
-    made.run("campaign", kind="campaigns", scenario="F1", strategy="random", version="base", seed="0")
+    made.run(
+        "campaign", kind="campaigns", scenario="F1", strategy="random", version="base", seed="0"
+    )
     made.analyse()
     made.run("report")
     return made
@@ -36,7 +38,14 @@ def address(study: FabricatedStudy) -> Iterator[str]:
     """Where the command serves the study; Ctrl-C ends it."""
     command = [sys.executable, "-m", "pipeline", "explore", "--port", "0"]
     environment = {**os.environ, "PYTHONPATH": str(CONF.parents[1])}
-    with subprocess.Popen(command, cwd=study.folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as server:
+    with subprocess.Popen(
+        command,
+        cwd=study.folder,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as server:
         assert server.stdout is not None
         said = server.stdout.readline()
         yield said.split(" is at ")[1].split()[0]
@@ -53,7 +62,10 @@ def page(address: str) -> Iterator[Page]:
         opened.on("console", lambda message: said.append(message.text))
         opened.on("pageerror", lambda error: said.append(str(error)))
         ours = (address, f"blob:{address}", "data:")
-        opened.on("request", lambda request: None if request.url.startswith(ours) else said.append(request.url))
+        opened.on(
+            "request",
+            lambda request: None if request.url.startswith(ours) else said.append(request.url),
+        )
         opened.goto(address)
         opened.wait_for_selector("#explorer[data-ready]")
         yield opened

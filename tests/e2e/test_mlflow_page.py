@@ -35,7 +35,9 @@ def register(root: Path) -> Path:
     for version, failures in FAILURES.items():
         model.write_text(version)
         metrics = {"failures": float(failures), "failures.F1star": float(failures), "ap50": 0.88}
-        content = Content(f"default/{version}", "model", params={"version": version}, metrics=metrics)
+        content = Content(
+            f"default/{version}", "model", params={"version": version}, metrics=metrics
+        )
         tags = {"version": version, "failures": str(failures)}
         number, run = registry.register(Registration("detector", content, [model], tags))
         registry.set_alias("detector", f"default-{version}", number)
@@ -52,11 +54,24 @@ def address(tmp_path: Path) -> Iterator[str]:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    command = [sys.executable, "-m", "mlflow", "ui", "--backend-store-uri", f"sqlite:///{store}", "--workers", "1"]
+    command = [
+        sys.executable,
+        "-m",
+        "mlflow",
+        "ui",
+        "--backend-store-uri",
+        f"sqlite:///{store}",
+        "--workers",
+        "1",
+    ]
     environment = {**os.environ, "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"}
     with (tmp_path / "server.log").open("wb") as log:
         server = subprocess.Popen(
-            [*command, "--host", "127.0.0.1", "--port", str(port)], stdout=log, stderr=log, env=environment, start_new_session=True
+            [*command, "--host", "127.0.0.1", "--port", str(port)],
+            stdout=log,
+            stderr=log,
+            env=environment,
+            start_new_session=True,
         )
     try:
         wait_for(f"http://127.0.0.1:{port}/health", server, tmp_path / "server.log")

@@ -28,7 +28,9 @@ def search(sampler: BatchSampler, tests: int) -> Search:
     points, values = np.zeros((0, len(THESIS))), np.zeros(0)
     while len(points) < tests:
         asked = sampler.ask()
-        signals = [SIMULATOR.execute(THESIS.decode(point), BlindDetector()).signals for point in asked]
+        signals = [
+            SIMULATOR.execute(THESIS.decode(point), BlindDetector()).signals for point in asked
+        ]
         told = np.array([kpi.evaluate(columns, THRESHOLD_S).adj_ttc_s for columns in signals])
         sampler.tell(asked, told)
         points, values = np.concatenate([points, asked]), np.concatenate([values, told])
@@ -45,20 +47,32 @@ def random_searches() -> list[Search]:
     return [search(RandomSampler(THESIS, seed), 160) for seed in range(4)]
 
 
-def test_the_adaptive_strategy_beats_random_testing(adaptive_searches: list[Search], random_searches: list[Search]) -> None:
-    adaptive, random = ([failures_of(found) for found in searches] for searches in (adaptive_searches, random_searches))
+def test_the_adaptive_strategy_beats_random_testing(
+    adaptive_searches: list[Search], random_searches: list[Search]
+) -> None:
+    adaptive, random = (
+        [failures_of(found) for found in searches]
+        for searches in (adaptive_searches, random_searches)
+    )
     assert sum(adaptive) > 1.5 * sum(random)
     assert all(a > r for a, r in zip(adaptive, random, strict=True))
 
 
-def test_diversity_finds_more_kinds_of_failures_than_exploitation(adaptive_searches: list[Search]) -> None:
-    exploiting = [search(ForestSampler(THESIS, seed, diverse=False, explore=0), 160) for seed in range(4)]
+def test_diversity_finds_more_kinds_of_failures_than_exploitation(
+    adaptive_searches: list[Search],
+) -> None:
+    exploiting = [
+        search(ForestSampler(THESIS, seed, diverse=False, explore=0), 160) for seed in range(4)
+    ]
     assert sum(map(kinds, adaptive_searches)) > 2 * sum(map(kinds, exploiting))
     assert sum(map(failures_of, exploiting)) > sum(map(failures_of, adaptive_searches))
 
 
 def test_exploitation_prefers_certain_failures() -> None:
-    bold, careful = ([search(ForestSampler(THESIS, seed, exploitation=value), 300) for seed in range(4)] for value in (0, 1000))
+    bold, careful = (
+        [search(ForestSampler(THESIS, seed, exploitation=value), 300) for seed in range(4)]
+        for value in (0, 1000)
+    )
     assert sum(map(failures_of, careful)) > sum(map(failures_of, bold))
 
 
@@ -70,7 +84,9 @@ def test_refinements_lead_to_a_rare_cause() -> None:
         return np.where(points[:, place] < 20, 0.0, 1.0)
 
     def failures(refinements: int) -> int:
-        sampler = ForestSampler(THESIS, 0, batch_size=1, candidates=1, explore=0, refinements=refinements)
+        sampler = ForestSampler(
+            THESIS, 0, batch_size=1, candidates=1, explore=0, refinements=refinements
+        )
         first = THESIS.sample(1, np.random.default_rng(0))
         first[0, place] = 10
         sampler.ask()
@@ -106,7 +122,9 @@ def test_earlier_campaigns_reveal_a_rare_cause() -> None:
                 earlier.append((points, kpi_of(points)))
         return count
 
-    alone, knowing = (sum(failures(transfer, seed) for seed in range(2)) for transfer in (False, True))
+    alone, knowing = (
+        sum(failures(transfer, seed) for seed in range(2)) for transfer in (False, True)
+    )
     assert knowing > 1.5 * alone
 
 
@@ -118,13 +136,17 @@ def failures_of(found: Search) -> int:
 def kinds(found: Search) -> int:
     """Combinations of categories in which tests failed."""
     points, values = found
-    categorical = [j for j, variable in enumerate(THESIS.variables) if variable.kind == "categorical"]
+    categorical = [
+        j for j, variable in enumerate(THESIS.variables) if variable.kind == "categorical"
+    ]
     return len(np.unique(points[values <= THRESHOLD_S][:, categorical], axis=0))
 
 
 def test_each_region_is_one_planted_cause() -> None:
     """At the default study's size: 80 tests of each strategy for each of two seeds."""
-    found, alike, members = zip(*(causes_of((seed, seed + 1)) for seed in range(0, 8, 2)), strict=True)
+    found, alike, members = zip(
+        *(causes_of((seed, seed + 1)) for seed in range(0, 8, 2)), strict=True
+    )
     assert sum(len(causes) >= 2 for causes in found) >= 3
     # Not all of them: planted regions overlap, and in the overlap both causes hold.
     assert sum(alike) / sum(members) > 0.9
@@ -132,11 +154,20 @@ def test_each_region_is_one_planted_cause() -> None:
 
 def causes_of(seeds: tuple[int, int]) -> tuple[set[str], int, int]:
     """The planted causes that have a region, and a rule that names them; how many failures share their region's cause, and of how many."""
-    used = [search(strategy(THESIS, seed), 80) for seed in seeds for strategy in (ForestSampler, RandomSampler)]
-    points, failures = np.concatenate([points for points, _ in used]), np.concatenate([values for _, values in used]) <= THRESHOLD_S
+    used = [
+        search(strategy(THESIS, seed), 80)
+        for seed in seeds
+        for strategy in (ForestSampler, RandomSampler)
+    ]
+    points, failures = (
+        np.concatenate([points for points, _ in used]),
+        np.concatenate([values for _, values in used]) <= THRESHOLD_S,
+    )
     tests = Outcomes(THESIS, points, failures)
     planted, found, alike, members = SIMULATOR.planted(points), set(), 0, 0
-    for group in group_failures(tests, np.where(failures, "too_late", "none"), CHANCE_NEIGHBOURS, MIN_FAILURES):
+    for group in group_failures(
+        tests, np.where(failures, "too_late", "none"), CHANCE_NEIGHBOURS, MIN_FAILURES
+    ):
         counts = np.bincount(planted[group.members], minlength=len(PLANTED))
         alike, members = alike + int(counts.max()), members + int(group.members.sum())
         cause = PLANTED[int(np.argmax(counts))]

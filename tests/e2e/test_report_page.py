@@ -34,7 +34,9 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> FabricatedStudy:
 
 @pytest.fixture(scope="module")
 def rows(study: FabricatedStudy) -> pd.DataFrame:
-    return pd.concat(map(read_tests, [*study.search_tests, *study.held_out_tests]), ignore_index=True)
+    return pd.concat(
+        map(read_tests, [*study.search_tests, *study.held_out_tests]), ignore_index=True
+    )
 
 
 @pytest.fixture
@@ -44,7 +46,12 @@ def page(study: FabricatedStudy) -> Iterator[Page]:
     with browser_page(1600, 1000) as opened:
         opened.on("console", lambda message: said.append(message.text))
         opened.on("pageerror", lambda error: said.append(str(error)))
-        opened.on("request", lambda request: said.append(request.url) if not request.url.startswith(("file:", "data:")) else None)
+        opened.on(
+            "request",
+            lambda request: (
+                said.append(request.url) if not request.url.startswith(("file:", "data:")) else None
+            ),
+        )
         opened.goto(f"file://{study.root / 'report.html'}")
         opened.wait_for_selector("#explorer[data-ready]")
         yield opened
@@ -55,7 +62,9 @@ def page(study: FabricatedStudy) -> Iterator[Page]:
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("width", [400, 1600])
-def test_axe_finds_no_barrier(study: FabricatedStudy, width: int, scheme: Literal["light", "dark"]) -> None:
+def test_axe_finds_no_barrier(
+    study: FabricatedStudy, width: int, scheme: Literal["light", "dark"]
+) -> None:
     with browser_page(width, 1000) as opened:
         opened.emulate_media(color_scheme=scheme, reduced_motion="reduce")
         opened.goto(f"file://{study.root / 'report.html'}")
@@ -78,7 +87,9 @@ def counted(rows: pd.DataFrame, chosen: pd.Series | None = None) -> str:
 
 def some_of(rows: pd.DataFrame, failures: str = r"\d+") -> re.Pattern[str]:
     """The count of any choice of rows."""
-    return re.compile(rf"^\d+ of {len(rows)} tests, {failures} of {int(rows['failure'].sum())} failures$")
+    return re.compile(
+        rf"^\d+ of {len(rows)} tests, {failures} of {int(rows['failure'].sum())} failures$"
+    )
 
 
 def test_filters_count_as_the_tables_do(page: Page, rows: pd.DataFrame) -> None:
@@ -93,8 +104,12 @@ def test_filters_count_as_the_tables_do(page: Page, rows: pd.DataFrame) -> None:
     expect(count).to_have_text(counted(rows))
 
 
-@pytest.mark.parametrize(("text", "chosen"), [("> 62,5 %", 62.5), ("> 62.5", 62.5), ("> 1,000", 1000), ("> 1,0", 1)])
-def test_a_filter_reads_numbers_as_people_write_them(page: Page, rows: pd.DataFrame, text: str, chosen: float) -> None:
+@pytest.mark.parametrize(
+    ("text", "chosen"), [("> 62,5 %", 62.5), ("> 62.5", 62.5), ("> 1,000", 1000), ("> 1,0", 1)]
+)
+def test_a_filter_reads_numbers_as_people_write_them(
+    page: Page, rows: pd.DataFrame, text: str, chosen: float
+) -> None:
     type_filter(page, "fog (%)", text)
     expect(page.locator("#explorer-count")).to_have_text(counted(rows, rows["fog"] > chosen))
 
@@ -103,7 +118,10 @@ def test_texts_of_a_study_are_no_html(study: FabricatedStudy, tmp_path: Path) ->
     page = (study.root / "report.html").read_text()
     data = re.findall(r'id="explorer-data"[^>]*>([^<]+)<', page)[0]
     content = json.loads(gzip.decompress(base64.b64decode(data)))
-    person, fog = (next(field for field in content["fields"] if field["name"] == name) for name in ("blueprint", "fog"))
+    person, fog = (
+        next(field for field in content["fields"] if field["name"] == name)
+        for name in ("blueprint", "fog")
+    )
     person["known"], fog["unit"] = [f"<i>{name}</i>" for name in person["known"]], "<i>%</i>"
     named = base64.b64encode(gzip.compress(json.dumps(content).encode())).decode()
     (tmp_path / "report.html").write_text(page.replace(data, named))
@@ -111,8 +129,12 @@ def test_texts_of_a_study_are_no_html(study: FabricatedStudy, tmp_path: Path) ->
         opened.goto(f"file://{tmp_path / 'report.html'}")
         opened.wait_for_selector("#explorer[data-ready]")
         assert opened.locator("#explorer-table i").count() == 0
-        expect(opened.locator(".tabulator-col[tabulator-field=fog] .tabulator-col-title")).to_have_text("fog (<i>%</i>)")
-        expect(opened.locator(".tabulator-cell[tabulator-field=blueprint]").first).to_have_text(re.compile("^<i>.+</i>$"))
+        expect(
+            opened.locator(".tabulator-col[tabulator-field=fog] .tabulator-col-title")
+        ).to_have_text("fog (<i>%</i>)")
+        expect(opened.locator(".tabulator-cell[tabulator-field=blueprint]").first).to_have_text(
+            re.compile("^<i>.+</i>$")
+        )
 
 
 def test_a_click_on_a_title_sorts(page: Page, rows: pd.DataFrame) -> None:
@@ -154,33 +176,46 @@ def drag(page: Page, plot: str, start: tuple[float, float], end: tuple[float, fl
     page.locator(plot).scroll_into_view_if_needed()
     box = page.locator(plot).bounding_box()
     assert box is not None
-    (x, y), (to_x, to_y) = [(box["x"] + at[0] * box["width"], box["y"] + at[1] * box["height"]) for at in (start, end)]
+    (x, y), (to_x, to_y) = [
+        (box["x"] + at[0] * box["width"], box["y"] + at[1] * box["height"]) for at in (start, end)
+    ]
     page.mouse.move(x, y)
     page.mouse.down()
     page.mouse.move(to_x, to_y, steps=8)
     page.mouse.up()
 
 
-def test_a_card_filters_the_table_to_its_region(page: Page, study: FabricatedStudy, rows: pd.DataFrame) -> None:
+def test_a_card_filters_the_table_to_its_region(
+    page: Page, study: FabricatedStudy, rows: pd.DataFrame
+) -> None:
     region = read(study.regions[1], FailureRegions).regions[0]
     type_filter(page, "fog (%)", ">= 99")
     expect(page.locator("#explorer-count")).to_have_text(counted(rows, rows["fog"] >= 99))
     card = page.locator(f'[data-region="{region.name}"]')
     card.get_by_role("heading").click()
-    expect(page.locator("#explorer-count")).to_have_text(counted(rows, rows["test_id"].isin(region.members)))
+    expect(page.locator("#explorer-count")).to_have_text(
+        counted(rows, rows["test_id"].isin(region.members))
+    )
     expect(page.get_by_label("Filter region", exact=True)).to_have_value(f"= {region.name}")
     expect(page.locator("#explorer-count")).to_be_in_viewport()
 
 
-def test_a_card_works_with_the_keyboard_and_gives_its_command(page: Page, study: FabricatedStudy, rows: pd.DataFrame) -> None:
+def test_a_card_works_with_the_keyboard_and_gives_its_command(
+    page: Page, study: FabricatedStudy, rows: pd.DataFrame
+) -> None:
     region = read(study.regions[0], FailureRegions).regions[0]
     card = page.locator(f'[data-region="{region.name}"]')
     page.evaluate("navigator.clipboard.writeText = async text => { window.copied = text; }")
     card.get_by_role("button", name="Copy").press("Enter")
-    assert page.evaluate("window.copied") == f"python -m pipeline replay {region.representatives[0].test_id}"
+    assert (
+        page.evaluate("window.copied")
+        == f"python -m pipeline replay {region.representatives[0].test_id}"
+    )
     expect(page.locator("#explorer-count")).to_have_text(counted(rows))  # Copying chooses nothing.
     card.get_by_role("button", name=f"Show all {len(region.members)}").press("Enter")
-    expect(page.locator("#explorer-count")).to_have_text(counted(rows, rows["test_id"].isin(region.members)))
+    expect(page.locator("#explorer-count")).to_have_text(
+        counted(rows, rows["test_id"].isin(region.members))
+    )
 
 
 def test_the_films_of_the_first_screen_play_together(page: Page) -> None:

@@ -32,21 +32,45 @@ def free_port() -> int:
 @contextmanager
 def postgresql(folder: Path) -> Iterator[str]:
     """A separate database server, run as the user postgres if the tests run as root, which PostgreSQL refuses."""
-    user = ["setpriv", "--reuid=postgres", "--regid=postgres", "--clear-groups"] if os.getuid() == 0 else []
+    user = (
+        ["setpriv", "--reuid=postgres", "--regid=postgres", "--clear-groups"]
+        if os.getuid() == 0
+        else []
+    )
     data = folder / "postgresql"
     data.mkdir()
     if user:
-        for path in (data, *list(folder.parents)[:3], folder):  # With pytest-xdist, there is one more.
+        for path in (
+            data,
+            *list(folder.parents)[:3],
+            folder,
+        ):  # With pytest-xdist, there is one more.
             path.chmod(0o755)
         os.chown(data, pwd.getpwnam("postgres").pw_uid, pwd.getpwnam("postgres").pw_gid)
     data.chmod(0o700)
     port = free_port()
 
     def call(*words: str) -> None:
-        subprocess.run([*user, *words], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=data)
+        subprocess.run(
+            [*user, *words],
+            check=True,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            cwd=data,
+        )
 
     call("initdb", "-D", str(data), "-U", "blindspot", "--auth=trust")
-    call("pg_ctl", "-D", str(data), "-w", "-l", str(data / "log"), "-o", f"-p {port} -h 127.0.0.1 -k {data}", "start")
+    call(
+        "pg_ctl",
+        "-D",
+        str(data),
+        "-w",
+        "-l",
+        str(data / "log"),
+        "-o",
+        f"-p {port} -h 127.0.0.1 -k {data}",
+        "start",
+    )
     try:
         yield f"postgresql+pg8000://blindspot@127.0.0.1:{port}/postgres"
     finally:
@@ -56,19 +80,45 @@ def postgresql(folder: Path) -> Iterator[str]:
 def has_postgresql() -> bool:
     if not (shutil.which("initdb") and shutil.which("pg_ctl")):
         return False
-    return os.getuid() != 0 or (shutil.which("setpriv") is not None and "postgres" in {user.pw_name for user in pwd.getpwall()})
+    return os.getuid() != 0 or (
+        shutil.which("setpriv") is not None
+        and "postgres" in {user.pw_name for user in pwd.getpwall()}
+    )
 
 
 @pytest.fixture
 def server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     with ExitStack() as stack:
-        store = stack.enter_context(postgresql(tmp_path)) if has_postgresql() else f"sqlite:///{tmp_path / 'server.db'}"
+        store = (
+            stack.enter_context(postgresql(tmp_path))
+            if has_postgresql()
+            else f"sqlite:///{tmp_path / 'server.db'}"
+        )
         port = free_port()
-        command = [sys.executable, "-m", "mlflow", "server", "--backend-store-uri", store, "--host", "127.0.0.1", "--port", str(port)]
-        command += ["--workers", "1", "--artifacts-destination", str(tmp_path / "server"), "--serve-artifacts"]
+        command = [
+            sys.executable,
+            "-m",
+            "mlflow",
+            "server",
+            "--backend-store-uri",
+            store,
+            "--host",
+            "127.0.0.1",
+            "--port",
+            str(port),
+        ]
+        command += [
+            "--workers",
+            "1",
+            "--artifacts-destination",
+            str(tmp_path / "server"),
+            "--serve-artifacts",
+        ]
         environment = {**os.environ, "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"}
         log = stack.enter_context((tmp_path / "server.log").open("wb"))
-        process = subprocess.Popen(command, stdout=log, stderr=log, env=environment, start_new_session=True)
+        process = subprocess.Popen(
+            command, stdout=log, stderr=log, env=environment, start_new_session=True
+        )
         stack.callback(process.wait, timeout=30)
         stack.callback(os.killpg, process.pid, signal.SIGTERM)
         address = f"http://127.0.0.1:{port}"
@@ -83,7 +133,9 @@ def server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
         yield address
 
 
-def test_a_server_stores_runs_and_versions_once(server: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_server_stores_runs_and_versions_once(
+    server: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     import mlflow
 
     weights = tmp_path / "model.json"
@@ -93,8 +145,18 @@ def test_a_server_stores_runs_and_versions_once(server: str, tmp_path: Path, cap
     study = tracker.log(Content("remote", "study", params={f"key{i}": "value" for i in range(150)}))
     data = DataSet("base_set", "ab" * 32, "data/remote/base_set", "training")
     series = {"training.ap50": [(step, step / 2000) for step in range(1000)]}
-    content = Content("remote/base", "model", {"version": "base"}, {"failures": 7.0}, series, files=[weights], data=[data])
-    registration = Registration("detector", content, [weights], {"study": "remote", "version": "base", "failures": "7"})
+    content = Content(
+        "remote/base",
+        "model",
+        {"version": "base"},
+        {"failures": 7.0},
+        series,
+        files=[weights],
+        data=[data],
+    )
+    registration = Registration(
+        "detector", content, [weights], {"study": "remote", "version": "base", "failures": "7"}
+    )
     number, run_id = registry.register(registration, study)
     assert (number, run_id) == registry.register(registration, study)
     campaign = tracker.log(Content("remote/F1", "campaign"), study)

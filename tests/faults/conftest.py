@@ -7,5 +7,11 @@ import pytest
 
 with pytest.MonkeyPatch.context() as patch:
     patch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "benchmarks"))
-    for name in ("damage_faults", "config_faults", "kill_faults", "repair_faults", "cluster_faults"):
+    for name in (
+        "damage_faults",
+        "config_faults",
+        "kill_faults",
+        "repair_faults",
+        "cluster_faults",
+    ):
         importlib.import_module(name)

@@ -75,7 +75,11 @@ class Numbered(AnalyticSimulator):
     """Tells the detector beside it the number of the test, which is its fog."""
 
     def execute(
-        self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0, noise: Mapping[str, Value] | None = None
+        self,
+        concrete: Mapping[str, Value],
+        detector: Detector,
+        keep_every: int = 0,
+        noise: Mapping[str, Value] | None = None,
     ) -> Episode:
         global number
         number = int(float(concrete["fog"]))

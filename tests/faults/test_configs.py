@@ -27,15 +27,22 @@ def test_mutated_configs_are_refused_by_name_or_valid() -> None:
     assert {"refused", "accepted"} <= set(results) and found.total() == 120
 
 
-def test_the_fuzzer_sees_a_wrong_acceptance_and_a_traceback(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_fuzzer_sees_a_wrong_acceptance_and_a_traceback(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     plain = json.loads(compose("smoke", []).model_dump_json())
     assert outcome(Mutation("none", "", plain, True), tmp_path) == "accepted"
     assert outcome(Mutation("none", "", plain, False), tmp_path) == "wrongly accepted"
     wrong = {**plain, "study": "a/b"}
     assert outcome(Mutation("name", "study", wrong, False), tmp_path) == "refused"
-    assert outcome(Mutation("name", "seeds", wrong, False), tmp_path).startswith("refused, key not named: params.yaml: study: expected")
+    assert outcome(Mutation("name", "seeds", wrong, False), tmp_path).startswith(
+        "refused, key not named: params.yaml: study: expected"
+    )
     monkeypatch.setattr(config_faults, "check_components", lambda config: 1 / 0)
-    assert outcome(Mutation("none", "", plain, True), tmp_path) == "traceback: ZeroDivisionError: division by zero"
+    assert (
+        outcome(Mutation("none", "", plain, True), tmp_path)
+        == "traceback: ZeroDivisionError: division by zero"
+    )
 
 
 @pytest.mark.parametrize(
@@ -68,21 +75,31 @@ def test_the_judge_finds_a_keys_range() -> None:
     assert fits("../../x", hint_at(("tracking", "model_name"))) is False
 
 
-def test_snakemake_refuses_an_edited_file_before_any_job(capsys: pytest.CaptureFixture[str]) -> None:
+def test_snakemake_refuses_an_edited_file_before_any_job(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     plain = json.loads(compose("smoke", []).model_dump_json())
     plain["detector"]["threshold"] = 2
-    workflow: Any = SimpleNamespace(is_main_process=False, storage_settings=StorageSettings(), config_settings=ConfigSettings())
+    workflow: Any = SimpleNamespace(
+        is_main_process=False, storage_settings=StorageSettings(), config_settings=ConfigSettings()
+    )
     with pytest.raises(SystemExit, match="2"):
         plan(plain, workflow, step_names())
     assert capsys.readouterr().err == "error: detector.threshold: expected less than 1, got 2\n"
     with pytest.raises(SystemExit, match="2"):
         plan({**plain, "study": "a`id`\n" + "x" * 10_000}, workflow, step_names())
     said = capsys.readouterr().err
-    assert said.startswith("error: params.yaml: study: expected letters, digits and _") and said.count("\n") == 1 and len(said) < 300
+    assert (
+        said.startswith("error: params.yaml: study: expected letters, digits and _")
+        and said.count("\n") == 1
+        and len(said) < 300
+    )
     workflow.config_settings = SimpleNamespace(configfiles=[Path("data/mine/params.yaml")])
     with pytest.raises(SystemExit, match="2"):
         plan({**plain, "goal": "win"}, workflow, step_names())
-    assert capsys.readouterr().err.startswith("error: data/mine/params.yaml: goal: expected 'report', 'base', ")
+    assert capsys.readouterr().err.startswith(
+        "error: data/mine/params.yaml: goal: expected 'report', 'base', "
+    )
 
 
 def test_a_scenario_has_the_variables_that_its_simulator_needs() -> None:
@@ -92,12 +109,18 @@ def test_a_scenario_has_the_variables_that_its_simulator_needs() -> None:
             {"fog": None},
             "key 'scenarios.F1.space.fog' is missing: .*MujocoSimulator needs this variable",
         ),
-        ({"animation": {"kind": "categorical", "values": ["dancing"]}}, "scenarios.F1.space.animation: .* takes values among walking,"),
+        (
+            {"animation": {"kind": "categorical", "values": ["dancing"]}},
+            "scenarios.F1.space.animation: .* takes values among walking,",
+        ),
         (
             {"rain": {"kind": "continuous", "low": 0, "high": 300, "step": 10}},
             r"space.rain: .* takes numbers in \[0.0, 100.0\]",
         ),
-        ({"seed": plain["scenarios"]["F1"]["space"]["fog"]}, "scenarios.F1.space: 'seed' is a column of every table of tests already"),
+        (
+            {"seed": plain["scenarios"]["F1"]["space"]["fog"]},
+            "scenarios.F1.space: 'seed' is a column of every table of tests already",
+        ),
     ]
     for change, message in changes:
         changed = json.loads(json.dumps(plain))

@@ -32,14 +32,19 @@ NAMED = [f"{file}: damaged or edited; the next run makes it again" for file in F
         (1, NAMED, ["measures.json"], "unseen"),
     ],
 )
-def test_damage_is_repaired_only_if_each_file_is_named(code: int, said: list[str], differences: list[str], way: str) -> None:
+def test_damage_is_repaired_only_if_each_file_is_named(
+    code: int, said: list[str], differences: list[str], way: str
+) -> None:
     assert judged(Run([("set-up", 0.0)], code, said, 1.0), FILES, differences) == way
 
 
 @pytest.mark.parametrize(
     ("line", "name"),
     [
-        ("Job 7 has been submitted with SLURM jobid 41 (log: /x/.snakemake/slurm_logs/rule_campaign/campaigns_F1/41.log).", "campaign"),
+        (
+            "Job 7 has been submitted with SLURM jobid 41 (log: /x/.snakemake/slurm_logs/rule_campaign/campaigns_F1/41.log).",
+            "campaign",
+        ),
         (
             "Job 93898ad7-7dea has been submitted with SLURM jobid 41 (log: /x/slurm_logs/group_spaces_define_space/41.log).",
             "spaces_define_space",

@@ -43,15 +43,23 @@ def hostile_setup(root: Path, limits: Limits) -> Setup:
     config = compose("smoke", ORACLE)
     model = root / "model"
     model.write_bytes(b"")
-    simulator, detector = {"_target_": "tests.faults.hostile.Numbered"}, {"_target_": "tests.faults.hostile.Hostile"}
-    return Setup(simulator, config.scenarios["F1"], detector, model, config.car, limits, keep_every=4)
+    simulator, detector = (
+        {"_target_": "tests.faults.hostile.Numbered"},
+        {"_target_": "tests.faults.hostile.Hostile"},
+    )
+    return Setup(
+        simulator, config.scenarios["F1"], detector, model, config.car, limits, keep_every=4
+    )
 
 
 def executed(root: Path, limits: Limits, numbers: range) -> dict[int, Outcome]:
     """The outcome of each test with the hostile detector, by its number."""
     config, setup = compose("smoke", ORACLE), hostile_setup(root, limits)
     log, workers = Journal(root / "journal", "x", Progress("hostile")), Workers(1, setup)
-    jobs = [Execution(n, log.path(n), concrete_scenario(config.space("F1"), [f"fog={n}"])) for n in numbers]
+    jobs = [
+        Execution(n, log.path(n), concrete_scenario(config.space("F1"), [f"fog={n}"]))
+        for n in numbers
+    ]
     try:
         assert sorted(workers.execute(jobs)) == list(numbers)
     finally:
@@ -61,49 +69,92 @@ def executed(root: Path, limits: Limits, numbers: range) -> dict[int, Outcome]:
 
 def test_each_harm_is_an_error_of_its_test_alone(tmp_path: Path) -> None:
     found = executed(tmp_path, LOOSE.model_copy(update={"frame_s": 2}), range(10))
-    assert {n: outcome.reason for n, outcome in found.items() if outcome.is_error} == {n: reason for n, (_, reason) in ACTS.items()}
+    assert {n: outcome.reason for n, outcome in found.items() if outcome.is_error} == {
+        n: reason for n, (_, reason) in ACTS.items()
+    }
     config = compose("smoke", ORACLE)
     simulator = Numbered(config.scenarios["F1"], config.car)
     for n in set(found) - set(ACTS):
-        alone = Outcome.of(simulator.execute(concrete_scenario(config.space("F1"), [f"fog={n}"]), Hostile(""), 4), 0)
+        alone = Outcome.of(
+            simulator.execute(concrete_scenario(config.space("F1"), [f"fog={n}"]), Hostile(""), 4),
+            0,
+        )
         assert len(alone.frames)
         pd.testing.assert_frame_equal(pd.DataFrame(alone.frames), pd.DataFrame(found[n].frames))
-        assert all(column.tobytes() == found[n].signals[name].tobytes() for name, column in alone.signals.items())
+        assert all(
+            column.tobytes() == found[n].signals[name].tobytes()
+            for name, column in alone.signals.items()
+        )
 
 
-def test_a_campaign_of_errors_alone_has_no_result(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    study = analytic_study(tmp_path, "campaign.tests=3", "detector._target_=tests.faults.hostile.Fails")
+def test_a_campaign_of_errors_alone_has_no_result(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study = analytic_study(
+        tmp_path, "campaign.tests=3", "detector._target_=tests.faults.hostile.Fails"
+    )
     assert study.run("campaign", **key("random")) == 1
     said = "F1, random, base, seed 3: all 3 tests ended in an error, so there is no result; 3 times: Fails.detect failed: RuntimeError: no"
     assert f"blindspot campaign: {said}" in capsys.readouterr().err
     assert not (folder(study, "random") / "tests.parquet").exists() and not journal(study).exists()
 
 
-def test_a_detector_that_crashes_is_refused_before_any_test(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_detector_that_crashes_is_refused_before_any_test(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     model = tmp_path / "model.bin"
     model.write_bytes(b"")
-    assert main(["test-detector", str(model), *ORACLE, "detector._target_=tests.faults.hostile.Segfault"]) == 2
-    assert f"blindspot test-detector: {model}: process died (SIGSEGV) on the first images" in capsys.readouterr().err
+    assert (
+        main(
+            [
+                "test-detector",
+                str(model),
+                *ORACLE,
+                "detector._target_=tests.faults.hostile.Segfault",
+            ]
+        )
+        == 2
+    )
+    assert (
+        f"blindspot test-detector: {model}: process died (SIGSEGV) on the first images"
+        in capsys.readouterr().err
+    )
 
 
-@pytest.mark.parametrize(("fog", "reason"), [(2, "detect timed out after 2 s"), (3, "process died (SIGSEGV)"), (5, ACTS[5][1])])
+@pytest.mark.parametrize(
+    ("fog", "reason"),
+    [(2, "detect timed out after 2 s"), (3, "process died (SIGSEGV)"), (5, ACTS[5][1])],
+)
 def test_a_single_scenario_has_the_limits_of_a_test(tmp_path: Path, fog: int, reason: str) -> None:
     limits = LOOSE.model_copy(update={"frame_s": 2})
     with pytest.raises(InputError, match=f"^the scenario cannot be executed: {re.escape(reason)}$"):
-        episode(hostile_setup(tmp_path, limits), concrete_scenario(compose("smoke", ORACLE).space("F1"), [f"fog={fog}"]))
+        episode(
+            hostile_setup(tmp_path, limits),
+            concrete_scenario(compose("smoke", ORACLE).space("F1"), [f"fog={fog}"]),
+        )
 
 
-@pytest.mark.parametrize(("harm", "reason"), [("Hangs", "detect timed out after 2 s"), ("Fails", ACTS[4][1].replace("Hostile", "Fails"))])
+@pytest.mark.parametrize(
+    ("harm", "reason"),
+    [("Hangs", "detect timed out after 2 s"), ("Fails", ACTS[4][1].replace("Hostile", "Fails"))],
+)
 def test_a_calibration_has_the_limits_of_a_test(tmp_path: Path, harm: str, reason: str) -> None:
-    config = compose("smoke", [*ORACLE, "limits.frame_s=2", f"detector._target_=tests.faults.hostile.{harm}"])
+    config = compose(
+        "smoke", [*ORACLE, "limits.frame_s=2", f"detector._target_=tests.faults.hostile.{harm}"]
+    )
     model = tmp_path / "model"
-    with pytest.raises(InputError, match=f"^{model} fails on validation image 1: {re.escape(reason)}$"):
+    with pytest.raises(
+        InputError, match=f"^{model} fails on validation image 1: {re.escape(reason)}$"
+    ):
         calibrate.detect_all(config, model, images(VISIBLE), lambda *_: None)
 
 
 def test_a_task_whose_process_dies_is_computed_again_once(tmp_path: Path) -> None:
     assert list(in_order(partial(hostile.dies_once, tmp_path), range(4), 2)) == [0, 1, 4, 9]
-    with pytest.raises(InputError, match=r"^part 1 of 1: process died \(SIGSEGV\), twice; the same command resumes$"):
+    with pytest.raises(
+        InputError,
+        match=r"^part 1 of 1: process died \(SIGSEGV\), twice; the same command resumes$",
+    ):
         list(in_order(hostile.dies, range(1), 1))
 
 
@@ -121,29 +172,46 @@ def test_a_process_that_cannot_start_ends_the_work() -> None:
 
 def test_limits_hold_while_a_process_starts_however_large_its_task_is() -> None:
     said = "^a worker process cannot start: took more than 500 MB of memory$"
-    with Pool(1, hostile.greedy, LOOSE.model_copy(update={"memory_mb": 500})) as pool, pytest.raises(InputError, match=said):
+    with (
+        Pool(1, hostile.greedy, LOOSE.model_copy(update={"memory_mb": 500})) as pool,
+        pytest.raises(InputError, match=said),
+    ):
         list(pool.run([bytes(5 * hostile.MB)]))
 
 
 @pytest.mark.parametrize(
     ("limits", "harm", "reason"),
-    [({"test_s": 1}, hostile.sleep, "timed out after 1 s"), ({"memory_mb": 400}, hostile.eat, "took more than 400 MB of memory")],
+    [
+        ({"test_s": 1}, hostile.sleep, "timed out after 1 s"),
+        ({"memory_mb": 400}, hostile.eat, "took more than 400 MB of memory"),
+    ],
 )
-def test_a_process_over_a_limit_is_ended(limits: dict[str, float], harm: object, reason: str) -> None:
+def test_a_process_over_a_limit_is_ended(
+    limits: dict[str, float], harm: object, reason: str
+) -> None:
     with Pool(1, hostile.harms, LOOSE.model_copy(update=limits)) as pool:
         ((_, result),) = pool.run([harm])  # type: ignore[list-item]
     assert isinstance(result, Broken) and result.reason == reason
 
 
-def test_an_outcome_that_was_written_before_its_process_died_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    log, workers = Journal(tmp_path / "journal", "x", Progress("test")), Workers(1, hostile_setup(tmp_path, LOOSE))
+def test_an_outcome_that_was_written_before_its_process_died_counts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log, workers = (
+        Journal(tmp_path / "journal", "x", Progress("test")),
+        Workers(1, hostile_setup(tmp_path, LOOSE)),
+    )
     write(log.path(0), Outcome.error("of the test itself"), {})
-    monkeypatch.setattr(Pool, "run", lambda self, jobs: iter([(0, Broken("process died", again=True))]))
+    monkeypatch.setattr(
+        Pool, "run", lambda self, jobs: iter([(0, Broken("process died", again=True))])
+    )
     assert list(workers.execute([Execution(0, log.path(0), {})])) == [0]
     assert log.read(0).reason == "of the test itself"
 
 
-def test_the_limit_of_a_test_does_not_count_the_start_of_its_process(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_limit_of_a_test_does_not_count_the_start_of_its_process(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     ours, theirs = CONTEXT.Pipe()
     monkeypatch.setattr(CONTEXT, "Pipe", lambda: (ours, Mock()))
     monkeypatch.setattr(CONTEXT, "Process", Mock())
@@ -157,10 +225,16 @@ def test_the_limit_of_a_test_does_not_count_the_start_of_its_process(monkeypatch
     assert started.look(4, limits) == Broken("timed out after 5 s", again=False)
 
 
-def test_the_time_in_which_a_run_was_suspended_does_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_time_in_which_a_run_was_suspended_does_not_count(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     clock = iter([0.0, 3600.0])
     monkeypatch.setattr(pool, "time", Mock(monotonic=lambda: next(clock)))
-    monkeypatch.setattr(pool, "Worker", lambda _: Mock(connection=CONTEXT.Pipe()[0], look=lambda seconds, _: Done(seconds)))
+    monkeypatch.setattr(
+        pool,
+        "Worker",
+        lambda _: Mock(connection=CONTEXT.Pipe()[0], look=lambda seconds, _: Done(seconds)),
+    )
     make: Make[int, float] = Mock()
     with Pool(1, make) as suspended:
         assert list(suspended.run([7])) == [(0, pool.LONGEST_TICK_S)]

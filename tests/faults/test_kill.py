@@ -103,7 +103,11 @@ class Noted(AnalyticSimulator):
     """Executes slowly enough to be killed between two tests, and notes each execution."""
 
     def execute(
-        self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0, noise: Mapping[str, Value] | None = None
+        self,
+        concrete: Mapping[str, Value],
+        detector: Detector,
+        keep_every: int = 0,
+        noise: Mapping[str, Value] | None = None,
     ) -> Episode:
         time.sleep(0.1)
         episode = super().execute(concrete, detector, keep_every)
@@ -121,12 +125,18 @@ class Large:
         if frame.truth.visible_box is None:
             return Detections.none()
         left, top, right, bottom = frame.truth.visible_box
-        return Detections(np.array([(left, top, 2 * right - left, bottom)], np.float32), np.ones(1, np.float32))
+        return Detections(
+            np.array([(left, top, 2 * right - left, bottom)], np.float32), np.ones(1, np.float32)
+        )
 
 
-def killed(script: str, *arguments: Path | str, after_s: float = 0.0, until: Path | None = None) -> bool:
+def killed(
+    script: str, *arguments: Path | str, after_s: float = 0.0, until: Path | None = None
+) -> bool:
     """Run a script and kill it a given time after it is ready, or once a file exists; returns whether it was still running."""
-    process = subprocess.Popen([sys.executable, "-c", script, *map(str, arguments)], stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [sys.executable, "-c", script, *map(str, arguments)], stdout=subprocess.PIPE, text=True
+    )
     assert process.stdout is not None
     while process.stdout.readline().strip() not in ("ready", ""):
         pass
@@ -140,7 +150,9 @@ def killed(script: str, *arguments: Path | str, after_s: float = 0.0, until: Pat
 
 
 def finish(script: str, *arguments: Path | str) -> None:
-    done = subprocess.run([sys.executable, "-c", script, *map(str, arguments)], capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", script, *map(str, arguments)], capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr
 
 
@@ -149,11 +161,15 @@ def test_in_training(tmp_path: Path) -> None:
     finish(TRAIN, whole)
     assert killed(TRAIN, cut, until=cut / "checkpoint.pt")
     assert (cut / "checkpoint.pt").exists() and not (cut / "weights.safetensors").exists()
-    before = torch.load(io.BytesIO(read_sealed(cut / "checkpoint.pt")), weights_only=True)["iteration"]
+    before = torch.load(io.BytesIO(read_sealed(cut / "checkpoint.pt")), weights_only=True)[
+        "iteration"
+    ]
     assert 0 < before < 120
     killed(TRAIN, cut, after_s=0.5)
     finish(TRAIN, cut)
-    assert (cut / "weights.safetensors").read_bytes() == (whole / "weights.safetensors").read_bytes()
+    assert (cut / "weights.safetensors").read_bytes() == (
+        whole / "weights.safetensors"
+    ).read_bytes()
     assert read_card(cut / "model.json") == read_card(whole / "model.json")
     load_weights(cut / "weights.safetensors")
     assert not list(cut.glob(".*.tmp"))
@@ -209,45 +225,77 @@ def test_in_registration(tmp_path: Path) -> None:
     assert sorted(version.tags["version"] for version in versions) == ["base", "control", "random"]
     assert client.get_model_version_by_alias("detector", "champion").tags["version"] == "random"
     assert {run.info.status for run in client.search_runs([experiment])} == {"FINISHED"}
-    assert len(client.search_runs([experiment])) == len(client.search_logged_models([experiment])) == 3
+    assert (
+        len(client.search_runs([experiment])) == len(client.search_logged_models([experiment])) == 3
+    )
     for version in versions:
         (file,) = Path(version.source.removeprefix("file://")).glob("*.json")
         assert file.read_text() == version.tags["version"]
 
 
-def resumed(whole: StudyFolder, cut: StudyFolder, step: str, until: tuple[str, ...], **wildcards: str) -> int:
+def resumed(
+    whole: StudyFolder, cut: StudyFolder, step: str, until: tuple[str, ...], **wildcards: str
+) -> int:
     """How many tests a step executes twice if it is killed once each of these files of its journal exists."""
     words = arguments(step, 1, **wildcards)
     for study in (whole, cut):
         (study.root / EXECUTED).write_text("")
     finish(STEP, whole.root, *words)
     for path in until:
-        assert killed(STEP, cut.root, *words, until=cut / "journal" / path), "the step ended before it could be killed"
+        assert killed(STEP, cut.root, *words, until=cut / "journal" / path), (
+            "the step ended before it could be killed"
+        )
     finish(STEP, cut.root, *words)
     assert not list((cut / "journal").rglob("*.npz")), "the journal is removed"
     return len((cut.root / EXECUTED).read_text()) - len((whole.root / EXECUTED).read_text())
 
 
-def test_in_confirming_and_explaining_regions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_in_confirming_and_explaining_regions(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
-    small = ["seeds=[0]", "campaign.tests=160", "strategies=[mixed]", "~arms.random", "regions.confirm=4", "regions.explain=2"]
+    small = [
+        "seeds=[0]",
+        "campaign.tests=160",
+        "strategies=[mixed]",
+        "~arms.random",
+        "regions.confirm=4",
+        "regions.explain=2",
+    ]
     study = analytic_study(tmp_path / "whole", *small)
-    assert study.run("campaign", kind="campaigns", scenario="F1", strategy="mixed", version="base", seed=0) == 0
+    assert (
+        study.run(
+            "campaign", kind="campaigns", scenario="F1", strategy="mixed", version="base", seed=0
+        )
+        == 0
+    )
     shutil.copytree(tmp_path / "whole", tmp_path / "cut", symlinks=True)
-    whole, cut = (StudyFolder.composed(tmp_path / name, "smoke", [*OVERRIDES, *small, NOTED]) for name in ("whole", "cut"))
+    whole, cut = (
+        StudyFolder.composed(tmp_path / name, "smoke", [*OVERRIDES, *small, NOTED])
+        for name in ("whole", "cut")
+    )
     until = ("cluster/base/F1/confirm/000003.npz", "cluster/base/F1/explain/without/000003.npz")
     assert resumed(whole, cut, "cluster", until, scenario="F1", version="base") <= len(until)
     for name in ("F1.json", "F1.parquet"):
-        assert (cut / f"regions/base/{name}").read_bytes() == (whole / f"regions/base/{name}").read_bytes()
+        assert (cut / f"regions/base/{name}").read_bytes() == (
+            whole / f"regions/base/{name}"
+        ).read_bytes()
 
 
 def test_in_judging_at_a_second_iou(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
-    small = ["comparison.tests=8", "comparison.second_iou=0.7", f"detector._target_={__name__}.Large"]
+    small = [
+        "comparison.tests=8",
+        "comparison.second_iou=0.7",
+        f"detector._target_={__name__}.Large",
+    ]
     whole, cut = (analytic_study(tmp_path / name, *small, NOTED) for name in ("whole", "cut"))
     test = {"scenario": "F1star", "strategy": "pairwise", "version": "base", "seed": "0"}
     for study in (whole, cut):
         assert study.run("campaign", 1, kind="held_out", **test) == 0
-    assert resumed(whole, cut, "second-iou", ("second_iou/F1star/pairwise/base/0/000003.npz",), **test) <= 1
+    assert (
+        resumed(whole, cut, "second-iou", ("second_iou/F1star/pairwise/base/0/000003.npz",), **test)
+        <= 1
+    )
     path = "held_out/F1star/pairwise/base/0/second_iou.parquet"
     assert (cut / path).read_bytes() == (whole / path).read_bytes()

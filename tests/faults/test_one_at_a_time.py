@@ -38,13 +38,17 @@ command.run(SimpleNamespace(words=["a.onnx"], study="default", calibrate=False, 
 
 def run(folder: Path, name: str, script: str = HOLD) -> subprocess.Popen[str]:
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    return subprocess.Popen([sys.executable, "-c", script, name], cwd=folder, env=environment, text=True, **PIPES)
+    return subprocess.Popen(
+        [sys.executable, "-c", script, name], cwd=folder, env=environment, text=True, **PIPES
+    )
 
 
 PIPES: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
 
 
-def test_the_second_says_who_is_at_work_and_goes_on_when_the_first_is_killed(tmp_path: Path) -> None:
+def test_the_second_says_who_is_at_work_and_goes_on_when_the_first_is_killed(
+    tmp_path: Path,
+) -> None:
     first = run(tmp_path, "snakemake")
     assert first.stdout is not None and first.stdout.readline() == "held\n"
     second = run(tmp_path, "test-detector")
@@ -59,10 +63,16 @@ def test_the_second_says_who_is_at_work_and_goes_on_when_the_first_is_killed(tmp
 def test_the_snakemake_of_a_killed_test_detector_keeps_others_out(tmp_path: Path) -> None:
     (tmp_path / "models").symlink_to(ROOT / "models")
     first = run(tmp_path, "", STARTS)
-    assert first.stdout is not None and first.stdin is not None and first.stdout.readline() == "started\n"
+    assert (
+        first.stdout is not None
+        and first.stdin is not None
+        and first.stdout.readline() == "started\n"
+    )
     second = run(tmp_path, "snakemake")
     assert second.stderr is not None and second.stdout is not None
-    assert second.stderr.readline().startswith(f"blindspot: test-detector (process {first.pid}) is running in this folder; waiting")
+    assert second.stderr.readline().startswith(
+        f"blindspot: test-detector (process {first.pid}) is running in this folder; waiting"
+    )
     first.kill()
     first.wait()
     assert not select([second.stdout], [], [], 1)[0], "Snakemake is at work"
@@ -71,7 +81,9 @@ def test_the_snakemake_of_a_killed_test_detector_keeps_others_out(tmp_path: Path
     second.communicate("")
 
 
-def test_a_disk_without_locks_does_not_lock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_disk_without_locks_does_not_lock(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def refuse(file: int, operation: int) -> None:
         raise OSError(errno.ENOLCK, "No locks available")
 
@@ -85,10 +97,14 @@ def test_a_disk_without_locks_does_not_lock(tmp_path: Path, monkeypatch: pytest.
 
 def snakemake(**changes: Any) -> Any:
     """As much of a Snakemake workflow that executes jobs as counts here."""
-    return SimpleNamespace(**{"is_main_process": True, "executor_plugin": "local", "dryrun": False, **changes})
+    return SimpleNamespace(
+        **{"is_main_process": True, "executor_plugin": "local", "dryrun": False, **changes}
+    )
 
 
-@pytest.mark.parametrize("waits_not", [{"dryrun": True}, {"executor_plugin": None}, {"is_main_process": False}])
+@pytest.mark.parametrize(
+    "waits_not", [{"dryrun": True}, {"executor_plugin": None}, {"is_main_process": False}]
+)
 def test_only_a_snakemake_that_executes_holds_the_folder(
     waits_not: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -100,4 +116,7 @@ def test_only_a_snakemake_that_executes_holds_the_folder(
     alone(snakemake(**waits_not))
     assert left.exists() and not (tmp_path / ".cache").exists()
     alone(snakemake())
-    assert not left.exists() and (tmp_path / ".cache/run.lock").read_text() == f"snakemake (process {os.getpid()})\n"
+    assert (
+        not left.exists()
+        and (tmp_path / ".cache/run.lock").read_text() == f"snakemake (process {os.getpid()})\n"
+    )

@@ -49,14 +49,22 @@ def rendered(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """The shards that are rendered: four images each, of noise, in this process."""
     shards: list[int] = []
 
-    def scenes(shard: int, count: int, _section: Any, camera: CameraSettings, _unseen: Any) -> Iterator[Scene]:
+    def scenes(
+        shard: int, count: int, _section: Any, camera: CameraSettings, _unseen: Any
+    ) -> Iterator[Scene]:
         shards.append(shard)
         rng = np.random.default_rng(shard)
         for _ in range(count):
             image = rng.integers(0, 255, (camera.height, camera.width, 3), dtype=np.uint8)
-            yield Scene(image, Truth((1.0, 2.0, 9.0, 30.0), (1.0, 2.0, 9.0, 30.0), 90, 90, 20.0), {"town": f"t{shard}", "people": "p"})
+            yield Scene(
+                image,
+                Truth((1.0, 2.0, 9.0, 30.0), (1.0, 2.0, 9.0, 30.0), 90, 90, 20.0),
+                {"town": f"t{shard}", "people": "p"},
+            )
 
-    def in_order(function: Callable[[Any], Any], jobs: Sequence[Any], _processes: int) -> Iterator[Any]:
+    def in_order(
+        function: Callable[[Any], Any], jobs: Sequence[Any], _processes: int
+    ) -> Iterator[Any]:
         return map(function, jobs)
 
     monkeypatch.setattr(random_scenes, "scenes", scenes)
@@ -82,7 +90,11 @@ def files() -> dict[str, bytes]:
 
 def in_placing(patch: pytest.MonkeyPatch) -> None:
     link, calls = Path.hardlink_to, iter(range(7))
-    patch.setattr(Path, "hardlink_to", lambda self, other: kill() if next(calls, None) is None else link(self, other))
+    patch.setattr(
+        Path,
+        "hardlink_to",
+        lambda self, other: kill() if next(calls, None) is None else link(self, other),
+    )
 
 
 def in_removing(part: str, patch: pytest.MonkeyPatch) -> None:
@@ -108,7 +120,11 @@ MOMENTS: dict[str, tuple[Callable[[pytest.MonkeyPatch], None], list[int]]] = {
 
 @pytest.mark.parametrize(("killing", "again"), MOMENTS.values(), ids=MOMENTS.keys())
 def test_a_data_set_killed_while(
-    killing: Callable[[pytest.MonkeyPatch], None], again: list[int], config: Config, rendered: list[int], tmp_path: Path
+    killing: Callable[[pytest.MonkeyPatch], None],
+    again: list[int],
+    config: Config,
+    rendered: list[int],
+    tmp_path: Path,
 ) -> None:
     order = rendering(config)
     for name in ("whole", "cut"):
@@ -116,7 +132,10 @@ def test_a_data_set_killed_while(
     with chdir(tmp_path / "whole"):
         perform(order, config)
         whole = files()
-        assert IMAGE in {name.removeprefix("data/smoke/base_set/") for name in whole} and not SCRATCH.exists()
+        assert (
+            IMAGE in {name.removeprefix("data/smoke/base_set/") for name in whole}
+            and not SCRATCH.exists()
+        )
     with chdir(tmp_path / "cut"):
         with pytest.MonkeyPatch.context() as patch:
             killing(patch)
@@ -128,7 +147,9 @@ def test_a_data_set_killed_while(
         assert rendered == again and files() == whole and not SCRATCH.exists()
 
 
-def test_only_shards_with_their_own_images_are_resumed(config: Config, rendered: list[int], tmp_path: Path) -> None:
+def test_only_shards_with_their_own_images_are_resumed(
+    config: Config, rendered: list[int], tmp_path: Path
+) -> None:
     order = rendering(config)
     with chdir(tmp_path):
         perform(order, config)
@@ -145,7 +166,9 @@ def test_only_shards_with_their_own_images_are_resumed(config: Config, rendered:
         assert rendered == [0] and files() == whole
 
 
-def test_shards_of_other_held_out_scenarios_are_rendered_again(config: Config, rendered: list[int], tmp_path: Path) -> None:
+def test_shards_of_other_held_out_scenarios_are_rendered_again(
+    config: Config, rendered: list[int], tmp_path: Path
+) -> None:
     """Rendering refuses their towns and people, so a shard that was rendered for other ones is not checked yet."""
     with chdir(ROOT):
         other = compose("smoke", ["base_set.images=10", "held_out=[F2star]"])
@@ -200,7 +223,9 @@ def test_the_shards_of_other_settings_or_code_are_rendered_again(
 ) -> None:
     def shards(drawing: image_sets.Drawing) -> list[int]:
         rendered.clear()
-        image_sets.render_images(drawing, tmp_path / "scratch", tmp_path / "out", 1, lambda *_: None)
+        image_sets.render_images(
+            drawing, tmp_path / "scratch", tmp_path / "out", 1, lambda *_: None
+        )
         return list(rendered)
 
     drawing, every = image_sets.Drawing(config.base_set, config.camera, {}), [0, 1, 2]

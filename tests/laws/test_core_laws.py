@@ -37,32 +37,45 @@ def random_boxes(rng: np.random.Generator, count: int) -> np.ndarray:
 def test_iou_is_symmetric_bounded_and_one_with_itself(seed: int, count: int) -> None:
     boxes = random_boxes(np.random.default_rng(seed), count)
     overlaps = iou(boxes, boxes)
-    assert np.array_equal(overlaps, overlaps.T) and ((overlaps >= 0) & (overlaps <= 1 + 1e-12)).all()
+    assert (
+        np.array_equal(overlaps, overlaps.T) and ((overlaps >= 0) & (overlaps <= 1 + 1e-12)).all()
+    )
     assert np.allclose(np.diag(overlaps), 1)
 
 
 @given(SEEDS, st.integers(0, 12), st.floats(0, 1))
-def test_suppression_keeps_exactly_the_boxes_without_a_better_overlapping_one(seed: int, count: int, threshold: float) -> None:
+def test_suppression_keeps_exactly_the_boxes_without_a_better_overlapping_one(
+    seed: int, count: int, threshold: float
+) -> None:
     rng = np.random.default_rng(seed)
     boxes, scores = random_boxes(rng, count), rng.random(count)
     kept = nms(boxes, scores, threshold)
     overlaps = iou(boxes, boxes)
     assert (np.diff(scores[kept]) <= 0).all()
     for i in range(count):
-        rivals = [k for k in kept if k != i and scores[k] > scores[i] and overlaps[i, k] > threshold]
+        rivals = [
+            k for k in kept if k != i and scores[k] > scores[i] and overlaps[i, k] > threshold
+        ]
         assert bool(rivals) != (i in kept)
 
 
 @given(SEEDS, st.integers(0, 10))
-def test_each_frame_has_at_most_one_true_positive_and_every_detection_an_outcome(seed: int, count: int) -> None:
+def test_each_frame_has_at_most_one_true_positive_and_every_detection_an_outcome(
+    seed: int, count: int
+) -> None:
     rng = np.random.default_rng(seed)
     box = (20.0, 20.0, 40.0, 60.0)
     boxes = np.array(box) + rng.normal(0, 8, (count, 4))
-    found = Detections(boxes.astype(np.float32), np.sort(rng.random(count).astype(np.float32))[::-1])
+    found = Detections(
+        boxes.astype(np.float32), np.sort(rng.random(count).astype(np.float32))[::-1]
+    )
     result = match(found, Truth(box, box, int(rng.integers(0, 60)), 800, float(rng.uniform(0, 16))))
     outcomes = result.outcomes
     assert len(outcomes) == count and outcomes.count("true_positive") <= 1
-    assert result.false_positives + outcomes.count("true_positive") + outcomes.count("ignored") == count
+    assert (
+        result.false_positives + outcomes.count("true_positive") + outcomes.count("ignored")
+        == count
+    )
     assert "duplicate" not in outcomes or "true_positive" in outcomes
 
 
@@ -91,7 +104,10 @@ def test_a_representative_lies_in_its_category(seed: int) -> None:
 def test_coverage_grows_with_points_and_never_passes_one(seed: int, sizes: list[int]) -> None:
     rng = np.random.default_rng(seed)
     points = rng.integers(0, sizes, (30, len(sizes)))
-    covered = [projection_coverage(points[:n], Demand(Constraints(tuple(sizes)), 2)).ratio for n in (0, 1, 10, 30)]
+    covered = [
+        projection_coverage(points[:n], Demand(Constraints(tuple(sizes)), 2)).ratio
+        for n in (0, 1, 10, 30)
+    ]
     assert covered[0] == 0 and covered == sorted(covered) and covered[-1] <= 1
 
 
@@ -104,13 +120,18 @@ def constrained(draw: st.DrawFn) -> Constraints:
         variable = draw(st.integers(0, len(sizes) - 1))
         return Literal(variable, draw(st.integers(0, sizes[variable] - 1)), draw(st.booleans()))
 
-    clauses = [tuple(literal() for _ in range(draw(st.integers(1, 3)))) for _ in range(draw(st.integers(0, 6)))]
+    clauses = [
+        tuple(literal() for _ in range(draw(st.integers(1, 3))))
+        for _ in range(draw(st.integers(0, 6)))
+    ]
     return Constraints(sizes, tuple(clauses))
 
 
 @given(constrained(), st.integers(1, 3))
 @settings(max_examples=80)
-def test_feasible_cells_and_contradictions_agree_with_brute_force(constraints: Constraints, k: int) -> None:
+def test_feasible_cells_and_contradictions_agree_with_brute_force(
+    constraints: Constraints, k: int
+) -> None:
     every = np.array(list(product(*map(range, constraints.sizes))))
     feasible = every[constraints.holds(every)]
     for plane in combinations(range(len(constraints.sizes)), min(k, len(constraints.sizes))):
@@ -126,7 +147,9 @@ def test_feasible_cells_and_contradictions_agree_with_brute_force(constraints: C
 
 @given(constrained(), st.integers(1, 3), st.integers(0, 99))
 @settings(max_examples=40)
-def test_constrained_arrays_pass_the_verifier(constraints: Constraints, strength: int, seed: int) -> None:
+def test_constrained_arrays_pass_the_verifier(
+    constraints: Constraints, strength: int, seed: int
+) -> None:
     strength = min(strength, len(constraints.sizes))
     if constraints.contradiction():
         return
@@ -145,7 +168,9 @@ def test_covering_arrays_cover(seed: int, sizes: list[int]) -> None:
 
 
 @given(st.lists(st.booleans()), st.integers(1, 10))
-def test_the_f_measure_is_the_test_at_which_the_sequence_reaches_n(failures: list[bool], n: int) -> None:
+def test_the_f_measure_is_the_test_at_which_the_sequence_reaches_n(
+    failures: list[bool], n: int
+) -> None:
     theta = failure_sequence(failures)
     found = f_measure(theta, n)
     if found is None:
@@ -170,8 +195,12 @@ def test_mcnemar_is_symmetric(tests: list[tuple[bool, bool]]) -> None:
     assert one.p_value == other.p_value and 0 < one.p_value <= 1
 
 
-@given(st.integers(0, 60), st.integers(0, 60), st.integers(0, 60), st.sampled_from([0.8, 0.95, 0.99]))
-def test_the_rise_limit_rises_with_regressions_and_falls_with_fixes(regressions: int, fixes: int, others: int, confidence: float) -> None:
+@given(
+    st.integers(0, 60), st.integers(0, 60), st.integers(0, 60), st.sampled_from([0.8, 0.95, 0.99])
+)
+def test_the_rise_limit_rises_with_regressions_and_falls_with_fixes(
+    regressions: int, fixes: int, others: int, confidence: float
+) -> None:
     tests, rounding = regressions + fixes + others, 1e-12
     limit = paired_rise_limit(regressions, fixes, tests, confidence)
     assert -1 <= limit <= 1

@@ -54,9 +54,13 @@ def pict_term(rng: random.Random) -> Said:
     if kind == "pair":
         other = rng.choice([p for p in PARAMETERS if ("ize" in p) == numeric])
         sign = rng.choice(list(RELATIONS))
-        return f"[{name}] {sign} [{other}]", lambda row: RELATIONS[sign](value_of(name, row[name]), value_of(other, row[other]))
+        return f"[{name}] {sign} [{other}]", lambda row: RELATIONS[sign](
+            value_of(name, row[name]), value_of(other, row[other])
+        )
     if kind == "like":
-        return f'[{name}] {rng.choice(["like", "LIKE"])} "?a*"', lambda row: bool(re.fullmatch(".a.*", row[name].lower()))
+        return f'[{name}] {rng.choice(["like", "LIKE"])} "?a*"', lambda row: bool(
+            re.fullmatch(".a.*", row[name].lower())
+        )
     shown = [text if numeric else f'"{text.upper()}"' for text in rng.sample(known, 2)]
     values = [value_of(name, text.strip('"')) for text in shown]
     if kind == "set":
@@ -64,7 +68,9 @@ def pict_term(rng: random.Random) -> Said:
         inside = f"[{name}] {'NOT ' if negated else ''}IN {{{', '.join(shown)}}}"
         return inside, lambda row: (value_of(name, row[name]) in values) != negated
     sign = rng.choice(list(RELATIONS))
-    return f"[{name.upper()}] {sign} {shown[0]}", lambda row: RELATIONS[sign](value_of(name, row[name]), values[0])
+    return f"[{name.upper()}] {sign} {shown[0]}", lambda row: RELATIONS[sign](
+        value_of(name, row[name]), values[0]
+    )
 
 
 def pict_condition(rng: random.Random, depth: int = 2) -> Said:
@@ -86,7 +92,9 @@ def pict_constraint(rng: random.Random) -> Said:
     if rng.random() < 0.5:
         return f"IF {one}\nTHEN {two};", lambda row: second(row) if first(row) else True
     three, third = pict_condition(rng, 1)
-    return f"if {one} # THEN\n\nthen {two} ELSE {three};".replace(" # THEN", ""), lambda row: second(row) if first(row) else third(row)
+    return f"if {one} # THEN\n\nthen {two} ELSE {three};".replace(
+        " # THEN", ""
+    ), lambda row: second(row) if first(row) else third(row)
 
 
 @pytest.mark.parametrize("seed", range(60))
@@ -111,7 +119,12 @@ def test_pict_models_allow_the_rows_of_their_documentation(seed: int, tmp_path: 
         assert back.variables == space.variables and allowed(back) == expected
 
 
-ACTS = {"a": ["1", "2", "3"], "b": ["0", "2", "4", "-1"], "on": ["true", "FALSE"], "kind": ["x y", "z"]}
+ACTS = {
+    "a": ["1", "2", "3"],
+    "b": ["0", "2", "4", "-1"],
+    "on": ["true", "FALSE"],
+    "kind": ["x y", "z"],
+}
 
 
 def acts_operand(rng: random.Random) -> tuple[str, Callable[[Row], float]]:
@@ -120,7 +133,10 @@ def acts_operand(rng: random.Random) -> tuple[str, Callable[[Row], float]]:
         [
             (name, lambda row: float(row[name])),
             (str(number), lambda row: float(number)),
-            (f"{name} + {other} * {number}", lambda row: float(row[name]) + float(row[other]) * number),
+            (
+                f"{name} + {other} * {number}",
+                lambda row: float(row[name]) + float(row[other]) * number,
+            ),
             (f"(-{name} - {number})", lambda row: -float(row[name]) - number),
         ]
     )
@@ -129,7 +145,12 @@ def acts_operand(rng: random.Random) -> tuple[str, Callable[[Row], float]]:
 def acts_condition(rng: random.Random, depth: int = 2) -> Said:
     if depth == 0 or rng.random() < 0.2:
         if rng.random() < 0.4:
-            return rng.choice([("on", lambda row: row["on"] == "true"), ('kind != "x y"', lambda row: row["kind"] != "x y")])
+            return rng.choice(
+                [
+                    ("on", lambda row: row["on"] == "true"),
+                    ('kind != "x y"', lambda row: row["kind"] != "x y"),
+                ]
+            )
         (one, first), (two, second) = acts_operand(rng), acts_operand(rng)
         sign = rng.choice(["=", "==", "!=", "<", "<=", ">", ">="])
         relation = RELATIONS[{"==": "=", "!=": "<>"}.get(sign, sign)]
@@ -152,7 +173,15 @@ def test_acts_models_allow_the_rows_of_their_conditions(seed: int, tmp_path: Pat
     expected = {tuple(row.values()) for row in rows if all(holds(row) for _, holds in conditions)}
     kinds = {"a": " (int)", "b": "(int) ", "on": " (boolean)", "kind": ""}
     parameters = [f"{name}{kinds[name]}: {', '.join(values)}" for name, values in ACTS.items()]
-    lines = ["-- a model", "[System]", "Name: x", "[Parameter]", *parameters, "[Constraint]", *(text for text, _ in conditions)]
+    lines = [
+        "-- a model",
+        "[System]",
+        "Name: x",
+        "[Parameter]",
+        *parameters,
+        "[Constraint]",
+        *(text for text, _ in conditions),
+    ]
     (tmp_path / "model.txt").write_text("\n".join(lines))
     if not expected:
         with pytest.raises(InputError, match="no combination satisfies|contradict"):
@@ -160,7 +189,14 @@ def test_acts_models_allow_the_rows_of_their_conditions(seed: int, tmp_path: Pat
         return
     space = read_space_of_any_format(tmp_path / "model.txt")
     assert allowed(space) == expected
-    for again, kind in (("again.txt", "acts"), ("again.xml", "acts-xml"), ("pict.txt", "pict"), ("again.yaml", "space")):
+    for again, kind in (
+        ("again.txt", "acts"),
+        ("again.xml", "acts-xml"),
+        ("pict.txt", "pict"),
+        ("again.yaml", "space"),
+    ):
         write_model(tmp_path / again, space, kind)
         back = read_space_of_any_format(tmp_path / again)
-        assert [(v.name, v.values) for v in back.variables] == [(v.name, v.values) for v in space.variables] and allowed(back) == expected
+        assert [(v.name, v.values) for v in back.variables] == [
+            (v.name, v.values) for v in space.variables
+        ] and allowed(back) == expected

@@ -81,7 +81,11 @@ PIECES += [
     "|",
     "?",
 ]
-CHANGES = st.lists(st.tuples(st.integers(0, 10_000), st.integers(0, 3), st.sampled_from(PIECES)), min_size=1, max_size=2)
+CHANGES = st.lists(
+    st.tuples(st.integers(0, 10_000), st.integers(0, 3), st.sampled_from(PIECES)),
+    min_size=1,
+    max_size=2,
+)
 
 
 def mutated(text: str, changes: list[tuple[int, int, str]]) -> str:
@@ -95,11 +99,19 @@ def mutated(text: str, changes: list[tuple[int, int, str]]) -> str:
 def meaning(body: dict[str, Any], text: str) -> int | None:
     """The category of a table's text, by the words of the how-to alone."""
     text = text.strip()
-    number = Fraction(text) if re.fullmatch(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?", text) else None
+    number = (
+        Fraction(text)
+        if re.fullmatch(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?", text)
+        else None
+    )
     if "values" in body:
         if text in body["values"]:
             return int(body["values"].index(text))
-        same = [i for i, name in enumerate(body["values"]) if number is not None and _number(name) == number]
+        same = [
+            i
+            for i, name in enumerate(body["values"])
+            if number is not None and _number(name) == number
+        ]
         return same[0] if len(same) == 1 else None
     names = labels(body)
     if text in names:
@@ -139,21 +151,39 @@ def counted(space: dict[str, Any], table: str) -> dict[str, Any]:
 
     def keeps(point: tuple[int, ...]) -> bool:
         said = {(order[v], names[v][c]) for v, c in enumerate(point)}
-        return all(any(_holds(literal, said) for literal in clause) for clause in space.get("constraints") or [])
+        return all(
+            any(_holds(literal, said) for literal in clause)
+            for clause in space.get("constraints") or []
+        )
 
     feasible = [point for point in product(*(range(len(n)) for n in names)) if keeps(point)]
-    table = re.sub('[ \t]+(?=")', "", table.removeprefix("\ufeff"))  # Python's reader skips spaces before a quote, but not tabs.
+    table = re.sub(
+        '[ \t]+(?=")', "", table.removeprefix("\ufeff")
+    )  # Python's reader skips spaces before a quote, but not tabs.
     rows = [row for row in csv.reader(io.StringIO(table, newline=""), skipinitialspace=True) if row]
     head = [name.strip() for name in rows[0]]
-    said = [[meaning(body, row[head.index(name)]) for name, body in zip(order, bodies, strict=True)] for row in rows[1:]]
-    kept = [row for row in said if any(all(c in (None, p) for c, p in zip(row, point, strict=True)) for point in feasible)]
-    found: dict[str, Any] = {"rows": len(said), "left_out": len(said) - len(kept), "partial": sum(None in row for row in kept)}
+    said = [
+        [meaning(body, row[head.index(name)]) for name, body in zip(order, bodies, strict=True)]
+        for row in rows[1:]
+    ]
+    kept = [
+        row
+        for row in said
+        if any(all(c in (None, p) for c, p in zip(row, point, strict=True)) for point in feasible)
+    ]
+    found: dict[str, Any] = {
+        "rows": len(said),
+        "left_out": len(said) - len(kept),
+        "partial": sum(None in row for row in kept),
+    }
     for k in (1, 2):
         covered = required = 0
         for plane in combinations(range(len(order)), k):
             counts = Counter(tuple(row[v] for v in plane) for row in kept)
             for cell in {tuple(point[v] for v in plane) for point in feasible}:
-                weight = prod(_weight(bodies[v], names[v], c) for v, c in zip(plane, cell, strict=True))
+                weight = prod(
+                    _weight(bodies[v], names[v], c) for v, c in zip(plane, cell, strict=True)
+                )
                 covered, required = covered + min(counts[cell], weight), required + weight
         found[f"k = {k}"] = (covered, required)
     return found
@@ -166,7 +196,11 @@ def _holds(literal: str, said: set[tuple[str, str]]) -> bool:
 
 def _weight(body: dict[str, Any], names: list[str], category: int) -> int:
     weights = body.get("weights", {})
-    return int(weights[category]) if isinstance(weights, list) else int(weights.get(names[category], 1))
+    return (
+        int(weights[category])
+        if isinstance(weights, list)
+        else int(weights.get(names[category], 1))
+    )
 
 
 @pytest.fixture(scope="module")
@@ -178,7 +212,15 @@ def check(folder: Path, space: str, table: str) -> bool:
     """Whether the files are counted, rightly; else they are refused in one line."""
     (folder / "space.yaml").write_bytes(space.encode())
     (folder / "points.csv").write_bytes(table.encode())
-    words = ["coverage", "score", "--space", str(folder / "space.yaml"), "--points", str(folder / "points.csv"), "--json"]
+    words = [
+        "coverage",
+        "score",
+        "--space",
+        str(folder / "space.yaml"),
+        "--points",
+        str(folder / "points.csv"),
+        "--json",
+    ]
     with redirect_stdout(io.StringIO()) as out, redirect_stderr(io.StringIO()) as error:
         code = main(words)
     if code:
@@ -201,5 +243,14 @@ def test_undamaged_files_are_counted(folder: Path) -> None:
 @settings(max_examples=60)
 @given(changes=CHANGES)
 @example(changes=[(75, 0, "\t")])
-def test_damaged_files_are_refused_by_name_or_counted_rightly(folder: Path, kind: str, changes: list[tuple[int, int, str]]) -> None:
-    check(folder, *((mutated(SPACE, changes), TABLE) if kind == "space" else (SPACE, mutated(TABLE, changes))))
+def test_damaged_files_are_refused_by_name_or_counted_rightly(
+    folder: Path, kind: str, changes: list[tuple[int, int, str]]
+) -> None:
+    check(
+        folder,
+        *(
+            (mutated(SPACE, changes), TABLE)
+            if kind == "space"
+            else (SPACE, mutated(TABLE, changes))
+        ),
+    )

@@ -41,10 +41,16 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("nuscenes.yaml", "nuscenes", [[1, 1, 1, 0, 0], [1, 1, 1, 0, 1], [0, 0, 0, 1, 0]]),
     ],
 )
-def test_the_examples_mean_what_they_say(space: str, points: str, expected: list[list[int]]) -> None:
+def test_the_examples_mean_what_they_say(
+    space: str, points: str, expected: list[list[int]]
+) -> None:
     metadata = EXAMPLES / "kitti.csv" if points == "kitti" else None
-    table = read_points(EXAMPLES / points, read_space_of_any_format(EXAMPLES / space), metadata=metadata)
-    assert [row for batch in table.counting() for row in batch.tolist()] == expected and table.points == table.rows
+    table = read_points(
+        EXAMPLES / points, read_space_of_any_format(EXAMPLES / space), metadata=metadata
+    )
+    assert [
+        row for batch in table.counting() for row in batch.tolist()
+    ] == expected and table.points == table.rows
 
 
 @pytest.mark.parametrize(("name", "rows"), [("pict.txt", 84), ("acts.txt", 30), ("acts.xml", 5)])
@@ -57,26 +63,36 @@ def test_the_models_allow_as_many_rows_as_counted_by_hand(name: str, rows: int) 
 @pytest.mark.parametrize("name", SPACES)
 @settings(max_examples=80)
 @given(changes=CHANGES)
-def test_damaged_spaces_are_refused_by_name_or_read(folder: Path, name: str, changes: list[tuple[int, int, str]]) -> None:
-    assert_named_or_read(folder, name, changes, lambda: len(read_space_of_any_format(folder / name)) > 0)
+def test_damaged_spaces_are_refused_by_name_or_read(
+    folder: Path, name: str, changes: list[tuple[int, int, str]]
+) -> None:
+    assert_named_or_read(
+        folder, name, changes, lambda: len(read_space_of_any_format(folder / name)) > 0
+    )
 
 
 @pytest.mark.parametrize("name", SETS)
 @settings(max_examples=80)
 @given(changes=CHANGES)
-def test_damaged_sets_are_refused_by_name_or_counted(folder: Path, name: str, changes: list[tuple[int, int, str]]) -> None:
+def test_damaged_sets_are_refused_by_name_or_counted(
+    folder: Path, name: str, changes: list[tuple[int, int, str]]
+) -> None:
     space, points = SETS[name]
     metadata = folder / "kitti.csv" if points == "kitti" else None
 
     def counted() -> bool:
-        table = read_points(folder / points, read_space_of_any_format(folder / space), metadata=metadata)
+        table = read_points(
+            folder / points, read_space_of_any_format(folder / space), metadata=metadata
+        )
         list(table.counting())
         return len(table.images) == table.rows > 0
 
     assert_named_or_read(folder, name, changes, counted)
 
 
-def assert_named_or_read(folder: Path, name: str, changes: list[tuple[int, int, str]], read: Callable[[], bool]) -> None:
+def assert_named_or_read(
+    folder: Path, name: str, changes: list[tuple[int, int, str]], read: Callable[[], bool]
+) -> None:
     """Damage a file, read it, and put it back."""
     original = (EXAMPLES / name).read_text()
     (folder / name).write_bytes(mutated(original, changes).encode())

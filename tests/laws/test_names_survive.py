@@ -48,9 +48,34 @@ LIKE_VALUES = (
         "TRUE",
         "null",
     ),
-    *("", " ", "a", " a", "a ", "~", "-", "=", "!=", "<<", "a, b", '"', '""', 'x, "y"', ' "', "[0, 20)", "a\nb", "a\rb", "\ufeff", "\x00"),
+    *(
+        "",
+        " ",
+        "a",
+        " a",
+        "a ",
+        "~",
+        "-",
+        "=",
+        "!=",
+        "<<",
+        "a, b",
+        '"',
+        '""',
+        'x, "y"',
+        ' "',
+        "[0, 20)",
+        "a\nb",
+        "a\rb",
+        "\ufeff",
+        "\x00",
+    ),
 )
-NAMES = st.lists(st.sampled_from(LIKE_VALUES) | st.text(st.characters(exclude_categories=["Cs"]), max_size=6), min_size=1, unique=True)
+NAMES = st.lists(
+    st.sampled_from(LIKE_VALUES) | st.text(st.characters(exclude_categories=["Cs"]), max_size=6),
+    min_size=1,
+    unique=True,
+)
 
 
 @pytest.fixture(scope="module")
@@ -61,11 +86,20 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @given(NAMES, NAMES, st.sampled_from(["csv", "parquet"]))
 @example(list(LIKE_VALUES), list(LIKE_VALUES), "csv")
 @example(list(LIKE_VALUES), list(LIKE_VALUES), "parquet")
-def test_any_distinct_texts_survive_the_round_trip(folder: Path, names: list[str], variables: list[str], kind: str) -> None:
+def test_any_distinct_texts_survive_the_round_trip(
+    folder: Path, names: list[str], variables: list[str], kind: str
+) -> None:
     space_file, table = folder / "space.yaml", folder / f"plan.{kind}"
-    space_file.write_text(yaml.safe_dump({"variables": {variable: {"values": list(names)} for variable in variables}}, sort_keys=False))
+    space_file.write_text(
+        yaml.safe_dump(
+            {"variables": {variable: {"values": list(names)} for variable in variables}},
+            sort_keys=False,
+        )
+    )
     space = read_space_file(space_file)
-    assert space.names == tuple(variables) and all(variable.values == tuple(names) for variable in space.variables)
+    assert space.names == tuple(variables) and all(
+        variable.values == tuple(names) for variable in space.variables
+    )
     points = np.random.default_rng(len(names)).integers(0, len(names), (7, len(variables)))
     write_points(table, space, points)
     read = read_points(table, space)
@@ -73,11 +107,15 @@ def test_any_distinct_texts_survive_the_round_trip(folder: Path, names: list[str
 
 
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
-def test_unquoted_names_survive_planning_and_verification(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_unquoted_names_survive_planning_and_verification(
+    kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     unquoted = "[1.1, 1.10, 01, 1, 1.0, 1e5, 100000, .inf, on, off, yes, no, 12:30, 010, 2024-01-01, 2024-01-01 12:00:00, True, true, =]"
     names = unquoted.strip("[]").split(", ")
     space, plan = tmp_path / "space.yaml", tmp_path / f"plan.{kind}"
-    space.write_text(f"variables: {{on: {{values: {unquoted}}}, t: {{interval: [1700000000, 1700003600], cuts: [1700001200]}}}}")
+    space.write_text(
+        f"variables: {{on: {{values: {unquoted}}}, t: {{interval: [1700000000, 1700003600], cuts: [1700001200]}}}}"
+    )
     assert read_space_file(space).variables[0].values == tuple(names)
     assert main(["coverage", "plan", "--space", str(space), "--output", str(plan)]) == 0
     for verb in ("verify", "score"):

@@ -31,16 +31,30 @@ SPACES = {
     "one category": Space((KIND,)),
     "one value": Space((X, Variable("town", "categorical", values=("Here",)))),
     "nothing to change": Space((Variable("town", "categorical", values=("Here",)),)),
-    "equal attributes": Space((X, Variable("side", "categorical", values=("left", "right"), attributes=(("width_m", (1.0, 1.0)),)))),
+    "equal attributes": Space(
+        (
+            X,
+            Variable(
+                "side",
+                "categorical",
+                values=("left", "right"),
+                attributes=(("width_m", (1.0, 1.0)),),
+            ),
+        )
+    ),
 }
 KPIS: dict[str, Callable[[Floats], Floats]] = {
     "all fail": lambda points: np.zeros(len(points)),
     "none fails": lambda points: 1 + points[:, 0],
     "all equal": lambda points: np.ones(len(points)),
     "all errors": lambda points: np.full(len(points), np.nan),
-    "infinite": lambda points: np.where(points[:, 0] > 1, np.inf, np.where(np.arange(len(points)) % 2, -np.inf, 1.0)),
+    "infinite": lambda points: np.where(
+        points[:, 0] > 1, np.inf, np.where(np.arange(len(points)) % 2, -np.inf, 1.0)
+    ),
     "negative": lambda points: -1 - points[:, 0],
-    "huge": lambda points: np.where(np.arange(len(points)) % 4 == 1, 1e12 * (1 + points[:, 0]), points[:, 0]),
+    "huge": lambda points: np.where(
+        np.arange(len(points)) % 4 == 1, 1e12 * (1 + points[:, 0]), points[:, 0]
+    ),
     "some fail": lambda points: np.where(np.arange(len(points)) % 5 == 2, np.nan, points[:, 0] - 1),
 }
 INDIFFERENT = {"random", "pairwise", "coverage"}
@@ -53,7 +67,9 @@ def chosen(names: set[str]) -> pytest.MarkDecorator:
     return pytest.mark.parametrize("make", found.values(), ids=found.keys())
 
 
-def run(sampler: BatchSampler, kpi: Callable[[Floats], Floats], batches: int) -> tuple[Floats, Floats]:
+def run(
+    sampler: BatchSampler, kpi: Callable[[Floats], Floats], batches: int
+) -> tuple[Floats, Floats]:
     told = []
     for _ in range(batches):
         asked = sampler.ask()
@@ -65,7 +81,9 @@ def run(sampler: BatchSampler, kpi: Callable[[Floats], Floats], batches: int) ->
 
 @chosen(set())
 @pytest.mark.parametrize("space", SPACES.values(), ids=SPACES.keys())
-def test_any_results_on_any_space_give_valid_tests_and_an_exact_replay(make: Strategy, space: Space) -> None:
+def test_any_results_on_any_space_give_valid_tests_and_an_exact_replay(
+    make: Strategy, space: Space
+) -> None:
     for kpi in KPIS.values():
         sampler, replayed = make(space, 3, batch_size=BATCH), make(space, 3, batch_size=BATCH)
         points, values = run(sampler, kpi, BATCHES)
@@ -74,7 +92,9 @@ def test_any_results_on_any_space_give_valid_tests_and_an_exact_replay(make: Str
         asked = sampler.ask()
         assert asked.shape == (BATCH, len(space)) and np.array_equal(asked, replayed.ask())
         for point in np.concatenate([points, asked]):
-            assert np.array_equal(space.encode(space.decode(point)), point)  # `encode` rejects what is outside or breaks a constraint.
+            assert np.array_equal(
+                space.encode(space.decode(point)), point
+            )  # `encode` rejects what is outside or breaks a constraint.
 
 
 @chosen(INDIFFERENT)
@@ -102,5 +122,8 @@ def test_errors_do_not_mislead(make: Strategy) -> None:
     def failures(sampler: BatchSampler) -> int:
         return int(np.sum(run(sampler, kpi, 8)[1] <= 0.1))
 
-    found, drawn = (sum(failures(kind(SMALL, seed, batch_size=10)) for seed in range(2)) for kind in (make, RandomSampler))
+    found, drawn = (
+        sum(failures(kind(SMALL, seed, batch_size=10)) for seed in range(2))
+        for kind in (make, RandomSampler)
+    )
     assert found >= 2 * drawn > 0

@@ -65,7 +65,9 @@ def test_constraints_are_kept(make: Strategy, seed: int) -> None:
 @EVERY
 def test_parts_between_cuts_are_sampled_like_a_grid(make: Strategy) -> None:
     points, _ = run(make(CUT, 0, batch_size=BATCH), 5)
-    assert all(np.array_equal(CUT.encode(CUT.decode(point)), point) for point in points)  # `encode` rejects values outside the space.
+    assert all(
+        np.array_equal(CUT.encode(CUT.decode(point)), point) for point in points
+    )  # `encode` rejects values outside the space.
 
 
 @EVERY
@@ -84,7 +86,9 @@ def test_results_of_other_scenarios_guide_the_first_batch() -> None:
     assert first[:, 0].mean() > blind[:, 0].mean() + 1  # The KPI falls with x.
 
 
-def test_pairs_that_the_constraints_exclude_are_neither_explored_nor_missed_among_failures() -> None:
+def test_pairs_that_the_constraints_exclude_are_neither_explored_nor_missed_among_failures() -> (
+    None
+):
     tested = CONSTRAINED.sample(5000, np.random.default_rng(0))
     assert pair_coverage(CONSTRAINED, tested) == 1
     asked = []
@@ -115,7 +119,9 @@ def test_a_mixture_that_is_not_told_attributes_searches_as_if_there_were_none() 
     heights = replace(nameless, attributes=(("height_m", (1.0, 1.1, 1.7, 1.8, 1.9)),))
     asked: dict[tuple[bool, bool], Floats] = {}
     for person, told in ((heights, True), (heights, False), (nameless, False)):
-        sampler = MixedSampler(Space((person, *SMALL.variables)), 0, batch_size=20, uniform=0.0, attributes=told)
+        sampler = MixedSampler(
+            Space((person, *SMALL.variables)), 0, batch_size=20, uniform=0.0, attributes=told
+        )
         points = sampler.ask()
         sampler.tell(points, np.where(points[:, 0] < 2, -1.0, 1.0))
         asked[person is heights, told] = sampler.ask()
@@ -137,7 +143,9 @@ def test_coverage_covers_all_pairs_sooner_than_random_and_then_all_twice() -> No
 
     def ratio(points: Floats, wanted: int) -> float:
         weights = [np.full(size, wanted) for size in SMALL.sizes]
-        return projection_coverage(SMALL.categorise(points), Demand(SMALL.constraints, 2, weights, "max")).ratio
+        return projection_coverage(
+            SMALL.categorise(points), Demand(SMALL.constraints, 2, weights, "max")
+        ).ratio
 
     full = next(n for n in range(len(guided)) if ratio(guided[:n], 1) == 1)
     assert full <= 170 and ratio(drawn[:full], 1) < 0.9  # 11 x 12 rows are needed.
@@ -153,11 +161,20 @@ def test_a_full_plan_covers_every_feasible_pair(strategy: type[BatchSampler]) ->
 
 
 def test_coverage_returns_more_often_to_heavy_categories() -> None:
-    heavy = Space((Variable("a", "categorical", values=("x", "y"), weights=(1, 3)), Variable("b", "categorical", values=("x", "y"))))
+    heavy = Space(
+        (
+            Variable("a", "categorical", values=("x", "y"), weights=(1, 3)),
+            Variable("b", "categorical", values=("x", "y")),
+        )
+    )
     points, _ = run(CoverageSampler(heavy, 0, batch_size=8), 1)
     assert [int(np.sum(points[:, 0] == category)) for category in (0, 1)] == [2, 6]
-    nothing = Space(tuple(Variable(name, "categorical", values=("x", "y"), weights=(0, 0)) for name in "ab"))
-    with pytest.raises(ValueError, match="coverage is undefined: the weights of all feasible cells sum to 0"):
+    nothing = Space(
+        tuple(Variable(name, "categorical", values=("x", "y"), weights=(0, 0)) for name in "ab")
+    )
+    with pytest.raises(
+        ValueError, match="coverage is undefined: the weights of all feasible cells sum to 0"
+    ):
         CoverageSampler(nothing, 0)
 
 
@@ -171,7 +188,9 @@ def test_wrong_arguments_are_named(make: Strategy) -> None:
         make(SMALL, 0).tell(np.zeros((1, 4)), np.zeros(2))
 
 
-@pytest.mark.parametrize("name", sorted(strategies().keys() - {"forest"}))  # Its refinements magnify the last bit.
+@pytest.mark.parametrize(
+    "name", sorted(strategies().keys() - {"forest"})
+)  # Its refinements magnify the last bit.
 def test_a_kpi_at_the_threshold_is_a_failure_like_one_just_below_it(name: str) -> None:
     """A false activation is told as a KPI at the threshold itself, see `pipeline.core.kpi.told`."""
     make, asked = strategies()[name], []
@@ -185,32 +204,62 @@ def test_a_kpi_at_the_threshold_is_a_failure_like_one_just_below_it(name: str) -
 
 
 def test_a_forest_values_a_pair_by_the_square_of_its_failures() -> None:
-    assert ForestSampler._gain(np.array([[0, 1], [1, 1]]), np.array([0.0, 1.0])) == pytest.approx([(1 + 0.25) / 2, 0.25])
+    assert ForestSampler._gain(np.array([[0, 1], [1, 1]]), np.array([0.0, 1.0])) == pytest.approx(
+        [(1 + 0.25) / 2, 0.25]
+    )
 
 
 def test_a_forest_picks_another_kind_of_failure_before_the_same_kind_again() -> None:
-    sampler = ForestSampler(SMALL, 0, batch_size=2, candidates=3, kinds=0, explore=0, exploitation=0, trees=1, votes=1)
+    sampler = ForestSampler(
+        SMALL, 0, batch_size=2, candidates=3, kinds=0, explore=0, exploitation=0, trees=1, votes=1
+    )
     candidates = np.array([[1.2, 40, 1, 0], [1.3, 42, 1, 0], [7.0, 200, 4, 2]])
-    chosen = sampler._pick(candidates, np.array([[0.9, 0.9, 0.5]]), candidates[:0], np.zeros(0, bool), np.random.default_rng(0))
+    chosen = sampler._pick(
+        candidates,
+        np.array([[0.9, 0.9, 0.5]]),
+        candidates[:0],
+        np.zeros(0, bool),
+        np.random.default_rng(0),
+    )
     assert chosen.tolist() == [0, 2]
 
 
 def test_a_forest_mutates_the_failures_once_there_are_enough() -> None:
     line = Space(tuple(Variable(name, "continuous", "m", 0, 10, 1) for name in "abcde"))
     tested, kpi = line.sample(20, np.random.default_rng(1)), np.where(np.arange(20) < 6, 0.1, 1.0)
-    children = ForestSampler(line, 0, mutants=1.0, candidates=50)._candidate_set(tested, kpi, np.random.default_rng(0))
-    assert len(children) == 50 and (children[:, None] == tested[None, :6]).any(axis=2).any(axis=1).all()
+    children = ForestSampler(line, 0, mutants=1.0, candidates=50)._candidate_set(
+        tested, kpi, np.random.default_rng(0)
+    )
+    assert (
+        len(children) == 50
+        and (children[:, None] == tested[None, :6]).any(axis=2).any(axis=1).all()
+    )
 
 
 def test_a_forest_tells_earlier_campaigns_apart() -> None:
     told = SMALL.sample(5, np.random.default_rng(7))
     taught = ForestSampler(SMALL, 0, earlier=[(told, kpi_of(told)), (told, kpi_of(told))])
-    assert [taught._inputs(told, campaign)[0, -3:].tolist() for campaign in range(3)] == np.eye(3).tolist()
+    assert [taught._inputs(told, campaign)[0, -3:].tolist() for campaign in range(3)] == np.eye(
+        3
+    ).tolist()
 
 
-def test_a_mixture_searches_with_the_settings_of_the_published_versions_and_all_that_it_knows() -> None:
+def test_a_mixture_searches_with_the_settings_of_the_published_versions_and_all_that_it_knows() -> (
+    None
+):
     told = SMALL.sample(20, np.random.default_rng(7))
     guide = MixedSampler(SMALL, 5, failure_threshold_s=0.3, earlier=[(told, kpi_of(told))])._guide
-    assert (guide.seed, guide.batch_size, guide.failure_threshold_s, len(guide.earlier)) == (5, 10, 0.3, 1)
+    assert (guide.seed, guide.batch_size, guide.failure_threshold_s, len(guide.earlier)) == (
+        5,
+        10,
+        0.3,
+        1,
+    )
     assert (guide.candidates, guide.mutants, guide.refinements, guide.trees) == (3000, 0.75, 0, 60)
-    assert (guide.kinds, guide.explore, guide.explore_until, guide.exploitation, guide.diverse) == (0.1, 0.1, 1, 0, True)
+    assert (guide.kinds, guide.explore, guide.explore_until, guide.exploitation, guide.diverse) == (
+        0.1,
+        0.1,
+        1,
+        0,
+        True,
+    )

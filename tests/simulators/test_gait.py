@@ -36,7 +36,10 @@ def walker() -> tuple[mujoco.MjModel, mujoco.MjData, pedestrian.Pedestrian]:
     ids=["longest stride", "shortest stride", "tallest", "smallest"],
 )  # fmt: skip
 def test_the_standing_foot_hardly_slides(
-    walker: tuple[mujoco.MjModel, mujoco.MjData, pedestrian.Pedestrian], who: Blueprint, animation: str, speed: float
+    walker: tuple[mujoco.MjModel, mujoco.MjData, pedestrian.Pedestrian],
+    who: Blueprint,
+    animation: str,
+    speed: float,
 ) -> None:
     model, data, person = walker
     person.dress(who)
@@ -44,7 +47,12 @@ def test_the_standing_foot_hardly_slides(
     slid, step = [], 0.01
     before = None
     for distance in np.arange(0, 2 * gait.stride(speed, who), step):
-        person.place(float(distance), 0, 0, gait.pose(animation, gait.phase(float(distance), speed, who), speed, who))
+        person.place(
+            float(distance),
+            0,
+            0,
+            gait.pose(animation, gait.phase(float(distance), speed, who), speed, who),
+        )
         mujoco.mj_kinematics(model, data)
         places = data.geom_xpos[feet].copy()
         if before is not None:
@@ -64,17 +72,24 @@ def test_speed_zero_stands() -> None:
 
 def test_cadence_follows_speed() -> None:
     cadence = [speed / gait.stride(speed, AVERAGE) for speed in (0.3, 0.8, 1.4, 2.0, 3.0)]
-    assert cadence == sorted(cadence) and 0.8 < cadence[2] < 1.2  # Strides per second at a usual pace.
+    assert (
+        cadence == sorted(cadence) and 0.8 < cadence[2] < 1.2
+    )  # Strides per second at a usual pace.
 
 
 def test_a_stride_grows_with_the_factor_and_the_height() -> None:
     """At 1.4 m/s the average person of 1.75 m takes 0.7 m + 0.5 s * 1.4 m/s = 1.4 m a cycle."""
     assert gait.stride(1.4, AVERAGE) == pytest.approx(1.4)
-    assert gait.stride(1.4, replace(AVERAGE, stride=1.1, height=1.4)) == pytest.approx(1.4 * 1.1 * 0.8)
+    assert gait.stride(1.4, replace(AVERAGE, stride=1.1, height=1.4)) == pytest.approx(
+        1.4 * 1.1 * 0.8
+    )
 
 
 def test_arms_and_back_follow_the_person() -> None:
-    calm, lively = (gait.pose("walking", 1.0, 1.4, replace(AVERAGE, arm_swing=factor, stoop=0.0)) for factor in (0.5, 1.5))
+    calm, lively = (
+        gait.pose("walking", 1.0, 1.4, replace(AVERAGE, arm_swing=factor, stoop=0.0))
+        for factor in (0.5, 1.5)
+    )
     assert lively.angles["shoulder_l"] == pytest.approx(3 * calm.angles["shoulder_l"])
     bent = gait.pose("walking", 1.0, 1.4, replace(AVERAGE, arm_swing=0.5, stoop=0.1))
     assert {name for name in bent.angles if bent.angles[name] != calm.angles[name]} == {"waist"}

@@ -18,7 +18,14 @@ NAMES = sorted(path.stem for path in (CONF / "scenario").glob("[FN]*.yaml"))
 
 
 def test_all_scenarios_exist() -> None:
-    assert sorted([f"F{i}" for i in range(1, 9)] + [f"F{i}star" for i in range(1, 7)] + [f"N{i}" for i in range(1, 5)]) == NAMES
+    assert (
+        sorted(
+            [f"F{i}" for i in range(1, 9)]
+            + [f"F{i}star" for i in range(1, 7)]
+            + [f"N{i}" for i in range(1, 5)]
+        )
+        == NAMES
+    )
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name.startswith("F")])
@@ -35,7 +42,9 @@ def test_scenarios_match_their_tables(name: str) -> None:
     # From the nearside (right) to the left; from the farside to the right; else along the road.
     assert round(float(across)) == (1 if "nearside" in text else -1 if "farside" in text else 0)
     turned = np.degrees(at.heading)
-    assert turned == pytest.approx(90 if "turns left" in text else -90 if "turns right" in text else 0)
+    assert turned == pytest.approx(
+        90 if "turns left" in text else -90 if "turns right" in text else 0
+    )
     ahead = [actor for actor in scenario.actors.values() if actor.kind != "bus"]
     assert ahead and len(scenario.logical_space()) == 8
 
@@ -75,7 +84,13 @@ def test_a_curved_street_keeps_its_lanes(curvature: float) -> None:
     main = streets(town)[0]
     centre = np.array([0, 1 / curvature])
     for u in (-60.0, 0.0, 30.0, 90.0):
-        for v, inside in ((-3.4, True), (6.9, True), (7.1, False), (-6.5, 20 < u < 40), (-6.7, False)):
+        for v, inside in (
+            (-3.4, True),
+            (6.9, True),
+            (7.1, False),
+            (-6.5, 20 < u < 40),
+            (-6.7, False),
+        ):
             pose = main.pose(u, v)
             assert main.local(pose.x, pose.y) == pytest.approx((u, v))
             assert np.hypot(*(centre - (pose.x, pose.y))) == pytest.approx(abs(1 / curvature - v))
@@ -83,7 +98,9 @@ def test_a_curved_street_keeps_its_lanes(curvature: float) -> None:
 
 
 @pytest.mark.parametrize("x_m", [-20, -14, 14, 20])
-def test_no_house_stands_on_the_rails_beside_a_junction(x_m: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_house_stands_on_the_rails_beside_a_junction(
+    x_m: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     town, houses = Town(seed=3, junction=Junction(x_m=0, side="left"), rails_x_m=x_m), []
     monkeypatch.setattr(buildings, "_build", lambda _, house: houses.append(house.us))
     for seed in range(20):
@@ -95,14 +112,23 @@ def test_no_house_stands_on_the_rails_beside_a_junction(x_m: float, monkeypatch:
 @pytest.mark.parametrize(
     ("town", "message"),
     [
-        ({"curvature_1pm": 0.01, "rails_x_m": 9}, "a street with a junction or a train line must be straight"),
+        (
+            {"curvature_1pm": 0.01, "rails_x_m": 9},
+            "a street with a junction or a train line must be straight",
+        ),
         ({"curvature_1pm": 0.1}, "less than or equal to 0.02"),
         ({"bus_bay": (5, -5)}, "bus_bay must run from a smaller to a larger x"),
         ({"bus_bay": (0, 20), "junction": {"x_m": 10, "side": "right"}}, "overlaps the junction"),
         ({"crosswalks": ({"street": "side", "at_m": 9},)}, "the town has no junction"),
-        ({"crosswalks": ({"at_m": 151},)}, r"crosswalks: at_m must be in \[-75, 150\] on the main street, got 151"),
         (
-            {"crosswalks": ({"street": "side", "at_m": -1},), "junction": {"x_m": 10, "side": "right"}},
+            {"crosswalks": ({"at_m": 151},)},
+            r"crosswalks: at_m must be in \[-75, 150\] on the main street, got 151",
+        ),
+        (
+            {
+                "crosswalks": ({"street": "side", "at_m": -1},),
+                "junction": {"x_m": 10, "side": "right"},
+            },
             r"crosswalks: at_m must be in \[0, 85\] on the side street, got -1",
         ),
         ({"trees": ((0, 1),)}, "stands on the road"),

@@ -35,7 +35,9 @@ TRUE = 0.6 * 0.5
 
 def studied(root: Path, *overrides: str) -> StudyFolder:
     """A study of F1 on the analytic simulator, before its first test."""
-    study = StudyFolder.composed(root, "smoke", [*OVERRIDES, "search=[F1]", "seeds=[3]", *overrides])
+    study = StudyFolder.composed(
+        root, "smoke", [*OVERRIDES, "search=[F1]", "seeds=[3]", *overrides]
+    )
     assert study.run("define-space", scenario="F1") == 0
     (study / MODEL).parent.mkdir(parents=True)
     (study / MODEL).write_bytes(b"the oracle needs none")
@@ -52,11 +54,16 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> StudyFolder:
     return study
 
 
-def test_a_search_proposes_the_same_tests_with_and_without_an_audit(study: StudyFolder, tmp_path: Path) -> None:
+def test_a_search_proposes_the_same_tests_with_and_without_an_audit(
+    study: StudyFolder, tmp_path: Path
+) -> None:
     alone = studied(tmp_path, *ADAPTIVE, "campaign.audit=0")
     assert alone.run("campaign", **key()) == 0
     assert same(folder(alone), folder(study))
-    jobs = (Jobs(compose("smoke", [*OVERRIDES, *ADAPTIVE, f"campaign.audit={tests}"]), step_names()) for tests in (0, 15))
+    jobs = (
+        Jobs(compose("smoke", [*OVERRIDES, *ADAPTIVE, f"campaign.audit={tests}"]), step_names())
+        for tests in (0, 15)
+    )
     wildcards = {name: str(value) for name, value in key().items()}
     first, second = (Stamps(planned).stamp("campaign", wildcards) for planned in jobs)
     assert first == second
@@ -69,10 +76,14 @@ def test_only_random_tests_enter_the_rate(study: StudyFolder) -> None:
     (rate,) = measures.audit
     assert (rate.scenario, rate.strategy, rate.version, rate.tests) == ("F1", "random", "base", 15)
     assert rate.failures == int(tests["failure"].sum()) and measures.base_rates == measures.audit
-    assert [row.strategy for row in measures.strategies] == ["mixed"] and measures.strategies[0].tests == 24
+    assert [row.strategy for row in measures.strategies] == ["mixed"] and measures.strategies[
+        0
+    ].tests == 24
 
 
-def test_likelihood_weighs_the_audit_and_refuses_the_search(study: StudyFolder, capsys: pytest.CaptureFixture[str]) -> None:
+def test_likelihood_weighs_the_audit_and_refuses_the_search(
+    study: StudyFolder, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["likelihood", "exposure=uniform", "--from", str(study / KIND)]) == 0
     assert "under this exposure, 15 uniform tests are worth 15" in capsys.readouterr().out
     assert main(["likelihood", "exposure=uniform", "--from", str(study / "campaigns")]) == 2
@@ -96,15 +107,23 @@ def test_the_interval_holds_the_planted_rate_as_often_as_it_says() -> None:
 
 
 def test_errors_are_in_no_rate_and_seeds_are_pooled() -> None:
-    rows = [pd.DataFrame({"failure": [True, False, False], "status": ["ok", "ok", "error"]}) for _ in range(2)]
-    (rate,) = audited({CampaignId("F1", "random", "base", seed): table for seed, table in enumerate(rows)}, 0.95)
+    rows = [
+        pd.DataFrame({"failure": [True, False, False], "status": ["ok", "ok", "error"]})
+        for _ in range(2)
+    ]
+    (rate,) = audited(
+        {CampaignId("F1", "random", "base", seed): table for seed, table in enumerate(rows)}, 0.95
+    )
     assert (rate.tests, rate.failures, rate.rate.value) == (4, 2, 0.5)
-    assert (rate.rate.low, rate.rate.high) == pytest.approx((0.0676, 0.9324), abs=1e-4)  # Clopper-Pearson's of 2 of 4.
+    assert (rate.rate.low, rate.rate.high) == pytest.approx(
+        (0.0676, 0.9324), abs=1e-4
+    )  # Clopper-Pearson's of 2 of 4.
 
 
 def test_an_audit_that_is_not_random_is_refused() -> None:
     words = [*ADAPTIVE, "samplers.random._target_=pipeline.core.samplers.pairwise.PairwiseSampler"]
     with pytest.raises(
-        InputError, match=r"samplers\.random: the audit needs a class whose tests are independent; or set campaign\.audit=0"
+        InputError,
+        match=r"samplers\.random: the audit needs a class whose tests are independent; or set campaign\.audit=0",
     ):
         compose("smoke", words)

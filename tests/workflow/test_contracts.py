@@ -35,17 +35,60 @@ WEIGHTS = "models/uniform/weights.safetensors"
 # At 10 s every test fails: a region has replays, which read the simulator and the detector.
 SMALL = {
     "smoke": [
-        *("search=[F1]", "campaign.tests=4", "samplers.mixed.batch_size=2", "comparison.tests=2", "base_set.images=40"),
-        *("retraining.iterations=1", "retraining.added_frames=8", "retraining.batch_size=4", "regions.min_failures=2", "report.replays=2"),
-        *("campaign.transfer=[mixed]", "samplers.random.batch_size=2", "campaign.failure_threshold_s=10"),
-        *("~arms.random", "+arms.balanced=balanced_scenes", "retraining.searches=own", "campaign.shards=2"),
+        *(
+            "search=[F1]",
+            "campaign.tests=4",
+            "samplers.mixed.batch_size=2",
+            "comparison.tests=2",
+            "base_set.images=40",
+        ),
+        *(
+            "retraining.iterations=1",
+            "retraining.added_frames=8",
+            "retraining.batch_size=4",
+            "regions.min_failures=2",
+            "report.replays=2",
+        ),
+        *(
+            "campaign.transfer=[mixed]",
+            "samplers.random.batch_size=2",
+            "campaign.failure_threshold_s=10",
+        ),
+        *(
+            "~arms.random",
+            "+arms.balanced=balanced_scenes",
+            "retraining.searches=own",
+            "campaign.shards=2",
+        ),
     ],
     "detectors": [
-        *("search=[F1]", "campaign.tests=4", "comparison.tests=2", "seeds=[0]", "report.replays=2", "samplers.mixed.batch_size=2"),
-        *("campaign.failure_threshold_s=10", "regions.min_failures=2", "calibrate=true", "base_set.images=40"),
-        *("goal=detectors", "+tested.one=one.onnx", f"+tested.other={WEIGHTS}", "comparison.second_iou=0.3"),
+        *(
+            "search=[F1]",
+            "campaign.tests=4",
+            "comparison.tests=2",
+            "seeds=[0]",
+            "report.replays=2",
+            "samplers.mixed.batch_size=2",
+        ),
+        *(
+            "campaign.failure_threshold_s=10",
+            "regions.min_failures=2",
+            "calibrate=true",
+            "base_set.images=40",
+        ),
+        *(
+            "goal=detectors",
+            "+tested.one=one.onnx",
+            f"+tested.other={WEIGHTS}",
+            "comparison.second_iou=0.3",
+        ),
     ],
-    "front_car": ["front_car.images=33", "front_car.test_images=1", "front_car.iterations=1", "front_car.batch_size=4"],
+    "front_car": [
+        "front_car.images=33",
+        "front_car.test_images=1",
+        "front_car.iterations=1",
+        "front_car.batch_size=4",
+    ],
 }
 
 
@@ -53,7 +96,8 @@ SEARCH = {"define_space", "campaign", "measure", "cluster", "compare"}
 FRONT_CAR = {name for name in step_names() if name.startswith("front_car")}
 STEPS = {
     "smoke": set(step_names()) - FRONT_CAR - {"detector_report", "calibrate", "export"},
-    "detectors": SEARCH | {"detector_report", "evidence", "render_base", "export", "calibrate", "second_iou"},
+    "detectors": SEARCH
+    | {"detector_report", "evidence", "render_base", "export", "calibrate", "second_iou"},
     "front_car": FRONT_CAR,
 }
 UNREAD: dict[str, set[tuple[str, str]]] = {
@@ -81,11 +125,21 @@ class Watch:
     def hook(self, event: str, arguments: tuple[Any, ...]) -> None:
         if self.on and event == "open" and isinstance(arguments[0], str | os.PathLike):
             path = Path(os.path.abspath(arguments[0]))
-            if path.is_dir() or path.suffix == stamps.SUFFIX:  # To flush a folder, and to check a file that a step reads.
+            if (
+                path.is_dir() or path.suffix == stamps.SUFFIX
+            ):  # To flush a folder, and to check a file that a step reads.
                 return
             tested = path.parent == self.root and path.suffix == ".onnx"
-            if tested or path.is_relative_to(self.root / "data") or path.is_relative_to(self.root / "models"):
-                writes = bool(arguments[2] & (os.O_WRONLY | os.O_RDWR | os.O_CREAT)) if isinstance(arguments[2], int) else False
+            if (
+                tested
+                or path.is_relative_to(self.root / "data")
+                or path.is_relative_to(self.root / "models")
+            ):
+                writes = (
+                    bool(arguments[2] & (os.O_WRONLY | os.O_RDWR | os.O_CREAT))
+                    if isinstance(arguments[2], int)
+                    else False
+                )
                 (self.written if writes else self.read).add(os.path.relpath(path, self.root))
 
     @contextmanager
@@ -120,7 +174,9 @@ def watch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Watch:
 
     def dumped(section: BaseModel, *, include: Any = None, **options: Any) -> dict[str, Any]:
         if watch.on:
-            watch.keys |= {(type(section).__name__, name) for name in include or type(section).model_fields}
+            watch.keys |= {
+                (type(section).__name__, name) for name in include or type(section).model_fields
+            }
         return dump(section, include=include, **options)
 
     dump = BaseModel.model_dump
@@ -142,7 +198,9 @@ def noting(watch: Watch, opens: Callable[..., Any]) -> Callable[..., Any]:
 
 
 @pytest.mark.parametrize("study", SMALL)
-def test_every_step_reads_and_writes_what_it_declares(study: str, tmp_path: Path, watch: Watch) -> None:
+def test_every_step_reads_and_writes_what_it_declares(
+    study: str, tmp_path: Path, watch: Watch
+) -> None:
     overrides = ["base.weights=models/uniform", *SMALL[study]]
     onnx_of(ROOT / "models" / "uniform", tmp_path).rename(tmp_path / "one.onnx")
     (tmp_path / "models").symlink_to(ROOT / "models")
@@ -153,22 +211,46 @@ def test_every_step_reads_and_writes_what_it_declares(study: str, tmp_path: Path
         stamps = Stamps(jobs)
         for target, outputs in jobs.in_order():
             wildcards = dict(target.wildcards)
-            order = order_of(target.step, jobs.config, wildcards, stamps.stamp(target.step, wildcards))
+            order = order_of(
+                target.step, jobs.config, wildcards, stamps.stamp(target.step, wildcards)
+            )
             with watch.watching():
                 perform(order, jobs.config)
             inputs = relative(flat(order.reads))
             allowed = [*outputs, *ALSO.get(target.step, ()), f"data/{jobs.config.study}/journal/"]
-            assert not [path for path in watch.read if not covers([*inputs, *allowed], path)], f"{target} reads undeclared files"
-            assert not [path for path in watch.written if not covers(allowed, finished(path))], f"{target} writes undeclared files"
-            needed = relative(flat({name: files for name, files in order.reads.items() if (target.step, name) not in SOMETIMES}))
-            unused = [path for path in needed if not any(covers([path], read) for read in watch.read)]
+            assert not [path for path in watch.read if not covers([*inputs, *allowed], path)], (
+                f"{target} reads undeclared files"
+            )
+            assert not [path for path in watch.written if not covers(allowed, finished(path))], (
+                f"{target} writes undeclared files"
+            )
+            needed = relative(
+                flat(
+                    {
+                        name: files
+                        for name, files in order.reads.items()
+                        if (target.step, name) not in SOMETIMES
+                    }
+                )
+            )
+            unused = [
+                path for path in needed if not any(covers([path], read) for read in watch.read)
+            ]
             assert not unused, f"{target} declares files that it does not read"
-            assert all(Path(path).exists() for path in outputs), f"{target} declares files that it does not write"
+            assert all(Path(path).exists() for path in outputs), (
+                f"{target} declares files that it does not write"
+            )
             for key in jobs.contracts[target.step].depends(jobs.config, wildcards):
-                read[target.step, key] = read.get((target.step, key), False) or read_of(key) in watch.keys
+                read[target.step, key] = (
+                    read.get((target.step, key), False) or read_of(key) in watch.keys
+                )
             performed.add(target.step)
     # What the jobs that share a step's work read, that step declares for its stamp.
-    unread = {(name, key) for (name, key), seen in read.items() if not seen and not read.get((str(jobs.contracts[name].parts), key))}
+    unread = {
+        (name, key)
+        for (name, key), seen in read.items()
+        if not seen and not read.get((str(jobs.contracts[name].parts), key))
+    }
     assert unread == UNREAD[study], "steps declare these keys and do not read them"
     assert performed == STEPS[study]
 
@@ -189,7 +271,11 @@ ALSO = {"track": ("data/mlflow/",)}
 def finished(path: str) -> str:
     """The final name of a temporary file."""
     folder, name = os.path.split(path)
-    return os.path.join(folder, name[1:].rsplit(".", 2)[0]) if name.startswith(".") and name.endswith(".tmp") else path
+    return (
+        os.path.join(folder, name[1:].rsplit(".", 2)[0])
+        if name.startswith(".") and name.endswith(".tmp")
+        else path
+    )
 
 
 def read_of(key: str) -> tuple[str, str]:
@@ -204,9 +290,15 @@ def read_of(key: str) -> tuple[str, str]:
 def test_an_undeclared_key_cannot_be_read() -> None:
     part = schema_part("comparison.alpha")
     assert part.comparison.alpha == 0.05
-    with pytest.raises(AttributeError, match=r"^'tests' of HeldOutSequence is read but not declared; add it to the step's sections$"):
+    with pytest.raises(
+        AttributeError,
+        match=r"^'tests' of HeldOutSequence is read but not declared; add it to the step's sections$",
+    ):
         _ = part.comparison.tests
-    with pytest.raises(AttributeError, match=r"^'seeds' of Config is read but not declared; add it to the step's sections$"):
+    with pytest.raises(
+        AttributeError,
+        match=r"^'seeds' of Config is read but not declared; add it to the step's sections$",
+    ):
         _ = part.seeds
     with pytest.raises(KeyError):
         schema_part("scenarios.F1").scenarios["F2"]
@@ -245,7 +337,12 @@ def test_ctrl_c_ends_a_command_in_one_line(
     assert capsys.readouterr().err == f"blindspot {words[0]}: {told}\n"
 
 
-@pytest.mark.parametrize(("step", "told"), [("retrain", "'base' is not retrained"), ("export", "'base' is no tested detector")])
-def test_a_version_that_a_step_cannot_make_is_named(step: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(
+    ("step", "told"),
+    [("retrain", "'base' is not retrained"), ("export", "'base' is no tested detector")],
+)
+def test_a_version_that_a_step_cannot_make_is_named(
+    step: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert StudyFolder.composed(tmp_path, "smoke").run(step, version="base") == 2
     assert told in capsys.readouterr().err

@@ -24,14 +24,19 @@ SNIPPET = re.compile(r"^```.*?^```|`[^`]+`", re.MULTILINE | re.DOTALL)
 
 
 def documents() -> list[str]:
-    listed = subprocess.run(["git", "ls-files", "*.md"], cwd=ROOT, capture_output=True, text=True, check=True)
+    listed = subprocess.run(
+        ["git", "ls-files", "*.md"], cwd=ROOT, capture_output=True, text=True, check=True
+    )
     return [name for name in listed.stdout.splitlines() if (ROOT / name).is_file()]
 
 
 def anchors(text: str) -> set[str]:
     """The anchors of a document's headings, as GitHub makes them."""
     prose = re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL)
-    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in HEADING.findall(prose)}
+    return {
+        re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
+        for heading in HEADING.findall(prose)
+    }
 
 
 def broken_links(name: str) -> list[str]:
@@ -49,7 +54,9 @@ def broken_links(name: str) -> list[str]:
 
 def names(of: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
     """The subcommands of a parser."""
-    found = [action.choices for action in of._actions if isinstance(action, argparse._SubParsersAction)]
+    found = [
+        action.choices for action in of._actions if isinstance(action, argparse._SubParsersAction)
+    ]
     return dict(found[0]) if found else {}
 
 
@@ -59,7 +66,9 @@ def unknown_commands(text: str, top: argparse.ArgumentParser) -> list[str]:
     for snippet in SNIPPET.findall(text):
         for command, verb in COMMAND.findall(snippet):
             verbs = names(names(top).get(command, argparse.ArgumentParser()))
-            if command not in names(top) or (verbs and verb and not set(verb.split("|")) <= set(verbs)):
+            if command not in names(top) or (
+                verbs and verb and not set(verb.split("|")) <= set(verbs)
+            ):
                 unknown.append(f"{command} {verb}".strip())
     return unknown
 
@@ -68,7 +77,11 @@ def unknown_commands(text: str, top: argparse.ArgumentParser) -> list[str]:
 def test_no_line_is_long(name: str) -> None:
     lines = (ROOT / name).read_text().splitlines()
     # A row of a table cannot be wrapped.
-    assert [number for number, line in enumerate(lines, 1) if len(line) > LONGEST_LINE and not line.startswith("|")] == []
+    assert [
+        number
+        for number, line in enumerate(lines, 1)
+        if len(line) > LONGEST_LINE and not line.startswith("|")
+    ] == []
 
 
 def test_the_readme_is_short() -> None:
@@ -93,5 +106,9 @@ def test_an_unknown_command_is_found() -> None:
 
 def test_the_pictures_of_all_scenarios_are_those_that_the_command_draws() -> None:
     scenarios = {path.stem for path in (CONF / "scenario").glob("[!_]*.yaml")}
-    assert {path.stem for path in (ROOT / "docs/images").glob("[FN]*.jpg")} == scenarios >= README_ROWS.keys()
+    assert (
+        {path.stem for path in (ROOT / "docs/images").glob("[FN]*.jpg")}
+        == scenarios
+        >= README_ROWS.keys()
+    )
     assert WEATHERS.keys() >= {weather for weathers in README_ROWS.values() for weather in weathers}

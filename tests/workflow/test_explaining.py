@@ -39,7 +39,11 @@ from tests.studies import StudyFolder
 from tests.workflow.test_campaign import analytic_study
 
 FAILURES = 6
-CAUSES = {"fog": {"fog", "sun_altitude"}, "stumbling": {"sun_altitude", "rain", "animation"}, "rain": {"rain", "pedestrian_speed"}}
+CAUSES = {
+    "fog": {"fog", "sun_altitude"},
+    "stumbling": {"sun_altitude", "rain", "animation"},
+    "rain": {"rain", "pedestrian_speed"},
+}
 """What the planted regions of the analytic simulator are about, by what their rules begin with."""
 
 
@@ -47,7 +51,11 @@ class BreaksInClearWeather(AnalyticSimulator):
     """Breaks without fog if the rain is above 50 %."""
 
     def execute(
-        self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0, noise: Mapping[str, Value] | None = None
+        self,
+        concrete: Mapping[str, Value],
+        detector: Detector,
+        keep_every: int = 0,
+        noise: Mapping[str, Value] | None = None,
     ) -> Episode:
         if concrete["fog"] == 0 and float(concrete["rain"]) > 50:
             raise SimulationError("no fog, but rain")
@@ -58,10 +66,16 @@ class ShowsItsNoise(AnalyticSimulator):
     """Its ego stands as many metres aside as the text of its noise has characters."""
 
     def execute(
-        self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0, noise: Mapping[str, Value] | None = None
+        self,
+        concrete: Mapping[str, Value],
+        detector: Detector,
+        keep_every: int = 0,
+        noise: Mapping[str, Value] | None = None,
     ) -> Episode:
         episode = super().execute(concrete, detector, keep_every)
-        aside = np.full(len(episode.signals["time_s"]), float(len(str(concrete if noise is None else noise))))
+        aside = np.full(
+            len(episode.signals["time_s"]), float(len(str(concrete if noise is None else noise)))
+        )
         return replace(episode, signals={**episode.signals, "ego_y_m": aside})
 
 
@@ -70,7 +84,9 @@ class WithoutNoise:
 
     def __init__(self, scenario: object, car: object) -> None: ...
 
-    def execute(self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0) -> Episode:
+    def execute(
+        self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0
+    ) -> Episode:
         raise NotImplementedError
 
 
@@ -86,7 +102,17 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> StudyFolder:
     ]
     made = analytic_study(tmp_path_factory.mktemp("explaining"), *overrides, breaking)
     for strategy in ("random", "mixed"):
-        assert made.run("campaign", kind="campaigns", scenario="F1", strategy=strategy, version="base", seed=0) == 0
+        assert (
+            made.run(
+                "campaign",
+                kind="campaigns",
+                scenario="F1",
+                strategy=strategy,
+                version="base",
+                seed=0,
+            )
+            == 0
+        )
     assert made.run("cluster", scenario="F1", version="base") == 0
     assert not list(Path(made / "journal").glob("cluster/**/*.npz")), "the journal is removed"
     return made
@@ -123,36 +149,59 @@ def test_every_number_comes_from_the_rows(found: FailureRegions, rows: pd.DataFr
         for repair in (*region.why.repairs, region.why.control):
             changed = own[own["change"] == repair.change]
             valid = changed[changed["status"] == "ok"]
-            assert repair.tests + repair.errors == len(changed) == min(FAILURES, len(region.members))
+            assert (
+                repair.tests + repair.errors == len(changed) == min(FAILURES, len(region.members))
+            )
             assert (repair.tests, repair.repaired) == (len(valid), int((~valid["failure"]).sum()))
             assert set(changed["test_id"]) <= set(region.members)
             if repair.rate is not None:
-                assert repair.rate.low <= repair.rate.value == repair.repaired / repair.tests <= repair.rate.high
+                assert (
+                    repair.rate.low
+                    <= repair.rate.value
+                    == repair.repaired / repair.tests
+                    <= repair.rate.high
+                )
         delay = (before["first_detection_s"] - before["first_sight_s"]).median()
-        assert f"{delay:.1f} s after" in region.why.sentence and f"Medians of {len(before)} failures" in region.why.sentence
-        named = re.findall(r"(?:: |, )([^,;:(]+?(?: \([^)]*\))?) (\d+) of (\d+)", region.why.sentence.partition("Repairs")[2])
+        assert (
+            f"{delay:.1f} s after" in region.why.sentence
+            and f"Medians of {len(before)} failures" in region.why.sentence
+        )
+        named = re.findall(
+            r"(?:: |, )([^,;:(]+?(?: \([^)]*\))?) (\d+) of (\d+)",
+            region.why.sentence.partition("Repairs")[2],
+        )
         assert named
         for change, repaired, tests in named:
             (one,) = [r for r in (*region.why.repairs, region.why.control) if r.change == change]
             assert (one.repaired, one.tests) == (int(repaired), int(tests))
-    assert any(repair.errors for region in found.regions for repair in _repairs(region)), "executions that broke are counted apart"
+    assert any(repair.errors for region in found.regions for repair in _repairs(region)), (
+        "executions that broke are counted apart"
+    )
 
 
 def test_no_failure_is_chosen_twice() -> None:
     tested, executor = world(8, 0), Mock()
-    region = tested.regions.regions[0].model_copy(update={"members": tuple(tested.tests["test_id"])})
+    region = tested.regions.regions[0].model_copy(
+        update={"members": tuple(tested.tests["test_id"])}
+    )
     found = Found(region, Group("box", np.ones(8, bool), Rule(())))
     outcomes = outcomes_of(tested.space, tested.tests)
-    chosen = explaining.Counterfactuals(executor, 0.1, FAILURES).chosen(found, tested.tests.set_index("test_id"), outcomes)
+    chosen = explaining.Counterfactuals(executor, 0.1, FAILURES).chosen(
+        found, tested.tests.set_index("test_id"), outcomes
+    )
     assert len({failure.test_id for failure in chosen}) == len(chosen) == FAILURES
 
 
 def test_the_report_shows_the_text_and_a_bar_for_each_change(found: FailureRegions) -> None:
     shown = cards(found, pictured(found, KeptFrames([])), Shown({}, {}, {}, 0.5))
-    assert [card.name for card in shown[: len(found.regions)]] == [region.name for region in found.regions]
+    assert [card.name for card in shown[: len(found.regions)]] == [
+        region.name for region in found.regions
+    ]
     for card, region in zip(shown, found.regions, strict=False):
         assert region.why is not None and card.text == region.why.sentence
-        assert [(bar.label, bar.value) for bar in card.bars] == [(one.change, one.repaired) for one in _repairs(region)]
+        assert [(bar.label, bar.value) for bar in card.bars] == [
+            (one.change, one.repaired) for one in _repairs(region)
+        ]
         assert all(bar.text.startswith(f"{bar.value} / ") for bar in card.bars)
 
 
@@ -163,8 +212,18 @@ def _repairs(region: FailureRegion) -> list[Repair]:
 
 def test_a_killed_call_resumes(study: StudyFolder, tmp_path: Path) -> None:
     config = load(study.root / "params.yaml")
-    setup = Setup(config.simulator, config.scenarios["F1"], config.detector, study / "models/base/model.onnx", config.car, config.limits)
-    points = [config.space("F1").decode(point) for point in config.space("F1").representatives(_first_cells(config.space("F1").sizes))]
+    setup = Setup(
+        config.simulator,
+        config.scenarios["F1"],
+        config.detector,
+        study / "models/base/model.onnx",
+        config.car,
+        config.limits,
+    )
+    points = [
+        config.space("F1").decode(point)
+        for point in config.space("F1").representatives(_first_cells(config.space("F1").sizes))
+    ]
     with Progress("test") as progress:
         once = Executor(setup, tmp_path / "journal", 1, progress).outcomes(points, points)
         first, *others = sorted((tmp_path / "journal").glob("*.npz"))
@@ -178,16 +237,30 @@ def test_a_killed_call_resumes(study: StudyFolder, tmp_path: Path) -> None:
         assert others[0].stat().st_mtime_ns != kept[others[0]], "other noise, other outcomes"
 
 
-def test_a_changed_test_has_the_noise_of_the_failure_and_the_control_another(study: StudyFolder, tmp_path: Path) -> None:
+def test_a_changed_test_has_the_noise_of_the_failure_and_the_control_another(
+    study: StudyFolder, tmp_path: Path
+) -> None:
     config = load(study.root / "params.yaml")
     simulator = {"_target_": f"{__name__}.{ShowsItsNoise.__qualname__}"}
-    setup = Setup(simulator, config.scenarios["F1"], config.detector, study / "models/base/model.onnx", config.car, config.limits)
-    (point,) = (config.space("F1").decode(one) for one in config.space("F1").sample(1, np.random.default_rng(0)))
+    setup = Setup(
+        simulator,
+        config.scenarios["F1"],
+        config.detector,
+        study / "models/base/model.onnx",
+        config.car,
+        config.limits,
+    )
+    (point,) = (
+        config.space("F1").decode(one)
+        for one in config.space("F1").sample(1, np.random.default_rng(0))
+    )
     clear = {**point, "fog": 0.0}
     failure, change = explaining.Failure("region", "test", point), Change("no fog", {"fog": 0.0})
     noises = [explaining._Changed(failure, *of).noise for of in ((change, clear), (CONTROL, point))]
     with Progress("test") as progress:
-        outcomes = Executor(setup, tmp_path / "journal", 1, progress).outcomes([clear, point], noises)
+        outcomes = Executor(setup, tmp_path / "journal", 1, progress).outcomes(
+            [clear, point], noises
+        )
     own, other = (outcome.signals["ego_y_m"][0] for outcome in outcomes)
     assert own == len(str(point)) < other
 
@@ -196,18 +269,28 @@ def _first_cells(sizes: tuple[int, ...]) -> NDArray[np.int64]:
     return np.array([[0] * len(sizes), [1] * len(sizes), [2 % size for size in sizes]])
 
 
-def test_without_executions_the_text_says_what_the_camera_saw(study: StudyFolder, found: FailureRegions) -> None:
+def test_without_executions_the_text_says_what_the_camera_saw(
+    study: StudyFolder, found: FailureRegions
+) -> None:
     config = load(study.root / "params.yaml")
     plain = config.model_copy(update={"regions": config.regions.model_copy(update={"explain": 0})})
     other = StudyFolder.of(study.root, plain)
     assert other.run("cluster", scenario="F1", version="base") == 0
-    for region, before in zip(read(study / "regions/base/F1.json", FailureRegions).regions, found.regions, strict=True):
+    for region, before in zip(
+        read(study / "regions/base/F1.json", FailureRegions).regions, found.regions, strict=True
+    ):
         assert region.why is not None and before.why is not None
-        assert region.why.repairs == () and region.why.control is None and region.why.seen == before.why.seen
+        assert (
+            region.why.repairs == ()
+            and region.why.control is None
+            and region.why.seen == before.why.seen
+        )
         assert before.why.sentence.startswith(region.why.sentence)
 
 
-def test_a_simulator_without_noise_is_refused_by_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_simulator_without_noise_is_refused_by_name(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     target = f"{__name__}.{WithoutNoise.__qualname__}"
     with chdir(tmp_path):
         words = [
@@ -220,5 +303,8 @@ def test_a_simulator_without_noise_is_refused_by_name(tmp_path: Path, capsys: py
             f"simulator._target_={target}",
         ]
         assert main([*words, "regions.explain=2"]) == 2
-        assert f"regions.explain: expected 0, because {target}.execute has no parameter 'noise', got 2" in capsys.readouterr().err
+        assert (
+            f"regions.explain: expected 0, because {target}.execute has no parameter 'noise', got 2"
+            in capsys.readouterr().err
+        )
         assert main([*words, "regions.explain=0"]) == 0

@@ -38,7 +38,12 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Iterator[StudyFolder]:
     assert made.run("define-space", scenario="F1") == 0
     (made / "models/base").mkdir(parents=True)
     (made / "models/base/model.onnx").write_bytes(b"the oracle needs none")
-    assert made.run("campaign", kind="campaigns", scenario="F1", strategy="random", version="base", seed=0) == 0
+    assert (
+        made.run(
+            "campaign", kind="campaigns", scenario="F1", strategy="random", version="base", seed=0
+        )
+        == 0
+    )
     (made / "report.html").write_text(render(Page("smoke", "Found nothing.", ())))
     with chdir(made.root):
         yield made
@@ -63,34 +68,51 @@ def server(study: StudyFolder, films: FilmsOnDemand) -> Iterator[ReportServer]:
         yield running
 
 
-def ask(server: ReportServer, path: str, method: str = "GET", headers: Mapping[str, str] = {}) -> tuple[HTTPResponse, bytes]:
+def ask(
+    server: ReportServer, path: str, method: str = "GET", headers: Mapping[str, str] = {}
+) -> tuple[HTTPResponse, bytes]:
     connection = HTTPConnection("127.0.0.1", server.port, timeout=120)
     connection.request(method, path, headers=dict(headers))
     answer = connection.getresponse()
     return answer, answer.read()
 
 
-def test_the_page_may_fetch_and_play_films_only_when_it_is_served(server: ReportServer, study: StudyFolder) -> None:
+def test_the_page_may_fetch_and_play_films_only_when_it_is_served(
+    server: ReportServer, study: StudyFolder
+) -> None:
     answer, _ = ask(server, "/")
     assert (answer.status, answer.getheader("Location")) == (302, "/report.html")
     answer, body = ask(server, "/report.html")
     (policy,) = re.findall(r'http-equiv="Content-Security-Policy" content="([^"]+)"', body.decode())
     assert answer.status == 200 and b"data-served" in body
-    assert policy.split("; ")[:4] == ["default-src 'none'", "img-src data:", "media-src data: blob:", "connect-src 'self'"]
+    assert policy.split("; ")[:4] == [
+        "default-src 'none'",
+        "img-src data:",
+        "media-src data: blob:",
+        "connect-src 'self'",
+    ]
     stored = (study / "report.html").read_text()
     assert "data-served" not in stored and "connect-src" not in stored and "blob:" not in stored
 
 
-def test_a_film_is_made_once(server: ReportServer, study: StudyFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_film_is_made_once(
+    server: ReportServer, study: StudyFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
     answer, body = ask(server, f"/films/{TESTS[1]}.mp4")
-    assert (answer.status, answer.getheader("Content-Type"), answer.getheader("X-Changed")) == (200, "video/mp4", None)
+    assert (answer.status, answer.getheader("Content-Type"), answer.getheader("X-Changed")) == (
+        200,
+        "video/mp4",
+        None,
+    )
     (kept,) = (study / "films").iterdir()
     assert kept.read_bytes() == body and body[4:8] == b"ftyp"
     monkeypatch.setattr(FilmsOnDemand, "_replay", None)
     assert ask(server, f"/films/{TESTS[1]}.mp4")[1] == body
 
 
-def test_a_film_that_ends_otherwise_says_so_and_is_not_kept(server: ReportServer, study: StudyFolder) -> None:
+def test_a_film_that_ends_otherwise_says_so_and_is_not_kept(
+    server: ReportServer, study: StudyFolder
+) -> None:
     rows, space = read_tests(study / TABLE), functional_scenario("F1").logical_space()
     (study / f"{TABLE}.stamp").unlink()
     write_tests(study / TABLE, rows.assign(false_positives=7), space)
@@ -100,27 +122,52 @@ def test_a_film_that_ends_otherwise_says_so_and_is_not_kept(server: ReportServer
     assert not list((study / "films").glob(f"*{TESTS[2]}*"))
     write_tests(study / TABLE, rows.assign(status="error", reason="planted"), space)
     answer, body = ask(server, f"/films/{TESTS[2]}.mp4")
-    assert (answer.status, body) == (404, f"{TESTS[2]} ended in an error, so there is nothing to replay: planted".encode())
+    assert (answer.status, body) == (
+        404,
+        f"{TESTS[2]} ended in an error, so there is nothing to replay: planted".encode(),
+    )
     write_tests(study / TABLE, rows, space)
 
 
-def test_what_changed_may_be_in_any_script(server: ReportServer, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(FilmsOnDemand, "film", lambda *_: MadeFilm(b"film", "0 instead of 7 …, 100 % 行人"))
+def test_what_changed_may_be_in_any_script(
+    server: ReportServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        FilmsOnDemand, "film", lambda *_: MadeFilm(b"film", "0 instead of 7 …, 100 % 行人")
+    )
     answer, body = ask(server, f"/films/{TESTS[1]}.mp4")
-    assert (answer.status, body, unquote(str(answer.getheader("X-Changed")))) == (200, b"film", "0 instead of 7 …, 100 % 行人")
+    assert (answer.status, body, unquote(str(answer.getheader("X-Changed")))) == (
+        200,
+        b"film",
+        "0 instead of 7 …, 100 % 行人",
+    )
 
 
-def test_a_new_film_replaces_the_one_of_another_study(films: FilmsOnDemand, study: StudyFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_new_film_replaces_the_one_of_another_study(
+    films: FilmsOnDemand, study: StudyFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
     old = study / f"films/{TESTS[3]}.0123456789abcdef.mp4"
     old.parent.mkdir(exist_ok=True)
     old.write_bytes(b"of other settings")
-    monkeypatch.setattr(FilmsOnDemand, "_replay", lambda self, test, new: new.write_bytes(b"film") and "")
+    monkeypatch.setattr(
+        FilmsOnDemand, "_replay", lambda self, test, new: new.write_bytes(b"film") and ""
+    )
     made = films.film(TESTS[3], lambda: True)
     assert made is not None and made.video == b"film" and not old.exists()
     shutil.rmtree(old.parent)
 
 
-@pytest.mark.parametrize("host", ["evil.example", "evil.example:{port}", "127.0.0.1", "127.0.0.1:1", "localhost.evil.example:{port}", ""])
+@pytest.mark.parametrize(
+    "host",
+    [
+        "evil.example",
+        "evil.example:{port}",
+        "127.0.0.1",
+        "127.0.0.1:1",
+        "localhost.evil.example:{port}",
+        "",
+    ],
+)
 @pytest.mark.parametrize("path", ["/", "/report.html", f"/films/{TESTS[0]}.mp4"])
 def test_a_foreign_host_is_refused(server: ReportServer, host: str, path: str) -> None:
     answer, body = ask(server, path, headers={"Host": host.format(port=server.port)})
@@ -130,7 +177,10 @@ def test_a_foreign_host_is_refused(server: ReportServer, host: str, path: str) -
 
 def test_a_foreign_page_gets_no_film(server: ReportServer, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(FilmsOnDemand, "film", None)
-    assert ask(server, f"/films/{TESTS[0]}.mp4", headers={"Sec-Fetch-Site": "cross-site"})[0].status == 403
+    assert (
+        ask(server, f"/films/{TESTS[0]}.mp4", headers={"Sec-Fetch-Site": "cross-site"})[0].status
+        == 403
+    )
     assert ask(server, "/report.html")[0].getheader("Cross-Origin-Resource-Policy") == "same-origin"
 
 
@@ -164,25 +214,39 @@ def test_no_path_leaves_the_report(server: ReportServer, path: str) -> None:
 @pytest.mark.parametrize(
     ("test", "told"),
     [
-        ("F1-random-base-0-00009", "has the tests F1-random-base-0-00000 to F1-random-base-0-00003, got F1-random-base-0-00009"),
-        ("F1-radom-base-0-00001", "study smoke has no campaign 'F1-radom-base-0'; did you mean 'F1-random-base-0'?"),
+        (
+            "F1-random-base-0-00009",
+            "has the tests F1-random-base-0-00000 to F1-random-base-0-00003, got F1-random-base-0-00009",
+        ),
+        (
+            "F1-radom-base-0-00001",
+            "study smoke has no campaign 'F1-radom-base-0'; did you mean 'F1-random-base-0'?",
+        ),
         ("--help", "study smoke has no campaign '-'"),
     ],
 )
-def test_only_tests_of_the_study_are_filmed(server: ReportServer, test: str, told: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_tests_of_the_study_are_filmed(
+    server: ReportServer, test: str, told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(subprocess, "run", None)
     answer, body = ask(server, f"/films/{test}.mp4")
     assert answer.status == 404 and told in body.decode()
 
 
-def test_a_film_that_cannot_be_made_gives_the_reason(server: ReportServer, study: StudyFolder) -> None:
+def test_a_film_that_cannot_be_made_gives_the_reason(
+    server: ReportServer, study: StudyFolder
+) -> None:
     (study / "models/base/model.onnx").rename(study / "away")
     answer, body = ask(server, f"/films/{TESTS[0]}.mp4")
     (study / "away").rename(study / "models/base/model.onnx")
-    assert answer.status == 404 and body.startswith(b"data/smoke/models/base/model.onnx: expected a readable file")
+    assert answer.status == 404 and body.startswith(
+        b"data/smoke/models/base/model.onnx: expected a readable file"
+    )
 
 
-def test_films_are_made_one_at_a_time_and_only_for_those_who_wait(films: FilmsOnDemand, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_films_are_made_one_at_a_time_and_only_for_those_who_wait(
+    films: FilmsOnDemand, monkeypatch: pytest.MonkeyPatch
+) -> None:
     made: list[str] = []
     begun, end = Event(), Event()
 
@@ -198,10 +262,15 @@ def test_films_are_made_one_at_a_time_and_only_for_those_who_wait(films: FilmsOn
     with ThreadPoolExecutor(3) as pool:
         first = pool.submit(films.film, TESTS[0], lambda: True)
         assert begun.wait(30)
-        waiting, gone = pool.submit(films.film, TESTS[2], lambda: True), pool.submit(films.film, TESTS[3], lambda: False)
+        waiting, gone = (
+            pool.submit(films.film, TESTS[2], lambda: True),
+            pool.submit(films.film, TESTS[3], lambda: False),
+        )
         assert gone.result(30) is None and made == TESTS[:1]
         end.set()
-        results = [found.video.decode() for future in (first, waiting) if (found := future.result(30))]
+        results = [
+            found.video.decode() for future in (first, waiting) if (found := future.result(30))
+        ]
     assert results == [TESTS[0], TESTS[2]] == made
 
 
@@ -237,11 +306,16 @@ def refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
 
 def test_a_taken_port_is_named(server: ReportServer, capsys: pytest.CaptureFixture[str]) -> None:
     said = refused(["--port", str(server.port)], capsys)
-    assert said == f"--port: {server.port} is taken; choose another one, as in --port {server.port + 1}"
+    assert (
+        said
+        == f"--port: {server.port} is taken; choose another one, as in --port {server.port + 1}"
+    )
 
 
 @pytest.mark.parametrize("port", ["65536", "-1"])
-def test_an_impossible_port_is_named(study: StudyFolder, port: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_impossible_port_is_named(
+    study: StudyFolder, port: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert refused(["--port", port], capsys) == f"--port must be in [0, 65535], got {port}"
 
 
@@ -251,16 +325,27 @@ def test_another_study_is_named(study: StudyFolder, capsys: pytest.CaptureFixtur
     )
 
 
-def test_an_unfinished_study_and_a_page_of_another_version_are_named(study: StudyFolder, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unfinished_study_and_a_page_of_another_version_are_named(
+    study: StudyFolder, capsys: pytest.CaptureFixture[str]
+) -> None:
     page = study / "report.html"
     text = page.read_text()
     page.write_text(text.replace("media-src", "object-src"))
-    assert refused([], capsys).startswith("data/smoke/report.html: expected a page made by this version of the program")
+    assert refused([], capsys).startswith(
+        "data/smoke/report.html: expected a page made by this version of the program"
+    )
     page.unlink()
-    assert refused([], capsys).startswith("data/smoke/report.html: no such file, so study smoke is not finished; finish it first")
+    assert refused([], capsys).startswith(
+        "data/smoke/report.html: no such file, so study smoke is not finished; finish it first"
+    )
     page.write_text(text)
 
 
-def test_a_study_without_a_report_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_study_without_a_report_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     with chdir(StudyFolder.composed(tmp_path, "base").root):
-        assert refused([], capsys) == "study base has no report of tests; it makes data/base/models/base/model.json"
+        assert (
+            refused([], capsys)
+            == "study base has no report of tests; it makes data/base/models/base/model.json"
+        )

@@ -38,8 +38,12 @@ def config() -> Config:
     return compose("front_car", ["base.weights=models/uniform", *SMALL])
 
 
-def test_too_few_images_for_a_validation_image_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    study = StudyFolder.composed(tmp_path, "front_car", [*SMALL, "front_car.images=20", "front_car.validation_share=0.15"])
+def test_too_few_images_for_a_validation_image_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study = StudyFolder.composed(
+        tmp_path, "front_car", [*SMALL, "front_car.images=20", "front_car.validation_share=0.15"]
+    )
     assert study.run("front-car-points") == 0
     assert study.run("front-car-snapshots", version="covered") == 2
     assert "front_car.images: expected an image of each of " in capsys.readouterr().err
@@ -60,8 +64,17 @@ def study(tmp_path_factory: pytest.TempPathFactory, config: Config) -> Path:
 def test_five_random_points_and_proposals_cover_every_pair(study: Path, config: Config) -> None:
     points = read(study / "points.json", Points)
     space = config.front_car.space.space()
-    categories = space.categorise(np.array([space.encode(dict(point.values)) for point in points.points]))
-    assert [point.name for point in points.points[:6]] == ["E1", "E2", "E3", "E4", "E5", "G1"] and len(points.points) <= 11
+    categories = space.categorise(
+        np.array([space.encode(dict(point.values)) for point in points.points])
+    )
+    assert [point.name for point in points.points[:6]] == [
+        "E1",
+        "E2",
+        "E3",
+        "E4",
+        "E5",
+        "G1",
+    ] and len(points.points) <= 11
     assert points.points[-1].covered == points.required == 69
     assert space.constraints.holds(categories).all()
     names = [point.name for point in points.points]
@@ -78,13 +91,19 @@ def test_each_set_has_its_snapshots(study: Path, config: Config) -> None:
     for version, train, val in (("existing", 20, 13), ("covered", 33, None), ("test", 0, 72)):
         folder = study / "snapshots" / version
         images, segments = (
-            {path.relative_to(folder / part).with_suffix("") for path in (folder / part).rglob("*.*g")} for part in ("images", "segments")
+            {
+                path.relative_to(folder / part).with_suffix("")
+                for path in (folder / part).rglob("*.*g")
+            }
+            for part in ("images", "segments")
         )
         assert images == segments
         if val is None:
             assert len(images) == train
         else:
-            assert [sum(path.parts[0] == split for path in images) for split in ("train", "val")] == [train, val]
+            assert [
+                sum(path.parts[0] == split for path in images) for split in ("train", "val")
+            ] == [train, val]
     tested = read_dataset(study / "snapshots" / "test", "val")
     present = [point[4] for point in config.front_car.space.feasible_points()]
     assert [bool(box[2] > box[0]) for box in tested.boxes] == [bool(value) for value in present]
@@ -92,9 +111,15 @@ def test_each_set_has_its_snapshots(study: Path, config: Config) -> None:
 
 def test_existing_and_covered_share_the_snapshots_of_the_random_points(study: Path) -> None:
     folders = [study / "snapshots" / version for version in ("existing", "covered")]
-    digests = [{hashlib.sha256(p.read_bytes()).hexdigest() for p in (f / "images").rglob("*.jpg")} for f in folders]
+    digests = [
+        {hashlib.sha256(p.read_bytes()).hexdigest() for p in (f / "images").rglob("*.jpg")}
+        for f in folders
+    ]
     assert digests[0] & digests[1] and digests[0] != digests[1]
-    test = {hashlib.sha256(p.read_bytes()).hexdigest() for p in (study / "snapshots" / "test" / "images").rglob("*.jpg")}
+    test = {
+        hashlib.sha256(p.read_bytes()).hexdigest()
+        for p in (study / "snapshots" / "test" / "images").rglob("*.jpg")
+    }
     assert not test & (digests[0] | digests[1])
 
 
@@ -102,30 +127,57 @@ def test_a_segmentation_opens_as_a_picture(study: Path) -> None:
     path = segments_path(study / "snapshots" / "covered", "train", 0)
     picture = Image.open(path)
     assert picture.mode == "P" and len(np.unique(np.asarray(picture))) > 5
-    assert np.asarray(picture.convert("RGB")).shape == np.asarray(Image.open(image_path(path.parents[2], "train", 0))).shape
+    assert (
+        np.asarray(picture.convert("RGB")).shape
+        == np.asarray(Image.open(image_path(path.parents[2], "train", 0))).shape
+    )
 
 
 def test_both_detectors_have_equal_training_and_the_same_tests(study: Path) -> None:
-    cards = [read_card(study / "detectors" / version / "model.json") for version in ("existing", "covered")]
-    assert cards[0].data["parent"] == cards[1].data["parent"] and cards[0].data["snapshots"] != cards[1].data["snapshots"]
+    cards = [
+        read_card(study / "detectors" / version / "model.json")
+        for version in ("existing", "covered")
+    ]
+    assert (
+        cards[0].data["parent"] == cards[1].data["parent"]
+        and cards[0].data["snapshots"] != cards[1].data["snapshots"]
+    )
     evaluation = read(study / "evaluation.json", Evaluation)
-    assert [detector.learnt_points for detector in evaluation.detectors] == [5, len(read(study / "points.json", Points).points)]
+    assert [detector.learnt_points for detector in evaluation.detectors] == [
+        5,
+        len(read(study / "points.json", Points).points),
+    ]
     assert all(len(detector.points) == 72 for detector in evaluation.detectors)
 
 
 def test_the_page_shows_the_table_the_growth_and_the_images(study: Path) -> None:
     page = (study / "front_car.html").read_text().replace("\u00a0", " ")
-    for text in ("100 % 2-projection coverage", "69 of 69", "weather × lanes", "E5", "By operating condition"):
+    for text in (
+        "100 % 2-projection coverage",
+        "69 of 69",
+        "weather × lanes",
+        "E5",
+        "By operating condition",
+    ):
         assert text in page
     for name in ("table", "growth", "gallery", "by_condition"):
         assert np.asarray(Image.open(study / "plots" / f"{name}.png")).std() > 5
 
 
 def test_a_detector_is_right_if_it_finds_the_vehicle_that_is_there_and_nothing_else() -> None:
-    answers = [said((PERSON, 0.9)), said((PERSON, 0.9), (AWAY, 0.8)), said(), said((PERSON, 0.4)), said((AWAY, 0.9))]
+    answers = [
+        said((PERSON, 0.9)),
+        said((PERSON, 0.9), (AWAY, 0.8)),
+        said(),
+        said((PERSON, 0.4)),
+        said((AWAY, 0.9)),
+    ]
     for truth, right in (
         (Truth(PERSON, PERSON, 800, 800, 50.0), [True, False, False, False, False]),
-        (Truth(PERSON, PERSON, 20, 20, 50.0), [True, False, True, True, False]),  # Too small for a person to see.
+        (
+            Truth(PERSON, PERSON, 20, 20, 50.0),
+            [True, False, True, True, False],
+        ),  # Too small for a person to see.
         (Truth(), [False, False, True, True, False]),
     ):
         assert [_right(answer, truth, 0.5) for answer in answers] == right
@@ -134,29 +186,57 @@ def test_a_detector_is_right_if_it_finds_the_vehicle_that_is_there_and_nothing_e
 def test_a_value_that_no_point_has_is_no_row(config: Config) -> None:
     space = config.front_car.space.space()
     values = {variable.name: str(variable.labels[0]) for variable in space.variables}
-    tested = DetectorResult(version="a", learnt_points=1, images=2, metrics={}, points=(Judged(values=values, right=(True, False)),))
+    tested = DetectorResult(
+        version="a",
+        learnt_points=1,
+        images=2,
+        metrics={},
+        points=(Judged(values=values, right=(True, False)),),
+    )
     (axis,) = by_condition(Evaluation(threshold=0.5, detectors=(tested, tested)), space).axes
-    assert [label.get_text() for label in axis.get_yticklabels()] == [f"{k.replace('_', ' ')}: {v}" for k, v in values.items()]
+    assert [label.get_text() for label in axis.get_yticklabels()] == [
+        f"{k.replace('_', ' ')}: {v}" for k, v in values.items()
+    ]
 
 
-def test_the_same_seed_renders_the_same_snapshots(study: Path, config: Config, tmp_path: Path) -> None:
+def test_the_same_seed_renders_the_same_snapshots(
+    study: Path, config: Config, tmp_path: Path
+) -> None:
     again = StudyFolder.of(tmp_path, config)
-    assert again.run("front-car-points") == again.run("front-car-snapshots", version="existing") == 0
+    assert (
+        again.run("front-car-points") == again.run("front-car-snapshots", version="existing") == 0
+    )
     roots = [folder / "snapshots" / "existing" for folder in (study, again / "")]
-    for files in ([root / "truth.coco.json" for root in roots], [image_path(root, "train", 2) for root in roots]):
+    for files in (
+        [root / "truth.coco.json" for root in roots],
+        [image_path(root, "train", 2) for root in roots],
+    ):
         assert files[0].read_bytes() == files[1].read_bytes()
 
 
-def test_too_many_random_points_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_too_many_random_points_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     folder = StudyFolder.composed(tmp_path, "front_car", ["front_car.existing=73"])
     assert folder.run("front-car-points") == 2
-    assert "front_car.existing must be at most 72, the number of feasible points; got 73" in capsys.readouterr().err
+    assert (
+        "front_car.existing must be at most 72, the number of feasible points; got 73"
+        in capsys.readouterr().err
+    )
 
 
 def test_five_points_complete_the_paper_s_example_and_seven_cover_it_from_scratch() -> None:
     """Section 5. E1 to E5 as in Table 1: all rainy and in the first lane; the paper says no more about E5, so it is assumed to equal E3."""
     domain = compose("front_car", []).front_car.space
-    known = np.array([[2, 0, 1, 0, 1, 0], [2, 1, 1, 0, 1, 0], [2, 1, 0, 0, 0, 1], [2, 1, 1, 0, 1, 1], [2, 1, 0, 0, 0, 1]])
+    known = np.array(
+        [
+            [2, 0, 1, 0, 1, 0],
+            [2, 1, 1, 0, 1, 0],
+            [2, 1, 0, 0, 0, 1],
+            [2, 1, 1, 0, 1, 1],
+            [2, 1, 0, 0, 0, 1],
+        ]
+    )
     proposer = Proposer(Demand(domain.space().constraints, 2))
     for points, needed in ((known, 5), (known[:0], 7)):
         missing = int(proposer.missing(points).sum())

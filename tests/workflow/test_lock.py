@@ -10,13 +10,17 @@ from packaging.utils import canonicalize_name
 
 from pipeline.sources import ROOT
 
-ENTRY = re.compile(r"(?m)^(?P<name>[\w.-]+)==(?P<version>\S+)[^\n]*\\\n(?P<hashes>(?:    --hash=sha256:[0-9a-f]{64}(?: \\)?\n)+)")
+ENTRY = re.compile(
+    r"(?m)^(?P<name>[\w.-]+)==(?P<version>\S+)[^\n]*\\\n(?P<hashes>(?:    --hash=sha256:[0-9a-f]{64}(?: \\)?\n)+)"
+)
 
 
 def test_every_package_has_one_version_and_hashes_and_no_index_is_named() -> None:
     text = (ROOT / "requirements.lock").read_text()
     rest = ENTRY.sub("", text).splitlines()
-    assert all(line.startswith("#") for line in rest), [line for line in rest if not line.startswith("#")][:3]
+    assert all(line.startswith("#") for line in rest), [
+        line for line in rest if not line.startswith("#")
+    ][:3]
     names = [match["name"] for match in ENTRY.finditer(text)]
     assert len(names) == len(set(names)) > 100
     assert "://" not in text
@@ -24,8 +28,14 @@ def test_every_package_has_one_version_and_hashes_and_no_index_is_named() -> Non
 
 def test_the_lock_holds_what_the_project_asks_for() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    asked = [*project["dependencies"], *(name for extra in project["optional-dependencies"].values() for name in extra)]
+    asked = [
+        *project["dependencies"],
+        *(name for extra in project["optional-dependencies"].values() for name in extra),
+    ]
     wanted = [Requirement(line) for line in asked]
-    locked = {canonicalize_name(match["name"]): match["version"] for match in ENTRY.finditer((ROOT / "requirements.lock").read_text())}
+    locked = {
+        canonicalize_name(match["name"]): match["version"]
+        for match in ENTRY.finditer((ROOT / "requirements.lock").read_text())
+    }
     for one in (one for one in wanted if one.name != project["name"]):
         assert one.specifier.contains(locked[canonicalize_name(one.name)]), one

@@ -19,7 +19,14 @@ ONNX = "import pipeline.detectors.onnx, time; time.sleep(1)"
 def run(script: str, home: Path) -> str:
     """Run a script as a user with an empty home and no settings."""
     environment = {"HOME": str(home), "PYTHONPATH": str(ROOT), "PATH": "/usr/bin:/bin"}
-    done = subprocess.run([sys.executable, "-c", script], cwd=home, env=environment, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        cwd=home,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     return done.stdout.strip()
 
 

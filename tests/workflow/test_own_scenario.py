@@ -68,8 +68,12 @@ def conf(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     conf = root / "conf"
     shutil.copytree(composing.CONF, conf)
     # A small space instead of the shared one.
-    (conf / "scenario" / "G1.yaml").write_text((conf / "scenario" / "F1.yaml").read_text().partition("defaults: [_space, _self_]")[2] + OWN)
-    (conf / "sampler" / "centred.yaml").write_text("_target_: own_strategies.Centred\nbatch_size: 8\n")
+    (conf / "scenario" / "G1.yaml").write_text(
+        (conf / "scenario" / "F1.yaml").read_text().partition("defaults: [_space, _self_]")[2] + OWN
+    )
+    (conf / "sampler" / "centred.yaml").write_text(
+        "_target_: own_strategies.Centred\nbatch_size: 8\n"
+    )
     (root / "own_strategies.py").write_text(STRATEGY)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(composing, "CONF", conf)
@@ -94,7 +98,12 @@ def study(conf: Path, tmp_path_factory: pytest.TempPathFactory) -> StudyFolder:
     model = study / "models/base/model.onnx"
     model.parent.mkdir(parents=True)
     model.write_bytes(b"the oracle needs none")
-    assert study.run("campaign", kind="campaigns", scenario="G1", strategy="pairwise", version="base", seed=0) == 0
+    assert (
+        study.run(
+            "campaign", kind="campaigns", scenario="G1", strategy="pairwise", version="base", seed=0
+        )
+        == 0
+    )
     return study
 
 
@@ -116,7 +125,9 @@ def test_the_space_file_contains_the_constraints(study: StudyFolder, config: Con
     assert '"constraints"' not in (study / "space/F1star.json").read_text()
 
 
-def test_a_full_pairwise_plan_covers_every_feasible_pair_and_breaks_no_clause(tests: pd.DataFrame, config: Config) -> None:
+def test_a_full_pairwise_plan_covers_every_feasible_pair_and_breaks_no_clause(
+    tests: pd.DataFrame, config: Config
+) -> None:
     space = config.space("G1")
     key = CampaignId("G1", "pairwise", "base", 0)
     measured = measure_campaign(key, {key: tests}, {"G1": space}, "pairwise")
@@ -129,21 +140,32 @@ def test_every_strategy_respects_the_constraints(config: Config) -> None:
     space, simulator = config.space("G1"), AnalyticSimulator(config.scenarios["G1"], CAR)
     assert "centred" in config.samplers
     for name in config.samplers:
-        sampler = instantiate(config.samplers[name], _partial_=True, _convert_="all")(space=space, seed=1)
+        sampler = instantiate(config.samplers[name], _partial_=True, _convert_="all")(
+            space=space, seed=1
+        )
         for _ in range(3):
             points = sampler.ask()
             assert space.violation(points) is None, name
-            signals = [simulator.execute(space.decode(point), BlindDetector()).signals for point in points]
-            sampler.tell(points, np.array([kpi.evaluate(columns, 0.1).adj_ttc_s for columns in signals]))
+            signals = [
+                simulator.execute(space.decode(point), BlindDetector()).signals for point in points
+            ]
+            sampler.tell(
+                points, np.array([kpi.evaluate(columns, 0.1).adj_ttc_s for columns in signals])
+            )
 
 
-def test_a_concrete_scenario_that_breaks_a_clause_is_refused_by_name(config: Config, tests: pd.DataFrame) -> None:
+def test_a_concrete_scenario_that_breaks_a_clause_is_refused_by_name(
+    config: Config, tests: pd.DataFrame
+) -> None:
     space = config.space("G1")
     with pytest.raises(InputError) as caught:
         concrete_scenario(space, ["animation=crouching"])
     broken = "breaks the constraint 'animation != crouching or pedestrian_speed = 0': pedestrian_speed = 1.4, animation = crouching"
     assert str(caught.value) == f"the scenario {broken}"
-    assert concrete_scenario(space, ["animation=crouching", "pedestrian_speed=0.5"])["animation"] == "crouching"
+    assert (
+        concrete_scenario(space, ["animation=crouching", "pedestrian_speed=0.5"])["animation"]
+        == "crouching"
+    )
     tests = tests.copy()
     tests.loc[3, ["animation", "pedestrian_speed"]] = ["crouching", 1.4]
     with pytest.raises(InputError) as caught:
@@ -155,7 +177,12 @@ def test_a_strategy_is_found_by_laws_and_by_the_configuration(conf: Path, config
     assert set(strategies(conf)) - set(strategies()) == {"centred"}
     assert config.samplers["centred"] == {"_target_": "own_strategies.Centred", "batch_size": 8}
     check_sampler(lambda: strategies(conf)["centred"](CONSTRAINED, 5), CONSTRAINED)
-    chosen = compose("smoke", ["strategies=[random,centred]", "arms.adaptive=centred", "+samplers.centred.hurry=2"])
+    chosen = compose(
+        "smoke",
+        ["strategies=[random,centred]", "arms.adaptive=centred", "+samplers.centred.hurry=2"],
+    )
     assert chosen.samplers["centred"]["hurry"] == 2
-    with pytest.raises(InputError, match="unknown key 'samplers.centred.hury'; did you mean 'hurry'?"):
+    with pytest.raises(
+        InputError, match="unknown key 'samplers.centred.hury'; did you mean 'hurry'?"
+    ):
         compose("smoke", ["+samplers.centred.hury=2"])

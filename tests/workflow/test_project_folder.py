@@ -42,25 +42,40 @@ def test_the_nearest_project_counts(study: StudyFolder, nowhere: Path) -> None:
     assert project_of(nowhere) == nowhere
 
 
-def test_elsewhere_an_editable_installation_uses_its_checkout(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_elsewhere_an_editable_installation_uses_its_checkout(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert project_of(tmp_path) == CHECKOUT
     with chdir(tmp_path), entered():
         assert Path.cwd() == CHECKOUT and typed("film.mp4") == tmp_path / "film.mp4"
-    assert capsys.readouterr().err == f"blindspot: no project in {tmp_path} or above; using {CHECKOUT}\n"
+    assert (
+        capsys.readouterr().err
+        == f"blindspot: no project in {tmp_path} or above; using {CHECKOUT}\n"
+    )
 
 
 def test_typed_paths_belong_to_the_folder_of_the_person(study: StudyFolder) -> None:
     with chdir(study / "reports"), entered():
         assert Path.cwd() == study.root
-        assert typed("mine.csv") == study / "reports/mine.csv" and typed("/mine.csv") == Path("/mine.csv")
+        assert typed("mine.csv") == study / "reports/mine.csv" and typed("/mine.csv") == Path(
+            "/mine.csv"
+        )
     with chdir(study.root), entered():
         assert typed("mine.csv") == Path("mine.csv")
 
 
-def test_a_command_in_a_subfolder_works_on_the_study(study: StudyFolder, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_command_in_a_subfolder_works_on_the_study(
+    study: StudyFolder, capsys: pytest.CaptureFixture[str]
+) -> None:
     with chdir(study / "reports"):
-        assert main(["compose", "study=smoke", "campaign.tests=14", "base.weights=models/uniform"]) == 0
-        assert main(["compose", "study=smoke", "base.weights=models/uniform", "--out", "mine.yaml"]) == 0
+        assert (
+            main(["compose", "study=smoke", "campaign.tests=14", "base.weights=models/uniform"])
+            == 0
+        )
+        assert (
+            main(["compose", "study=smoke", "base.weights=models/uniform", "--out", "mine.yaml"])
+            == 0
+        )
         assert main(["define-space", "--scenario", "F1"]) == 0
         assert main(["verify"]) == 0
         assert main(["verdict"]) == 2
@@ -73,11 +88,16 @@ def test_a_command_in_a_subfolder_works_on_the_study(study: StudyFolder, capsys:
     ("words", "told"),
     [
         (["verdict"], "params.yaml: no such file in {folder}; make it with"),
-        (["replay", "F1-random-base-0-00001"], "params.yaml: no such file in {folder}; make it with"),
+        (
+            ["replay", "F1-random-base-0-00001"],
+            "params.yaml: no such file in {folder}; make it with",
+        ),
         (["versions"], "{folder}/data/mlflow/mlflow.db: expected MLflow's database, found no file"),
     ],
 )
-def test_without_a_project_the_folder_is_named(words: list[str], told: str, nowhere: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_a_project_the_folder_is_named(
+    words: list[str], told: str, nowhere: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     with chdir(nowhere):
         assert main(words) == 2
     said = capsys.readouterr().err
@@ -87,5 +107,7 @@ def test_without_a_project_the_folder_is_named(words: list[str], told: str, nowh
 def test_the_program_starts_in_a_subfolder(study: StudyFolder) -> None:
     command = [sys.executable, "-m", "pipeline", "verify"]
     environment = {**os.environ, "PYTHONPATH": str(CHECKOUT)}
-    done = subprocess.run(command, cwd=study / "reports", env=environment, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        command, cwd=study / "reports", env=environment, capture_output=True, text=True, check=False
+    )
     assert (done.returncode, done.stderr) == (0, "")

@@ -15,14 +15,22 @@ from pipeline.artefacts.tables import read_tests, write_tests
 from pipeline.config.composing import PARAMS, dump, functional_scenario, load, validate
 from tests.studies import StudyFolder
 
-CAMPAIGN: dict[str, Any] = {"kind": "campaigns", "scenario": "F1", "strategy": "random", "version": "base", "seed": 0}
+CAMPAIGN: dict[str, Any] = {
+    "kind": "campaigns",
+    "scenario": "F1",
+    "strategy": "random",
+    "version": "base",
+    "seed": 0,
+}
 TEST = "F1-random-base-0-00002"
 
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> StudyFolder:
     made = StudyFolder.composed(
-        tmp_path_factory.mktemp("study"), "smoke", ["simulator=analytic", "detector=oracle", "campaign.tests=4", "seeds=[0]"]
+        tmp_path_factory.mktemp("study"),
+        "smoke",
+        ["simulator=analytic", "detector=oracle", "campaign.tests=4", "seeds=[0]"],
     )
     assert made.run("define-space", scenario="F1") == 0
     (made / "models/base").mkdir(parents=True)
@@ -55,15 +63,31 @@ def test_another_outcome_is_told(study: StudyFolder, capsys: pytest.CaptureFixtu
     write_tests(table(study), rows, space)
 
 
-def test_the_study_that_has_a_test_is_found(study: StudyFolder, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_study_that_has_a_test_is_found(
+    study: StudyFolder, capsys: pytest.CaptureFixture[str]
+) -> None:
     # The second study has the campaign as the audit beside its searches.
-    own = [study.root / "data" / name / "params.yaml" for name in ("best-7692c3ad", "best-f0e1d2c3")]
-    made = zip(own, ("campaigns/F1/random/best/0", "campaigns/audit/F1/random/best/0"), ("random", "mixed"), strict=True)
+    own = [
+        study.root / "data" / name / "params.yaml" for name in ("best-7692c3ad", "best-f0e1d2c3")
+    ]
+    made = zip(
+        own,
+        ("campaigns/F1/random/best/0", "campaigns/audit/F1/random/best/0"),
+        ("random", "mixed"),
+        strict=True,
+    )
     for params, folder, strategy in made:
         (params.parent / folder).mkdir(parents=True)
         shutil.copy(table(study), params.parent / folder)
-        named = {"study": params.parent.name, "goal": "detectors", "tested": {"best": "best.onnx"}, "strategies": [strategy]}
-        changed = validate({**load(study.root / PARAMS).model_dump(mode="json"), **named}, "the test")
+        named = {
+            "study": params.parent.name,
+            "goal": "detectors",
+            "tested": {"best": "best.onnx"},
+            "strategies": [strategy],
+        }
+        changed = validate(
+            {**load(study.root / PARAMS).model_dump(mode="json"), **named}, "the test"
+        )
         params.write_text(dump(changed, "test-detector"))
         with chdir(study.root):
             assert params_of("F1-random-best-0-00001", PARAMS) == params.relative_to(study.root)
@@ -75,7 +99,9 @@ def test_the_study_that_has_a_test_is_found(study: StudyFolder, capsys: pytest.C
         params.with_suffix(".held").rename(params)
     assert replay(study, "F1-random-best-0-00001") == 2
     message = "; choose its study: --params data/best-7692c3ad/params.yaml or data/best-f0e1d2c3/params.yaml\n"
-    assert capsys.readouterr().err.endswith(f"study smoke has no campaign 'F1-random-best-0'{message}")
+    assert capsys.readouterr().err.endswith(
+        f"study smoke has no campaign 'F1-random-best-0'{message}"
+    )
     # Also where the study in params.yaml has executed nothing.
     held = table(study).rename(table(study).with_suffix(".held"))
     assert replay(study, "F1-random-best-0-00001") == 2
@@ -88,11 +114,19 @@ def test_the_study_that_has_a_test_is_found(study: StudyFolder, capsys: pytest.C
 @pytest.mark.parametrize(
     ("test", "message"),
     [
-        ("F1-random-base-0-00009", "has the tests F1-random-base-0-00000 to F1-random-base-0-00003, got F1-random-base-0-00009"),
+        (
+            "F1-random-base-0-00009",
+            "has the tests F1-random-base-0-00000 to F1-random-base-0-00003, got F1-random-base-0-00009",
+        ),
         ("nope", "expected a test such as F1-forest-base-0-00012, got 'nope'"),
-        ("F1-radom-base-0-00001", "study smoke has no campaign 'F1-radom-base-0'; did you mean 'F1-random-base-0'?"),
+        (
+            "F1-radom-base-0-00001",
+            "study smoke has no campaign 'F1-radom-base-0'; did you mean 'F1-random-base-0'?",
+        ),
     ],
 )
-def test_unknown_tests_are_named(study: StudyFolder, capsys: pytest.CaptureFixture[str], test: str, message: str) -> None:
+def test_unknown_tests_are_named(
+    study: StudyFolder, capsys: pytest.CaptureFixture[str], test: str, message: str
+) -> None:
     assert replay(study, test) == 2
     assert message in capsys.readouterr().err

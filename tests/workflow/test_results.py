@@ -23,14 +23,20 @@ def page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "docs").mkdir()
     (tmp_path / "README.md").write_text("# No numbers\n")
     page = tmp_path / "docs" / "found.md"
-    page.write_text("# Found\n\n<!-- made by: python count.py outcomes.csv -->\nold\n<!-- end -->\n\nText after it.\n")
+    page.write_text(
+        "# Found\n\n<!-- made by: python count.py outcomes.csv -->\nold\n<!-- end -->\n\nText after it.\n"
+    )
     assert main(["results", "write"]) == 0
     return page
 
 
 def test_written_pages_pass(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert page.read_text().endswith("-->\n\n| failures |\n|---|\n| 2 |\n\n<!-- end -->\n\nText after it.\n")
-    assert [(block.command, block.line) for block in blocks(page)] == [("python count.py outcomes.csv", 3)]
+    assert page.read_text().endswith(
+        "-->\n\n| failures |\n|---|\n| 2 |\n\n<!-- end -->\n\nText after it.\n"
+    )
+    assert [(block.command, block.line) for block in blocks(page)] == [
+        ("python count.py outcomes.csv", 3)
+    ]
     assert main(["results", "verify"]) == 0
     assert capsys.readouterr().out == "1 page checked: every number follows from the outcomes\n"
     before = page.read_bytes()
@@ -51,13 +57,17 @@ def test_a_changed_outcome_is_found(page: Path, capsys: pytest.CaptureFixture[st
 
 
 @pytest.mark.parametrize("mark", ["<!-- End -->", "<!-- end-->", ""])
-def test_a_block_without_its_end_is_found(page: Path, mark: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_block_without_its_end_is_found(
+    page: Path, mark: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     page.write_text(page.read_text().replace("| 2 |", "| 3 |").replace("<!-- end -->", mark))
     assert main(["results", "verify"]) == 2
     assert "docs/found.md: expected blocks from" in capsys.readouterr().err
 
 
-def test_a_named_page_without_blocks_is_refused(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_named_page_without_blocks_is_refused(
+    page: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["results", "verify", "README.md"]) == 2
     assert "got 0 begun and 0 whole" in capsys.readouterr().err
 
@@ -69,10 +79,15 @@ def test_a_named_page_without_blocks_is_refused(page: Path, capsys: pytest.Captu
         ("''", "begin with 'python'"),
         ("python none.py", "`python none.py` ended with 2: "),
         ("python silent.py", "`python silent.py` ended with 3\n"),
-        ('python -c "print(1)', "must be one that a shell reads, got 'python -c \"print(1)': No closing quotation"),
+        (
+            'python -c "print(1)',
+            "must be one that a shell reads, got 'python -c \"print(1)': No closing quotation",
+        ),
     ],
 )
-def test_a_command_that_does_not_work_is_named(page: Path, command: str, told: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_command_that_does_not_work_is_named(
+    page: Path, command: str, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     page.write_text(f"<!-- made by: {command} -->\n<!-- end -->\n")
     Path("silent.py").write_text("raise SystemExit(3)")
     assert main(["results", "verify"]) == 2
@@ -81,7 +96,9 @@ def test_a_command_that_does_not_work_is_named(page: Path, command: str, told: s
 
 @pytest.mark.parametrize("action", ["verify", "write"])
 @pytest.mark.parametrize(("name", "told"), [("nope.md", "No such file"), (".", "Is a directory")])
-def test_a_page_that_cannot_be_read_is_named(page: Path, action: str, name: str, told: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_page_that_cannot_be_read_is_named(
+    page: Path, action: str, name: str, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["results", action, name]) == 2
     assert f"{name}: expected a readable page, got {told}" in capsys.readouterr().err
 

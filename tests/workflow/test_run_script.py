@@ -21,7 +21,14 @@ QUIET = "pipeline/no_telemetry.env"
 
 def call(folder: Path, *arguments: str, **settings: str) -> subprocess.CompletedProcess[str]:
     environment = {"PATH": "/usr/bin:/bin", "HOME": "/nonexistent", **settings}
-    return subprocess.run([folder / "run", *arguments], cwd="/", env=environment, capture_output=True, text=True, stdin=subprocess.DEVNULL)
+    return subprocess.run(
+        [folder / "run", *arguments],
+        cwd="/",
+        env=environment,
+        capture_output=True,
+        text=True,
+        stdin=subprocess.DEVNULL,
+    )
 
 
 def script(path: Path, text: str) -> None:
@@ -32,7 +39,10 @@ def script(path: Path, text: str) -> None:
 
 def fit_python(folder: Path, text: str) -> None:
     """A stand-in for the Python of a checkout, which runs the text unless it is asked for its version."""
-    script(folder / ".venv/bin/python", f'case "$1" in -c) exit ;; -V) echo Python 3.11.2; exit ;; esac\n{text}')
+    script(
+        folder / ".venv/bin/python",
+        f'case "$1" in -c) exit ;; -V) echo Python 3.11.2; exit ;; esac\n{text}',
+    )
 
 
 @pytest.fixture
@@ -47,10 +57,17 @@ def checkout(tmp_path: Path) -> Path:
 @pytest.fixture
 def ready(checkout: Path) -> Path:
     """A checkout after setup, with a stand-in for snakemake that prints its call."""
-    stamp = hashlib.sha256(b"".join((checkout / name).read_bytes() for name in SETUP[1:])).hexdigest()
-    script(checkout / ".venv/bin/snakemake", 'echo "snakemake $*"; echo "HOME of caches: $XDG_CACHE_HOME"; exit "${CODE:-0}"')
+    stamp = hashlib.sha256(
+        b"".join((checkout / name).read_bytes() for name in SETUP[1:])
+    ).hexdigest()
+    script(
+        checkout / ".venv/bin/snakemake",
+        'echo "snakemake $*"; echo "HOME of caches: $XDG_CACHE_HOME"; exit "${CODE:-0}"',
+    )
     fit_python(checkout, 'echo "python $*"')
-    script(checkout / ".venv/bin/pip", f'exec "{checkout}/.venv/bin/python" "$0" "$@"')  # As pip writes it for a path with spaces.
+    script(
+        checkout / ".venv/bin/pip", f'exec "{checkout}/.venv/bin/python" "$0" "$@"'
+    )  # As pip writes it for a path with spaces.
     script(checkout / ".venv/bin/dvc", 'echo "dvc $*"')
     (checkout / ".venv/blindspot.stamp").write_text(f"{stamp}  - {checkout}\n")
     (checkout / ".cache/gl").mkdir(parents=True)
@@ -81,20 +98,30 @@ def test_an_unfit_python_ends_with_one_message(state: str, request: pytest.Fixtu
 
 
 def limited(folder: Path, limit: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(["bash", "-c", f"ulimit {limit}; ./run"], cwd=folder, capture_output=True, text=True)
+    return subprocess.run(
+        ["bash", "-c", f"ulimit {limit}; ./run"], cwd=folder, capture_output=True, text=True
+    )
 
 
 def test_a_machine_without_room_rights_or_handles_is_named_before_any_work(checkout: Path) -> None:
     done = limited(checkout, "-n 100")
-    assert (done.returncode, done.stderr) == (2, "blindspot: needs 256 file handles, the limit is 100; type: ulimit -n 1024\n")
+    assert (done.returncode, done.stderr) == (
+        2,
+        "blindspot: needs 256 file handles, the limit is 100; type: ulimit -n 1024\n",
+    )
     done = limited(checkout, "-f 8")  # A file may not grow, as on a full disk.
-    assert done.returncode == 2 and done.stderr.startswith(f"blindspot: cannot write in {checkout}: ")
+    assert done.returncode == 2 and done.stderr.startswith(
+        f"blindspot: cannot write in {checkout}: "
+    )
     assert not list((checkout / ".cache").glob("room*"))
     shutil.rmtree(checkout / ".cache")
     (checkout / ".cache").write_text("in the way")
     done = limited(checkout, "-n 1024")
     assert done.returncode == 2
-    assert done.stderr == f"blindspot: cannot write in {checkout}: File exists; the same command resumes once it can\n"
+    assert (
+        done.stderr
+        == f"blindspot: cannot write in {checkout}: File exists; the same command resumes once it can\n"
+    )
 
 
 def test_the_pages_need_tracked_runs(checkout: Path) -> None:
@@ -106,7 +133,10 @@ def test_the_pages_need_tracked_runs(checkout: Path) -> None:
 def test_a_ready_checkout_installs_nothing_and_passes_its_arguments_on(ready: Path) -> None:
     done = call(ready, "-n", "some/target", CORES="3")
     assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines() == ["snakemake --cores 3 -n some/target", f"HOME of caches: {ready}/.cache"]
+    assert done.stdout.splitlines() == [
+        "snakemake --cores 3 -n some/target",
+        f"HOME of caches: {ready}/.cache",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -152,7 +182,10 @@ COMMIT, VERDICT = "dvc commit --force --quiet", "python -m pipeline verdict"
 
 
 def test_a_whole_run_ends_with_the_verdict_and_is_recorded_once(finished: Path) -> None:
-    assert [call(finished).stdout.splitlines()[3:] for _ in range(2)] == [[VERDICT, COMMIT], [VERDICT]]
+    assert [call(finished).stdout.splitlines()[3:] for _ in range(2)] == [
+        [VERDICT, COMMIT],
+        [VERDICT],
+    ]
     # The job that comes last gave the same file, but another one did not: timings differ.
     (finished / "data/tiny/space/F1.json.stamp").write_text("another")
     assert call(finished).stdout.splitlines()[-1] == COMMIT
@@ -167,17 +200,29 @@ def test_a_study_may_have_a_name_that_yaml_quotes(name: str, finished: Path) -> 
     (finished / "data/tiny").rename(finished / "data" / name)
     (finished / "params.yaml").write_text(yaml.safe_dump({"study": name, "goal": "report"}))
     done = call(finished)
-    assert (done.returncode, done.stderr, done.stdout.splitlines()[3:]) == (0, "", [VERDICT, COMMIT])
+    assert (done.returncode, done.stderr, done.stdout.splitlines()[3:]) == (
+        0,
+        "",
+        [VERDICT, COMMIT],
+    )
     assert call(finished).stdout.splitlines()[3:] == [VERDICT]
 
 
-@pytest.mark.parametrize(("program", "text"), [("python", 'case "$3" in verdict) kill -9 $PPID;; esac'), ("dvc", "kill -9 $PPID")])
-def test_a_run_that_is_killed_at_its_end_is_finished_by_the_next(finished: Path, program: str, text: str) -> None:
+@pytest.mark.parametrize(
+    ("program", "text"),
+    [("python", 'case "$3" in verdict) kill -9 $PPID;; esac'), ("dvc", "kill -9 $PPID")],
+)
+def test_a_run_that_is_killed_at_its_end_is_finished_by_the_next(
+    finished: Path, program: str, text: str
+) -> None:
     whole = (finished / ".venv/bin" / program).read_text()
     script(finished / ".venv/bin" / program, text)
     assert call(finished).returncode == -9
     (finished / ".venv/bin" / program).write_text(whole)
-    assert [call(finished).stdout.splitlines()[3:] for _ in range(2)] == [[VERDICT, COMMIT], [VERDICT]]
+    assert [call(finished).stdout.splitlines()[3:] for _ in range(2)] == [
+        [VERDICT, COMMIT],
+        [VERDICT],
+    ]
 
 
 @pytest.mark.parametrize(("text", "stays"), [("{}", True), ('{"write"', False), ("", False)])
@@ -194,35 +239,63 @@ def test_damaged_files_are_found_before_the_run_that_makes_them_again(finished: 
         fit_python(finished, f'echo "python $*"; case "$3" in verify) exit {code};; esac')
         done = call(finished)
         lines = done.stdout.splitlines()
-        assert lines[0] == "python -m pipeline verify --params params.yaml" and [line.split()[0] for line in lines[:2]] == begins
+        assert (
+            lines[0] == "python -m pipeline verify --params params.yaml"
+            and [line.split()[0] for line in lines[:2]] == begins
+        )
         assert done.returncode == ends
 
 
-@pytest.mark.parametrize("words", [["--configfile", "data/x/params.yaml"], ["--configfile=data/x/params.yaml", "search"]])
+@pytest.mark.parametrize(
+    "words", [["--configfile", "data/x/params.yaml"], ["--configfile=data/x/params.yaml", "search"]]
+)
 def test_a_run_of_another_study_verifies_that_one(words: list[str], ready: Path) -> None:
-    assert call(ready, *words).stdout.splitlines()[0] == "python -m pipeline verify --params data/x/params.yaml"
+    assert (
+        call(ready, *words).stdout.splitlines()[0]
+        == "python -m pipeline verify --params data/x/params.yaml"
+    )
 
 
 def test_a_partial_run_prints_no_verdict(ready: Path) -> None:
-    assert [line.split()[0] for line in call(ready, "search").stdout.splitlines()] == ["python", "snakemake", "HOME"]
+    assert [line.split()[0] for line in call(ready, "search").stdout.splitlines()] == [
+        "python",
+        "snakemake",
+        "HOME",
+    ]
 
 
-@pytest.mark.parametrize("words", [["-n"], ["search", "-np"], ["--dry-run"], ["--dryrun", "search"]])
+@pytest.mark.parametrize(
+    "words", [["-n"], ["search", "-np"], ["--dry-run"], ["--dryrun", "search"]]
+)
 def test_a_dry_run_does_not_wait(ready: Path, words: list[str]) -> None:
     with (ready / ".cache/run.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         done = call(ready, *words, CORES="2")
-    assert done.returncode == 0 and done.stdout.startswith(f"snakemake --cores 2 {' '.join(words)}\n")
+    assert done.returncode == 0 and done.stdout.startswith(
+        f"snakemake --cores 2 {' '.join(words)}\n"
+    )
 
 
 def test_ctrl_c_ends_with_one_sentence_that_says_what_goes_on(ready: Path) -> None:
-    script(ready / ".venv/bin/snakemake", "touch begun; trap 'exit 1' INT; while :; do sleep 0.05; done")
-    run = subprocess.Popen([ready / "run"], env={"PATH": "/usr/bin:/bin"}, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    script(
+        ready / ".venv/bin/snakemake",
+        "touch begun; trap 'exit 1' INT; while :; do sleep 0.05; done",
+    )
+    run = subprocess.Popen(
+        [ready / "run"],
+        env={"PATH": "/usr/bin:/bin"},
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
     while not (ready / "begun").exists():
         assert run.poll() is None
     os.killpg(run.pid, signal.SIGINT)
     told = run.communicate(timeout=30)[1]
-    assert told == "blindspot: stopped; finished jobs and tests are kept, and the same command resumes\n"
+    assert (
+        told
+        == "blindspot: stopped; finished jobs and tests are kept, and the same command resumes\n"
+    )
     assert run.returncode == 130
 
 
@@ -231,14 +304,20 @@ def test_the_exit_code_is_that_of_snakemake(ready: Path) -> None:
 
 
 def test_a_second_run_waits_for_the_first(ready: Path) -> None:
-    script(ready / ".venv/bin/snakemake", 'echo begin >>calls; while [ ! -e "$PWD/go" ]; do sleep 0.05; done; echo end >>calls')
+    script(
+        ready / ".venv/bin/snakemake",
+        'echo begin >>calls; while [ ! -e "$PWD/go" ]; do sleep 0.05; done; echo end >>calls',
+    )
     environment = {"PATH": "/usr/bin:/bin"}
     first = subprocess.Popen([ready / "run"], env=environment)
     while not (ready / "calls").exists():
         assert first.poll() is None
     second = subprocess.Popen([ready / "run"], env=environment, stderr=subprocess.PIPE, text=True)
     assert second.stderr is not None
-    assert second.stderr.readline() == f"blindspot: ./run (process {first.pid}) is running in this folder; waiting for it to finish\n"
+    assert (
+        second.stderr.readline()
+        == f"blindspot: ./run (process {first.pid}) is running in this folder; waiting for it to finish\n"
+    )
     (ready / "go").write_text("")
     assert (first.wait(), second.wait()) == (0, 0)
     assert (ready / "calls").read_text().split() == ["begin", "end", "begin", "end"]

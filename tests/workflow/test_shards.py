@@ -43,7 +43,9 @@ def joined(root: Path, strategy: str, *overrides: str) -> pd.DataFrame:
         one, other = (folder(study, strategy) / f"{name}.parquet" for study in (whole, parts))
         assert one.read_bytes() == other.read_bytes(), name
     tests = tables.read_tests(folder(parts, strategy) / "tests.parquet")
-    assert list(tables.read_timings(folder(parts, strategy) / "timings.parquet")["test_id"]) == list(tests["test_id"])
+    assert list(
+        tables.read_timings(folder(parts, strategy) / "timings.parquet")["test_id"]
+    ) == list(tests["test_id"])
     return tests
 
 
@@ -55,7 +57,11 @@ def test_shards_give_the_bytes_of_the_whole_campaign(tmp_path: Path, strategy: s
 def test_a_shard_may_end_in_errors_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
     fragile = "simulator._target_=tests.workflow.test_campaign.Fragile"
-    assert list(joined(tmp_path, "random", fragile, f"campaign.tests={COUNT}")["status"]) == ["ok", "ok", "error"]
+    assert list(joined(tmp_path, "random", fragile, f"campaign.tests={COUNT}")["status"]) == [
+        "ok",
+        "ok",
+        "error",
+    ]
 
 
 @dataclass
@@ -68,7 +74,11 @@ class Finite(RandomSampler):
         return super().ask()[: self.total - len(self._points)]
 
 
-FINITE = ["campaign.tests=9", "samplers.random.batch_size=2", "samplers.random._target_=tests.workflow.test_shards.Finite"]
+FINITE = [
+    "campaign.tests=9",
+    "samplers.random.batch_size=2",
+    "samplers.random._target_=tests.workflow.test_shards.Finite",
+]
 
 
 def test_a_shard_may_lie_beyond_the_last_test_of_its_strategy(tmp_path: Path) -> None:
@@ -76,25 +86,45 @@ def test_a_shard_may_lie_beyond_the_last_test_of_its_strategy(tmp_path: Path) ->
 
 
 FRUITLESS = {
-    "errors": (["campaign.tests=3", "detector._target_=tests.faults.hostile.Fails"], 1, "all 3 tests ended in an error"),
-    "no tests": ([*FINITE, "+samplers.random.total=0"], 2, "expected at least one test, the strategy asks for none"),
+    "errors": (
+        ["campaign.tests=3", "detector._target_=tests.faults.hostile.Fails"],
+        1,
+        "all 3 tests ended in an error",
+    ),
+    "no tests": (
+        [*FINITE, "+samplers.random.total=0"],
+        2,
+        "expected at least one test, the strategy asks for none",
+    ),
 }
 
 
 @pytest.mark.parametrize(("overrides", "code", "said"), FRUITLESS.values(), ids=FRUITLESS.keys())
 def test_shards_without_a_valid_test_are_no_campaign_and_are_executed_again(
-    overrides: list[str], code: int, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    overrides: list[str],
+    code: int,
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
     parts, ended = sharded(tmp_path / "parts", "random", *overrides)
-    assert ended == code and f"blindspot campaign: F1, random, base, seed 3: {said}" in capsys.readouterr().err
-    assert list((parts / "shards").rglob("*.parquet")) and not list((parts / "shards").rglob("*.stamp"))
+    assert (
+        ended == code
+        and f"blindspot campaign: F1, random, base, seed 3: {said}" in capsys.readouterr().err
+    )
+    assert list((parts / "shards").rglob("*.parquet")) and not list(
+        (parts / "shards").rglob("*.stamp")
+    )
     whole = analytic_study(tmp_path / "whole", *overrides)
     assert whole.run("campaign", **key("random")) == code
     assert said in capsys.readouterr().err
 
 
-def test_a_missing_shard_is_an_error_that_names_its_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_shard_is_an_error_that_names_its_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     study = analytic_study(tmp_path, "campaign.shards=2")
     assert study.run("campaign", **key("random")) == 2
     assert "shards/campaigns/F1/random/base/3/1of2" in capsys.readouterr().err
@@ -102,7 +132,10 @@ def test_a_missing_shard_is_an_error_that_names_its_file(tmp_path: Path, capsys:
 
 @pytest.mark.parametrize(
     ("strategy", "shard", "told"),
-    [("random", "9of3", "shard: a shard must be 1 to 3 of 3, got 9of3"), ("mixed", "1of3", "strategy: mixed learns from all tests")],
+    [
+        ("random", "9of3", "shard: a shard must be 1 to 3 of 3, got 9of3"),
+        ("mixed", "1of3", "strategy: mixed learns from all tests"),
+    ],
 )
 def test_a_shard_that_is_no_part_is_refused(
     tmp_path: Path, strategy: str, shard: str, told: str, capsys: pytest.CaptureFixture[str]
@@ -113,7 +146,10 @@ def test_a_shard_that_is_no_part_is_refused(
 
 
 def test_the_number_of_shards_makes_only_tracking_out_of_date() -> None:
-    one, many = (stamps(Jobs(compose("smoke", [f"campaign.shards={shards}"]), step_names())) for shards in (1, 16))
+    one, many = (
+        stamps(Jobs(compose("smoke", [f"campaign.shards={shards}"]), step_names()))
+        for shards in (1, 16)
+    )
     # Tracking records the whole config.
     assert {job.step for job in one if one[job] != many[job]} == {"track"}
     assert {job.step for job in many if job not in one} == {"shard"}
@@ -129,7 +165,9 @@ def test_strategies_that_learn_have_no_shards_and_no_shard_is_empty() -> None:
     shared = [job for job, _ in jobs.in_order() if job.step == "shard"]
     assert {dict(job.wildcards)["strategy"] for job in shared} == {"random", "pairwise"}
     # 12 tests of each search and 8 of each held-out sequence.
-    assert _count(shared, kind="campaigns") == 2 * 12 and _count(shared, kind="held_out") == 8 * len(jobs.config.versions)
+    assert _count(shared, kind="campaigns") == 2 * 12 and _count(
+        shared, kind="held_out"
+    ) == 8 * len(jobs.config.versions)
 
 
 def _count(jobs: list[Target], kind: str) -> int:

@@ -31,13 +31,21 @@ from pipeline.workflow.stamping import Stamps
 from tests.studies import ROOT, know_sources
 
 STUDIES = sorted(path.stem for path in (CONF / "study").glob("*.yaml"))
-CAMPAIGN = {"kind": "campaigns", "scenario": "F1", "strategy": "random", "version": "base", "seed": "0"}
+CAMPAIGN = {
+    "kind": "campaigns",
+    "scenario": "F1",
+    "strategy": "random",
+    "version": "base",
+    "seed": "0",
+}
 
 
 def copy(folder: Path, config: Config) -> Path:
     """A copy of the workflow's files, with a study's params.yaml."""
     for name in ("pipeline", "conf", "profiles", "models"):
-        shutil.copytree(ROOT / name, folder / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(
+            ROOT / name, folder / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__")
+        )
     shutil.copy(ROOT / "Snakefile", folder)
     (folder / "params.yaml").write_text(dump(config, "test"))
     know_sources(folder)
@@ -46,15 +54,27 @@ def copy(folder: Path, config: Config) -> Path:
 
 def snakemake(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     environment = {**os.environ, "PYTHONPATH": str(folder)}
-    return subprocess.run([sys.executable, "-m", "snakemake", *words], cwd=folder, env=environment, capture_output=True, text=True)
+    return subprocess.run(
+        [sys.executable, "-m", "snakemake", *words],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+    )
 
 
 def planned(folder: Path, *words: str) -> dict[str, int]:
     """Number of jobs of each rule that Snakemake would run."""
     done = snakemake(folder, "-n", *words)
     assert done.returncode == 0, done.stderr
-    table = re.search(r"Job stats:\njob +count\n[- ]+\n(.*?)\ntotal", done.stdout + done.stderr, re.DOTALL)
-    return {} if table is None else {name: int(count) for name, count in (line.split() for line in table[1].splitlines())}
+    table = re.search(
+        r"Job stats:\njob +count\n[- ]+\n(.*?)\ntotal", done.stdout + done.stderr, re.DOTALL
+    )
+    return (
+        {}
+        if table is None
+        else {name: int(count) for name, count in (line.split() for line in table[1].splitlines())}
+    )
 
 
 def jobs_of(study: str, *overrides: str) -> Jobs:
@@ -70,7 +90,12 @@ def today(*overrides: str) -> Stamps:
 def test_every_study_plans(study: str, tmp_path: Path) -> None:
     config = compose(study, [])
     jobs = planned(copy(tmp_path, config))
-    last = {"report": "report", "base": "train", "front_car": "front_car_report", "detectors": "detector_report"}
+    last = {
+        "report": "report",
+        "base": "train",
+        "front_car": "front_car_report",
+        "detectors": "detector_report",
+    }
     assert last[config.goal] in jobs
     assert ("render_base" in jobs) == (config.goal in ("report", "base"))
     assert ("export" in jobs) == (study == "published")
@@ -78,10 +103,15 @@ def test_every_study_plans(study: str, tmp_path: Path) -> None:
 
 def test_the_stages_of_dvc_make_the_whole_study(tmp_path: Path) -> None:
     folder = copy(tmp_path, compose("default", []))
-    commands = [stage["cmd"].split() for stage in yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"].values()]
+    commands = [
+        stage["cmd"].split()
+        for stage in yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"].values()
+    ]
     assert {program for program, _ in commands} == {"snakemake"}
     by_stage, whole = planned(folder, *(target for _, target in commands)), planned(folder)
-    assert {name: by_stage.get(name) for name in step_names() if name in whole} == {n: c for n, c in whole.items() if n != "all"}
+    assert {name: by_stage.get(name) for name in step_names() if name in whole} == {
+        n: c for n, c in whole.items() if n != "all"
+    }
 
 
 def test_the_snakefile_lists_every_step() -> None:
@@ -94,7 +124,10 @@ def test_the_snakefile_lists_every_step() -> None:
     [
         ("tests: eighty", "params.yaml: campaign.tests: expected a whole number"),
         ("tests: [40", "params.yaml, line"),
-        (None, "params.yaml: no such file in {folder}; make it with `python -m pipeline compose study=default`"),
+        (
+            None,
+            "params.yaml: no such file in {folder}; make it with `python -m pipeline compose study=default`",
+        ),
     ],
 )
 def test_an_error_in_params_is_one_line(wrong: str | None, told: str, tmp_path: Path) -> None:
@@ -119,7 +152,9 @@ def test_the_command_line_of_snakemake_does_not_change_the_study(tmp_path: Path)
         done = snakemake(folder, "-n", *words)
         (line,) = [line for line in done.stderr.splitlines() if "profile" not in line]
         assert done.returncode == 2
-        assert line.startswith(f"error: {words[0]} would change only a part of the study; type: python -m pipeline compose study=NAME")
+        assert line.startswith(
+            f"error: {words[0]} would change only a part of the study; type: python -m pipeline compose study=NAME"
+        )
     # test-detector names a study by the file in the study's folder.
     own = other.with_name("params.yaml")
     other.rename(own)
@@ -128,7 +163,10 @@ def test_the_command_line_of_snakemake_does_not_change_the_study(tmp_path: Path)
     done = snakemake(folder, "-n", "--configfile", str(own))
     (line,) = [line for line in done.stderr.splitlines() if "profile" not in line]
     assert done.returncode == 2
-    assert re.match(r"error: .*data/smoke/params\.yaml, line \d+: not valid YAML \(the key 'study' appears twice", line)
+    assert re.match(
+        r"error: .*data/smoke/params\.yaml, line \d+: not valid YAML \(the key 'study' appears twice",
+        line,
+    )
 
 
 def test_snakemake_runs_by_its_path_from_anywhere(tmp_path: Path) -> None:
@@ -140,8 +178,12 @@ def test_snakemake_runs_by_its_path_from_anywhere(tmp_path: Path) -> None:
     assert len(list((folder / "data/smoke/space").glob("*.json"))) == 3
 
 
-@pytest.mark.parametrize(("limit", "left"), [([], False), (["--max-jobs-per-timespan", "50/1s"], True)])
-def test_jobs_leave_no_timers_behind_unless_the_user_limits_them(limit: list[str], left: bool, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("limit", "left"), [([], False), (["--max-jobs-per-timespan", "50/1s"], True)]
+)
+def test_jobs_leave_no_timers_behind_unless_the_user_limits_them(
+    limit: list[str], left: bool, tmp_path: Path
+) -> None:
     folder = copy(tmp_path, compose("smoke", []))
     timers = "sum(isinstance(thread, threading.Timer) for thread in threading.enumerate())"
     with open(folder / "Snakefile", "a") as stream:
@@ -179,7 +221,9 @@ def test_stamps_decide_what_runs_again(tmp_path: Path) -> None:
 def test_a_job_that_outlives_its_snakemake_is_not_done_again(tmp_path: Path) -> None:
     folder = copy(tmp_path, compose("smoke", []))
     words = [sys.executable, "-m", "snakemake", "--cores", "1", "spaces"]
-    first = subprocess.Popen(words, cwd=folder, env={**os.environ, "PYTHONPATH": str(folder)}, stderr=subprocess.DEVNULL)
+    first = subprocess.Popen(
+        words, cwd=folder, env={**os.environ, "PYTHONPATH": str(folder)}, stderr=subprocess.DEVNULL
+    )
     awaited(folder / ".snakemake/scripts", "*.py")
     time.sleep(0.3)  # The job has begun; it takes a second to import.
     first.kill()
@@ -201,7 +245,10 @@ def test_the_order_of_variables_counts_because_it_determines_the_tests() -> None
     plain = json.loads(config.model_dump_json())
     plain["scenarios"]["F1"]["space"] = dict(reversed(plain["scenarios"]["F1"]["space"].items()))
     other = Config.model_validate_json(json.dumps(plain))
-    first, second = (Stamps(Jobs(one, step_names())).stamp("define_space", {"scenario": "F1"}) for one in (config, other))
+    first, second = (
+        Stamps(Jobs(one, step_names())).stamp("define_space", {"scenario": "F1"})
+        for one in (config, other)
+    )
     assert first != second and config.space("F1") != other.space("F1")
 
 
@@ -212,7 +259,11 @@ def made(folder: Path, config: Config) -> Jobs:
     for target, outputs in study.in_order():
         for path in (folder / output for output in outputs if not output.endswith("/")):
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(Stamp(stamps.stamp(target.step, dict(target.wildcards))).text() if path.suffix == ".stamp" else "content")
+            path.write_text(
+                Stamp(stamps.stamp(target.step, dict(target.wildcards))).text()
+                if path.suffix == ".stamp"
+                else "content"
+            )
         for path in (folder / output for output in outputs if output.endswith("/")):
             path.mkdir(parents=True, exist_ok=True)
     return study
@@ -223,7 +274,14 @@ def test_a_stale_job_takes_all_jobs_after_it_along(tmp_path: Path) -> None:
     made(folder, compose("smoke", []))
     assert planned(folder) == {}
     (folder / "data/smoke/regions/base/F1.json.stamp").unlink()
-    assert planned(folder) == {"cluster": 1, "compare": 1, "report": 1, "evidence": 1, "track": 1, "all": 1}
+    assert planned(folder) == {
+        "cluster": 1,
+        "compare": 1,
+        "report": 1,
+        "evidence": 1,
+        "track": 1,
+        "all": 1,
+    }
     (folder / "params.yaml").write_text(dump(compose("smoke", ["base_set.seed=5"]), "test"))
     jobs = planned(folder)
     after = {
@@ -249,7 +307,9 @@ def test_files_asked_for_by_name_may_have_any_reasons(tmp_path: Path) -> None:
     assert snakemake(folder, "spaces").returncode == 0
     changed = compose("smoke", ["scenarios.F1.label=one", "scenarios.F2.label=two"])
     (folder / "params.yaml").write_text(dump(changed, "test"))
-    assert planned(folder, "data/smoke/space/F1.json", "data/smoke/space/F2.json") == {"define_space": 2}
+    assert planned(folder, "data/smoke/space/F1.json", "data/smoke/space/F2.json") == {
+        "define_space": 2
+    }
 
 
 def test_the_reason_of_a_job_names_what_changed(tmp_path: Path) -> None:
@@ -261,13 +321,18 @@ def test_the_reason_of_a_job_names_what_changed(tmp_path: Path) -> None:
         found = re.findall(r"reason: (.*)", done.stdout + done.stderr)
         return "\n".join(dict.fromkeys(line for line in found if ".snakemake/changed" in line))
 
-    (folder / "params.yaml").write_text(dump(compose("smoke", ["scenarios.F2.label=another"]), "test"))
+    (folder / "params.yaml").write_text(
+        dump(compose("smoke", ["scenarios.F2.label=another"]), "test")
+    )
     assert told() == "Updated input files: .snakemake/changed/define_space/F2/scenarios.F2.label"
     (folder / "params.yaml").write_text(dump(compose("smoke", []), "test"))
     source = folder / "pipeline" / "steps" / "define_space.py"
     source.write_text(source.read_text() + "\n# changed\n")
     of_code = told()
-    assert all(f".snakemake/changed/define_space/{name}/pipeline_steps_define_space.py" in of_code for name in ("F1", "F1star", "F2"))
+    assert all(
+        f".snakemake/changed/define_space/{name}/pipeline_steps_define_space.py" in of_code
+        for name in ("F1", "F1star", "F2")
+    )
     (folder / "data/smoke/space/F1.json.stamp").unlink()
     assert ".snakemake/changed/define_space/F1/no_stamp" in told()
     # The cache of parts is lost.
@@ -275,7 +340,9 @@ def test_the_reason_of_a_job_names_what_changed(tmp_path: Path) -> None:
     assert ".snakemake/changed/define_space/F2/other_settings_or_code" in told()
 
 
-def test_the_reason_of_a_later_job_is_the_key_that_changed_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_reason_of_a_later_job_is_the_key_that_changed_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     for path in ("models",):
         (tmp_path / path).symlink_to(ROOT / path)
@@ -285,8 +352,12 @@ def test_the_reason_of_a_later_job_is_the_key_that_changed_first(tmp_path: Path,
     assert set(changed.reasons(Target("report", ()))) == {"campaign.tests", "retraining.iterations"}
 
 
-@pytest.mark.parametrize("named", ["{}/mine.onnx", "../mine.onnx", "{}/" + 60 * "deep/" + "mine.onnx"])
-def test_a_reason_never_replaces_the_file_that_it_names(named: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    "named", ["{}/mine.onnx", "../mine.onnx", "{}/" + 60 * "deep/" + "mine.onnx"]
+)
+def test_a_reason_never_replaces_the_file_that_it_names(
+    named: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     project = tmp_path / "project"
     project.mkdir()
     monkeypatch.chdir(project)
@@ -296,7 +367,9 @@ def test_a_reason_never_replaces_the_file_that_it_names(named: str, tmp_path: Pa
     mine.write_text("before")
     study = made(project, compose("smoke", ["goal=detectors", f"+tested.mine={mine}"]))
     mine.write_text("after")
-    marks = Staleness(Stamps(study)).marks(Target.of("campaign", {**CAMPAIGN, "version": "mine"}))["changed"]
+    marks = Staleness(Stamps(study)).marks(Target.of("campaign", {**CAMPAIGN, "version": "mine"}))[
+        "changed"
+    ]
     assert mine.read_text() == "after"
     folder = Path(".snakemake/changed/campaign/campaigns/F1/0/random/mine")
     assert [Path(mark).parent for mark in marks] == [folder] and marks[0].endswith("mine.onnx")
@@ -312,13 +385,19 @@ def test_every_page_and_plot_has_a_category_and_a_caption() -> None:
     used = set()
     for study in STUDIES:
         found = jobs_of(study)
-        paths = [path for step in found.contracts.values() for path in flat(step.outputs(found.folders))]
+        paths = [
+            path for step in found.contracts.values() for path in flat(step.outputs(found.folders))
+        ]
         used |= {entry(path) for path in paths if path.endswith((".html", ".png"))}
     for listed in used:
         assert (ROOT / "pipeline/rules" / listed.caption).read_text().strip().endswith(".")
     kinds = {listed.kind for listed in used}
     # Only studies of several rounds have the plot `rounds`.
-    assert kinds | {"rounds"} == set(CATEGORIES) == {path.stem for path in (ROOT / "pipeline/rules/captions").iterdir()}
+    assert (
+        kinds | {"rounds"}
+        == set(CATEGORIES)
+        == {path.stem for path in (ROOT / "pipeline/rules/captions").iterdir()}
+    )
 
 
 def test_snakemake_reports_with_captions_and_categories(tmp_path: Path) -> None:
@@ -350,7 +429,9 @@ def test_the_same_reason_twice_makes_a_job_again_twice(tmp_path: Path) -> None:
     folder = copy(tmp_path, compose("smoke", []))
     assert snakemake(folder, "spaces").returncode == 0
     for label in ("second", "third"):
-        (folder / "params.yaml").write_text(dump(compose("smoke", [f"scenarios.F2.label={label}"]), "test"))
+        (folder / "params.yaml").write_text(
+            dump(compose("smoke", [f"scenarios.F2.label={label}"]), "test")
+        )
         assert planned(folder, "spaces")["define_space"] == 1
         assert snakemake(folder, "spaces").returncode == 0
         assert planned(folder, "spaces") == {}
@@ -360,10 +441,22 @@ def test_sources_follow_the_imports() -> None:
     cluster = sources.sources("pipeline.steps.cluster")
     assert "pipeline/core/regions.py" in cluster and "pipeline/steps/cluster.py" in cluster
     assert "pipeline/detectors/yolo/loss.py" not in cluster
-    page = {"page.html.jinja", "assets/explorer.js", "assets/explorer.css", "assets/libraries.min.js", "assets/libraries.css"}
-    assert {f"pipeline/report/{name}" for name in page} <= set(sources.sources("pipeline.steps.report"))
+    page = {
+        "page.html.jinja",
+        "assets/explorer.js",
+        "assets/explorer.css",
+        "assets/libraries.min.js",
+        "assets/libraries.css",
+    }
+    assert {f"pipeline/report/{name}" for name in page} <= set(
+        sources.sources("pipeline.steps.report")
+    )
     # Importing a module runs the packages above it, which import others.
-    drawn = {"pipeline/__init__.py", "pipeline/simulators/mujoco/__init__.py", "pipeline/simulators/gl.py"}
+    drawn = {
+        "pipeline/__init__.py",
+        "pipeline/simulators/mujoco/__init__.py",
+        "pipeline/simulators/gl.py",
+    }
     assert drawn <= set(sources.sources("pipeline.simulators.mujoco.vehicles"))
     assert "pipeline/detectors/yolo/loss.py" in sources.sources("pipeline.steps.retrain")
 
@@ -372,13 +465,21 @@ def test_what_a_changed_key_makes_stale() -> None:
     def stamps(*overrides: str) -> dict[str, str]:
         made = today(*overrides)
         held_out = {**CAMPAIGN, "kind": "held_out", "scenario": "F1star", "strategy": "pairwise"}
-        jobs = {"search": ("campaign", CAMPAIGN), "held_out": ("campaign", held_out), "version": ("retrain", {"version": "adaptive"})}
+        jobs = {
+            "search": ("campaign", CAMPAIGN),
+            "held_out": ("campaign", held_out),
+            "version": ("retrain", {"version": "adaptive"}),
+        }
         return {name: made.stamp(*job) for name, job in jobs.items()}
 
     first = stamps()
     # One more round or seed leaves the present versions unchanged; another first seed does not.
     assert stamps("retraining.rounds=3", "retraining.seeds=[0,1]") == first
-    assert stamps("retraining.seeds=[7]") == {**first, "version": stamps("retraining.seeds=[7]")["version"]} != first
+    assert (
+        stamps("retraining.seeds=[7]")
+        == {**first, "version": stamps("retraining.seeds=[7]")["version"]}
+        != first
+    )
     assert stamps("retraining.iterations=7")["version"] != first["version"]
     # The failure threshold concerns all executions; the size of the search does not concern the comparison.
     threshold, tests = stamps("campaign.failure_threshold_s=0.2"), stamps("campaign.tests=7")
@@ -388,7 +489,11 @@ def test_what_a_changed_key_makes_stale() -> None:
 
 def test_a_newly_held_out_town_is_checked_again() -> None:
     first, other = today(), today("held_out=[F1star,F2star]")
-    for step, wildcards in (("render_base", {}), ("train", {}), ("retrain", {"version": "control"})):
+    for step, wildcards in (
+        ("render_base", {}),
+        ("train", {}),
+        ("retrain", {"version": "control"}),
+    ):
         assert first.stamp(step, wildcards) != other.stamp(step, wildcards), step
 
 
@@ -400,13 +505,20 @@ def test_a_persons_changed_table_makes_the_filter_and_the_versions_that_learn_fr
 
     def stamps(row: str) -> dict[Target, str]:
         Path("mine.csv").write_text(f"test_id,step,keep\n{row}")
-        made = Stamps(Jobs(compose("default", []).model_copy(update={"filter": OVERRULED}), step_names()))
+        made = Stamps(
+            Jobs(compose("default", []).model_copy(update={"filter": OVERRULED}), step_names())
+        )
         return {job: made.stamp(job.step, dict(job.wildcards)) for job, _ in made.jobs.in_order()}
 
     first, other = stamps(""), stamps("F1-random-base-0-00001,0,false\n")
     changed = {job for job in first if first[job] != other[job]}
-    assert {job.step for job in changed if dict(job.wildcards).get("version") == "base"} == {"filter"}
-    assert {dict(job.wildcards)["version"] for job in changed if job.step == "retrain"} == {"random", "adaptive"}
+    assert {job.step for job in changed if dict(job.wildcards).get("version") == "base"} == {
+        "filter"
+    }
+    assert {dict(job.wildcards)["version"] for job in changed if job.step == "retrain"} == {
+        "random",
+        "adaptive",
+    }
 
 
 OVERRULED = compose("default", []).filter.model_copy(update={"overrules": "mine.csv"})
@@ -422,10 +534,14 @@ def test_a_step_depends_on_the_stamps_of_its_inputs() -> None:
     first, other = today(), today("base_set.seed=5")
     assert first.stamp("train", {}) != other.stamp("train", {})
     assert first.stamp("measure", {}) != other.stamp("measure", {})
-    assert first.stamp("define_space", {"scenario": "F1"}) == other.stamp("define_space", {"scenario": "F1"})
+    assert first.stamp("define_space", {"scenario": "F1"}) == other.stamp(
+        "define_space", {"scenario": "F1"}
+    )
 
 
-def test_a_changed_file_in_a_detectors_folder_makes_its_campaigns_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_changed_file_in_a_detectors_folder_makes_its_campaigns_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     mine = tmp_path / "mine"
     mine.mkdir()
     read: list[Path] = []
@@ -439,7 +555,10 @@ def test_a_changed_file_in_a_detectors_folder_makes_its_campaigns_again(tmp_path
     def stamps(weights: str) -> set[str]:
         (mine / "model.safetensors").write_text(weights)
         made = today("goal=detectors", f"+tested.mine={mine}")
-        return {made.stamp("campaign", {**CAMPAIGN, "version": "mine", "seed": seed}) for seed in ("0", "1")}
+        return {
+            made.stamp("campaign", {**CAMPAIGN, "version": "mine", "seed": seed})
+            for seed in ("0", "1")
+        }
 
     first = stamps("first")
     assert read == [mine], "two jobs read the folder"
@@ -450,23 +569,35 @@ def test_only_a_whole_run_prints_its_verdict(monkeypatch: pytest.MonkeyPatch) ->
     study = Plan(jobs_of("default"), Path("data/mine/params.yaml"))
     told: list[list[str]] = []
     monkeypatch.setattr(subprocess, "run", lambda command, **_: told.append(command))
-    for part in ({"targets": {"search"}}, {"targets": {study.jobs.folders.goals[0]}}, {"until": {"compare"}}, {"omit_from": {"report"}}):
+    for part in (
+        {"targets": {"search"}},
+        {"targets": {study.jobs.folders.goals[0]}},
+        {"until": {"compare"}},
+        {"omit_from": {"report"}},
+    ):
         study.finish(DAGSettings(**{name: frozenset(values) for name, values in part.items()}))
     assert not told
     for whole in ((), ("all",), study.jobs.folders.goals, ("track",)):
         study.finish(DAGSettings(targets=list(whole)))  # As Snakemake's command line passes them.
-    assert [command[3:] for command in told] == [["verdict", "--params", "data/mine/params.yaml"]] * 4
+    assert [command[3:] for command in told] == [
+        ["verdict", "--params", "data/mine/params.yaml"]
+    ] * 4
     monkeypatch.setenv("BLINDSPOT_VERDICT_FOLLOWS", "1")
     study.finish(DAGSettings())
     assert len(told) == 4
 
 
 def test_a_search_without_kept_frames_is_refused_at_the_start() -> None:
-    with pytest.raises(InputError, match=r"^campaign\.keep_every must be at least 1, got 0: no frame would be left to train on$"):
+    with pytest.raises(
+        InputError,
+        match=r"^campaign\.keep_every must be at least 1, got 0: no frame would be left to train on$",
+    ):
         jobs_of("default", "campaign.keep_every=0")
 
 
-def test_a_cache_that_cannot_be_written_stops_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cache_that_cannot_be_written_stops_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     paths = sources.sources("pipeline.errors")
     monkeypatch.chdir(tmp_path)
     (tmp_path / ".cache").symlink_to("/nowhere/cache")
@@ -477,11 +608,15 @@ def test_a_cache_that_cannot_be_written_stops_nothing(tmp_path: Path, monkeypatc
 
 def test_no_sign_in_a_text_hides_code() -> None:
     code = "x = 1\ny = '\u2028'\n\x0cz = 2\nw = 3\n"
-    text = "'''A module.'''\n" + code.replace("1", "1  # Why.").replace("z = 2", "z = 2\n'''Of z.'''")
+    text = "'''A module.'''\n" + code.replace("1", "1  # Why.").replace(
+        "z = 2", "z = 2\n'''Of z.'''"
+    )
     assert sources._code("module.py", text.encode()).decode() == code
 
 
-def test_a_changed_line_makes_exactly_its_steps_stale_but_no_comment_or_docstring(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_changed_line_makes_exactly_its_steps_stale_but_no_comment_or_docstring(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     folder = copy(tmp_path, compose("smoke", []))
 
     def digests() -> dict[str, str]:
@@ -502,24 +637,57 @@ def test_a_changed_line_makes_exactly_its_steps_stale_but_no_comment_or_docstrin
     after = digests()
     digests()
     assert commented == documented == before
-    assert [step for step in before if before[step] != after[step]] == ["cluster", "compare", "evidence", "retrain"]
+    assert [step for step in before if before[step] != after[step]] == [
+        "cluster",
+        "compare",
+        "evidence",
+        "retrain",
+    ]
 
 
 def test_a_round_learns_from_all_campaigns_before_it(tmp_path: Path) -> None:
     config = compose("smoke", ["retraining.rounds=2", "retraining.seeds=[0,4]"])
     folders = Jobs(config, step_names()).folders
-    filters = {source: folders.added_filters("adaptive-r2-s4", source) for source in ("adaptive", "random")}
-    assert filters["adaptive"] == ["data/smoke/filter/mixed/base.csv", "data/smoke/retrained/filter/mixed/adaptive-s4.csv"]
-    assert filters["random"] == ["data/smoke/filter/random/base.csv", "data/smoke/retrained/filter/random/random-s4.csv"]
+    filters = {
+        source: folders.added_filters("adaptive-r2-s4", source) for source in ("adaptive", "random")
+    }
+    assert filters["adaptive"] == [
+        "data/smoke/filter/mixed/base.csv",
+        "data/smoke/retrained/filter/mixed/adaptive-s4.csv",
+    ]
+    assert filters["random"] == [
+        "data/smoke/filter/random/base.csv",
+        "data/smoke/retrained/filter/random/random-s4.csv",
+    ]
     frames = folders.added("adaptive-r2-s4", "adaptive", "frames.parquet")
     assert "data/smoke/retrained/campaigns/F2/mixed/adaptive-s4/0/frames.parquet" in frames
-    own = jobs_of("smoke", "retraining.rounds=2", "seeds=[0,4]", "retraining.seeds=[0,4]", "retraining.searches=own")
-    root, alone = "data/smoke/retrained/campaigns", own.folders.added("adaptive-r2-s4", "adaptive", "frames.parquet")
-    assert {path.split("/")[-2] for path in alone} == {"4"} and f"{root}/F2/mixed/adaptive-s4/4/frames.parquet" in alone
-    assert [path.split("/")[-3:-1] for path in own.folders.later_searches[:2]] == [["random", "0"], ["random", "0"]]
-    assert folders.parent("adaptive-r2-s4", "model.json") == "data/smoke/retrained/models/adaptive-s4/model.json"
+    own = jobs_of(
+        "smoke",
+        "retraining.rounds=2",
+        "seeds=[0,4]",
+        "retraining.seeds=[0,4]",
+        "retraining.searches=own",
+    )
+    root, alone = (
+        "data/smoke/retrained/campaigns",
+        own.folders.added("adaptive-r2-s4", "adaptive", "frames.parquet"),
+    )
+    assert {path.split("/")[-2] for path in alone} == {
+        "4"
+    } and f"{root}/F2/mixed/adaptive-s4/4/frames.parquet" in alone
+    assert [path.split("/")[-3:-1] for path in own.folders.later_searches[:2]] == [
+        ["random", "0"],
+        ["random", "0"],
+    ]
+    assert (
+        folders.parent("adaptive-r2-s4", "model.json")
+        == "data/smoke/retrained/models/adaptive-s4/model.json"
+    )
     later = folders.later_searches
-    assert "data/smoke/retrained/campaigns/F2/random/random/0/tests.parquet" in later and len(set(later)) == len(later) == 4 * 2
+    assert (
+        "data/smoke/retrained/campaigns/F2/random/random/0/tests.parquet" in later
+        and len(set(later)) == len(later) == 4 * 2
+    )
     assert "rounds.png" in " ".join(folders.plots) and len(folders.models("model.json")) == 13
     jobs = planned(copy(tmp_path, config))
     assert (jobs["filter"], jobs["retrain"]) == (6, 12)
@@ -527,14 +695,29 @@ def test_a_round_learns_from_all_campaigns_before_it(tmp_path: Path) -> None:
 
 def test_a_campaign_waits_for_the_campaigns_that_it_learns_from() -> None:
     folders = jobs_of("retraining", "search=[F1,F2,F5]", "campaign.transfer=[mixed]").folders
-    key = {"kind": "campaigns", "scenario": "F5", "strategy": "mixed", "version": "base", "seed": "0"}
-    assert folders.earlier(**key) == [f"data/retraining/campaigns/{name}/mixed/base/0/tests.parquet" for name in ("F1", "F2")]
-    later = folders.earlier(**key | {"kind": "retrained/campaigns", "scenario": "F2", "version": "adaptive"})
+    key = {
+        "kind": "campaigns",
+        "scenario": "F5",
+        "strategy": "mixed",
+        "version": "base",
+        "seed": "0",
+    }
+    assert folders.earlier(**key) == [
+        f"data/retraining/campaigns/{name}/mixed/base/0/tests.parquet" for name in ("F1", "F2")
+    ]
+    later = folders.earlier(
+        **key | {"kind": "retrained/campaigns", "scenario": "F2", "version": "adaptive"}
+    )
     assert later[0].startswith("data/retraining/retrained/campaigns/F1/")
-    assert not folders.earlier(**key | {"strategy": "random"}) and not folders.earlier(**key | {"kind": "held_out", "scenario": "F1star"})
+    assert not folders.earlier(**key | {"strategy": "random"}) and not folders.earlier(
+        **key | {"kind": "held_out", "scenario": "F1star"}
+    )
 
 
 def test_every_version_executes_the_sequences_of_one_seed() -> None:
-    paths = [Path(path) for path in jobs_of("retraining", "comparison.seed=3").folders.held_out("tests.parquet")]
+    paths = [
+        Path(path)
+        for path in jobs_of("retraining", "comparison.seed=3").folders.held_out("tests.parquet")
+    ]
     seeds = {(path.parts[-5], path.parts[-2]) for path in paths}
     assert len(paths) == 6 * 9 and seeds == {(f"F{i}star", "3") for i in range(1, 7)}

@@ -23,24 +23,40 @@ from tests.detectors.test_training import small
 from tests.studies import ROOT, StudyFolder
 
 
-def test_a_shipped_base_is_calibrated_on_the_same_images_as_the_other_versions(tmp_path: Path) -> None:
-    study = StudyFolder.composed(tmp_path, "smoke", ["base_set.images=80", "base_set.validation_share=0.75"])
+def test_a_shipped_base_is_calibrated_on_the_same_images_as_the_other_versions(
+    tmp_path: Path,
+) -> None:
+    study = StudyFolder.composed(
+        tmp_path, "smoke", ["base_set.images=80", "base_set.validation_share=0.75"]
+    )
     assert study.run("render-base") == 0 and study.run("train") == 0
-    validation, made, shipped = read_dataset(study / "base_set", "val"), study / "models/base", ROOT / "models/uniform"
-    export_onnx(tmp_path / "plain.onnx", load_weights(made / "weights.safetensors"), validation.size)
-    expected = calibrate(detect_all(tmp_path / "plain.onnx", validation, lambda *_: None), validation)
+    validation, made, shipped = (
+        read_dataset(study / "base_set", "val"),
+        study / "models/base",
+        ROOT / "models/uniform",
+    )
+    export_onnx(
+        tmp_path / "plain.onnx", load_weights(made / "weights.safetensors"), validation.size
+    )
+    expected = calibrate(
+        detect_all(tmp_path / "plain.onnx", validation, lambda *_: None), validation
+    )
     found = read_card(made / "model.json")
     assert found.calibration == pytest.approx({"slope": expected.slope, "offset": expected.offset})
     assert found.calibration != read_card(shipped / "model.json").calibration
     assert found.weights_sha256 == read_card(shipped / "model.json").weights_sha256
 
 
-def test_a_version_is_measured_with_its_calibrated_scores(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_version_is_measured_with_its_calibrated_scores(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     config, out = compose("base", ["detector.threshold=0.5"]), tmp_path / "model.json"
     monkeypatch.setattr(versions, "export_onnx", Mock())
     monkeypatch.setattr(versions, "detect_all", lambda *_: [said((PERSON, 0.3))])
     monkeypatch.setattr(versions, "calibrate", lambda *_: Calibration(slope=1, offset=3))
     assert Calibration(slope=1, offset=3).apply([0.3]) == pytest.approx([0.9], abs=0.01)
     origin = versions.Origin("base", None, {}, {}, 0, Worlds())
-    versions.write_version(config, Fitted(small(), ()), images(VISIBLE), origin, out, lambda *_: None)
+    versions.write_version(
+        config, Fitted(small(), ()), images(VISIBLE), origin, out, lambda *_: None
+    )
     assert read_card(out).metrics["recall"] == 1

@@ -120,7 +120,11 @@ def _improve(grid: Grid, row: Int32s, column: int, worth: Int32s | Ints) -> bool
             gains[category] += worth[cell + category * step[column, q]]
     chosen, ties, better = row[column], 1, False
     for category in range(size):
-        if category == row[column] or gains[category] < gains[chosen] or not _may_change(row, column, category, grid.clauses):
+        if (
+            category == row[column]
+            or gains[category] < gains[chosen]
+            or not _may_change(row, column, category, grid.clauses)
+        ):
             continue
         if gains[category] > gains[chosen]:
             chosen, ties, better = category, 1, True
@@ -142,7 +146,10 @@ def anneal(grid: Grid, rows: Int32s, counts: Int32s, cooling: Cooling) -> int:
     for i in range(left):
         cover.cells[i], cover.place[uncovered[i]] = uncovered[i], i
     constrained = len(clauses.of) > 0
-    factor, temperature = (cooling.cold / cooling.hot) ** (1.0 / max(1, cooling.iterations)), cooling.hot
+    factor, temperature = (
+        (cooling.cold / cooling.hot) ** (1.0 / max(1, cooling.iterations)),
+        cooling.hot,
+    )
     for _ in range(cooling.iterations):
         if left == 0:
             break
@@ -151,7 +158,9 @@ def anneal(grid: Grid, rows: Int32s, counts: Int32s, cooling: Cooling) -> int:
         plane = np.searchsorted(first, cell, side="right") - 1
         rest = cell - first[plane]
         if constrained and np.random.random() < FORCED:
-            left = _force(grid, rows[np.random.randint(len(rows))], (plane, rest), cover, (left, temperature))
+            left = _force(
+                grid, rows[np.random.randint(len(rows))], (plane, rest), cover, (left, temperature)
+            )
             continue
         r, column, category, lacking = _nearest(rows, columns[plane], stride[plane], rest, clauses)
         if r < 0 or (lacking > 1 and np.random.random() < SHAKEN):
@@ -168,7 +177,9 @@ def anneal(grid: Grid, rows: Int32s, counts: Int32s, cooling: Cooling) -> int:
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def _force(grid: Grid, row: Int32s, cell: tuple[int, int], cover: Cover, state: tuple[int, float]) -> int:
+def _force(
+    grid: Grid, row: Int32s, cell: tuple[int, int], cover: Cover, state: tuple[int, float]
+) -> int:
     """Put a row into a cell, repair the clauses that this breaks, and keep the result by Metropolis' rule; returns the uncovered cells.
 
     cell: its plane and its place in the plane. state: the number of uncovered cells, and the temperature in cells.
@@ -191,7 +202,9 @@ def _force(grid: Grid, row: Int32s, cell: tuple[int, int], cover: Cover, state: 
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def _nearest(rows: Int32s, columns: Int32s, stride: Int32s, cell: int, clauses: Clauses) -> tuple[int, int, int, int]:
+def _nearest(
+    rows: Int32s, columns: Int32s, stride: Int32s, cell: int, clauses: Clauses
+) -> tuple[int, int, int, int]:
     """The row that lacks the fewest of a cell's categories and may take one of them, that column and category, and the number it lacks.
 
     cell: its place in the plane of these columns. The row is -1 if none may.

@@ -66,7 +66,12 @@ class CoveringArray:
 
 
 def covering_array(
-    constraints: Constraints, strength: int | Mixed = 2, *, seeds: Ints | None = None, seed: int = 0, effort: Effort = QUICK
+    constraints: Constraints,
+    strength: int | Mixed = 2,
+    *,
+    seeds: Ints | None = None,
+    seed: int = 0,
+    effort: Effort = QUICK,
 ) -> CoveringArray:
     """A covering array over the variables of `constraints`.
 
@@ -77,11 +82,15 @@ def covering_array(
     """
     sizes, mixed = constraints.sizes, Mixed(strength) if isinstance(strength, int) else strength
     if not 1 <= mixed.strength <= min(STRONGEST, len(sizes)):
-        raise ValueError(f"strength must be in [1, {min(STRONGEST, len(sizes))}], got {mixed.strength}")
+        raise ValueError(
+            f"strength must be in [1, {min(STRONGEST, len(sizes))}], got {mixed.strength}"
+        )
     planes = all_planes(len(sizes), mixed)
     limits = copy_for(constraints, planes)
     if not limits.satisfiable({}):
-        raise ValueError(f"clauses {', '.join(map(str, limits.contradiction()))} contradict each other: no row is feasible")
+        raise ValueError(
+            f"clauses {', '.join(map(str, limits.contradiction()))} contradict each other: no row is feasible"
+        )
     given = np.zeros((0, len(sizes)), np.int32) if seeds is None else np.asarray(seeds, np.int32)
     if (given < 0).any():
         raise ValueError("seed rows need a category for each variable")
@@ -89,7 +98,12 @@ def covering_array(
     if broken := limits.first_broken(given.astype(np.int64)):
         raise ValueError(f"seed row {broken[0]} breaks clause {broken[1]}")
     started = effort.clock()
-    bound = max([lower_bound(sizes, mixed.strength, limits), *(_bound_of(named, limits) for named in mixed.extras.planes)])
+    bound = max(
+        [
+            lower_bound(sizes, mixed.strength, limits),
+            *(_bound_of(named, limits) for named in mixed.extras.planes),
+        ]
+    )
 
     if bound > MOST_ROWS:
         needed = f"a plan needs at least {bound:,} points, at most {MOST_ROWS:,} can be planned"
@@ -109,12 +123,21 @@ def covering_array(
         limit = _limit(effort.polish_s, effort, started, bound)
         rows = search.polish(search.start(lambda: limit.spent() < limit.seconds), bound, limit)
     rows = rows[:, : len(sizes)]
-    return CoveringArray(rows.astype(np.int64), mixed.strength, int(search.problem.required.sum()), min(bound, len(rows)))
+    return CoveringArray(
+        rows.astype(np.int64),
+        mixed.strength,
+        int(search.problem.required.sum()),
+        min(bound, len(rows)),
+    )
 
 
 def _bound_of(named: NamedPlanes, constraints: Constraints) -> int:
     """A lower bound of the rows that named planes need; 0 with constraints, where the emptiest plane decides."""
-    return 0 if constraints.clauses else lower_bound([constraints.sizes[v] for v in named.variables], named.strength)
+    return (
+        0
+        if constraints.clauses
+        else lower_bound([constraints.sizes[v] for v in named.variables], named.strength)
+    )
 
 
 def _limit(seconds: float, effort: Effort, started: float, bound: int) -> Limit:

@@ -17,7 +17,10 @@ def lower_bound(sizes: Sequence[int], strength: int, constraints: Constraints | 
     all other columns with strength t - 1.
     """
     if constraints is not None and constraints.clauses:
-        largest = sorted(combinations(range(len(sizes)), strength), key=lambda plane: -prod(sizes[c] for c in plane))
+        largest = sorted(
+            combinations(range(len(sizes)), strength),
+            key=lambda plane: -prod(sizes[c] for c in plane),
+        )
         best = 0
         for plane in largest:
             if prod(sizes[c] for c in plane) <= best:

@@ -15,14 +15,23 @@ from pipeline.core.space import Ints
 
 
 def certified_array(
-    constraints: Constraints, strength: int | Mixed = 2, *, seeds: Ints | None = None, seed: int = 0, effort: Effort = QUICK
+    constraints: Constraints,
+    strength: int | Mixed = 2,
+    *,
+    seeds: Ints | None = None,
+    seed: int = 0,
+    effort: Effort = QUICK,
 ) -> CoveringArray:
     """The smallest covering array, proved by integer programming, if the domain is small enough; else `covering_array`'s.
 
     Arguments and errors are those of `covering_array`. No time goes into polishing an array that is proved to be the smallest.
     """
-    quick = covering_array(constraints, strength, seeds=seeds, seed=seed, effort=replace(effort, polish_s=None))
-    array = quick if quick.size == quick.lower_bound else _proved(quick, constraints, strength, seeds)
+    quick = covering_array(
+        constraints, strength, seeds=seeds, seed=seed, effort=replace(effort, polish_s=None)
+    )
+    array = (
+        quick if quick.size == quick.lower_bound else _proved(quick, constraints, strength, seeds)
+    )
     if effort.polish_s is None or array.size == array.lower_bound:
         return array
     polished = covering_array(constraints, strength, seeds=seeds, seed=seed, effort=effort)
@@ -30,10 +39,14 @@ def certified_array(
     return replace(array, rows=fewer, lower_bound=max(array.lower_bound, polished.lower_bound))
 
 
-def _proved(array: CoveringArray, constraints: Constraints, strength: int | Mixed, seeds: Ints | None) -> CoveringArray:
+def _proved(
+    array: CoveringArray, constraints: Constraints, strength: int | Mixed, seeds: Ints | None
+) -> CoveringArray:
     """The array with a better bound, or a smaller one, if there is a programme for it."""
     given = np.zeros((0, len(constraints.sizes)), np.int64) if seeds is None else seeds
-    planes = all_planes(len(constraints.sizes), Mixed(strength) if isinstance(strength, int) else strength)
+    planes = all_planes(
+        len(constraints.sizes), Mixed(strength) if isinstance(strength, int) else strength
+    )
     limits = copy_for(constraints, planes)
     problem = lay_out(limits, planes)
     given = np.pad(given, ((0, 0), (0, len(limits.sizes) - len(constraints.sizes))))

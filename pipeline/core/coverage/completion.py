@@ -86,12 +86,19 @@ class Programme:
             np.ones(count),
             integrality=np.ones(count),
             bounds=Bounds(0, self.wanted.max()),
-            constraints=[LinearConstraint(self.helps, self.wanted, np.inf), LinearConstraint(np.ones((1, count)), low, high)],
+            constraints=[
+                LinearConstraint(self.helps, self.wanted, np.inf),
+                LinearConstraint(np.ones((1, count)), low, high),
+            ],
             options={"node_limit": max(1, WORK // count), "mip_rel_gap": 0.0},
         )
         if result.status == INFEASIBLE_STATUS:
             return None, int(high) + 1
-        bound = low if result.mip_dual_bound is None else max(low, int(np.ceil(result.mip_dual_bound - TOLERANCE)))
+        bound = (
+            low
+            if result.mip_dual_bound is None
+            else max(low, int(np.ceil(result.mip_dual_bound - TOLERANCE)))
+        )
         if result.x is None:
             return None, bound
         numbers = np.rint(result.x).astype(np.int64)
@@ -99,7 +106,10 @@ class Programme:
         return self._rows(np.repeat(self.kinds, numbers, axis=0)), bound
 
     def _rows(self, chosen: Ints) -> Ints:
-        rows = [self.constraints.complete(dict(zip(self.columns, row.tolist(), strict=True))) for row in chosen]
+        rows = [
+            self.constraints.complete(dict(zip(self.columns, row.tolist(), strict=True)))
+            for row in chosen
+        ]
         return np.array(rows, np.int64)
 
 
@@ -126,8 +136,16 @@ def _programme(task: Task, columns: list[int], most: int) -> Programme | None:
     grid, place = task.problem.grid, np.zeros(len(task.problem.sizes), np.int64)
     place[columns] = np.arange(len(columns))
     inside = np.flatnonzero(np.isin(grid.planes, columns).all(axis=1))
-    cells = np.stack([grid.first[plane] + points[:, place[grid.planes[plane]]] @ grid.stride[plane] for plane in inside], axis=1)
-    cells, first = np.unique(np.where(task.missing[cells] > 0, cells, -1), axis=0, return_index=True)
+    cells = np.stack(
+        [
+            grid.first[plane] + points[:, place[grid.planes[plane]]] @ grid.stride[plane]
+            for plane in inside
+        ],
+        axis=1,
+    )
+    cells, first = np.unique(
+        np.where(task.missing[cells] > 0, cells, -1), axis=0, return_index=True
+    )
     if len(first) > most:
         return None
     kind, at = np.nonzero(cells >= 0)
@@ -152,7 +170,9 @@ def _feasible_points(columns: list[int], constraints: Constraints) -> Ints | Non
     points = points[:, columns]
     if constraints.named <= set(columns):
         return points
-    possible = [constraints.satisfiable(dict(zip(columns, row.tolist(), strict=True))) for row in points]
+    possible = [
+        constraints.satisfiable(dict(zip(columns, row.tolist(), strict=True))) for row in points
+    ]
     return points[np.array(possible, np.bool_)]
 
 

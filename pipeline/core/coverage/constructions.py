@@ -111,7 +111,10 @@ def cyclic(sizes: tuple[int, ...], fewer_than: int, seed: int) -> Int32s | None:
     if starter[0] < 0:
         return None
     rotated = np.array([np.roll(starter, -shift) for shift in range(columns)])
-    shifted = [np.where(rotated == categories - 1, rotated, (rotated + by) % (categories - 1)) for by in range(categories - 1)]
+    shifted = [
+        np.where(rotated == categories - 1, rotated, (rotated + by) % (categories - 1))
+        for by in range(categories - 1)
+    ]
     return np.vstack([*shifted, np.full((1, columns), categories - 1)]).astype(np.int32)
 
 
@@ -153,7 +156,9 @@ def _exchange(seen: Int32s, row: Int32s, at: int, value: int) -> int:
     change, half, columns = 0, len(seen), len(row)
     for d in range(half):
         after, before = (at + d + 1) % columns, (at - d - 1) % columns
-        change += _count(seen, d, row[at], row[after], -1) + _count(seen, d, row[before], row[at], -1)
+        change += _count(seen, d, row[at], row[after], -1) + _count(
+            seen, d, row[before], row[at], -1
+        )
     row[at] = value
     for d in range(half):
         after, before = (at + d + 1) % columns, (at - d - 1) % columns

@@ -55,7 +55,9 @@ class CellCounts:
         if not 1 <= k <= len(sizes):
             raise ValueError(f"k must be in [1, {len(sizes)}], got {k}")
         self.sizes, self.k, self.points = tuple(sizes), k, 0
-        self.planes = np.array(list(combinations(range(len(sizes)), k)), dtype=np.int64).reshape(-1, k)
+        self.planes = np.array(list(combinations(range(len(sizes)), k)), dtype=np.int64).reshape(
+            -1, k
+        )
         cells = np.prod(np.asarray(self.sizes, dtype=np.int64)[self.planes], axis=1)
         self._start = np.concatenate([[0], np.cumsum(cells)])
         self._counts = np.zeros(int(self._start[-1]), dtype=np.int64)
@@ -69,20 +71,35 @@ class CellCounts:
         if (rows < 0).any():
             self._add_partial(rows)
             return
-        by_bits = (np.diff(self._start) <= SMALL_CELLS) & (len(rows) >= FEW_POINTS) & (self.k in (2, 3))
+        by_bits = (
+            (np.diff(self._start) <= SMALL_CELLS) & (len(rows) >= FEW_POINTS) & (self.k in (2, 3))
+        )
         if by_bits.any():
             self._add_by_bits(rows, by_bits)
         if not by_bits.all():
             columns, sizes = np.ascontiguousarray(rows.T), np.asarray(self.sizes, dtype=np.int64)
             for index in np.flatnonzero(~by_bits):
-                _histogram(columns, sizes, self.planes[index], self._counts[self._start[index] : self._start[index + 1]])
+                _histogram(
+                    columns,
+                    sizes,
+                    self.planes[index],
+                    self._counts[self._start[index] : self._start[index + 1]],
+                )
 
     def _add_partial(self, rows: Ints) -> None:
         """Unknown is one more category of the conditions that have it; its cells are dropped."""
-        wider = CellCounts([size + int((rows[:, condition] < 0).any()) for condition, size in enumerate(self.sizes)], self.k)
+        wider = CellCounts(
+            [
+                size + int((rows[:, condition] < 0).any())
+                for condition, size in enumerate(self.sizes)
+            ],
+            self.k,
+        )
         wider.add(np.where(rows < 0, self.sizes, rows))
         for index, chosen in enumerate(self.planes):
-            self.plane(index)[...] += wider.plane(index)[tuple(slice(self.sizes[condition]) for condition in chosen)]
+            self.plane(index)[...] += wider.plane(index)[
+                tuple(slice(self.sizes[condition]) for condition in chosen)
+            ]
 
     def _add_by_bits(self, rows: Ints, by_bits: NDArray[np.bool_]) -> None:
         sizes = np.asarray(self.sizes, dtype=np.int64)
@@ -96,7 +113,9 @@ class CellCounts:
             _pairs(bits, cells)
             return
         pairs_of = list(combinations(range(len(sizes)), 2))
-        pair_start = np.concatenate([[0], np.cumsum([self.sizes[i] * self.sizes[j] for i, j in pairs_of])]).astype(np.int64)
+        pair_start = np.concatenate(
+            [[0], np.cumsum([self.sizes[i] * self.sizes[j] for i, j in pairs_of])]
+        ).astype(np.int64)
         wanted = np.array([used[i] and used[j] for i, j in pairs_of])
         pairs = _Cells(pair_start[:-1], wanted, np.zeros(int(pair_start[-1]), dtype=np.int64))
         _pairs(bits, pairs)
@@ -219,7 +238,9 @@ def _triples(points: _Bits, pairs: _Cells, cells: _Cells) -> None:
                         for a in range(vi):
                             for b in range(vj):
                                 for w in range(length):
-                                    both[a * vj + b, w] = bits[first[i] + a, low + w] & bits[first[j] + b, low + w]
+                                    both[a * vj + b, w] = (
+                                        bits[first[i] + a, low + w] & bits[first[j] + b, low + w]
+                                    )
                     vk, at = sizes[k] - 1, inner_start[plane]
                     for c in range(vk):
                         third = bits[first[k] + c, low : low + length]
@@ -269,7 +290,9 @@ def _fill_triples(sizes: Ints, inner_cells: _Cells, pair_cells: _Cells, cells: _
                     for b in range(sj - 1):
                         left = pairs[ij + a * sj + b]
                         for c in range(sk - 1):
-                            cube[a, b, c] = inner[inner_start[plane] + (a * (sj - 1) + b) * (sk - 1) + c]
+                            cube[a, b, c] = inner[
+                                inner_start[plane] + (a * (sj - 1) + b) * (sk - 1) + c
+                            ]
                             left -= cube[a, b, c]
                         cube[a, b, sk - 1] = left
                     for c in range(sk):

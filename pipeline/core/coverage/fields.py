@@ -55,7 +55,9 @@ def galois_field(order: int) -> Field | None:
         shifted = [digits]
         for _ in range(degree - 1):
             last = shifted[-1]
-            shifted.append((np.pad(last[:, :-1], ((0, 0), (1, 0))) + last[:, -1:] * modulus) % prime)
+            shifted.append(
+                (np.pad(last[:, :-1], ((0, 0), (1, 0))) + last[:, -1:] * modulus) % prime
+            )
         times = np.einsum("ai,ibk->abk", digits, np.array(shifted)) % prime @ weights
         if times[1:, 1:].all():
             return Field(add, times, prime)

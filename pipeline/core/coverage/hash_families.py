@@ -25,12 +25,16 @@ MOST_DEPENDENT = 120
 """Most sets of columns without independent vectors in a random family, so that a search has a chance: it found none from 130 and more."""
 
 
-def from_hash_family(sizes: tuple[int, ...], strength: int, fewer_than: int, seed: int) -> Int32s | None:
+def from_hash_family(
+    sizes: tuple[int, ...], strength: int, fewer_than: int, seed: int
+) -> Int32s | None:
     """An array from the family with the fewest rows that is found, values beyond a variable's size free; None if none is small enough.
 
     A family of n rows over a field of q elements gives n (q^t - q) + q rows if each vector begins with one, else at most n (q^t - 1) + 1.
     """
-    arithmetic = next(found for order in count(max(*sizes, 2)) if (found := galois_field(order)) is not None)
+    arithmetic = next(
+        found for order in count(max(*sizes, 2)) if (found := galois_field(order)) is not None
+    )
     order, best = len(arithmetic.add), None
     for number in range((fewer_than - 1 - order) // (order**strength - order), 1, -1):
         family = searched(arithmetic, (number, len(sizes), strength), seed)
@@ -72,7 +76,9 @@ def _powers(arithmetic: Field) -> Ints:
     """The points of the projective plane in the order of a generator of them, (q^2 + q + 1, 3)."""
     add, times, order = arithmetic.add, arithmetic.times, len(arithmetic.add)
     number = order**2 + order + 1
-    for recurrence in np.indices((order,) * 3).reshape(3, -1).T[order**2 :]:  # The first coefficient is not zero.
+    for recurrence in (
+        np.indices((order,) * 3).reshape(3, -1).T[order**2 :]
+    ):  # The first coefficient is not zero.
         powers = [np.array([0, 0, 1])]
         while len(powers) < number:
             a, b, c = times[recurrence, powers[-1]]
@@ -97,14 +103,26 @@ def searched(arithmetic: Field, shape: tuple[int, int, int], seed: int) -> Ints 
     if comb(columns, strength) * dependent**number > MOST_DEPENDENT:
         return None
     subsets = np.array(list(combinations(range(columns), strength)))
-    of_column = np.array([np.flatnonzero((subsets == column).any(axis=1)) for column in range(columns)])
+    of_column = np.array(
+        [np.flatnonzero((subsets == column).any(axis=1)) for column in range(columns)]
+    )
     order, rng = len(arithmetic.add), np.random.default_rng(seed)
-    subtract, inverse = (arithmetic.add == np.arange(order)[:, None, None]).argmax(axis=2), (arithmetic.times == 1).argmax(axis=1)
+    subtract, inverse = (
+        (arithmetic.add == np.arange(order)[:, None, None]).argmax(axis=2),
+        (arithmetic.times == 1).argmax(axis=1),
+    )
     plan = (DETERMINANTS // of_column.shape[1], *TEMPERATURES)
     for _ in range(ATTEMPTS):
         family = rng.integers(0, order, shape)
         family[:, :, 0] = 1
-        if _anneal(family, subsets, of_column, (subtract, arithmetic.times, inverse), plan, int(rng.integers(2**31))):
+        if _anneal(
+            family,
+            subsets,
+            of_column,
+            (subtract, arithmetic.times, inverse),
+            plan,
+            int(rng.integers(2**31)),
+        ):
             return family
     return None
 
@@ -114,7 +132,14 @@ Tables = tuple[Ints, Ints, Ints]
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def _anneal(family: Ints, subsets: Ints, of_column: Ints, field: Tables, plan: tuple[int, float, float], seed: int) -> bool:
+def _anneal(
+    family: Ints,
+    subsets: Ints,
+    of_column: Ints,
+    field: Tables,
+    plan: tuple[int, float, float],
+    seed: int,
+) -> bool:
     """Change single vectors in place until any t columns are independent in some row; returns whether they are.
 
     subsets: (sets, t) columns. of_column: the sets of each column. plan: number of steps, first and last temperature.
@@ -132,7 +157,10 @@ def _anneal(family: Ints, subsets: Ints, of_column: Ints, field: Tables, plan: t
         if len(lacking) == 0:
             break
         temperature *= factor
-        r, column = np.random.randint(len(family)), subsets[lacking[np.random.randint(len(lacking))], np.random.randint(strength)]
+        r, column = (
+            np.random.randint(len(family)),
+            subsets[lacking[np.random.randint(len(lacking))], np.random.randint(strength)],
+        )
         sets, old = of_column[column], family[r, column].copy()
         family[r, column, 1:] = np.random.randint(0, len(field[0]), strength - 1)
         change = np.empty(len(sets), np.int64)
@@ -161,7 +189,9 @@ def _independent(vectors: Ints, field: Tables) -> bool:
             vectors[column, i], vectors[pivot, i] = vectors[pivot, i], vectors[column, i]
         for row in range(column + 1, len(vectors)):
             if vectors[row, column]:
-                times_of_pivot = times[times[vectors[row, column], inverse[vectors[column, column]]]]
+                times_of_pivot = times[
+                    times[vectors[row, column], inverse[vectors[column, column]]]
+                ]
                 for i in range(column, len(vectors)):
                     vectors[row, i] = subtract[vectors[row, i], times_of_pivot[vectors[column, i]]]
     return True

@@ -44,7 +44,9 @@ class Extras:
 
     def of(self, k: int) -> Extras:
         """The combinations of k variables alone: they change weights in the planes of every k variables."""
-        return Extras(combinations=tuple(one for one in self.combinations if len(one.variables) == k))
+        return Extras(
+            combinations=tuple(one for one in self.combinations if len(one.variables) == k)
+        )
 
     def weights(self) -> dict[tuple[int, ...], dict[tuple[int, ...], int]]:
         """The weights of single cells, by plane and cell."""

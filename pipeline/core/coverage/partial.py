@@ -20,6 +20,9 @@ def broken_clauses(constraints: Constraints, points: Ints) -> Ints:
     unsure = (found < 0) & (points[:, named] < 0).any(axis=1)
     if unsure.any():
         different, where = np.unique(points[unsure][:, named], axis=0, return_inverse=True)
-        possible = [constraints.satisfiable({v: int(c) for v, c in zip(named, row, strict=True) if c >= 0}) for row in different]
+        possible = [
+            constraints.satisfiable({v: int(c) for v, c in zip(named, row, strict=True) if c >= 0})
+            for row in different
+        ]
         found[unsure] = np.where(np.array(possible)[where], -1, len(constraints.clauses))
     return found

@@ -16,9 +16,17 @@ class PlaneCounts:
 
     def __init__(self, sizes: Sequence[int], mixed: Mixed) -> None:
         self._planes = all_planes(len(sizes), mixed)
-        parts = [(tuple(range(len(sizes))), mixed.strength), *((named.variables, named.strength) for named in mixed.extras.planes)]
-        parts += [(plane, len(plane)) for plane, wanted in self._planes.items() if wanted is not None]
-        self._parts = [(list(variables), CellCounts([sizes[v] for v in variables], strength)) for variables, strength in parts]
+        parts = [
+            (tuple(range(len(sizes))), mixed.strength),
+            *((named.variables, named.strength) for named in mixed.extras.planes),
+        ]
+        parts += [
+            (plane, len(plane)) for plane, wanted in self._planes.items() if wanted is not None
+        ]
+        self._parts = [
+            (list(variables), CellCounts([sizes[v] for v in variables], strength))
+            for variables, strength in parts
+        ]
 
     @property
     def points(self) -> int:
@@ -37,5 +45,9 @@ class PlaneCounts:
 
     def __iter__(self) -> Iterator[tuple[tuple[int, ...], Ints]]:
         """Each plane's variables and counts, in the order of `all_planes`."""
-        found = {tuple(variables[v] for v in chosen): cells for variables, counts in self._parts for chosen, cells in counts}
+        found = {
+            tuple(variables[v] for v in chosen): cells
+            for variables, counts in self._parts
+            for chosen, cells in counts
+        }
         return iter([(plane, found[plane]) for plane in self._planes])

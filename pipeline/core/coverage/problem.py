@@ -47,7 +47,11 @@ class Problem:
     def literals_a_column(self) -> float:
         """Mean number of literals to check when a category changes."""
         clauses = self.grid.clauses
-        return float(np.diff(clauses.literal_start)[clauses.of].sum()) / len(self.sizes) if len(clauses.of) else 0.0
+        return (
+            float(np.diff(clauses.literal_start)[clauses.of].sum()) / len(self.sizes)
+            if len(clauses.of)
+            else 0.0
+        )
 
     def counts(self, rows: Int32s) -> Int32s:
         """Number of rows in each cell, (cells,); `INFEASIBLE` if it is not required."""
@@ -63,7 +67,9 @@ class Problem:
         """Number of cells that each row alone covers, (rows,)."""
         return np.asarray(annealing.unique_cells(self.grid, rows, self.counts(rows)), np.int64)
 
-    def best_row(self, starts: Int32s, worth: Int32s | Ints, held: Bools, sweeps: int, seed: int) -> Int32s:
+    def best_row(
+        self, starts: Int32s, worth: Int32s | Ints, held: Bools, sweeps: int, seed: int
+    ) -> Int32s:
         """The most valuable row that coordinate ascent reaches from the starts; (n,).
 
         starts: (m, n) feasible rows. worth: (cells,) of a row in each cell; a row's worth is the sum over its cells. held: (n,) columns
@@ -72,7 +78,14 @@ class Problem:
         annealing.seed_kernels(seed)
         return np.asarray(annealing.best_row(self.grid, starts, worth, held, sweeps), np.int32)
 
-    def anneal(self, rows: Int32s, counts: Int32s, iterations: int, temperatures: tuple[float, float], seed: int) -> int:
+    def anneal(
+        self,
+        rows: Int32s,
+        counts: Int32s,
+        iterations: int,
+        temperatures: tuple[float, float],
+        seed: int,
+    ) -> int:
         """Change single categories of `rows`, in place, until every cell is covered; returns the number of uncovered cells left.
 
         A move takes an uncovered cell and the row nearest to it, and gives the row one of the cell's categories. Rows stay feasible.
@@ -114,10 +127,15 @@ def lay_out(constraints: Constraints, planes: Planes) -> Problem:
         if not constraints.named.isdisjoint(plane):
             cells[:] = constraints.feasible_cells(plane).ravel()
         if wanted is not None:
-            cells &= np.isin(np.arange(len(cells)), [np.dot(cell, stride[index, : len(plane)]) for cell in wanted])
+            cells &= np.isin(
+                np.arange(len(cells)),
+                [np.dot(cell, stride[index, : len(plane)]) for cell in wanted],
+            )
     required[first[-2] :] &= not mixed
     lines = _lines(listed, first, stride, (n, idle if mixed else n))
-    return Problem(Grid(size, listed, first[:-1], stride, lines, _clauses(n, constraints)), required)
+    return Problem(
+        Grid(size, listed, first[:-1], stride, lines, _clauses(n, constraints)), required
+    )
 
 
 def _lines(planes: Int32s, first: Ints, stride: Int32s, columns: tuple[int, int]) -> Lines:
@@ -125,7 +143,9 @@ def _lines(planes: Int32s, first: Ints, stride: Int32s, columns: tuple[int, int]
     the last plane."""
     strength, last, (count, changing) = planes.shape[1], len(planes) - 1, columns
     of_column = [np.argwhere(planes == column) for column in range(changing)]
-    others = [[position for position in range(strength) if position != own] for own in range(strength)]
+    others = [
+        [position for position in range(strength) if position != own] for own in range(strength)
+    ]
     shape = (count, max(map(len, of_column)))
     base, step = np.full(shape, first[last], np.int32), np.zeros(shape, np.int32)
     other = np.full((*shape, strength - 1), planes[last, 0], np.int32)
@@ -133,17 +153,24 @@ def _lines(planes: Int32s, first: Ints, stride: Int32s, columns: tuple[int, int]
     for column, found in enumerate(of_column):
         for q, (plane, own) in enumerate(found):
             base[column, q], step[column, q] = first[plane], stride[plane, own]
-            other[column, q], other_step[column, q] = planes[plane, others[own]], stride[plane, others[own]]
+            other[column, q], other_step[column, q] = (
+                planes[plane, others[own]],
+                stride[plane, others[own]],
+            )
     return Lines(base, step, other, other_step)
 
 
-def feasible_row(constraints: Constraints, columns: Int32s, categories: Int32s, rng: np.random.Generator) -> Int32s:
+def feasible_row(
+    constraints: Constraints, columns: Int32s, categories: Int32s, rng: np.random.Generator
+) -> Int32s:
     """A random feasible row with these categories in these columns; at least one such row must exist."""
     if not constraints.clauses:
         row: Int32s = rng.integers(0, constraints.sizes).astype(np.int32)
         row[columns] = categories
         return row
-    completed = constraints.complete(dict(zip(columns.tolist(), categories.tolist(), strict=True)), rng)
+    completed = constraints.complete(
+        dict(zip(columns.tolist(), categories.tolist(), strict=True)), rng
+    )
     assert completed is not None, "a feasible cell has a feasible row"
     return np.array(completed, np.int32)
 

@@ -39,11 +39,16 @@ class Demand:
     def __post_init__(self) -> None:
         if not 1 <= self.k <= len(self.sizes):
             raise ValueError(f"k must be in [1, {len(self.sizes)}], got {self.k}")
-        sums, most = [sum(array.tolist()) for array in self.weight_arrays()], max([self.k, *(one.strength for one in self.extras.planes)])
+        sums, most = (
+            [sum(array.tolist()) for array in self.weight_arrays()],
+            max([self.k, *(one.strength for one in self.extras.planes)]),
+        )
         heaviest = sorted(sums, reverse=True)[:most]
         if self.combine == "product" and prod(heaviest) >= 1 << 63:
             weights = " × ".join(f"{weight:,}" for weight in heaviest)
-            raise ValueError(f"k = {most}: the weights of a plane sum to {weights}, expected less than 2^63; choose a smaller k or weights")
+            raise ValueError(
+                f"k = {most}: the weights of a plane sum to {weights}, expected less than 2^63; choose a smaller k or weights"
+            )
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -57,17 +62,28 @@ class Demand:
 
     def counts(self) -> Counts:
         """Counts of no points yet, over its planes."""
-        return PlaneCounts(self.sizes, self.mixed) if self.extras else CellCounts(self.sizes, self.k)
+        return (
+            PlaneCounts(self.sizes, self.mixed) if self.extras else CellCounts(self.sizes, self.k)
+        )
 
     def weights_of(self, planes: Iterable[tuple[int, ...]]) -> Iterator[Ints]:
         """The weights of the cells of some of its planes, feasible or not, shaped by the sizes of their variables."""
-        arrays, single, of_extras = self.weight_arrays(), self.extras.weights(), all_planes(len(self.sizes), self.mixed)
-        alike = [next(i for i, other in enumerate(arrays) if np.array_equal(own, other)) for own in arrays]
+        arrays, single, of_extras = (
+            self.weight_arrays(),
+            self.extras.weights(),
+            all_planes(len(self.sizes), self.mixed),
+        )
+        alike = [
+            next(i for i, other in enumerate(arrays) if np.array_equal(own, other))
+            for own in arrays
+        ]
 
         @cache
         def combined(*chosen: int) -> Ints:
             """Planes of many variables are mostly alike, so each kind is combined once."""
-            return np.asarray(reduce(_COMBINE[self.combine].outer, [arrays[variable] for variable in chosen]))
+            return np.asarray(
+                reduce(_COMBINE[self.combine].outer, [arrays[variable] for variable in chosen])
+            )
 
         for plane in planes:
             if of_extras[plane] is None:
@@ -85,12 +101,18 @@ class Demand:
             return [np.ones(size, dtype=np.int64) for size in self.sizes]
         arrays = [np.asarray(weight) for weight in self.weights]
         if [array.shape for array in arrays] != [(size,) for size in self.sizes]:
-            raise ValueError(f"weights must have lengths {list(self.sizes)}, got {[array.shape for array in arrays]}")
+            raise ValueError(
+                f"weights must have lengths {list(self.sizes)}, got {[array.shape for array in arrays]}"
+            )
         for variable, array in enumerate(arrays):
             if (array < 0).any() or (array != np.floor(array)).any():
-                raise ValueError(f"weights of variable {variable} must be whole numbers from 0, got {array.tolist()}")
+                raise ValueError(
+                    f"weights of variable {variable} must be whole numbers from 0, got {array.tolist()}"
+                )
             if self.combine == "product" and (array > HEAVIEST).any():
-                raise ValueError(f"weights of variable {variable} must be at most {HEAVIEST:,}, got {array.max():,}")
+                raise ValueError(
+                    f"weights of variable {variable} must be at most {HEAVIEST:,}, got {array.max():,}"
+                )
         return [array.astype(np.int64) for array in arrays]
 
 
@@ -121,7 +143,11 @@ class Plane:
     def coverage(self) -> Coverage | None:
         """Coverage of this plane alone; None if its feasible cells want no points."""
         required = int(self.wanted.sum())
-        return Coverage(int(np.minimum(self.counts, self.wanted).sum()), required) if required else None
+        return (
+            Coverage(int(np.minimum(self.counts, self.wanted).sum()), required)
+            if required
+            else None
+        )
 
 
 def projection_coverage(categories: Ints, demand: Demand) -> Coverage:
@@ -140,7 +166,9 @@ def projection_coverage(categories: Ints, demand: Demand) -> Coverage:
 def planes(counts: Counts, demand: Demand) -> Iterator[Plane]:
     """Every plane with its counts, weights and feasible cells. counts: over the planes of the demand."""
     constraints, every = demand.constraints, list(counts)
-    for (chosen, cells), plane in zip(every, demand.weights_of(chosen for chosen, _ in every), strict=True):
+    for (chosen, cells), plane in zip(
+        every, demand.weights_of(chosen for chosen, _ in every), strict=True
+    ):
         feasible = np.ones(cells.shape, dtype=bool)
         if not constraints.named.isdisjoint(chosen):
             feasible = constraints.feasible_cells(chosen)
@@ -167,7 +195,11 @@ def check_points(categories: Ints, constraints: Constraints) -> None:
     outside = (categories < -1) | (categories >= np.asarray(sizes))
     if outside.any():
         row, column = np.argwhere(outside)[0]
-        raise ValueError(f"point {row}: category of variable {column} must be in [0, {sizes[column]}), got {categories[row, column]}")
+        raise ValueError(
+            f"point {row}: category of variable {column} must be in [0, {sizes[column]}), got {categories[row, column]}"
+        )
     if broken := constraints.first_broken(categories):
         count = int((~constraints.holds(categories)).sum())
-        raise ValueError(f"{count} points break a constraint, the first is point {broken[0]}, which breaks clause {broken[1]}")
+        raise ValueError(
+            f"{count} points break a constraint, the first is point {broken[0]}, which breaks clause {broken[1]}"
+        )

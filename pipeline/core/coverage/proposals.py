@@ -49,7 +49,9 @@ class Proposer:
         planes = all_planes(len(demand.sizes), demand.mixed)
         self._demand, self._constraints = demand, copy_for(demand.constraints, planes)
         self._problem = lay_out(self._constraints, planes)
-        self._wanted = self._problem.required * self._filled_up(np.concatenate([cells.ravel() for cells in demand.weights_of(planes)]))
+        self._wanted = self._problem.required * self._filled_up(
+            np.concatenate([cells.ravel() for cells in demand.weights_of(planes)])
+        )
         self._heavy_first, self._rng = heavy_first, np.random.default_rng(seed)
 
     def missing(self, points: Ints) -> Ints:
@@ -91,7 +93,9 @@ class Proposer:
                 rows, gain = changed, other
         return Proposal(self._points(rows), gain, bound)
 
-    def propose_exact(self, points: Ints, count: int = 1, time_limit_s: float = TIME_LIMIT_S) -> Proposal | None:
+    def propose_exact(
+        self, points: Ints, count: int = 1, time_limit_s: float = TIME_LIMIT_S
+    ) -> Proposal | None:
         """Propose `count` points together by 0-1 programming with HiGHS: the optimum, or at the time limit the best solution and a
         bound."""
         check_points(points, self._demand.constraints)
@@ -109,7 +113,9 @@ class Proposer:
 
     def complete(self, points: Ints, exact: bool = False) -> Iterator[Proposal]:
         """Proposals of one point each, given the points before it, until nothing is missing."""
-        while (proposal := self.propose_exact(points) if exact else self.propose(points)) is not None:
+        while (
+            proposal := self.propose_exact(points) if exact else self.propose(points)
+        ) is not None:
             yield proposal
             points = np.vstack([points, proposal.categories])
 
@@ -132,7 +138,9 @@ class Proposer:
         programme = whole_programme(task)
         if programme is None:
             found = self._quick_completion(points)
-            return Completion(found.categories, bound_of_part(task, found.bound, len(found.categories)))
+            return Completion(
+                found.categories, bound_of_part(task, found.bound, len(found.categories))
+            )
         found = self._one_by_one(points)
         fewer, bound = programme.solve(found.bound, len(found.categories) - 1)
         found = Completion(found.categories if fewer is None else self._points(fewer), bound)
@@ -146,7 +154,12 @@ class Proposer:
             or (points < 0).any()
         ):
             return self._one_by_one(points)
-        array = covering_array(self._demand.constraints, self._demand.mixed, seeds=points, seed=int(self._rng.integers(2**31)))
+        array = covering_array(
+            self._demand.constraints,
+            self._demand.mixed,
+            seeds=points,
+            seed=int(self._rng.integers(2**31)),
+        )
         return Completion(array.rows[len(points) :], array.lower_bound - len(points))
 
     def _one_by_one(self, points: Ints) -> Completion:
@@ -176,9 +189,16 @@ class Proposer:
         """The best single row found."""
         problem = self._problem
         cells = np.flatnonzero(missing)
-        starts = np.array([self._row_with(int(cell)) for cell in cells[self._rng.integers(len(cells), size=STARTS)]])
+        starts = np.array(
+            [
+                self._row_with(int(cell))
+                for cell in cells[self._rng.integers(len(cells), size=STARTS)]
+            ]
+        )
         held = np.zeros(len(problem.sizes), np.bool_)
-        return problem.best_row(starts, self._worth(missing), held, SWEEPS, int(self._rng.integers(2**31)))
+        return problem.best_row(
+            starts, self._worth(missing), held, SWEEPS, int(self._rng.integers(2**31))
+        )
 
     def _row_with(self, cell: int) -> Int32s:
         columns, categories = self._problem.cell(cell)
@@ -189,7 +209,9 @@ class Proposer:
         # Cells that are already covered may be left and entered freely.
         counts = np.where(missing > 0, np.int32(0), INFEASIBLE)
         problem.count(changed, counts)
-        problem.anneal(changed, counts, ANNEALING_STEPS, TEMPERATURES, int(self._rng.integers(2**31)))
+        problem.anneal(
+            changed, counts, ANNEALING_STEPS, TEMPERATURES, int(self._rng.integers(2**31))
+        )
         return changed
 
     def _after(self, missing: Ints, rows: Int32s) -> Ints:
@@ -205,8 +227,15 @@ class Proposer:
         """Upper bound of a gain: a point lies in one cell of each plane, so it gains at most the worth of the best cell, and no more
         than is missing."""
         # A heavy cell may be worth the square of its weight, which only Python's whole numbers hold.
-        worth, first = self._worth(missing).astype(object if self._heavy_first else np.int64), self._problem.first
-        return int(np.minimum(count * np.maximum.reduceat(worth, first), np.add.reduceat(missing * worth, first)).sum())
+        worth, first = (
+            self._worth(missing).astype(object if self._heavy_first else np.int64),
+            self._problem.first,
+        )
+        return int(
+            np.minimum(
+                count * np.maximum.reduceat(worth, first), np.add.reduceat(missing * worth, first)
+            ).sum()
+        )
 
 
 @dataclass(frozen=True)
@@ -218,7 +247,9 @@ class _Wanting:
     worth: Ints
 
 
-def _solve(wanted: _Wanting, constraints: Constraints, count: int, time_limit_s: float) -> tuple[Int32s | None, int]:
+def _solve(
+    wanted: _Wanting, constraints: Constraints, count: int, time_limit_s: float
+) -> tuple[Int32s | None, int]:
     """Solve for `count` points by 0-1 programming; None if time ran out before a solution, and an upper bound of their worth.
 
     Not the encoding of Algorithm 2, which has a loose relaxation: the cells in one line of a plane exclude each other, so together they
@@ -239,7 +270,10 @@ def _solve(wanted: _Wanting, constraints: Constraints, count: int, time_limit_s:
     if solution is None:
         return None, bound
     chosen = solution[: count * int(first[-1])].reshape(count, -1)
-    rows = [[int(np.argmax(point[first[v] : first[v + 1]])) for v in range(len(sizes))] for point in chosen]
+    rows = [
+        [int(np.argmax(point[first[v] : first[v + 1]])) for v in range(len(sizes))]
+        for point in chosen
+    ]
     return np.array(rows, np.int32), bound
 
 
@@ -258,7 +292,13 @@ def _add_point(programme: _Programme, first: Ints, constraints: Constraints) -> 
         programme.row(row, low, np.inf)
 
 
-def _add_occupied(programme: _Programme, wanted: _Wanting, first: Ints, begin: int, reached: list[dict[int, float]]) -> None:
+def _add_occupied(
+    programme: _Programme,
+    wanted: _Wanting,
+    first: Ints,
+    begin: int,
+    reached: list[dict[int, float]],
+) -> None:
     """A column for each cell that the point with categories from column `begin` on may lie in; `reached` records it by cell."""
     occupied = programme.columns(len(wanted.places))
     lines: dict[tuple[int, int, int], dict[int, float]] = {}
@@ -279,7 +319,9 @@ class _Programme:
         self._value: list[float] = []
         self._rows: list[tuple[dict[int, float], float, float]] = []
 
-    def columns(self, count: int, *, whole: bool = False, upper: ArrayLike = 1, value: ArrayLike = 0) -> int:
+    def columns(
+        self, count: int, *, whole: bool = False, upper: ArrayLike = 1, value: ArrayLike = 0
+    ) -> int:
         """Add columns from 0 to `upper` that are worth `value` each; returns the first."""
         first = len(self._whole)
         self._whole += [whole] * count
@@ -292,10 +334,16 @@ class _Programme:
 
     def solve(self, time_limit_s: float) -> tuple[np.ndarray | None, int]:
         """The best solution found, and an upper bound of the value."""
-        entries = [(value, i, column) for i, (row, _, _) in enumerate(self._rows) for column, value in row.items()]
+        entries = [
+            (value, i, column)
+            for i, (row, _, _) in enumerate(self._rows)
+            for column, value in row.items()
+        ]
         values, rows, columns = zip(*entries, strict=True)
         matrix = csr_array((values, (rows, columns)), shape=(len(self._rows), len(self._whole)))
-        limits = LinearConstraint(matrix, [low for _, low, _ in self._rows], [high for _, _, high in self._rows])
+        limits = LinearConstraint(
+            matrix, [low for _, low, _ in self._rows], [high for _, _, high in self._rows]
+        )
         result = milp(
             -np.array(self._value),
             integrality=np.array(self._whole),
@@ -303,5 +351,9 @@ class _Programme:
             constraints=limits,
             options={"time_limit": time_limit_s},
         )
-        best = np.dot(self._value, self._upper) if result.mip_dual_bound is None else -result.mip_dual_bound
+        best = (
+            np.dot(self._value, self._upper)
+            if result.mip_dual_bound is None
+            else -result.mip_dual_bound
+        )
         return (None if result.x is None else np.asarray(result.x)), int(np.floor(best + 1e-6))

@@ -25,22 +25,36 @@ class RaisingPoints:
         self._left = self._wanted.copy()
         self._start = np.cumsum([0, *(plane.wanted.size for plane in every[:-1])])
         # Named planes may have fewer or more variables than the others.
-        self._variables = np.full((len(every), max(len(plane.variables) for plane in every)), NONE, np.int64)
+        self._variables = np.full(
+            (len(every), max(len(plane.variables) for plane in every)), NONE, np.int64
+        )
         for row, plane in zip(self._variables, every, strict=True):
             row[: len(plane.variables)] = plane.variables
-        self._points, self._places, self._gains = ([np.zeros(shape, np.int64)] for shape in ((0, len(demand.sizes)), 0, 0))
+        self._points, self._places, self._gains = (
+            [np.zeros(shape, np.int64)] for shape in ((0, len(demand.sizes)), 0, 0)
+        )
 
     def add(self, rows: Ints) -> None:
         """Add (n, d) points, -1 for an unknown category."""
         before = self.counts.points
         self.counts.add(rows)
-        rising = np.add.reduceat(self._left - np.maximum(self._wanted - self.counts.flat, 0), self._start)
+        rising = np.add.reduceat(
+            self._left - np.maximum(self._wanted - self.counts.flat, 0), self._start
+        )
         chosen = np.flatnonzero(rising)
         if not len(chosen):
             return
         gains, sizes = np.zeros(len(rows), np.int64), np.asarray(self._demand.sizes, np.int64)
         columns = np.ascontiguousarray(rows.T, np.int64)
-        _mark(columns, sizes, self._variables[chosen], self._start[chosen], rising[chosen], self._left, gains)
+        _mark(
+            columns,
+            sizes,
+            self._variables[chosen],
+            self._start[chosen],
+            rising[chosen],
+            self._left,
+            gains,
+        )
         raising = np.flatnonzero(gains)
         self._points.append(rows[raising])
         self._places.append(before + raising)
@@ -62,7 +76,9 @@ class RaisingPoints:
 
 
 @njit(cache=True, boundscheck=False)  # type: ignore[untyped-decorator]
-def _mark(columns: Ints, sizes: Ints, chosen: Ints, start: Ints, rising: Ints, left: Ints, gains: Ints) -> None:
+def _mark(
+    columns: Ints, sizes: Ints, chosen: Ints, start: Ints, rising: Ints, left: Ints, gains: Ints
+) -> None:
     """Count in `gains` the cells that each point raises, and take it from what is left; rising: the sum of that for each chosen plane."""
     for index in range(len(chosen)):
         needed, row = rising[index], 0

@@ -18,7 +18,11 @@ def repaired(grid: Grid, row: Int32s, cell: tuple[int, int]) -> bool:
     held, done, end = np.zeros(len(row), np.bool_), 0, grid.planes.shape[1]
     for position in range(end):
         column = grid.planes[plane, position]
-        row[column], held[column], todo[position] = rest // grid.stride[plane, position], True, column
+        row[column], held[column], todo[position] = (
+            rest // grid.stride[plane, position],
+            True,
+            column,
+        )
         rest %= grid.stride[plane, position]
     while done < end:
         clause = _broken(row, todo[done], clauses)

@@ -48,16 +48,31 @@ class Search:
     """The search for a small array: starts, and shortening by annealing."""
 
     def __init__(
-        self, problem: Problem, constraints: Constraints, given: Int32s, rng: np.random.Generator, covering: Callable[[float, int], None]
+        self,
+        problem: Problem,
+        constraints: Constraints,
+        given: Int32s,
+        rng: np.random.Generator,
+        covering: Callable[[float, int], None],
     ) -> None:
         """covering: called with the share of covered cells and the current number of rows."""
-        self.problem, self._constraints, self._given, self._rng, self._covering = problem, constraints, given, rng, covering
+        self.problem, self._constraints, self._given, self._rng, self._covering = (
+            problem,
+            constraints,
+            given,
+            rng,
+            covering,
+        )
         self._nothing_held = np.zeros(len(problem.sizes), np.bool_)
 
     @property
     def free(self) -> bool:
         """Whether constructions apply: all cells are wanted, and there are no constraints and no given rows."""
-        return not self._constraints.clauses and not len(self._given) and bool(self.problem.required.all())
+        return (
+            not self._constraints.clauses
+            and not len(self._given)
+            and bool(self.problem.required.all())
+        )
 
     def start(self, go_on: Callable[[], bool] = lambda: True) -> Int32s:
         """The smallest array from greedy search and known constructions. go_on: whether there is time for another construction."""
@@ -106,32 +121,51 @@ class Search:
     def _small(self, constraints: Constraints, strength: int, limit: Limit) -> Int32s:
         """A quick array of a smaller problem."""
         nothing = np.zeros((0, len(constraints.sizes)), np.int32)
-        search = Search(of_strength(constraints, strength), constraints, nothing, self._rng, lambda share, size: None)
+        search = Search(
+            of_strength(constraints, strength),
+            constraints,
+            nothing,
+            self._rng,
+            lambda share, size: None,
+        )
         operations = min(HALF_OPERATIONS, OPERATIONS_A_SECOND * limit.seconds / 8)
         return search.shorten(search.start(), lower_bound(constraints.sizes, strength), operations)
 
     def complete(self, start: Int32s) -> Int32s:
         """Fill the free cells of the start rows greedily, then add rows until every cell is covered."""
-        problem, counts = self.problem, self.problem.counts(np.zeros((0, len(self.problem.sizes)), np.int32))
+        problem, counts = (
+            self.problem,
+            self.problem.counts(np.zeros((0, len(self.problem.sizes)), np.int32)),
+        )
         rows = []
         for row in start:
             held = row != FREE
-            full = row.copy() if held.all() else self._ascend(np.array([self._any_row(row) for _ in range(2)]), counts, held)
+            full = (
+                row.copy()
+                if held.all()
+                else self._ascend(np.array([self._any_row(row) for _ in range(2)]), counts, held)
+            )
             problem.count(full[None], counts)
             rows.append(full)
         while len(uncovered := np.flatnonzero(counts == 0)):
             self._covering(1 - len(uncovered) / len(counts), len(rows))
             chosen = uncovered[self._rng.integers(len(uncovered), size=CANDIDATES)]
-            full = self._ascend(np.array([self._row_with(int(cell)) for cell in chosen]), counts, self._nothing_held)
+            full = self._ascend(
+                np.array([self._row_with(int(cell)) for cell in chosen]), counts, self._nothing_held
+            )
             problem.count(full[None], counts)
             rows.append(full)
         return np.array(rows, np.int32).reshape(-1, len(problem.sizes))
 
     def _ascend(self, starts: Int32s, counts: Int32s, held: Bools) -> Int32s:
-        return self.problem.best_row(starts, (counts == 0).astype(np.int32), held, SWEEPS, int(self._rng.integers(2**31)))
+        return self.problem.best_row(
+            starts, (counts == 0).astype(np.int32), held, SWEEPS, int(self._rng.integers(2**31))
+        )
 
     def _any_row(self, row: Int32s) -> Int32s:
-        return np.where(row == FREE, self._rng.integers(0, self.problem.sizes), row).astype(np.int32)
+        return np.where(row == FREE, self._rng.integers(0, self.problem.sizes), row).astype(
+            np.int32
+        )
 
     def _row_with(self, cell: int) -> Int32s:
         """A random feasible row in a cell."""
@@ -144,7 +178,12 @@ class Search:
         while operations > 0 and len(rows) > max(bound, len(self._given)):
             spent = min(operations, ATTEMPT_OPERATIONS * 0.4)
             operations -= spent
-            shorter = self._without(rows, min(away, len(rows) - max(bound, len(self._given))), spent, TEMPERATURES[fails % 2])
+            shorter = self._without(
+                rows,
+                min(away, len(rows) - max(bound, len(self._given))),
+                spent,
+                TEMPERATURES[fails % 2],
+            )
             if shorter is not None:
                 rows = shorter
             else:
@@ -165,16 +204,24 @@ class Search:
         while (left := limit.seconds - limit.spent()) > 0 and len(rows) > bound:
             limit.tell(len(rows))
             again = fresh and fails % 4 == 3
-            operations = min(ATTEMPT_OPERATIONS * (1 + fails) * (FRESH_LONGER if again else 1), speed * left)
+            operations = min(
+                ATTEMPT_OPERATIONS * (1 + fails) * (FRESH_LONGER if again else 1), speed * left
+            )
             begun = limit.spent()
             if again:
-                shorter = self._annealed(self._balanced(len(rows) - 1), operations, FRESH_TEMPERATURES)
+                shorter = self._annealed(
+                    self._balanced(len(rows) - 1), operations, FRESH_TEMPERATURES
+                )
             else:
-                shorter = self._without(rows, min(away, len(rows) - bound), operations, TEMPERATURES[way])
+                shorter = self._without(
+                    rows, min(away, len(rows) - bound), operations, TEMPERATURES[way]
+                )
             if shorter is not None:
                 rows, fails = shorter, 0
                 continue
-            speed = operations / max(1e-3, limit.spent() - begun)  # A failed attempt used up all its steps.
+            speed = operations / max(
+                1e-3, limit.spent() - begun
+            )  # A failed attempt used up all its steps.
             way = (way + (not again)) % len(TEMPERATURES)
             if away > 1:
                 away = max(1, away // 2)
@@ -182,20 +229,30 @@ class Search:
                 fails = fails + 1 if fails < LONGEST else LONGEST - 1
         return rows
 
-    def _without(self, rows: Int32s, away: int, operations: float, temperatures: tuple[float, float]) -> Int32s | None:
+    def _without(
+        self, rows: Int32s, away: int, operations: float, temperatures: tuple[float, float]
+    ) -> Int32s | None:
         """An array with `away` rows fewer; None if annealing does not find one."""
         given = len(self._given)
         unique = self.problem.unique_cells(rows)
-        order = np.argsort(unique[given:] + self._rng.random(len(rows) - given), kind="stable") + given
+        order = (
+            np.argsort(unique[given:] + self._rng.random(len(rows) - given), kind="stable") + given
+        )
         kept = np.ascontiguousarray(np.delete(rows, order[:away], axis=0))
         return self._annealed(kept, operations, temperatures) if len(kept) > given else None
 
-    def _annealed(self, rows: Int32s, operations: float, temperatures: tuple[float, float]) -> Int32s | None:
+    def _annealed(
+        self, rows: Int32s, operations: float, temperatures: tuple[float, float]
+    ) -> Int32s | None:
         """The rows, changed until they cover every cell; None if that fails."""
         problem = self.problem
-        step = 3.0 * problem.grid.lines.base.shape[1] * problem.strength + 0.2 * len(rows) * (problem.strength + problem.literals_a_column)
+        step = 3.0 * problem.grid.lines.base.shape[1] * problem.strength + 0.2 * len(rows) * (
+            problem.strength + problem.literals_a_column
+        )
         seed, iterations = int(self._rng.integers(2**31)), max(1000, int(operations / step))
-        left = problem.anneal(rows[len(self._given) :], problem.counts(rows), iterations, temperatures, seed)
+        left = problem.anneal(
+            rows[len(self._given) :], problem.counts(rows), iterations, temperatures, seed
+        )
         return rows if left == 0 else None
 
     def _balanced(self, count: int) -> Int32s:
@@ -208,5 +265,7 @@ class Search:
         for column in others:
             for category in range(sizes[first]):
                 at = np.flatnonzero(rows[:pairs, first] == category)
-                rows[at, column] = self._rng.permutation(np.resize(self._rng.permutation(sizes[column]), len(at)))
+                rows[at, column] = self._rng.permutation(
+                    np.resize(self._rng.permutation(sizes[column]), len(at))
+                )
         return rows

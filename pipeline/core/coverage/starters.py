@@ -9,7 +9,14 @@ from pipeline.core.coverage.grid import Int32s, Lines, Move, line_of
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def anneal_starters(lines: Lines, of_cell: Int32s, counts: Int32s, rows: Int32s, plan: tuple[int, int, float, float], seed: int) -> int:
+def anneal_starters(
+    lines: Lines,
+    of_cell: Int32s,
+    counts: Int32s,
+    rows: Int32s,
+    plan: tuple[int, int, float, float],
+    seed: int,
+) -> int:
     """Change single categories of `rows`, in place, until they cover every class of cells; returns the classes left uncovered.
 
     of_cell: (cells,) class of each. counts: (classes,) of the rows and of fixed ones; updated. plan: number of categories, of steps, first
@@ -36,13 +43,18 @@ def anneal_starters(lines: Lines, of_cell: Int32s, counts: Int32s, rows: Int32s,
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def _exchange_classes(lines: Lines, of_cell: Int32s, counts: Int32s, row: Int32s, move: Move) -> int:
+def _exchange_classes(
+    lines: Lines, of_cell: Int32s, counts: Int32s, row: Int32s, move: Move
+) -> int:
     """Make a change of one category; returns the change in the number of uncovered classes."""
     column, category = move
     step, old, more = lines.step, row[column], 0
     for q in range(step.shape[1]):
         cell = line_of(lines, row, column, q)
-        gone, come = of_cell[cell + old * step[column, q]], of_cell[cell + category * step[column, q]]
+        gone, come = (
+            of_cell[cell + old * step[column, q]],
+            of_cell[cell + category * step[column, q]],
+        )
         counts[gone] -= 1
         more += counts[gone] == 0
         more -= counts[come] == 0

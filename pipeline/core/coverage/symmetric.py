@@ -54,7 +54,9 @@ class Symmetry:
             row = np.array(todo.pop())
             rotated = np.empty_like(row)
             rotated[self.rotation] = row
-            new = {tuple(image.tolist()) for image in (rotated, *(of[row] for of in self.maps))} - rows
+            new = {
+                tuple(image.tolist()) for image in (rotated, *(of[row] for of in self.maps))
+            } - rows
             rows |= new
             todo += new
         rows |= {(category,) * len(self.rotation) for category in self.constants}
@@ -69,14 +71,18 @@ def symmetries(columns: int, categories: int) -> list[Symmetry]:
         if columns - turning > FIXED_COLUMNS:
             continue
         rotation = np.arange(columns)
-        rotation[:turning] = np.arange(turning) // length * length + (np.arange(turning) + 1) % length
+        rotation[:turning] = (
+            np.arange(turning) // length * length + (np.arange(turning) + 1) % length
+        )
         for maps, order, constants in _category_groups(categories):
             if length * order > 1:
                 found += [Symmetry(rotation, maps, length * order, some) for some in constants]
     return found
 
 
-def _category_groups(categories: int) -> Iterator[tuple[tuple[Ints, ...], int, list[tuple[int, ...]]]]:
+def _category_groups(
+    categories: int,
+) -> Iterator[tuple[tuple[Ints, ...], int, list[tuple[int, ...]]]]:
     """Generators and order of groups on the categories, and the sets of constant rows to try with each."""
     every, last = tuple(range(categories)), categories - 1
     shifted = np.append((np.arange(last) + 1) % last if last > 1 else np.arange(last), last)
@@ -98,7 +104,10 @@ class SymmetricSearch:
     def __init__(self, sizes: tuple[int, ...], strength: int, rng: np.random.Generator) -> None:
         self._sizes, self._categories, self._rng = np.array(sizes), max(sizes), rng
         self._problem = of_strength(Constraints((self._categories,) * len(sizes)), strength)
-        self._queue = [_Candidate(0.0, -s.order, i, s) for i, s in enumerate(symmetries(len(sizes), self._categories))]
+        self._queue = [
+            _Candidate(0.0, -s.order, i, s)
+            for i, s in enumerate(symmetries(len(sizes), self._categories))
+        ]
         heapify(self._queue)
 
     @staticmethod
@@ -139,19 +148,30 @@ class _Candidate:
     least: float = field(default=1.0, compare=False)
     of_cell: Int32s | None = field(default=None, compare=False)
 
-    def search(self, problem: Problem, count: int, rng: np.random.Generator) -> tuple[Int32s, float]:
+    def search(
+        self, problem: Problem, count: int, rng: np.random.Generator
+    ) -> tuple[Int32s, float]:
         """Starter rows and the share of classes that they leave uncovered."""
         if self.of_cell is None:
             self.of_cell = _classes(problem, self.symmetry)
         classes = int(self.of_cell.max()) + 1
         columns, categories = len(problem.sizes), int(problem.sizes[0])
         starters = rng.integers(0, categories, (count, columns)).astype(np.int32)
-        fixed = np.repeat(np.array(self.symmetry.constants, np.int32)[:, None], columns, axis=1).reshape(-1, columns)
+        fixed = np.repeat(
+            np.array(self.symmetry.constants, np.int32)[:, None], columns, axis=1
+        ).reshape(-1, columns)
         cells = problem.counts(np.vstack([starters, fixed]))
         counts = np.bincount(self.of_cell, weights=cells, minlength=classes).astype(np.int32)
         steps = int(FIRST_OPERATIONS * luby(self.fails + 1) / problem.grid.lines.base.shape[1])
         hot, cold = TEMPERATURES[self.fails % len(TEMPERATURES)]
-        left = anneal_starters(problem.grid.lines, self.of_cell, counts, starters, (categories, steps, hot, cold), int(rng.integers(2**31)))
+        left = anneal_starters(
+            problem.grid.lines,
+            self.of_cell,
+            counts,
+            starters,
+            (categories, steps, hot, cold),
+            int(rng.integers(2**31)),
+        )
         return starters, left / classes
 
     def next(self, left: float) -> _Candidate:
@@ -159,7 +179,13 @@ class _Candidate:
         after = replace(self, rank=0.0, fails=0, spent=0, least=1.0)
         if left:
             spent, least = self.spent + luby(self.fails + 1), min(self.least, left)
-            after = replace(self, rank=least * (1 + spent) ** PATIENCE, fails=self.fails + 1, spent=spent, least=least)
+            after = replace(
+                self,
+                rank=least * (1 + spent) ** PATIENCE,
+                fails=self.fails + 1,
+                spent=spent,
+                least=least,
+            )
         return after
 
 
@@ -179,8 +205,13 @@ def _classes(problem: Problem, symmetry: Symmetry) -> Int32s:
     images = [_rotated(planes, symmetry.rotation, digits, categories)]
     for of in symmetry.maps:
         images.append(np.arange(len(planes))[:, None] * cells + _number(of[digits], categories))
-    start, end = np.tile(same.ravel(), len(images)), np.concatenate([image.ravel() for image in images])
-    return np.asarray(connected_components(coo_array((np.ones(len(start), np.int8), (start, end))))[1], np.int32)
+    start, end = (
+        np.tile(same.ravel(), len(images)),
+        np.concatenate([image.ravel() for image in images]),
+    )
+    return np.asarray(
+        connected_components(coo_array((np.ones(len(start), np.int8), (start, end))))[1], np.int32
+    )
 
 
 def _rotated(planes: Ints, rotation: Ints, digits: Ints, categories: int) -> Ints:
@@ -188,7 +219,9 @@ def _rotated(planes: Ints, rotation: Ints, digits: Ints, categories: int) -> Int
     moved = rotation[planes]
     order = np.argsort(moved, axis=1)
     keys = _number(planes.T, len(rotation))
-    plane = np.searchsorted(keys, _number(np.take_along_axis(moved, order, axis=1).T, len(rotation)))
+    plane = np.searchsorted(
+        keys, _number(np.take_along_axis(moved, order, axis=1).T, len(rotation))
+    )
     return np.asarray(plane[:, None] * digits.shape[1] + _number(digits[order.T], categories))
 
 

@@ -27,7 +27,12 @@ class Verification:
         return not self.broken and not self.missing
 
 
-def verify(rows: Ints, constraints: Constraints, strength: int | Mixed, progress: Callable[[int, int], None] | None = None) -> Verification:
+def verify(
+    rows: Ints,
+    constraints: Constraints,
+    strength: int | Mixed,
+    progress: Callable[[int, int], None] | None = None,
+) -> Verification:
     """Check (n, d) category indices against every plane of `strength` variables, and against more planes of a mixed strength."""
     listed = [tuple(int(category) for category in row) for row in rows]
     broken = [
@@ -39,10 +44,16 @@ def verify(rows: Ints, constraints: Constraints, strength: int | Mixed, progress
     out = {row for row, _ in broken}
     feasible = [row for i, row in enumerate(listed) if i not in out]
     missing, cells, infeasible = [], 0, 0
-    planes = all_planes(len(constraints.sizes), Mixed(strength) if isinstance(strength, int) else strength)
+    planes = all_planes(
+        len(constraints.sizes), Mixed(strength) if isinstance(strength, int) else strength
+    )
     for done, (plane, wanted) in enumerate(planes.items()):
         seen = {tuple(row[v] for v in plane) for row in feasible}
-        for cell in product(*(range(constraints.sizes[v]) for v in plane)) if wanted is None else sorted(wanted):
+        for cell in (
+            product(*(range(constraints.sizes[v]) for v in plane))
+            if wanted is None
+            else sorted(wanted)
+        ):
             if cell in seen or _feasible(constraints, dict(zip(plane, cell, strict=True))):
                 cells += 1
                 if cell not in seen:
@@ -56,7 +67,10 @@ def verify(rows: Ints, constraints: Constraints, strength: int | Mixed, progress
 
 def _feasible(constraints: Constraints, fixed: Mapping[int, int]) -> bool:
     """Whether a point with the fixed categories satisfies every clause."""
-    domains = {v: {fixed[v]} if v in fixed else set(range(constraints.sizes[v])) for v in constraints.named | fixed.keys()}
+    domains = {
+        v: {fixed[v]} if v in fixed else set(range(constraints.sizes[v]))
+        for v in constraints.named | fixed.keys()
+    }
     return _search(domains, constraints.clauses)
 
 
@@ -77,7 +91,9 @@ def _search(domains: dict[int, set[int]], clauses: tuple[Clause, ...]) -> bool:
                 undecided = possible[0]
     if undecided is None:
         return True
-    return any(_search(_with(domains, literal), clauses) for literal in (undecided, _negated(undecided)))
+    return any(
+        _search(_with(domains, literal), clauses) for literal in (undecided, _negated(undecided))
+    )
 
 
 def _true(domains: Mapping[int, set[int]], literal: Literal) -> bool:
@@ -91,4 +107,9 @@ def _negated(literal: Literal) -> Literal:
 
 def _with(domains: dict[int, set[int]], literal: Literal) -> dict[int, set[int]]:
     domain = domains[literal.variable]
-    return {**domains, literal.variable: domain & {literal.category} if literal.equal else domain - {literal.category}}
+    return {
+        **domains,
+        literal.variable: domain & {literal.category}
+        if literal.equal
+        else domain - {literal.category},
+    }

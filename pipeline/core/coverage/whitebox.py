@@ -24,12 +24,17 @@ class Profile:
     @staticmethod
     def of(layers: Sequence[Activations]) -> Profile:
         """The profile of training images, at least one image."""
-        return Profile(tuple(layer.min(axis=0) for layer in layers), tuple(layer.max(axis=0) for layer in layers))
+        return Profile(
+            tuple(layer.min(axis=0) for layer in layers),
+            tuple(layer.max(axis=0) for layer in layers),
+        )
 
     def joined(self, other: Profile) -> Profile:
         """The profile of both sets of images together."""
         low = tuple(np.minimum(a, b) for a, b in zip(self.low, other.low, strict=True))
-        return Profile(low, tuple(np.maximum(a, b) for a, b in zip(self.high, other.high, strict=True)))
+        return Profile(
+            low, tuple(np.maximum(a, b) for a, b in zip(self.high, other.high, strict=True))
+        )
 
 
 @dataclass(frozen=True)
@@ -62,7 +67,9 @@ class WhiteBox:
 
     def show(self, layers: Sequence[Activations]) -> None:
         """Add the activations of a batch of images, one array per layer."""
-        for i, (values, low, high) in enumerate(zip(layers, self._profile.low, self._profile.high, strict=True)):
+        for i, (values, low, high) in enumerate(
+            zip(layers, self._profile.low, self._profile.high, strict=True)
+        ):
             active = values > 0
             self._active[i] |= active.any(axis=0)
             moved = high > low
@@ -72,14 +79,19 @@ class WhiteBox:
             together = active.astype(np.float32)
             self._pairs[i] |= together.T @ together > 0
             inside = (values >= low) & (values <= high) & moved
-            section = np.minimum((values - low) / np.where(moved, high - low, 1) * SECTIONS, SECTIONS - 1).astype(int)
+            section = np.minimum(
+                (values - low) / np.where(moved, high - low, 1) * SECTIONS, SECTIONS - 1
+            ).astype(int)
             image, neuron = np.nonzero(inside)
             self._sections[i][neuron, section[image, neuron]] = True
 
     def coverage(self) -> WhiteBoxCoverage:
         """Coverage of all images so far."""
         neurons = sum(len(active) for active in self._active)
-        moved = sum(int((high > low).sum()) for low, high in zip(self._profile.low, self._profile.high, strict=True))
+        moved = sum(
+            int((high > low).sum())
+            for low, high in zip(self._profile.low, self._profile.high, strict=True)
+        )
         pairs = sum(len(active) * (len(active) - 1) // 2 for active in self._active)
         met = sum(int(np.triu(layer, 1).sum()) for layer in self._pairs)
         return WhiteBoxCoverage(

@@ -75,15 +75,23 @@ class ImportanceSampling(Estimator):
 
     def rate(self) -> Rate:
         if self._random == len(self._kpi):
-            return self._rate(self._failures / max(self._tests, 1), exact(self._failures, self._tests), FEW)
+            return self._rate(
+                self._failures / max(self._tests, 1), exact(self._failures, self._tests), FEW
+            )
         later = np.arange(len(self._kpi)) >= self._random
         valid = ~np.isnan(self._kpi) & later
-        failed, tests = self._weights[valid & (self._kpi <= self.failure_threshold_s)], float(valid.sum())
+        failed, tests = (
+            self._weights[valid & (self._kpi <= self.failure_threshold_s)],
+            float(valid.sum()),
+        )
         if valid.sum() < later.sum():
             # The rate is that of the conditions without errors, which tests that search failures may meet more or less often than the road.
             tests = float(later.sum() * self._weights[valid].sum() / self._weights[later].sum())
         if not len(failed) or failed.sum() ** 2 < ENOUGH_FAILURES * (failed @ failed):
-            return self._rate(min(1.0, float(failed.sum()) / max(tests, 1)), bounded(failed, 1 / DEFENSIVE, max(tests, 1)))
+            return self._rate(
+                min(1.0, float(failed.sum()) / max(tests, 1)),
+                bounded(failed, 1 / DEFENSIVE, max(tests, 1)),
+            )
         value = min(1.0, float(failed.sum()) / tests)
         # Each pool is itself a sample, whose error all tests from it share.
         shares = np.bincount(self._pool_of[valid]) / valid.sum()
@@ -94,16 +102,22 @@ class ImportanceSampling(Estimator):
     @property
     def _learning(self) -> bool:
         """Whether the next tests are random: until there are enough failures, and forever if half of the budget does not show them."""
-        return self._random == len(self._kpi) and (self._failures < ENOUGH_FAILURES or len(self._kpi) > self.budget / 2)
+        return self._random == len(self._kpi) and (
+            self._failures < ENOUGH_FAILURES or len(self._kpi) > self.budget / 2
+        )
 
     def _fit(self) -> None:
         """Fit the meta-model to all tests, and weigh a new pool by it."""
-        rng = np.random.default_rng([self.seed, len(self._kpi), 1])  # Not that of the batch: asking twice fits once.
+        rng = np.random.default_rng(
+            [self.seed, len(self._kpi), 1]
+        )  # Not that of the batch: asking twice fits once.
         known = ~np.isnan(self._kpi)
         inputs, kpi = features(self.space, self._points[known]), self._kpi[known]
         points = self._exposure.sample(self.pool, rng)
         others = features(self.space, points)
-        trees = tree_chances(inputs, kpi <= self.failure_threshold_s, self.trees, rng)(others).mean(axis=0)
+        trees = tree_chances(inputs, kpi <= self.failure_threshold_s, self.trees, rng)(others).mean(
+            axis=0
+        )
         score = joined(trees, linear_chances(inputs, kpi, self.failure_threshold_s)(others)) + 1e-12
         chances = DEFENSIVE / len(points) + (1 - DEFENSIVE) * score / score.sum()
         self._pools.append((points, chances / chances.sum()))

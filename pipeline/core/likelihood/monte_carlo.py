@@ -38,5 +38,7 @@ class MonteCarlo(Estimator):
     def _settled(self) -> bool:
         if self.below is None:
             return False
-        under, over = (evidence(self._failures, self._tests, self.below, above) for above in (False, True))
+        under, over = (
+            evidence(self._failures, self._tests, self.below, above) for above in (False, True)
+        )
         return bool(under > -np.log(2 * TAIL) or over > -np.log(TAIL))

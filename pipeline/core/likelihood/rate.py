@@ -60,9 +60,16 @@ def evidence(failures: int, tests: int, rate: float, above: bool) -> float:
     a person looks (Robbins 1970; Ville's inequality).
     """
     seen = (failures + 1, tests - failures + 1)
-    share = special.betaincc(*seen, rate) / (1 - rate) if above else special.betainc(*seen, rate) / rate
+    share = (
+        special.betaincc(*seen, rate) / (1 - rate) if above else special.betainc(*seen, rate) / rate
+    )
     with np.errstate(divide="ignore"):
-        return float(np.log(share) - special.xlogy(failures, rate) - special.xlog1py(tests - failures, -rate) + special.betaln(*seen))
+        return float(
+            np.log(share)
+            - special.xlogy(failures, rate)
+            - special.xlog1py(tests - failures, -rate)
+            + special.betaln(*seen)
+        )
 
 
 def anytime(failures: int, tests: int) -> Limits:
@@ -75,7 +82,11 @@ def anytime(failures: int, tests: int) -> Limits:
         outer = TINY if above else 1 - TINY
         if evidence(failures, tests, outer, above) < -np.log(tail):
             return 0.0 if above else 1.0
-        return float(optimize.brentq(lambda rate: evidence(failures, tests, rate, above) + np.log(tail), outer, share))
+        return float(
+            optimize.brentq(
+                lambda rate: evidence(failures, tests, rate, above) + np.log(tail), outer, share
+            )
+        )
 
     return Limits(limit(TAIL, True), limit(TAIL, False), limit(2 * TAIL, False))
 
@@ -97,13 +108,19 @@ def bounded(weights: Floats, largest: float, tests: float) -> Limits:
     gamma distribution with the weighted sum's variance, shifted by one failure of the largest weight; with equal weights, exact for a
     Poisson count. Source: Fay & Feuer 1997, Statistics in Medicine 16:791.
     """
-    value, variance, most = float(weights.sum()) / tests, float(weights @ weights) / tests**2, largest / tests
+    value, variance, most = (
+        float(weights.sum()) / tests,
+        float(weights @ weights) / tests**2,
+        largest / tests,
+    )
 
     def quantile(share: float, mean: float, spread: float) -> float:
         return float(min(1.0, spread / (2 * mean) * stats.chi2.ppf(share, 2 * mean**2 / spread)))
 
     low = quantile(TAIL, value, variance) if value > 0 else 0.0
-    high, below = (quantile(1 - tail, value + most, variance + most**2) for tail in (TAIL, 2 * TAIL))
+    high, below = (
+        quantile(1 - tail, value + most, variance + most**2) for tail in (TAIL, 2 * TAIL)
+    )
     return Limits(low, high, below)
 
 
@@ -114,16 +131,30 @@ def combined(rates: Sequence[Rate], shares: Sequence[float]) -> Rate:
     """
     weights = np.asarray(shares, float)
     if len(weights) != len(rates) or (weights < 0).any() or abs(weights.sum() - 1) > 1e-6:
-        raise ValueError(f"expected a share for each of {len(rates)} scenarios, together 1, got {weights.tolist()}")
+        raise ValueError(
+            f"expected a share for each of {len(rates)} scenarios, together 1, got {weights.tolist()}"
+        )
     values = np.array([rate.value for rate in rates])
     reach = [
-        float(np.sqrt(np.sum((weights * (np.array([getattr(rate.limits, name) for rate in rates]) - values)) ** 2)))
+        float(
+            np.sqrt(
+                np.sum(
+                    (weights * (np.array([getattr(rate.limits, name) for rate in rates]) - values))
+                    ** 2
+                )
+            )
+        )
         for name in ("low", "high", "below")
     ]
     value = min(1.0, float(weights @ values))  # Rounded shares may sum to a little more than 1.
-    limits = Limits(max(0.0, value - reach[0]), min(1.0, value + reach[1]), min(1.0, value + reach[2]))
+    limits = Limits(
+        max(0.0, value - reach[0]), min(1.0, value + reach[1]), min(1.0, value + reach[2])
+    )
     notes = "; ".join(dict.fromkeys(rate.note for rate in rates if rate.note))
-    tests, failures, errors = (sum(counts) for counts in zip(*((one.tests, one.failures, one.errors) for one in rates), strict=True))
+    tests, failures, errors = (
+        sum(counts)
+        for counts in zip(*((one.tests, one.failures, one.errors) for one in rates), strict=True)
+    )
     return Rate(value, limits, tests, failures, errors, notes)
 
 

@@ -13,7 +13,9 @@ TINY = 1e-9
 """In place of a weight of 0, so that the limits are 0 and 1."""
 
 
-def reweighted(exposure: Exposure, points: Floats, failed: NDArray[np.bool_], errors: int = 0) -> Rate:
+def reweighted(
+    exposure: Exposure, points: Floats, failed: NDArray[np.bool_], errors: int = 0
+) -> Rate:
     """The failure rate under an exposure from independent tests that were drawn uniformly from its space.
 
     points, failed: (n, d) and (n,), of tests without an error. Each test has the weight exposure / uniform: a test that the road shows

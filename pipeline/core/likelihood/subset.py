@@ -41,7 +41,9 @@ class SubsetSimulation(Estimator):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._size = round(self.budget / (1 + (1 - SHARE) * (LEVELS - 1)) * SHARE) * round(1 / SHARE)
+        self._size = round(self.budget / (1 + (1 - SHARE) * (LEVELS - 1)) * SHARE) * round(
+            1 / SHARE
+        )
         self._latent: list[Floats] = []
         self._states: list[Floats] = []
         self._families: Ints = np.arange(self._size)
@@ -107,7 +109,10 @@ class SubsetSimulation(Estimator):
         if begin.mean() > 0.5:
             begin = states < self._bound
         if not begin.any():
-            self._end, self._above = FLAT, exact(0, int(np.isfinite(states).sum())) if self._reached == 1 else self._above
+            self._end, self._above = (
+                FLAT,
+                exact(0, int(np.isfinite(states).sum())) if self._reached == 1 else self._above,
+            )
             return
         self._bound = float(states[begin].max())
         self._reached *= float(begin.mean())
@@ -126,7 +131,9 @@ def family_limits(value: float, families: Ints) -> Limits:
     """
     counts = np.bincount(families) / len(families)
     error, more = float(np.sqrt(counts @ counts)), 1 + UNSEEN * float(counts.max())
-    low, high, below = (value * np.exp(error * ndtri(share)) for share in (TAIL, 1 - TAIL, 1 - 2 * TAIL))
+    low, high, below = (
+        value * np.exp(error * ndtri(share)) for share in (TAIL, 1 - TAIL, 1 - 2 * TAIL)
+    )
     return Limits(float(low), float(min(1.0, high * more)), float(min(1.0, below * more)))
 
 

@@ -45,7 +45,9 @@ class BatchSampler(ABC):
         low, high = map(float, interval[1:-1].split(", "))
         for name in names:
             value = getattr(self, name)
-            inside = (low < value or (value == low and interval[0] == "[")) and (value < high or (value == high and interval[-1] == "]"))
+            inside = (low < value or (value == low and interval[0] == "[")) and (
+                value < high or (value == high and interval[-1] == "]")
+            )
             if not inside:
                 raise ValueError(f"{name} must be in {interval}, got {value}")
 
@@ -61,7 +63,9 @@ class BatchSampler(ABC):
     def tell(self, points: Floats, kpi: Floats) -> None:
         """Record the KPI of asked points, in the order asked: (b, d) and (b,), NaN for an error."""
         if points.shape != (len(kpi), len(self.space)):
-            raise ValueError(f"points must have shape ({len(kpi)}, {len(self.space)}), got {points.shape}")
+            raise ValueError(
+                f"points must have shape ({len(kpi)}, {len(self.space)}), got {points.shape}"
+            )
         self._points = np.concatenate([self._points, points])
         self._kpi = np.concatenate([self._kpi, kpi])
 

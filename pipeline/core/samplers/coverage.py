@@ -36,22 +36,33 @@ class CoverageSampler(BatchSampler):
         super().__post_init__()
         self.limit("[1, 6]", "k")
         if (cells := _cells(self.space, self.k)) > MOST_CELLS:
-            raise ValueError(f"k must be smaller, as the space has {cells:,} combinations of {self.k} categories, got {self.k}")
+            raise ValueError(
+                f"k must be smaller, as the space has {cells:,} combinations of {self.k} categories, got {self.k}"
+            )
         if not _wanted(self.space):
             raise ValueError("coverage is undefined: the weights of all feasible cells sum to 0")
 
     def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
-        return self.space.within(propose_categories(self.space, self.k, self.space.categorise(points), self.batch_size, rng), rng)
+        return self.space.within(
+            propose_categories(
+                self.space, self.k, self.space.categorise(points), self.batch_size, rng
+            ),
+            rng,
+        )
 
 
-def propose_categories(space: Space, k: int, tested: Ints, count: int, rng: np.random.Generator) -> Ints:
+def propose_categories(
+    space: Space, k: int, tested: Ints, count: int, rng: np.random.Generator
+) -> Ints:
     """Categories of `count` further tests that raise k-projection coverage most, (count, d), given those of the tests so far, (n, d).
 
     k: cut to the number of variables. The weights of the space's feasible cells must not all be 0.
     """
     categories, wanted = tested, 1
     while (missing := len(tested) + count - len(categories)) > 0:
-        proposal = _proposer(space, k, wanted, int(rng.integers(2**31))).propose(categories, missing)
+        proposal = _proposer(space, k, wanted, int(rng.integers(2**31))).propose(
+            categories, missing
+        )
         if proposal is None:
             wanted += 1
         else:
@@ -70,12 +81,21 @@ def _cells(space: Space, k: int) -> int:
 
 def _wanted(space: Space) -> bool:
     """Whether any feasible cell has a weight: the largest of its categories' weights, so a category that a feasible point has is enough."""
-    categories = ((variable, category) for variable, weights in enumerate(space.weights) for category in np.flatnonzero(weights))
-    return any(space.constraints.satisfiable({variable: int(category)}) for variable, category in categories)
+    categories = (
+        (variable, category)
+        for variable, weights in enumerate(space.weights)
+        for category in np.flatnonzero(weights)
+    )
+    return any(
+        space.constraints.satisfiable({variable: int(category)})
+        for variable, category in categories
+    )
 
 
 def _proposer(space: Space, k: int, wanted: int, seed: int) -> Proposer:
-    from pipeline.core.coverage.projection import Demand  # Both compile, and every study makes every strategy to check it.
+    from pipeline.core.coverage.projection import (
+        Demand,
+    )  # Both compile, and every study makes every strategy to check it.
     from pipeline.core.coverage.proposals import Proposer
 
     weights = [wanted * np.asarray(weights) for weights in space.weights]

@@ -52,7 +52,11 @@ class EvolutionarySampler(BatchSampler):
         finite = np.isfinite(kpi)
         seen, values = points[finite], kpi[finite]
         chosen = np.zeros((0, len(self.space)))
-        if len(points) >= self.initial and len(seen) and any(_can_change(variable) for variable in self.space.variables):
+        if (
+            len(points) >= self.initial
+            and len(seen)
+            and any(_can_change(variable) for variable in self.space.variables)
+        ):
             parents = seen[self._selected(values, rng)]
             chosen = self._children(parents, points, self._weights(seen, values), rng)
         return fill(self.space, chosen, points, self.batch_size, rng)
@@ -65,12 +69,16 @@ class EvolutionarySampler(BatchSampler):
 
     def _weights(self, points: Floats, kpi: Floats) -> Floats:
         """The probability that a mutation changes each variable, (d,)."""
-        possible = np.array([_can_change(variable) for variable in self.space.variables], dtype=float)
+        possible = np.array(
+            [_can_change(variable) for variable in self.space.variables], dtype=float
+        )
         uniform, impact = possible / possible.sum(), impacts(points, kpi) * possible
         share = impact / impact.sum() if impact.sum() > 0 else uniform
         return np.asarray((1 - self.impact) * uniform + self.impact * share)
 
-    def _children(self, parents: Floats, tested: Floats, weights: Floats, rng: np.random.Generator) -> Floats:
+    def _children(
+        self, parents: Floats, tested: Floats, weights: Floats, rng: np.random.Generator
+    ) -> Floats:
         """One child for each test of the batch, as far as valid and untested ones are found, (n, d) with n up to the batch size."""
         slots = np.repeat(np.arange(self.batch_size), ATTEMPTS)
         tried = self._mutated(parents[slots % len(parents)], weights, rng)
@@ -83,7 +91,10 @@ class EvolutionarySampler(BatchSampler):
 
     def _mutated(self, parents: Floats, weights: Floats, rng: np.random.Generator) -> Floats:
         """Each of (n, d) parents with one variable changed, (n, d)."""
-        children, changed = parents.copy(), rng.choice(len(self.space), size=len(parents), p=weights)
+        children, changed = (
+            parents.copy(),
+            rng.choice(len(self.space), size=len(parents), p=weights),
+        )
         steps, draws = self.step * rng.normal(size=len(parents)), rng.random(len(parents))
         for j, variable in enumerate(self.space.variables):
             rows = changed == j

@@ -31,4 +31,7 @@ def features(space: Space, points: Floats, attributes: bool = True) -> Floats:
 def _attributes(variable: Variable, column: Floats) -> list[Floats]:
     """Each attribute of (n,) categories, (n, 1)."""
     known = [np.array(numbers) for _, numbers in variable.attributes]
-    return [((numbers - numbers.mean()) / max(float(numbers.std()), 1e-9))[column.astype(int)][:, None] for numbers in known]
+    return [
+        ((numbers - numbers.mean()) / max(float(numbers.std()), 1e-9))[column.astype(int)][:, None]
+        for numbers in known
+    ]

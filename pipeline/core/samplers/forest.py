@@ -70,7 +70,9 @@ class ForestSampler(BatchSampler):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.candidates < self.batch_size:
-            raise ValueError(f"candidates must be at least batch_size, {self.batch_size}, got {self.candidates}")
+            raise ValueError(
+                f"candidates must be at least batch_size, {self.batch_size}, got {self.candidates}"
+            )
         self.limit("[1, 100000]", "candidates")
         self.limit("[0, 1]", "mutants", "kinds", "explore", "explore_until")
         self.limit("[0, 1000]", "refinements")
@@ -83,21 +85,31 @@ class ForestSampler(BatchSampler):
     def _choose(self, index: int, points: Floats, kpi: Floats, rng: np.random.Generator) -> Floats:
         inputs, observed = self._lessons(points, kpi)
         if not len(observed) or (observed == observed[0]).all():
-            covering = propose_categories(self.space, 2, self.space.categorise(points), self.batch_size, rng)
+            covering = propose_categories(
+                self.space, 2, self.space.categorise(points), self.batch_size, rng
+            )
             candidates = self.space.within(covering, rng)
-            return fill(self.space, candidates[untested(candidates, points)], points, self.batch_size, rng)
+            return fill(
+                self.space, candidates[untested(candidates, points)], points, self.batch_size, rng
+            )
         candidates = self._candidate_set(points, kpi, rng)
         if len(candidates) < self.batch_size:
             return fill(self.space, candidates, points, self.batch_size, rng)
         failed = kpi <= self.failure_threshold_s
-        candidates, votes = self._refined(candidates, points, failed, self._learn(inputs, observed, rng), rng)
+        candidates, votes = self._refined(
+            candidates, points, failed, self._learn(inputs, observed, rng), rng
+        )
         return candidates[self._pick(candidates, votes, points, failed, rng)]
 
     def _lessons(self, points: Floats, kpi: Floats) -> tuple[Floats, Floats]:
         """Inputs (n, f) and KPI (n,) of all tests without an error, those of earlier campaigns first."""
         campaigns = [*self.earlier, (points, kpi)]
-        inputs = [self._inputs(tests[~np.isnan(values)], i) for i, (tests, values) in enumerate(campaigns)]
-        return np.concatenate(inputs), np.concatenate([values[~np.isnan(values)] for _, values in campaigns])
+        inputs = [
+            self._inputs(tests[~np.isnan(values)], i) for i, (tests, values) in enumerate(campaigns)
+        ]
+        return np.concatenate(inputs), np.concatenate(
+            [values[~np.isnan(values)] for _, values in campaigns]
+        )
 
     def _learn(self, inputs: Floats, kpi: Floats, rng: np.random.Generator) -> Chances:
         """The failure probability by each tree, joined with the linear model's, (trees, m)."""
@@ -124,12 +136,21 @@ class ForestSampler(BatchSampler):
         failures = int((kpi <= self.failure_threshold_s).sum())
         parents = points[order[: failures if failures >= ENOUGH_FAILURES else PARENTS]]
         count = round(self.mutants * self.candidates) if len(parents) else 0
-        children = mutate(self.space, parents[rng.integers(len(parents), size=count)], rng) if count else points[:0]
+        children = (
+            mutate(self.space, parents[rng.integers(len(parents), size=count)], rng)
+            if count
+            else points[:0]
+        )
         drawn = np.concatenate([self.space.sample(self.candidates - count, rng), children])
         return drawn[untested(drawn, points)]
 
     def _refined(
-        self, candidates: Floats, points: Floats, failed: NDArray[np.bool_], votes_of: Chances, rng: np.random.Generator
+        self,
+        candidates: Floats,
+        points: Floats,
+        failed: NDArray[np.bool_],
+        votes_of: Chances,
+        rng: np.random.Generator,
     ) -> tuple[Floats, Floats]:
         """The candidates, with mutations of the best of them and of failures, and the votes on each, (trees, n); none tested."""
         shown = self._shown(points[failed])
@@ -150,19 +171,37 @@ class ForestSampler(BatchSampler):
         chance, pairs = votes.mean(axis=0), self._pairs(points)
         if not self.diverse:
             return np.stack([chance, chance])
-        gains = self._gain(pairs, shown) + self._worth(shown), self._gain(pairs[:, self._categorical], shown)
+        gains = (
+            self._gain(pairs, shown) + self._worth(shown),
+            self._gain(pairs[:, self._categorical], shown),
+        )
         return np.asarray(chance * np.stack(gains))
 
-    def _pick(self, candidates: Floats, votes: Floats, points: Floats, failed: NDArray[np.bool_], rng: np.random.Generator) -> Ints:
+    def _pick(
+        self,
+        candidates: Floats,
+        votes: Floats,
+        points: Floats,
+        failed: NDArray[np.bool_],
+        rng: np.random.Generator,
+    ) -> Ints:
         """Positions of the `batch_size` candidates to test. votes: (trees, n) failure probability by each tree."""
         pairs, tested = self._pairs(candidates), self._pairs(points)
         shown, untested = self._shown(points[failed]), self._possible.astype(float)
         untested[tested.ravel()] = 0
         free, expected, chosen = np.ones(len(candidates), dtype=bool), votes.mean(axis=0), []
-        explored = round(self.explore * self.batch_size) if untested[self._possible].mean() > 1 - self.explore_until else 0
+        explored = (
+            round(self.explore * self.batch_size)
+            if untested[self._possible].mean() > 1 - self.explore_until
+            else 0
+        )
         kinds, worth = round(self.kinds * self.batch_size), self._worth(shown)
         for slot in range(self.batch_size):
-            chance = votes[rng.integers(len(votes), size=self.votes)].mean(axis=0) if self.diverse else expected
+            chance = (
+                votes[rng.integers(len(votes), size=self.votes)].mean(axis=0)
+                if self.diverse
+                else expected
+            )
             if slot < explored:
                 value = untested[pairs].mean(axis=1) * (CURIOSITY + chance)
             elif not self.diverse:
@@ -196,7 +235,10 @@ class ForestSampler(BatchSampler):
         categories, sizes = self.space.categorise(points), self.space.sizes
         if len(sizes) == 1:
             return categories
-        cells = [categories[:, i] * sizes[j] + categories[:, j] for i, j in combinations(range(len(sizes)), 2)]
+        cells = [
+            categories[:, i] * sizes[j] + categories[:, j]
+            for i, j in combinations(range(len(sizes)), 2)
+        ]
         return np.column_stack(cells) + self._offsets
 
     @cached_property
@@ -215,7 +257,9 @@ class ForestSampler(BatchSampler):
         """(pair_count,) the pairs of categories that some feasible point shows."""
         d = len(self.space)
         planes = combinations(range(d), min(2, d))
-        return np.concatenate([self.space.constraints.feasible_cells(plane).ravel() for plane in planes])
+        return np.concatenate(
+            [self.space.constraints.feasible_cells(plane).ravel() for plane in planes]
+        )
 
     @cached_property
     def _categorical(self) -> NDArray[np.bool_]:

@@ -38,12 +38,18 @@ class GaussianProcessSampler(MetaModelSampler):
         """The mean minus `kappa` standard deviations, (n,)."""
         return kpi - self.kappa * deviation
 
-    def fit(self, inputs: Floats, kpi: Floats, hyperparameters: Hyperparameters, seed: int) -> MetaModel:
-        from sklearn.gaussian_process import GaussianProcessRegressor  # Takes seconds, and every study makes every strategy to check it.
+    def fit(
+        self, inputs: Floats, kpi: Floats, hyperparameters: Hyperparameters, seed: int
+    ) -> MetaModel:
+        from sklearn.gaussian_process import (
+            GaussianProcessRegressor,
+        )  # Takes seconds, and every study makes every strategy to check it.
         from sklearn.gaussian_process.kernels import RBF
 
         kernel, noise = RBF(hyperparameters["length"]), hyperparameters["noise"]
-        process = GaussianProcessRegressor(kernel, alpha=noise, optimizer=None, normalize_y=True).fit(inputs, kpi)
+        process = GaussianProcessRegressor(
+            kernel, alpha=noise, optimizer=None, normalize_y=True
+        ).fit(inputs, kpi)
 
         def predict(others: Floats) -> tuple[Floats, Floats]:
             mean, deviation = process.predict(others, return_std=True)

@@ -16,7 +16,9 @@ class LinearSampler(MetaModelSampler):
     Eq. 4.32 has no inverse, because the inputs of a category add up to 1. The solution of Eq. 4.31 with the least norm is used instead.
     """
 
-    def fit(self, inputs: Floats, kpi: Floats, hyperparameters: Hyperparameters, seed: int) -> MetaModel:
+    def fit(
+        self, inputs: Floats, kpi: Floats, hyperparameters: Hyperparameters, seed: int
+    ) -> MetaModel:
         intercept = kpi.mean()
         centre = inputs.mean(axis=0)
         slopes, *_ = np.linalg.lstsq(inputs - centre, kpi - intercept)

@@ -53,7 +53,9 @@ class MetaModelSampler(BatchSampler):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.candidates < self.batch_size:
-            raise ValueError(f"candidates must be at least batch_size, {self.batch_size}, got {self.candidates}")
+            raise ValueError(
+                f"candidates must be at least batch_size, {self.batch_size}, got {self.candidates}"
+            )
         self.limit("[1, 100000]", "candidates")
         self.limit("[0, 1]", "explore")
         self.limit("(0, 10]", "failure_threshold_s")
@@ -63,7 +65,9 @@ class MetaModelSampler(BatchSampler):
         self._tuned: tuple[int, Hyperparameters] = (0, self.grid[0])
 
     @abstractmethod
-    def fit(self, inputs: Floats, kpi: Floats, hyperparameters: Hyperparameters, seed: int) -> MetaModel:
+    def fit(
+        self, inputs: Floats, kpi: Floats, hyperparameters: Hyperparameters, seed: int
+    ) -> MetaModel:
         """Fit the model to inputs (n, f) and KPIs scaled to [0, 1], (n,), n at least 1; equal arguments give equal models."""
 
     def rank(self, kpi: Floats, deviation: Floats) -> Floats:
@@ -79,16 +83,25 @@ class MetaModelSampler(BatchSampler):
         failures = kpi[observed] <= self.failure_threshold_s
         omega = relevance(self.space, candidates, points[observed], failures, self.epsilon)
         relevant = candidates[omega > self.omega_threshold]
-        order = np.argsort(self.rank(*self._predict(index, points, kpi, relevant)), kind="stable") if len(relevant) else np.arange(0)
+        order = (
+            np.argsort(self.rank(*self._predict(index, points, kpi, relevant)), kind="stable")
+            if len(relevant)
+            else np.arange(0)
+        )
         randoms = round(self.explore * self.batch_size)
         lowest, others = np.split(order, [min(self.batch_size - randoms, len(order))])
         chosen = relevant[np.concatenate([lowest, rng.permutation(others)[:randoms]])]
         return fill(self.space, chosen, points, self.batch_size, rng)
 
-    def _predict(self, index: int, points: Floats, kpi: Floats, candidates: Floats) -> tuple[Floats, Floats]:
+    def _predict(
+        self, index: int, points: Floats, kpi: Floats, candidates: Floats
+    ) -> tuple[Floats, Floats]:
         observed = ~np.isnan(kpi)
         model = self.fit(
-            self._inputs(points[observed]), scaled(kpi[observed]), self._hyperparameters(index, points, kpi), self.seed + index
+            self._inputs(points[observed]),
+            scaled(kpi[observed]),
+            self._hyperparameters(index, points, kpi),
+            self.seed + index,
         )
         return model(self._inputs(candidates))
 
@@ -98,7 +111,14 @@ class MetaModelSampler(BatchSampler):
         if self._tuned[0] != due:
             before = slice(due * self.batch_size)
             observed = ~np.isnan(kpi[before])
-            self._tuned = due, self.tune(self._inputs(points[before][observed]), scaled(kpi[before][observed]), self.seed + due)
+            self._tuned = (
+                due,
+                self.tune(
+                    self._inputs(points[before][observed]),
+                    scaled(kpi[before][observed]),
+                    self.seed + due,
+                ),
+            )
         return self._tuned[1]
 
     def tune(self, inputs: Floats, kpi: Floats, seed: int) -> Hyperparameters:
@@ -108,7 +128,9 @@ class MetaModelSampler(BatchSampler):
         order = np.random.default_rng([seed, 1]).permutation(len(inputs))
         test, development = np.split(order, [round(TEST_SHARE * len(order))])
         models = [self.fit(inputs[development], kpi[development], each, seed) for each in self.grid]
-        return self.grid[int(np.argmin([np.mean((model(inputs[test])[0] - kpi[test]) ** 2) for model in models]))]
+        return self.grid[
+            int(np.argmin([np.mean((model(inputs[test])[0] - kpi[test]) ** 2) for model in models]))
+        ]
 
     def _inputs(self, points: Floats) -> Floats:
         return features(self.space, points, attributes=False)

@@ -40,7 +40,13 @@ class MixedSampler(BatchSampler):
         if self._random == self.batch_size:
             return drawn
         guided = self._guide._choose(index, points, kpi, rng)
-        return fill(self.space, np.concatenate([drawn, guided[untested(guided, drawn)]]), points, self.batch_size, rng)
+        return fill(
+            self.space,
+            np.concatenate([drawn, guided[untested(guided, drawn)]]),
+            points,
+            self.batch_size,
+            rng,
+        )
 
     @property
     def _random(self) -> int:
@@ -68,4 +74,6 @@ class MixedSampler(BatchSampler):
 
 
 def _without_attributes(space: Space) -> Space:
-    return replace(space, variables=tuple(replace(variable, attributes=()) for variable in space.variables))
+    return replace(
+        space, variables=tuple(replace(variable, attributes=()) for variable in space.variables)
+    )

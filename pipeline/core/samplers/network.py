@@ -26,17 +26,31 @@ class NetworkSampler(MetaModelSampler):
     """
 
     grid: ClassVar[tuple[Hyperparameters, ...]] = tuple(
-        {"hidden": hidden, "penalty": penalty} for hidden in ((16,), (32,), (32, 16)) for penalty in (1e-3, 1e-2)
+        {"hidden": hidden, "penalty": penalty}
+        for hidden in ((16,), (32,), (32, 16))
+        for penalty in (1e-3, 1e-2)
     )
 
-    def fit(self, inputs: Floats, kpi: Floats, hyperparameters: Hyperparameters, seed: int) -> MetaModel:
-        layers = train(inputs, kpi, hyperparameters["hidden"], hyperparameters["penalty"], np.random.default_rng(seed))
+    def fit(
+        self, inputs: Floats, kpi: Floats, hyperparameters: Hyperparameters, seed: int
+    ) -> MetaModel:
+        layers = train(
+            inputs,
+            kpi,
+            hyperparameters["hidden"],
+            hyperparameters["penalty"],
+            np.random.default_rng(seed),
+        )
         return lambda others: (forward(layers, others)[-1][:, 0], np.zeros(len(others)))
 
 
-def train(inputs: Floats, kpi: Floats, hidden: tuple[int, ...], penalty: float, rng: np.random.Generator) -> Layers:
+def train(
+    inputs: Floats, kpi: Floats, hidden: tuple[int, ...], penalty: float, rng: np.random.Generator
+) -> Layers:
     """A network with `hidden` units in each hidden layer, fitted to inputs (n, f) and KPIs in [0, 1] (n,)."""
-    from scipy.optimize import minimize  # Takes half a second, and every study makes every strategy to check it.
+    from scipy.optimize import (
+        minimize,
+    )  # Takes half a second, and every study makes every strategy to check it.
 
     shapes = list(pairwise((inputs.shape[1], *hidden, 1)))
     start = [(rng.normal(size=shape) / np.sqrt(shape[0]), np.zeros(shape[1])) for shape in shapes]
@@ -46,7 +60,9 @@ def train(inputs: Floats, kpi: Floats, hidden: tuple[int, ...], penalty: float, 
         loss, gradients = loss_and_gradients(layers, inputs, kpi, penalty)
         return loss, _packed(gradients)
 
-    found: Any = minimize(objective, _packed(start), jac=True, method="L-BFGS-B", options={"maxiter": ITERATIONS})
+    found: Any = minimize(
+        objective, _packed(start), jac=True, method="L-BFGS-B", options={"maxiter": ITERATIONS}
+    )
     return _unpacked(found.x, shapes)
 
 
@@ -61,11 +77,16 @@ def forward(layers: Layers, inputs: Floats) -> list[Floats]:
     return [*outputs, expit(outputs[-1] @ weights + biases)]
 
 
-def loss_and_gradients(layers: Layers, inputs: Floats, kpi: Floats, penalty: float) -> tuple[float, Layers]:
+def loss_and_gradients(
+    layers: Layers, inputs: Floats, kpi: Floats, penalty: float
+) -> tuple[float, Layers]:
     """Squared errors plus `penalty` times the squared weights, both summed and divided by the number of tests; and its gradients."""
     outputs, count = forward(layers, inputs), len(kpi)
     error = outputs[-1][:, 0] - kpi
-    loss = float(error @ error + penalty * sum(float(np.sum(weights**2)) for weights, _ in layers)) / count
+    loss = (
+        float(error @ error + penalty * sum(float(np.sum(weights**2)) for weights, _ in layers))
+        / count
+    )
     signal = (2 / count * error * outputs[-1][:, 0] * (1 - outputs[-1][:, 0]))[:, None]
     gradients: Layers = []
     for (weights, _), before in zip(reversed(layers), reversed(outputs[:-1]), strict=True):

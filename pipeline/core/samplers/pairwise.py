@@ -21,7 +21,10 @@ class PairwiseSampler(BatchSampler):
     @cached_property
     def plan(self) -> Floats:
         """The covering array, (rows, d) points at the representatives of their categories, in the order of execution."""
-        from pipeline.core.coverage.arrays import covering_array, order_by_new_pairs  # Compiles, and every study makes every strategy.
+        from pipeline.core.coverage.arrays import (
+            covering_array,
+            order_by_new_pairs,
+        )  # Compiles, and every study makes every strategy.
 
         rows = covering_array(self.space.constraints, min(2, len(self.space)), seed=self.seed).rows
         return self.space.representatives(rows[order_by_new_pairs(rows)])

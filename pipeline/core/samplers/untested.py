@@ -26,7 +26,9 @@ def untested(points: Floats, tested: Floats) -> NDArray[np.bool_]:
     return new
 
 
-def fill(space: Space, chosen: Floats, tested: Floats, count: int, rng: np.random.Generator) -> Floats:
+def fill(
+    space: Space, chosen: Floats, tested: Floats, count: int, rng: np.random.Generator
+) -> Floats:
     """The (n, d) chosen points and random ones, `count` in total: untested ones as far as a draw has them, then repetitions."""
     missing = count - len(chosen)
     if missing <= 0:

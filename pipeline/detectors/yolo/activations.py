@@ -26,12 +26,21 @@ def activations(model: Yolo, images: NDArray[np.uint8]) -> Iterator[list[NDArray
         seen.append(output.mean(dim=(2, 3)).numpy())
 
     model.eval()
-    hooks = [module.register_forward_hook(look) for module in model.modules() if isinstance(module, ConvUnit)]
+    hooks = [
+        module.register_forward_hook(look)
+        for module in model.modules()
+        if isinstance(module, ConvUnit)
+    ]
     try:
         with torch.no_grad():
             for first in range(0, len(images), BATCH):
                 seen.clear()
-                batch = torch.from_numpy(np.ascontiguousarray(images[first : first + BATCH])).permute(0, 3, 1, 2).float().div_(255)
+                batch = (
+                    torch.from_numpy(np.ascontiguousarray(images[first : first + BATCH]))
+                    .permute(0, 3, 1, 2)
+                    .float()
+                    .div_(255)
+                )
                 model(batch.contiguous(memory_format=torch.channels_last))
                 yield list(seen)
     finally:

@@ -41,7 +41,8 @@ class State:
     def averaging(self) -> tuple[list[Tensor], list[Tensor]]:
         """The averaged weights and those that they follow. They share the networks' memory; listing them takes as long as averaging."""
         averages, weights = (
-            [value for value in each.state_dict().values() if value.is_floating_point()] for each in (self.average, self.model)
+            [value for value in each.state_dict().values() if value.is_floating_point()]
+            for each in (self.average, self.model)
         )
         return averages, weights
 
@@ -54,8 +55,16 @@ class State:
 def save(path: Path, identity: str, state: State) -> None:
     """Write the checkpoint. identity: digest of the training that it belongs to."""
     buffer = io.BytesIO()
-    parts = {"model": state.model.state_dict(), "average": state.average.state_dict(), "optimiser": state.optimiser.state_dict()}
-    evaluations = {"best": state.best, "sums": state.sums, "curve": [asdict(point) for point in state.curve]}
+    parts = {
+        "model": state.model.state_dict(),
+        "average": state.average.state_dict(),
+        "optimiser": state.optimiser.state_dict(),
+    }
+    evaluations = {
+        "best": state.best,
+        "sums": state.sums,
+        "curve": [asdict(point) for point in state.curve],
+    }
     torch.save({"identity": identity, "iteration": state.iteration, **parts, **evaluations}, buffer)
     write_sealed(path, buffer.getvalue())
 
@@ -71,5 +80,9 @@ def resume(path: Path, identity: str, state: State, device: torch.device) -> Non
     state.model.load_state_dict(found["model"])
     state.average.load_state_dict(found["average"])
     state.optimiser.load_state_dict(found["optimiser"])
-    state.best, state.sums, state.curve = found["best"], found["sums"], [CurvePoint(**point) for point in found["curve"]]
+    state.best, state.sums, state.curve = (
+        found["best"],
+        found["sums"],
+        [CurvePoint(**point) for point in found["curve"]],
+    )
     state.iteration = int(found["iteration"])

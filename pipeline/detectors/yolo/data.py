@@ -58,13 +58,17 @@ def hardness(images: ImageSet, oversampling: int) -> NDArray[np.int64]:
     near = (bottom - top > height / 2) | (left <= 1) | (right >= width - 1)
     faint = images.contrast < 16
     wide = right - left > 0.75 * (bottom - top)
-    return np.where((images.visible_pixels > 0) & (small | near | faint | wide), oversampling, 1).astype(np.int64)
+    return np.where(
+        (images.visible_pixels > 0) & (small | near | faint | wide), oversampling, 1
+    ).astype(np.int64)
 
 
 class Stream:
     """An endless order of image indices, shuffled anew each epoch. repeats: (n,) times each index comes in an epoch."""
 
-    def __init__(self, indices: NDArray[np.int64], repeats: NDArray[np.int64], seed: tuple[int, ...]) -> None:
+    def __init__(
+        self, indices: NDArray[np.int64], repeats: NDArray[np.int64], seed: tuple[int, ...]
+    ) -> None:
         self._pool = np.repeat(indices, repeats)
         if not len(self._pool):
             raise ValueError("a stream needs at least one image, got none")
@@ -86,11 +90,15 @@ class Stream:
         order = self._epochs.get(epoch)
         if order is None:
             order = np.random.default_rng((*self._seed, epoch)).permutation(self._pool)
-            self._epochs = {number: kept for number, kept in self._epochs.items() if number == epoch - 1} | {epoch: order}
+            self._epochs = {
+                number: kept for number, kept in self._epochs.items() if number == epoch - 1
+            } | {epoch: order}
         return order
 
 
-def crop_view(box: Boxes, size: tuple[int, int], crop: tuple[int, int], rng: np.random.Generator) -> View:
+def crop_view(
+    box: Boxes, size: tuple[int, int], crop: tuple[int, int], rng: np.random.Generator
+) -> View:
     """Choose the crop: in 62 % of the cases around the pedestrian, if there is one; otherwise anywhere around the horizon."""
     scale = float(np.exp(rng.uniform(-0.25, 0.35))) if rng.random() < 0.6 else 1.0
     half = np.array(crop) / 2 / scale
@@ -127,24 +135,37 @@ def on_pixels(view: View, size: tuple[int, int]) -> View:
 def mapping(view: View, size: tuple[int, int]) -> NDArray[np.float64]:
     """The (2, 3) matrix that maps image points to a view of size (w, h)."""
     sign = -view.scale if view.flipped else view.scale
-    return np.array([[sign, 0, size[0] / 2 - sign * view.centre[0]], [0, view.scale, size[1] / 2 - view.scale * view.centre[1]]])
+    return np.array(
+        [
+            [sign, 0, size[0] / 2 - sign * view.centre[0]],
+            [0, view.scale, size[1] / 2 - view.scale * view.centre[1]],
+        ]
+    )
 
 
 def show(image: Images, view: View, size: tuple[int, int]) -> Images:
     """The view of an image as (h, w, 3) for size (w, h)."""
     width, height = size
     left, top = int(view.centre[0] - width / 2), int(view.centre[1] - height / 2)
-    if view.scale == 1.0 and 0 <= left <= image.shape[1] - width and 0 <= top <= image.shape[0] - height:
+    if (
+        view.scale == 1.0
+        and 0 <= left <= image.shape[1] - width
+        and 0 <= top <= image.shape[0] - height
+    ):
         part = image[top : top + height, left : left + width]
         return np.asarray(cv2.flip(part, 1), np.uint8) if view.flipped else part
     centred = mapping(view, size)
-    centred[:, 2] += centred[:, :2] @ (0.5, 0.5) - 0.5  # OpenCV puts (0, 0) at a pixel's middle, boxes at its corner.
+    centred[:, 2] += (
+        centred[:, :2] @ (0.5, 0.5) - 0.5
+    )  # OpenCV puts (0, 0) at a pixel's middle, boxes at its corner.
     # Grey beyond the image: a reflection would show unlabelled people.
     shown = cv2.warpAffine(image, centred, size, flags=cv2.INTER_LINEAR, borderValue=(GREY,) * 3)
     return np.asarray(shown, np.uint8)
 
 
-def shown_box(box: Boxes, matrix: NDArray[np.float64], size: tuple[int, int]) -> tuple[Boxes, float]:
+def shown_box(
+    box: Boxes, matrix: NDArray[np.float64], size: tuple[int, int]
+) -> tuple[Boxes, float]:
     """The box in the view, clipped to it, (4,), and the remaining share of its area, in [0, 1]; zeros if nothing remains."""
     if box[2] <= box[0]:
         return np.zeros(4, np.float32), 1.0
@@ -164,10 +185,17 @@ def recolouring(rng: np.random.Generator) -> Change:
         return lambda image: image
     turn, scale = int(rng.integers(180)), rng.uniform(0.4, 1.4)
     levels = np.arange(256)
-    curves = np.stack([(levels + turn) % 180, np.clip(levels * scale, 0, 255), levels], axis=1).astype(np.uint8)
+    curves = np.stack(
+        [(levels + turn) % 180, np.clip(levels * scale, 0, 255), levels], axis=1
+    ).astype(np.uint8)
 
     def change(image: Images) -> Images:
-        return np.asarray(cv2.cvtColor(cv2.LUT(cv2.cvtColor(image, cv2.COLOR_RGB2HSV), curves[None]), cv2.COLOR_HSV2RGB), np.uint8)
+        return np.asarray(
+            cv2.cvtColor(
+                cv2.LUT(cv2.cvtColor(image, cv2.COLOR_RGB2HSV), curves[None]), cv2.COLOR_HSV2RGB
+            ),
+            np.uint8,
+        )
 
     return change
 
@@ -178,14 +206,20 @@ def relighting(rng: np.random.Generator) -> Change:
     tint = rng.uniform(0.85, 1.15, 3) if rng.random() < 0.5 else np.ones(1)
     clear, haze = (rng.uniform(0.4, 1), rng.uniform(20, 220)) if rng.random() < 0.3 else (1.0, 0.0)
     exposed = np.clip((np.arange(256)[:, None] * gain + offset) * tint, 0, 255)
-    curve = (clear * exposed + (1 - clear) * haze).astype(np.uint8)  # One for each channel, or for all: twice as fast.
+    curve = (clear * exposed + (1 - clear) * haze).astype(
+        np.uint8
+    )  # One for each channel, or for all: twice as fast.
     return lambda image: np.asarray(cv2.LUT(image, curve[None]), np.uint8)
 
 
-def augmented(box: Boxes, full: tuple[int, int], size: tuple[int, int], relit: float, rng: np.random.Generator) -> tuple[Change, Boxes]:
+def augmented(
+    box: Boxes, full: tuple[int, int], size: tuple[int, int], relit: float, rng: np.random.Generator
+) -> tuple[Change, Boxes]:
     """How an image of size `full` becomes a training example of size (w, h), and its box (4,): a crop if it is smaller, else the frame."""
     for _ in range(ATTEMPTS):
-        view = on_pixels(frame_view(full, rng) if size == full else crop_view(box, full, size, rng), size)
+        view = on_pixels(
+            frame_view(full, rng) if size == full else crop_view(box, full, size, rng), size
+        )
         label, left = shown_box(box, mapping(view, size), size)
         if left == 0 or left > KEPT_SHARE:
             break
@@ -199,7 +233,11 @@ def augmented(box: Boxes, full: tuple[int, int], size: tuple[int, int], relit: f
 
 
 def batch(
-    images: ImageSet, indices: NDArray[np.int64], size: tuple[int, int], seed: tuple[int, ...], relit: float = 1.0
+    images: ImageSet,
+    indices: NDArray[np.int64],
+    size: tuple[int, int],
+    seed: tuple[int, ...],
+    relit: float = 1.0,
 ) -> tuple[Images, Boxes]:
     """Training examples (n, h, w, 3) uint8 RGB and boxes (n, 4) in their pixels, zeros without a pedestrian.
 
@@ -215,7 +253,10 @@ def batch(
             shown[row] = examples[row][0](images.images[indices[row]])
 
     threads = torch.get_num_threads()
-    others = [_pool(threads).submit(fill, range(start, len(indices), threads)) for start in range(1, threads)]
+    others = [
+        _pool(threads).submit(fill, range(start, len(indices), threads))
+        for start in range(1, threads)
+    ]
     fill(range(0, len(indices), threads))
     for other in others:
         other.result()

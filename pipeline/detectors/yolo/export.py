@@ -46,8 +46,12 @@ def onnx_of(model: Path, folder: Path) -> Path:
     """The ONNX file of a version's folder; if missing, it is exported to `folder`, named by the digest of weights and card, so that
     versions never overwrite each other."""
     if model.is_file():
-        is_version = any((model.parent / name).exists() for name in ("model.onnx", "weights.safetensors"))
-        raise InputError(f"{model}: expected the folder of a version, got a file{f'; name {model.parent}' if is_version else ''}")
+        is_version = any(
+            (model.parent / name).exists() for name in ("model.onnx", "weights.safetensors")
+        )
+        raise InputError(
+            f"{model}: expected the folder of a version, got a file{f'; name {model.parent}' if is_version else ''}"
+        )
     if (model / "model.onnx").exists():
         return model / "model.onnx"
     weights, card = model / "weights.safetensors", model / "model.json"
@@ -61,10 +65,14 @@ def onnx_of(model: Path, folder: Path) -> Path:
 def export_version(weights: Path, card: Path, onnx: Path) -> None:
     """Write the ONNX file of a version, for images of the size and with the calibration that its card names."""
     described = read_card(card)
-    export_onnx(onnx, load_weights(weights), described.input_size, Calibration(**described.calibration))
+    export_onnx(
+        onnx, load_weights(weights), described.input_size, Calibration(**described.calibration)
+    )
 
 
-def export_onnx(path: Path, model: Yolo, size: tuple[int, int], calibration: Calibration | None = None) -> None:
+def export_onnx(
+    path: Path, model: Yolo, size: tuple[int, int], calibration: Calibration | None = None
+) -> None:
     """Write model.onnx for images of size (w, h), any number at a time; the same weights and calibration give the same bytes."""
     example = torch.zeros(1, size[1], size[0], 3, dtype=torch.uint8)
     axes = {name: {0: "images"} for name in ("image", "boxes", "scores")}

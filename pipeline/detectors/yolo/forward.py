@@ -28,7 +28,12 @@ class Forward:
 
     def __call__(self, images: Tensor) -> Tensor:
         shown = images.to(self._dtype).div_(255)
-        with torch.autocast(self._device.type, torch.bfloat16, enabled=self._dtype == torch.bfloat16, cache_enabled=False):
+        with torch.autocast(
+            self._device.type,
+            torch.bfloat16,
+            enabled=self._dtype == torch.bfloat16,
+            cache_enabled=False,
+        ):
             if self._device.type == "cpu":
                 output: Tensor = self._network(shown)
                 return output
@@ -41,11 +46,18 @@ class Forward:
         # Gradients are made on the stream of the capture; autograd waits for them, but warns that this takes time.
         warnings.filterwarnings("ignore", "The AccumulateGrad node's stream")
         # In a new module, because a capture replaces the forward of the module that it gets.
-        captured = torch.cuda.make_graphed_callables(nn.Sequential(self._network), (torch.zeros_like(images),))
-        self._model.load_state_dict(before)  # The capture ran the network, which changed the normalisation's statistics.
+        captured = torch.cuda.make_graphed_callables(
+            nn.Sequential(self._network), (torch.zeros_like(images),)
+        )
+        self._model.load_state_dict(
+            before
+        )  # The capture ran the network, which changed the normalisation's statistics.
         return cast(Callable[[Tensor], Tensor], captured)
 
 
 def _multiplies_bfloat16(device: torch.device) -> bool:
     """Whether bfloat16 saves time. Processors without AVX-512 have no kernels for it: an iteration would take ten times as long."""
-    return device.type != "cpu" or torch.backends.cpu.get_cpu_capability() not in ("DEFAULT", "AVX2")
+    return device.type != "cpu" or torch.backends.cpu.get_cpu_capability() not in (
+        "DEFAULT",
+        "AVX2",
+    )

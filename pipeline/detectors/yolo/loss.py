@@ -34,14 +34,19 @@ def pairwise_iou(boxes: Tensor, truth: Tensor) -> tuple[Tensor, Tensor]:
     area = (boxes[..., 2:] - boxes[..., :2]).clamp(min=0).prod(-1)
     truth_area = (truth[..., 2:] - truth[..., :2]).clamp(min=0).prod(-1)
     union = (area + truth_area - overlap).clamp(min=1e-6)
-    hull_low, hull_high = torch.minimum(boxes[..., :2], truth[..., :2]), torch.maximum(boxes[..., 2:], truth[..., 2:])
+    hull_low, hull_high = (
+        torch.minimum(boxes[..., :2], truth[..., :2]),
+        torch.maximum(boxes[..., 2:], truth[..., 2:]),
+    )
     hull = (hull_high - hull_low).clamp(min=0).prod(-1).clamp(min=1e-6)
     iou = overlap / union
     return iou, iou - (hull - union) / hull
 
 
 @torch.no_grad()
-def assign(boxes: Tensor, logits: Tensor, truth: Tensor, centres: Tensor, strides: Tensor) -> Tensor:
+def assign(
+    boxes: Tensor, logits: Tensor, truth: Tensor, centres: Tensor, strides: Tensor
+) -> Tensor:
     """Target score (n, cells) in [0, 1] of every cell; 0 for background.
 
     boxes (n, cells, 4), logits (n, cells), truth (n, 4) with zeros without a pedestrian. The candidates are the cells with their centre in
@@ -62,7 +67,9 @@ def assign(boxes: Tensor, logits: Tensor, truth: Tensor, centres: Tensor, stride
     return kept / kept.amax(1, keepdim=True).clamp(min=1e-12) * best_iou
 
 
-def detection_loss(boxes: Tensor, logits: Tensor, truth: Tensor, centres: Tensor, strides: Tensor) -> Loss:
+def detection_loss(
+    boxes: Tensor, logits: Tensor, truth: Tensor, centres: Tensor, strides: Tensor
+) -> Loss:
     """Binary cross-entropy of the scores plus five times 1 - GIoU of the assigned boxes, both per unit of target score.
 
     Shapes as in `assign`.

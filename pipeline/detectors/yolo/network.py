@@ -41,9 +41,15 @@ class ConvUnit(nn.Sequential):
 
     folded: tuple[Tensor, Tensor] | None = None
 
-    def __init__(self, inputs: int, outputs: int, kernel: int = 3, stride: int = 1, groups: int = 1) -> None:
-        convolution = nn.Conv2d(inputs, outputs, kernel, stride, kernel // 2, groups=groups, bias=False)
-        super().__init__(convolution, nn.BatchNorm2d(outputs, eps=1e-3, momentum=0.03), nn.ReLU(inplace=True))
+    def __init__(
+        self, inputs: int, outputs: int, kernel: int = 3, stride: int = 1, groups: int = 1
+    ) -> None:
+        convolution = nn.Conv2d(
+            inputs, outputs, kernel, stride, kernel // 2, groups=groups, bias=False
+        )
+        super().__init__(
+            convolution, nn.BatchNorm2d(outputs, eps=1e-3, momentum=0.03), nn.ReLU(inplace=True)
+        )
 
     @property
     def convolution(self) -> nn.Conv2d:
@@ -62,7 +68,9 @@ class ConvUnit(nn.Sequential):
             y: Tensor = super().forward(x)  # type: ignore[no-untyped-call]
             return y
         conv = self.convolution
-        return functional.conv2d(x, *self.folded, conv.stride, conv.padding[0], groups=conv.groups).relu_()
+        return functional.conv2d(
+            x, *self.folded, conv.stride, conv.padding[0], groups=conv.groups
+        ).relu_()
 
 
 class Csp(nn.Module):
@@ -72,7 +80,9 @@ class Csp(nn.Module):
         super().__init__()
         self.part = half = outputs // 2
         self.enter = ConvUnit(inputs, outputs, 1)
-        self.stages = nn.ModuleList(nn.Sequential(ConvUnit(half, half), ConvUnit(half, half)) for _ in range(depth))
+        self.stages = nn.ModuleList(
+            nn.Sequential(ConvUnit(half, half), ConvUnit(half, half)) for _ in range(depth)
+        )
         self.leave = ConvUnit(outputs + half * depth, outputs, 1)
         self.residual = residual
 
@@ -129,7 +139,13 @@ class Yolo(nn.Module):
         n8 = self.up8(torch.cat([self.upsample(n16), p8], 1))
         n16 = self.down16(torch.cat([self.down8(n8), n16], 1))
         n32 = self.down32(torch.cat([self.down16_to_32(n16), p32], 1))
-        return torch.cat([head(level).flatten(2) for head, level in zip(self.heads, (n8, n16, n32), strict=True)], 2)
+        return torch.cat(
+            [
+                head(level).flatten(2)
+                for head, level in zip(self.heads, (n8, n16, n32), strict=True)
+            ],
+            2,
+        )
 
 
 def cells(width: int, height: int) -> tuple[Tensor, Tensor]:
@@ -138,7 +154,9 @@ def cells(width: int, height: int) -> tuple[Tensor, Tensor]:
     ValueError unless both sides are positive multiples of 32.
     """
     if width <= 0 or height <= 0 or width % STRIDES[-1] or height % STRIDES[-1]:
-        raise ValueError(f"image sides must be positive multiples of {STRIDES[-1]}, got {width}x{height}")
+        raise ValueError(
+            f"image sides must be positive multiples of {STRIDES[-1]}, got {width}x{height}"
+        )
     centres, strides = [], []
     for stride in STRIDES:
         x = (torch.arange(width // stride) + 0.5) * stride
@@ -168,4 +186,9 @@ def _head(inputs: int, width: int) -> nn.Sequential:
         assert last.bias is not None
         last.bias.copy_(torch.tensor([0.0, 0.0, math.log(1.2), math.log(2.4), -math.log(99.0)]))
         last.weight.mul_(0.1)
-    return nn.Sequential(ConvUnit(inputs, width), ConvUnit(width, width, groups=width), ConvUnit(width, width, 1), last)
+    return nn.Sequential(
+        ConvUnit(inputs, width),
+        ConvUnit(width, width, groups=width),
+        ConvUnit(width, width, 1),
+        last,
+    )

@@ -22,12 +22,21 @@ class Optimiser:
     def __init__(self, model: Yolo, weight_decay: float, muon: bool) -> None:
         self._kernels = hidden_kernels(model) if muon else []
         # Views, so that Muon's steps change the kernels; a kernel in another memory format is an error here.
-        self._matrices = [nn.Parameter(_channels_last(kernel.detach()).view(len(kernel), -1)) for kernel in self._kernels]
+        self._matrices = [
+            nn.Parameter(_channels_last(kernel.detach()).view(len(kernel), -1))
+            for kernel in self._kernels
+        ]
         hidden = {id(kernel) for kernel in self._kernels}
         rest = [parameter for parameter in model.parameters() if id(parameter) not in hidden]
         groups = [
-            {"params": [parameter for parameter in rest if parameter.ndim > 1], "weight_decay": weight_decay},
-            {"params": [parameter for parameter in rest if parameter.ndim <= 1], "weight_decay": 0.0},
+            {
+                "params": [parameter for parameter in rest if parameter.ndim > 1],
+                "weight_decay": weight_decay,
+            },
+            {
+                "params": [parameter for parameter in rest if parameter.ndim <= 1],
+                "weight_decay": 0.0,
+            },
         ]
         self._adamw = torch.optim.AdamW(groups, fused=True)
         self._muon = Muon(self._matrices) if muon else None

@@ -25,7 +25,13 @@ WARM_UP_SHARE = 0.035
 WARM_UP = 200
 
 
-def train_from_scratch(images: ImageSet, indices: NDArray[np.int64], validation: ImageSet, config: Mapping[str, Any], run: Run) -> Fitted:
+def train_from_scratch(
+    images: ImageSet,
+    indices: NDArray[np.int64],
+    validation: ImageSet,
+    config: Mapping[str, Any],
+    run: Run,
+) -> Fitted:
     """Train a detector on a set with section `training` of the config; resumes from the run's checkpoint.
 
     indices: of the training images. validation: gives the curve and stops the training early if the curve no longer rises.
@@ -34,21 +40,37 @@ def train_from_scratch(images: ImageSet, indices: NDArray[np.int64], validation:
     iterations = int(config["crop_iterations"]), int(config["frame_iterations"])
     warm_up = min(WARM_UP, round(WARM_UP_SHARE * sum(iterations)))
     share = math.prod(CROP_SIZE) / math.prod(images.size)
-    schedule = Schedule(*iterations, float(config["learning_rate"]), warm_up=warm_up, muon=True, crop_share=share)
+    schedule = Schedule(
+        *iterations, float(config["learning_rate"]), warm_up=warm_up, muon=True, crop_share=share
+    )
     repeats = hardness(images, int(config["oversampling"]))[indices]
     crops, frames = (Stream(indices, repeats, (seed, phase)) for phase in (CROP_PHASE, FRAME_PHASE))
 
     def feed(iteration: int) -> tuple[Images, Boxes]:
         relit = relit_share(iteration * size)
         if iteration < schedule.crop_iterations:
-            return batch(images, crops.take(iteration * size, size), CROP_SIZE, (seed, CROP_PHASE, iteration), relit)
+            return batch(
+                images,
+                crops.take(iteration * size, size),
+                CROP_SIZE,
+                (seed, CROP_PHASE, iteration),
+                relit,
+            )
         first = (iteration - schedule.crop_iterations) * size
-        return batch(images, frames.take(first, size), images.size, (seed, FRAME_PHASE, iteration), relit)
+        return batch(
+            images, frames.take(first, size), images.size, (seed, FRAME_PHASE, iteration), relit
+        )
 
     shown = [images.digest, indices.tolist(), validation.digest]
-    identity = hashlib.sha256(json.dumps([dict(config), shown], sort_keys=True).encode()).hexdigest()
+    identity = hashlib.sha256(
+        json.dumps([dict(config), shown], sort_keys=True).encode()
+    ).hexdigest()
     watch = watching(validation, int(config["validate_every"]), int(config["patience"]))
-    return fit(initial_model(seed, lambda: Yolo(SIZES[config["size"]])), Lesson(schedule, feed, identity, watch), run)
+    return fit(
+        initial_model(seed, lambda: Yolo(SIZES[config["size"]])),
+        Lesson(schedule, feed, identity, watch),
+        run,
+    )
 
 
 def relit_share(shown: int) -> float:

@@ -31,7 +31,10 @@ class ImageSets:
 
     @property
     def digests(self) -> tuple[str, ...]:
-        return tuple("" if images is None else images.digest for images in (self.base, self.added, self.validation))
+        return tuple(
+            "" if images is None else images.digest
+            for images in (self.base, self.added, self.validation)
+        )
 
 
 @dataclass(frozen=True)
@@ -64,15 +67,30 @@ def retrain(model: Yolo, images: ImageSets, plan: Refinement, run: Run) -> Fitte
     """
     steps = plan.iterations
     model.stage4.requires_grad_(False)
-    schedule = Schedule(0, steps, plan.learning_rate, warm_up=steps // 10, averaging=0.97, frozen_statistics=True)
+    schedule = Schedule(
+        0, steps, plan.learning_rate, warm_up=steps // 10, averaging=0.97, frozen_statistics=True
+    )
     feed = mixed_feed(images.base, images.added, plan.batch_size, plan.added_share, plan.seed)
-    identity = hashlib.sha256(json.dumps([asdict(plan), images.digests]).encode() + _weights(model)).hexdigest()
-    return fit(model, Lesson(schedule, feed, identity, watching(images.validation, -(-steps // EVALUATIONS), patience=EVALUATIONS)), run)
+    identity = hashlib.sha256(
+        json.dumps([asdict(plan), images.digests]).encode() + _weights(model)
+    ).hexdigest()
+    return fit(
+        model,
+        Lesson(
+            schedule,
+            feed,
+            identity,
+            watching(images.validation, -(-steps // EVALUATIONS), patience=EVALUATIONS),
+        ),
+        run,
+    )
 
 
 def _weights(model: Yolo) -> bytes:
     """Digest of the weights that training continues from."""
-    return hashlib.sha256(b"".join(value.cpu().numpy().tobytes() for value in model.state_dict().values())).digest()
+    return hashlib.sha256(
+        b"".join(value.cpu().numpy().tobytes() for value in model.state_dict().values())
+    ).digest()
 
 
 def crop_of(size: tuple[int, int]) -> tuple[int, int]:
@@ -81,18 +99,43 @@ def crop_of(size: tuple[int, int]) -> tuple[int, int]:
     return width, height
 
 
-def mixed_feed(base: ImageSet, added: ImageSet | None, batch_size: int, added_share: float, seed: tuple[int, ...]) -> Feed:
+def mixed_feed(
+    base: ImageSet,
+    added: ImageSet | None,
+    batch_size: int,
+    added_share: float,
+    seed: tuple[int, ...],
+) -> Feed:
     """Batches with the last `added_share` from the added frames; every version sees the base images in the same order."""
     crop = crop_of(base.size)
     fresh = 0 if added is None else max(1, round(batch_size * added_share))
     old = usable(base)
-    parts = [(base, Stream(old, np.ones(len(old), np.int64), (*seed, BASE_STREAM)), batch_size - fresh, BASE_STREAM)]
+    parts = [
+        (
+            base,
+            Stream(old, np.ones(len(old), np.int64), (*seed, BASE_STREAM)),
+            batch_size - fresh,
+            BASE_STREAM,
+        )
+    ]
     if added is not None:  # All of them: the filter or a person has already judged these frames.
         everything = np.arange(len(added))
-        parts.append((added, Stream(everything, np.ones(len(added), np.int64), (*seed, ADDED_STREAM)), fresh, ADDED_STREAM))
+        parts.append(
+            (
+                added,
+                Stream(everything, np.ones(len(added), np.int64), (*seed, ADDED_STREAM)),
+                fresh,
+                ADDED_STREAM,
+            )
+        )
 
     def feed(iteration: int) -> Batch:
-        made = [batch(part, stream.take(iteration * n, n), crop, (*seed, name, iteration)) for part, stream, n, name in parts]
-        return np.concatenate([images for images, _ in made]), np.concatenate([boxes for _, boxes in made])
+        made = [
+            batch(part, stream.take(iteration * n, n), crop, (*seed, name, iteration))
+            for part, stream, n, name in parts
+        ]
+        return np.concatenate([images for images, _ in made]), np.concatenate(
+            [boxes for _, boxes in made]
+        )
 
     return feed

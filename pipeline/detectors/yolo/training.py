@@ -68,7 +68,9 @@ class Schedule:
 
     def __post_init__(self) -> None:
         if min(self.crop_iterations, self.frame_iterations) < 0 or self.iterations < 1:
-            raise ValueError(f"iterations must be at least 1 in all, got {self.crop_iterations} and {self.frame_iterations}")
+            raise ValueError(
+                f"iterations must be at least 1 in all, got {self.crop_iterations} and {self.frame_iterations}"
+            )
         if not 0 < self.learning_rate < 1:
             raise ValueError(f"learning_rate must be in (0, 1), got {self.learning_rate}")
         if not 0 <= self.averaging < 1:
@@ -86,8 +88,13 @@ class Schedule:
 
     def rate(self, iteration: int) -> float:
         """Learning rate of an iteration, counted from 0."""
-        crops, frames = min(iteration, self.crop_iterations), max(0, iteration - self.crop_iterations)
-        share = (crops * self.crop_share + frames) / (self.crop_iterations * self.crop_share + self.frame_iterations)
+        crops, frames = (
+            min(iteration, self.crop_iterations),
+            max(0, iteration - self.crop_iterations),
+        )
+        share = (crops * self.crop_share + frames) / (
+            self.crop_iterations * self.crop_share + self.frame_iterations
+        )
         cosine = FINAL_SHARE + (1 - FINAL_SHARE) * 0.5 * (1 + math.cos(math.pi * share))
         return self.learning_rate * cosine * min(1.0, (iteration + 1) / max(self.warm_up, 1))
 
@@ -153,7 +160,12 @@ def fit(model: Yolo, lesson: Lesson, run: Run) -> Fitted:
 
     InputError if the loss is not finite.
     """
-    schedule, validation, checkpoint, progress = lesson.schedule, lesson.validation, run.checkpoint, run.progress
+    schedule, validation, checkpoint, progress = (
+        lesson.schedule,
+        lesson.validation,
+        run.checkpoint,
+        run.progress,
+    )
     if run.threads is not None:
         use_threads(run.threads)
     cv2.setNumThreads(1)
@@ -165,20 +177,34 @@ def fit(model: Yolo, lesson: Lesson, run: Run) -> Fitted:
         resume(checkpoint, identity, state, device)
     saved, resumed = time.monotonic(), state.iteration
     losses: deque[Loss] = deque(maxlen=20)
-    stop = schedule.iterations if validation is None or not state.exhausted(validation.patience) else state.iteration
+    stop = (
+        schedule.iterations
+        if validation is None or not state.exhausted(validation.patience)
+        else state.iteration
+    )
     forward = Forward(state.model, device)
     for images, boxes in _batches(lesson.feed, state.iteration, stop, device):
         losses.append(_step(state, schedule, forward, images, boxes))
         if state.iteration % FINITE_EVERY == 0 or state.iteration == schedule.iterations:
             _check_finite(losses, state.iteration, schedule)
-        if progress is not None and (state.iteration % 10 == 0 or state.iteration == schedule.iterations):
-            progress(state.iteration, schedule.iterations, schedule.phase(state.iteration) + _text(losses, state.curve))
-        if validation is not None and (state.iteration % validation.every == 0 or state.iteration == schedule.iterations):
+        if progress is not None and (
+            state.iteration % 10 == 0 or state.iteration == schedule.iterations
+        ):
+            progress(
+                state.iteration,
+                schedule.iterations,
+                schedule.phase(state.iteration) + _text(losses, state.curve),
+            )
+        if validation is not None and (
+            state.iteration % validation.every == 0 or state.iteration == schedule.iterations
+        ):
             _check_finite(losses, state.iteration, schedule)
             _evaluate(state, schedule, validation)
             if state.exhausted(validation.patience):
                 break
-        if checkpoint is not None and time.monotonic() - saved > CHECKPOINT_SECONDS:  # Save after the evaluation: a kill must not lose it.
+        if (
+            checkpoint is not None and time.monotonic() - saved > CHECKPOINT_SECONDS
+        ):  # Save after the evaluation: a kill must not lose it.
             _check_finite(losses, state.iteration, schedule)
             save(checkpoint, identity, state)
             saved = time.monotonic()
@@ -194,8 +220,12 @@ def _evaluate(state: State, schedule: Schedule, validation: Validation) -> None:
     scores, boxes = (float(total) / since for total in state.sums)
     ap50 = validation.ap50(state.average)
     if all(ap50 > point.ap50 for point in state.curve):
-        state.best = {name: value.detach().clone() for name, value in state.average.state_dict().items()}
-    state.curve.append(CurvePoint(state.iteration, schedule.rate(state.iteration - 1), scores, boxes, ap50))
+        state.best = {
+            name: value.detach().clone() for name, value in state.average.state_dict().items()
+        }
+    state.curve.append(
+        CurvePoint(state.iteration, schedule.rate(state.iteration - 1), scores, boxes, ap50)
+    )
     state.sums.zero_()
 
 
@@ -214,10 +244,14 @@ def _start(model: Yolo, schedule: Schedule, device: torch.device) -> State:
             if isinstance(module, nn.BatchNorm2d):
                 module.eval()
     optimiser = Optimiser(model, WEIGHT_DECAY, schedule.muon)
-    return State(0, model, copy.deepcopy(model).eval(), optimiser, {}, torch.zeros(2, device=device), [])
+    return State(
+        0, model, copy.deepcopy(model).eval(), optimiser, {}, torch.zeros(2, device=device), []
+    )
 
 
-def _step(state: State, schedule: Schedule, forward: Forward, images: Tensor, boxes: Tensor) -> Loss:
+def _step(
+    state: State, schedule: Schedule, forward: Forward, images: Tensor, boxes: Tensor
+) -> Loss:
     centres, strides = _grid(images.shape[3], images.shape[2], images.device)
     loss = detection_loss(*decode(forward(images), centres, strides), boxes, centres, strides)
     loss.total.backward()  # type: ignore[no-untyped-call]
@@ -237,14 +271,18 @@ def _grid(width: int, height: int, device: torch.device) -> tuple[Tensor, Tensor
     return centres.to(device), strides.to(device)
 
 
-def _batches(feed: Feed, start: int, stop: int, device: torch.device) -> Iterator[tuple[Tensor, Tensor]]:
+def _batches(
+    feed: Feed, start: int, stop: int, device: torch.device
+) -> Iterator[tuple[Tensor, Tensor]]:
     if device.type == "cpu":  # The network needs all cores.
         for iteration in range(start, stop):
             end_idle_threads()  # The batch needs their cores.
             yield _tensors(feed(iteration), device)
         return
     with ThreadPoolExecutor(AHEAD) as pool:
-        waiting: deque[Future[Batch]] = deque(pool.submit(feed, i) for i in range(start, min(start + AHEAD, stop)))
+        waiting: deque[Future[Batch]] = deque(
+            pool.submit(feed, i) for i in range(start, min(start + AHEAD, stop))
+        )
         for iteration in range(start, stop):
             made = waiting.popleft().result()
             if iteration + AHEAD < stop:
@@ -254,7 +292,9 @@ def _batches(feed: Feed, start: int, stop: int, device: torch.device) -> Iterato
 
 def _tensors(batch: Batch, device: torch.device) -> tuple[Tensor, Tensor]:
     """Images (n, 3, h, w) uint8 in the channels-last format, and boxes (n, 4)."""
-    return torch.from_numpy(batch[0]).to(device).permute(0, 3, 1, 2), torch.from_numpy(batch[1]).to(device)
+    return torch.from_numpy(batch[0]).to(device).permute(0, 3, 1, 2), torch.from_numpy(batch[1]).to(
+        device
+    )
 
 
 def _text(losses: deque[Loss], curve: list[CurvePoint]) -> str:

@@ -20,7 +20,9 @@ LOWEST_SCORE = 0.005
 
 def watching(images: ImageSet, every: int, patience: int) -> Validation:
     """Average precision on some validation images, at intervals."""
-    chosen = images.take(np.linspace(0, len(images) - 1, min(EVALUATED, len(images))).astype(np.int64))
+    chosen = images.take(
+        np.linspace(0, len(images) - 1, min(EVALUATED, len(images))).astype(np.int64)
+    )
     return Validation(lambda model: average_precision(model, chosen), every, patience)
 
 
@@ -36,8 +38,16 @@ def detected(model: Yolo, images: ImageSet) -> list[Detections]:
     centres, strides = (grid.to(device) for grid in cells(*images.size))
     found = []
     for first in range(0, len(images), BATCH):
-        shown = torch.from_numpy(images.images[first : first + BATCH]).to(device).permute(0, 3, 1, 2).float().div_(255)
-        boxes, logits = decode(model(shown.contiguous(memory_format=torch.channels_last)), centres, strides)
+        shown = (
+            torch.from_numpy(images.images[first : first + BATCH])
+            .to(device)
+            .permute(0, 3, 1, 2)
+            .float()
+            .div_(255)
+        )
+        boxes, logits = decode(
+            model(shown.contiguous(memory_format=torch.channels_last)), centres, strides
+        )
         found += [
             reported("the network in training", b, s, LOWEST_SCORE, IOU)
             for b, s in zip(boxes.cpu().numpy(), logits.sigmoid().cpu().numpy(), strict=True)

@@ -21,19 +21,28 @@ COUNTERS = "num_batches_tracked"
 
 def save_weights(path: Path, model: Yolo) -> None:
     """Write the weights as float16; the same weights give the same bytes."""
-    tensors = {name: tensor.detach().half().cpu().contiguous() for name, tensor in _tensors(model).items()}
+    tensors = {
+        name: tensor.detach().half().cpu().contiguous() for name, tensor in _tensors(model).items()
+    }
     # A single key: the format does not keep the order of several.
-    write_bytes(path, save(tensors, {"architecture": json.dumps(asdict(model.architecture), sort_keys=True)}))
+    write_bytes(
+        path,
+        save(tensors, {"architecture": json.dumps(asdict(model.architecture), sort_keys=True)}),
+    )
 
 
 def load_weights(path: Path) -> Yolo:
     """Read a network in float32, in evaluation mode; InputError that names the file if it holds no such network, or not that of the card
     beside it."""
     if not path.is_file():
-        raise InputError(f"{path}: expected the weights of a detector (weights.safetensors), found no file; train a detector first")
+        raise InputError(
+            f"{path}: expected the weights of a detector (weights.safetensors), found no file; train a detector first"
+        )
     digest, card = hashlib.sha256(read_bytes(path)).hexdigest(), path.with_name("model.json")
     if card.exists() and (expected := read_card(card).weights_sha256) != digest:
-        raise InputError(f"{path}: damaged or of another version, its SHA-256 must be {expected} ({card.name}), got {digest}")
+        raise InputError(
+            f"{path}: damaged or of another version, its SHA-256 must be {expected} ({card.name}), got {digest}"
+        )
     try:
         with safe_open(path, framework="pt") as file:
             plain = json.loads((file.metadata() or {})["architecture"])
@@ -41,7 +50,9 @@ def load_weights(path: Path) -> Yolo:
             tensors = {name: file.get_tensor(name).float() for name in names}
         architecture = Architecture(widths=tuple(plain["widths"]), head=plain["head"])
     except (SafetensorError, KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path} holds no Blindspot detector ({error}); train one with `train`") from error
+        raise InputError(
+            f"{path} holds no Blindspot detector ({error}); train one with `train`"
+        ) from error
     model = Yolo(architecture)
     _check(path, tensors, _tensors(model))
     model.load_state_dict(tensors, strict=False)
@@ -49,12 +60,18 @@ def load_weights(path: Path) -> Yolo:
 
 
 def _tensors(model: Yolo) -> dict[str, torch.Tensor]:
-    return {name: tensor for name, tensor in model.state_dict().items() if not name.endswith(COUNTERS)}
+    return {
+        name: tensor for name, tensor in model.state_dict().items() if not name.endswith(COUNTERS)
+    }
 
 
 def _check(path: Path, found: dict[str, torch.Tensor], expected: dict[str, torch.Tensor]) -> None:
     for name in sorted(found.keys() ^ expected.keys()):
-        raise InputError(f"{path}: expected the {len(expected)} tensors of our network; '{name}' is missing or unexpected")
+        raise InputError(
+            f"{path}: expected the {len(expected)} tensors of our network; '{name}' is missing or unexpected"
+        )
     for name, tensor in expected.items():
         if found[name].shape != tensor.shape:
-            raise InputError(f"{path}: '{name}' must have shape {tuple(tensor.shape)}, got {tuple(found[name].shape)}")
+            raise InputError(
+                f"{path}: '{name}' must have shape {tuple(tensor.shape)}, got {tuple(found[name].shape)}"
+            )

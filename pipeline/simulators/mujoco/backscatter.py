@@ -9,7 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .weather import Weather
-from .world import CAMERA_X_M, HEADLIGHT_AXIS, HEADLIGHT_COLOUR, HEADLIGHT_CUTOFF_DEG, HEADLIGHT_EXPONENT, HEADLIGHT_FADE, HEADLIGHTS_M
+from .world import (
+    CAMERA_X_M,
+    HEADLIGHT_AXIS,
+    HEADLIGHT_COLOUR,
+    HEADLIGHT_CUTOFF_DEG,
+    HEADLIGHT_EXPONENT,
+    HEADLIGHT_FADE,
+    HEADLIGHTS_M,
+)
 
 Image = NDArray[np.uint8]
 Floats = NDArray[np.float32]
@@ -48,7 +56,12 @@ class Backscatter:
         """The image, (h, w, 3), with the veil in front of what is `metres`, (h, w), away along the ray."""
         veil, gained = self._of(weather.extinction_per_m, weather.lamplight)
         share = cv2.LUT(cv2.convertScaleAbs(metres, alpha=STEPS_PER_M), gained)
-        return np.asarray(cv2.add(image, cv2.multiply(veil, cv2.cvtColor(share, cv2.COLOR_GRAY2RGB), scale=1 / 255)), np.uint8)
+        return np.asarray(
+            cv2.add(
+                image, cv2.multiply(veil, cv2.cvtColor(share, cv2.COLOR_GRAY2RGB), scale=1 / 255)
+            ),
+            np.uint8,
+        )
 
     def _maps(self, extinction_per_m: float, lamplight: float) -> tuple[Image, Image]:
         """L(inf) in grey levels, (h, w, 3), and F, (256,), of 0 to 255 for each 1 / STEPS_PER_M metres."""
@@ -56,13 +69,22 @@ class Backscatter:
         whole = extinction_per_m * np.pi * SCATTERED_PER_SR * lamplight * gained[-1]
         white = cv2.resize(whole.astype(np.float32), self._size, interpolation=cv2.INTER_CUBIC)
         veil = white[..., None] * np.array(HEADLIGHT_COLOUR, np.float32)
-        share = np.interp(np.arange(256) / STEPS_PER_M, self._metres, gained.sum(axis=(1, 2)) / gained[-1].sum(), left=0)
+        share = np.interp(
+            np.arange(256) / STEPS_PER_M,
+            self._metres,
+            gained.sum(axis=(1, 2)) / gained[-1].sum(),
+            left=0,
+        )
         return np.clip(255 * veil, 0, 255).astype(np.uint8), np.round(255 * share).astype(np.uint8)
 
 
 def _beam(offsets: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Light of one lamp, as the renderer's spotlight, and metres from it at places (..., 3) relative to the lamp."""
     metres = np.maximum(np.linalg.norm(offsets, axis=-1), 0.1)
-    cosine = np.clip(offsets @ (np.array(HEADLIGHT_AXIS) / np.linalg.norm(HEADLIGHT_AXIS)) / metres, 0, 1)
-    spot = np.where(cosine > np.cos(np.radians(HEADLIGHT_CUTOFF_DEG)), cosine**HEADLIGHT_EXPONENT, 0)
+    cosine = np.clip(
+        offsets @ (np.array(HEADLIGHT_AXIS) / np.linalg.norm(HEADLIGHT_AXIS)) / metres, 0, 1
+    )
+    spot = np.where(
+        cosine > np.cos(np.radians(HEADLIGHT_CUTOFF_DEG)), cosine**HEADLIGHT_EXPONENT, 0
+    )
     return spot / (1 + HEADLIGHT_FADE * metres**2), metres

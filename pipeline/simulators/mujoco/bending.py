@@ -19,7 +19,9 @@ def bend(spec: mujoco.MjSpec, body: mujoco.MjsBody, street: Street) -> None:
         if geom.meshname.startswith(f"{street.name}_"):
             _bend_mesh(spec.mesh(geom.meshname), axis)
         elif not np.isnan(geom.fromto[0]):
-            geom.fromto = np.concatenate([_bent(axis, end) for end in np.asarray(geom.fromto).reshape(2, 3)])
+            geom.fromto = np.concatenate(
+                [_bent(axis, end) for end in np.asarray(geom.fromto).reshape(2, 3)]
+            )
         else:
             heading = axis.at(float(geom.pos[0])).heading
             geom.quat = _turned(heading, np.asarray(geom.quat, float))
@@ -32,7 +34,9 @@ def _bend_mesh(mesh: mujoco.MjsMesh, axis: Piece) -> None:
     cos, sin = np.cos(heading), np.sin(heading)
     mesh.uservert = np.ravel([_bent(axis, vertex) for vertex in vertices])
     ahead, left, up = normals.T
-    mesh.usernormal = np.column_stack([cos * ahead - sin * left, sin * ahead + cos * left, up]).ravel()
+    mesh.usernormal = np.column_stack(
+        [cos * ahead - sin * left, sin * ahead + cos * left, up]
+    ).ravel()
 
 
 def _bent(axis: Piece, point: Floats) -> Floats:

@@ -36,7 +36,11 @@ LOOKS = (2, 47, 20, 71, 38, 13, 24)
 CREW_COLUMNS = 37
 
 
-def scenario_sheet(scenario: FunctionalScenario, camera: Mapping[str, Any], weathers: Mapping[str, Weather] = WEATHERS) -> Pixels:
+def scenario_sheet(
+    scenario: FunctionalScenario,
+    camera: Mapping[str, Any],
+    weathers: Mapping[str, Weather] = WEATHERS,
+) -> Pixels:
     """One row per weather, one column per moment of the unbraked encounter: (rows * height, columns * width, 3) RGB."""
     stage = Stage(scenario.town, scenario.actors, CameraSettings.model_validate(dict(camera)))
     route, rng, people = scenario.ego.route(), np.random.default_rng(0), _people(scenario)
@@ -51,12 +55,18 @@ def scenario_sheet(scenario: FunctionalScenario, camera: Mapping[str, Any], weat
                 stage.put("ego", route.at(scenario.start_s() + speed * time_s))
                 for actor, described in scenario.actors.items():
                     stage.put(actor, described.route().at(described.travelled(time_s)))
-                posture = gait.pose(ANIMATIONS[index % len(ANIMATIONS)], 6 * time_s, walking, stage.walker)
+                posture = gait.pose(
+                    ANIMATIONS[index % len(ANIMATIONS)], 6 * time_s, walking, stage.walker
+                )
                 stage.place_pedestrian(scenario.pedestrian_pose(time_s, walking), posture)
                 if not scenario.has_pedestrian:
                     stage.pedestrian.hide()
-                metres = scenario.conflict_s() - scenario.start_s() - speed * time_s - EGO_HALF_LENGTH_M
-                tiles.append(_captioned(stage.shoot(rng)[0], f"{scenario.label}  {name}  {metres:.0f} m"))
+                metres = (
+                    scenario.conflict_s() - scenario.start_s() - speed * time_s - EGO_HALF_LENGTH_M
+                )
+                tiles.append(
+                    _captioned(stage.shoot(rng)[0], f"{scenario.label}  {name}  {metres:.0f} m")
+                )
             rows.append(np.hstack(tiles))
     finally:
         stage.close()
@@ -76,10 +86,16 @@ def crew_sheet(scenario: FunctionalScenario) -> Pixels:
                 stage.put("ego", ego)
                 x, y = scenario.pedestrian.at
                 heading = float(np.radians((90, -60, 180, 30)[index % 4]))
-                stage.place_pedestrian(Pose(x, y, heading), gait.pose(animation, 0.8 * index + row, 1.3, stage.walker))
+                stage.place_pedestrian(
+                    Pose(x, y, heading), gait.pose(animation, 0.8 * index + row, 1.3, stage.walker)
+                )
                 image, _ = stage.shoot(np.random.default_rng(0))
-                tiles.append(cv2.resize(image[70:370, 235:405], (68, 120), interpolation=cv2.INTER_AREA))
-            rows += [np.hstack(tiles[i : i + CREW_COLUMNS]) for i in range(0, len(tiles), CREW_COLUMNS)]
+                tiles.append(
+                    cv2.resize(image[70:370, 235:405], (68, 120), interpolation=cv2.INTER_AREA)
+                )
+            rows += [
+                np.hstack(tiles[i : i + CREW_COLUMNS]) for i in range(0, len(tiles), CREW_COLUMNS)
+            ]
     finally:
         stage.close()
     return np.vstack(rows)
@@ -94,5 +110,7 @@ def _captioned(image: Pixels, text: str) -> Pixels:
     tile = image.copy()
     (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.4, 1)
     tile[: height + 10, : width + 12] = tile[: height + 10, : width + 12] // 3
-    cv2.putText(tile, text, (6, height + 5), cv2.FONT_HERSHEY_SIMPLEX, 0.4, (255, 255, 255), 1, cv2.LINE_AA)
+    cv2.putText(
+        tile, text, (6, height + 5), cv2.FONT_HERSHEY_SIMPLEX, 0.4, (255, 255, 255), 1, cv2.LINE_AA
+    )
     return tile

@@ -12,7 +12,9 @@ VISIBLE_GROUP, HIDDEN_GROUP = 0, 5
 class Culling:
     """Hides streets and vehicles whose bounding sphere lies outside the view. No pixel changes: whatever casts a shadow stays."""
 
-    def __init__(self, model: mujoco.MjModel, camera: int, half_width: float, half_height: float) -> None:
+    def __init__(
+        self, model: mujoco.MjModel, camera: int, half_width: float, half_height: float
+    ) -> None:
         """half_width, half_height: of the view, per metre of depth."""
         self._model, self._camera = model, camera
         # The pedestrian's geoms change their size with the person, but not their bounding spheres.
@@ -20,7 +22,10 @@ class Culling:
         self._geoms = np.flatnonzero((model.geom_group == VISIBLE_GROUP) & ~person)
         self._radius = model.geom_rbound[self._geoms]
         self._casts = model.geom_castshadow[self._geoms].astype(bool)
-        self._normals = np.array([(sign * 1.0, 0, half_width) for sign in (1, -1)] + [(0, sign * 1.0, half_height) for sign in (1, -1)]).T
+        self._normals = np.array(
+            [(sign * 1.0, 0, half_width) for sign in (1, -1)]
+            + [(0, sign * 1.0, half_height) for sign in (1, -1)]
+        ).T
         self._normals /= np.linalg.norm(self._normals, axis=0)
 
     def apply(self, data: mujoco.MjData, shadows: bool) -> None:

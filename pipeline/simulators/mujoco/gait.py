@@ -38,7 +38,12 @@ def phase(distance_m: float, speed_mps: float, walker: Blueprint) -> float:
 
 def stride(speed_mps: float, walker: Blueprint) -> float:
     """Metres of one gait cycle, two steps: it grows with speed and with the walker's height."""
-    return walker.stride * (STRIDE_AT_REST_M + STRIDE_PER_SPEED_S * speed_mps) * walker.height / REFERENCE_HEIGHT_M
+    return (
+        walker.stride
+        * (STRIDE_AT_REST_M + STRIDE_PER_SPEED_S * speed_mps)
+        * walker.height
+        / REFERENCE_HEIGHT_M
+    )
 
 
 def pose(animation: str, phase_rad: float, speed_mps: float, walker: Blueprint) -> Posture:
@@ -101,12 +106,26 @@ def _limping(a: dict[str, float], p: float, swing: float) -> float:
 
 
 def _drunk(a: dict[str, float], p: float, swing: float) -> float:
-    a.update(roll=0.2 * np.sin(0.5 * p), pitch=0.14 * np.cos(0.37 * p), neck=0.3 * np.sin(0.3 * p), spread_l=0.55, spread_r=-0.5)
+    a.update(
+        roll=0.2 * np.sin(0.5 * p),
+        pitch=0.14 * np.cos(0.37 * p),
+        neck=0.3 * np.sin(0.3 * p),
+        spread_l=0.55,
+        spread_r=-0.5,
+    )
     return 0.0
 
 
 def _stumble(a: dict[str, float], p: float, swing: float) -> float:
-    a.update(pitch=0.3 + 0.15 * np.sin(p), waist=0.4, neck=-0.3, shoulder_l=-1.2, shoulder_r=-0.9, spread_l=0.3, spread_r=-0.3)
+    a.update(
+        pitch=0.3 + 0.15 * np.sin(p),
+        waist=0.4,
+        neck=-0.3,
+        shoulder_l=-1.2,
+        shoulder_r=-0.9,
+        spread_l=0.3,
+        spread_r=-0.3,
+    )
     a["knee_l"] += 0.45
     return -0.07
 

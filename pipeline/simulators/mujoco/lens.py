@@ -50,7 +50,9 @@ class CameraSettings(BaseModel):
         """An image is taken after a whole number of the simulator's steps."""
         steps = 1 / rate_hz / TIMESTEP_S
         if abs(steps - round(steps)) > ROUNDED * steps:
-            nearest = " or ".join(f"{1 / TIMESTEP_S / count:.5g}" for count in (ceil(steps), floor(steps)))
+            nearest = " or ".join(
+                f"{1 / TIMESTEP_S / count:.5g}" for count in (ceil(steps), floor(steps))
+            )
             wanted = f"expected a whole number of {1000 * TIMESTEP_S:g} ms steps between two images, as at {nearest} Hz"
             raise ValueError(f"{wanted}, got {rate_hz:g}")
         return rate_hz
@@ -58,14 +60,23 @@ class CameraSettings(BaseModel):
     @model_validator(mode="after")
     def _barrel_can_be_inverted(self) -> CameraSettings:
         corner = np.tan(np.radians(self.hfov_deg / 2)) ** 2 * (1 + (self.height / self.width) ** 2)
-        least = -4 / (27 * corner)  # The value for which x_d (x) has its maximum at the image's corner.
+        least = -4 / (
+            27 * corner
+        )  # The value for which x_d (x) has its maximum at the image's corner.
         if self.distortion < least:
-            raise ValueError(f"distortion must be at least {least:.3f} for a field of view of {self.hfov_deg:g} deg, got {self.distortion}")
+            raise ValueError(
+                f"distortion must be at least {least:.3f} for a field of view of {self.hfov_deg:g} deg, got {self.distortion}"
+            )
         return self
 
     @property
     def vfov_deg(self) -> float:
-        return float(2 * np.degrees(np.arctan(np.tan(np.radians(self.hfov_deg / 2)) * self.height / self.width)))
+        return float(
+            2
+            * np.degrees(
+                np.arctan(np.tan(np.radians(self.hfov_deg / 2)) * self.height / self.width)
+            )
+        )
 
 
 @dataclass(frozen=True)
@@ -120,7 +131,9 @@ class Lens:
         self._light = np.repeat(np.round(255 * light), 3, axis=2).astype(np.uint8)
         self._distortion = self._undistorted(u, v) if settings.distortion else None
 
-    def expose(self, image: Image, distance: Floats, weather: Weather, sun: Sun, rng: np.random.Generator) -> Image:
+    def expose(
+        self, image: Image, distance: Floats, weather: Weather, sun: Sun, rng: np.random.Generator
+    ) -> Image:
         """Apply the weather and the camera to a rendered image.
 
         image: (h, w, 3). distance: (h, w) metres of depth.
@@ -144,10 +157,16 @@ class Lens:
             gain = float(np.clip(np.sqrt(MEAN_GREY / max(mean, 1.0)), *GAINS))
             image = np.asarray(cv2.convertScaleAbs(image, alpha=gain), np.uint8)
         if settings.noise:
-            image = _grainy(image, gain * (GRAIN_NIGHT + (GRAIN_DAY - GRAIN_NIGHT) * weather.daylight), rng)
+            image = _grainy(
+                image, gain * (GRAIN_NIGHT + (GRAIN_DAY - GRAIN_NIGHT) * weather.daylight), rng
+            )
         if settings.jpeg_quality is not None:
-            coded = cv2.imencode(".jpg", image[..., ::-1], (cv2.IMWRITE_JPEG_QUALITY, settings.jpeg_quality))[1]
-            image = np.ascontiguousarray(np.asarray(cv2.imdecode(coded, cv2.IMREAD_COLOR), np.uint8)[..., ::-1])
+            coded = cv2.imencode(
+                ".jpg", image[..., ::-1], (cv2.IMWRITE_JPEG_QUALITY, settings.jpeg_quality)
+            )[1]
+            image = np.ascontiguousarray(
+                np.asarray(cv2.imdecode(coded, cv2.IMREAD_COLOR), np.uint8)[..., ::-1]
+            )
         return image
 
     @property
@@ -159,7 +178,11 @@ class Lens:
         if self._distortion is None:
             return image
         mask = image.ndim == 2
-        how, border = (cv2.INTER_NEAREST, cv2.BORDER_CONSTANT) if mask else (cv2.INTER_LINEAR, cv2.BORDER_REPLICATE)
+        how, border = (
+            (cv2.INTER_NEAREST, cv2.BORDER_CONSTANT)
+            if mask
+            else (cv2.INTER_LINEAR, cv2.BORDER_REPLICATE)
+        )
         return np.asarray(cv2.remap(image, *self._distortion, how, borderMode=border), np.uint8)
 
     def _undistorted(self, u: NDArray[np.float64], v: NDArray[np.float64]) -> tuple[Floats, Floats]:
@@ -169,7 +192,9 @@ class Lens:
         for _ in range(20):
             radius = radius - (radius * (1 + k1 * radius**2) - distorted) / (1 + 3 * k1 * radius**2)
         share = radius / distorted
-        return (u * share + self._width / 2 - 0.5).astype(np.float32), (v * share + self._height / 2 - 0.5).astype(np.float32)
+        return (u * share + self._width / 2 - 0.5).astype(np.float32), (
+            v * share + self._height / 2 - 0.5
+        ).astype(np.float32)
 
     def _wet_ground(self, image: Image, distance: Floats, weather: Weather) -> Image:
         """Wet ground mirrors what is above the horizon, more so at flat angles; exact only for distant objects."""
@@ -178,7 +203,9 @@ class Lens:
         middle = self._height // 2
         below = distance[middle:]
         ground = np.abs(below * self._fall - self._camera_height) < GROUND_M
-        mirror = (WET_MIRROR * min(1.0, weather.rain / 60)) * np.clip(1.1 - 2.2 * self._fall, 0.25, 1)
+        mirror = (WET_MIRROR * min(1.0, weather.rain / 60)) * np.clip(
+            1.1 - 2.2 * self._fall, 0.25, 1
+        )
         share = np.where(ground, mirror, 0).astype(np.float32)
         kernel = tuple(round(side * self._scale) // 2 * 2 + 1 for side in (3, 11))
         seen = cv2.blur(np.ascontiguousarray(image[:middle][::-1]), kernel)[: self._height - middle]
@@ -197,7 +224,10 @@ class Lens:
         return self._backscatter.add(image, metres, weather) if weather.night else image
 
     def _glare(self, image: Image, weather: Weather, sun: Sun) -> Image:
-        strength, (right, up, back) = 230 * weather.sunshine * (GLARE_HIDDEN if sun.hidden else 1.0), sun.direction
+        strength, (right, up, back) = (
+            230 * weather.sunshine * (GLARE_HIDDEN if sun.hidden else 1.0),
+            sun.direction,
+        )
         if strength < 1 or back > -0.05:
             return image
         x = int(self._width / 2 - self._focal * right / back)
@@ -212,7 +242,9 @@ class Lens:
         share = weather.rain / 100
         sheet = self._streaks[rng.integers(STREAK_SHEETS)]
         y, x = (int(side * rng.random()) for side in (self._height, self._width))
-        alpha = sheet[y : y + self._height, x : x + self._width] * np.float32(share * (0.35 + 0.25 * weather.daylight))
+        alpha = sheet[y : y + self._height, x : x + self._width] * np.float32(
+            share * (0.35 + 0.25 * weather.daylight)
+        )
         drops = np.empty_like(image)
         drops[:] = np.clip(255 * (0.7 * weather.grey + 0.2 + 0.1 * weather.daylight), 0, 255)
         image = cv2.blendLinear(image, drops, 1 - alpha, alpha)
@@ -238,8 +270,14 @@ class Lens:
 def _grainy(image: Image, deviation: float, rng: np.random.Generator) -> Image:
     """Add independent Gaussian noise to each channel; standard deviation in grey levels."""
     table = np.round(deviation * QUANTILES)
-    drawn = rng.integers(0, 2**64, -(-image.size // 8), np.uint64).view(np.uint8)[: image.size].reshape(image.shape)
-    lighter, darker = (cv2.LUT(drawn, np.maximum(half, 0).astype(np.uint8)) for half in (table, -table))
+    drawn = (
+        rng.integers(0, 2**64, -(-image.size // 8), np.uint64)
+        .view(np.uint8)[: image.size]
+        .reshape(image.shape)
+    )
+    lighter, darker = (
+        cv2.LUT(drawn, np.maximum(half, 0).astype(np.uint8)) for half in (table, -table)
+    )
     return np.asarray(cv2.subtract(cv2.add(image, lighter), darker), np.uint8)
 
 
@@ -273,4 +311,6 @@ def _streaks(width: int, height: int, rng: np.random.Generator) -> Floats:
         steps = np.arange(length)
         opacity = rng.uniform(0.15, 0.6) * np.sin(np.pi * (steps + 0.5) / length)
         sheet[(y + steps) % (2 * h), (x + (0.12 * steps).astype(int)) % (2 * w)] = opacity
-    return np.asarray(cv2.resize(sheet, (2 * width, 2 * height), interpolation=cv2.INTER_LINEAR), np.float32)
+    return np.asarray(
+        cv2.resize(sheet, (2 * width, 2 * height), interpolation=cv2.INTER_LINEAR), np.float32
+    )

@@ -21,7 +21,12 @@ class Mesh:
     faces: list[tuple[int, int, int]] = field(default_factory=list)
 
     def quad(
-        self, origin: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike, uv: tuple[float, float, float, float], cell: float = 4.0
+        self,
+        origin: ArrayLike,
+        edge_u: ArrayLike,
+        edge_v: ArrayLike,
+        uv: tuple[float, float, float, float],
+        cell: float = 4.0,
     ) -> None:
         """Add a rectangle: corner and two edges in metres, texture window (u0, v0, u1, v1); v = 0 is an image's top row.
 
@@ -37,7 +42,9 @@ class Mesh:
                 s, t = i / nu, j / nv
                 self.vertices.append(o + s * a + t * b)
                 self.normals.append(normal)
-                self.texcoords.append(np.array([uv[0] + s * (uv[2] - uv[0]), uv[1] + t * (uv[3] - uv[1])]))
+                self.texcoords.append(
+                    np.array([uv[0] + s * (uv[2] - uv[0]), uv[1] + t * (uv[3] - uv[1])])
+                )
         for i in range(nu):
             for j in range(nv):
                 k = first + i * (nv + 1) + j
@@ -99,4 +106,6 @@ class Site:
 
 def place(body: mujoco.MjsBody, mesh: str, material: str, shadow: bool = False) -> None:
     """Attach a mesh to a body in the modelled pose."""
-    body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh, material=material, castshadow=shadow)
+    body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh, material=material, castshadow=shadow
+    )

@@ -37,7 +37,12 @@ def add(spec: mujoco.MjSpec) -> None:
     _ellipsoid(torso, "chest", (0.13, 0.195, 0.23), (0, 0, 0.3), "chest")
     _capsule(torso, "shoulders", (0, -0.15, 0.44, 0, 0.15, 0.44), 0.065, "top")
     torso.add_geom(
-        name="pedestrian_bag", type=GEOM.mjGEOM_BOX, size=(0.09, 0.14, 0.19), pos=(-0.2, 0, 0.3), material="pedestrian_shoes", group=GROUP
+        name="pedestrian_bag",
+        type=GEOM.mjGEOM_BOX,
+        size=(0.09, 0.14, 0.19),
+        pos=(-0.2, 0, 0.3),
+        material="pedestrian_shoes",
+        group=GROUP,
     )
     _head(torso)
     _umbrella(torso)
@@ -66,10 +71,18 @@ def _head(torso: mujoco.MjsBody) -> None:
 def _umbrella(torso: mujoco.MjsBody) -> None:
     """An umbrella, held over the head. It occludes but is not part of the person, so ground truth does not render it."""
     torso.add_geom(
-        name="pedestrian_canopy", type=GEOM.mjGEOM_ELLIPSOID, size=(0.52, 0.52, 0.13), pos=(0.08, 0, 0.92), material="pedestrian_accent"
+        name="pedestrian_canopy",
+        type=GEOM.mjGEOM_ELLIPSOID,
+        size=(0.52, 0.52, 0.13),
+        pos=(0.08, 0, 0.92),
+        material="pedestrian_accent",
     )
     torso.add_geom(
-        name="pedestrian_shaft", type=GEOM.mjGEOM_CAPSULE, fromto=(0.24, -0.16, 0.2, 0.08, 0, 0.92), size=(0.012, 0, 0), material="metal"
+        name="pedestrian_shaft",
+        type=GEOM.mjGEOM_CAPSULE,
+        fromto=(0.24, -0.16, 0.2, 0.08, 0, 0.92),
+        size=(0.012, 0, 0),
+        material="metal",
     )
 
 
@@ -107,7 +120,9 @@ def _hinge(body: mujoco.MjsBody, name: str, axis: tuple[int, int, int]) -> None:
     body.add_joint(name=f"pedestrian_{name}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis)
 
 
-def _capsule(body: mujoco.MjsBody, name: str, ends: tuple[float, ...], radius: float, material: str) -> None:
+def _capsule(
+    body: mujoco.MjsBody, name: str, ends: tuple[float, ...], radius: float, material: str
+) -> None:
     """Add a capsule; ends: x, y, z of both ends, metres."""
     body.add_geom(
         name=f"pedestrian_{name}",
@@ -119,8 +134,17 @@ def _capsule(body: mujoco.MjsBody, name: str, ends: tuple[float, ...], radius: f
     )
 
 
-def _ellipsoid(body: mujoco.MjsBody, name: str, size: tuple[float, ...], pos: tuple[float, ...], material: str) -> None:
-    body.add_geom(name=f"pedestrian_{name}", type=GEOM.mjGEOM_ELLIPSOID, size=size, pos=pos, material=f"pedestrian_{material}", group=GROUP)
+def _ellipsoid(
+    body: mujoco.MjsBody, name: str, size: tuple[float, ...], pos: tuple[float, ...], material: str
+) -> None:
+    body.add_geom(
+        name=f"pedestrian_{name}",
+        type=GEOM.mjGEOM_ELLIPSOID,
+        size=size,
+        pos=pos,
+        material=f"pedestrian_{material}",
+        group=GROUP,
+    )
 
 
 class Pedestrian:
@@ -130,10 +154,19 @@ class Pedestrian:
         self._model, self._data = model, data
         umbrella = [model.geom(f"pedestrian_{name}").id for name in UMBRELLA]
         self._geoms = np.concatenate([np.flatnonzero(model.geom_group == GROUP), umbrella])
-        self._bodies = [i for i in range(model.nbody) if model.body(i).name.startswith("pedestrian")]
+        self._bodies = [
+            i for i in range(model.nbody) if model.body(i).name.startswith("pedestrian")
+        ]
         self._root = model.body("pedestrian").id
-        self._joints = {model.joint(i).name.removeprefix("pedestrian_"): model.jnt_qposadr[i] for i in range(model.njnt)}
-        self._size, self._position, self._offset = model.geom_size.copy(), model.geom_pos.copy(), model.body_pos.copy()
+        self._joints = {
+            model.joint(i).name.removeprefix("pedestrian_"): model.jnt_qposadr[i]
+            for i in range(model.njnt)
+        }
+        self._size, self._position, self._offset = (
+            model.geom_size.copy(),
+            model.geom_pos.copy(),
+            model.body_pos.copy(),
+        )
         self._scale = 1.0
 
     def dress(self, blueprint: Blueprint) -> None:
@@ -150,7 +183,12 @@ class Pedestrian:
             model.body_pos[body] = self._offset[body] * k
         for name in MATERIALS:
             model.mat_rgba[model.material(f"pedestrian_{name}").id, :3] = getattr(blueprint, name)
-        shown_parts = {"mane": blueprint.long_hair, "hat": blueprint.hat, "bag": blueprint.bag, "skirt": blueprint.skirt}
+        shown_parts = {
+            "mane": blueprint.long_hair,
+            "hat": blueprint.hat,
+            "bag": blueprint.bag,
+            "skirt": blueprint.skirt,
+        }
         for name, shown in (shown_parts | dict.fromkeys(UMBRELLA, blueprint.umbrella)).items():
             i = model.geom(f"pedestrian_{name}").id
             if not shown:  # The depth pass draws alpha 0, too: shrink it into the body instead.

@@ -14,7 +14,13 @@ from pipeline.core.footprints import Rectangle
 from pipeline.core.paths import Path, Pose
 from pipeline.core.truth import Truth
 from pipeline.errors import InputError
-from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M, HALF_LENGTHS_M, Actor, VehicleKind
+from pipeline.scenarios.functional import (
+    EGO_HALF_LENGTH_M,
+    EGO_HALF_WIDTH_M,
+    HALF_LENGTHS_M,
+    Actor,
+    VehicleKind,
+)
 from pipeline.scenarios.people import FIRST_RANDOM, fingerprint, population
 from pipeline.scenarios.streets import END_X, LANE_WIDTH, START_X, Junction, Street, Town, streets
 
@@ -28,7 +34,15 @@ BESIDE_VEHICLE_SHARE = 0.35
 TURNING_SHARE = 0.4
 NEAREST_M, FARTHEST_M = 2.8, 46.0
 OUT_OF_SIGHT = Pose(-500, 0, 0)
-FLEET: tuple[VehicleKind, ...] = ("bus", "hatchback", "saloon", "van", "hatchback", "saloon", "hatchback")
+FLEET: tuple[VehicleKind, ...] = (
+    "bus",
+    "hatchback",
+    "saloon",
+    "van",
+    "hatchback",
+    "saloon",
+    "hatchback",
+)
 
 
 @dataclass(frozen=True)
@@ -40,7 +54,9 @@ class Scene:
     attributes: dict[str, Any]
 
 
-def scenes(shard: int, count: int, base_set: BaseSet, settings: CameraSettings, held_out: Mapping[str, str]) -> Iterator[Scene]:
+def scenes(
+    shard: int, count: int, base_set: BaseSet, settings: CameraSettings, held_out: Mapping[str, str]
+) -> Iterator[Scene]:
     """Yield `count` random scenes in one random urban town with one random population; a shard depends on seed, shard and rarity alone.
 
     All towns are urban: the suburban style is reserved for the held-out scenarios. held_out: fingerprint of a town or a population -> the
@@ -53,7 +69,10 @@ def scenes(shard: int, count: int, base_set: BaseSet, settings: CameraSettings, 
             raise InputError(
                 f"base_set.seed {base_set.seed} draws the {kind} of held-out {held_out[drawn]} for shard {shard}; choose another seed"
             )
-    fleet = {f"vehicle{i}": Actor(kind=kind, x_m=0, y_m=0, paint=int(rng.integers(7))) for i, kind in enumerate(FLEET)}
+    fleet = {
+        f"vehicle{i}": Actor(kind=kind, x_m=0, y_m=0, paint=int(rng.integers(7)))
+        for i, kind in enumerate(FLEET)
+    }
     stage = Stage(town, fleet, settings)
     try:
         for _ in range(count):
@@ -70,13 +89,31 @@ def _world(rng: np.random.Generator) -> tuple[Town, int]:
 
 def _town(rng: np.random.Generator) -> Town:
     """A random urban town: half have a junction, half of the others a bus bay, a third two lanes ahead."""
-    junction = Junction(x_m=float(rng.uniform(-10, 40)), side="left" if rng.random() < 0.5 else "right") if rng.random() < 0.5 else None
+    junction = (
+        Junction(x_m=float(rng.uniform(-10, 40)), side="left" if rng.random() < 0.5 else "right")
+        if rng.random() < 0.5
+        else None
+    )
     bay = (-22.0, 4.0) if junction is None and rng.random() < 0.5 else None
     vegetation = str(rng.choice(["none", "left", "right", "both"], p=[0.4, 0.1, 0.1, 0.4]))
-    crosswalks = ({"street": "side", "at_m": float(rng.uniform(7, 12))},) if junction and rng.random() < 0.7 else ()
-    described = {"junction": junction, "bus_bay": bay, "vegetation": vegetation, "crosswalks": crosswalks}
+    crosswalks = (
+        ({"street": "side", "at_m": float(rng.uniform(7, 12))},)
+        if junction and rng.random() < 0.7
+        else ()
+    )
+    described = {
+        "junction": junction,
+        "bus_bay": bay,
+        "vegetation": vegetation,
+        "crosswalks": crosswalks,
+    }
     return Town.model_validate(
-        {"style": "urban", "seed": int(rng.integers(1000, 2**31)), "lanes_ahead": 1 + int(rng.random() < 0.33), **described}
+        {
+            "style": "urban",
+            "seed": int(rng.integers(1000, 2**31)),
+            "lanes_ahead": 1 + int(rng.random() < 0.33),
+            **described,
+        }
     )
 
 
@@ -88,9 +125,15 @@ def _conditions(people: int, rare: Rarity, rng: np.random.Generator) -> dict[str
         "rain": float(rng.uniform(0, 100)) if rng.random() < 0.7 else 0.0,
         "fog": float(rng.uniform(0, 100)) if rng.random() < 0.7 else 0.0,
         "sun_azimuth": float(rng.uniform(0, 360)),
-        "sun_altitude": float(rng.uniform(-20, 90)) if rng.random() < 0.7 else float(rng.uniform(-8, 14)),
-        "animation": _drawn({name: rare.crouching if name == "crouching" else 1.0 for name in ANIMATIONS}, rng),
-        "blueprint": _drawn({name: rare.children if person.child else 1.0 for name, person in persons.items()}, rng),
+        "sun_altitude": float(rng.uniform(-20, 90))
+        if rng.random() < 0.7
+        else float(rng.uniform(-8, 14)),
+        "animation": _drawn(
+            {name: rare.crouching if name == "crouching" else 1.0 for name in ANIMATIONS}, rng
+        ),
+        "blueprint": _drawn(
+            {name: rare.children if person.child else 1.0 for name, person in persons.items()}, rng
+        ),
         "pedestrian_speed": float(rng.uniform(0, 3)),
     }
     shown = persons[conditions["blueprint"]]
@@ -105,7 +148,9 @@ def _scene(stage: Stage, town: Town, attributes: dict[str, Any], rng: np.random.
     if rng.random() < PEDESTRIAN_SHARE:
         x, y = _spot(ego, vehicles, rng)
         heading, phase = float(rng.uniform(-180, 180)), float(rng.uniform(0, 40))
-        posture = gait.pose(attributes["animation"], phase, attributes["pedestrian_speed"], stage.walker)
+        posture = gait.pose(
+            attributes["animation"], phase, attributes["pedestrian_speed"], stage.walker
+        )
         stage.place_pedestrian(Pose(x, y, float(np.radians(heading))), posture)
     else:
         stage.pedestrian.hide()
@@ -128,12 +173,18 @@ def _ego(town: Town, rng: np.random.Generator) -> Pose:
         corner = side.world(0, -LANE_WIDTH / 2)[0]
         if town.junction.side == "right":
             lane = -LANE_WIDTH / 2
-        path = Path([(corner - 40, lane), (corner, lane), side.world(60, -LANE_WIDTH / 2)], radius=7.75)
+        path = Path(
+            [(corner - 40, lane), (corner, lane), side.world(60, -LANE_WIDTH / 2)], radius=7.75
+        )
         on = path.at(20 + 35 * place)
     else:
         on = Pose(START_X + 20 + 125 * place, lane, 0)
     aside, turned = rng.normal(0, 0.25), rng.normal(0, 0.02)
-    return Pose(float(on.x - aside * np.sin(on.heading)), float(on.y + aside * np.cos(on.heading)), float(on.heading + turned))
+    return Pose(
+        float(on.x - aside * np.sin(on.heading)),
+        float(on.y + aside * np.cos(on.heading)),
+        float(on.heading + turned),
+    )
 
 
 def _park(stage: Stage, town: Town, ego: Pose, rng: np.random.Generator) -> list[Rectangle]:
@@ -162,10 +213,15 @@ def _lane(street: Street, kind: VehicleKind, ego: Pose, rng: np.random.Generator
     if kind == "bus" and street.bay and street.bay[0] + half < u < street.bay[1] - half:
         v = -5.15
     else:
-        v = rng.choice([-2.6, rng.choice([-1.75, street.middle - 1.75]), oncoming, oncoming + 0.85], p=[0.3, 0.15, 0.35, 0.2])
+        v = rng.choice(
+            [-2.6, rng.choice([-1.75, street.middle - 1.75]), oncoming, oncoming + 0.85],
+            p=[0.3, 0.15, 0.35, 0.2],
+        )
     v += rng.normal(0, 0.12)
     x, y = street.world(float(np.clip(u, START_X + 5, END_X)), float(v))
-    return Pose(x, y, float(street.angle + (0 if v < street.middle else np.pi) + rng.normal(0, 0.035)))
+    return Pose(
+        x, y, float(street.angle + (0 if v < street.middle else np.pi) + rng.normal(0, 0.035))
+    )
 
 
 def _spot(ego: Pose, vehicles: list[Rectangle], rng: np.random.Generator) -> tuple[float, float]:
@@ -174,7 +230,9 @@ def _spot(ego: Pose, vehicles: list[Rectangle], rng: np.random.Generator) -> tup
     for _ in range(50):
         if vehicles and rng.random() < BESIDE_VEHICLE_SHARE:
             vehicle = vehicles[rng.integers(len(vehicles))]
-            ahead = float(rng.choice([-1, 1], p=[0.25, 0.75])) * (vehicle.half_length + float(rng.uniform(0.2, 3.7)))
+            ahead = float(rng.choice([-1, 1], p=[0.25, 0.75])) * (
+                vehicle.half_length + float(rng.uniform(0.2, 3.7))
+            )
             aside, heading = float(rng.normal(0, 1.6)), ego.heading
             x = float(vehicle.pose.x + np.cos(heading) * ahead - np.sin(heading) * aside)
             y = float(vehicle.pose.y + np.sin(heading) * ahead + np.cos(heading) * aside)

@@ -26,7 +26,12 @@ from pipeline.core.space import Value
 from pipeline.core.truth import Truth
 from pipeline.errors import SimulationError
 from pipeline.protocols import Admitted, Detector
-from pipeline.scenarios.functional import EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M, TIME_LIMIT_S, FunctionalScenario
+from pipeline.scenarios.functional import (
+    EGO_HALF_LENGTH_M,
+    EGO_HALF_WIDTH_M,
+    TIME_LIMIT_S,
+    FunctionalScenario,
+)
 
 from . import gait
 from .lens import CameraSettings
@@ -53,19 +58,28 @@ class MujocoSimulator:
     """The variables that a scenario must have."""
     closed: ClassVar[bool] = True
 
-    def __init__(self, scenario: FunctionalScenario, car: Car, camera: CameraSettings | None = None) -> None:
+    def __init__(
+        self, scenario: FunctionalScenario, car: Car, camera: CameraSettings | None = None
+    ) -> None:
         self._scenario, self._car = scenario, car
         self._settings = camera or CameraSettings()
         self._space = scenario.logical_space()
         self._stage = Stage(scenario.town, scenario.actors, self._settings)
 
     def execute(
-        self, concrete: Mapping[str, Value], detector: Detector, keep_every: int = 0, noise: Mapping[str, Value] | None = None
+        self,
+        concrete: Mapping[str, Value],
+        detector: Detector,
+        keep_every: int = 0,
+        noise: Mapping[str, Value] | None = None,
     ) -> Episode:
         """Execute one concrete scenario; see `pipeline.protocols.Simulator`."""
         own = self._space.decode(self._space.encode(concrete))
         given = own if noise is None else noise
-        seeding = {**given, **{v.name: v.decode(v.encode(given[v.name])) for v in self._space.variables}}
+        seeding = {
+            **given,
+            **{v.name: v.decode(v.encode(given[v.name])) for v in self._space.variables},
+        }
         loop = _Loop(self._stage, self._scenario, self._car, own, self._settings)
         return loop.run(detector, keep_every, np.random.default_rng(_seed(seeding)))
 
@@ -88,30 +102,47 @@ class _State:
     def gap(self) -> float:
         """Distance between the ego's rectangle and the pedestrian's disc, 0 at contact."""
         footprint = Rectangle(self.ego, EGO_HALF_LENGTH_M, EGO_HALF_WIDTH_M)
-        return max(0.0, footprint.distance(self.pedestrian.x, self.pedestrian.y) - PEDESTRIAN_RADIUS_M)
+        return max(
+            0.0, footprint.distance(self.pedestrian.x, self.pedestrian.y) - PEDESTRIAN_RADIUS_M
+        )
 
 
 class _Loop:
     """One test execution."""
 
     def __init__(
-        self, stage: Stage, scenario: FunctionalScenario, car: Car, concrete: Mapping[str, Value], settings: CameraSettings
+        self,
+        stage: Stage,
+        scenario: FunctionalScenario,
+        car: Car,
+        concrete: Mapping[str, Value],
+        settings: CameraSettings,
     ) -> None:
         self._stage, self._scenario, self._car = stage, scenario, car
-        self._speed, self._shift = float(concrete["pedestrian_speed"]), float(concrete["pedestrian_shift"])
+        self._speed, self._shift = (
+            float(concrete["pedestrian_speed"]),
+            float(concrete["pedestrian_shift"]),
+        )
         self._rain = float(concrete["rain"])
         self._animation = str(concrete["animation"])
         self._heading = np.radians(scenario.pedestrian.heading_deg)
         self._steps = round(1 / settings.rate_hz / TIMESTEP_S)
         self._time = 0.0
         self._brake, self._demands = EmergencyBrake(car.aeb), _Delayed(car.vehicle.latency_s)
-        self._view = Pinhole(settings.width, settings.height, stage.camera.focal_px, CAMERA_X_M, CAMERA_Z_M)
+        self._view = Pinhole(
+            settings.width, settings.height, stage.camera.focal_px, CAMERA_X_M, CAMERA_Z_M
+        )
         self._route, self._conflict = scenario.ego.route(), scenario.conflict_s()
         self._routes = {name: actor.route() for name, actor in scenario.actors.items()}
         # The pedestrian's motion to the ego's left, per metre walked.
         self._across = float(np.sin(self._heading - self._route.at(self._conflict).heading))
         stage.reset(weather_of(concrete), str(concrete["blueprint"]))
-        stage.launch(scenario.start_s(), scenario.ego.speed_kmh / 3.6, car.vehicle.full_brake_mps2(self._rain), car.vehicle.build_up_s)
+        stage.launch(
+            scenario.start_s(),
+            scenario.ego.speed_kmh / 3.6,
+            car.vehicle.full_brake_mps2(self._rain),
+            car.vehicle.build_up_s,
+        )
 
     def run(self, detector: Detector, keep_every: int, rng: np.random.Generator) -> Episode:
         steps: list[TimeStep] = []
@@ -145,7 +176,10 @@ class _Loop:
         inside = np.zeros(len(detections.boxes), bool)
         for i, (ahead, left) in enumerate(self._view.ground(detections.boxes)):
             if np.isfinite(ahead):
-                x, y = state.ego.x + cos * ahead - sin * left, state.ego.y + sin * ahead + cos * left
+                x, y = (
+                    state.ego.x + cos * ahead - sin * left,
+                    state.ego.y + sin * ahead + cos * left,
+                )
                 inside[i] = abs(self._route.project(x, y)[1]) <= reach
         return inside
 
@@ -156,7 +190,9 @@ class _Loop:
         if scenario.has_pedestrian:
             walker = self._stage.walker
             phase = gait.phase(travelled, self._speed, walker)
-            self._stage.place_pedestrian(state.pedestrian, gait.pose(self._animation, phase, self._speed, walker))
+            self._stage.place_pedestrian(
+                state.pedestrian, gait.pose(self._animation, phase, self._speed, walker)
+            )
         else:
             self._stage.pedestrian.hide()
         self._stage.put("ego", state.ego)
@@ -169,7 +205,9 @@ class _Loop:
         travelled = self._stage.travelled
         if not np.isfinite(travelled):
             raise SimulationError(f"the ego's position became {travelled} at {self._time:.2f} s")
-        return _State(self._time, travelled, self._route.at(travelled), self._stage.ego_speed, pedestrian)
+        return _State(
+            self._time, travelled, self._route.at(travelled), self._stage.ego_speed, pedestrian
+        )
 
     def _drive(self, brake: float) -> _State:
         """Advance to the next camera frame, or to the contact."""
@@ -202,13 +240,19 @@ class _Loop:
     def _conflict_distance(self, state: _State) -> float:
         """Metres from the ego's front to the conflict point; for a pedestrian who walks along the path, this is the pedestrian."""
         crosses = self._scenario.asks_to_brake
-        conflict = self._route.project(state.pedestrian.x, state.pedestrian.y)[0] if crosses and self._along else self._conflict
+        conflict = (
+            self._route.project(state.pedestrian.x, state.pedestrian.y)[0]
+            if crosses and self._along
+            else self._conflict
+        )
         return max(0.0, conflict - state.travelled - EGO_HALF_LENGTH_M)
 
     def _decided(self, state: _State) -> bool:
         stopped = state.ego_speed <= kpi.MIN_SPEED_MPS
         crosses = self._scenario.asks_to_brake
-        over = not self._on_collision_path(state) if crosses else self._conflict_distance(state) <= 0
+        over = (
+            not self._on_collision_path(state) if crosses else self._conflict_distance(state) <= 0
+        )
         return self._touching(state) or stopped or over or self._time >= TIME_LIMIT_S
 
     def _step(self, state: _State, truth: Truth, matching: Matching, demand: float) -> TimeStep:

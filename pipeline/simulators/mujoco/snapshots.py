@@ -32,7 +32,16 @@ MATERIALS = {
     "leaves": "vegetation", "hedge": "vegetation", "wall": "building", "ground": "building", "roof": "building", "window_light": "building",
 }  # fmt: skip
 """Class of a surface by the prefix of its material's name; all other surfaces are street furniture."""
-FLEET: tuple[VehicleKind, ...] = ("hatchback", "saloon", "estate", "suv", "van", "hatchback", "saloon", "estate")
+FLEET: tuple[VehicleKind, ...] = (
+    "hatchback",
+    "saloon",
+    "estate",
+    "suv",
+    "van",
+    "hatchback",
+    "saloon",
+    "estate",
+)
 FORWARD_M, ONCOMING_M = (6.0, 42.0), (8.0, 55.0)
 """Gap in metres: distance from the ego's middle to theirs, minus half of each length."""
 RADII_M = (70.0, 180.0)
@@ -58,14 +67,19 @@ class Snapshot:
     attributes: dict[str, Value]
 
 
-def snapshots(town_seed: int, shots: list[tuple[Point, tuple[int, ...]]], settings: CameraSettings) -> Iterator[Snapshot]:
+def snapshots(
+    town_seed: int, shots: list[tuple[Point, tuple[int, ...]]], settings: CameraSettings
+) -> Iterator[Snapshot]:
     """Yield a snapshot for each point and seed, all in one town; the points must agree on lanes and lane orientation.
 
     A snapshot depends only on the town, its point and its own seed.
     """
     rng = np.random.default_rng(town_seed)
     town = _town(shots[0][0], rng)
-    fleet = {f"vehicle{i}": Actor(kind=kind, x_m=0, y_m=0, paint=int(rng.integers(7))) for i, kind in enumerate(FLEET)}
+    fleet = {
+        f"vehicle{i}": Actor(kind=kind, x_m=0, y_m=0, paint=int(rng.integers(7)))
+        for i, kind in enumerate(FLEET)
+    }
     stage = Stage(town, fleet, settings)
     photographer = _Photographer(stage, streets(town)[0])
     try:
@@ -94,7 +108,10 @@ class _Photographer:
         self._surfaces = _surfaces(stage)
         self._people = tuple(population(PEOPLE))
         model = stage.model
-        self._body_of = {name: int(model.body(name).rootid[0]) for name in (f"vehicle{i}" for i in range(len(FLEET)))}
+        self._body_of = {
+            name: int(model.body(name).rootid[0])
+            for name in (f"vehicle{i}" for i in range(len(FLEET)))
+        }
         self._root = model.body_rootid[model.geom_bodyid]
 
     def shoot(self, point: Point, rng: np.random.Generator) -> Snapshot:
@@ -105,10 +122,20 @@ class _Photographer:
             forward, oncoming = self._arrange(point, rng)
             image, _ = self._stage.shoot(rng)
             classes = self._stage.camera.segment(self._classes(forward, oncoming))
-            shown = [(classes == CLASSES.index(f"{which} vehicle")).sum() >= MIN_PIXELS for which in ("forward", "oncoming")]
+            shown = [
+                (classes == CLASSES.index(f"{which} vehicle")).sum() >= MIN_PIXELS
+                for which in ("forward", "oncoming")
+            ]
             if shown == [forward is not None, oncoming is not None]:
-                truth = self._stage.camera.truth_of(image, classes == CLASSES.index("forward vehicle"))
-                return Snapshot(image, classes, truth, {**point, "rain": weather.rain, "fog": weather.fog, "clouds": weather.clouds})
+                truth = self._stage.camera.truth_of(
+                    image, classes == CLASSES.index("forward vehicle")
+                )
+                return Snapshot(
+                    image,
+                    classes,
+                    truth,
+                    {**point, "rain": weather.rain, "fog": weather.fog, "clouds": weather.clouds},
+                )
         raise SimulationError(f"no arrangement of {DRAWS} shows the vehicles of {dict(point)}")
 
     def _arrange(self, point: Point, rng: np.random.Generator) -> tuple[str | None, str | None]:
@@ -122,11 +149,17 @@ class _Photographer:
             stage.put(name, AWAY)
         forward = names.pop() if point["forward_vehicle"] == "present" else None
         if forward:
-            stage.put(forward, self._pose(u + self._gap(forward, FORWARD_M, rng), lane + rng.normal(0, 0.2), rng))
+            stage.put(
+                forward,
+                self._pose(u + self._gap(forward, FORWARD_M, rng), lane + rng.normal(0, 0.2), rng),
+            )
         oncoming = names.pop() if point["oncoming_vehicle"] == "present" else None
         if oncoming:
             left = street.middle + LANE_WIDTH / 2 + rng.normal(0, 0.2)
-            stage.put(oncoming, self._pose(u + self._gap(oncoming, ONCOMING_M, rng), left, rng, turned=np.pi))
+            stage.put(
+                oncoming,
+                self._pose(u + self._gap(oncoming, ONCOMING_M, rng), left, rng, turned=np.pi),
+            )
         self._others(names, point, u, rng)
         return forward, oncoming
 
@@ -136,17 +169,24 @@ class _Photographer:
         if point["lanes"] == "2" and rng.random() < BESIDE_SHARE:
             beside = LANE_WIDTH / 2 if point["current_lane"] == "1" else -LANE_WIDTH / 2
             name = names.pop()
-            stage.put(name, self._pose(u + self._gap(name, FORWARD_M, rng), beside + rng.normal(0, 0.2), rng))
+            stage.put(
+                name,
+                self._pose(u + self._gap(name, FORWARD_M, rng), beside + rng.normal(0, 0.2), rng),
+            )
         if street.bay:
             for place in np.arange(street.bay[0] + 5, street.bay[1] - 4, 7.5):
                 if names and rng.random() < 0.4:
                     stage.put(names.pop(), self._pose(float(place), -(street.right + 1.6), rng))
         if rng.random() < PEDESTRIAN_SHARE:
             side, ahead = int(rng.choice([-1, 1])), u + float(rng.uniform(8, 40))
-            spot = street.pose(ahead, side * (street.edge(side, ahead) + float(rng.uniform(0.6, 2.4))))
+            spot = street.pose(
+                ahead, side * (street.edge(side, ahead) + float(rng.uniform(0.6, 2.4)))
+            )
             heading, phase = float(rng.uniform(-180, 180)), float(rng.uniform(0, 40))
             where = Pose(spot.x, spot.y, float(np.radians(heading)))
-            stage.place_pedestrian(where, gait.pose(str(rng.choice(gait.ANIMATIONS)), phase, 1.2, stage.walker))
+            stage.place_pedestrian(
+                where, gait.pose(str(rng.choice(gait.ANIMATIONS)), phase, 1.2, stage.walker)
+            )
         else:
             stage.pedestrian.hide()
 
@@ -179,7 +219,10 @@ def _surfaces(stage: Stage) -> NDArray[np.uint8]:
             classes[geom] = CLASSES.index("pedestrian")
         elif model.geom_matid[geom] >= 0:
             material = model.mat(model.geom_matid[geom]).name
-            label = next((label for start, label in MATERIALS.items() if material.startswith(start)), "street furniture")
+            label = next(
+                (label for start, label in MATERIALS.items() if material.startswith(start)),
+                "street furniture",
+            )
             classes[geom] = CLASSES.index(label)
     return classes
 
@@ -190,5 +233,7 @@ def _weather(name: str, rng: np.random.Generator) -> Weather:
     if name == "sunny":
         return Weather(0, 0, azimuth, altitude, clouds=float(rng.uniform(0, 25)))
     if name == "cloudy":
-        return Weather(0, float(rng.uniform(0, 15)), azimuth, altitude, clouds=float(rng.uniform(75, 100)))
+        return Weather(
+            0, float(rng.uniform(0, 15)), azimuth, altitude, clouds=float(rng.uniform(75, 100))
+        )
     return Weather(float(rng.uniform(30, 100)), 0, azimuth, altitude)

@@ -32,7 +32,9 @@ class Stage:
     walker: Blueprint
 
     def __init__(self, town: Town, actors: Mapping[str, Actor], settings: CameraSettings) -> None:
-        self.model = world.describe(town, actors, settings.vfov_deg, settings.width, settings.height).compile()
+        self.model = world.describe(
+            town, actors, settings.vfov_deg, settings.width, settings.height
+        ).compile()
         self.data = mujoco.MjData(self.model)
         self.pedestrian = Pedestrian(self.model, self.data)
         self.camera = Camera(self.model, self.data, lamp_positions(town), settings)
@@ -46,10 +48,15 @@ class Stage:
         self.pedestrian.dress(self.walker)
         self.camera.set_weather(weather)
 
-    def launch(self, travelled_m: float, speed_mps: float, full_brake_mps2: float, build_up_s: float) -> None:
+    def launch(
+        self, travelled_m: float, speed_mps: float, full_brake_mps2: float, build_up_s: float
+    ) -> None:
         """Start the ego at a speed, at a distance in metres along its route; its brake gives `full_brake_mps2` behind a first-order lag."""
         brake = self.model.actuator("brake")
-        brake.gainprm[0], brake.dynprm[0] = -world.EGO_MASS_KG * full_brake_mps2, max(build_up_s, world.TIMESTEP_S)
+        brake.gainprm[0], brake.dynprm[0] = (
+            -world.EGO_MASS_KG * full_brake_mps2,
+            max(build_up_s, world.TIMESTEP_S),
+        )
         self.data.qpos[self._travelled.qposadr[0]] = travelled_m
         self.data.qvel[self._travelled.dofadr[0]] = speed_mps
 
@@ -94,4 +101,6 @@ class Stage:
 
 def weather_of(concrete: Mapping[str, Any]) -> Weather:
     """The weather of a concrete scenario."""
-    return Weather(*(float(concrete[name]) for name in ("rain", "fog", "sun_azimuth", "sun_altitude")))
+    return Weather(
+        *(float(concrete[name]) for name in ("rain", "fog", "sun_azimuth", "sun_altitude"))
+    )

@@ -11,7 +11,9 @@ Image = NDArray[np.uint8]
 Colour = tuple[int, int, int]
 
 
-def noise(shape: tuple[int, int], rng: np.random.Generator, octaves: int = 4) -> NDArray[np.float64]:
+def noise(
+    shape: tuple[int, int], rng: np.random.Generator, octaves: int = 4
+) -> NDArray[np.float64]:
     """Tileable cloud noise with mean 0 and standard deviation 1, (h, w)."""
     total = np.zeros(shape)
     for octave in range(octaves):
@@ -19,7 +21,9 @@ def noise(shape: tuple[int, int], rng: np.random.Generator, octaves: int = 4) ->
         grid = rng.normal(size=(cells, cells))
         padded = np.pad(grid, 2, mode="wrap")
         scale = shape[1] // cells
-        big = cv2.resize(padded, None, fx=scale, fy=shape[0] // cells, interpolation=cv2.INTER_CUBIC)
+        big = cv2.resize(
+            padded, None, fx=scale, fy=shape[0] // cells, interpolation=cv2.INTER_CUBIC
+        )
         top, left = 2 * (shape[0] // cells), 2 * scale
         total += big[top : top + shape[0], left : left + shape[1]] / 1.7**octave
     return np.asarray((total - total.mean()) / total.std())
@@ -32,7 +36,11 @@ def tinted(base: Colour, pattern: NDArray[np.float64], strength: float) -> Image
 
 def asphalt(tone: int, rng: np.random.Generator, size: int = 256) -> Image:
     """Asphalt with patches, cracks and grain."""
-    image = tinted((tone, tone, tone + 3), 0.6 * noise((size, size), rng) + 0.8 * rng.normal(size=(size, size)), 6)
+    image = tinted(
+        (tone, tone, tone + 3),
+        0.6 * noise((size, size), rng) + 0.8 * rng.normal(size=(size, size)),
+        6,
+    )
     for _ in range(3):
         start = rng.integers(0, size, 2)
         path = np.cumsum(rng.integers(-9, 10, (14, 2)), axis=0) + start
@@ -42,11 +50,15 @@ def asphalt(tone: int, rng: np.random.Generator, size: int = 256) -> Image:
 
 def paving(base: Colour, slabs: int, rng: np.random.Generator, size: int = 128) -> Image:
     """Paving slabs with joints."""
-    image = tinted(base, 0.5 * noise((size, size), rng) + 0.5 * rng.normal(size=(size, size)), 8).astype(int)
+    image = tinted(
+        base, 0.5 * noise((size, size), rng) + 0.5 * rng.normal(size=(size, size)), 8
+    ).astype(int)
     step = size // slabs
     for row in range(slabs):
         for column in range(slabs):
-            image[row * step : (row + 1) * step, column * step : (column + 1) * step] += rng.integers(-9, 10)
+            image[row * step : (row + 1) * step, column * step : (column + 1) * step] += (
+                rng.integers(-9, 10)
+            )
     image[::step] -= 35
     image[:, ::step] -= 35
     return np.asarray(np.clip(image, 0, 255), np.uint8)
@@ -86,14 +98,24 @@ def storeys(wall: Colour, brick: bool, rng: np.random.Generator, size: int = 256
     return image
 
 
-def _window(image: Image, corner: tuple[int, int], size: tuple[int, int], rng: np.random.Generator) -> None:
+def _window(
+    image: Image, corner: tuple[int, int], size: tuple[int, int], rng: np.random.Generator
+) -> None:
     """Draw a window; corner: left and top of the glass, size: its width and height, pixels."""
     (left, top), (width, height) = corner, size
     frame = (228, 226, 220) if image.mean() < 190 else (120, 110, 100)
     cv2.rectangle(image, (left - 4, top - 4), (left + width + 4, top + height + 4), frame, -1)
-    cv2.rectangle(image, (left - 7, top + height + 4), (left + width + 7, top + height + 8), (150, 146, 140), -1)
+    cv2.rectangle(
+        image,
+        (left - 7, top + height + 4),
+        (left + width + 7, top + height + 8),
+        (150, 146, 140),
+        -1,
+    )
     glass = np.linspace(95, 45, height)[:, None] + rng.integers(-15, 16)
-    image[top : top + height, left : left + width] = np.stack([glass * 0.8, glass * 0.95, glass * 1.1], -1)
+    image[top : top + height, left : left + width] = np.stack(
+        [glass * 0.8, glass * 0.95, glass * 1.1], -1
+    )
     if rng.random() < 0.5:
         curtain = int(width * rng.uniform(0.15, 0.35))
         image[top : top + height, left : left + curtain] = (196, 190, 178)
@@ -101,7 +123,9 @@ def _window(image: Image, corner: tuple[int, int], size: tuple[int, int], rng: n
     cv2.line(image, (left + width // 2, top), (left + width // 2, top + height), frame, 2)
 
 
-def ground_floor(wall: Colour, shops: bool, rng: np.random.Generator, height: int = 128, width: int = 512) -> Image:
+def ground_floor(
+    wall: Colour, shops: bool, rng: np.random.Generator, height: int = 128, width: int = 512
+) -> Image:
     """One ground floor, 3.5 m high and 14 m wide: shop fronts with awnings, or doors and windows."""
     image = tinted(wall, noise((height, width), rng), 5)
     units = 4
@@ -110,14 +134,26 @@ def ground_floor(wall: Colour, shops: bool, rng: np.random.Generator, height: in
         if shops:
             colour = tuple(int(c) for c in rng.integers(40, 200, 3))
             cv2.rectangle(image, (left + 8, 40), (left + span - 8, height - 12), (40, 48, 54), -1)
-            cv2.rectangle(image, (left + 12, 46), (left + span - 42, height - 18), (92, 104, 108), -1)
-            cv2.rectangle(image, (left + span - 36, 46), (left + span - 14, height - 12), (70, 62, 56), -1)
+            cv2.rectangle(
+                image, (left + 12, 46), (left + span - 42, height - 18), (92, 104, 108), -1
+            )
+            cv2.rectangle(
+                image, (left + span - 36, 46), (left + span - 14, height - 12), (70, 62, 56), -1
+            )
             cv2.rectangle(image, (left + 6, 22), (left + span - 6, 38), colour, -1)
             for letter in range(left + 22, left + span - 26, 9):
                 cv2.rectangle(image, (letter, 27), (letter + 5, 33), (235, 230, 215), -1)
         elif unit % 2:
-            cv2.rectangle(image, (left + span // 2 - 18, 40), (left + span // 2 + 18, height), (86, 60, 42), -1)
-            cv2.rectangle(image, (left + span // 2 - 12, 48), (left + span // 2 + 12, 74), (120, 130, 132), -1)
+            cv2.rectangle(
+                image,
+                (left + span // 2 - 18, 40),
+                (left + span // 2 + 18, height),
+                (86, 60, 42),
+                -1,
+            )
+            cv2.rectangle(
+                image, (left + span // 2 - 12, 48), (left + span // 2 + 12, 74), (120, 130, 132), -1
+            )
         else:
             _window(image, (left + span // 2 - 26, 42), (52, 48), rng)
     return image
@@ -149,10 +185,20 @@ def bus_end(colour: Colour, front: bool, height: int = 96, width: int = 96) -> I
     return image
 
 
-def add(spec: mujoco.MjSpec, name: str, image: Image, repeat: tuple[float, float] = (1, 1), **material: object) -> None:
+def add(
+    spec: mujoco.MjSpec,
+    name: str,
+    image: Image,
+    repeat: tuple[float, float] = (1, 1),
+    **material: object,
+) -> None:
     """Declare a texture and the material of the same name that shows it."""
     height, width = image.shape[:2]
-    texture = spec.add_texture(name=name, type=mujoco.mjtTexture.mjTEXTURE_2D, width=width, height=height, nchannel=3)
+    texture = spec.add_texture(
+        name=name, type=mujoco.mjtTexture.mjTEXTURE_2D, width=width, height=height, nchannel=3
+    )
     texture.data = np.ascontiguousarray(image).tobytes()
-    declared = spec.add_material(name=name, texrepeat=repeat, **{"specular": 0.0, "shininess": 0.2, **material})
+    declared = spec.add_material(
+        name=name, texrepeat=repeat, **{"specular": 0.0, "shininess": 0.2, **material}
+    )
     declared.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name

@@ -13,7 +13,17 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 
-from pipeline.scenarios.streets import CORNER_RADIUS, CROSSWALK_M, END_X, LANE_WIDTH, PAVEMENT_WIDTH, START_X, Street, Town, streets
+from pipeline.scenarios.streets import (
+    CORNER_RADIUS,
+    CROSSWALK_M,
+    END_X,
+    LANE_WIDTH,
+    PAVEMENT_WIDTH,
+    START_X,
+    Street,
+    Town,
+    streets,
+)
 
 from . import bending, buildings, furniture, textures, vegetation
 from .mesh import Mesh, Site, place
@@ -34,7 +44,9 @@ def add(spec: mujoco.MjSpec, town: Town) -> None:
     _lawn(spec)
     for street in streets(town):
         body = spec.worldbody.add_body(
-            name=f"street_{street.name}", pos=(*street.origin, 0), quat=(np.cos(street.angle / 2), 0, 0, np.sin(street.angle / 2))
+            name=f"street_{street.name}",
+            pos=(*street.origin, 0),
+            quat=(np.cos(street.angle / 2), 0, 0, np.sin(street.angle / 2)),
         )
         site = Site(spec, body)
         _ground(site, street)
@@ -92,7 +104,9 @@ def _ground(site: Site, street: Street) -> None:
     length, right, left = street.end - street.start, street.edge(-1), street.left
     surfaces = _Surfaces()
     window = (0, 0, length / 5, (right + left) / 5)
-    surfaces.road.quad((street.start, -right, ROAD_Z), (length, 0, 0), (0, right + left, 0), window, cell=1.6)
+    surfaces.road.quad(
+        (street.start, -right, ROAD_Z), (length, 0, 0), (0, right + left, 0), window, cell=1.6
+    )
     for side in (-1, 1):
         for strip in _pavement_strips(street, side):
             _kerbed(surfaces, side, strip, cell=1.6 if street.curvature else 4.0)
@@ -100,7 +114,11 @@ def _ground(site: Site, street: Street) -> None:
             if gap.side == side and gap.mouth:
                 for corner, inwards in ((gap.start, 1), (gap.end, -1)):
                     _corner(surfaces, corner, side * street.edge(side), inwards, side)
-    for name, mesh in (("road", surfaces.road), ("pavement", surfaces.pavement), ("kerb", surfaces.kerb)):
+    for name, mesh in (
+        ("road", surfaces.road),
+        ("pavement", surfaces.pavement),
+        ("kerb", surfaces.kerb),
+    ):
         site.put(f"{street.name}_{name}", mesh, name)
 
 
@@ -117,7 +135,9 @@ def _pavement_strips(street: Street, side: int) -> Iterator[Strip]:
         yield u0, u1, street.right if side < 0 else street.left
 
 
-def _between(start: float, end: float, cuts: list[tuple[float, float]]) -> Iterator[tuple[float, float]]:
+def _between(
+    start: float, end: float, cuts: list[tuple[float, float]]
+) -> Iterator[tuple[float, float]]:
     """The parts of [start, end] without the cuts."""
     for low, high in cuts:
         if low > start:
@@ -132,10 +152,28 @@ def _kerbed(surfaces: _Surfaces, side: int, strip: Strip, cell: float) -> None:
     pavement, kerb, (u0, u1, edge) = surfaces.pavement, surfaces.kerb, strip
     inner, outer = side * edge, side * (edge + PAVEMENT_WIDTH)
     low, high = min(inner, outer), max(inner, outer)
-    pavement.quad((u0, low, KERB_HEIGHT), (u1 - u0, 0, 0), (0, high - low, 0), (0, 0, (u1 - u0) / 2, (high - low) / 2), cell=1.6)
+    pavement.quad(
+        (u0, low, KERB_HEIGHT),
+        (u1 - u0, 0, 0),
+        (0, high - low, 0),
+        (0, 0, (u1 - u0) / 2, (high - low) / 2),
+        cell=1.6,
+    )
     up = (0, 0, KERB_HEIGHT + 0.05)
-    kerb.quad((u0, inner, -0.05) if side > 0 else (u1, inner, -0.05), (side * (u1 - u0), 0, 0), up, (0, 0, 1, 1), cell=cell)
-    kerb.quad((u0, inner if side > 0 else inner - 0.18, KERB_HEIGHT + 0.004), (u1 - u0, 0, 0), (0, 0.18, 0), (0, 0, 1, 1), cell=2)
+    kerb.quad(
+        (u0, inner, -0.05) if side > 0 else (u1, inner, -0.05),
+        (side * (u1 - u0), 0, 0),
+        up,
+        (0, 0, 1, 1),
+        cell=cell,
+    )
+    kerb.quad(
+        (u0, inner if side > 0 else inner - 0.18, KERB_HEIGHT + 0.004),
+        (u1 - u0, 0, 0),
+        (0, 0.18, 0),
+        (0, 0, 1, 1),
+        cell=2,
+    )
     kerb.quad((u0, high, -0.05), (0, low - high, 0), up, (0, 0, 1, 1))
     kerb.quad((u1, low, -0.05), (0, high - low, 0), up, (0, 0, 1, 1))
 
@@ -147,16 +185,34 @@ def _corner(surfaces: _Surfaces, u: float, v: float, inwards: int, side: int) ->
     """
     road, pavement, kerb = surfaces.road, surfaces.pavement, surfaces.kerb
     low_u, low_v = min(u, u + inwards * CORNER_RADIUS), min(v, v + side * CORNER_RADIUS)
-    road.quad((low_u, low_v, ROAD_Z), (CORNER_RADIUS, 0, 0), (0, CORNER_RADIUS, 0), (0, 0, 1.2, 1.2), cell=1.6)
+    road.quad(
+        (low_u, low_v, ROAD_Z),
+        (CORNER_RADIUS, 0, 0),
+        (0, CORNER_RADIUS, 0),
+        (0, 0, 1.2, 1.2),
+        cell=1.6,
+    )
     centre = np.array([u, v + side * CORNER_RADIUS, KERB_HEIGHT])
     angles = np.linspace(0, np.pi / 2, 9)
-    arc = centre + CORNER_RADIUS * np.stack([inwards * np.sin(angles), -side * np.cos(angles), 0 * angles], -1)
+    arc = centre + CORNER_RADIUS * np.stack(
+        [inwards * np.sin(angles), -side * np.cos(angles), 0 * angles], -1
+    )
     turn = inwards * side > 0
     for a, b in pairwise(arc):
         first, second = (a, b) if turn else (b, a)
-        pavement.triangle([centre, first, second], [point[:2] / 2 for point in (centre, first, second)])
-        kerb.quad(first - (0, 0, KERB_HEIGHT + 0.05), second - first, (0, 0, KERB_HEIGHT + 0.05), (0, 0, 1, 1))
-        inner_a, inner_b = (centre + (point - centre) * (1 - 0.18 / CORNER_RADIUS) + (0, 0, 0.004) for point in (first, second))
+        pavement.triangle(
+            [centre, first, second], [point[:2] / 2 for point in (centre, first, second)]
+        )
+        kerb.quad(
+            first - (0, 0, KERB_HEIGHT + 0.05),
+            second - first,
+            (0, 0, KERB_HEIGHT + 0.05),
+            (0, 0, 1, 1),
+        )
+        inner_a, inner_b = (
+            centre + (point - centre) * (1 - 0.18 / CORNER_RADIUS) + (0, 0, 0.004)
+            for point in (first, second)
+        )
         lift = np.array((0, 0, 0.004))
         kerb.triangle([inner_a, first + lift, second + lift], np.zeros((3, 2)))
         kerb.triangle([inner_a, second + lift, inner_b], np.zeros((3, 2)))
@@ -181,15 +237,25 @@ def _markings(site: Site, town: Town, street: Street, rng: np.random.Generator) 
         else:
             dashes(street.middle, u0, u1)
     for side in (-1, 1):
-        for u0, u1 in _between(start, street.end, [(g.start, g.end) for g in street.gaps if g.side == side and g.mouth]):
+        for u0, u1 in _between(
+            start, street.end, [(g.start, g.end) for g in street.gaps if g.side == side and g.mouth]
+        ):
             solid(side * ((street.right if side < 0 else street.left) - 0.31), u0, u1)
     if street.name == "side":  # Give way: short bars across the lane that leaves the side street.
         for v in np.arange(0.35, LANE_WIDTH - 0.4, 0.75):
             lines.quad((0.4, v, LINE_Z), (0.4, 0, 0), (0, 0.45, 0), (0, 0, 1, 1))
-    crosswalks = [crosswalk.at_m for crosswalk in town.crosswalks if crosswalk.street == street.name]
+    crosswalks = [
+        crosswalk.at_m for crosswalk in town.crosswalks if crosswalk.street == street.name
+    ]
     if street.name == "main" and not crosswalks and not street.gaps:
         crosswalks = [float(rng.choice([-38.0, 34.0, 48.0])) + CROSSWALK_M / 2]
     for at in crosswalks:
         for v in street.stripes():
-            lines.quad((at - CROSSWALK_M / 2, v, LINE_Z + 0.001), (CROSSWALK_M, 0, 0), (0, 0.5, 0), (0, 0, 1, 1), cell=1.5)
+            lines.quad(
+                (at - CROSSWALK_M / 2, v, LINE_Z + 0.001),
+                (CROSSWALK_M, 0, 0),
+                (0, 0.5, 0),
+                (0, 0, 1, 1),
+                cell=1.5,
+            )
     site.put(f"{street.name}_markings", lines, "marking")

@@ -38,7 +38,12 @@ def add(site: Site, town: Town, street: Street, side: int, rng: np.random.Genera
 
 def add_tree(body: mujoco.MjsBody, u: float, v: float, i: int, rng: np.random.Generator) -> None:
     height, angle = rng.uniform(2.3, 3.1), rng.uniform(0, 2 * np.pi)
-    body.add_geom(type=GEOM.mjGEOM_CAPSULE, fromto=(u, v, 0, u, v, height + 0.8), size=(rng.uniform(0.1, 0.17), 0, 0), material="bark")
+    body.add_geom(
+        type=GEOM.mjGEOM_CAPSULE,
+        fromto=(u, v, 0, u, v, height + 0.8),
+        size=(rng.uniform(0.1, 0.17), 0, 0),
+        material="bark",
+    )
     body.add_geom(
         type=GEOM.mjGEOM_MESH, meshname=f"crown{i % 3}", pos=(u, v, height + rng.uniform(1.3, 1.7)),
         quat=(np.cos(angle / 2), 0, 0, np.sin(angle / 2)), material="leaves", castshadow=i % 2 == 0,
@@ -58,6 +63,12 @@ def declare_crowns(spec: mujoco.MjSpec, style: Style, rng: np.random.Generator) 
         else:
             width, lift = np.cos(latitude), 0.85 * np.sin(latitude)
         rows = [
-            np.column_stack([circle * (radius[k] * width[k])[:, None], np.full(points, radius[k].mean() * lift[k])]) for k in range(rings)
+            np.column_stack(
+                [
+                    circle * (radius[k] * width[k])[:, None],
+                    np.full(points, radius[k].mean() * lift[k]),
+                ]
+            )
+            for k in range(rings)
         ]
         loft(spec, f"crown{i}", rows)

@@ -99,7 +99,12 @@ def declare(spec: mujoco.MjSpec, style: str, rng: np.random.Generator) -> None:
 def _section(x: float, bottom: float, waist: float, half: float) -> NDArray[np.float64]:
     """One closed ring of eight points around the body: sill, bulge and shoulder on either side."""
     middle = bottom + 0.45 * (waist - bottom)
-    right = [(0.82 * half, bottom), (half, middle), (0.97 * half, waist - 0.06), (0.86 * half, waist)]
+    right = [
+        (0.82 * half, bottom),
+        (half, middle),
+        (0.97 * half, waist - 0.06),
+        (0.86 * half, waist),
+    ]
     return np.array([(x, y, z) for y, z in right] + [(x, -y, z) for y, z in reversed(right)])
 
 
@@ -110,20 +115,37 @@ def _cabin(spec: mujoco.MjSpec, kind: str) -> None:
     rings = []
     for share in (0.0, 1.0):
         low, high = (rear_waist, rear_roof) if share == 0 else (front_waist, front_roof)
-        rings.append([(low, 0.84 * half, waist), (high, 0.66 * half, height), (high, -0.66 * half, height), (low, -0.84 * half, waist)])
+        rings.append(
+            [
+                (low, 0.84 * half, waist),
+                (high, 0.66 * half, height),
+                (high, -0.66 * half, height),
+                (low, -0.84 * half, waist),
+            ]
+        )
     loft(spec, f"{kind}_glass", rings)
     roof = Mesh()
     y = 0.68 * half
-    roof.quad((rear_roof, -y, height + 0.015), (front_roof - rear_roof, 0, 0), (0, 2 * y, 0), (0, 0, 1, 1))
+    roof.quad(
+        (rear_roof, -y, height + 0.015), (front_roof - rear_roof, 0, 0), (0, 2 * y, 0), (0, 0, 1, 1)
+    )
     for x0, x1 in (
         (rear_waist, rear_roof),
         (front_waist, front_roof),
         (0.5 * (rear_waist + front_waist) - 0.1, 0.5 * (rear_roof + front_roof) - 0.1),
     ):
         for side in (-1, 1):
-            bottom, top = np.array([x0, side * 0.855 * half, waist]), np.array([x1, side * 0.675 * half, height])
+            bottom, top = (
+                np.array([x0, side * 0.855 * half, waist]),
+                np.array([x1, side * 0.675 * half, height]),
+            )
             edge = np.array([0.11, 0, 0])
-            roof.quad(bottom if side < 0 else bottom + edge, edge if side < 0 else -edge, top - bottom, (0, 0, 1, 1))
+            roof.quad(
+                bottom if side < 0 else bottom + edge,
+                edge if side < 0 else -edge,
+                top - bottom,
+                (0, 0, 1, 1),
+            )
     roof.add_to(spec, f"{kind}_roof")
 
 
@@ -148,14 +170,26 @@ def add(spec: mujoco.MjSpec, name: str, kind: VehicleKind, paint: int = 0) -> No
     rgba = (*PAINTS[paint % len(PAINTS)], 1)
     body.add_geom(type=GEOM.mjGEOM_MESH, meshname=f"{kind}_body", material="paint", rgba=rgba)
     body.add_geom(type=GEOM.mjGEOM_MESH, meshname=f"{kind}_glass", material="glass")
-    body.add_geom(type=GEOM.mjGEOM_MESH, meshname=f"{kind}_roof", material="paint", rgba=rgba, castshadow=False)
+    body.add_geom(
+        type=GEOM.mjGEOM_MESH,
+        meshname=f"{kind}_roof",
+        material="paint",
+        rgba=rgba,
+        castshadow=False,
+    )
     length, half = HALF_LENGTHS_M[kind], BODIES[kind][2][3]
     _wheels(body, 0.62 * length, half - 0.1, 0.32)
     for station, material in ((BODIES[kind][-1], "lamp_front"), (BODIES[kind][0], "lamp_rear")):
         x, bottom, waist, end = station
         for side in (-1, 1):
             place = (x, side * 0.74 * end, bottom + 0.72 * (waist - bottom))
-            body.add_geom(type=GEOM.mjGEOM_BOX, size=(0.04, 0.15, 0.07), pos=place, material=material, castshadow=False)
+            body.add_geom(
+                type=GEOM.mjGEOM_BOX,
+                size=(0.04, 0.15, 0.07),
+                pos=place,
+                material=material,
+                castshadow=False,
+            )
     body.add_geom(
         type=GEOM.mjGEOM_BOX,
         size=(0.01, 0.26, 0.06),
@@ -169,8 +203,16 @@ def _add_bus(body: mujoco.MjsBody) -> None:
     for part in ("bus_side", "bus_front", "bus_rear"):
         body.add_geom(type=GEOM.mjGEOM_MESH, meshname=part, material=part, castshadow=False)
     # The skin is open below and above; this inner box closes it and casts the shadow.
-    body.add_geom(type=GEOM.mjGEOM_BOX, size=(4.47, 1.22, 1.37), pos=(0, 0, 1.72), rgba=(0.8, 0.8, 0.8, 1))
-    body.add_geom(type=GEOM.mjGEOM_BOX, size=(4.4, 1.15, 0.1), pos=(0, 0, 0.3), rgba=(0.07, 0.07, 0.07, 1), castshadow=False)
+    body.add_geom(
+        type=GEOM.mjGEOM_BOX, size=(4.47, 1.22, 1.37), pos=(0, 0, 1.72), rgba=(0.8, 0.8, 0.8, 1)
+    )
+    body.add_geom(
+        type=GEOM.mjGEOM_BOX,
+        size=(4.4, 1.15, 0.1),
+        pos=(0, 0, 0.3),
+        rgba=(0.07, 0.07, 0.07, 1),
+        castshadow=False,
+    )
     _wheels(body, 2.7, 1.12, 0.47)
 
 
@@ -188,5 +230,10 @@ def _wheels(body: mujoco.MjsBody, x: float, y: float, radius: float) -> None:
             )
             cap = (along, side + np.sign(side) * 0.1, radius)
             body.add_geom(
-                type=GEOM.mjGEOM_CYLINDER, size=(0.55 * radius, 0.02, 0), pos=cap, quat=upright, rgba=(0.6, 0.61, 0.63, 1), castshadow=False
+                type=GEOM.mjGEOM_CYLINDER,
+                size=(0.55 * radius, 0.02, 0),
+                pos=cap,
+                quat=upright,
+                rgba=(0.6, 0.61, 0.63, 1),
+                castshadow=False,
             )

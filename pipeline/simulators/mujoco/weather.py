@@ -62,7 +62,9 @@ class Weather:
         if not self.night:
             return 0.0
         outdoors, dark = self._outdoors_lx, OUTDOORS_LX[0]
-        return (_exposed(outdoors + LAMPS_LX) - _exposed(outdoors)) / (_exposed(dark + LAMPS_LX) - _exposed(dark))
+        return (_exposed(outdoors + LAMPS_LX) - _exposed(outdoors)) / (
+            _exposed(dark + LAMPS_LX) - _exposed(dark)
+        )
 
     @property
     def _outdoors_lx(self) -> float:
@@ -71,7 +73,9 @@ class Weather:
     @property
     def overcast(self) -> float:
         """How much of the sky is grey, 0 to 0.95."""
-        return max(0.9 * min(1.0, self.rain / 60), 0.95 * min(1.0, self.fog / 60), 0.9 * self.clouds / 100)
+        return max(
+            0.9 * min(1.0, self.rain / 60), 0.95 * min(1.0, self.fog / 60), 0.9 * self.clouds / 100
+        )
 
     @property
     def sunshine(self) -> float:
@@ -82,7 +86,13 @@ class Weather:
     def sun_direction(self) -> Floats:
         """(3,) unit vector towards the sun, world frame."""
         altitude, azimuth = np.radians(self.sun_altitude), np.radians(self.sun_azimuth)
-        return np.array([np.cos(altitude) * np.cos(azimuth), np.cos(altitude) * np.sin(azimuth), np.sin(altitude)])
+        return np.array(
+            [
+                np.cos(altitude) * np.cos(azimuth),
+                np.cos(altitude) * np.sin(azimuth),
+                np.sin(altitude),
+            ]
+        )
 
     @property
     def extinction_per_m(self) -> float:
@@ -98,7 +108,11 @@ class Weather:
     def sky(self) -> tuple[Floats, Floats]:
         """Colours at the horizon and at the zenith, (3,) each, 0 to 1."""
         warm = float(np.clip(1 - abs(self.sun_altitude - 2) / 18, 0, 1))
-        horizon = mix([0.035, 0.04, 0.07], mix([0.74, 0.83, 0.93], [0.96, 0.64, 0.4], 0.65 * warm), self.daylight)
+        horizon = mix(
+            [0.035, 0.04, 0.07],
+            mix([0.74, 0.83, 0.93], [0.96, 0.64, 0.4], 0.65 * warm),
+            self.daylight,
+        )
         zenith = mix([0.01, 0.012, 0.035], [0.27, 0.46, 0.8], self.daylight)
         return mix(horizon, self.grey, self.overcast), mix(zenith, 0.94 * self.grey, self.overcast)
 
@@ -116,7 +130,10 @@ class WeatherControl:
         self._sun = model.light("sun").id
         self._street = [i for i in range(model.nlight) if model.light(i).name.startswith("street")]
         self._heads = [model.light("head_left").id, model.light("head_right").id]
-        self._lamplight = {name: np.array(getattr(model, name)) for name in ("light_diffuse", "light_specular", "light_attenuation")}
+        self._lamplight = {
+            name: np.array(getattr(model, name))
+            for name in ("light_diffuse", "light_specular", "light_attenuation")
+        }
         rng = np.random.default_rng(5)
         self._clouds = noise((SKY_SIZE, SKY_SIZE), rng, octaves=4)
         self._texture = int(np.flatnonzero(model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX)[0])
@@ -137,7 +154,9 @@ class WeatherControl:
             model.mat_emission[model.material(name).id] = emission if weather.night else 0.0
         pane = model.material("window_light").id
         model.mat_emission[pane] = 0.9 if weather.daylight < 0.6 else 0.0
-        model.mat_rgba[pane, :3] = (0.95, 0.78, 0.45) if weather.daylight < 0.6 else (0.24, 0.29, 0.33)
+        model.mat_rgba[pane, :3] = (
+            (0.95, 0.78, 0.45) if weather.daylight < 0.6 else (0.24, 0.29, 0.33)
+        )
         self._wet_road(weather)
         self._paint_sky(weather, context)
 
@@ -147,7 +166,11 @@ class WeatherControl:
         model.light_active[lamps] = weather.night
         for name in ("light_diffuse", "light_specular"):
             getattr(model, name)[lamps] = self._lamplight[name][lamps] * weather.lamplight
-        model.light_attenuation[lamps] = self._lamplight["light_attenuation"][lamps] + (0, extinction, extinction**2 / 2)
+        model.light_attenuation[lamps] = self._lamplight["light_attenuation"][lamps] + (
+            0,
+            extinction,
+            extinction**2 / 2,
+        )
 
     def _wet_road(self, weather: Weather) -> None:
         model, wet = self._model, min(1.0, weather.rain / 50)
@@ -159,8 +182,12 @@ class WeatherControl:
     def follow(self, place: Floats, ahead: Floats, weather: Weather) -> None:
         """Move the sun's shadow box and the few lights that MuJoCo allows with the ego; place, ahead: (2,) metres."""
         model = self._model
-        model.light_pos[self._sun] = np.array([*(place + 20 * ahead), 0]) + 45 * weather.sun_direction
-        nearest = np.argsort(np.hypot(*(self._lamps[:, :2] - place - 14 * ahead).T), kind="stable")[: len(self._street)]
+        model.light_pos[self._sun] = (
+            np.array([*(place + 20 * ahead), 0]) + 45 * weather.sun_direction
+        )
+        nearest = np.argsort(np.hypot(*(self._lamps[:, :2] - place - 14 * ahead).T), kind="stable")[
+            : len(self._street)
+        ]
         model.light_pos[self._street] = self._lamps[nearest]
 
     def _paint_sky(self, weather: Weather, context: mujoco.MjrContext) -> None:
@@ -173,7 +200,14 @@ class WeatherControl:
         faces = model.tex_data[address : address + 6 * size * size * 3].reshape(6, size, size, 3)
         cloudiness = 0.5 * weather.daylight * (1 - weather.overcast)
         cloud = np.clip(self._clouds - 0.4, 0, 1)[..., None]
-        for face, elevation in ((0, side), (1, side), (2, up), (3, np.zeros_like(up)), (4, side), (5, side)):
+        for face, elevation in (
+            (0, side),
+            (1, side),
+            (2, up),
+            (3, np.zeros_like(up)),
+            (4, side),
+            (5, side),
+        ):
             colour = horizon + np.clip(elevation, 0, 1)[..., None] ** 0.6 * (zenith - horizon)
             cover = cloudiness * cloud * np.clip(4 * elevation, 0, 1)[..., None]
             faces[face] = np.clip(255 * (colour * (1 - cover) + cover * 0.97), 0, 255)
