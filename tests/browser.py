@@ -1,8 +1,9 @@
-"""A page in the system's headless Chromium."""
+"""A page in the system's headless Chromium; `python -m tests.browser` tells whether one opens."""
 
 from __future__ import annotations
 
 import shutil
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -25,15 +26,25 @@ def browser_page(width: int, height: int) -> Iterator[Page]:
 
 def _chromium() -> str:
     """The system's Chromium; playwright's is not downloaded."""
-    found = next(
-        (
-            path
-            for name in ("chromium", "chromium-browser", "google-chrome")
-            if (path := shutil.which(name))
-        ),
-        None,
+    for name in ("chromium", "chromium-browser", "google-chrome"):
+        path = shutil.which(name)
+        if path is not None:
+            return path
+    raise FileNotFoundError(
+        "no Chromium on this machine; as root, type: "
+        "apt-get install -y --no-install-recommends chromium libatomic1"
     )
-    assert found, (
-        "no Chromium on this machine; as root: apt-get install -y --no-install-recommends chromium"
-    )
-    return found
+
+
+def main() -> int:
+    """Exit code 0 if a page opens, 1 if not."""
+    try:
+        with browser_page(100, 100) as page:
+            page.set_content("<p>ready</p>")
+    except Exception:  # A missing library ends Playwright's driver in many ways.
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

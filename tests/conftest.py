@@ -19,6 +19,13 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests of modules that open pages: `./run test` leaves them out without a browser."""
+    for item in items:
+        if hasattr(getattr(item, "module", None), "browser_page"):
+            item.add_marker(pytest.mark.browser)
+
+
 @pytest.fixture(scope="class")  # Hypothesis rejects function-scoped fixtures.
 def short_annealing() -> Iterator[None]:
     """Stop quick covering arrays after a hundredth of their steps, for tests that do not depend on the array's size."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import os
+import re
 import shutil
 import signal
 import stat
@@ -38,11 +39,10 @@ def script(path: Path, text: str) -> None:
 
 
 def fit_python(folder: Path, text: str) -> None:
-    """A stand-in for the Python of a checkout, which runs the text unless it is asked for its version."""
-    script(
-        folder / ".venv/bin/python",
-        f'case "$1" in -c) exit ;; -V) echo Python 3.11.2; exit ;; esac\n{text}',
-    )
+    """A stand-in for the Python of a checkout: it is asked for its version and for OpenGL, and otherwise runs the text."""
+    answers = 'case "$*" in -c*) exit ;; -V) echo Python 3.11.2; exit ;;'
+    opengl = '"-m pipeline.simulators.gl") echo egl; exit ;; esac'
+    script(folder / ".venv/bin/python", f"{answers} {opengl}\n{text}")
 
 
 @pytest.fixture
@@ -70,8 +70,8 @@ def ready(checkout: Path) -> Path:
     )  # As pip writes it for a path with spaces.
     script(checkout / ".venv/bin/dvc", 'echo "dvc $*"')
     (checkout / ".venv/blindspot.stamp").write_text(f"{stamp}  - {checkout}\n")
-    (checkout / ".cache/gl").mkdir(parents=True)
-    (checkout / f".cache/gl/{os.uname().nodename}-auto").write_text("osmesa\n")
+    (checkout / ".venv/blindspot.build").write_text("cpu\n")
+    (checkout / ".cache").mkdir()
     return checkout
 
 
@@ -329,21 +329,99 @@ def test_a_disk_without_locks_does_not_lock(ready: Path, tmp_path: Path) -> None
     assert done.returncode == 0 and "snakemake" in done.stdout and not done.stderr
 
 
+def opengl(folder: Path, text: str) -> None:
+    """A stand-in for the Python of a checkout whose probe of OpenGL runs the text."""
+    fit_python(folder, 'echo "python $*"')
+    python = (folder / ".venv/bin/python").read_text()
+    script(folder / ".venv/bin/python", python.replace("echo egl; exit", text, 1))
+
+
 def test_without_root_a_missing_library_gives_one_command_to_type(ready: Path) -> None:
-    shutil.rmtree(ready / ".cache/gl")
-    fit_python(ready, "echo 'blindspot: no OpenGL library works here' >&2; exit 2")
+    opengl(ready, "echo libegl1 libgl1-mesa-dri; echo 'blindspot: no OpenGL' >&2; exit 3")
     script(ready / "user/id", "echo 1000")
     done = call(ready, "-n", PATH=f"{ready}/user:/usr/bin:/bin")
-    assert done.returncode == 2
-    assert done.stdout == ""
+    assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.splitlines() == [
-        "blindspot: missing system packages: libosmesa6; type: sudo apt-get install -y --no-install-recommends libosmesa6"
+        "blindspot: missing system packages: libegl1 libgl1-mesa-dri; "
+        "type: sudo apt-get install -y --no-install-recommends libegl1 libgl1-mesa-dri"
+    ]
+
+
+def test_a_missing_library_is_installed_and_tried_again(ready: Path) -> None:
+    opengl(ready, "echo libegl1; [ -e installed ] && exit; exit 3")
+    script(ready / "user/id", "echo 0")
+    script(
+        ready / "user/apt-get", 'echo "apt-get $*" >>calls; [ "$1" = update ] || touch installed'
+    )
+    done = call(ready, "-n", PATH=f"{ready}/user:/usr/bin:/bin")
+    assert (done.returncode, done.stderr) == (0, "blindspot: installing libegl1\n")
+    assert (ready / "calls").read_text().splitlines()[1].endswith(" libegl1")
+    opengl(ready, "echo libegl1; echo 'blindspot: no display' >&2; exit 3")
+    done = call(ready, "-n", PATH=f"{ready}/user:/usr/bin:/bin")
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[1:] == [
+        "blindspot: OpenGL still does not work with libegl1:",
+        "blindspot: no display",
     ]
 
 
 def test_a_faulty_program_is_not_reported_as_a_missing_library(ready: Path) -> None:
-    shutil.rmtree(ready / ".cache/gl")
-    fit_python(ready, "echo 'ModuleNotFoundError: mujoco' >&2; exit 1")
+    opengl(ready, "echo 'ModuleNotFoundError: mujoco' >&2; exit 1")
     done = call(ready, "-n")
     assert done.returncode == 2
     assert done.stderr == "ModuleNotFoundError: mujoco\n"
+
+
+def installing(checkout: Path, cpu_builds: bool, **settings: str) -> list[str]:
+    """What a set-up asks uv for, on a machine where PyTorch's CPU builds can be reached or not; then what it says."""
+    uv = 'echo "uv $(echo "$*" | grep -oE -e "--torch-backend cpu.*|torch===.*|-e .*")" >>calls'
+    refused = "" if cpu_builds else '; case "$*" in *torch-backend*) exit 1 ;; esac'
+    script(checkout / ".venv/bin/uv", uv + refused)
+    fit_python(checkout, 'case "$*" in *config*) exit 1 ;; esac')
+    script(checkout / ".venv/bin/pip", f'exec "{checkout}/.venv/bin/python" "$0" "$@"')
+    (checkout / "calls").unlink(missing_ok=True)
+    done = call(checkout, "setup", **settings)
+    assert done.returncode == 0, done.stderr
+    lines = (checkout / "calls").read_text().splitlines() if (checkout / "calls").exists() else []
+    return [*lines, *done.stderr.splitlines()]
+
+
+def test_without_an_nvidia_gpu_the_cpu_build_is_installed(checkout: Path) -> None:
+    version = re.search(r"^torch==([^ ]+)", (checkout / "requirements.lock").read_text(), re.M)
+    assert version
+    cpu, cuda = f"uv --torch-backend cpu torch=={version[1]}", f"torch==={version[1]} -e .[dev]"
+    lines = installing(checkout, cpu_builds=True)
+    assert lines[:2] == [cpu, "uv -e .[dev]"] and "PyTorch for the CPU" in lines[2]
+    shutil.rmtree(checkout / ".venv")
+    lines = installing(checkout, cpu_builds=False)
+    assert lines[:2] == [cpu, "uv -e .[dev]"] and "CPU build cannot be downloaded" in lines[3]
+    # The stand-in for PyTorch prints no version of CUDA, which reads as a CUDA build: it stays.
+    assert installing(checkout, cpu_builds=True) == ["blindspot: ready"]
+    (checkout / ".venv/blindspot.build").write_text("cpu\n")
+    assert installing(checkout, cpu_builds=True) == ["blindspot: ready"]
+    lines = installing(checkout, cpu_builds=True, CUDA="1")
+    assert lines[0] == f"uv {cuda}" and "PyTorch for cuda" in lines[1]
+    (checkout / ".venv/blindspot.build").write_text("cpu\n")
+    script(checkout / "gpu/nvidia-smi", "")
+    lines = installing(checkout, cpu_builds=True, PATH=f"{checkout}/gpu:/usr/bin:/bin")
+    assert lines[0] == f"uv {cuda}"
+
+
+def test_cuda_is_1_or_unset(ready: Path) -> None:
+    done = call(ready, "setup", CUDA="yes")
+    assert (done.returncode, done.stderr) == (2, "blindspot: CUDA must be 1 or unset, got 'yes'\n")
+
+
+@pytest.mark.parametrize("opens", [True, False])
+def test_without_a_browser_its_tests_are_left_out_and_named(opens: bool, ready: Path) -> None:
+    fit_python(
+        ready, f'case "$*" in *tests.browser) exit {int(not opens)} ;; esac; echo "python $*"'
+    )
+    script(ready / "user/id", "echo 1000")
+    done = call(ready, "test", PATH=f"{ready}/user:/usr/bin:/bin")
+    parallel = f"-n {len(os.sched_getaffinity(0)) + 1} --dist loadfile"
+    if opens:
+        assert (done.stdout, done.stderr) == (f"python -m pytest {parallel}\n", "")
+    else:
+        assert done.stdout == f"python -m pytest -m not browser {parallel}\n"
+        assert "left out" in done.stderr and "chromium libatomic1" in done.stderr

@@ -1,5 +1,7 @@
 """The MuJoCo world: towns, road users, weather, camera and the closed loop. Only this package imports MuJoCo."""
 
-from pipeline.simulators.gl import choose_backend
+from pipeline.simulators.gl import choose_backend, load_triton_first
 
-choose_backend()  # MuJoCo reads MUJOCO_GL at its first import, so this comes before every other module here.
+# MuJoCo reads MUJOCO_GL and loads OpenGL at its first import, so these come before it.
+choose_backend()
+load_triton_first()

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pipeline.core.boxes import Box
 from pipeline.core.truth import Truth
 from pipeline.errors import SimulationError
+from pipeline.simulators.gl import lost_context
 
 from .culling import Culling
 from .lens import CameraSettings, Lens, Sun
@@ -35,8 +36,11 @@ class Camera:
     ) -> None:
         width, height = settings.width, settings.height
         self._model, self._data, self._size = model, data, (width, height)
-        self._gl = mujoco.GLContext(width, height)
-        self._gl.make_current()
+        try:
+            self._gl = mujoco.GLContext(width, height)
+            self._gl.make_current()
+        except Exception as error:  # MuJoCo and PyOpenGL raise many kinds.
+            raise lost_context(error) from error
         self.context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
         # MuJoCo frees the buffers of the current GL context, which may be another camera's.
         self._release = weakref.finalize(self, _free, self._gl, self.context)
