@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Tries README's commands on a new Debian: tools/fresh_machine.sh SUITE [PART...]
 # SUITE: bookworm (Python 3.11) or trixie (3.13). PART: setup, run, test, repro (the smoke study by DVC) or core; all by default.
+# setup begins with a new clone of this checkout; the other parts go on in it.
 # Needs root, debootstrap, 12 GB below FRESH (default /var/tmp/blindspot-fresh) and the mirror MIRROR (default Debian's).
 # The new machine has Python, git and the certificates of this one, but none of its pip settings, packages or caches.
 # CUDA=1 and MUJOCO_GL are passed on. Prints a row of the table in docs/results/machines.md for each part.
@@ -35,10 +36,10 @@ inside() { # COMMAND
 }
 
 inside "update-ca-certificates >/dev/null 2>&1"
-rm -rf "$root/root/blindspot"
-git clone --quiet . "$root/root/blindspot"
+if [ "${parts[0]}" = setup ]; then rm -rf "$root/root/blindspot"; fi
+if [ ! -d "$root/root/blindspot" ]; then git clone --quiet . "$root/root/blindspot"; fi
 packages() { inside "dpkg-query -W -f '\${Package}\n'" | sort; }
-packages >"$logs/packages.before"
+if [ "${parts[0]}" = setup ]; then packages >"$logs/packages.before"; fi
 
 row() { # PART SECONDS OUTCOME
   local version build gl disk
