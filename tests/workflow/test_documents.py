@@ -136,9 +136,9 @@ def test_the_readme_shows_the_verdict_as_it_is_printed() -> None:
     columns = [column.span() for column in re.finditer("─+", lines[ruler])]
     rows = []
     for line in [table[0], *table[2:]]:
-        rows.append([line[start:end].strip() for start, end in columns])
+        rows.append(tuple(line[start:end].strip() for start, end in columns))
     assert table == aligned(rows)
-    assert rows[0] == list(HEADERS)
+    assert rows[0] == HEADERS
 
 
 def test_the_architecture_is_drawn_from_todays_declarations() -> None:
