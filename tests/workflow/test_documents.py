@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import io
 import re
 import subprocess
 from pathlib import Path
@@ -12,7 +14,10 @@ import pytest
 from pipeline.__main__ import parser
 from pipeline.commands.pictures import README_ROWS
 from pipeline.config.composing import CONF
+from pipeline.report.formats import aligned
+from pipeline.report.verdict import HEADERS
 from pipeline.simulators.mujoco.contact_sheet import WEATHERS
+from tools import architecture_picture
 
 ROOT = Path(__file__).resolve().parents[2]
 LONGEST_LINE = 160
@@ -20,6 +25,8 @@ README_WORDS = 900
 LINK = re.compile(r"(?:\]\(|^\[[^\]\n]+\]: )([^)\s]+)", re.MULTILINE)
 HEADING = re.compile(r"^#+ +(.+?) *$", re.MULTILINE)
 COMMAND = re.compile(r"python -m pipeline\s+([a-z][a-z-]*)(?:\s+([a-z|]+))?")
+EXAMPLE = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
+PRINTED = re.compile(r"^print\(.*\)  # (.+)$", re.MULTILINE)
 SNIPPET = re.compile(r"^```.*?^```|`[^`]+`", re.MULTILINE | re.DOTALL)
 
 
@@ -112,3 +119,33 @@ def test_the_pictures_of_all_scenarios_are_those_that_the_command_draws() -> Non
         >= README_ROWS.keys()
     )
     assert WEATHERS.keys() >= {weather for weathers in README_ROWS.values() for weather in weathers}
+
+
+def test_the_readmes_example_prints_what_its_comment_says() -> None:
+    example = EXAMPLE.findall((ROOT / "README.md").read_text())[0]
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        exec(example, {})
+    assert printed.getvalue().splitlines() == PRINTED.findall(example) != []
+
+
+def test_the_readme_shows_the_verdict_as_it_is_printed() -> None:
+    lines = (ROOT / "README.md").read_text().split("```text\n")[1].split("```")[0].splitlines()
+    ruler = next(number for number, line in enumerate(lines) if line.startswith("─"))
+    table = lines[ruler - 1 :]
+    columns = [column.span() for column in re.finditer("─+", lines[ruler])]
+    rows = []
+    for line in [table[0], *table[2:]]:
+        rows.append(tuple(line[start:end].strip() for start, end in columns))
+    assert table == aligned(rows)
+    assert rows[0] == HEADERS
+
+
+def test_the_architecture_is_drawn_from_todays_declarations() -> None:
+    again = "draw it again: python tools/architecture_picture.py"
+    assert architecture_picture.PICTURE.read_text() == architecture_picture.picture(), again
+
+
+@pytest.mark.parametrize("station", architecture_picture.STATIONS, ids=lambda each: each.module)
+def test_a_test_passes_modules_that_exist(station: architecture_picture.Station) -> None:
+    assert (ROOT / "pipeline" / station.module).exists()
