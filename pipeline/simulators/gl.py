@@ -20,7 +20,7 @@ from pipeline.errors import InputError, one_line
 
 DEFAULT = "egl"
 PACKAGES = {
-    "egl": ("libegl1", "libegl-mesa0", "libgl1-mesa-dri"),
+    "egl": ("libegl1", "libopengl0", "libegl-mesa0", "libgl1-mesa-dri"),
     "osmesa": ("libosmesa6",),
 }
 """Backend -> the packages of Debian and Ubuntu with Mesa's software renderer for it."""

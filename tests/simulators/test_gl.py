@@ -90,7 +90,7 @@ def test_without_any_backend_the_packages_are_named(
     monkeypatch.setattr(gl, "probe", lambda *_: "no display")
     assert gl.main() == 3
     printed = capsys.readouterr()
-    assert printed.out == "libegl1 libegl-mesa0 libgl1-mesa-dri\n"
+    assert printed.out == "libegl1 libopengl0 libegl-mesa0 libgl1-mesa-dri\n"
     assert "no display; type: sudo apt-get install" in printed.err
     # The library is there, so another one would not help.
     monkeypatch.setattr(gl, "probe", lambda *_: f"{gl.CRASHES_LATER} triton is imported")
