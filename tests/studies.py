@@ -73,4 +73,4 @@ def _known_sources() -> str:
 def arguments(step: str, threads: int = 1, **wildcards: object) -> list[str]:
     """The command line that runs a step by hand."""
     words = [word for name, value in wildcards.items() for word in (f"--{name}", str(value))]
-    return [step, *words, "--threads", str(threads)]
+    return ["step", step, *words, "--threads", str(threads)]

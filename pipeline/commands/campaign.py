@@ -54,7 +54,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--threads", type=whole(1), default=2, help="worker processes (default: %(default)s)"
     )
-    parser.epilog = "With --kind, --scenario, --strategy, --version and --seed, the step of a study's workflow runs instead."
 
 
 @dataclass(frozen=True)

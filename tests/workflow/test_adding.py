@@ -34,7 +34,7 @@ SIGNAL = {
 def changed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A copy of the package with one more KPI and signal, and a campaign with it on the analytic simulator."""
     root = tmp_path_factory.mktemp("changed")
-    for folder in ("pipeline", "conf", "docs", "models"):
+    for folder in ("pipeline", "conf", "docs", "models", "tools"):
         shutil.copytree(
             ROOT / folder,
             root / folder,
@@ -62,7 +62,7 @@ def changed(tmp_path_factory: pytest.TempPathFactory) -> Path:
             "campaign", kind="campaigns", scenario="F1", strategy="random", version="base", seed=0
         ),
     )
-    run(root, "-m", "pipeline", "reference")
+    run(root, "tools/reference.py")
     return root
 
 

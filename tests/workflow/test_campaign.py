@@ -335,7 +335,7 @@ def test_bad_files_end_with_exit_code_2(
     else:
         (study / file).write_bytes(content)
     assert study.run("campaign", **key()) == 2
-    assert f"blindspot campaign: data/smoke/{file}: {message}" in capsys.readouterr().err
+    assert f"blindspot step campaign: data/smoke/{file}: {message}" in capsys.readouterr().err
 
 
 def test_a_truncated_table_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

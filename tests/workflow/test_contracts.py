@@ -321,7 +321,7 @@ def test_the_profile_gives_threads_to_the_steps_that_take_them() -> None:
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["measure"], "stopped; finished tests are kept, and the same command resumes"),
+        (["step", "measure"], "stopped; finished tests are kept, and the same command resumes"),
         (["versions"], "stopped"),
     ],
 )
@@ -331,10 +331,10 @@ def test_ctrl_c_ends_a_command_in_one_line(
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("pipeline.__main__.run_step", interrupted)
+    monkeypatch.setattr("pipeline.commands.step.run", interrupted)
     monkeypatch.setattr("pipeline.commands.versions.run", interrupted)
     assert main(words) == 130
-    assert capsys.readouterr().err == f"blindspot {words[0]}: {told}\n"
+    assert capsys.readouterr().err == f"blindspot {' '.join(words)}: {told}\n"
 
 
 @pytest.mark.parametrize(
@@ -346,3 +346,34 @@ def test_a_version_that_a_step_cannot_make_is_named(
 ) -> None:
     assert StudyFolder.composed(tmp_path, "smoke").run(step, version="base") == 2
     assert told in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["render-base"], "render-base: a step of a study; type: python -m pipeline step render-"),
+        (["step", "define-space", "--scenario", "F99"], "step define-space: --scenario: there is"),
+    ],
+)
+def test_a_step_has_a_door_of_its_own(
+    words: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with chdir(StudyFolder.composed(tmp_path, "smoke").root):
+        assert main(words) == 2
+    assert capsys.readouterr().err.startswith(f"blindspot {message}")
+
+
+def test_a_command_named_like_a_step_does_not_run_the_step(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with pytest.raises(SystemExit) as exit_:
+        main(["campaign", "--kind", "campaigns", "--seed", "0"])
+    assert exit_.value.code == 2
+    assert "the step of a study is `step campaign`" in capsys.readouterr().err
+
+
+def test_the_steps_are_listed_with_their_help(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["step"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == len(step_names())
+    assert "render-base          Render the random base training set." in lines

@@ -112,13 +112,12 @@ def test_simulate_films_one_test(tmp_path: Path, capsys: pytest.CaptureFixture[s
             "--speeds: expected speeds from 0 to 20 m/s, got inf",
         ),
         (
-            ["stages", "--out", "README.md/dvc.yaml"],
+            ["compose", "study=smoke", "--out", "README.md/params.yaml"],
             "README.md: expected a folder to write in, got a file",
         ),
-        (["stages", "--out", "docs"], "docs: expected a file or nothing, got a folder"),
         (
-            ["reference", "--out", "README.md"],
-            "README.md: expected a folder to write in, got a file",
+            ["compose", "study=smoke", "--out", "docs"],
+            "docs: expected a file or nothing, got a folder",
         ),
         (
             ["verify", "--folder", "nowhere"],

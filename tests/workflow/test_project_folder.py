@@ -76,7 +76,7 @@ def test_a_command_in_a_subfolder_works_on_the_study(
             main(["compose", "study=smoke", "base.weights=models/uniform", "--out", "mine.yaml"])
             == 0
         )
-        assert main(["define-space", "--scenario", "F1"]) == 0
+        assert main(["step", "define-space", "--scenario", "F1"]) == 0
         assert main(["verify"]) == 0
         assert main(["verdict"]) == 2
     assert load(study.root / "params.yaml").campaign.tests == 14

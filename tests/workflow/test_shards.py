@@ -112,7 +112,7 @@ def test_shards_without_a_valid_test_are_no_campaign_and_are_executed_again(
     parts, ended = sharded(tmp_path / "parts", "random", *overrides)
     assert (
         ended == code
-        and f"blindspot campaign: F1, random, base, seed 3: {said}" in capsys.readouterr().err
+        and f"blindspot step campaign: F1, random, base, seed 3: {said}" in capsys.readouterr().err
     )
     assert list((parts / "shards").rglob("*.parquet")) and not list(
         (parts / "shards").rglob("*.stamp")
