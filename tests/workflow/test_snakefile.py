@@ -377,7 +377,7 @@ def test_a_reason_never_replaces_the_file_that_it_names(
 
 @pytest.mark.parametrize("name", ["", ".", "..", "/", "../.."])
 def test_a_reason_without_a_readable_name_is_a_file_too(name: str) -> None:
-    assert staleness._file_name(name) == "an_input"
+    assert staleness.file_name(name) == "an_input"
 
 
 def test_every_page_and_plot_has_a_category_and_a_caption() -> None:
@@ -601,7 +601,7 @@ def test_a_cache_that_cannot_be_written_stops_nothing(
     paths = sources.sources("pipeline.errors")
     monkeypatch.chdir(tmp_path)
     (tmp_path / ".cache").symlink_to("/nowhere/cache")
-    monkeypatch.setattr(sources, "_known", dict)
+    monkeypatch.setattr(sources, "stored_digests", dict)
     assert list(sources.source_digests.__wrapped__("pipeline.errors")) == list(paths)
     remember("a digest", {"a part": "another"})
 
@@ -611,7 +611,7 @@ def test_no_sign_in_a_text_hides_code() -> None:
     text = "'''A module.'''\n" + code.replace("1", "1  # Why.").replace(
         "z = 2", "z = 2\n'''Of z.'''"
     )
-    assert sources._code("module.py", text.encode()).decode() == code
+    assert sources.code_of("module.py", text.encode()).decode() == code
 
 
 def test_a_changed_line_makes_exactly_its_steps_stale_but_no_comment_or_docstring(
@@ -620,7 +620,7 @@ def test_a_changed_line_makes_exactly_its_steps_stale_but_no_comment_or_docstrin
     folder = copy(tmp_path, compose("smoke", []))
 
     def digests() -> dict[str, str]:
-        for stored in (sources.code_digest, sources.source_digests, sources._known):
+        for stored in (sources.code_digest, sources.source_digests, sources.stored_digests):
             stored.cache_clear()
         return {step: sources.code_digest(f"pipeline.steps.{step}") for step in step_names()}
 

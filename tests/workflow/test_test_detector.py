@@ -16,7 +16,7 @@ from pipeline.artefacts.results import read
 from pipeline.artefacts.search_results import Measures
 from pipeline.commands import test_detector
 from pipeline.config.composing import compose
-from pipeline.contract import REFUSED
+from pipeline.contract import REJECTED
 from pipeline.core.detections import Detections
 from pipeline.core.episode import Frame
 from pipeline.detectors.yolo.export import export_version
@@ -101,7 +101,7 @@ def test_a_job_that_refuses_its_input_ends_the_run_with_2(
         "fails on validation image 11: Tires.detect failed: RuntimeError: no more" in said
         and "Traceback" not in said
     )
-    assert (folder / REFUSED).exists()
+    assert (folder / REJECTED).exists()
 
 
 def test_a_detector_is_calibrated_before_it_is_tested(
