@@ -1,4 +1,7 @@
-"""Step `front_car_train`: trains a detector of the forward vehicle, from the shipped detector's weights and a set of snapshots."""
+"""Step `front_car_train`: trains a detector of the forward vehicle on a set of snapshots.
+
+Training begins with the shipped detector's weights.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +48,6 @@ def run(job: Job) -> None:
     images, validation = (read_dataset(root, split) for split in ("train", "val"))
     data = {"snapshots": images.digest, "parent": sha256(weights)}
     training = settings.model_dump(include={"iterations", "batch_size", "learning_rate", "seed"})
-    checkpoint = job.scratch / "checkpoint.pt"
     plan = Refinement(
         settings.iterations,
         settings.batch_size,
@@ -53,19 +55,10 @@ def run(job: Job) -> None:
         added_share=0.0,
         seed=(settings.seed,),
     )
-    fitted = retrain(
-        load_weights(weights),
-        ImageSets(images, None, validation),
-        plan,
-        Run(checkpoint, job.threads, job.progress),
-    )
+    sets = ImageSets(images, None, validation)
+    resumable = Run(job.scratch / "checkpoint.pt", job.threads, job.progress)
+    fitted = retrain(load_weights(weights), sets, plan, resumable)
+    training |= {"images": len(images)}
     worlds = read_card(job.input("card")).worlds
-    origin = Origin(
-        job.wildcards["version"],
-        "base",
-        data,
-        training | {"images": len(images)},
-        settings.seed,
-        worlds,
-    )
+    origin = Origin(job.wildcards["version"], "base", data, training, settings.seed, worlds)
     write_version(job.config, fitted, validation, origin, job.output("card"), job.progress)

@@ -20,7 +20,7 @@ from pipeline.core.coverage.projection import Demand
 from pipeline.core.coverage.proposals import Proposer
 from pipeline.core.truth import Truth
 from pipeline.report.front_car_page import by_condition, first_covering
-from pipeline.steps.front_car_evaluate import _right
+from pipeline.steps.front_car_evaluate import is_right
 from tests.detectors.test_evaluation import AWAY, PERSON, said
 from tests.studies import StudyFolder
 
@@ -180,7 +180,7 @@ def test_a_detector_is_right_if_it_finds_the_vehicle_that_is_there_and_nothing_e
         ),  # Too small for a person to see.
         (Truth(), [False, False, True, True, False]),
     ):
-        assert [_right(answer, truth, 0.5) for answer in answers] == right
+        assert [is_right(answer, truth, 0.5) for answer in answers] == right
 
 
 def test_a_value_that_no_point_has_is_no_row(config: Config) -> None:
