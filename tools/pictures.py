@@ -1,4 +1,4 @@
-"""Draw docs/images: every scenario in every weather, everybody in every animation, a run from above.
+"""Draw docs/images: scenarios in every weather, people in every animation, a run from above.
 
 Usage: python tools/pictures.py [--out FOLDER]
 """

@@ -60,8 +60,8 @@ rerun with a single change; see [regions](../howto/regions.md). Distances are fr
 to the conflict point."""
 CHOICES = """## Strategies, detectors, simulators and cameras
 
-Each is a file in `conf/`; all but cameras name a class and set its parameters. To set a parameter that the
-file does not name, put a plus before it: `+samplers.forest.explore=0.3`.
+Each is a file in `conf/`; all but cameras name a class and set its parameters. To set a parameter
+that the file does not name, put a plus before it: `+samplers.forest.explore=0.3`.
 """
 LINE = 120
 

@@ -170,13 +170,13 @@ def test_overrides_of_the_scenario_and_of_the_strategy_count(tmp_path: Path) -> 
         (["camera=big"], "camera"),
         (
             ["campaign.tests=9"],
-            "campaign.tests: the tests of this command do not depend on it; of a study's settings, it uses scenarios.F1",
+            "campaign.tests: has no effect here; this command only uses scenarios.F1",
         ),
         (
             ["samplers.network.batch_size=9"],
-            "samplers.network.batch_size: the tests of this command do not depend on it",
+            "samplers.network.batch_size: has no effect here",
         ),
-        (["search=[F2]"], "search: the tests of this command do not depend on it"),
+        (["search=[F2]"], "search: has no effect here"),
     ],
 )
 def test_wrong_words_are_told_before_any_work(

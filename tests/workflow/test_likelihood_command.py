@@ -215,7 +215,7 @@ def test_random_tests_are_weighed_in_the_space_that_they_were_drawn_from(
             ["samplers.random.batch_size=9"],
             "samplers.random.batch_size=9: an estimator chooses the tests",
         ),
-        (["campaign.tests=9"], "campaign.tests: the tests of this command do not depend on it"),
+        (["campaign.tests=9"], "campaign.tests: has no effect here"),
         (["budget"], "expected key=value, got 'budget'"),
         (
             ["scenario=F1", "--from", "nowhere"],
